@@ -1,0 +1,2 @@
+//! Walks a camera through a scene and culls every frame.
+fn main() {}
