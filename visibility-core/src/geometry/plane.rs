@@ -1,0 +1,178 @@
+//! Oriented planes and their three-way tests.
+
+use crate::{Aabb, Containment, ConvexPolygon, Sphere};
+use glam::DVec3;
+
+/// Unit round-off of `f64`: half the distance from 1 to the next number.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// An oriented plane: the half-space of the points `p` with `normal . p + offset >= 0`.
+///
+/// The normal need not have unit length, unless distances are wanted; spheres are tested with any length.
+///
+/// ```
+/// use visibility_core::{glam::DVec3, Plane};
+/// let plane = Plane::through(DVec3::new(0.0, 0.0, 2.0), DVec3::Z);
+/// assert_eq!(plane.signed_distance(DVec3::new(7.0, 7.0, 5.0)), 3.0);
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Plane {
+    /// Points into the half-space that is kept.
+    pub normal: DVec3,
+    /// Signed distance of the origin, in units of the normal's length.
+    pub offset: f64,
+}
+
+impl Plane {
+    /// The half-space `normal . p + offset >= 0`.
+    pub const fn new(normal: DVec3, offset: f64) -> Self {
+        Self { normal, offset }
+    }
+
+    /// The half-space on the side that `normal` points to, bounded by the plane through `point`.
+    pub fn through(point: DVec3, normal: DVec3) -> Self {
+        Self::new(normal, -normal.dot(point))
+    }
+
+    /// The plane through three points, with the normal on the side from which they are seen in
+    /// counter-clockwise order, of unit length. `None` if they are collinear or not finite.
+    pub fn from_points(a: DVec3, b: DVec3, c: DVec3) -> Option<Self> {
+        Some(Self::through(a, (b - a).cross(c - a).try_normalize()?))
+    }
+
+    /// The same plane, keeping the other side.
+    pub fn flipped(&self) -> Self {
+        Self::new(-self.normal, -self.offset)
+    }
+
+    /// The same half-space with a normal of unit length, or `None` where the normal is zero or not finite,
+    /// or the plane farther than `f64` reaches. Survives any magnitude: the normal is scaled before it is squared.
+    pub fn normalized(&self) -> Option<Self> {
+        let scale = self.normal.abs().max_element();
+        if !(scale > 0.0 && scale.is_finite()) {
+            return None;
+        }
+        let normal = self.normal / scale;
+        let length = normal.length();
+        let offset = self.offset / scale / length;
+        offset.is_finite().then(|| Self::new(normal / length, offset))
+    }
+
+    /// `normal . p + offset`: the distance of `p` when the normal has unit length, positive on the side kept.
+    pub fn signed_distance(&self, p: DVec3) -> f64 {
+        self.normal.x * p.x + self.normal.y * p.y + self.normal.z * p.z + self.offset
+    }
+
+    /// An upper bound on the rounding error of [`signed_distance`](Self::signed_distance) at a point with
+    /// coordinates of at most the given magnitudes.
+    ///
+    /// Three products and three additions in a row: each term is rounded at most four times (once as a
+    /// product, up to three times in sums), so the error is at most `4u / (1 - 4u)` times the sum of the
+    /// terms' magnitudes. 6u also covers the rounding of that sum itself. A product that underflows
+    /// loses at most the least normal number, also where denormals are flushed to zero.
+    pub fn error_bound(&self, magnitude: DVec3) -> f64 {
+        let n = self.normal.abs();
+        6.0 * U * (n.x * magnitude.x + n.y * magnitude.y + n.z * magnitude.z + self.offset.abs())
+            + 8.0 * f64::MIN_POSITIVE
+    }
+
+    /// Where a point lies; `Crossing` within the error bound.
+    pub fn classify_point(&self, p: DVec3) -> Containment {
+        self.decide(self.signed_distance(p), self.signed_distance(p), self.error_bound(p.abs()))
+    }
+
+    /// Where a box lies, from its corners nearest to and farthest along the normal.
+    /// Improper boxes are `Crossing`.
+    pub fn classify_aabb(&self, bounds: &Aabb) -> Containment {
+        if !bounds.is_proper() {
+            return Containment::Crossing;
+        }
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let positive = self.normal.cmpge(DVec3::ZERO);
+        let far = DVec3::select(positive, max, min);
+        let near = DVec3::select(positive, min, max);
+        let error = self.error_bound(min.abs().max(max.abs()));
+        self.decide(self.signed_distance(near), self.signed_distance(far), error)
+    }
+
+    /// Where a sphere lies. Improper spheres are `Crossing`.
+    pub fn classify_sphere(&self, sphere: &Sphere) -> Containment {
+        if !sphere.is_proper() {
+            return Containment::Crossing;
+        }
+        let center = sphere.center.as_dvec3();
+        let distance = self.signed_distance(center);
+        let reach = self.normal.length() * f64::from(sphere.radius);
+        // The length is rounded a few times, the sums below once more.
+        let error = self.error_bound(center.abs()) + 8.0 * U * (reach + distance.abs());
+        self.decide(distance - reach, distance + reach, error)
+    }
+
+    /// Where a convex polygon lies. An empty polygon is `Outside`.
+    pub fn classify_polygon(&self, polygon: &ConvexPolygon) -> Containment {
+        let (mut inside, mut outside) = (true, true);
+        for &v in polygon.vertices() {
+            match self.classify_point(v) {
+                Containment::Inside => outside = false,
+                Containment::Outside => inside = false,
+                Containment::Crossing => (inside, outside) = (false, false),
+            }
+        }
+        match (inside, outside) {
+            (_, true) => Containment::Outside,
+            (true, false) => Containment::Inside,
+            (false, false) => Containment::Crossing,
+        }
+    }
+
+    /// The verdict on a range of distances with an error; comparisons with NaN are false, so NaN is `Crossing`.
+    fn decide(&self, least: f64, greatest: f64, error: f64) -> Containment {
+        if greatest < -error {
+            Containment::Outside
+        } else if least > error {
+            Containment::Inside
+        } else {
+            Containment::Crossing
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn a_box_is_classified_by_its_extreme_corners() {
+        let plane = Plane::new(DVec3::new(1.0, -1.0, 0.0), 0.0);
+        let at = |x: f32, y: f32| Aabb::new(Vec3::new(x, y, 0.0), Vec3::new(x + 1.0, y + 1.0, 1.0));
+        assert_eq!(plane.classify_aabb(&at(5.0, 0.0)), Containment::Inside);
+        assert_eq!(plane.classify_aabb(&at(0.0, 5.0)), Containment::Outside);
+        assert_eq!(plane.classify_aabb(&at(0.5, 0.0)), Containment::Crossing);
+    }
+
+    #[test]
+    fn touching_and_non_finite_shapes_are_crossing() {
+        let plane = Plane::new(DVec3::X, -1.0);
+        let touching = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        assert_eq!(plane.classify_aabb(&touching), Containment::Crossing);
+        let nan = Aabb::from_arrays([f32::NAN; 3], [1.0; 3]);
+        assert_eq!(plane.classify_aabb(&nan), Containment::Crossing);
+        assert_eq!(plane.classify_aabb(&Aabb::EMPTY), Containment::Crossing);
+        assert_eq!(plane.classify_sphere(&Sphere::new(Vec3::ZERO, f32::NAN)), Containment::Crossing);
+        assert_eq!(plane.classify_sphere(&Sphere::new(Vec3::ZERO, 1.0)), Containment::Crossing);
+        assert_eq!(plane.classify_sphere(&Sphere::new(Vec3::ZERO, 0.5)), Containment::Outside);
+        let broken = Plane::new(DVec3::NAN, 0.0);
+        assert_eq!(broken.classify_aabb(&touching), Containment::Crossing);
+    }
+
+    #[test]
+    fn normalizing_survives_extreme_magnitudes() {
+        for scale in [1e-300, 1e-30, 1.0, 1e30, 1e300] {
+            let plane = Plane::new(DVec3::new(3.0, 4.0, 0.0) * scale, 10.0 * scale).normalized().unwrap();
+            assert!((plane.normal.length() - 1.0).abs() < 1e-15);
+            assert!((plane.offset - 2.0).abs() < 1e-15);
+        }
+        assert_eq!(Plane::new(DVec3::ZERO, 1.0).normalized(), None);
+    }
+}

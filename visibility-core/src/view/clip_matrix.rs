@@ -1,0 +1,88 @@
+//! The clip matrix as engines hold it, and whether it can be used.
+
+use crate::ViewError;
+use glam::{DMat4, Mat4};
+
+/// A matrix from world to clip space, column-major: from glam's types or plain arrays, in `f32` or `f64`.
+///
+/// ```
+/// use visibility_core::{glam::Mat4, ClipMatrix};
+/// let _from_glam = ClipMatrix::from(Mat4::IDENTITY);
+/// let _from_array = ClipMatrix::from([0.0f32; 16]);
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct ClipMatrix(pub(super) DMat4);
+
+impl ClipMatrix {
+    /// Refuses a matrix that is not finite, or singular as far as `f64` can tell.
+    pub(super) fn check(&self) -> Result<(), ViewError> {
+        for row in 0..4 {
+            for column in 0..4 {
+                if !self.0.col(column)[row].is_finite() {
+                    return Err(ViewError::NonFinite { row, column });
+                }
+            }
+        }
+        // Scaling rows changes neither the rank nor what is in view, and prevents overflow. The determinant is
+        // expanded by pairs of rows. `size` sums the magnitudes of all terms; each passes fewer than ten
+        // roundings, so a determinant below 10u times that cannot be told from zero.
+        let rows = [0, 1, 2, 3].map(|i| self.0.row(i)).map(|r| r / r.abs().max_element());
+        let (mut determinant, mut size) = (0.0, 0.0);
+        for (sign, i, j, k, l) in PAIRS {
+            let product = |a: usize, b: usize, i: usize, j: usize| rows[a][i] * rows[b][j];
+            let upper = product(0, 1, i, j) - product(0, 1, j, i);
+            let lower = product(2, 3, k, l) - product(2, 3, l, k);
+            determinant += sign * upper * lower;
+            size += (product(0, 1, i, j).abs() + product(0, 1, j, i).abs())
+                * (product(2, 3, k, l).abs() + product(2, 3, l, k).abs());
+        }
+        // Written so that NaN, which a zero row makes of the division above, is singular too.
+        if determinant.abs() > 5.0 * f64::EPSILON * size { Ok(()) } else { Err(ViewError::Singular) }
+    }
+}
+
+/// Laplace expansion by complementary minors: sign, columns of the first two rows, columns of the last two.
+const PAIRS: [(f64, usize, usize, usize, usize); 6] = [
+    (1.0, 0, 1, 2, 3),
+    (-1.0, 0, 2, 1, 3),
+    (1.0, 0, 3, 1, 2),
+    (1.0, 1, 2, 0, 3),
+    (-1.0, 1, 3, 0, 2),
+    (1.0, 2, 3, 0, 1),
+];
+
+impl From<Mat4> for ClipMatrix {
+    fn from(m: Mat4) -> Self {
+        Self(m.as_dmat4())
+    }
+}
+
+impl From<DMat4> for ClipMatrix {
+    fn from(m: DMat4) -> Self {
+        Self(m)
+    }
+}
+
+impl From<[f32; 16]> for ClipMatrix {
+    fn from(m: [f32; 16]) -> Self {
+        Mat4::from_cols_array(&m).into()
+    }
+}
+
+impl From<[f64; 16]> for ClipMatrix {
+    fn from(m: [f64; 16]) -> Self {
+        DMat4::from_cols_array(&m).into()
+    }
+}
+
+impl From<[[f32; 4]; 4]> for ClipMatrix {
+    fn from(m: [[f32; 4]; 4]) -> Self {
+        Mat4::from_cols_array_2d(&m).into()
+    }
+}
+
+impl From<[[f64; 4]; 4]> for ClipMatrix {
+    fn from(m: [[f64; 4]; 4]) -> Self {
+        DMat4::from_cols_array_2d(&m).into()
+    }
+}

@@ -1,0 +1,94 @@
+//! The planes that bound a view, extracted from its clip matrix (Gribb and Hartmann, "Fast Extraction of Viewing
+//! Frustum Planes from the World-View-Projection Matrix", 2001).
+
+use super::{Depth, View};
+use crate::Plane;
+use glam::DVec3;
+
+/// The most planes that a view can have.
+pub const MAX_PLANES: usize = 16;
+
+/// One plane of a view, and how far rounding may have moved it.
+///
+/// ```
+/// use visibility_core::{glam::DVec3, Pose, View};
+/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.5, 9.0)?;
+/// let near = view.planes(DVec3::ZERO).as_slice()[4];
+/// assert!((near.plane.signed_distance(DVec3::new(2.0, 0.0, 0.0)) - 1.5).abs() <= near.error + 1e-15);
+/// # Ok::<(), visibility_core::ViewError>(())
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct ViewPlane {
+    /// Unit normal, pointing into the view. Each component is within `8 * f64::EPSILON` of its own size.
+    pub plane: Plane,
+    /// Bound on the error of the plane's offset, in metres.
+    pub error: f64,
+}
+
+/// The planes of a view: left, right, bottom, top, near, far, less those that do not exist (an infinite far plane).
+///
+/// ```
+/// use visibility_core::{glam::DVec3, Pose, View};
+/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, f64::INFINITY)?;
+/// assert_eq!(view.planes(DVec3::ZERO).as_slice().len(), 5);
+/// # Ok::<(), visibility_core::ViewError>(())
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct ViewPlanes {
+    planes: [ViewPlane; MAX_PLANES],
+    count: usize,
+}
+
+impl ViewPlanes {
+    const NONE: Self = Self {
+        planes: [ViewPlane { plane: Plane::new(DVec3::ZERO, 1.0), error: 0.0 }; MAX_PLANES],
+        count: 0,
+    };
+
+    /// The planes.
+    pub fn as_slice(&self) -> &[ViewPlane] {
+        &self.planes[..self.count]
+    }
+
+    /// Adds the half-space `normal . p + offset >= 0` of points relative to the view's own origin, for points
+    /// that are shifted by `shift` from there. A plane with no direction, or beyond the reach of `f64`,
+    /// bounds nothing and is left out, which can only show more.
+    fn push(&mut self, plane: Plane, shift: DVec3) {
+        let n = plane.normal;
+        let moved = Plane::new(n, n.x * shift.x + n.y * shift.y + n.z * shift.z + plane.offset);
+        let Some(unit) = moved.normalized() else { return };
+        // The shift itself is rounded once, each product and partial sum once more, as in `Plane::error_bound`,
+        // then scaling twice: 8u of the sum of magnitudes covers it.
+        let scale = n.abs().max_element();
+        let size = (n.abs() / scale).dot(shift.abs()) + plane.offset.abs() / scale;
+        let error = 4.0 * f64::EPSILON * size / (n / scale).length() + f64::MIN_POSITIVE;
+        if error.is_finite() && self.count < MAX_PLANES {
+            self.planes[self.count] = ViewPlane { plane: unit, error };
+            self.count += 1;
+        }
+    }
+}
+
+impl View {
+    /// The planes that bound the view, for points relative to `origin`.
+    pub fn planes(&self, origin: DVec3) -> ViewPlanes {
+        let m = &self.clip_from_local;
+        let [x, y, z, w] = [m.row(0), m.row(1), m.row(2), m.row(3)];
+        let (near, far) = match self.depth {
+            Depth::NegativeOneToOne => (w + z, Some(w - z)),
+            Depth::NegativeOneToOneInfinite => (w + z, None),
+            Depth::ZeroToOne => (z, Some(w - z)),
+            Depth::Infinite => (z, None),
+            Depth::Reversed => (w - z, Some(z)),
+            Depth::ReversedInfinite => (w - z, None),
+        };
+        let shift = origin - self.origin;
+        let mut planes = ViewPlanes::NONE;
+        // An infinite far plane is left out on the caller's word: what rounding leaves of it in the matrix
+        // would be a plane at a random angle.
+        for row in [w + x, w - x, w + y, w - y, near].into_iter().chain(far) {
+            planes.push(Plane::new(row.truncate(), row.w), shift);
+        }
+        planes
+    }
+}
