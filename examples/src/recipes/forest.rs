@@ -1,0 +1,185 @@
+//! A forest on hills: a few kinds of trees of exactly 1,000 triangles each, set out evenly but without order.
+//!
+//! It stands in for the forests of the papers on extended projections, exact from-region visibility and the visible
+//! zone. No tree hides much by itself: only many together do, which is what occluder fusion is about.
+
+use super::mesh::{Mesh, Parts, Pose, around, circle};
+use super::random::Random;
+use super::{Limits, Route, scene_on};
+use crate::error::SourceError;
+use crate::source::SceneSource;
+use glam::{DVec2, DVec3};
+
+const SEED: u64 = 4;
+/// Unique trees; every tree of the forest is a turned and scaled copy of one of them.
+const KINDS: usize = 8;
+const TILE: f64 = 20.0;
+/// A tile of terrain has this many quadrilaterals along each side.
+const TILE_CELLS: usize = 8;
+
+const TRIANGLES_PER_TREE: u64 = 1_000;
+const TRIANGLES_PER_TILE: u64 = 2 * (TILE_CELLS * TILE_CELLS) as u64;
+/// Placing a tree looks at all before it, so the time grows with the square of their number.
+const MOST_TREES: u32 = 20_000;
+
+/// A forest of a number of trees on a square of a side in metres.
+///
+/// 200 trees on 84 m are 216 objects with 202,048 triangles; 1,450 on 226 m and 7,750 on 523 m are as dense.
+pub fn forest(trees: u32, side: f64) -> Result<SceneSource, SourceError> {
+    let spec = format!("forest:{trees},{side}");
+    let limits = Limits::new(spec.clone());
+    limits.at_least_one("trees", trees)?;
+    if trees > MOST_TREES {
+        return Err(SourceError::recipe(spec, format!("at most {MOST_TREES} trees can be placed")));
+    }
+    // Written so that NaN is refused as well.
+    if !(TILE..=1e5).contains(&side) {
+        return Err(SourceError::recipe(spec, format!("the side must be from {TILE} to 100000 metres")));
+    }
+    let tiles = (side / TILE) as u32;
+    limits
+        .triangles(u64::from(trees) * TRIANGLES_PER_TREE + u64::from(tiles).pow(2) * TRIANGLES_PER_TILE, 1)?;
+
+    let mut random = Random::new(SEED);
+    let kinds: Vec<Mesh> = (0..KINDS).map(|_| tree(&mut random)).collect();
+    let mut parts = Parts::default();
+    let mut placed: Vec<DVec2> = Vec::with_capacity(trees as usize);
+    for _ in 0..trees {
+        let spot = spot_far_from(&placed, side, &mut random);
+        placed.push(spot);
+        let kind = &kinds[random.below(KINDS)];
+        let size = random.between(0.8, 1.25);
+        let heading = random.angle();
+        // A little below the ground, so that no trunk stands in the air on a slope.
+        let root = spot.extend(height(spot.x, spot.y) - 0.1);
+        let mesh = kind.clone().scaled(size).placed(&Pose::turned(heading, root));
+        parts.add("tree", mesh);
+    }
+    for tile_x in 0..tiles {
+        for tile_y in 0..tiles {
+            let corner = DVec2::new(f64::from(tile_x), f64::from(tile_y)) * TILE;
+            parts.add("terrain", terrain(corner));
+        }
+    }
+    Ok(scene_on("forest", 0.1, parts, &ROUTES, height))
+}
+
+/// The height of the ground: hills, smaller hills and bumps.
+fn height(x: f64, y: f64) -> f64 {
+    const AMPLITUDE: f64 = 10.0;
+    let hills = (x / 61.0 + 0.3).sin() * (y / 47.0).cos();
+    let smaller = (x / 23.0 + 1.0).sin() * (y / 19.0 + 2.0).sin();
+    let bumps = ((x + y) / 7.0).sin();
+    AMPLITUDE * (0.6 * hills + 0.3 * smaller + 0.1 * bumps)
+}
+
+/// The best of a few random spots: the one whose nearest neighbour is farthest.
+fn spot_far_from(placed: &[DVec2], side: f64, random: &mut Random) -> DVec2 {
+    const CANDIDATES: usize = 6;
+    let mut best = DVec2::ZERO;
+    let mut best_distance = f64::NEG_INFINITY;
+    for _ in 0..CANDIDATES {
+        let x = random.unit() * side;
+        let y = random.unit() * side;
+        let candidate = DVec2::new(x, y);
+        let nearest =
+            placed.iter().map(|tree| tree.distance_squared(candidate)).fold(f64::INFINITY, f64::min);
+        if nearest > best_distance {
+            best = candidate;
+            best_distance = nearest;
+        }
+    }
+    best
+}
+
+/// A tree on the origin: 48 triangles of trunk, 60 of branches and 892 of leaves.
+fn tree(random: &mut Random) -> Mesh {
+    let tall = random.between(9.0, 14.0);
+    let mut mesh = Mesh::new();
+    trunk(&mut mesh, tall);
+    for branch_number in 0..6 {
+        branch(&mut mesh, tall, branch_number, random);
+    }
+    leaves(&mut mesh, tall, random);
+    mesh
+}
+
+fn trunk(mesh: &mut Mesh, tall: f64) {
+    const SIDES: usize = 8;
+    let radii = [0.32, 0.26, 0.18, 0.08];
+    let heights = [0.0, tall * 0.25, tall * 0.55, tall * 0.9];
+    let ring =
+        |i: usize| -> Vec<DVec3> { circle(SIDES).map(|unit| (unit * radii[i]).extend(heights[i])).collect() };
+    for i in 0..radii.len() - 1 {
+        mesh.band(&ring(i), &ring(i + 1), false);
+    }
+}
+
+/// A thin five-sided cone with a base, rising outwards.
+fn branch(mesh: &mut Mesh, tall: f64, number: u32, random: &mut Random) {
+    const SIDES: usize = 5;
+    const RADIUS: f64 = 0.09;
+    /// Nearly the golden angle, so that no branch is above another.
+    const HEADING_STEP: f64 = 2.4;
+    let heading = f64::from(number) * HEADING_STEP + random.between(-0.3, 0.3);
+    let root = DVec3::new(0.0, 0.0, tall * random.between(0.35, 0.6));
+    let length = tall * random.between(0.2, 0.32);
+    let direction = (DVec2::from_angle(heading) * 0.8).extend(0.6);
+    let tip = root + direction * length;
+    let side = direction.cross(DVec3::Z).normalize();
+    let other = side.cross(direction).normalize();
+    let ring: Vec<_> = circle(SIDES).map(|unit| root + (side * unit.x + other * unit.y) * RADIUS).collect();
+    mesh.band(&ring, &[tip; SIDES], true);
+    mesh.triangles.extend(around(SIDES).map(|(i, next)| [root, ring[next], ring[i]]));
+}
+
+fn leaves(mesh: &mut Mesh, tall: f64, random: &mut Random) {
+    const LEAVES: usize = 446;
+    let crown_radius = tall * 0.28;
+    let crown_centre = DVec3::new(0.0, 0.0, tall * 0.68);
+    for _ in 0..LEAVES {
+        let heading = random.angle();
+        let slope = (1.0 - 2.0 * random.unit()).acos();
+        // The cube root spreads them evenly over the volume.
+        let radius = crown_radius * random.unit().powf(1.0 / 3.0);
+        let level = DVec2::from_angle(heading) * (radius * slope.sin());
+        let centre = crown_centre + level.extend(radius * 1.15 * slope.cos());
+
+        let turn = random.angle();
+        let size = random.between(0.25, 0.5);
+        let along = DVec3::new(turn.cos(), turn.sin(), random.between(-0.4, 0.4)) * size;
+        let across_x = -turn.sin() * random.between(0.3, 1.0);
+        let across = DVec3::new(across_x, turn.cos(), random.between(0.2, 1.0)) * size;
+        mesh.quad([
+            centre - along - across,
+            centre + along - across,
+            centre + along + across,
+            centre - along + across,
+        ]);
+    }
+}
+
+/// A tile of the ground: first the triangles on one side of the cells' diagonals, then those on the other.
+fn terrain(corner: DVec2) -> Mesh {
+    let cell = TILE / TILE_CELLS as f64;
+    let point = |i: usize, j: usize| {
+        let p = corner + DVec2::new(i as f64, j as f64) * cell;
+        p.extend(height(p.x, p.y))
+    };
+    let cells = || (0..TILE_CELLS).flat_map(|i| (0..TILE_CELLS).map(move |j| (i, j)));
+    let lower = cells().map(|(i, j)| [point(i, j), point(i + 1, j), point(i + 1, j + 1)]);
+    let upper = cells().map(|(i, j)| [point(i, j), point(i + 1, j + 1), point(i, j + 1)]);
+    Mesh { triangles: lower.chain(upper).collect() }
+}
+
+const ROUTES: [Route; 0] = [];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tree_has_exactly_a_thousand_triangles() {
+        assert_eq!(tree(&mut Random::new(9)).triangles.len(), 1_000);
+    }
+}

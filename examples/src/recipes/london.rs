@@ -1,0 +1,173 @@
+//! A 2.5-D London: terraces of prisms round the edges of blocks on warped streets, and a few towers in the centre.
+//!
+//! It stands in for the city model of the paper on virtual occluders: many simple buildings of a few storeys, of which
+//! a person in the street sees the nearest rows and the towers above them.
+
+use super::mesh::{Mesh, Parts};
+use super::random::Random;
+use super::{Limits, Route, scene};
+use crate::error::SourceError;
+use crate::source::SceneSource;
+use glam::{DVec2, DVec3};
+use std::f64::consts::TAU;
+
+const SEED: u64 = 2;
+
+const BLOCK: DVec2 = DVec2::new(80.0, 60.0);
+const STREET: f64 = 12.0;
+const PITCH: DVec2 = DVec2::new(BLOCK.x + STREET, BLOCK.y + STREET);
+
+const STOREY: f64 = 3.0;
+/// Chance that a lot in the very centre is a tower, and the distance over which that falls to a third.
+const TOWER_CHANCE: f64 = 0.04;
+const TOWER_REACH: f64 = 600.0;
+/// Chance that a lot stays empty.
+const GAP_CHANCE: f64 = 0.03;
+
+const TRIANGLES_PER_BLOCK: u64 = 250;
+
+/// The city of `blocks_x` by `blocks_y` blocks, each with about 25 buildings.
+///
+/// 12 by 12 blocks are 3,674 objects with 35,588 triangles; 101 by 101 make the full city of 249,851 buildings.
+pub fn london(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError> {
+    let limits = Limits::new(format!("london:{blocks_x},{blocks_y}"));
+    limits.at_least_one("blocks along x", blocks_x)?;
+    limits.at_least_one("blocks along y", blocks_y)?;
+    limits.triangles(u64::from(blocks_x) * u64::from(blocks_y), TRIANGLES_PER_BLOCK)?;
+
+    let mut city = City {
+        random: Random::new(SEED),
+        centre: DVec2::new(f64::from(blocks_x), f64::from(blocks_y)) * PITCH / 2.0,
+        parts: Parts::default(),
+    };
+    for block_x in 0..blocks_x {
+        for block_y in 0..blocks_y {
+            city.block(DVec2::new(f64::from(block_x), f64::from(block_y)) * PITCH);
+        }
+    }
+    for block_x in 0..blocks_x {
+        for block_y in 0..blocks_y {
+            let corner = DVec2::new(f64::from(block_x), f64::from(block_y)) * PITCH;
+            city.parts.add("ground", ground(corner));
+        }
+    }
+    Ok(scene("london", 0.2, city.parts, &ROUTES))
+}
+
+/// Bends the street grid in slow and quick waves; every corner of a building goes through it.
+fn warp(p: DVec2) -> DVec2 {
+    let wave = |way: f64, length: f64| way / length * TAU;
+    let x = p.x + 25.0 * wave(p.y, 400.0).sin() + 12.0 * wave(p.x + p.y, 173.0).sin();
+    let y = p.y + 25.0 * wave(p.x, 470.0).sin() + 12.0 * wave(p.x - p.y, 211.0).cos();
+    DVec2::new(x, y)
+}
+
+/// A block and half of the streets around it.
+fn ground(block: DVec2) -> Mesh {
+    let low = block - STREET;
+    let high = low + PITCH;
+    let corners = rectangle(low, high).map(|p| -> DVec3 { warp(p).extend(0.0) });
+    let mut mesh = Mesh::new();
+    mesh.quad(corners);
+    mesh
+}
+
+fn rectangle(low: DVec2, high: DVec2) -> [DVec2; 4] {
+    [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]
+}
+
+/// The sides of a block, in the order in which they are built. The first two take the corners.
+#[derive(Debug, Clone, Copy)]
+enum Side {
+    South,
+    North,
+    West,
+    East,
+}
+
+impl Side {
+    /// The lot between two ways along this side of the block, of a depth into the block.
+    fn lot(self, block: DVec2, [from, to]: [f64; 2], depth: f64) -> [DVec2; 4] {
+        let end = block + BLOCK;
+        match self {
+            Side::South => rectangle(DVec2::new(from, block.y), DVec2::new(to, block.y + depth)),
+            Side::North => rectangle(DVec2::new(from, end.y - depth), DVec2::new(to, end.y)),
+            Side::West => rectangle(DVec2::new(block.x, from), DVec2::new(block.x + depth, to)),
+            Side::East => rectangle(DVec2::new(end.x - depth, from), DVec2::new(end.x, to)),
+        }
+    }
+}
+
+struct City {
+    random: Random,
+    centre: DVec2,
+    parts: Parts,
+}
+
+impl City {
+    fn building(&mut self, plan: [DVec2; 4], height: f64) {
+        let mut mesh = Mesh::new();
+        mesh.prism(&plan.map(warp), 0.0, height);
+        let name = format!("b{}", self.parts.parts.len());
+        self.parts.add(name, mesh);
+    }
+
+    /// A block by its south-western corner: terraces on its four sides and sheds in the court.
+    fn block(&mut self, block: DVec2) {
+        let end = block + BLOCK;
+        let depth = self.random.between(10.0, 14.0);
+        let wide = [block.x, end.x];
+        let between_rows = [block.y + depth, end.y - depth];
+        self.terrace(Side::South, block, wide, depth);
+        self.terrace(Side::North, block, wide, depth);
+        self.terrace(Side::West, block, between_rows, depth);
+        self.terrace(Side::East, block, between_rows, depth);
+        for _ in 0..self.random.below(4) {
+            self.shed(block);
+        }
+    }
+
+    /// Lots side by side along one side of a block.
+    fn terrace(&mut self, side: Side, block: DVec2, [start, end]: [f64; 2], depth: f64) {
+        const NARROWEST: f64 = 4.0;
+        /// Less than this at the end of a terrace stays open.
+        const SLACK: f64 = 3.0;
+        let mut from = start;
+        while from < end - SLACK {
+            let width = self.random.between(6.0, 14.0);
+            let mut to = (from + width).min(end);
+            if end - to < NARROWEST {
+                to = end;
+            }
+            // Squared, because most houses are low.
+            let storeys = 2 + (4.0 * self.random.unit().powi(2)) as u32;
+            let mut height = STOREY * f64::from(storeys) + self.random.between(0.0, 1.5);
+            let lot_depth = depth - self.random.between(0.0, 3.0);
+            let from_centre = (block - self.centre).length();
+            if self.random.unit() < TOWER_CHANCE * (-from_centre / TOWER_REACH).exp() {
+                height = self.random.between(40.0, 150.0);
+            }
+            if self.random.unit() >= GAP_CHANCE {
+                self.building(side.lot(block, [from, to], lot_depth), height);
+            }
+            from = to;
+        }
+    }
+
+    /// A low and crooked building somewhere in the court.
+    fn shed(&mut self, block: DVec2) {
+        let end = block + BLOCK;
+        let x = self.random.between(block.x + 18.0, end.x - 26.0);
+        let y = self.random.between(block.y + 18.0, end.y - 24.0);
+        let width = self.random.between(3.0, 7.0);
+        let plan = [
+            DVec2::new(x, y),
+            DVec2::new(x + width, y),
+            DVec2::new(x + 5.0, y + 5.0),
+            DVec2::new(x, y + 4.0),
+        ];
+        self.building(plan, STOREY);
+    }
+}
+
+const ROUTES: [Route; 0] = [];

@@ -1,0 +1,214 @@
+//! The solids that the recipes are put together from, in f64: cuboids, cylinders, prisms, and moving them about.
+//!
+//! Recipes compute in f64 and round to f32 once, at the end, so that a chair on the far side of a large city is still
+//! the same chair to within half a unit in the last place.
+
+use glam::{DVec2, DVec3, Vec3};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Triangles under construction.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Mesh {
+    pub(crate) triangles: Vec<[DVec3; 3]>,
+}
+
+/// The six faces of a cuboid as two triangles each, seen from outside counter-clockwise; corners are numbered around
+/// the bottom, then around the top.
+const CUBOID_FACES: [[usize; 3]; 12] = [
+    [0, 2, 1],
+    [0, 3, 2],
+    [4, 5, 6],
+    [4, 6, 7],
+    [0, 1, 5],
+    [0, 5, 4],
+    [1, 2, 6],
+    [1, 6, 5],
+    [2, 3, 7],
+    [2, 7, 6],
+    [3, 0, 4],
+    [3, 4, 7],
+];
+
+impl Mesh {
+    pub(crate) fn new() -> Self {
+        Self::default()
+    }
+
+    /// A mesh of one cuboid.
+    pub(crate) fn from_cuboid(low: [f64; 3], high: [f64; 3]) -> Self {
+        let mut mesh = Self::new();
+        mesh.cuboid(low, high);
+        mesh
+    }
+
+    /// Adds a cuboid between two opposite corners.
+    pub(crate) fn cuboid(&mut self, low: [f64; 3], high: [f64; 3]) {
+        let around = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])];
+        let corner = |i: usize| {
+            let (x, y) = around[i % 4];
+            DVec3::new(x, y, if i < 4 { low[2] } else { high[2] })
+        };
+        self.triangles.extend(CUBOID_FACES.map(|face| face.map(corner)));
+    }
+
+    /// Adds an upright cylinder, or a cone frustum; a top radius of zero makes a cone, which has no top face.
+    pub(crate) fn cylinder(&mut self, c: &Cylinder) {
+        let bottom = c.ring(c.bottom, c.bottom_radius);
+        let top = c.ring(c.top, c.top_radius);
+        let pointed = c.top_radius <= 1e-6;
+        self.band(&bottom, &top, pointed);
+        if !pointed {
+            let centre = c.centre.extend(c.top);
+            self.triangles.extend(around(c.sides).map(|(i, next)| [centre, top[i], top[next]]));
+        }
+        let centre = c.centre.extend(c.bottom);
+        self.triangles.extend(around(c.sides).map(|(i, next)| [centre, bottom[next], bottom[i]]));
+    }
+
+    /// Adds the wall between two rings of the same number of points; to a single tip when `pointed`.
+    pub(crate) fn band(&mut self, bottom: &[DVec3], top: &[DVec3], pointed: bool) {
+        let sides = bottom.len().min(top.len());
+        self.triangles.extend(around(sides).map(|(i, next)| [bottom[i], bottom[next], top[next]]));
+        if !pointed {
+            self.triangles.extend(around(sides).map(|(i, next)| [bottom[i], top[next], top[i]]));
+        }
+    }
+
+    /// Adds an upright prism over a polygon, with a top but no bottom, which would lie on the ground.
+    pub(crate) fn prism(&mut self, polygon: &[DVec2], bottom: f64, top: f64) {
+        let lower: Vec<_> = polygon.iter().map(|p| p.extend(bottom)).collect();
+        let upper: Vec<_> = polygon.iter().map(|p| p.extend(top)).collect();
+        self.band(&lower, &upper, false);
+        self.triangles.extend((1..upper.len().saturating_sub(1)).map(|i| [upper[0], upper[i], upper[i + 1]]));
+    }
+
+    /// Adds a flat or folded quadrilateral as two triangles over the diagonal from its first corner.
+    pub(crate) fn quad(&mut self, [a, b, c, d]: [DVec3; 4]) {
+        self.triangles.extend([[a, b, c], [a, c, d]]);
+    }
+
+    pub(crate) fn scaled(mut self, factor: f64) -> Self {
+        self.triangles.iter_mut().flatten().for_each(|p| *p *= factor);
+        self
+    }
+
+    pub(crate) fn moved(mut self, offset: DVec3) -> Self {
+        self.triangles.iter_mut().flatten().for_each(|p| *p += offset);
+        self
+    }
+
+    pub(crate) fn placed(mut self, pose: &Pose) -> Self {
+        self.triangles.iter_mut().flatten().for_each(|p| *p = pose.apply(*p));
+        self
+    }
+
+    /// The finished triangles, rounded to f32.
+    pub(crate) fn into_f32(self) -> Vec<[Vec3; 3]> {
+        self.triangles.into_iter().map(|triangle| triangle.map(|p| p.as_vec3())).collect()
+    }
+}
+
+/// Pairs of (index, next index) around a ring.
+pub(crate) fn around(sides: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..sides).map(move |i| (i, (i + 1) % sides))
+}
+
+/// Points on a circle of radius one, the first on the x axis, counter-clockwise.
+pub(crate) fn circle(sides: usize) -> impl Iterator<Item = DVec2> {
+    (0..sides).map(move |i| DVec2::from_angle(i as f64 * TAU / sides as f64))
+}
+
+/// An upright cylinder or cone frustum.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cylinder {
+    pub(crate) centre: DVec2,
+    pub(crate) bottom: f64,
+    pub(crate) top: f64,
+    pub(crate) bottom_radius: f64,
+    pub(crate) top_radius: f64,
+    pub(crate) sides: usize,
+}
+
+impl Cylinder {
+    fn ring(&self, z: f64, radius: f64) -> Vec<DVec3> {
+        circle(self.sides).map(|unit| (self.centre + unit * radius).extend(z)).collect()
+    }
+}
+
+/// A turn about the z axis and then a move.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pose {
+    /// (cosine, sine) of the turn.
+    turn: DVec2,
+    at: DVec3,
+}
+
+impl Pose {
+    /// Turned counter-clockwise by an angle in radians.
+    pub(crate) fn turned(angle: f64, at: DVec3) -> Self {
+        Self { turn: DVec2::from_angle(angle), at }
+    }
+
+    /// Turned counter-clockwise by quarters of a full turn.
+    pub(crate) fn quarters(quarters: u8, at: DVec3) -> Self {
+        Self::turned(f64::from(quarters) * FRAC_PI_2, at)
+    }
+
+    fn apply(&self, p: DVec3) -> DVec3 {
+        self.turn.rotate(p.truncate()).extend(p.z) + self.at
+    }
+}
+
+/// The objects of a recipe in the order of their making.
+#[derive(Debug, Default)]
+pub(crate) struct Parts {
+    pub(crate) parts: Vec<(String, Mesh)>,
+}
+
+impl Parts {
+    pub(crate) fn add(&mut self, name: impl Into<String>, mesh: Mesh) {
+        self.parts.push((name.into(), mesh));
+    }
+
+    pub(crate) fn into_objects(self) -> Vec<crate::source::SourceObject> {
+        self.parts
+            .into_iter()
+            .map(|(name, mesh)| crate::source::SourceObject::new(name, mesh.into_f32()))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn volume(mesh: &Mesh) -> f64 {
+        mesh.triangles.iter().map(|[a, b, c]| a.dot(b.cross(*c)) / 6.0).sum()
+    }
+
+    #[test]
+    fn solids_are_closed_and_face_outwards() {
+        let cuboid = Mesh::from_cuboid([1.0, 2.0, 3.0], [2.0, 4.0, 6.0]);
+        assert_eq!(cuboid.triangles.len(), 12);
+        assert!((volume(&cuboid) - 6.0).abs() < 1e-12);
+
+        let mut cone = Mesh::new();
+        cone.cylinder(&Cylinder {
+            centre: DVec2::new(3.0, -2.0),
+            bottom: 1.0,
+            top: 4.0,
+            bottom_radius: 1.0,
+            top_radius: 0.0,
+            sides: 4,
+        });
+        assert_eq!(cone.triangles.len(), 8);
+        assert!((volume(&cone) - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_pose_turns_before_it_moves() {
+        let pose = Pose::quarters(1, DVec3::new(10.0, 0.0, 1.0));
+        let turned = pose.apply(DVec3::new(2.0, 0.0, 0.0));
+        assert!(turned.distance(DVec3::new(10.0, 2.0, 1.0)) < 1e-12);
+    }
+}

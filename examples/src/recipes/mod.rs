@@ -1,0 +1,267 @@
+//! Procedural scenes: each recipe makes the same scene everywhere, and brings camera walks through it.
+//!
+//! They stand in for the models of the papers that cannot be had: a city of furnished houses, a 2.5-D London, a
+//! walled town, forests, and office floors with exact cells and portals. All have z up and metres as the unit, and
+//! sizes to choose. Sizes are bounded so that a typing error cannot ask for more memory than a machine has.
+
+mod forest;
+mod furniture;
+mod london;
+mod mesh;
+mod office;
+mod plpcity;
+mod random;
+mod rooms;
+mod town;
+mod walls;
+
+pub use forest::forest;
+pub use london::london;
+pub use office::{Cell, Office, Portal, office};
+pub use plpcity::plpcity;
+pub use town::town;
+
+use crate::error::SourceError;
+use crate::source::SceneSource;
+use crate::walk::{Walk, along};
+use glam::{DVec3, Vec3};
+use mesh::Parts;
+
+/// The most triangles that a recipe may make, about a gigabyte.
+const MOST_TRIANGLES: u64 = 1 << 25;
+
+/// Checks of the sizes asked for, before anything is allocated.
+struct Limits {
+    spec: String,
+}
+
+impl Limits {
+    fn new(spec: String) -> Self {
+        Self { spec }
+    }
+
+    fn at_least_one(&self, what: &str, size: u32) -> Result<(), SourceError> {
+        if size == 0 {
+            return Err(SourceError::recipe(&self.spec, format!("there must be at least one of the {what}")));
+        }
+        Ok(())
+    }
+
+    /// `units` parts of the scene with about `each` triangles must stay below the bound.
+    fn triangles(&self, units: u64, each: u64) -> Result<(), SourceError> {
+        let total = u128::from(units) * u128::from(each);
+        if total > u128::from(MOST_TRIANGLES) {
+            return Err(SourceError::recipe(
+                &self.spec,
+                format!(
+                    "about {total} triangles are more than the {MOST_TRIANGLES} that recipes are bounded to"
+                ),
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// A camera walk as a route over the ground plan.
+struct Route {
+    name: &'static str,
+    fov_y_degrees: f32,
+    keys: usize,
+    /// How far ahead along the route the camera looks, in metres.
+    look_ahead: f64,
+    waypoints: &'static [[f64; 2]],
+}
+
+/// The eye height of a person who walks.
+const EYE_HEIGHT: f64 = 1.65;
+
+impl Route {
+    /// The walk at eye height over ground of the given height.
+    fn walk(&self, ground: impl Fn(f64, f64) -> f64) -> Walk {
+        let plan: Vec<_> = self.waypoints.iter().map(|&[x, y]| DVec3::new(x, y, 0.0)).collect();
+        let mut keys = along(&plan, self.keys, self.look_ahead);
+        for point in keys.iter_mut().flat_map(|key| [&mut key.eye, &mut key.target]) {
+            point.z = ground(point.x, point.y) + EYE_HEIGHT;
+        }
+        Walk { name: self.name.to_owned(), fov_y_degrees: self.fov_y_degrees, up: Vec3::Z, keys }
+    }
+}
+
+/// Puts a recipe's parts and walks over level ground together.
+fn scene(name: &str, near: f32, parts: Parts, routes: &[Route]) -> SceneSource {
+    scene_on(name, near, parts, routes, |_, _| 0.0)
+}
+
+/// The same with walks that follow the height of the ground.
+fn scene_on(
+    name: &str,
+    near: f32,
+    parts: Parts,
+    routes: &[Route],
+    ground: impl Fn(f64, f64) -> f64,
+) -> SceneSource {
+    SceneSource {
+        name: name.to_owned(),
+        up: Vec3::Z,
+        near,
+        objects: parts.into_objects(),
+        walks: routes.iter().map(|route| route.walk(&ground)).collect(),
+    }
+}
+
+/// A recipe as the user names it: its sizes, what they are by default, and how it is made.
+struct Recipe {
+    name: &'static str,
+    sizes: &'static str,
+    sample: &'static [f64],
+    make: fn(&Sizes<'_>) -> Result<SceneSource, SourceError>,
+}
+
+/// The recipes, with the sizes of the stored samples as the default.
+const RECIPES: [Recipe; 5] = [
+    Recipe {
+        name: "plpcity",
+        sizes: "blocks_x,blocks_y",
+        sample: &[2.0, 2.0],
+        make: |sizes| plpcity(sizes.whole(0)?, sizes.whole(1)?),
+    },
+    Recipe {
+        name: "london",
+        sizes: "blocks_x,blocks_y",
+        sample: &[12.0, 12.0],
+        make: |sizes| london(sizes.whole(0)?, sizes.whole(1)?),
+    },
+    Recipe { name: "town", sizes: "rings", sample: &[3.0], make: |sizes| town(sizes.whole(0)?) },
+    Recipe {
+        name: "forest",
+        sizes: "trees,side_in_metres",
+        sample: &[200.0, 84.0],
+        make: |sizes| forest(sizes.whole(0)?, sizes.number(1)),
+    },
+    Recipe {
+        name: "office",
+        sizes: "floors,rooms",
+        sample: &[2.0, 16.0],
+        make: |sizes| office(sizes.whole(0)?, sizes.whole(1)?).map(|office| office.scene),
+    },
+];
+
+/// The recipes with their sizes, as help texts show them: `plpcity:blocks_x,blocks_y` and so on.
+pub fn known_recipes() -> impl Iterator<Item = String> {
+    RECIPES.iter().map(|recipe| format!("{}:{}", recipe.name, recipe.sizes))
+}
+
+/// Makes the scene that a specification such as `plpcity`, `plpcity:3,3`, `office:2x16` or `town:8` names.
+///
+/// Without sizes it is the sample size of the recipe.
+///
+/// ```
+/// let scene = visibility_examples::built_in("plpcity:1x1")?;
+/// assert_eq!(scene.triangle_count(), 58_056);
+/// assert!(visibility_examples::built_in("atlantis").is_err());
+/// # Ok::<(), visibility_examples::SourceError>(())
+/// ```
+pub fn built_in(spec: &str) -> Result<SceneSource, SourceError> {
+    let (name, sizes) = match spec.split_once(':') {
+        Some((name, sizes)) => (name, Some(sizes)),
+        None => (spec, None),
+    };
+    let Some(recipe) = RECIPES.iter().find(|recipe| recipe.name == name) else {
+        let known: Vec<_> = known_recipes().collect();
+        return Err(SourceError::recipe(
+            spec,
+            format!("there is no recipe `{name}`; known are {}", known.join(", ")),
+        ));
+    };
+    let sizes = Sizes::parse(spec, recipe, sizes)?;
+    (recipe.make)(&sizes)
+}
+
+/// The sizes of a specification.
+struct Sizes<'a> {
+    spec: &'a str,
+    values: Vec<f64>,
+}
+
+impl<'a> Sizes<'a> {
+    fn parse(spec: &'a str, recipe: &Recipe, text: Option<&str>) -> Result<Self, SourceError> {
+        let values = match text {
+            None => recipe.sample.to_vec(),
+            Some(text) => text
+                .split([',', 'x'])
+                .map(|size| {
+                    size.trim()
+                        .parse()
+                        .map_err(|_| SourceError::recipe(spec, format!("the size `{size}` is no number")))
+                })
+                .collect::<Result<Vec<f64>, _>>()?,
+        };
+        if values.len() != recipe.sample.len() {
+            return Err(SourceError::recipe(
+                spec,
+                format!(
+                    "{} sizes are given where {} are needed: {}:{}",
+                    values.len(),
+                    recipe.sample.len(),
+                    recipe.name,
+                    recipe.sizes
+                ),
+            ));
+        }
+        Ok(Self { spec, values })
+    }
+
+    fn number(&self, index: usize) -> f64 {
+        self.values[index]
+    }
+
+    fn whole(&self, index: usize) -> Result<u32, SourceError> {
+        let value = self.values[index];
+        if value.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&value) {
+            Ok(value as u32)
+        } else {
+            Err(SourceError::recipe(
+                self.spec,
+                format!("the size {value} is no whole number from 0 to {}", u32::MAX),
+            ))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_specifications_are_explained() {
+        let wrong = [
+            ("", "known are plpcity"),
+            ("atlantis:3", "no recipe `atlantis`"),
+            ("plpcity:", "is no number"),
+            ("plpcity:2", "1 sizes are given where 2 are needed"),
+            ("plpcity:2,2,2", "3 sizes"),
+            ("plpcity:0,2", "at least one of the blocks along x"),
+            ("plpcity:-1,2", "no whole number"),
+            ("plpcity:1.5,2", "no whole number"),
+            ("plpcity:4000000000,4000000000", "triangles are more than"),
+            ("london:1000,1000", "triangles are more than"),
+            ("town:4294967295", "triangles are more than"),
+            ("office:4294967295,4294967295", "triangles are more than"),
+            ("forest:4294967295,84", "at most 20000 trees"),
+            ("forest:200,inf", "the side must be"),
+            ("forest:200,NaN", "the side must be"),
+            ("forest:1,100000", "triangles are more than"),
+        ];
+        for (spec, part) in wrong {
+            let message = built_in(spec).expect_err(spec).to_string();
+            assert!(message.contains(part), "{spec}: {message}");
+        }
+    }
+
+    #[test]
+    fn both_separators_and_spaces_are_read() {
+        for spec in ["plpcity:1,1", "plpcity:1x1", "plpcity: 1, 1"] {
+            assert_eq!(built_in(spec).expect(spec).triangle_count(), 58_056);
+        }
+    }
+}

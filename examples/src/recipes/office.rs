@@ -1,0 +1,275 @@
+//! Office floors with exact cells and portals: corridors with furnished rooms on both sides, joined by a stair.
+//!
+//! It stands in for Soda Hall in the papers on architectural cells and portals. The cells are boxes and the portals
+//! rectangles that lie exactly in the openings, so that portal cullers can be tested without a cell finder.
+
+use super::mesh::{Mesh, Parts};
+use super::random::Random;
+use super::rooms::{Floor, RoomKind, furnish};
+use super::walls::{Opening, Wall};
+use super::{Limits, Route, scene};
+use crate::error::SourceError;
+use crate::source::SceneSource;
+use crate::walk::Walk;
+use glam::DVec3;
+
+const SEED: u64 = 5;
+
+const ROOM_WIDTH: f64 = 4.0;
+const ROOM_DEPTH: f64 = 5.0;
+const CORRIDOR: f64 = 3.0;
+const HEIGHT: f64 = 3.2;
+const SLAB: f64 = 0.3;
+const STOREY: f64 = HEIGHT + SLAB;
+/// The southern and northern facades.
+const FACADES: [f64; 2] = [-ROOM_DEPTH, CORRIDOR + ROOM_DEPTH];
+/// The stair shaft, west of the corridor.
+const STAIR_LOW: [f64; 2] = [-4.0, -1.5];
+const STAIR_HIGH: [f64; 2] = [0.0, 4.5];
+
+const DOOR_HEAD: f64 = 2.1;
+const DOOR_WIDTH: f64 = 0.9;
+/// Every so many rooms, a door joins a room with its western neighbour.
+const JOINED_EVERY: u32 = 4;
+
+const END_WALL: f64 = 0.2;
+const CORRIDOR_WALL: f64 = 0.12;
+const FACADE: f64 = 0.25;
+
+const TRIANGLES_PER_PAIR_OF_ROOMS: u64 = 3_000;
+
+/// A convex space of the building, as a box.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cell {
+    /// `corridorF`, `stairF` or `roomF_S_R`: floor, side and room.
+    pub name: String,
+    /// The smallest corner.
+    pub min: DVec3,
+    /// The largest corner.
+    pub max: DVec3,
+}
+
+/// An opening between two cells.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Portal {
+    /// The cells that it joins, as indices.
+    pub cells: [usize; 2],
+    /// Its corners, in order around it.
+    pub quad: [DVec3; 4],
+    /// True between the corridor and a room: where a door leaf would be.
+    pub door: bool,
+}
+
+/// The office scene with its cells and portals.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Office {
+    /// The objects and walks.
+    pub scene: SceneSource,
+    /// The cells: for each floor a corridor, a stair, and the rooms of either side.
+    pub cells: Vec<Cell>,
+    /// The openings between them.
+    pub portals: Vec<Portal>,
+}
+
+/// Office floors with a number of rooms on either side of each corridor.
+///
+/// 2 floors of 16 rooms a side are 779 objects with 89,664 triangles; 7 of 24 are 468,960 triangles.
+pub fn office(floors: u32, rooms: u32) -> Result<Office, SourceError> {
+    let limits = Limits::new(format!("office:{floors},{rooms}"));
+    limits.at_least_one("floors", floors)?;
+    limits.at_least_one("rooms", rooms)?;
+    limits.triangles(u64::from(floors) * u64::from(rooms), TRIANGLES_PER_PAIR_OF_ROOMS)?;
+
+    let mut building = Building {
+        random: Random::new(SEED),
+        length: f64::from(rooms) * ROOM_WIDTH,
+        floors,
+        rooms,
+        parts: Parts::default(),
+        cells: Vec::new(),
+        portals: Vec::new(),
+    };
+    for floor in 0..floors {
+        building.floor(floor);
+    }
+    let mut scene = scene("office", 0.1, building.parts, &ROUTES);
+    if floors > 1 {
+        scene.walks.push(upstairs());
+    }
+    Ok(Office { scene, cells: building.cells, portals: building.portals })
+}
+
+struct Building {
+    random: Random,
+    /// The length of the corridors.
+    length: f64,
+    floors: u32,
+    rooms: u32,
+    parts: Parts,
+    cells: Vec<Cell>,
+    portals: Vec<Portal>,
+}
+
+/// A wall from floor to ceiling.
+fn wall(from: [f64; 2], to: [f64; 2], z: f64, thickness: f64) -> Wall {
+    Wall { from, to, foot: z, top: z + HEIGHT, thickness }
+}
+
+/// An upright rectangle from one point on the floor to another, as high as a door.
+fn doorway(from: [f64; 2], to: [f64; 2], z: f64) -> [DVec3; 4] {
+    let corner = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
+    [corner(from, z), corner(to, z), corner(to, z + DOOR_HEAD), corner(from, z + DOOR_HEAD)]
+}
+
+impl Building {
+    fn floor(&mut self, floor: u32) {
+        let z = f64::from(floor) * STOREY;
+        let [south, north] = FACADES;
+        let corridor = self.cells.len();
+        self.cells.push(Cell {
+            name: format!("corridor{floor}"),
+            min: DVec3::new(0.0, 0.0, z),
+            max: DVec3::new(self.length, CORRIDOR, z + HEIGHT),
+        });
+        let slab = Mesh::from_cuboid([0.0, south, z - SLAB], [self.length, north, z]);
+        self.parts.add("slab", slab);
+
+        self.stair(floor, z, corridor);
+        self.end_walls(z);
+        for side in 0..2 {
+            for room in 0..self.rooms {
+                self.room(floor, side, room, z, corridor);
+            }
+        }
+        let top = z + HEIGHT;
+        let ceiling = Mesh::from_cuboid([0.0, south, top - 0.02], [self.length, north, top]);
+        self.parts.add("ceiling", ceiling);
+    }
+
+    /// The piece of the stair shaft on a floor, open to the corridor and to the piece below.
+    fn stair(&mut self, floor: u32, z: f64, corridor: usize) {
+        const STEPS: u32 = 10;
+        const TREAD: f64 = 0.3;
+        const RISER: f64 = 0.35;
+        let [west, south] = STAIR_LOW;
+        let [east, north] = STAIR_HIGH;
+        let stair = self.cells.len();
+        // Below another floor, the shaft reaches through the slab.
+        let top = if floor + 1 < self.floors { STOREY } else { HEIGHT };
+        self.cells.push(Cell {
+            name: format!("stair{floor}"),
+            min: DVec3::new(west, south, z),
+            max: DVec3::new(east, north, z + top),
+        });
+        self.portals.push(Portal {
+            cells: [corridor, stair],
+            quad: doorway([east, 1.0], [east, 2.0], z),
+            door: false,
+        });
+        if floor > 0 {
+            let cells_per_floor = 2 + 2 * self.rooms as usize;
+            self.portals.push(Portal {
+                cells: [stair, stair - cells_per_floor],
+                quad: [
+                    DVec3::new(west, south, z),
+                    DVec3::new(east, south, z),
+                    DVec3::new(east, north, z),
+                    DVec3::new(west, north, z),
+                ],
+                door: false,
+            });
+        }
+        let walls =
+            [([west, south], [west, north]), ([west, south], [east, south]), ([west, north], [east, north])];
+        for (from, to) in walls {
+            let wall = Wall { top: z + STOREY, ..wall(from, to, z, END_WALL) };
+            self.parts.add("stairwall", wall.build(&[]));
+        }
+        for step in 0..STEPS {
+            let step = f64::from(step);
+            let x = west + TREAD * step;
+            let mesh =
+                Mesh::from_cuboid([x, 3.0, z + RISER * step], [x + TREAD, 4.4, z + RISER * (step + 1.0)]);
+            self.parts.add("step", mesh);
+        }
+    }
+
+    /// The wall to the stair, with a door, and the one at the far end, with a window onto the corridor.
+    fn end_walls(&mut self, z: f64) {
+        let [south, north] = FACADES;
+        let ends =
+            [(0.0, Opening::new(6.0, 7.0, 0.0, DOOR_HEAD)), (self.length, Opening::new(5.6, 7.4, 0.9, 2.2))];
+        for (x, opening) in ends {
+            let wall = wall([x, south], [x, north], z, END_WALL);
+            self.parts.add("endwall", wall.build(&[opening]));
+        }
+    }
+
+    /// A room of the southern (0) or northern (1) side, with its door, window and western wall.
+    fn room(&mut self, floor: u32, side: usize, room: u32, z: f64, corridor: usize) {
+        let inner = [0.0, CORRIDOR][side];
+        let outer = FACADES[side];
+        let (south, north) = (f64::min(inner, outer), f64::max(inner, outer));
+        let west = ROOM_WIDTH * f64::from(room);
+        let east = west + ROOM_WIDTH;
+        let tag = format!("room{floor}_{side}_{room}");
+        let cell = self.cells.len();
+        self.cells.push(Cell {
+            name: tag.clone(),
+            min: DVec3::new(west, south, z),
+            max: DVec3::new(east, north, z + HEIGHT),
+        });
+
+        let door = self.random.between(0.5, 2.5);
+        let opening = Opening::new(door, door + DOOR_WIDTH, 0.0, DOOR_HEAD);
+        let corridor_wall = wall([west, inner], [east, inner], z, CORRIDOR_WALL);
+        self.parts.add("wall", corridor_wall.build(&[opening]));
+        let hinge = west + door;
+        self.portals.push(Portal {
+            cells: [corridor, cell],
+            quad: doorway([hinge, inner], [hinge + DOOR_WIDTH, inner], z),
+            door: true,
+        });
+
+        let facade = wall([west, outer], [east, outer], z, FACADE);
+        let window = Opening::new(1.1, 2.9, 0.9, 2.2);
+        self.parts.add("facade", facade.build(&[window]));
+        if room > 0 {
+            self.party_wall(room, [west, south, north, z], cell);
+        }
+
+        let kind = if self.random.unit() < 0.75 { RoomKind::Office } else { RoomKind::Living };
+        const OFF_WALL: f64 = 0.15;
+        let area =
+            Floor { low: [west + OFF_WALL, south + OFF_WALL], high: [east - OFF_WALL, north - OFF_WALL], z };
+        furnish(&mut self.random, kind, &area, &tag, &mut self.parts);
+    }
+
+    /// The wall to the western neighbour, which some rooms have a doorway in.
+    fn party_wall(&mut self, room: u32, [x, south, north, z]: [f64; 4], cell: usize) {
+        const FROM: f64 = 1.8;
+        const TO: f64 = 2.8;
+        let wall = wall([x, south], [x, north], z, CORRIDOR_WALL);
+        let joined = room.is_multiple_of(JOINED_EVERY);
+        let opening = Opening::new(FROM, TO, 0.0, DOOR_HEAD);
+        let openings: &[Opening] = if joined { &[opening] } else { &[] };
+        self.parts.add("part", wall.build(openings));
+        if joined {
+            self.portals.push(Portal {
+                cells: [cell - 1, cell],
+                quad: doorway([x, south + FROM], [x, south + TO], z),
+                door: false,
+            });
+        }
+    }
+}
+
+const ROUTES: [Route; 0] = [];
+
+/// The walk on the first upper floor.
+fn upstairs() -> Walk {
+    UPSTAIRS.walk(|_, _| STOREY)
+}
+
+const UPSTAIRS: Route =
+    Route { name: "upper floor, into rooms", fov_y_degrees: 70.0, keys: 40, look_ahead: 2.0, waypoints: &[] };

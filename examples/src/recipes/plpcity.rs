@@ -1,0 +1,192 @@
+//! A city of furnished houses on streets, in place of the CITY model of the paper on prioritized-layered projection.
+//!
+//! Blocks of 4 by 2 lots lie between streets. Each house has two storeys of four furnished rooms, windows, a front door
+//! and inner doors without leaves, a gabled roof and a chimney: from the street little of what is inside shows, and
+//! from inside little of the city does.
+
+use super::mesh::{Mesh, Parts, Pose};
+use super::random::Random;
+use super::rooms::{Floor, RoomKind, furnish};
+use super::walls::{Opening, Wall};
+use super::{Limits, Route, scene};
+use crate::error::SourceError;
+use crate::source::SceneSource;
+use glam::DVec3;
+
+const SEED: u64 = 1;
+
+const BLOCK: [f64; 2] = [64.0, 40.0];
+const STREET: f64 = 12.0;
+const LOT_WIDTH: f64 = 16.0;
+const LOTS_ALONG: u32 = 4;
+/// The middle lines of the two rows of houses, from the southern edge of the block.
+const ROWS: [f64; 2] = [9.5, 30.5];
+
+const WIDTH: f64 = 10.0;
+const DEPTH: f64 = 9.0;
+const ROOM_HEIGHT: f64 = 2.8;
+const SLAB: f64 = 0.2;
+const STOREYS: u32 = 2;
+const OUTER_WALL: f64 = 0.25;
+const INNER_WALL: f64 = 0.12;
+/// The inner walls that part a storey into four rooms.
+const CROSS: [f64; 2] = [5.8, 4.5];
+
+const TRIANGLES_PER_BLOCK: u64 = 58_056;
+
+/// The city of `blocks_x` by `blocks_y` blocks, each of eight houses.
+///
+/// 2 by 2 blocks are 2,376 objects with 232,224 triangles.
+pub fn plpcity(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError> {
+    let limits = Limits::new(format!("plpcity:{blocks_x},{blocks_y}"));
+    limits.at_least_one("blocks along x", blocks_x)?;
+    limits.at_least_one("blocks along y", blocks_y)?;
+    limits.triangles(u64::from(blocks_x) * u64::from(blocks_y), TRIANGLES_PER_BLOCK)?;
+
+    let mut random = Random::new(SEED);
+    let mut parts = Parts::default();
+    for block_x in 0..blocks_x {
+        for block_y in 0..blocks_y {
+            block(&mut random, block_x, block_y, &mut parts);
+        }
+    }
+    for block_x in 0..blocks_x {
+        for block_y in 0..blocks_y {
+            parts.add("ground", ground(block_x, block_y));
+        }
+    }
+    Ok(scene("plpcity", 0.1, parts, &ROUTES))
+}
+
+/// The south-western corner of a block.
+fn corner(block_x: u32, block_y: u32) -> (f64, f64) {
+    (f64::from(block_x) * (BLOCK[0] + STREET), f64::from(block_y) * (BLOCK[1] + STREET))
+}
+
+/// A block with the streets to its south and west, below the pavement.
+fn ground(block_x: u32, block_y: u32) -> Mesh {
+    let (x, y) = corner(block_x, block_y);
+    let (next_x, next_y) = corner(block_x + 1, block_y + 1);
+    Mesh::from_cuboid([x - STREET, y - STREET, -0.5], [next_x, next_y, -0.12])
+}
+
+fn block(random: &mut Random, block_x: u32, block_y: u32, parts: &mut Parts) {
+    let (x, y) = corner(block_x, block_y);
+    let pavement = Mesh::from_cuboid([x, y, -0.1], [x + BLOCK[0], y + BLOCK[1], 0.0]);
+    parts.add("pavement", pavement);
+    for lot in 0..LOTS_ALONG {
+        for (row, middle) in ROWS.into_iter().enumerate() {
+            let house_x = x + LOT_WIDTH * (0.5 + f64::from(lot)) + random.between(-1.5, 1.5);
+            let house_y = y + middle + random.between(-1.0, 1.0);
+            // The second row is turned about, so that both rows open to a street.
+            let facing = if row == 0 { 0 } else { 2 };
+            let pose = Pose::quarters(facing, DVec3::new(house_x, house_y, 0.0));
+            let tag = format!("b{block_x}_{block_y}h{lot}{row}");
+            for (name, mesh) in house(random).parts {
+                let centred = mesh.moved(DVec3::new(-WIDTH / 2.0, -DEPTH / 2.0, 0.0));
+                parts.add(format!("{tag}/{name}"), centred.placed(&pose));
+            }
+        }
+    }
+}
+
+/// A house whose south-western corner is the origin.
+fn house(random: &mut Random) -> Parts {
+    let mut parts = Parts::default();
+    for storey in 0..STOREYS {
+        let z = f64::from(storey) * (ROOM_HEIGHT + SLAB);
+        walls(storey, z, &mut parts);
+        rooms(random, storey, z, &mut parts);
+    }
+    roof(random, f64::from(STOREYS) * (ROOM_HEIGHT + SLAB), &mut parts);
+    parts
+}
+
+/// The slab that the storey stands on, its four outer walls and the two that part it.
+fn walls(storey: u32, z: f64, parts: &mut Parts) {
+    let slab = Mesh::from_cuboid([0.0, 0.0, z - SLAB], [WIDTH, DEPTH, z]);
+    parts.add(format!("slab{storey}"), slab);
+
+    let window = |from: f64| Opening::new(from, from + 1.2, 0.9, 2.1);
+    let wide_wall = [window(1.5), window(7.3)];
+    let deep_wall = [window(1.6), window(6.2)];
+    let mut street_front = wide_wall.to_vec();
+    if storey == 0 {
+        street_front.push(Opening::new(4.6, 5.6, 0.0, 2.1));
+    }
+    let wall = |from: [f64; 2], to: [f64; 2], thickness: f64| Wall {
+        from,
+        to,
+        foot: z,
+        top: z + ROOM_HEIGHT,
+        thickness,
+    };
+    let outer: [(char, [f64; 2], [f64; 2], &[Opening]); 4] = [
+        ('S', [0.0, 0.0], [WIDTH, 0.0], &street_front),
+        ('N', [0.0, DEPTH], [WIDTH, DEPTH], &wide_wall),
+        ('W', [0.0, 0.0], [0.0, DEPTH], &deep_wall),
+        ('E', [WIDTH, 0.0], [WIDTH, DEPTH], &deep_wall),
+    ];
+    for (side, from, to, openings) in outer {
+        let mesh = wall(from, to, OUTER_WALL).build(openings);
+        parts.add(format!("wall{storey}{side}"), mesh);
+    }
+
+    let inner_door = |from: f64| Opening::new(from, from + 0.9, 0.0, 2.1);
+    let across = wall([0.0, CROSS[1]], [WIDTH, CROSS[1]], INNER_WALL);
+    parts.add("part", across.build(&[inner_door(1.5), inner_door(7.6)]));
+    let along = wall([CROSS[0], 0.0], [CROSS[0], DEPTH], INNER_WALL);
+    parts.add("part", along.build(&[inner_door(2.0), inner_door(6.4)]));
+}
+
+fn rooms(random: &mut Random, storey: u32, z: f64, parts: &mut Parts) {
+    use RoomKind::{Bedroom, Kitchen, Living, Office};
+    let kinds =
+        if storey == 0 { [Living, Kitchen, Office, Bedroom] } else { [Bedroom, Bedroom, Office, Bedroom] };
+    // South-west, south-east, north-west, north-east: the inside of the walls.
+    let floors = [
+        ([0.2, 0.2], [5.7, 4.4]),
+        ([5.9, 0.2], [9.8, 4.4]),
+        ([0.2, 4.6], [5.7, 8.8]),
+        ([5.9, 4.6], [9.8, 8.8]),
+    ];
+    let tag = format!("f{storey}");
+    for (kind, (low, high)) in kinds.into_iter().zip(floors) {
+        furnish(random, kind, &Floor { low, high, z }, &tag, parts);
+    }
+}
+
+/// The ceiling, a gabled roof along x with eaves, and a chimney behind the ridge.
+fn roof(random: &mut Random, z: f64, parts: &mut Parts) {
+    const EAVES: f64 = 0.5;
+    const CHIMNEY: f64 = 0.7;
+    let rise = random.between(2.2, 3.4);
+    let ceiling = Mesh::from_cuboid([0.0, 0.0, z - SLAB], [WIDTH, DEPTH, z]);
+    parts.add("ceil", ceiling);
+
+    let (west, east) = (-EAVES, WIDTH + EAVES);
+    let [south_west, south_east, north_east, north_west] = [
+        DVec3::new(west, -EAVES, z),
+        DVec3::new(east, -EAVES, z),
+        DVec3::new(east, DEPTH + EAVES, z),
+        DVec3::new(west, DEPTH + EAVES, z),
+    ];
+    let ridge_west = DVec3::new(west, DEPTH / 2.0, z + rise);
+    let ridge_east = DVec3::new(east, DEPTH / 2.0, z + rise);
+    let mut gable = Mesh::new();
+    gable.quad([south_west, south_east, ridge_east, ridge_west]);
+    gable.triangles.extend([
+        [north_east, north_west, ridge_west],
+        [north_east, ridge_west, ridge_east],
+        [north_west, south_west, ridge_west],
+        [south_east, north_east, ridge_east],
+    ]);
+    parts.add("roof", gable);
+
+    let x = random.between(2.0, 8.0);
+    let y = DEPTH / 2.0 + 0.6;
+    let chimney = Mesh::from_cuboid([x, y, z], [x + CHIMNEY, y + CHIMNEY, z + rise + 0.8]);
+    parts.add("chimney", chimney);
+}
+
+const ROUTES: [Route; 0] = [];

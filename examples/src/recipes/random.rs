@@ -1,0 +1,65 @@
+//! The random numbers of the recipes: one 64-bit linear congruential generator, so that a scene is the same everywhere.
+//!
+//! The upper 31 bits of the state make a number in [0, 1). The order of the draws is part of a recipe: whoever moves a
+//! call changes the scene.
+
+/// The generator; two with the same seed draw the same numbers.
+#[derive(Debug, Clone)]
+pub(crate) struct Random {
+    state: u64,
+}
+
+impl Random {
+    const MULTIPLIER: u64 = 6_364_136_223_846_793_005;
+    const INCREMENT: u64 = 1_442_695_040_888_963_407;
+    /// The first draws of neighbouring seeds resemble each other, so they are thrown away.
+    const DISCARDED: usize = 4;
+
+    pub(crate) fn new(seed: u64) -> Self {
+        let mut random = Self { state: seed.wrapping_mul(2).wrapping_add(1) };
+        for _ in 0..Self::DISCARDED {
+            random.unit();
+        }
+        random
+    }
+
+    /// A number in [0, 1).
+    pub(crate) fn unit(&mut self) -> f64 {
+        self.state = self.state.wrapping_mul(Self::MULTIPLIER).wrapping_add(Self::INCREMENT);
+        (self.state >> 33) as f64 / f64::from(1_u32 << 31)
+    }
+
+    /// A number in [low, high).
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// A whole number in 0..count.
+    pub(crate) fn below(&mut self, count: usize) -> usize {
+        (self.unit() * count as f64) as usize
+    }
+
+    /// An angle in [0, 2 pi).
+    pub(crate) fn angle(&mut self) -> f64 {
+        self.unit() * 2.0 * std::f64::consts::PI
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sequence_is_pinned() {
+        let mut random = Random::new(1);
+        let mut state = 3_u64;
+        for _ in 0..5 {
+            state = (u128::from(state) * 6_364_136_223_846_793_005 + 1_442_695_040_888_963_407) as u64;
+        }
+        assert_eq!(random.unit(), (state >> 33) as f64 / 2_147_483_648.0);
+        for _ in 0..1000 {
+            assert!((0.0..1.0).contains(&random.unit()));
+            assert!(random.below(7) < 7);
+        }
+    }
+}

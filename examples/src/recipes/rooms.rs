@@ -1,0 +1,130 @@
+//! Furnished rooms: which pieces stand where in a living room, a kitchen, a bedroom and an office.
+
+use super::furniture as piece;
+use super::mesh::{Mesh, Parts, Pose};
+use super::random::Random;
+use glam::DVec3;
+
+/// What a room is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum RoomKind {
+    Living,
+    Kitchen,
+    Bedroom,
+    Office,
+}
+
+/// The floor of a room and its height.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Floor {
+    pub(crate) low: [f64; 2],
+    pub(crate) high: [f64; 2],
+    pub(crate) z: f64,
+}
+
+/// Facing +y, as furniture is made.
+const NORTH: u8 = 0;
+/// Turned a quarter, facing -x.
+const WEST: u8 = 1;
+/// Turned half around, facing -y.
+const SOUTH: u8 = 2;
+/// Turned three quarters, facing +x.
+const EAST: u8 = 3;
+
+/// Puts the furniture of a kind of room on a floor; object names get the tag as a prefix.
+pub(crate) fn furnish(random: &mut Random, kind: RoomKind, floor: &Floor, tag: &str, parts: &mut Parts) {
+    let mut room = Room { floor, tag, parts };
+    match kind {
+        RoomKind::Living => room.living(random),
+        RoomKind::Kitchen => room.kitchen(),
+        RoomKind::Bedroom => room.bedroom(random),
+        RoomKind::Office => room.office(random),
+    }
+}
+
+struct Room<'a> {
+    floor: &'a Floor,
+    tag: &'a str,
+    parts: &'a mut Parts,
+}
+
+impl Room<'_> {
+    fn put(&mut self, name: &str, mesh: Mesh, x: f64, y: f64, facing: u8) {
+        let pose = Pose::quarters(facing, DVec3::new(x, y, self.floor.z));
+        self.parts.add(format!("{}/{name}", self.tag), mesh.placed(&pose));
+    }
+
+    fn centre(&self) -> (f64, f64) {
+        let Floor { low, high, .. } = self.floor;
+        ((low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0)
+    }
+
+    /// A table with two chairs on either side.
+    fn dining_group(&mut self, x: f64, y: f64) {
+        self.put("table", piece::dining_table(), x, y, NORTH);
+        let seats = [(-0.4, -0.65, NORTH), (0.4, -0.65, NORTH), (-0.4, 0.65, SOUTH), (0.4, 0.65, SOUTH)];
+        for (right, forward, facing) in seats {
+            self.put("chair", piece::chair(), x + right, y + forward, facing);
+        }
+    }
+
+    /// Two shelves side by side against the left wall, some way off it.
+    fn shelves(&mut self, random: &mut Random, off_wall: f64) {
+        let (_, cy) = self.centre();
+        let x = self.floor.low[0] + off_wall;
+        self.put("shelf", piece::shelf(random), x, cy, EAST);
+        self.put("shelf", piece::shelf(random), x, cy + 1.0, EAST);
+    }
+
+    fn living(&mut self, random: &mut Random) {
+        let (cx, _) = self.centre();
+        let Floor { low, high, .. } = *self.floor;
+        self.put("sofa", piece::sofa(), cx, low[1] + 0.8, NORTH);
+        self.put("coffee", piece::coffee_table(), cx, low[1] + 1.9, NORTH);
+        self.dining_group(cx, high[1] - 1.5);
+        self.shelves(random, 0.35);
+        self.put("lamp", piece::lamp(), high[0] - 0.4, low[1] + 2.6, NORTH);
+        let plant = piece::plant(random);
+        self.put("plant", plant, high[0] - 0.4, high[1] - 0.4, NORTH);
+    }
+
+    fn kitchen(&mut self) {
+        const UNITS: usize = 4;
+        const UNIT_STEP: f64 = 0.62;
+        let (cx, _) = self.centre();
+        let Floor { low, high, .. } = *self.floor;
+        let (x, y) = (low[0] + 0.6, low[1] + 0.45);
+        for unit in 0..UNITS {
+            let x = x + UNIT_STEP * unit as f64;
+            self.put("unit", piece::cupboard(0.6, 0.9), x, y, NORTH);
+        }
+        let fridge = piece::cupboard(0.6, 1.9);
+        self.put("fridge", fridge, x + UNIT_STEP * UNITS as f64, y, NORTH);
+        self.dining_group(cx, high[1] - 1.3);
+    }
+
+    fn bedroom(&mut self, random: &mut Random) {
+        let (cx, _) = self.centre();
+        let Floor { low, high, .. } = *self.floor;
+        self.put("bed", piece::bed(), cx, low[1] + 1.2, NORTH);
+        let wardrobe = piece::cupboard(1.2, 2.1);
+        self.put("wardrobe", wardrobe, high[0] - 0.5, high[1] - 1.0, WEST);
+        self.put("lamp", piece::lamp(), cx - 1.0, low[1] + 0.4, NORTH);
+        self.put("chair", piece::chair(), low[0] + 0.5, high[1] - 0.6, SOUTH);
+        let plant = piece::plant(random);
+        self.put("plant", plant, low[0] + 0.4, low[1] + 0.4, NORTH);
+    }
+
+    fn office(&mut self, random: &mut Random) {
+        let (cx, _) = self.centre();
+        let Floor { low, high, .. } = *self.floor;
+        self.put("desk", piece::desk(), cx, high[1] - 0.9, SOUTH);
+        self.put("computer", piece::computer(), cx, high[1] - 0.9, SOUTH);
+        self.put("chair", piece::chair(), cx, high[1] - 1.7, NORTH);
+        self.put("chair", piece::chair(), cx + 0.9, low[1] + 1.0, SOUTH);
+        self.shelves(random, 0.3);
+        self.put("lamp", piece::lamp(), high[0] - 0.35, high[1] - 0.4, NORTH);
+        let plant = piece::plant(random);
+        self.put("plant", plant, high[0] - 0.4, low[1] + 1.4, NORTH);
+    }
+}

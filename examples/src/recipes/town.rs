@@ -1,0 +1,244 @@
+//! A walled town of the 16th century: rings of gabled, jettied timber houses about a church on a square.
+//!
+//! It stands in for the town of the paper on exact from-region visibility: detailed houses shoulder to shoulder along
+//! curved streets, where only a few can be seen at once.
+
+use super::mesh::{Cylinder, Mesh, Parts, Pose};
+use super::random::Random;
+use super::{Limits, Route, scene};
+use crate::error::SourceError;
+use crate::source::SceneSource;
+use glam::{DVec2, DVec3};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+const SEED: u64 = 3;
+
+const SQUARE_RADIUS: f64 = 28.0;
+const RING_STEP: f64 = 26.0;
+/// The two rows of a ring stand back to back; how far their middle lines are from the inner edge of the ring.
+const ROWS: [f64; 2] = [6.0, 16.5];
+const LANE_HALF_WIDTH: f64 = 1.75;
+
+/// Triangles of the outermost ring, a little rounded up, and how they grow.
+const TRIANGLES_PER_RING: u64 = 45_000;
+const TRIANGLES_PER_RING_SQUARED: u64 = 15_000;
+const MOST_RINGS: u32 = 1_000;
+
+/// The town with a number of rings of houses.
+///
+/// 3 rings are 698 objects with 190,400 triangles; 8 rings are 1,027,034 triangles.
+pub fn town(rings: u32) -> Result<SceneSource, SourceError> {
+    let limits = Limits::new(format!("town:{rings}"));
+    limits.at_least_one("rings", rings)?;
+    let capped = u64::from(rings.min(MOST_RINGS));
+    limits.triangles(capped * TRIANGLES_PER_RING + capped * capped * TRIANGLES_PER_RING_SQUARED, 1)?;
+
+    let mut random = Random::new(SEED);
+    let mut parts = Parts::default();
+    for ring in 0..rings {
+        for row in 0..ROWS.len() {
+            row_of_houses(&mut random, ring, row, &mut parts);
+        }
+    }
+    parts.add("church", church());
+    town_wall(rings, &mut parts);
+    ground(rings, &mut parts);
+    Ok(scene("town", 0.1, parts, &ROUTES))
+}
+
+/// The radius at which a ring of houses begins.
+fn ring_radius(ring: u32) -> f64 {
+    SQUARE_RADIUS + RING_STEP * f64::from(ring)
+}
+
+/// Houses side by side all around one row of a ring, leaving out the radial lanes.
+fn row_of_houses(random: &mut Random, ring: u32, row: usize, parts: &mut Parts) {
+    let radius = ring_radius(ring) + ROWS[row];
+    let lanes = f64::from(6 + ring);
+    let lane_spacing = TAU * radius / lanes;
+    let mut angle = 0.0;
+    while angle < TAU - 0.02 {
+        let width = random.between(4.5, 8.0);
+        let middle = angle + width / radius / 2.0;
+        // Where between two lanes the house is, as a part of their distance.
+        let phase = (middle * lanes / TAU).fract();
+        let from_lane = phase.min(1.0 - phase) * lane_spacing;
+        if from_lane < LANE_HALF_WIDTH + width / 2.0 {
+            angle += 0.3 / radius;
+            continue;
+        }
+        let depth = random.between(8.0, 10.0);
+        let house = house(random, width - 0.15, depth);
+        let offset = radius + random.between(-0.6, 0.6);
+        let at = (DVec2::from_angle(middle) * offset).extend(0.0);
+        let pose = Pose::turned(middle + FRAC_PI_2, at);
+        parts.add(format!("h{ring}_{row}"), house.placed(&pose));
+        angle += width / radius;
+    }
+}
+
+/// A house on its middle: a plain ground floor, one or two jettied storeys of timber framing, a gabled roof.
+fn house(random: &mut Random, width: f64, ground_depth: f64) -> Mesh {
+    /// How much deeper each storey is than the one below it.
+    const JETTY: f64 = 0.6;
+    let ground_height = random.between(2.4, 3.0);
+    let storey_height = random.between(2.3, 2.8);
+    let storeys = 1 + random.below(2);
+    let half_width = width / 2.0;
+    let mut mesh = Mesh::from_cuboid(
+        [-half_width, -ground_depth / 2.0, 0.0],
+        [half_width, ground_depth / 2.0, ground_height],
+    );
+    let mut z = ground_height;
+    let mut depth = ground_depth;
+    for _ in 0..storeys {
+        depth += JETTY;
+        mesh.cuboid([-half_width, -depth / 2.0, z], [half_width, depth / 2.0, z + storey_height]);
+        for side in [-1.0, 1.0] {
+            timber_front(&mut mesh, width, [z, z + storey_height], side, depth / 2.0);
+        }
+        z += storey_height;
+    }
+    let rise = random.between(0.8, 1.1) * width / 2.0;
+    house_roof(&mut mesh, half_width, depth / 2.0, z, rise);
+    mesh
+}
+
+/// Posts, two rails and the windows between the posts, on the front (`side` -1) or back of a storey.
+fn timber_front(mesh: &mut Mesh, width: f64, [foot, top]: [f64; 2], side: f64, half_depth: f64) {
+    const BAY: f64 = 1.1;
+    const FEWEST_BAYS: usize = 3;
+    const RAIL: f64 = 0.2;
+    let y = side * half_depth;
+    let half_width = width / 2.0;
+    let bays = FEWEST_BAYS.max((width / BAY) as usize);
+    let along = |bay: f64| -half_width + width * bay / bays as f64;
+    for post in 0..=bays {
+        let x = along(post as f64);
+        mesh.cuboid([x - 0.09, y - 0.06, foot], [x + 0.09, y + 0.06, top]);
+    }
+    for (low, high) in [(foot, foot + RAIL), (top - RAIL, top)] {
+        mesh.cuboid([-half_width, y - 0.06, low], [half_width, y + 0.06, high]);
+    }
+    // Set back a little into the wall.
+    let pane = y - 0.04 * side;
+    for bay in 0..bays {
+        let x = along(bay as f64 + 0.5);
+        mesh.cuboid([x - 0.28, pane - 0.05, foot + 0.9], [x + 0.28, pane + 0.05, foot + 1.9]);
+    }
+}
+
+/// A gabled roof whose ridge runs from front to back, and a chimney.
+fn house_roof(mesh: &mut Mesh, half_width: f64, half_depth: f64, z: f64, rise: f64) {
+    const EAVES: f64 = 0.4;
+    let (x, y) = (half_width + EAVES, half_depth + EAVES);
+    let front_left = DVec3::new(-x, -y, z);
+    let front_right = DVec3::new(x, -y, z);
+    let back_right = DVec3::new(x, y, z);
+    let back_left = DVec3::new(-x, y, z);
+    let ridge_front = DVec3::new(0.0, -y, z + rise);
+    let ridge_back = DVec3::new(0.0, y, z + rise);
+    mesh.quad([front_left, ridge_front, ridge_back, back_left]);
+    mesh.quad([front_right, back_right, ridge_back, ridge_front]);
+    mesh.triangles.extend([[front_left, front_right, ridge_front], [back_right, back_left, ridge_back]]);
+    let x = half_width / 2.0;
+    mesh.cuboid([x - 0.3, -0.3, z], [x + 0.3, 0.3, z + rise + 0.7]);
+}
+
+/// Nave, tower, spire and buttresses.
+fn church() -> Mesh {
+    const EAVES: f64 = 11.0;
+    const RIDGE: f64 = 19.0;
+    const TOWER_TOP: f64 = 28.0;
+    const SOUTH: f64 = -14.0;
+    const NORTH: f64 = 12.0;
+    let mut mesh = Mesh::from_cuboid([-6.0, SOUTH, 0.0], [6.0, NORTH, EAVES]);
+    mesh.cuboid([-4.5, -23.0, 0.0], [4.5, SOUTH, TOWER_TOP]);
+
+    let eave = |side: f64, y: f64| DVec3::new(side * 6.5, y, EAVES);
+    let ridge = |y: f64| DVec3::new(0.0, y, RIDGE);
+    mesh.quad([eave(-1.0, SOUTH), ridge(SOUTH), ridge(NORTH), eave(-1.0, NORTH)]);
+    mesh.triangles.extend([
+        [eave(1.0, SOUTH), ridge(NORTH), ridge(SOUTH)],
+        [eave(1.0, SOUTH), eave(1.0, NORTH), ridge(NORTH)],
+    ]);
+
+    mesh.cylinder(&Cylinder {
+        centre: DVec2::new(0.0, -18.5),
+        bottom: TOWER_TOP,
+        top: 46.0,
+        bottom_radius: 6.3,
+        top_radius: 0.0,
+        sides: 4,
+    });
+    for side in [-6.0, 6.0] {
+        for buttress in 0..6 {
+            let y = -12.0 + 4.0 * f64::from(buttress);
+            mesh.cuboid([side - 0.6, y, 0.0], [side + 0.6, y + 1.0, 8.0]);
+        }
+    }
+    mesh
+}
+
+/// A polygon of wall with a tower at every corner and three gates.
+fn town_wall(rings: u32, parts: &mut Parts) {
+    const GATES: u32 = 3;
+    let radius = ring_radius(rings) + 4.0;
+    let corners = 6 * (4 + rings);
+    let corner = |i: u32| DVec2::from_angle(TAU * f64::from(i) / f64::from(corners)) * radius;
+    for i in 0..corners {
+        let (from, to) = (corner(i), corner(i + 1));
+        // A gate is a side that is left open.
+        if i % (corners / GATES) != 0 {
+            let along = to - from;
+            let pose = Pose::turned(along.to_angle(), from.extend(0.0));
+            parts.add("wall", wall_side(along.length()).placed(&pose));
+        }
+        parts.add("tower", wall_tower(from));
+    }
+}
+
+/// A stretch of wall along x with merlons on its outer edge.
+fn wall_side(length: f64) -> Mesh {
+    const HALF_THICKNESS: f64 = 0.8;
+    const WALK: f64 = 6.0;
+    let mut mesh = Mesh::from_cuboid([0.0, -HALF_THICKNESS, 0.0], [length, HALF_THICKNESS, WALK]);
+    for merlon in 0..(length / 2.0) as u32 {
+        let x = f64::from(merlon) * 2.0;
+        mesh.cuboid([x, -HALF_THICKNESS, WALK], [x + 1.0, -0.5, WALK + 0.9]);
+    }
+    mesh
+}
+
+fn wall_tower(centre: DVec2) -> Mesh {
+    let part = |bottom, top, bottom_radius, top_radius| Cylinder {
+        centre,
+        bottom,
+        top,
+        bottom_radius,
+        top_radius,
+        sides: 12,
+    };
+    let mut mesh = Mesh::new();
+    mesh.cylinder(&part(0.0, 9.0, 3.0, 3.0));
+    mesh.cylinder(&part(9.0, 13.0, 3.5, 0.0));
+    mesh
+}
+
+/// Level ground to some way outside the wall, in square tiles.
+fn ground(rings: u32, parts: &mut Parts) {
+    const TILES: u32 = 16;
+    let half = ring_radius(rings) + 4.0 + 30.0;
+    let tile = 2.0 * half / f64::from(TILES);
+    for i in 0..TILES {
+        for j in 0..TILES {
+            let low = DVec2::new(f64::from(i), f64::from(j)) * tile - half;
+            let at = |x: f64, y: f64| DVec3::new(low.x + x * tile, low.y + y * tile, 0.0);
+            let mut mesh = Mesh::new();
+            mesh.quad([at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)]);
+            parts.add("ground", mesh);
+        }
+    }
+}
+
+const ROUTES: [Route; 0] = [];

@@ -1,0 +1,91 @@
+//! What every scene source yields: named objects as plain triangles, and camera walks through them.
+//!
+//! Recipes, VSCN files and glTF files all end here, so a program is written once for all of them. Nothing is indexed or
+//! shared: a triangle soup is what the cullers' scene is filled from, and the simplest thing to get right.
+
+use crate::walk::Walk;
+use glam::Vec3;
+
+/// A scene with its camera walks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneSource {
+    /// The recipe or file stem.
+    pub name: String,
+    /// The unit axis that points to the sky.
+    pub up: Vec3,
+    /// A near-plane distance that suits the walks, in metres.
+    pub near: f32,
+    /// The objects, in the order of the file or recipe: their index is their identity.
+    pub objects: Vec<SourceObject>,
+    /// The camera walks; a loader makes one up when the scene brings none, so this is empty only for an empty scene.
+    pub walks: Vec<Walk>,
+}
+
+/// One object of a scene: what is culled as a whole.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SourceObject {
+    /// The name in the source; not unique.
+    pub name: String,
+    /// World-space triangles. Vertices of files are kept as they are, NaN and infinities included.
+    pub triangles: Vec<[Vec3; 3]>,
+    /// False for glass and cut-out billboards, which can be hidden but must never hide anything.
+    pub opaque: bool,
+    /// True for a door leaf: the walks of some scenes pass through closed doors, so a program may want to open (leave
+    /// out) these. Reference counts that come with a scene are taken with every door closed and drawn.
+    pub door: bool,
+}
+
+/// An axis-aligned box as (smallest, largest) corner.
+pub type Corners = (Vec3, Vec3);
+
+impl SourceObject {
+    /// An opaque object that is no door.
+    pub fn new(name: impl Into<String>, triangles: Vec<[Vec3; 3]>) -> Self {
+        Self { name: name.into(), triangles, opaque: true, door: false }
+    }
+
+    /// The box around the finite coordinates, or `None` when an axis has none.
+    pub fn bounds(&self) -> Option<Corners> {
+        bounds_of(self.triangles.iter().flatten())
+    }
+}
+
+impl SceneSource {
+    /// Triangles of all objects together.
+    pub fn triangle_count(&self) -> usize {
+        self.objects.iter().map(|o| o.triangles.len()).sum()
+    }
+
+    /// The box around the finite coordinates of all objects, or `None` when an axis has none.
+    pub fn bounds(&self) -> Option<Corners> {
+        bounds_of(self.objects.iter().flat_map(|o| o.triangles.iter().flatten()))
+    }
+}
+
+/// Non-finite coordinates are skipped one by one: a camera or a picture needs a usable box even when a file holds a NaN.
+fn bounds_of<'a>(points: impl Iterator<Item = &'a Vec3>) -> Option<Corners> {
+    let mut low = Vec3::INFINITY;
+    let mut high = Vec3::NEG_INFINITY;
+    for point in points {
+        low = low.min(Vec3::select(point.is_finite_mask(), *point, Vec3::INFINITY));
+        high = high.max(Vec3::select(point.is_finite_mask(), *point, Vec3::NEG_INFINITY));
+    }
+    low.cmple(high).all().then_some((low, high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_skip_what_is_not_finite() {
+        let triangle =
+            [Vec3::new(1.0, f32::NAN, 3.0), Vec3::new(-1.0, 2.0, f32::INFINITY), Vec3::new(0.0, 5.0, 4.0)];
+        let object = SourceObject::new("odd", vec![triangle]);
+        let (low, high) = object.bounds().expect("each axis has finite values");
+        assert_eq!(low, Vec3::new(-1.0, 2.0, 3.0));
+        assert_eq!(high, Vec3::new(1.0, 5.0, 4.0));
+        let nothing = SourceObject::new("none", vec![[Vec3::NAN; 3]]);
+        assert_eq!(nothing.bounds(), None);
+    }
+}

@@ -1,0 +1,265 @@
+//! Camera walks: key frames, frames in between, and making keys from a route on the ground.
+//!
+//! A walk is a list of keys that is interpolated linearly. Routes become keys by walking along a polyline at an even
+//! pace while looking at the point a few metres further along it, which is how a person walks: the view turns into a
+//! corner before the feet do.
+
+use crate::error::SourceError;
+use glam::{DVec3, Vec3};
+
+/// One key of a walk: where the eye is and the point it looks at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraKey {
+    /// The eye, in metres.
+    pub eye: DVec3,
+    /// The point looked at.
+    pub target: DVec3,
+}
+
+/// A camera walk.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Walk {
+    /// What a person would call it.
+    pub name: String,
+    /// The vertical field of view in degrees.
+    pub fov_y_degrees: f32,
+    /// The unit axis that stays upright in the picture.
+    pub up: Vec3,
+    /// The keys, in order; there is at least one.
+    pub keys: Vec<CameraKey>,
+}
+
+impl Walk {
+    /// The camera at a position along the keys: 0 is the first key, 1.5 is halfway from the second to the third, and
+    /// positions outside stay at the ends. `None` for a walk without keys.
+    pub fn at(&self, position: f64) -> Option<CameraKey> {
+        let last = self.keys.len().checked_sub(1)?;
+        // A NaN position maps to the start: `max` returns the other operand.
+        let position = position.max(0.0).min(last as f64);
+        let index = position.floor() as usize;
+        let part = position - index as f64;
+        let here = self.keys[index];
+        let next = self.keys[(index + 1).min(last)];
+        // At a key exactly, arithmetic on the next key must not disturb the answer.
+        if part == 0.0 {
+            return Some(here);
+        }
+        Some(CameraKey { eye: here.eye.lerp(next.eye, part), target: here.target.lerp(next.target, part) })
+    }
+}
+
+/// One frame of a sequence of walks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// Which walk it is on.
+    pub walk: usize,
+    /// The camera there.
+    pub camera: CameraKey,
+}
+
+/// Spreads `count` frames evenly over all walks, each walk getting a share proportional to its keys and both of its ends.
+///
+/// With as many frames as there are keys the frames are the keys. A walk whose share is a single frame shows its start.
+pub fn frames(walks: &[Walk], count: usize) -> Vec<Frame> {
+    let total: u128 = walks.iter().map(|w| w.keys.len() as u128).sum();
+    let mut frames = Vec::new();
+    let mut keys_before = 0_u128;
+    for (index, walk) in walks.iter().enumerate() {
+        // Shares are differences of rounded running totals, so that they add up to `count` exactly.
+        let start = count as u128 * keys_before / total.max(1);
+        keys_before += walk.keys.len() as u128;
+        let share = (count as u128 * keys_before / total.max(1) - start) as usize;
+        let steps = share.saturating_sub(1).max(1) as f64;
+        let last = walk.keys.len().saturating_sub(1) as f64;
+        frames.extend((0..share).filter_map(|i| {
+            let camera = walk.at(i as f64 * last / steps)?;
+            Some(Frame { walk: index, camera })
+        }));
+    }
+    frames
+}
+
+/// Keys at an even pace along a polyline, each looking at the point `look_ahead` metres further along.
+///
+/// Near the end the look rests on the end; when that is less than half as far as it should be, the look runs straight
+/// on past it. Repeated waypoints are ignored. Fewer than two distinct waypoints, or a `look_ahead` that is not
+/// positive, leave no direction to look in and give no keys.
+pub fn along(waypoints: &[DVec3], keys: usize, look_ahead: f64) -> Vec<CameraKey> {
+    let Some(route) = Route::new(waypoints) else {
+        return Vec::new();
+    };
+    // Written so that NaN is refused as well.
+    if !(look_ahead > 0.0) || keys == 0 {
+        return Vec::new();
+    }
+    let steps = keys.saturating_sub(1).max(1) as f64;
+    (0..keys)
+        .map(|i| {
+            let way = route.length() * i as f64 / steps;
+            CameraKey { eye: route.at(way), target: route.ahead(way, look_ahead) }
+        })
+        .collect()
+}
+
+/// A polyline measured by the way walked along it.
+struct Route {
+    /// (way from the start, point); ways increase strictly, and there are at least two.
+    points: Vec<(f64, DVec3)>,
+}
+
+impl Route {
+    fn new(waypoints: &[DVec3]) -> Option<Self> {
+        let mut points: Vec<(f64, DVec3)> = Vec::with_capacity(waypoints.len());
+        for &point in waypoints {
+            match points.last() {
+                None => points.push((0.0, point)),
+                Some(&(way, before)) => {
+                    let step = point.distance(before);
+                    if way + step > way {
+                        points.push((way + step, point));
+                    }
+                }
+            }
+        }
+        (points.len() >= 2).then_some(Self { points })
+    }
+
+    fn length(&self) -> f64 {
+        self.points.last().map_or(0.0, |&(way, _)| way)
+    }
+
+    /// The point to look at from a way along the route.
+    fn ahead(&self, way: f64, look_ahead: f64) -> DVec3 {
+        let length = self.length();
+        if length - way >= look_ahead * 0.5 {
+            return self.at((way + look_ahead).min(length));
+        }
+        let eye = self.at(way);
+        let (_, before_last) = self.points[self.points.len() - 2];
+        let (_, last) = self.points[self.points.len() - 1];
+        // At the end itself there is nothing left to look towards, but the last leg still has a direction.
+        let direction =
+            (last - eye).try_normalize().unwrap_or_else(|| (last - before_last).normalize_or(DVec3::X));
+        eye + direction * look_ahead
+    }
+
+    /// The point at a way from the start; beyond the end along the last leg.
+    fn at(&self, way: f64) -> DVec3 {
+        let leg = self.points.partition_point(|&(start, _)| start <= way).clamp(1, self.points.len() - 1);
+        let (start, from) = self.points[leg - 1];
+        let (end, to) = self.points[leg];
+        from + (to - from) * ((way - start) / (end - start))
+    }
+}
+
+/// How many metres of wall time a made-up walk takes does not matter; how many keys it has does.
+const ORBIT_KEYS: usize = 48;
+const ORBIT_FOV: f32 = 60.0;
+
+/// Walks for a scene that brings none: once around its box from outside, and once straight through its middle.
+///
+/// Empty when the scene has no finite point.
+pub fn made_up(bounds: Option<(Vec3, Vec3)>, up: Vec3) -> Vec<Walk> {
+    let Some((low, high)) = bounds else {
+        return Vec::new();
+    };
+    let (low, high) = (low.as_dvec3(), high.as_dvec3());
+    let centre = (low + high) * 0.5;
+    // A scene that is a single point still needs an eye that is not on it.
+    let radius = ((high - low).length() * 0.5).max(1e-3);
+    let up = up.as_dvec3();
+    let side = up.any_orthonormal_vector();
+    let other = up.cross(side);
+
+    let orbit = (0..ORBIT_KEYS).map(|i| {
+        let angle = i as f64 * std::f64::consts::TAU / (ORBIT_KEYS - 1) as f64;
+        let around = side * angle.cos() + other * angle.sin();
+        CameraKey { eye: centre + (around * 1.6 + up * 0.6) * radius, target: centre }
+    });
+    let through = along(&[centre - side * radius, centre + side * radius], ORBIT_KEYS, radius * 0.1);
+    let walk =
+        |name: &str, keys| Walk { name: name.to_owned(), fov_y_degrees: ORBIT_FOV, up: up.as_vec3(), keys };
+    vec![walk("around the scene", orbit.collect()), walk("through the middle", through)]
+}
+
+/// A near-plane distance for a scene that names none: small beside the scene, so that walking through it works.
+pub fn made_up_near(bounds: Option<(Vec3, Vec3)>) -> f32 {
+    let diagonal = bounds.map_or(1.0, |(low, high)| (high.as_dvec3() - low.as_dvec3()).length());
+    ((diagonal * 5e-4) as f32).clamp(1e-4, 1.0)
+}
+
+/// Reads the walks of a JSON description, for use with any scene.
+pub fn load_walks(path: &std::path::Path) -> Result<Vec<Walk>, SourceError> {
+    let description = crate::description::Description::load(path)?;
+    if description.walks.is_empty() {
+        return Err(SourceError::content(path, "cameras", "there are no walks"));
+    }
+    Ok(description.walks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn walk(keys: usize) -> Walk {
+        let keys = (0..keys).map(|i| CameraKey {
+            eye: DVec3::new(i as f64, 0.0, 0.0),
+            target: DVec3::new(i as f64, 1.0, 0.0),
+        });
+        Walk { name: "test".into(), fov_y_degrees: 60.0, up: Vec3::Z, keys: keys.collect() }
+    }
+
+    #[test]
+    fn as_many_frames_as_keys_are_the_keys() {
+        let walks = [walk(5), walk(1), walk(7)];
+        let frames = frames(&walks, 13);
+        let keys: Vec<_> = walks.iter().flat_map(|w| &w.keys).copied().collect();
+        assert_eq!(frames.iter().map(|f| f.camera).collect::<Vec<_>>(), keys);
+    }
+
+    #[test]
+    fn any_number_of_frames_is_met_and_ends_are_shown() {
+        let walks = [walk(4), walk(9)];
+        for count in [0, 1, 2, 26, 1000] {
+            assert_eq!(frames(&walks, count).len(), count);
+        }
+        let many = frames(&walks, 260);
+        assert_eq!(many[0].camera, walks[0].keys[0]);
+        assert_eq!(many[79].camera, walks[0].keys[3]);
+        assert_eq!(many[80].camera, walks[1].keys[0]);
+        assert_eq!(many[259].camera, walks[1].keys[8]);
+        assert_eq!(many[259].walk, 1);
+        assert!(frames(&[], 10).is_empty());
+    }
+
+    #[test]
+    fn positions_outside_stay_at_the_ends() {
+        let walk = walk(3);
+        assert_eq!(walk.at(-1.0), Some(walk.keys[0]));
+        assert_eq!(walk.at(f64::NAN), Some(walk.keys[0]));
+        assert_eq!(walk.at(f64::INFINITY), Some(walk.keys[2]));
+        assert_eq!(walk.at(0.5).expect("keys").eye.x, 0.5);
+    }
+
+    #[test]
+    fn keys_along_a_corner_look_ahead_and_past_the_end() {
+        let corner = [DVec3::ZERO, DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(4.0, 4.0, 0.0)];
+        let keys = along(&corner, 5, 1.0);
+        assert_eq!(keys[1].eye, DVec3::new(2.0, 0.0, 0.0));
+        assert_eq!(keys[2].eye, DVec3::new(4.0, 0.0, 0.0));
+        assert_eq!(keys[2].target, DVec3::new(4.0, 1.0, 0.0));
+        assert_eq!(keys[4].target, DVec3::new(4.0, 5.0, 0.0));
+        assert!(along(&[DVec3::ZERO], 5, 1.0).is_empty());
+        assert!(along(&corner, 5, f64::NAN).is_empty());
+    }
+
+    #[test]
+    fn made_up_walks_look_somewhere() {
+        for up in [Vec3::Y, Vec3::Z] {
+            for walk in made_up(Some((Vec3::ONE, Vec3::ONE)), up) {
+                assert!(walk.keys.iter().all(|k| k.eye.distance(k.target) > 1e-5));
+            }
+        }
+        assert!(made_up(None, Vec3::Z).is_empty());
+    }
+}
