@@ -1,4 +1,36 @@
 //! Which objects can this camera see?
+//!
+//! The core of the `visibility` crates: the [`Scene`] of objects and its hierarchy, the [`View`] in any engine's convention, the
+//! [`VisibleSet`] that goes through a [`Pipeline`] of [`Culler`]s each frame, the [`FrustumCuller`], and [`measure`], the exact answer
+//! against which every culler can be judged.
+//!
+//! ```
+//! use visibility_core::{glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
+//!
+//! let mut scene = Scene::new();
+//! let crate_ = scene.insert(Aabb::from_arrays([4.0, -1.0, 0.0], [6.0, 1.0, 2.0]));
+//! let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+//! let mut visible = VisibleSet::new();
+//!
+//! // Each frame: tell the scene what moved, cull, draw.
+//! scene.set_bounds(crate_, Aabb::from_arrays([4.5, -1.0, 0.0], [6.5, 1.0, 2.0]))?;
+//! let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+//! let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
+//! pipeline.cull(&scene, &view, &mut visible);
+//! for id in visible.iter(&scene) {
+//!     println!("draw object {}", id.index());
+//! }
+//! # assert_eq!(visible.count(&scene), 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Promises
+//! - A conservative culler never hides a visible object, whatever the rounding, at any magnitude of coordinates.
+//! - The same clip matrix gives the same answer on every processor, with any SIMD path, on any number of threads.
+//! - No allocation per frame once buffers have grown, no panic on any input.
+//!
+//! # Features
+//! `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary functions.
 #![no_std]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
@@ -7,10 +39,23 @@ extern crate std;
 #[cfg(not(any(feature = "std", feature = "libm")))]
 compile_error!("visibility-core needs floating point: enable the feature `std` or the feature `libm`");
 
+mod culler;
 mod float;
+mod frustum;
 pub mod geometry;
+pub mod measure;
+mod pipeline;
+pub mod scene;
+mod simd;
 pub mod view;
+mod visible_set;
 
+pub use culler::{Accuracy, CullStats, Culler};
+pub use frustum::FrustumCuller;
 pub use geometry::{Aabb, Containment, ConvexPolygon, Plane, PolygonError, Sphere};
 pub use glam;
+pub use pipeline::Pipeline;
+pub use scene::{Changes, Maintenance, Object, ObjectId, Scene, SceneError, Triangle};
+pub use simd::Simd;
 pub use view::{ClipMatrix, Depth, Eye, MAX_PLANES, Pose, View, ViewError, ViewPlane, ViewPlanes, Window};
+pub use visible_set::VisibleSet;

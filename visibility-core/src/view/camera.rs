@@ -106,7 +106,7 @@ impl View {
         if !(near > 0.0 && near.is_finite()) {
             return Err(ViewError::Parameter { name: "near", value: near });
         }
-        if !(far > near) {
+        if far.is_nan() || far <= near {
             return Err(ViewError::Parameter { name: "far", value: far });
         }
         let (width, height) = (window.right - window.left, window.top - window.bottom);

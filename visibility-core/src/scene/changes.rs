@@ -1,0 +1,93 @@
+//! The log of changes, by which whoever derives state from a scene keeps it up to date in time proportional to
+//! what changed ("the modules are told of changes", as in the design of VISAPI, papers/cdt-and-visapi).
+
+use crate::ObjectId;
+use alloc::vec::Vec;
+
+/// What changed in a scene since some revision.
+///
+/// ```
+/// use visibility_core::{Aabb, Changes, Scene};
+/// let mut scene = Scene::new();
+/// let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+/// let seen = scene.revision();
+/// scene.set_bounds(id, Aabb::from_arrays([1.0; 3], [2.0; 3]))?;
+/// assert_eq!(scene.changes_since(seen), Changes::Objects(&[id]));
+/// # Ok::<(), visibility_core::SceneError>(())
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Changes<'a> {
+    /// These objects were inserted, removed or changed, oldest change first; an object may be listed more than once.
+    /// One that is no longer in the scene was removed.
+    Objects(&'a [ObjectId]),
+    /// More than the log holds, or the revision is of another scene: look at every object.
+    Everything,
+}
+
+/// A bounded list of changed objects. Revision `n` is the state after the first `n` changes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ChangeLog {
+    /// The revision before the first entry.
+    start: u64,
+    entries: Vec<ObjectId>,
+}
+
+impl ChangeLog {
+    /// Fewer entries than this are always kept.
+    const LEAST: usize = 1024;
+
+    pub(crate) fn revision(&self) -> u64 {
+        self.start + self.entries.len() as u64
+    }
+
+    /// Records a change. Past a quarter as many entries as there are objects, looking at every object costs little more
+    /// than following the log, so the older half is dropped: amortised constant time, no growth.
+    pub(crate) fn push(&mut self, id: ObjectId, objects: usize) {
+        let limit = Self::LEAST.max(objects / 4);
+        if self.entries.len() >= limit {
+            let dropped = self.entries.len() - limit / 2;
+            self.entries.drain(..dropped);
+            self.start += dropped as u64;
+        }
+        self.entries.push(id);
+    }
+
+    pub(crate) fn memory(&self) -> usize {
+        size_of_val(&self.entries[..])
+    }
+
+    /// Records that everything may have changed.
+    pub(crate) fn invalidate(&mut self) {
+        self.start = self.revision() + 1;
+        self.entries.clear();
+    }
+
+    pub(crate) fn since(&self, revision: u64) -> Changes<'_> {
+        match revision.checked_sub(self.start).and_then(|n| self.entries.get(usize::try_from(n).ok()?..)) {
+            Some(entries) => Changes::Objects(entries),
+            None => Changes::Everything,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn old_changes_are_forgotten_as_everything() {
+        let mut log = ChangeLog::default();
+        for i in 0..5000 {
+            log.push(ObjectId { index: i, generation: 0 }, 10);
+        }
+        assert!(log.entries.capacity() <= 2048);
+        assert_eq!(log.revision(), 5000);
+        assert_eq!(log.since(0), Changes::Everything);
+        assert_eq!(log.since(5001), Changes::Everything);
+        assert_eq!(log.since(5000), Changes::Objects(&[]));
+        assert_eq!(log.since(4999), Changes::Objects(&[ObjectId { index: 4999, generation: 0 }]));
+        log.invalidate();
+        assert_eq!(log.since(5000), Changes::Everything);
+        assert_eq!(log.since(log.revision()), Changes::Objects(&[]));
+    }
+}

@@ -1,0 +1,340 @@
+//! The set that goes through the cullers of a frame: candidates in, survivors out.
+
+use crate::scene::{NONE, Tree, lanes};
+use crate::{Aabb, CullStats, ObjectId, Scene, View};
+use alloc::vec::Vec;
+use smallvec::SmallVec;
+
+/// The objects of a scene that a view may see.
+///
+/// It holds a mask for each node of the scene's hierarchy, so that cullers work on 64 objects at once and whole branches that are
+/// hidden are never touched. The masks belong to the layout of the scene at the time of culling: if objects come, go or are moved to
+/// another place in the hierarchy before the set is read, it counts as holding everything.
+///
+/// Objects that are never culled are always in it, if they are on the view's layers.
+///
+/// ```
+/// use visibility_core::{Aabb, Pipeline, Scene, VisibleSet};
+/// # use visibility_core::{glam::DVec3, FrustumCuller, Pose, View};
+/// # let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// # let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0)?;
+/// let mut scene = Scene::new();
+/// let id = scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [6.0, 1.0, 1.0]));
+/// let mut visible = VisibleSet::with_changes(); // also tells what appeared and vanished
+/// let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+/// pipeline.cull(&scene, &view, &mut visible);
+/// assert!(visible.contains(&scene, id));
+/// assert_eq!(visible.newly_visible().collect::<Vec<_>>(), [id]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct VisibleSet {
+    /// By node: which lanes are in the set, or, in inner nodes, have something below them that is. The mask of a node
+    /// whose lane above is not set means nothing.
+    words: Vec<u64>,
+    /// The layout of the scene that `words` belongs to; 0 for none.
+    layout: u64,
+    /// All objects on `layers`, whatever is in `words`.
+    everything: bool,
+    layers: u32,
+    /// Contains at least what `words` contains, if `ordered`.
+    order: Vec<ObjectId>,
+    ordered: bool,
+    changes: Option<Changes>,
+}
+
+/// What was visible in the last two frames, by id, which outlives changes of layout.
+#[derive(Clone, Debug, Default)]
+struct Changes {
+    now: Vec<ObjectId>,
+    before: Vec<ObjectId>,
+    /// A bit per index.
+    now_bits: Vec<u64>,
+    before_bits: Vec<u64>,
+}
+
+impl Default for VisibleSet {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl VisibleSet {
+    /// A set that holds everything, until a culler says otherwise.
+    pub const fn new() -> Self {
+        Self {
+            words: Vec::new(),
+            layout: 0,
+            everything: true,
+            layers: u32::MAX,
+            order: Vec::new(),
+            ordered: false,
+            changes: None,
+        }
+    }
+
+    /// As [`new`](Self::new), also keeping track of what is [newly visible](Self::newly_visible) and
+    /// [newly hidden](Self::newly_hidden), which costs a few nanoseconds for each visible object and frame.
+    pub fn with_changes() -> Self {
+        Self { changes: Some(Changes::default()), ..Self::new() }
+    }
+
+    /// Makes every object on the view's layers a candidate. [`Pipeline::cull`](crate::Pipeline::cull) does this by itself.
+    pub fn fill(&mut self, scene: &Scene, view: &View) {
+        self.layers = view.layers();
+        self.everything = true;
+        self.ordered = false;
+        self.layout = scene.layout();
+        self.words.resize(scene.tree().node_count(), 0);
+    }
+
+    /// Ends a frame: notes what is visible, if changes are asked for. [`Pipeline::cull`](crate::Pipeline::cull) does this by itself.
+    pub fn finish(&mut self, scene: &Scene) {
+        let Some(mut changes) = self.changes.take() else { return };
+        core::mem::swap(&mut changes.now, &mut changes.before);
+        core::mem::swap(&mut changes.now_bits, &mut changes.before_bits);
+        for id in changes.now.drain(..) {
+            if let Some(word) = changes.now_bits.get_mut(id.index() / 64) {
+                *word &= !(1 << (id.index() % 64));
+            }
+        }
+        changes.now_bits.resize(scene.index_limit().div_ceil(64), 0);
+        changes.now.reserve(scene.len());
+        for id in self.iter(scene) {
+            changes.now.push(id);
+            changes.now_bits[id.index() / 64] |= 1 << (id.index() % 64);
+        }
+        self.changes = Some(changes);
+    }
+
+    /// What is visible now and was not in the frame before, if the set was made [with changes](Self::with_changes).
+    pub fn newly_visible(&self) -> impl Iterator<Item = ObjectId> + '_ {
+        self.changes.iter().flat_map(|c| difference(&c.now, &c.before, &c.before_bits))
+    }
+
+    /// What was visible in the frame before and is not now, if the set was made [with changes](Self::with_changes); also
+    /// what was removed from the scene meanwhile.
+    pub fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
+        self.changes.iter().flat_map(|c| difference(&c.before, &c.now, &c.now_bits))
+    }
+
+    /// Whether the masks can be used for this scene as it is.
+    fn is_current(&self, scene: &Scene) -> bool {
+        !self.everything && self.layout == scene.layout()
+    }
+
+    /// Brings the set to the layout of the scene: if that has changed, everything is a candidate again.
+    pub(crate) fn prepare(&mut self, scene: &Scene) {
+        if self.layout != scene.layout() {
+            self.everything = true;
+            self.ordered = false;
+            self.layout = scene.layout();
+            self.words.resize(scene.tree().node_count(), 0);
+        }
+    }
+
+    /// The lanes of a node in the set, when those above it are.
+    pub(crate) fn mask(&self, scene: &Scene, node: usize) -> u64 {
+        if self.is_current(scene) {
+            self.words[node]
+        } else if scene.tree().levels[node] == 0 {
+            scene.lanes_on_layers(node, self.layers)
+        } else {
+            scene.tree().occupied[node]
+        }
+    }
+
+    pub(crate) fn set_mask(&mut self, node: usize, mask: u64) {
+        self.words[node] = mask;
+    }
+
+    /// Ends the walk of a culler that has set the mask of every node that it reached: from now on those masks count.
+    pub(crate) fn commit(&mut self) {
+        self.everything = false;
+    }
+
+    /// Takes a node and all below it as it is. Returns how many objects that are.
+    pub(crate) fn keep_below(&mut self, scene: &Scene, node: usize) -> u64 {
+        let mask = self.mask(scene, node);
+        self.words[node] = mask;
+        if scene.tree().levels[node] == 0 {
+            return mask.count_ones().into();
+        }
+        lanes(mask).map(|lane| self.keep_below(scene, scene.tree().child(node, lane))).sum()
+    }
+
+    /// Keeps the objects for which `keep` is true: the simplest way to write a culler. Objects that are never culled are not asked for.
+    pub fn retain(&mut self, scene: &Scene, mut keep: impl FnMut(ObjectId, &Aabb) -> bool) -> CullStats {
+        self.prepare(scene);
+        let mut stats = CullStats::default();
+        if scene.tree().root != NONE {
+            self.retain_below(scene, scene.tree().root as usize, &mut keep, &mut stats);
+        }
+        self.commit();
+        stats.visible += self.unculled_count(scene);
+        stats
+    }
+
+    fn retain_below(
+        &mut self,
+        scene: &Scene,
+        node: usize,
+        keep: &mut impl FnMut(ObjectId, &Aabb) -> bool,
+        stats: &mut CullStats,
+    ) -> bool {
+        let tree = scene.tree();
+        let mut mask = self.mask(scene, node);
+        stats.nodes += 1;
+        if tree.levels[node] == 0 {
+            stats.tests += u64::from(mask.count_ones());
+            for lane in lanes(mask) {
+                if !keep(tree.ids[node][lane], &tree.bounds[node].get(lane)) {
+                    mask &= !(1 << lane);
+                }
+            }
+            stats.visible += u64::from(mask.count_ones());
+        } else {
+            for lane in lanes(mask) {
+                if !self.retain_below(scene, tree.child(node, lane), keep, stats) {
+                    mask &= !(1 << lane);
+                }
+            }
+        }
+        self.words[node] = mask;
+        mask != 0
+    }
+
+    /// Sorts what is in the set, by ascending key; [`iter`](Self::iter) then follows that order.
+    pub fn sort_by_key<K: Ord>(&mut self, scene: &Scene, mut key: impl FnMut(ObjectId) -> K) {
+        let mut order = core::mem::take(&mut self.order);
+        self.ordered = false;
+        order.clear();
+        order.extend(self.iter(scene));
+        // Equal keys by index, so that the order depends on nothing else.
+        order.sort_unstable_by_key(|&id| (key(id), id));
+        self.order = order;
+        self.ordered = true;
+    }
+
+    /// The objects in the set, in its order if it has one, otherwise in that of the hierarchy.
+    pub fn iter<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
+        let ordered = self.ordered && self.layout == scene.layout();
+        let in_order =
+            self.order.iter().copied().filter(move |_| ordered).filter(|&id| self.contains(scene, id));
+        let walk = Walk::new(self, scene, !ordered);
+        in_order.chain(walk).chain(self.unculled(scene).filter(move |_| !ordered))
+    }
+
+    /// The objects that are never culled, on the layers of the view.
+    fn unculled<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
+        let (tree, layers) = (scene.tree(), self.layers);
+        tree.unculled.iter().flat_map(move |&leaf| {
+            let leaf = leaf as usize;
+            lanes(scene.lanes_on_layers(leaf, layers)).map(move |lane| tree.ids[leaf][lane])
+        })
+    }
+
+    pub(crate) fn unculled_count(&self, scene: &Scene) -> u64 {
+        let leaves = scene.tree().unculled.iter();
+        leaves.map(|&leaf| u64::from(scene.lanes_on_layers(leaf as usize, self.layers).count_ones())).sum()
+    }
+
+    /// How many objects are in the set.
+    pub fn count(&self, scene: &Scene) -> usize {
+        let mut walk = Walk::new(self, scene, true);
+        let mut count = walk.mask.count_ones() as usize;
+        while walk.next_leaf() {
+            count += walk.mask.count_ones() as usize;
+        }
+        count + self.unculled_count(scene) as usize
+    }
+
+    /// Whether an object is in the set. False for an unknown one.
+    pub fn contains(&self, scene: &Scene, id: ObjectId) -> bool {
+        let Some((leaf, lane)) = scene.locate(id) else { return false };
+        if scene.lanes_on_layers(leaf, self.layers) >> lane & 1 == 0 {
+            return false;
+        }
+        let tree = scene.tree();
+        !self.is_current(scene)
+            || tree.is_unculled_leaf(leaf)
+            || tree.path(leaf, lane).all(|(node, lane)| self.words[node] >> lane & 1 != 0)
+    }
+}
+
+/// Those of `of` that are not among `others`, whose indices are set in `bits`. A set bit may stem from an earlier object with
+/// the same index; that is rare, and then the list decides.
+fn difference<'a>(
+    of: &'a [ObjectId],
+    others: &'a [ObjectId],
+    bits: &'a [u64],
+) -> impl Iterator<Item = ObjectId> + 'a {
+    of.iter().copied().filter(move |id| {
+        let bit = bits.get(id.index() / 64).is_some_and(|word| word >> (id.index() % 64) & 1 != 0);
+        !bit || id.generation() != 0 && !others.contains(id)
+    })
+}
+
+/// Goes through the leaves of a set.
+struct Walk<'a> {
+    set: &'a VisibleSet,
+    scene: &'a Scene,
+    tree: &'a Tree,
+    /// Inner nodes on the way down, each with the lanes that are still to be visited.
+    path: SmallVec<[(usize, u64); 8]>,
+    leaf: usize,
+    mask: u64,
+}
+
+impl<'a> Walk<'a> {
+    fn new(set: &'a VisibleSet, scene: &'a Scene, wanted: bool) -> Self {
+        let mut walk = Self { set, scene, tree: scene.tree(), path: SmallVec::new(), leaf: 0, mask: 0 };
+        if wanted && walk.tree.root != NONE {
+            walk.enter(walk.tree.root as usize);
+        }
+        walk
+    }
+
+    fn enter(&mut self, node: usize) {
+        let mask = self.set.mask(self.scene, node);
+        if self.tree.levels[node] == 0 {
+            (self.leaf, self.mask) = (node, mask);
+        } else {
+            self.path.push((node, mask));
+        }
+    }
+
+    /// Moves on to the next leaf, whose mask may be empty. False at the end.
+    fn next_leaf(&mut self) -> bool {
+        while let Some((node, rest)) = self.path.last_mut() {
+            if *rest == 0 {
+                self.path.pop();
+                continue;
+            }
+            let lane = rest.trailing_zeros() as usize;
+            *rest &= *rest - 1;
+            let child = self.tree.child(*node, lane);
+            self.enter(child);
+            if self.tree.levels[child] == 0 {
+                return true;
+            }
+        }
+        self.mask = 0;
+        false
+    }
+}
+
+impl Iterator for Walk<'_> {
+    type Item = ObjectId;
+
+    fn next(&mut self) -> Option<ObjectId> {
+        while self.mask == 0 {
+            if !self.next_leaf() {
+                return None;
+            }
+        }
+        let lane = self.mask.trailing_zeros() as usize;
+        self.mask &= self.mask - 1;
+        Some(self.tree.ids[self.leaf][lane])
+    }
+}
