@@ -1,0 +1,241 @@
+//! The item buffer against rays through all pixel centres (Möller and Trumbore, "Fast, Minimum Storage Ray-Triangle
+//! Intersection", 1997). Rays are made from the pose and the window, without any matrix, and are clipped by distance
+//! along the line of sight, so nothing of what is judged is used to judge it.
+
+use super::tests::Random;
+use super::*;
+use crate::{Depth, Pose, View, Window};
+use alloc::vec::Vec;
+use glam::{DMat4, DVec3, DVec4, Vec3};
+
+/// What the rays of one camera are made from.
+struct Camera {
+    pose: Pose,
+    window: Window,
+    near: f64,
+    far: f64,
+    parallel: bool,
+}
+
+impl Camera {
+    /// The start of the ray through a pixel's centre, and its direction, which advances 1 along the line of sight.
+    fn ray(&self, column: usize, row: usize, width: usize, height: usize) -> (DVec3, DVec3) {
+        let Window { left, right, bottom, top } = self.window;
+        let x = left + (right - left) * (column as f64 + 0.5) / width as f64;
+        let y = top + (bottom - top) * (row as f64 + 0.5) / height as f64;
+        let across = self.pose.right * x + self.pose.up * y;
+        if self.parallel {
+            (self.pose.eye + across, self.pose.forward)
+        } else {
+            (self.pose.eye, self.pose.forward + across)
+        }
+    }
+
+    /// The clip matrix of the same picture in any convention, relative to the eye.
+    fn matrix(&self, depth: Depth) -> DMat4 {
+        let (n, f) = (self.near, self.far);
+        // Values of z at distances n and f, and of w there: z = slope * distance + constant.
+        let (at_near, at_far) = match depth {
+            Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 1.0),
+            Depth::ZeroToOne | Depth::Infinite => (0.0, 1.0),
+            Depth::Reversed | Depth::ReversedInfinite => (1.0, 0.0),
+        };
+        let (slope, constant) = if self.parallel {
+            ((at_far - at_near) / (f - n), at_near - (at_far - at_near) / (f - n) * n)
+        } else if depth.is_infinite() {
+            (at_far, (at_near - at_far) * n)
+        } else {
+            ((at_far * f - at_near * n) / (f - n), (at_near - at_far) * n * f / (f - n))
+        };
+        let Window { left, right, bottom, top } = self.window;
+        let (sx, sy) = (2.0 / (right - left), 2.0 / (top - bottom));
+        let (cx, cy) = ((right + left) / (right - left), (top + bottom) / (top - bottom));
+        // From camera space: right, up, forward.
+        let project = if self.parallel {
+            DMat4::from_cols(
+                DVec4::X * sx,
+                DVec4::Y * sy,
+                DVec4::Z * slope,
+                DVec4::new(-cx, -cy, constant, 1.0),
+            )
+        } else {
+            DMat4::from_cols(
+                DVec4::X * sx,
+                DVec4::Y * sy,
+                DVec4::new(-cx, -cy, slope, 1.0),
+                DVec4::Z * constant,
+            )
+        };
+        let Pose { right, up, forward, .. } = self.pose;
+        let turn =
+            DMat4::from_cols(right.extend(0.0), up.extend(0.0), forward.extend(0.0), DVec4::W).transpose();
+        project * turn
+    }
+}
+
+struct Hit {
+    distance: f64,
+    /// The least of the barycentric coordinates: how far inside, relative to the triangle's size.
+    inside: f64,
+}
+
+fn intersect(start: DVec3, direction: DVec3, triangle: &[Vec3; 3]) -> Option<Hit> {
+    let [a, b, c] = triangle.map(|p| p.as_dvec3());
+    let (e1, e2) = (b - a, c - a);
+    let p = direction.cross(e2);
+    let determinant = e1.dot(p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let t = start - a;
+    let u = t.dot(p) / determinant;
+    let q = t.cross(e1);
+    let v = direction.dot(q) / determinant;
+    Some(Hit { distance: e2.dot(q) / determinant, inside: u.min(v).min(1.0 - u - v) })
+}
+
+/// Draws, casts, and compares each pixel. Returns how many pixels show a triangle, and how many were too close to call.
+fn check(camera: &Camera, view: &View, triangles: &[[Vec3; 3]], what: &str) -> (usize, usize) {
+    let (width, height) = (48, 36);
+    let mut buffer = ItemBuffer::new(width as u32, height as u32).unwrap();
+    buffer.draw(view, DVec3::ZERO, [(0, triangles)]).unwrap();
+    let (mut covered, mut close) = (0, 0);
+    for row in 0..height {
+        for column in 0..width {
+            let (start, direction) = camera.ray(column, row, width, height);
+            let mut nearest = (f64::INFINITY, NONE);
+            let mut doubtful = false;
+            let mut second = f64::INFINITY;
+            for (i, triangle) in triangles.iter().enumerate() {
+                let Some(hit) = intersect(start, direction, triangle) else { continue };
+                let in_range = camera.near <= hit.distance && hit.distance <= camera.far;
+                let at_an_end = [camera.near, camera.far]
+                    .iter()
+                    .any(|end| (hit.distance - end).abs() < 1e-9 * end.abs().max(1.0));
+                if hit.inside.abs() < 1e-9 && in_range || at_an_end && hit.inside > -1e-9 {
+                    doubtful |= hit.distance <= nearest.0 * (1.0 + 1e-9);
+                }
+                if hit.inside >= 0.0 && in_range {
+                    if hit.distance < nearest.0 {
+                        second = nearest.0;
+                        nearest = (hit.distance, i as u32);
+                    } else {
+                        second = second.min(hit.distance);
+                    }
+                }
+            }
+            doubtful |= second - nearest.0 < 1e-9 * nearest.0.abs();
+            let drawn = buffer.items()[row * width + column];
+            covered += usize::from(drawn != NONE);
+            if doubtful {
+                close += 1;
+            } else {
+                assert_eq!(drawn, nearest.1, "{what}: column {column}, row {row}, hit at {}", nearest.0);
+            }
+        }
+    }
+    (covered, close)
+}
+
+/// Triangles of all sizes about a point, many of them around the eye, through the near plane and behind.
+fn soup(random: &mut Random, eye: DVec3, count: usize) -> Vec<[Vec3; 3]> {
+    (0..count)
+        .map(|_| {
+            let center = eye + random.point(12.0);
+            let size = 10f64.powf(random.range(-1.0, 1.4));
+            core::array::from_fn(|_| (center + random.point(size)).as_vec3())
+        })
+        .collect()
+}
+
+fn camera(random: &mut Random, round: usize, near: f64, far: f64, parallel: bool) -> Camera {
+    let eye = random.point(5.0);
+    let pose = Pose::look_at(eye, eye + random.point(1.0), DVec3::Z);
+    let (w, h) = if parallel { (8.0, 6.0) } else { (0.8, 0.6) };
+    // Every other camera is off-centre, as the eyes of a headset are.
+    let mut window = Window::centered(w, h);
+    if round % 2 == 1 {
+        (window.left, window.top) = (-0.3 * w, 1.9 * h);
+    }
+    Camera { pose, window, near, far, parallel }
+}
+
+#[test]
+fn perspective_in_all_conventions_equals_rays() {
+    let mut random = Random(5);
+    let (mut covered, mut close) = (0, 0);
+    for round in 0..12 {
+        let camera = camera(&mut random, round, 0.5, 14.0, false);
+        // Few triangles and many: gaps and clutter.
+        let triangles = soup(&mut random, camera.pose.eye, if round % 3 == 0 { 8 } else { 120 });
+        let endless = Camera { far: f64::INFINITY, ..camera };
+        for depth in [Depth::NegativeOneToOne, Depth::ZeroToOne, Depth::Reversed] {
+            let view = View::from_clip_from_world(camera.matrix(depth), depth).unwrap();
+            let view = view.relative_to(camera.pose.eye).unwrap();
+            let (a, b) = check(&camera, &view, &triangles, "finite");
+            (covered, close) = (covered + a, close + b);
+        }
+        for depth in [Depth::NegativeOneToOneInfinite, Depth::Infinite, Depth::ReversedInfinite] {
+            let view = View::from_clip_from_world(camera.matrix(depth), depth).unwrap();
+            check(&endless, &view.relative_to(camera.pose.eye).unwrap(), &triangles, "infinite");
+        }
+        let Camera { pose, window, near, far, .. } = camera;
+        for (camera, far) in [(&camera, far), (&endless, f64::INFINITY)] {
+            let view = View::perspective_off_center(pose, window, near, far).unwrap();
+            check(camera, &view, &triangles, "built");
+        }
+    }
+    assert!(covered > 20_000 && close < 20, "{covered} pixels covered, {close} too close to call");
+}
+
+#[test]
+fn orthographic_in_all_conventions_equals_rays() {
+    let mut random = Random(6);
+    let (mut covered, mut close) = (0, 0);
+    for round in 0..12 {
+        // The near plane behind the eye, as shadow cameras have it.
+        let camera = camera(&mut random, round, -3.0, 9.0, true);
+        let triangles = soup(&mut random, camera.pose.eye, if round % 3 == 0 { 8 } else { 120 });
+        for depth in [Depth::NegativeOneToOne, Depth::ZeroToOne, Depth::Reversed] {
+            let view = View::from_clip_from_world(camera.matrix(depth), depth).unwrap();
+            let view = view.relative_to(camera.pose.eye).unwrap();
+            let (a, b) = check(&camera, &view, &triangles, "parallel");
+            (covered, close) = (covered + a, close + b);
+        }
+        let Camera { pose, window, near, far, .. } = camera;
+        let view = View::orthographic(pose, window, near, far).unwrap();
+        check(&camera, &view, &triangles, "parallel, built");
+    }
+    assert!(covered > 20_000 && close < 20, "{covered} pixels covered, {close} too close to call");
+}
+
+#[test]
+fn distant_depths_are_told_apart_in_every_convention() {
+    // Walls from 1 m to 1e9 m, each a millionth farther than the one before it, which is narrower: a staircase of strips.
+    // z/w in [0, 1] with near = 0.01 differs by 1e-17 between the last ones, less than f64 resolves.
+    let camera = Camera {
+        pose: Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z),
+        window: Window::centered(0.8, 0.6),
+        near: 0.01,
+        far: f64::INFINITY,
+        parallel: false,
+    };
+    for scale in [1.0, 1e3, 1e9] {
+        let strip = |i: i32| {
+            let d = scale * (1.0 + f64::from(i) * 1e-6);
+            let y = d * (-0.8 + 0.1 * f64::from(i + 1));
+            let corner = |y: f64, z: f64| DVec3::new(d, y, z).as_vec3();
+            // Not symmetric, so that the diagonal passes between centres.
+            let [a, b] = [corner(-d, -2.03 * d), corner(y, -2.03 * d)];
+            let [c, e] = [corner(y, 2.1 * d), corner(-d, 2.1 * d)];
+            [[a, b, c], [a, c, e]]
+        };
+        // The farthest first, so that ties would show it.
+        let triangles: Vec<_> = (0..16).rev().flat_map(strip).collect();
+        for depth in [Depth::NegativeOneToOneInfinite, Depth::Infinite, Depth::ReversedInfinite] {
+            let view = View::from_clip_from_world(camera.matrix(depth), depth).unwrap();
+            let (covered, close) = check(&camera, &view, &triangles, "strips");
+            assert!(covered == 48 * 36 && close == 0, "{covered} {close}");
+        }
+    }
+}

@@ -1,0 +1,325 @@
+//! Known pictures, watertight meshes, hostile input.
+
+use super::*;
+use crate::{Depth, Pose, View, Window};
+use alloc::vec::Vec;
+use glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
+
+/// Numbers from 0 to 1, the same in each run.
+pub(super) struct Random(pub(super) u64);
+
+impl Random {
+    pub(super) fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 33) as f64 / (1u64 << 31) as f64
+    }
+
+    pub(super) fn range(&mut self, least: f64, greatest: f64) -> f64 {
+        least + (greatest - least) * self.unit()
+    }
+
+    pub(super) fn point(&mut self, reach: f64) -> DVec3 {
+        DVec3::from_array(core::array::from_fn(|_| self.range(-reach, reach)))
+    }
+}
+
+/// Shows x right and y down, in pixels of a `width` x `height` image, nearer the smaller z, which is from 0 to 1.
+fn pixels(width: f64, height: f64) -> View {
+    let matrix = DMat4::from_cols(
+        DVec4::X * 2.0 / width,
+        DVec4::Y * -2.0 / height,
+        DVec4::Z,
+        DVec4::new(-1.0, 1.0, 0.0, 1.0),
+    );
+    View::from_clip_from_world(matrix, Depth::ZeroToOne).unwrap()
+}
+
+fn flat(points: [[f32; 2]; 3], z: f32) -> [Vec3; 3] {
+    points.map(|[x, y]| Vec3::new(x, y, z))
+}
+
+fn rectangle(left: f32, top: f32, right: f32, bottom: f32, z: f32) -> [[Vec3; 3]; 2] {
+    let (a, b, c, d) = ([left, top], [right, top], [right, bottom], [left, bottom]);
+    [flat([a, b, c], z), flat([c, d, a], z)]
+}
+
+fn covered(buffer: &ItemBuffer) -> Vec<(usize, usize)> {
+    let width = buffer.width() as usize;
+    (0..buffer.items().len()).filter(|&p| buffer.items()[p] != NONE).map(|p| (p % width, p / width)).collect()
+}
+
+#[test]
+fn rectangles_cover_the_centers_inside_half_open() {
+    let view = pixels(32.0, 16.0);
+    let mut buffer = ItemBuffer::new(32, 16).unwrap();
+    // The first from centre to centre: left and top ones belong to it, right and bottom ones do not.
+    for (sides, columns, rows) in [
+        ([2.5, 3.5, 7.5, 6.5], 2..7, 3..6),
+        ([2.51, 3.49, 7.51, 6.51], 3..8, 3..7),
+        ([-9.0, -9.0, 99.0, 99.0], 0..32, 0..16),
+        ([-900.0, 4.0, 900.0, 5.0], 0..32, 4..5),
+        ([1.6, 1.6, 2.4, 9.0], 0..0, 0..0),
+        ([31.0, 15.0, 32.0, 16.0], 31..32, 15..16),
+    ] {
+        let [a, b, c, d] = sides;
+        let exact = buffer.draw(&view, DVec3::ZERO, [(5, &rectangle(a, b, c, d, 0.5)[..])]).unwrap();
+        let count = columns.len() * rows.len();
+        assert_eq!(exact.covered_pixels() as usize, count, "{sides:?}");
+        assert_eq!(exact.visible_objects(), u32::from(count > 0));
+        let expected: Vec<_> = rows.flat_map(|y| columns.clone().map(move |x| (x, y))).collect();
+        assert_eq!(covered(&buffer), expected, "{sides:?}");
+    }
+}
+
+#[test]
+fn a_triangle_covers_the_centers_below_its_diagonal() {
+    let view = pixels(20.0, 20.0);
+    let mut buffer = ItemBuffer::new(20, 20).unwrap();
+    // Centres with x + y < 10 are inside, those with x + y = 10 lie on the right edge, which does not belong to it.
+    let triangle = [flat([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
+    let exact = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
+    assert_eq!(exact.triangle_pixels(), [45]);
+    // The mirrored one has its diagonal on the left, with its centres.
+    let triangle = [flat([[10.0, 10.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
+    let exact = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
+    assert_eq!(exact.triangle_pixels(), [55]);
+}
+
+#[test]
+fn the_nearest_wins_and_ties_go_to_the_first() {
+    let view = pixels(8.0, 8.0);
+    let mut buffer = ItemBuffer::new(8, 8).unwrap();
+    let wall = rectangle(0.0, 0.0, 8.0, 8.0, 0.5);
+    let near = rectangle(2.0, 2.0, 4.0, 4.0, 0.25);
+    // The same wall with its corners in other orders: equally near to the last bit.
+    let turned = wall.map(|[a, b, c]| [c, a, b]);
+    let exact = buffer.draw(&view, DVec3::ZERO, [(9, &turned[..]), (8, &near[..]), (7, &wall[..])]).unwrap();
+    let seen: Vec<_> = exact.objects().iter().map(|o| (o.key, o.pixels, o.visible_triangles)).collect();
+    assert_eq!(seen, [(9, 60, 2), (8, 4, 2), (7, 0, 0)]);
+    assert_eq!(buffer.object_at(2, 3), Some(1));
+    assert_eq!(
+        (buffer.object_at(0, 0), buffer.object_at(8, 0), buffer.object_at(0, 8)),
+        (Some(0), None, None)
+    );
+    // Tilted walls in exchanged order: again the first.
+    let tilted = wall.map(|t| t.map(|p| p.with_z(0.1 + p.x * 0.037 + p.y * 0.013)));
+    let reversed = tilted.map(|[a, b, c]| [c, b, a]);
+    let exact = buffer.draw(&view, DVec3::ZERO, [(1, &reversed[..]), (2, &tilted[..])]).unwrap();
+    assert_eq!(exact.objects().iter().map(|o| o.pixels).collect::<Vec<_>>(), [64, 0]);
+}
+
+/// How often each centre is covered when every triangle is drawn alone.
+fn coverage(buffer: &mut ItemBuffer, view: &View, triangles: &[[Vec3; 3]]) -> Vec<u32> {
+    let mut counts = alloc::vec![0; buffer.items().len()];
+    for triangle in triangles {
+        buffer.draw(view, DVec3::ZERO, [(0, core::slice::from_ref(triangle))]).unwrap();
+        for (count, &item) in counts.iter_mut().zip(buffer.items()) {
+            *count += u32::from(item != NONE);
+        }
+    }
+    counts
+}
+
+#[test]
+fn fans_cover_each_center_once() {
+    let mut random = Random(1);
+    let size = 48.0;
+    let view = pixels(size, size);
+    let mut buffer = ItemBuffer::new(48, 48).unwrap();
+    for round in 0..60 {
+        // Hubs anywhere, on centres, on pixel corners; spokes end on a ring outside the image, in places far outside.
+        let snap = |v: f64| if round % 2 == 0 { v } else { (v * 2.0).round() / 2.0 };
+        let hub = [snap(random.range(0.0, size)), snap(random.range(0.0, size))].map(|v| v as f32);
+        let reach = [80.0, 1e5, 1e20][round % 3];
+        // Five spokes at least, so that no side of the ring comes within 80 pixels of the hub.
+        let count = 5 + round % 12;
+        let ring: Vec<[f32; 2]> = (0..count)
+            .map(|i| {
+                let angle = (i as f64 + random.range(-0.3, 0.3)) / count as f64 * core::f64::consts::TAU;
+                [angle.cos(), angle.sin()].map(|v| (v * 3.0 * reach) as f32)
+            })
+            .map(|[x, y]| [hub[0] + x, hub[1] + y])
+            .collect();
+        let fan: Vec<_> = (0..count)
+            .map(|i| {
+                let (a, b) = (ring[i], ring[(i + 1) % count]);
+                // Corners in any order.
+                let points = [[hub, a, b], [a, hub, b], [b, a, hub]][(random.unit() * 3.0) as usize];
+                flat(points, 0.5)
+            })
+            .collect();
+        let counts = coverage(&mut buffer, &view, &fan);
+        assert!(counts.iter().all(|&c| c == 1), "round {round}: hub {hub:?}, {count} spokes");
+        // And each by the triangle between whose spokes it lies, not just by any.
+        buffer.draw(&view, DVec3::ZERO, [(0, &fan[..])]).unwrap();
+        for (pixel, &item) in buffer.items().iter().enumerate() {
+            let center = DVec2::new((pixel % 48) as f64 + 0.5, (pixel / 48) as f64 + 0.5);
+            let side = |spoke: usize| {
+                let [hub, end] = [hub, ring[spoke % count]].map(|p| DVec2::new(p[0].into(), p[1].into()));
+                (end - hub).normalize().perp_dot(center - hub)
+            };
+            let spoke = item as usize;
+            assert!(side(spoke) > -1e-9 && side(spoke + 1) < 1e-9, "round {round}: pixel {pixel} by {item}");
+        }
+    }
+}
+
+#[test]
+fn a_perspective_mesh_through_the_near_plane_covers_each_center_once() {
+    let mut random = Random(7);
+    let mut buffer = ItemBuffer::new(64, 48).unwrap();
+    for round in 0..10 {
+        // A floor of uneven quads that runs from far behind the eye to far beyond it.
+        let n = 12;
+        let mut grid = Vec::new();
+        for i in 0..=n {
+            for j in 0..=n {
+                let at = |k: usize, r: f64| ((k as f64 - 5.7 + r) * 9.0) as f32;
+                grid.push(Vec3::new(at(i, random.range(-0.3, 0.3)), at(j, random.range(-0.3, 0.3)), -1.0));
+            }
+        }
+        let at = |i: usize, j: usize| grid[i * (n + 1) + j];
+        let cells = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
+        let floor: Vec<_> = cells
+            .flat_map(|(i, j)| {
+                let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+                [[a, b, c], [d, a, c]]
+            })
+            .collect();
+        let eye = DVec3::new(random.range(-3.0, 3.0), random.range(-3.0, 3.0), random.range(-0.9, 1.0));
+        let pose = Pose::look_at(eye, eye + DVec3::new(1.0, random.range(-1.0, 1.0), -2.0), DVec3::Z);
+        // The near plane cuts into the floor where the eye is low.
+        let near = if round % 2 == 0 { 0.001 } else { 0.3 };
+        let view = View::perspective(pose, 1.0, 4.0 / 3.0, near, f64::INFINITY).unwrap();
+        let counts = coverage(&mut buffer, &view, &floor);
+        assert!(counts.iter().all(|&c| c <= 1), "round {round}");
+        let bare = counts.iter().filter(|&&c| c == 0).count();
+        assert!(near > 0.1 || bare == 0, "round {round}: {bare} of {} bare", counts.len());
+    }
+}
+
+#[test]
+fn only_the_difference_of_origins_counts() {
+    let triangle = [flat([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
+    let mut buffer = ItemBuffer::new(20, 20).unwrap();
+    let far = DVec3::new(1e9, -3e9, 7.0);
+    let view = pixels(20.0, 20.0).relative_to(far).unwrap();
+    assert_eq!(buffer.draw(&view, far, [(0, &triangle[..])]).unwrap().covered_pixels(), 45);
+    let beside = far - DVec3::new(8.0, 0.0, 0.0);
+    let pixels = buffer.draw(&view, beside, [(0, &triangle[..])]).unwrap().covered_pixels();
+    assert_eq!(pixels, 1, "shifted left by 8, only (8, 0) is left of the ten columns");
+}
+
+#[test]
+fn wrong_pixels_are_those_that_drawing_the_reported_objects_alone_changes() {
+    let mut random = Random(3);
+    let view = pixels(64.0, 64.0);
+    let (mut full, mut partial) = (ItemBuffer::new(64, 64).unwrap(), ItemBuffer::new(64, 64).unwrap());
+    for round in 0..30 {
+        let objects: Vec<(u32, Vec<[Vec3; 3]>)> = (0..20)
+            .map(|key| {
+                let center = random.point(32.0) + DVec3::splat(32.0);
+                let corner = |r: &mut Random| (center + r.point(14.0)).as_vec3().with_z(r.unit() as f32);
+                (key, (0..5).map(|_| core::array::from_fn(|_| corner(&mut random))).collect())
+            })
+            .collect();
+        full.draw(&view, DVec3::ZERO, objects.iter().map(|(k, t)| (*k, &t[..]))).unwrap();
+        let reported: Vec<bool> = objects.iter().map(|_| random.unit() < 0.7).collect();
+        // An object that is left out keeps its numbers: its triangles are replaced by none that cover a pixel.
+        let nothing = [[Vec3::NAN; 3]; 5];
+        let kept =
+            objects.iter().map(|(k, t)| (*k, if reported[*k as usize] { &t[..] } else { &nothing[..] }));
+        partial.draw(&view, DVec3::ZERO, kept).unwrap();
+        let changed = full.items().iter().zip(partial.items()).filter(|(a, b)| a != b).count();
+        let mut comparison = Comparison::default();
+        full.visible().compare(|index, _| reported[index], &mut comparison);
+        assert_eq!(comparison.wrong_pixels as usize, changed, "round {round}");
+        assert!(changed > 0);
+    }
+}
+
+#[test]
+fn sizes_are_checked() {
+    for (width, height) in [(0, 1), (1, 0), (MAX_SIDE + 1, 1), (1, u32::MAX)] {
+        assert_eq!(ItemBuffer::new(width, height).err(), Some(MeasureError::Size { width, height }));
+    }
+    assert!(ItemBuffer::new(MAX_SIDE, 1).is_ok() && ItemBuffer::new(1, 1).is_ok());
+    fn is_send<T: Send>(_: &T) {}
+    is_send(&ItemBuffer::new(1, 1).unwrap());
+}
+
+#[test]
+fn hostile_triangles_cover_nothing_and_break_nothing() {
+    let mut random = Random(11);
+    let mut buffer = ItemBuffer::new(40, 30).unwrap();
+    let pose = Pose::look_at(DVec3::new(1.0, 2.0, 3.0), DVec3::new(2.0, 2.5, 3.1), DVec3::Z);
+    let views = [
+        View::perspective(pose, 1.0, 4.0 / 3.0, 0.1, f64::INFINITY).unwrap(),
+        View::perspective(pose, 1.0, 4.0 / 3.0, 1e-30, 1e30).unwrap(),
+        View::orthographic(pose, Window::centered(4.0, 3.0), -10.0, 10.0).unwrap(),
+        pixels(40.0, 30.0),
+        // Finite, but products with it overflow.
+        View::from_clip_from_world(DMat4::from_diagonal(DVec4::splat(1e300)), Depth::ZeroToOne).unwrap(),
+        // No near plane before the eye: w may be zero with everything else.
+        View::from_clip_from_world(
+            DMat4::from_cols(DVec4::X, DVec4::Y, DVec4::new(0.0, 0.0, 1.0, 1.0), DVec4::Z * 1e-30),
+            Depth::ZeroToOne,
+        )
+        .unwrap(),
+    ];
+    let eye = pose.eye.as_vec3();
+    let special = [
+        0.0,
+        -0.0,
+        1.0,
+        f32::NAN,
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+        1e30,
+        -1e30,
+        f32::MAX,
+        f32::MIN,
+        1e-45,
+        1e-30,
+    ];
+    let not_finite = |t: &[Vec3; 3]| t.iter().any(|p| !p.is_finite());
+    for _ in 0..4000 {
+        let coordinate = |r: &mut Random| match (r.unit() * 4.0) as usize {
+            0 => r.range(-5.0, 5.0) as f32,
+            _ => special[(r.unit() * special.len() as f64) as usize],
+        };
+        let mut triangle: [Vec3; 3] =
+            core::array::from_fn(|_| Vec3::from_array(core::array::from_fn(|_| coordinate(&mut random))));
+        match (random.unit() * 5.0) as usize {
+            0 => triangle[1] = eye,
+            1 => triangle[2] = triangle[0],
+            2 => triangle[2] = (triangle[0] + triangle[1]) * 0.5,
+            _ => {}
+        }
+        for view in &views {
+            let exact = buffer.draw(view, DVec3::ZERO, [(0, core::slice::from_ref(&triangle))]).unwrap();
+            assert!(exact.covered_pixels() == 0 || !not_finite(&triangle), "{triangle:?}");
+            assert!(exact.covered_pixels() == 0 || triangle[0] != triangle[2], "{triangle:?}");
+        }
+    }
+}
+
+#[test]
+fn walls_of_any_size_fill_the_image() {
+    let mut buffer = ItemBuffer::new(40, 30).unwrap();
+    let mut pixels = |direction: DVec3, size: f32, lateral: f32| {
+        let pose = Pose::look_at(DVec3::ZERO, direction, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 4.0 / 3.0, 0.1, f64::INFINITY).unwrap();
+        let wall =
+            [Vec3::new(9.0, -size, -size), Vec3::new(9.0, size, -size), Vec3::new(9.0, lateral * size, size)];
+        buffer.draw(&view, DVec3::ZERO, [(0, &[wall][..])]).unwrap().covered_pixels()
+    };
+    for size in [1e3, 1e6, 1e12, 1e20, 1e30, 3e38] {
+        for lateral in [0.0, 0.3, -0.4] {
+            assert_eq!(pixels(DVec3::X, size, lateral), 40 * 30, "{size} {lateral}");
+            // Seen askew, corners farther than 1e15 m are rounded by more than the 9 m to the wall.
+            let askew = pixels(DVec3::new(1.0, 0.3, 0.2), size, lateral);
+            assert!(askew == 40 * 30 || size > 1e13, "{size} {lateral}: {askew}");
+        }
+    }
+}
