@@ -40,10 +40,19 @@ impl ChangeLog {
         self.start + self.entries.len() as u64
     }
 
+    /// Whether so many changes at once are too many to list.
+    pub(crate) fn is_too_much(changes: usize, objects: usize) -> bool {
+        changes > Self::limit(objects)
+    }
+
+    fn limit(objects: usize) -> usize {
+        Self::LEAST.max(objects / 4)
+    }
+
     /// Records a change. Past a quarter as many entries as there are objects, looking at every object costs little more
     /// than following the log, so the older half is dropped: amortised constant time, no growth.
     pub(crate) fn push(&mut self, id: ObjectId, objects: usize) {
-        let limit = Self::LEAST.max(objects / 4);
+        let limit = Self::limit(objects);
         if self.entries.len() >= limit {
             let dropped = self.entries.len() - limit / 2;
             self.entries.drain(..dropped);

@@ -184,7 +184,6 @@ impl Scene {
         self.costs[id.index()] = object.cost;
         self.write_never_cull(id.index(), object.never_cull);
         self.layered += usize::from(object.layers != u32::MAX);
-        self.log.push(id, self.generations.len());
         Payload { id, layers: object.layers, occluder: object.occluder }
     }
 
@@ -203,6 +202,7 @@ impl Scene {
         let object = object.into();
         let payload = self.register(&object);
         self.place(&object.bounds, payload);
+        self.log.push(payload.id, self.generations.len());
         payload.id
     }
 
@@ -211,8 +211,12 @@ impl Scene {
     pub fn insert_batch<O: Into<Object>>(&mut self, objects: impl IntoIterator<Item = O>) -> Vec<ObjectId> {
         let there = self.len();
         let objects = objects.into_iter();
-        let mut ids = Vec::with_capacity(objects.size_hint().0);
-        let mut cullable: Vec<(Aabb, Payload)> = Vec::with_capacity(objects.size_hint().0);
+        let expected = objects.size_hint().0;
+        self.generations.reserve(expected);
+        self.costs.reserve(expected);
+        self.tree.slots.reserve(expected);
+        let mut ids = Vec::with_capacity(expected);
+        let mut cullable: Vec<(Aabb, Payload)> = Vec::with_capacity(expected);
         for object in objects {
             let object = object.into();
             let payload = self.register(&object);
@@ -230,6 +234,11 @@ impl Scene {
             for (bounds, payload) in &cullable {
                 self.tree.insert(bounds, *payload);
             }
+        }
+        if ChangeLog::is_too_much(ids.len(), self.generations.len()) {
+            self.log.invalidate();
+        } else {
+            ids.iter().for_each(|&id| self.log.push(id, self.generations.len()));
         }
         self.layout += 1;
         ids
@@ -385,7 +394,7 @@ impl Scene {
 
     /// Builds the hierarchy anew: the best there is for the objects as they are now, at the cost of sorting them. Ids stay valid.
     pub fn rebuild(&mut self) {
-        self.tree.rebuild([]);
+        self.tree.rebuild(Vec::new());
         self.queue.clear();
         self.layout += 1;
     }

@@ -87,15 +87,29 @@ impl Tree {
         }
     }
 
+    /// Forgets all nodes, but not their memory.
+    pub(super) fn clear(&mut self) {
+        self.root = NONE;
+        self.bounds.clear();
+        self.occupied.clear();
+        self.ids.clear();
+        self.layers.clear();
+        self.occluders.clear();
+        self.parents.clear();
+        self.levels.clear();
+        self.unculled.clear();
+        self.free.clear();
+    }
+
     /// Makes room for so many nodes at once.
     pub(super) fn reserve(&mut self, nodes: usize) {
-        self.bounds.reserve_exact(nodes);
-        self.occupied.reserve_exact(nodes);
-        self.ids.reserve_exact(nodes);
-        self.layers.reserve_exact(nodes);
-        self.occluders.reserve_exact(nodes);
-        self.parents.reserve_exact(nodes);
-        self.levels.reserve_exact(nodes);
+        self.bounds.reserve(nodes);
+        self.occupied.reserve(nodes);
+        self.ids.reserve(nodes);
+        self.layers.reserve(nodes);
+        self.occluders.reserve(nodes);
+        self.parents.reserve(nodes);
+        self.levels.reserve(nodes);
     }
 
     /// Number of nodes, free ones included: masks by node have this length.
@@ -117,12 +131,25 @@ impl Tree {
             self.levels[node as usize] = level;
             return node;
         }
+        self.push_node(Boxes64::EMPTY, 0, [ObjectId::NONE; 64], [0; 64], 0, level)
+    }
+
+    /// Adds a node at the end of all arrays.
+    pub(super) fn push_node(
+        &mut self,
+        bounds: Boxes64,
+        occupied: u64,
+        ids: [ObjectId; 64],
+        layers: [u32; 64],
+        occluders: u64,
+        level: u8,
+    ) -> u32 {
         let node = self.occupied.len() as u32;
-        self.bounds.push(Boxes64::EMPTY);
-        self.occupied.push(0);
-        self.ids.push([ObjectId::NONE; 64]);
-        self.layers.push([0; 64]);
-        self.occluders.push(0);
+        self.bounds.push(bounds);
+        self.occupied.push(occupied);
+        self.ids.push(ids);
+        self.layers.push(layers);
+        self.occluders.push(occluders);
         self.parents.push(Slot::NONE);
         self.levels.push(level);
         node
