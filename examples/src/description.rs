@@ -278,4 +278,19 @@ mod tests {
         assert!(parse(&"[".repeat(1_000_000)).is_err());
         assert!(parse(&"{\"a\":".repeat(1_000_000)).is_err());
     }
+
+    proptest::proptest! {
+        #[test]
+        fn mutated_descriptions_are_read_or_refused(
+            changes in proptest::collection::vec((0..GOOD.len(), proptest::num::u8::ANY), 1..6),
+        ) {
+            let mut bytes = GOOD.as_bytes().to_vec();
+            for (at, value) in changes {
+                bytes[at] = value;
+            }
+            if let Ok(read) = Description::parse(&bytes, Path::new("test.json")) {
+                assert!(read.walks.iter().all(|walk| !walk.keys.is_empty() && walk.up.is_normalized()));
+            }
+        }
+    }
 }

@@ -1,16 +1,20 @@
 //! What the example programs share: scene sources and camera walks.
 //!
-//! A scene comes from a recipe ([`built_in`]) or from a file ([`load`]); either way it is a [`SceneSource`]: objects as
+//! A scene comes from a recipe ([`built_in`]) or from a file ([`load()`]); either way it is a [`SceneSource`]: objects as
 //! plain triangles, and walks to fly the camera along.
 
 pub mod description;
 pub mod error;
+mod gltf_buffers;
+pub mod gltf_file;
+pub mod load;
 pub mod recipes;
 pub mod source;
 pub mod vscn;
 pub mod walk;
 
 pub use error::SourceError;
+pub use load::{cars5, load};
 pub use recipes::built_in;
 pub use source::{SceneSource, SourceObject};
-pub use walk::{CameraKey, Frame, Walk};
+pub use walk::{CameraKey, Frame, Walk, frames, load_walks};

@@ -31,7 +31,8 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Vec<[Vec3; 3]>>, SourceErr
             format!("{objects} objects are claimed, but the rest of the file holds at most {room}"),
         ));
     }
-    let mut scene = Vec::with_capacity(objects);
+    // Not reserved: an object takes more memory than the four bytes that a lying count needs.
+    let mut scene = Vec::new();
     for index in 0..objects {
         scene.push(reader.object(index)?);
     }

@@ -81,15 +81,15 @@ pub fn frames(walks: &[Walk], count: usize) -> Vec<Frame> {
 
 /// Keys at an even pace along a polyline, each looking at the point `look_ahead` metres further along.
 ///
-/// Near the end the look rests on the end; when that is less than half as far as it should be, the look runs straight
-/// on past it. Repeated waypoints are ignored. Fewer than two distinct waypoints, or a `look_ahead` that is not
+/// Near the end the look rests on the end. Where the point ahead is less than half as far off as it should be, at the
+/// end or because the route turns back on itself, the look goes straight on instead: a camera that looks at its own
+/// feet shows nothing. Repeated waypoints are ignored. Fewer than two distinct waypoints, or a `look_ahead` that is not
 /// positive, leave no direction to look in and give no keys.
 pub fn along(waypoints: &[DVec3], keys: usize, look_ahead: f64) -> Vec<CameraKey> {
     let Some(route) = Route::new(waypoints) else {
         return Vec::new();
     };
-    // Written so that NaN is refused as well.
-    if !(look_ahead > 0.0) || keys == 0 {
+    if look_ahead.is_nan() || look_ahead <= 0.0 || keys == 0 {
         return Vec::new();
     }
     let steps = keys.saturating_sub(1).max(1) as f64;
@@ -130,31 +130,33 @@ impl Route {
 
     /// The point to look at from a way along the route.
     fn ahead(&self, way: f64, look_ahead: f64) -> DVec3 {
-        let length = self.length();
-        if length - way >= look_ahead * 0.5 {
-            return self.at((way + look_ahead).min(length));
-        }
         let eye = self.at(way);
-        let (_, before_last) = self.points[self.points.len() - 2];
-        let (_, last) = self.points[self.points.len() - 1];
-        // At the end itself there is nothing left to look towards, but the last leg still has a direction.
-        let direction =
-            (last - eye).try_normalize().unwrap_or_else(|| (last - before_last).normalize_or(DVec3::X));
-        eye + direction * look_ahead
+        let target = self.at((way + look_ahead).min(self.length()));
+        if target.distance(eye) >= look_ahead * 0.5 {
+            return target;
+        }
+        let leg = self.leg(way);
+        let (from, to) = (self.points[leg - 1].1, self.points[leg].1);
+        eye + (to - from).normalize_or(DVec3::X) * look_ahead
     }
 
-    /// The point at a way from the start; beyond the end along the last leg.
+    /// The index of the end of the leg that holds a way from the start.
+    fn leg(&self, way: f64) -> usize {
+        self.points.partition_point(|&(start, _)| start <= way).clamp(1, self.points.len() - 1)
+    }
+
+    /// The point at a way from the start.
     fn at(&self, way: f64) -> DVec3 {
-        let leg = self.points.partition_point(|&(start, _)| start <= way).clamp(1, self.points.len() - 1);
+        let leg = self.leg(way);
         let (start, from) = self.points[leg - 1];
         let (end, to) = self.points[leg];
         from + (to - from) * ((way - start) / (end - start))
     }
 }
 
-/// How many metres of wall time a made-up walk takes does not matter; how many keys it has does.
-const ORBIT_KEYS: usize = 48;
-const ORBIT_FOV: f32 = 60.0;
+/// Keys of each made-up walk.
+const MADE_UP_KEYS: usize = 48;
+const MADE_UP_FOV: f32 = 60.0;
 
 /// Walks for a scene that brings none: once around its box from outside, and once straight through its middle.
 ///
@@ -171,14 +173,14 @@ pub fn made_up(bounds: Option<(Vec3, Vec3)>, up: Vec3) -> Vec<Walk> {
     let side = up.any_orthonormal_vector();
     let other = up.cross(side);
 
-    let orbit = (0..ORBIT_KEYS).map(|i| {
-        let angle = i as f64 * std::f64::consts::TAU / (ORBIT_KEYS - 1) as f64;
+    let orbit = (0..MADE_UP_KEYS).map(|i| {
+        let angle = i as f64 * std::f64::consts::TAU / (MADE_UP_KEYS - 1) as f64;
         let around = side * angle.cos() + other * angle.sin();
         CameraKey { eye: centre + (around * 1.6 + up * 0.6) * radius, target: centre }
     });
-    let through = along(&[centre - side * radius, centre + side * radius], ORBIT_KEYS, radius * 0.1);
+    let through = along(&[centre - side * radius, centre + side * radius], MADE_UP_KEYS, radius * 0.1);
     let walk =
-        |name: &str, keys| Walk { name: name.to_owned(), fov_y_degrees: ORBIT_FOV, up: up.as_vec3(), keys };
+        |name: &str, keys| Walk { name: name.to_owned(), fov_y_degrees: MADE_UP_FOV, up: up.as_vec3(), keys };
     vec![walk("around the scene", orbit.collect()), walk("through the middle", through)]
 }
 
@@ -239,6 +241,14 @@ mod tests {
         assert_eq!(walk.at(f64::NAN), Some(walk.keys[0]));
         assert_eq!(walk.at(f64::INFINITY), Some(walk.keys[2]));
         assert_eq!(walk.at(0.5).expect("keys").eye.x, 0.5);
+    }
+
+    #[test]
+    fn a_route_that_turns_back_is_not_looked_at_from_on_top() {
+        let back = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(0.0, 0.1, 0.0)];
+        for key in along(&back, 50, 2.0) {
+            assert!(key.eye.distance(key.target) >= 1.0 - 1e-9);
+        }
     }
 
     #[test]

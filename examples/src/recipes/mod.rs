@@ -3,6 +3,9 @@
 //! They stand in for the models of the papers that cannot be had: a city of furnished houses, a 2.5-D London, a
 //! walled town, forests, and office floors with exact cells and portals. All have z up and metres as the unit, and
 //! sizes to choose. Sizes are bounded so that a typing error cannot ask for more memory than a machine has.
+//!
+//! The walks are made for the sample sizes. Larger scenes keep them, since they grow outwards from the same corner or
+//! centre; in smaller ones they may leave the scene.
 
 mod forest;
 mod furniture;

@@ -264,12 +264,75 @@ impl Building {
     }
 }
 
-const ROUTES: [Route; 0] = [];
+const ROUTES: [Route; 2] = [
+    Route {
+        name: "corridor",
+        fov_y_degrees: 65.0,
+        keys: 40,
+        look_ahead: 4.0,
+        waypoints: &[[1.2, 1.5], [62.8, 1.5]],
+    },
+    Route {
+        name: "corridor, rooms 3-4 (connected), corridor, opposite room",
+        fov_y_degrees: 75.0,
+        keys: 48,
+        look_ahead: 1.5,
+        waypoints: &[
+            [10.08, 1.48],
+            [13.45, 1.47],
+            [14.46, 0.48],
+            [14.42, -0.3],
+            [12.99, -0.35],
+            [12.82, -1.35],
+            [13.45, -2.98],
+            [13.97, -3.54],
+            [13.3, -2.63],
+            [12.83, -1.44],
+            [12.96, -0.38],
+            [14.34, -0.29],
+            [15.34, 1.01],
+            [17.47, 1.02],
+            [18.07, 0.47],
+            [18.17, -0.05],
+            [16.94, -0.69],
+            [16.92, -3.23],
+            [16.93, -0.84],
+            [17.12, -0.57],
+            [18.04, -0.35],
+            [18.4, 0.59],
+            [19.38, 1.47],
+            [29.32, 1.47],
+            [30.44, 2.51],
+            [30.61, 3.1],
+            [29.98, 3.93],
+            [29.98, 5.62],
+        ],
+    },
+];
 
 /// The walk on the first upper floor.
 fn upstairs() -> Walk {
     UPSTAIRS.walk(|_, _| STOREY)
 }
 
-const UPSTAIRS: Route =
-    Route { name: "upper floor, into rooms", fov_y_degrees: 70.0, keys: 40, look_ahead: 2.0, waypoints: &[] };
+const UPSTAIRS: Route = Route {
+    name: "upper floor, into rooms",
+    fov_y_degrees: 70.0,
+    keys: 40,
+    look_ahead: 2.0,
+    waypoints: &[
+        [59.92, 1.47],
+        [30.8, 1.48],
+        [30.01, 0.86],
+        [28.9, -1.02],
+        [28.94, -3.25],
+        [28.89, -1.06],
+        [30.47, 1.32],
+        [33.49, 1.32],
+        [34.34, 0.63],
+        [34.49, -0.13],
+        [33.0, -0.43],
+        [33.01, -2.27],
+        [33.93, -3.6],
+    ],
+};

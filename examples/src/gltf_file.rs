@@ -1,0 +1,251 @@
+//! glTF and GLB files as scenes: every primitive of every node's mesh becomes an object, in world space.
+//!
+//! Nodes are walked with a list rather than by recursion and each at most once, so that neither a cycle nor a deep or
+//! entangled hierarchy can hang the program or overflow its stack. Animation, skins and morph targets are left out:
+//! objects stand where the file puts them at rest.
+
+use crate::error::SourceError;
+use crate::gltf_buffers::Buffers;
+use crate::source::{SceneSource, SourceObject};
+use crate::walk;
+use glam::{DMat4, DQuat, DVec3, Vec3};
+use gltf::material::AlphaMode;
+use gltf::mesh::{Mode, Semantic};
+use gltf::scene::Transform;
+use std::path::Path;
+
+/// A mesh can be placed any number of times, so the size of a scene is not bounded by that of its file.
+const MOST_TRIANGLES: usize = 1 << 25;
+/// Nor is the work bounded: a thousand nodes may each read the same million vertices. This many are read in all.
+const MOST_READ: usize = 1 << 27;
+
+/// Reads a glTF or GLB document from its bytes; the path says where further files are, and is shown in messages.
+///
+/// The walks are made up from the bounds of the scene.
+pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneSource, SourceError> {
+    let (document, chunk) = document(bytes, path)?;
+    let mut collector = Collector {
+        buffers: Buffers::load(&document, chunk, path)?,
+        path,
+        objects: Vec::new(),
+        triangles: 0,
+        read: 0,
+    };
+    for (node, transform) in placed_nodes(&document, path)? {
+        collector.add(&node, &transform)?;
+    }
+    let mut scene = SceneSource {
+        name: crate::load::stem(path),
+        up: Vec3::Y,
+        near: 0.0,
+        objects: collector.objects,
+        walks: Vec::new(),
+    };
+    let bounds = scene.bounds();
+    scene.near = walk::made_up_near(bounds);
+    scene.walks = walk::made_up(bounds, scene.up);
+    Ok(scene)
+}
+
+/// The validated document and the binary chunk of a GLB.
+fn document(bytes: &[u8], path: &Path) -> Result<(gltf::Document, Option<Vec<u8>>), SourceError> {
+    const GLB_HEADER: usize = 12;
+    let wrong = |place: &str, problem: String| SourceError::content(path, place, problem);
+    if bytes.starts_with(b"glTF") {
+        // The crate subtracts the header's size from the length that it claims without looking.
+        let length = bytes
+            .get(8..GLB_HEADER)
+            .map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+            .ok_or_else(|| wrong("byte 8", "the GLB header is cut short".into()))?;
+        if (length as usize) < GLB_HEADER || length as usize > bytes.len() {
+            let problem = format!("the header claims {length} bytes, the file has {}", bytes.len());
+            return Err(wrong("byte 8", problem));
+        }
+    }
+    let unreadable = |error: gltf::Error| wrong("document", describe(&error));
+    let gltf = gltf::Gltf::from_slice_without_validation(bytes).map_err(unreadable)?;
+    // The crate's validation itself looks the accessors of positions up without a check.
+    let root = gltf.document.as_json();
+    for (mesh_index, mesh) in root.meshes.iter().enumerate() {
+        for (index, primitive) in mesh.primitives.iter().enumerate() {
+            let position = gltf::json::validation::Checked::Valid(Semantic::Positions);
+            let accessor = primitive.attributes.get(&position);
+            if accessor.is_some_and(|accessor| accessor.value() >= root.accessors.len()) {
+                let place = format!("mesh {mesh_index}, primitive {index}");
+                return Err(wrong(&place, "its positions are no accessor".into()));
+            }
+        }
+    }
+    let document = gltf::Document::from_json(gltf.document.into_json()).map_err(unreadable)?;
+    Ok((document, gltf.blob))
+}
+
+/// The crate prints a failed validation with all its items on one line; the first is enough to begin with.
+fn describe(error: &gltf::Error) -> String {
+    match error {
+        gltf::Error::Validation(items) => match items.first() {
+            Some((path, error)) => format!("{path}: {error}"),
+            None => "it is not valid".to_owned(),
+        },
+        other => other.to_string(),
+    }
+}
+
+/// The nodes of the default scene with their world transforms: of the first scene if none is the default, and of all
+/// nodes that are no children if there are no scenes.
+fn placed_nodes<'a>(
+    document: &'a gltf::Document,
+    path: &Path,
+) -> Result<Vec<(gltf::Node<'a>, DMat4)>, SourceError> {
+    let scene = document.default_scene().or_else(|| document.scenes().next());
+    let roots: Vec<gltf::Node<'a>> = match scene {
+        Some(scene) => scene.nodes().collect(),
+        None => {
+            let mut is_child = vec![false; document.nodes().len()];
+            for child in document.nodes().flat_map(|node| node.children()) {
+                is_child[child.index()] = true;
+            }
+            document.nodes().filter(|node| !is_child[node.index()]).collect()
+        }
+    };
+    let mut reached = vec![false; document.nodes().len()];
+    let mut placed = Vec::new();
+    let mut waiting: Vec<_> = roots.into_iter().rev().map(|node| (node, DMat4::IDENTITY)).collect();
+    while let Some((node, parent)) = waiting.pop() {
+        if std::mem::replace(&mut reached[node.index()], true) {
+            return Err(SourceError::content(
+                path,
+                format!("node {}", node.index()),
+                "it is reached twice: nodes must form trees",
+            ));
+        }
+        let world = parent * local_transform(&node);
+        // Last in, first out: pushed backwards, children come in the order of the file.
+        let first = waiting.len();
+        waiting.extend(node.children().map(|child| (child, world)));
+        waiting[first..].reverse();
+        placed.push((node, world));
+    }
+    Ok(placed)
+}
+
+fn local_transform(node: &gltf::Node<'_>) -> DMat4 {
+    match node.transform() {
+        Transform::Matrix { matrix } => {
+            DMat4::from_cols_array_2d(&matrix.map(|column| column.map(f64::from)))
+        }
+        Transform::Decomposed { translation, rotation, scale } => {
+            let rotation = DQuat::from_array(rotation.map(f64::from));
+            // A quaternion of no length is no rotation.
+            let rotation =
+                if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+            DMat4::from_scale_rotation_translation(
+                DVec3::from_array(scale.map(f64::from)),
+                rotation,
+                DVec3::from_array(translation.map(f64::from)),
+            )
+        }
+    }
+}
+
+struct Collector<'a> {
+    buffers: Buffers<'a>,
+    path: &'a Path,
+    objects: Vec<SourceObject>,
+    triangles: usize,
+    /// Vertices and indices read so far.
+    read: usize,
+}
+
+impl Collector<'_> {
+    fn add(&mut self, node: &gltf::Node<'_>, transform: &DMat4) -> Result<(), SourceError> {
+        let Some(mesh) = node.mesh() else {
+            return Ok(());
+        };
+        let name =
+            node.name().or(mesh.name()).map_or_else(|| format!("node {}", node.index()), str::to_owned);
+        let several = mesh.primitives().len() > 1;
+        for primitive in mesh.primitives() {
+            let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
+            let triangles = self.primitive(&primitive, transform, &place)?;
+            self.triangles += triangles.len();
+            let name = if several { format!("{name}/{}", primitive.index()) } else { name.clone() };
+            let opaque = primitive.material().alpha_mode() == AlphaMode::Opaque;
+            self.objects.push(SourceObject { opaque, ..SourceObject::new(name, triangles) });
+        }
+        Ok(())
+    }
+
+    fn primitive(
+        &mut self,
+        primitive: &gltf::Primitive<'_>,
+        transform: &DMat4,
+        place: &str,
+    ) -> Result<Vec<[Vec3; 3]>, SourceError> {
+        let path = self.path;
+        let wrong = |problem: String| SourceError::content(path, place, problem);
+        let accessor =
+            primitive.get(&Semantic::Positions).ok_or_else(|| wrong("it has no positions".into()))?;
+        let index_count = primitive.indices().map_or(0, |indices| indices.count());
+        self.read = self.read.saturating_add(accessor.count()).saturating_add(index_count);
+        if self.read > MOST_READ {
+            return Err(wrong(format!(
+                "with it, more than {MOST_READ} vertices and indices would have to be read"
+            )));
+        }
+        let positions = self.buffers.positions(&accessor)?;
+        let order = match primitive.indices() {
+            Some(accessor) => self.buffers.indices(&accessor)?,
+            None => (0..positions.len()).map(|i| i as u32).collect(),
+        };
+        if let Some(index) = order.iter().find(|&&i| i as usize >= positions.len()) {
+            let count = positions.len();
+            return Err(wrong(format!("index {index} is beyond its {count} vertices")));
+        }
+        let corners = corners(primitive.mode(), order.len());
+        if corners.len() > MOST_TRIANGLES - self.triangles.min(MOST_TRIANGLES) {
+            return Err(wrong(format!("with it, the scene has more than {MOST_TRIANGLES} triangles")));
+        }
+        let world = |p: &Vec3| transform.transform_point3(p.as_dvec3()).as_vec3();
+        let placed: Vec<Vec3> = positions.iter().map(world).collect();
+        // A transform that mirrors turns triangles inside out, and the front is what it was in the file.
+        let mirrored = transform.determinant() < 0.0;
+        let triangle = |t: usize| {
+            let [a, b, c] = corners.of(t).map(|i| placed[order[i] as usize]);
+            if mirrored { [a, c, b] } else { [a, b, c] }
+        };
+        Ok((0..corners.len()).map(triangle).collect())
+    }
+}
+
+/// Which of a primitive's vertices make each of its triangles.
+struct Corners {
+    mode: Mode,
+    triangles: usize,
+}
+
+fn corners(mode: Mode, vertices: usize) -> Corners {
+    let triangles = match mode {
+        Mode::Triangles => vertices / 3,
+        Mode::TriangleStrip | Mode::TriangleFan => vertices.saturating_sub(2),
+        // Points and lines have no surface that could hide or be hidden.
+        Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => 0,
+    };
+    Corners { mode, triangles }
+}
+
+impl Corners {
+    fn len(&self) -> usize {
+        self.triangles
+    }
+
+    fn of(&self, triangle: usize) -> [usize; 3] {
+        let t = triangle;
+        match self.mode {
+            // Every second triangle of a strip is wound the other way.
+            Mode::TriangleStrip => [t, t + 1 + t % 2, t + 2 - t % 2],
+            Mode::TriangleFan => [t + 1, t + 2, 0],
+            _ => [3 * t, 3 * t + 1, 3 * t + 2],
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Scenes from files, by extension, with the facts that lie beside them.
+//!
+//! A VSCN file holds triangles and nothing else; the JSON of the same stem brings names, the up axis, which objects are
+//! glass or doors, and the camera walks. Without it the scene still loads, with z up and walks made up from its bounds.
+
+use crate::description::Description;
+use crate::error::SourceError;
+use crate::source::{SceneSource, SourceObject};
+use crate::{gltf_file, vscn, walk};
+use glam::{DQuat, DVec3, Vec3};
+use std::path::Path;
+
+/// Reads a scene from a `.vscn` (with its `.json` when there is one), `.gltf` or `.glb` file.
+pub fn load(path: &Path) -> Result<SceneSource, SourceError> {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        Some("vscn") => load_vscn(path),
+        Some("gltf" | "glb") => gltf_file::parse(&read(path)?, path),
+        _ => Err(SourceError::UnknownFormat { file: path.to_path_buf() }),
+    }
+}
+
+/// Reads the car of a VSCN file and its JSON, and puts the copies of it where the JSON says; the walks are for these.
+///
+/// The copies are turned about y by their yaw and then moved by (x, 0, z); their objects keep their names, with the
+/// number of the car in front.
+pub fn cars5(path: &Path) -> Result<SceneSource, SourceError> {
+    let description = Description::load(&path.with_extension("json"))?;
+    if description.cars5_placements.is_empty() {
+        return Err(SourceError::content(
+            &path.with_extension("json"),
+            "cars5_placements_x_z_yawdeg",
+            "the car has no placements",
+        ));
+    }
+    let car = assemble(path, &description)?;
+    let mut objects = Vec::new();
+    for (number, [x, z, yaw]) in description.cars5_placements.iter().enumerate() {
+        let turn = DQuat::from_rotation_y(yaw.to_radians());
+        let place = |p: Vec3| (turn * p.as_dvec3() + DVec3::new(*x, 0.0, *z)).as_vec3();
+        objects.extend(car.objects.iter().map(|part| SourceObject {
+            name: format!("car{number}/{}", part.name),
+            triangles: part.triangles.iter().map(|t| t.map(place)).collect(),
+            ..*part
+        }));
+    }
+    Ok(SceneSource { name: format!("{}5", car.name), objects, ..car })
+}
+
+/// The file name without its extension.
+pub(crate) fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
+    std::fs::read(path).map_err(|cause| SourceError::io(path, cause))
+}
+
+fn load_vscn(path: &Path) -> Result<SceneSource, SourceError> {
+    let beside = path.with_extension("json");
+    // Only a missing file is fine: one that is there and cannot be read must not be passed over.
+    let description = match Description::load(&beside) {
+        Err(SourceError::Io { cause, .. }) if cause.kind() == std::io::ErrorKind::NotFound => {
+            Description::default()
+        }
+        other => other?,
+    };
+    assemble(path, &description)
+}
+
+fn assemble(path: &Path, description: &Description) -> Result<SceneSource, SourceError> {
+    let triangles = vscn::parse(&read(path)?, path)?;
+    check_counts(path, description, &triangles)?;
+    let objects = triangles
+        .into_iter()
+        .enumerate()
+        .map(|(index, triangles)| object(description, index, triangles))
+        .collect();
+    let mut scene = SceneSource {
+        name: description.name.clone().unwrap_or_else(|| stem(path)),
+        up: description.up.unwrap_or(Vec3::Z),
+        near: 0.0,
+        objects,
+        walks: description.walks.clone(),
+    };
+    let bounds = scene.bounds();
+    scene.near = description.near.unwrap_or(walk::made_up_near(bounds));
+    if scene.walks.is_empty() {
+        scene.walks = walk::made_up(bounds, scene.up);
+    }
+    Ok(scene)
+}
+
+/// A description that counts otherwise belongs to another file: its names and transparency would be put on the wrong
+/// objects.
+fn check_counts(
+    path: &Path,
+    description: &Description,
+    triangles: &[Vec<[Vec3; 3]>],
+) -> Result<(), SourceError> {
+    let counts = [
+        ("objects", description.objects, triangles.len()),
+        ("triangles", description.triangles, triangles.iter().map(Vec::len).sum()),
+        (
+            "object_names",
+            (!description.object_names.is_empty()).then_some(description.object_names.len() as u64),
+            triangles.len(),
+        ),
+    ];
+    for (key, claimed, found) in counts {
+        if let Some(claimed) = claimed
+            && claimed != found as u64
+        {
+            return Err(SourceError::content(
+                &path.with_extension("json"),
+                key,
+                format!("it says {claimed}, the scene file has {found}"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn object(description: &Description, index: usize, triangles: Vec<[Vec3; 3]>) -> SourceObject {
+    let name = description.object_names.get(index).cloned().unwrap_or_else(|| format!("object {index}"));
+    let glass = description.first_transparent_object.is_some_and(|first| index as u64 >= first);
+    let billboard =
+        description.alpha_tested_name_prefixes.iter().any(|prefix| name.starts_with(prefix.as_str()));
+    let door = description.door_name_contains.as_ref().is_some_and(|part| name.contains(part.as_str()));
+    SourceObject { name, triangles, opaque: !glass && !billboard, door }
+}

@@ -1,0 +1,285 @@
+//! glTF: good files become the right triangles, and hostile ones become errors.
+
+use glam::Vec3;
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use std::path::Path;
+use visibility_examples::gltf_file::parse;
+use visibility_examples::{SceneSource, SourceError};
+
+/// Four corners of a unit square in z = 0, then the indices 0 1 2 3 as u16.
+fn square_bytes() -> Vec<u8> {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0_f32]];
+    let mut bytes: Vec<u8> = corners.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
+    bytes.extend([0, 1, 2, 3_u16].iter().flat_map(|i| i.to_le_bytes()));
+    bytes
+}
+
+/// A document with the square as a strip, moved to x = 10 by a parent and scaled by two by its node.
+fn square() -> Value {
+    json!({
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [
+            {"children": [1], "translation": [10.0, 0.0, 0.0]},
+            {"mesh": 0, "scale": [2.0, 2.0, 2.0], "name": "tile"}
+        ],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": 5}]}],
+        "buffers": [{"byteLength": 56}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 48, "byteLength": 8}
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+            {"bufferView": 1, "componentType": 5123, "count": 4, "type": "SCALAR"}
+        ]
+    })
+}
+
+fn glb(document: &Value, data: &[u8]) -> Vec<u8> {
+    let mut text = document.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut data = data.to_vec();
+    data.resize(data.len().next_multiple_of(4), 0);
+    let total = 12 + 8 + text.len() + 8 + data.len();
+    let mut bytes = b"glTF".to_vec();
+    for number in [2, total as u32, text.len() as u32] {
+        bytes.extend(number.to_le_bytes());
+    }
+    bytes.extend(b"JSON");
+    bytes.extend(text);
+    bytes.extend((data.len() as u32).to_le_bytes());
+    bytes.extend(b"BIN\0");
+    bytes.extend(data);
+    bytes
+}
+
+fn read(document: &Value) -> Result<SceneSource, SourceError> {
+    parse(&glb(document, &square_bytes()), Path::new("test.glb"))
+}
+
+/// The square with the value at a JSON pointer replaced.
+fn with(pointer: &str, value: Value) -> Value {
+    let mut document = square();
+    let (parent, key) = pointer.rsplit_once('/').expect("a pointer");
+    match document.pointer_mut(parent).expect("a place in the square") {
+        Value::Array(items) => items[key.parse::<usize>().expect("an index")] = value,
+        Value::Object(items) => drop(items.insert(key.into(), value)),
+        other => panic!("{other} has no members"),
+    }
+    document
+}
+
+fn p(x: f32, y: f32) -> Vec3 {
+    Vec3::new(x, y, 0.0)
+}
+
+#[test]
+fn nodes_place_strips_fans_and_lists() {
+    let scene = read(&square()).expect("a good file");
+    assert_eq!(scene.up, Vec3::Y);
+    assert_eq!(scene.objects.len(), 1);
+    assert_eq!(scene.objects[0].name, "tile");
+    let strip = [[p(10.0, 0.0), p(12.0, 0.0), p(10.0, 2.0)], [p(12.0, 0.0), p(12.0, 2.0), p(10.0, 2.0)]];
+    assert_eq!(scene.objects[0].triangles, strip);
+    assert!(!scene.walks.is_empty() && scene.near > 0.0);
+
+    let triangles = |pointer, value| read(&with(pointer, value)).expect(pointer).triangle_count();
+    assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(6)), 2);
+    assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(4)), 1);
+    assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(1)), 0);
+    // Without indices the vertices are taken in order.
+    let bare = json!({"attributes": {"POSITION": 0}, "mode": 5});
+    assert_eq!(triangles("/meshes/0/primitives/0", bare), 2);
+    // Two nodes with one mesh are two objects.
+    let twice = json!([{"mesh": 0}, {"mesh": 0}]);
+    let mut document = with("/nodes", twice);
+    document["scenes"] = json!([{"nodes": [0, 1]}]);
+    assert_eq!(read(&document).expect("instances").objects.len(), 2);
+    // Without scenes, the nodes that are nobody's children are the roots.
+    let mut document = square();
+    let members = document.as_object_mut().expect("an object");
+    members.remove("scene");
+    members.remove("scenes");
+    assert_eq!(read(&document).expect("no scenes").objects[0].triangles, strip);
+}
+
+#[test]
+fn a_mirrored_node_keeps_its_fronts_in_front() {
+    let document = with("/nodes/1/scale", json!([-2.0, 2.0, 2.0]));
+    let scene = read(&document).expect("a good file");
+    for [a, b, c] in &scene.objects[0].triangles {
+        assert!((*b - *a).cross(*c - *a).z > 0.0);
+    }
+    assert!(scene.objects[0].triangles[0].contains(&p(8.0, 0.0)));
+}
+
+#[test]
+fn blended_and_masked_materials_are_not_opaque() {
+    for (mode, opaque) in [("OPAQUE", true), ("MASK", false), ("BLEND", false)] {
+        let mut document = with("/meshes/0/primitives/0/material", json!(0));
+        document["materials"] = json!([{"alphaMode": mode}]);
+        assert_eq!(read(&document).expect(mode).objects[0].opaque, opaque);
+    }
+}
+
+#[test]
+fn buffers_come_from_data_uris_and_files_beside() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gltf_beside");
+    std::fs::create_dir_all(&folder).expect("a folder for test files");
+    std::fs::write(folder.join("my square.bin"), square_bytes()).expect("a test file");
+    let path = folder.join("square.gltf");
+    let read = |uri: &str| {
+        let document = with("/buffers/0/uri", json!(uri));
+        parse(document.to_string().as_bytes(), &path)
+    };
+    let beside = read("my%20square.bin").expect("a file beside");
+    assert_eq!(beside.triangle_count(), 2);
+    assert_eq!(beside.name, "square");
+
+    // Sixty zero bytes.
+    let zeros = format!("data:application/octet-stream;base64,{}", "A".repeat(80));
+    assert_eq!(read(&zeros).expect("a data URI").triangle_count(), 2);
+
+    for (uri, part) in [
+        ("nowhere.bin", "buffer 0: cannot read"),
+        ("../gltf_beside/my square.bin", "is not opened"),
+        ("/etc/passwd", "is not opened"),
+        ("file:///etc/passwd", "is not opened"),
+        ("https://example.org/x.bin", "is not opened"),
+        ("data:text/plain,hello", "not in base64"),
+        ("data:;base64,AAAA", "56 bytes are claimed, 3 are there"),
+        ("data:;base64,A*AA", "is not base64"),
+        ("data:", "no comma"),
+    ] {
+        let message = read(uri).expect_err(uri).to_string();
+        assert!(message.contains(part), "{uri}: {message}");
+    }
+}
+
+#[test]
+fn hostile_documents_are_explained() {
+    let big = json!(u64::MAX);
+    let wrong = [
+        ("/accessors/0/count", json!(5), "accessor 0: it reaches beyond"),
+        ("/accessors/0/count", json!(100_000_000), "accessor 0: it reaches beyond"),
+        ("/accessors/0/count", big.clone(), "would have to be read"),
+        ("/accessors/0/byteOffset", big.clone(), "accessor 0: it reaches beyond"),
+        ("/accessors/1/count", json!(5), "accessor 1: it reaches beyond"),
+        ("/accessors/1/componentType", json!(5126), "indices must be"),
+        ("/accessors/0/componentType", json!(5123), "positions must be"),
+        ("/accessors/0/type", json!("VEC2"), "positions must be"),
+        ("/accessors/0/bufferView", json!(null), "accessors[0].bufferView"),
+        ("/accessors/0/bufferView", json!(9), "bufferView"),
+        ("/bufferViews/0/byteOffset", json!(1_000_000), "buffer view 0"),
+        ("/bufferViews/0/byteOffset", big.clone(), "buffer view 0"),
+        ("/bufferViews/0/byteLength", big.clone(), "buffer view 0"),
+        ("/bufferViews/0/byteStride", json!(4), "stride"),
+        ("/buffers/0/byteLength", big, "bytes are claimed"),
+        ("/buffers", json!([]), "buffer"),
+        ("/meshes/0/primitives/0/attributes", json!({"POSITION": 7}), "no accessor"),
+        ("/meshes/0/primitives/0/attributes", json!({}), "POSITION"),
+        ("/meshes/0/primitives/0/indices", json!(7), "indices"),
+        ("/meshes/0/primitives/0/mode", json!(99), "mode"),
+        ("/nodes/1/mesh", json!(3), "mesh"),
+        ("/nodes/1/children", json!([0]), "reached twice"),
+        ("/nodes/1/children", json!([1]), "reached twice"),
+        ("/nodes/1/children", json!([8]), "children"),
+        ("/nodes/0/children", json!([1, 1]), "reached twice"),
+        ("/scenes/0/nodes", json!([0, 1]), "reached twice"),
+        ("/scene", json!(4), "scene"),
+        ("/extensionsRequired", json!(["KHR_draco_mesh_compression"]), "Required"),
+    ];
+    let mut failures = Vec::new();
+    for (pointer, value, part) in wrong {
+        match read(&with(pointer, value.clone())) {
+            Ok(_) => failures.push(format!("{pointer} = {value} was read")),
+            Err(error) => {
+                let message = error.to_string();
+                if !message.starts_with("test.glb: ") || !message.contains(part) {
+                    failures.push(format!("{pointer} = {value}: {message}"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+#[test]
+fn an_index_beyond_the_vertices_is_an_error() {
+    let mut data = square_bytes();
+    data[48] = 4;
+    let message =
+        parse(&glb(&square(), &data), Path::new("test.glb")).expect_err("index 4 of 4 vertices").to_string();
+    assert!(message.contains("index 4 is beyond its 4 vertices"), "{message}");
+}
+
+#[test]
+fn deep_hierarchies_do_not_overflow_the_stack() {
+    const DEPTH: usize = 200_000;
+    let mut nodes: Vec<Value> = (1..DEPTH).map(|next| json!({"children": [next]})).collect();
+    nodes.push(json!({"mesh": 0}));
+    let scene = read(&with("/nodes", json!(nodes))).expect("deep, but a tree");
+    assert_eq!(scene.objects.len(), 1);
+}
+
+#[test]
+fn many_copies_of_a_large_mesh_are_refused_early() {
+    // Twenty thousand nodes that each read the same sixty thousand vertices: 1.2 thousand million in all.
+    let vertices = 60_000;
+    let mut document = square();
+    document["buffers"] = json!([{"byteLength": vertices * 12}]);
+    document["bufferViews"] = json!([{"buffer": 0, "byteLength": vertices * 12}]);
+    document["accessors"][0]["count"] = json!(vertices);
+    document["accessors"].as_array_mut().expect("a list").pop();
+    document["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": 0}, "mode": 0}]}]);
+    document["nodes"] = json!(vec![json!({"mesh": 0}); 20_000]);
+    document["scenes"] = json!([{"nodes": (0..20_000).collect::<Vec<_>>()}]);
+    let bytes = glb(&document, &vec![0; vertices * 12]);
+    let message = parse(&bytes, Path::new("test.glb")).expect_err("too much").to_string();
+    assert!(message.contains("would have to be read"), "{message}");
+}
+
+#[test]
+fn cut_and_lying_glb_headers_are_errors() {
+    let bytes = glb(&square(), &square_bytes());
+    for length in 0..bytes.len() {
+        assert!(parse(&bytes[..length], Path::new("test.glb")).is_err(), "{length}");
+    }
+    for length in [0, 11, 13, u32::MAX] {
+        let mut lying = bytes.clone();
+        lying[8..12].copy_from_slice(&u32::to_le_bytes(length));
+        let _ = parse(&lying, Path::new("test.glb"));
+    }
+}
+
+proptest! {
+    #[test]
+    fn mutated_bytes_are_read_or_refused(
+        changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..12),
+    ) {
+        let mut bytes = glb(&square(), &square_bytes());
+        for (at, value) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = value;
+        }
+        let _ = parse(&bytes, Path::new("test.glb"));
+    }
+
+    #[test]
+    fn changed_numbers_are_read_or_refused(
+        digits in proptest::collection::vec((any::<prop::sample::Index>(), b'0'..=b'9'), 1..6),
+    ) {
+        // Only digits change, so that the JSON stays well-formed and the checks behind it are reached.
+        let mut text = square().to_string().into_bytes();
+        let places: Vec<_> = (0..text.len()).filter(|&i| text[i].is_ascii_digit()).collect();
+        for (at, digit) in digits {
+            text[*at.get(&places)] = digit;
+        }
+        if let Ok(document) = serde_json::from_slice::<Value>(&text) {
+            let _ = parse(&glb(&document, &square_bytes()), Path::new("test.glb"));
+        }
+    }
+}

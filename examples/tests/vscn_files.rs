@@ -1,0 +1,143 @@
+//! VSCN: what is written is read again, and hostile bytes are errors that say where.
+
+use glam::Vec3;
+use proptest::prelude::*;
+use std::path::{Path, PathBuf};
+use visibility_examples::{SceneSource, SourceError, SourceObject, load, vscn};
+
+fn scene(objects: Vec<Vec<[Vec3; 3]>>) -> SceneSource {
+    SceneSource {
+        name: "test".into(),
+        up: Vec3::Z,
+        near: 0.1,
+        objects: objects.into_iter().map(|triangles| SourceObject::new("object", triangles)).collect(),
+        walks: Vec::new(),
+    }
+}
+
+fn parse(bytes: &[u8]) -> Result<Vec<Vec<[Vec3; 3]>>, SourceError> {
+    vscn::parse(bytes, Path::new("test.vscn"))
+}
+
+fn small() -> Vec<u8> {
+    let triangle = [Vec3::X, Vec3::Y, Vec3::new(f32::NAN, f32::INFINITY, -0.0)];
+    let objects = vec![vec![triangle; 2], Vec::new(), vec![triangle]];
+    vscn::write(&scene(objects)).expect("few triangles")
+}
+
+/// A folder of this test run's own.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::create_dir_all(&folder).expect("a folder for test files");
+    folder
+}
+
+#[test]
+fn what_is_written_is_read_bit_by_bit() {
+    let bytes = small();
+    let objects = parse(&bytes).expect("written here");
+    let counts: Vec<_> = objects.iter().map(Vec::len).collect();
+    assert_eq!(counts, [2, 0, 1]);
+    assert!(objects[0][0][2].x.is_nan());
+    assert_eq!(vscn::write(&scene(objects)), Some(bytes));
+    let nothing = vscn::write(&scene(Vec::new())).expect("no triangles");
+    assert_eq!(parse(&nothing).expect("no objects").len(), 0);
+}
+
+#[test]
+fn every_cut_is_an_error_with_a_place() {
+    let bytes = small();
+    for length in 0..bytes.len() {
+        let message = parse(&bytes[..length]).expect_err("cut short").to_string();
+        assert!(message.starts_with("test.vscn: byte "), "{length}: {message}");
+    }
+}
+
+#[test]
+fn lying_headers_are_explained() {
+    let with = |at: usize, value: u32| {
+        let mut bytes = small();
+        bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        bytes
+    };
+    let mut longer = small();
+    longer.push(0);
+    let wrong = [
+        (with(0, 7), "byte 0: the magic number is 0x00000007"),
+        (with(4, u32::MAX), "byte 4: 4294967295 objects are claimed"),
+        (with(4, 2), "byte 88: 40 bytes follow the last object"),
+        (with(8, u32::MAX), "byte 8: object 0 claims 4294967295"),
+        // 36 times this wraps to 8 in 32 bits.
+        (with(8, 0x71C7_1C72), "byte 8: object 0 claims 1908874354"),
+        (longer, "byte 128: 1 bytes follow"),
+    ];
+    for (bytes, part) in wrong {
+        let message = parse(&bytes).expect_err(part).to_string();
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn the_description_beside_a_file_is_used_and_checked() {
+    let folder = folder("vscn_beside");
+    let file = folder.join("room.vscn");
+    let facts = folder.join("room.json");
+    std::fs::write(&file, small()).expect("a test file");
+    let _ = std::fs::remove_file(&facts);
+    let bare = load(&file).expect("no description is needed");
+    assert_eq!((bare.name.as_str(), bare.up), ("room", Vec3::Z));
+    assert!(!bare.walks.is_empty() && bare.near > 0.0);
+
+    std::fs::write(
+        &facts,
+        r#"{"up_axis": "y", "near": 0.5, "object_names": ["IfcDoor 1", "TREE", "glass"],
+            "first_transparent_object": 2, "alpha_tested_name_prefixes": ["TREE"], "door_name_contains": "Door"}"#,
+    )
+    .expect("a test file");
+    let room = load(&file).expect("a good description");
+    assert_eq!((room.up, room.near), (Vec3::Y, 0.5));
+    let kinds: Vec<_> = room.objects.iter().map(|o| (o.opaque, o.door)).collect();
+    assert_eq!(kinds, [(true, true), (false, false), (false, false)]);
+
+    for (text, part) in [
+        (r#"{"objects": 4}"#, "room.json: objects: it says 4"),
+        (r#"{"object_names": ["a"]}"#, "room.json: object_names"),
+        (r#"{"cameras": 3}"#, "room.json: cameras: expected a list"),
+    ] {
+        std::fs::write(&facts, text).expect("a test file");
+        let message = load(&file).expect_err(part).to_string();
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn missing_and_unknown_files_are_errors() {
+    for name in ["nowhere/scene.vscn", "nowhere/scene.glb", "scene.obj", "scene", ""] {
+        assert!(load(Path::new(name)).is_err(), "{name}");
+    }
+    let message = load(Path::new("a.obj")).expect_err("unknown").to_string();
+    assert!(message.contains("a.obj"), "{message}");
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_are_read_or_refused(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+        let _ = parse(&bytes);
+    }
+
+    #[test]
+    fn mutated_files_never_yield_more_than_they_hold(
+        changes in proptest::collection::vec((0_usize..128, any::<u8>()), 1..8),
+        length in 0_usize..140,
+    ) {
+        let mut bytes = small();
+        for (at, value) in changes {
+            bytes[at] = value;
+        }
+        bytes.resize(length, 0);
+        if let Ok(objects) = parse(&bytes) {
+            let triangles: usize = objects.iter().map(Vec::len).sum();
+            prop_assert_eq!(8 + 4 * objects.len() + 36 * triangles, bytes.len());
+        }
+    }
+}
