@@ -54,14 +54,15 @@ impl ViewPlanes {
     /// that are shifted by `shift` from there. A plane with no direction, or beyond the reach of `f64`,
     /// bounds nothing and is left out, which can only show more.
     fn push(&mut self, plane: Plane, shift: DVec3) {
-        let n = plane.normal;
-        let moved = Plane::new(n, n.x * shift.x + n.y * shift.y + n.z * shift.z + plane.offset);
+        // Scaled before anything is multiplied: the elements of a matrix may be so small that products with them are not.
+        let scale = plane.normal.abs().max_element();
+        let (n, offset) = (plane.normal / scale, plane.offset / scale);
+        let moved = Plane::new(n, n.x * shift.x + n.y * shift.y + n.z * shift.z + offset);
         let Some(unit) = moved.normalized() else { return };
-        // The shift itself is rounded once, each product and partial sum once more, as in `Plane::error_bound`,
-        // then scaling twice: 8u of the sum of magnitudes covers it.
-        let scale = n.abs().max_element();
-        let size = (n.abs() / scale).dot(shift.abs()) + plane.offset.abs() / scale;
-        let error = 4.0 * f64::EPSILON * size / (n / scale).length() + f64::MIN_POSITIVE;
+        // The shift itself is rounded once, and so are normal and offset by scaling, then each product and partial sum once
+        // more, as in `Plane::error_bound`, then all by the length: 8u of the sum of magnitudes covers it.
+        let size = n.abs().dot(shift.abs()) + offset.abs();
+        let error = 4.0 * f64::EPSILON * size / n.length() + f64::MIN_POSITIVE;
         if error.is_finite() && self.count < MAX_PLANES {
             self.planes[self.count] = ViewPlane { plane: unit, error };
             self.count += 1;
