@@ -1,0 +1,322 @@
+//! What the contract tests share: random numbers, cameras, and an oracle in exact arithmetic.
+//!
+//! The oracle takes nothing from the crate under test but the names of the depth conventions. It decides in clip space, straight
+//! from the elements of the matrix, by the exact sign of sums of products (Shewchuk, "Adaptive Precision Floating-Point
+//! Arithmetic and Fast Robust Geometric Predicates", 1997: two-product and grow-expansion).
+#![allow(dead_code, missing_docs, unreachable_pub)]
+
+use visibility_core::glam::{DMat4, DQuat, DVec3, DVec4};
+use visibility_core::{Aabb, Depth};
+
+pub const DEPTHS: [Depth; 6] = [
+    Depth::NegativeOneToOne,
+    Depth::NegativeOneToOneInfinite,
+    Depth::ZeroToOne,
+    Depth::Infinite,
+    Depth::Reversed,
+    Depth::ReversedInfinite,
+];
+
+/// SplitMix64: integer arithmetic only, so that it gives the same numbers everywhere.
+#[derive(Clone)]
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ z >> 31
+    }
+
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.next() % n as u64) as usize
+    }
+
+    pub fn between(&mut self, least: i32, most: i32) -> i32 {
+        least + self.below((most - least + 1) as usize) as i32
+    }
+
+    pub fn one_in(&mut self, n: usize) -> bool {
+        self.below(n) == 0
+    }
+
+    /// From 0 to 1, 1 excluded: 24 bits, so exact in `f32` too.
+    pub fn unit(&mut self) -> f64 {
+        (self.next() >> 40) as f64 / 16777216.0
+    }
+
+    pub fn range(&mut self, least: f64, most: f64) -> f64 {
+        least + (most - least) * self.unit()
+    }
+
+    pub fn vector(&mut self, size: f64) -> DVec3 {
+        DVec3::from_array(core::array::from_fn(|_| self.range(-size, size)))
+    }
+
+    pub fn bits32(&mut self) -> f32 {
+        f32::from_bits(self.next() as u32)
+    }
+
+    pub fn bits64(&mut self) -> f64 {
+        f64::from_bits(self.next())
+    }
+
+    pub fn pick<T: Copy>(&mut self, of: &[T]) -> T {
+        of[self.below(of.len())]
+    }
+}
+
+pub fn power_of_two(exponent: i32) -> f64 {
+    2.0f64.powi(exponent)
+}
+
+/// The sign of the exact sum of the products, each of which must be zero or well within the range of `f64`.
+pub fn sign_of_sum(products: impl IntoIterator<Item = (f64, f64)>) -> i32 {
+    // An expansion: numbers that do not overlap, in order of growing magnitude, so that the last one which is not zero has the
+    // sign of all.
+    let (mut expansion, mut length) = ([0.0f64; 96], 0);
+    for (a, b) in products {
+        if a == 0.0 || b == 0.0 {
+            continue;
+        }
+        let high = a * b;
+        assert!((1e-270..1e300).contains(&high.abs()), "{a} * {b} is beyond the oracle");
+        for mut q in [a.mul_add(b, -high), high] {
+            if q == 0.0 {
+                continue;
+            }
+            for h in &mut expansion[..length] {
+                let sum = q + *h;
+                let other = sum - q;
+                *h = (q - (sum - other)) + (*h - other);
+                q = sum;
+            }
+            expansion[length] = q;
+            length += 1;
+        }
+    }
+    let sign = |&x: &f64| if x > 0.0 { 1 } else { -1 };
+    expansion[..length].iter().rev().find(|&&x| x != 0.0).map_or(0, sign)
+}
+
+/// The planes of clip space as sums of rows of the matrix: left, right, bottom, top, near, far. What is in view has no negative one.
+pub fn clip_planes(depth: Depth) -> Vec<Vec<(usize, f64)>> {
+    let sides = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)].map(|row| vec![(3, 1.0), row]);
+    let (minus_w, zero, w) = (vec![(3, 1.0), (2, 1.0)], vec![(2, 1.0)], vec![(3, 1.0), (2, -1.0)]);
+    let ends = match depth {
+        Depth::NegativeOneToOne => vec![minus_w, w],
+        Depth::NegativeOneToOneInfinite => vec![minus_w],
+        Depth::ZeroToOne => vec![zero, w],
+        Depth::Infinite => vec![zero],
+        Depth::Reversed => vec![w, zero],
+        Depth::ReversedInfinite => vec![w],
+    };
+    sides.into_iter().chain(ends).collect()
+}
+
+/// A clip matrix, column-major, with its convention and the points of the world that it and the scene are relative to.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    pub matrix: [f64; 16],
+    pub depth: Depth,
+    pub origin: DVec3,
+    pub scene_origin: DVec3,
+}
+
+impl Camera {
+    pub fn new(matrix: [f64; 16], depth: Depth) -> Self {
+        Self { matrix, depth, origin: DVec3::ZERO, scene_origin: DVec3::ZERO }
+    }
+
+    pub fn matrix_f32(&self) -> [f32; 16] {
+        self.matrix.map(|x| x as f32)
+    }
+
+    /// Whether a point, relative to the scene's origin, is exactly in view, boundary included.
+    pub fn sees(&self, p: DVec3) -> bool {
+        clip_planes(self.depth).iter().all(|plane| self.side(plane, p) >= 0)
+    }
+
+    /// On which side of a plane a point is, exactly.
+    pub fn side(&self, plane: &[(usize, f64)], p: DVec3) -> i32 {
+        let parts = [p, self.scene_origin, -self.origin];
+        sign_of_sum(plane.iter().flat_map(|&(row, sign)| {
+            let moved =
+                (0..3).flat_map(move |c| parts.map(|part| (sign * self.matrix[4 * c + row], part[c])));
+            moved.chain([(sign * self.matrix[12 + row], 1.0)])
+        }))
+    }
+
+    /// Whether any corner of a box is exactly in view.
+    pub fn sees_a_corner(&self, bounds: &Aabb) -> bool {
+        bounds.corners().iter().any(|corner| self.sees(corner.as_dvec3()))
+    }
+
+    /// Normal and offset of a plane, rounded: for choosing points near it, and for what is farther than rounding reaches.
+    pub fn coefficients(&self, plane: &[(usize, f64)]) -> (DVec3, f64) {
+        let sum = |column: usize| plane.iter().map(|&(row, sign)| sign * self.matrix[4 * column + row]).sum();
+        let n = DVec3::new(sum(0), sum(1), sum(2));
+        let shift = self.scene_origin - self.origin;
+        let sum_w: f64 = sum(3);
+        (n, n.x * shift.x + n.y * shift.y + n.z * shift.z + sum_w)
+    }
+
+    /// How far a box is beyond its worst plane, in units of the error bound that the frustum culler documents for its test (at
+    /// `TestPlane`): `8u` of all magnitudes, `2^-125` of the coordinates, `2^-122`, and the error of the plane's offset. More than
+    /// one: outside for certain.
+    pub fn error_bounds_outside(&self, bounds: &Aabb) -> f64 {
+        let mut worst: f64 = 0.0;
+        for plane in clip_planes(self.depth) {
+            let (n, d) = self.coefficients(&plane);
+            // Scaled by a power of two first, or squares overflow.
+            let scale = n.abs().max_element();
+            let (n, d) = (n / scale, d / scale);
+            let length = n.length();
+            let (n, d) = (n / length, d / length);
+            let far = DVec3::select(n.cmpge(DVec3::ZERO), bounds.max.as_dvec3(), bounds.min.as_dvec3());
+            let size = n.abs().dot(far.abs()) + d.abs();
+            let shift = (self.scene_origin - self.origin).abs();
+            let offset_error = 8.0 * f64::EPSILON * (n.abs().dot(shift) + d.abs() + n.abs().dot(shift));
+            let error = power_of_two(-21) * size
+                + power_of_two(-125) * far.abs().element_sum()
+                + power_of_two(-122)
+                + offset_error;
+            worst = worst.max(-(n.dot(far) + d) / error);
+        }
+        worst
+    }
+}
+
+/// A projection in the given convention, from camera space (x right, y up, z forward).
+pub fn projection(depth: Depth, window: [f64; 4], near: f64, far: f64, parallel: bool) -> DMat4 {
+    let [left, right, bottom, top] = window;
+    let (width, height) = (right - left, top - bottom);
+    let (cx, cy) = ((right + left) / width, (top + bottom) / height);
+    // Clip depth over w at the near and at the far plane.
+    let (at_near, at_far) = match depth {
+        Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 1.0),
+        Depth::ZeroToOne | Depth::Infinite => (0.0, 1.0),
+        Depth::Reversed | Depth::ReversedInfinite => (1.0, 0.0),
+    };
+    let rows = if parallel {
+        let slope = (at_far - at_near) / (far - near);
+        [
+            DVec4::new(2.0 / width, 0.0, 0.0, -cx),
+            DVec4::new(0.0, 2.0 / height, 0.0, -cy),
+            DVec4::new(0.0, 0.0, slope, at_near - slope * near),
+            DVec4::W,
+        ]
+    } else {
+        // a z + b is w times the depth: `at_near` times near at the near plane, and so on.
+        let a = if depth.is_infinite() { at_far } else { (at_far * far - at_near * near) / (far - near) };
+        let b = (at_near - a) * near;
+        [
+            DVec4::new(2.0 / width, 0.0, -cx, 0.0),
+            DVec4::new(0.0, 2.0 / height, -cy, 0.0),
+            DVec4::new(0.0, 0.0, a, b),
+            DVec4::Z,
+        ]
+    };
+    DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose()
+}
+
+/// A camera somewhere within `reach` of the origin of its matrix, turned anyhow; perspective or parallel, often off-centre.
+pub fn random_projection(rng: &mut Random, depth: Depth, reach: f64) -> DMat4 {
+    let turn =
+        DQuat::from_xyzw(rng.unit() - 0.5, rng.unit() - 0.5, rng.unit() - 0.5, rng.unit() + 0.01).normalize();
+    let look = DMat4::from_quat(turn) * DMat4::from_translation(rng.vector(reach));
+    let size = rng.range(0.05, 2.0);
+    let (dx, dy) =
+        if rng.one_in(2) { (0.0, 0.0) } else { (rng.range(-2.0, 2.0) * size, rng.range(-2.0, 2.0) * size) };
+    let window = [dx - size, dx + size, dy - size * 0.6, dy + size * 0.6];
+    // An infinite far plane exists in perspective only.
+    let parallel = !depth.is_infinite() && rng.one_in(3);
+    let near = if parallel { rng.range(-2.0, 1.0) } else { power_of_two(rng.between(-10, 0)) };
+    projection(depth, window, near, near + power_of_two(rng.between(-3, 10)), parallel) * look
+}
+
+/// A camera at the given scale: a coordinate `i` of what it sees is about `2^exponents[i]`.
+pub fn random_camera(rng: &mut Random, exponents: [i32; 3]) -> (Camera, DMat4) {
+    let depth = rng.pick(&DEPTHS);
+    let base = match rng.below(4) {
+        // Any matrix at all is a camera.
+        0 => DMat4::from_cols_array(&core::array::from_fn(|_| rng.range(-1.0, 1.0))),
+        // An eye in the very origin: planes without offset.
+        1 => random_projection(rng, depth, 0.0),
+        _ => random_projection(rng, depth, 3.0),
+    };
+    let uniform = (exponents.iter().max().unwrap() + exponents.iter().min().unwrap()) / 2 / 2;
+    let uniform = power_of_two(uniform + rng.between(-3, 3));
+    let shrink = exponents.map(|e| power_of_two(-e));
+    let scaled = base * DMat4::from_scale(DVec3::from_array(shrink)) * uniform;
+    let matrix = scaled.to_cols_array().map(|x| f64::from(x as f32));
+    (Camera::new(matrix, depth), base)
+}
+
+/// A point near one plane of a camera, aimed at within a few of the last places of one coordinate; and the plane's coefficients.
+/// `base` is the matrix before the scaling by `2^-exponents`.
+pub fn aimed_point(
+    rng: &mut Random,
+    camera: &Camera,
+    base: &DMat4,
+    exponents: [i32; 3],
+) -> Option<([f32; 3], DVec3, f64)> {
+    let planes = clip_planes(camera.depth);
+    let which = rng.below(planes.len());
+    let (least_depth, sign) = match camera.depth {
+        Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 1.0),
+        Depth::ZeroToOne | Depth::Infinite => (0.0, 1.0),
+        Depth::Reversed | Depth::ReversedInfinite => (0.0, -1.0),
+    };
+    let mut clip =
+        DVec4::new(rng.range(-0.99, 0.99), rng.range(-0.99, 0.99), rng.range(least_depth + 0.01, 0.99), 1.0);
+    match which {
+        0..4 => clip[which / 2] = [-1.0, 1.0][which % 2],
+        _ => clip.z = if (which == 4) == (sign > 0.0) { least_depth } else { 1.0 },
+    }
+    let world = base.inverse() * clip;
+    let scale = DVec3::from_array(exponents.map(power_of_two));
+    let mut p = (world.truncate() / world.w * scale + (camera.origin - camera.scene_origin)).as_vec3();
+    let (n, d) = camera.coefficients(&planes[which]);
+    let q = p.as_dvec3();
+    // The axis that has most to say, or any.
+    let say = (n * q).abs();
+    let axis = match rng.below(2) {
+        0 => rng.below(3),
+        _ => (0..3).max_by(|&a, &b| say[a].total_cmp(&say[b])).unwrap(),
+    };
+    if n[axis] != 0.0 {
+        let others: f64 = (0..3).filter(|&i| i != axis).map(|i| n[i] * q[i]).sum();
+        let mut x = (-(others + d) / n[axis]) as f32;
+        for _ in 0..rng.below(4) {
+            x = if n[axis] > 0.0 { x.next_up() } else { x.next_down() };
+        }
+        p[axis] = x;
+    }
+    // Infinite coordinates are beyond this test, and what is far from the scale aimed at is an accident of the inverse.
+    (p.is_finite() && (p.as_dvec3() / scale).abs().max_element() < 1e7).then(|| (p.to_array(), n, d))
+}
+
+/// A box whose corner farthest along `n` is `p`, so that nothing else of it is as deep inside the plane.
+pub fn box_behind(rng: &mut Random, p: [f32; 3], n: DVec3, exponents: [i32; 3]) -> Aabb {
+    let (mut min, mut max) = (p, p);
+    let flat = rng.one_in(4);
+    for axis in 0..3 {
+        let size = (power_of_two(exponents[axis] - rng.between(0, 20)) * rng.unit()) as f32;
+        if flat || rng.one_in(8) {
+            continue;
+        }
+        let away = if n[axis] == 0.0 { rng.one_in(2) } else { n[axis] > 0.0 };
+        if away { min[axis] -= size } else { max[axis] += size }
+    }
+    let bounds = Aabb::from_arrays(min, max);
+    if bounds.is_finite() { bounds } else { Aabb::from_arrays(p, p) }
+}
+
+/// FNV-1a.
+pub fn fnv(hash: u64, bytes: &[u8]) -> u64 {
+    bytes.iter().fold(hash, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+pub const FNV_START: u64 = 0xcbf2_9ce4_8422_2325;
