@@ -12,6 +12,7 @@ pub mod recipes;
 pub mod source;
 pub mod vscn;
 pub mod walk;
+pub mod walkthrough;
 
 pub use error::SourceError;
 pub use load::{cars5, load};

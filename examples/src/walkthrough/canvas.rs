@@ -1,0 +1,116 @@
+//! A picture in memory: pixels, lines, discs and small text, saved as PNG.
+
+use font8x8::legacy::BASIC_LEGACY;
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::path::Path;
+
+/// Red, green, blue.
+pub type Color = [u8; 3];
+
+/// A picture.
+pub struct Canvas {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    pixels: Vec<Color>,
+}
+
+/// Side of a character, in pixels.
+pub const LETTER: i64 = 8;
+
+impl Canvas {
+    /// A picture of one color.
+    pub fn new(width: u32, height: u32, color: Color) -> Self {
+        Self { width, height, pixels: vec![color; width as usize * height as usize] }
+    }
+
+    /// Colors a pixel; outside the picture, nothing happens.
+    pub fn set(&mut self, x: i64, y: i64, color: Color) {
+        if (0..i64::from(self.width)).contains(&x) && (0..i64::from(self.height)).contains(&y) {
+            self.pixels[y as usize * self.width as usize + x as usize] = color;
+        }
+    }
+
+    /// A line, two pixels wide.
+    pub fn line(&mut self, from: [f64; 2], to: [f64; 2], color: Color) {
+        let Some((from, to)) = self.clip(from, to) else { return };
+        let steps = (to[0] - from[0]).abs().max((to[1] - from[1]).abs()).ceil().max(1.0);
+        for i in 0..=steps as i64 {
+            let part = i as f64 / steps;
+            let x = (from[0] + (to[0] - from[0]) * part).floor() as i64;
+            let y = (from[1] + (to[1] - from[1]) * part).floor() as i64;
+            for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                self.set(x + dx, y + dy, color);
+            }
+        }
+    }
+
+    /// The part of a segment within the picture (Liang and Barsky's test): a line may end kilometres outside.
+    fn clip(&self, from: [f64; 2], to: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
+        let (mut enter, mut leave) = (0.0f64, 1.0f64);
+        for (axis, size) in [(0, self.width), (1, self.height)] {
+            let step = to[axis] - from[axis];
+            for (toward, distance) in [(-step, from[axis]), (step, f64::from(size) - from[axis])] {
+                if toward > 0.0 {
+                    leave = leave.min(distance / toward);
+                } else if toward < 0.0 {
+                    enter = enter.max(distance / toward);
+                } else if distance < 0.0 {
+                    return None;
+                }
+            }
+        }
+        let at = |part: f64| [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * part);
+        (enter <= leave).then(|| (at(enter), at(leave)))
+    }
+
+    /// A filled disc, or with `hollow`, a ring.
+    pub fn disc(&mut self, center: [f64; 2], radius: f64, hollow: bool, color: Color) {
+        let reach = radius.ceil() as i64 + 1;
+        let (cx, cy) = (center[0].floor() as i64, center[1].floor() as i64);
+        for y in -reach..=reach {
+            for x in -reach..=reach {
+                let distance = ((x * x + y * y) as f64).sqrt();
+                if distance <= radius && (!hollow || distance > radius - 2.5) {
+                    self.set(cx + x, cy + y, color);
+                }
+            }
+        }
+    }
+
+    /// A filled rectangle.
+    pub fn rectangle(&mut self, x: i64, y: i64, width: i64, height: i64, color: Color) {
+        for y in y..y + height {
+            for x in x..x + width {
+                self.set(x, y, color);
+            }
+        }
+    }
+
+    /// A line of ASCII text with its upper left corner at a point; other characters become question marks.
+    pub fn text(&mut self, x: i64, y: i64, text: &str, color: Color) {
+        for (position, letter) in text.chars().enumerate() {
+            let glyph = BASIC_LEGACY.get(letter as usize).unwrap_or(&BASIC_LEGACY['?' as usize]);
+            for (row, bits) in glyph.iter().enumerate() {
+                for column in 0..LETTER {
+                    if bits >> column & 1 != 0 {
+                        self.set(x + position as i64 * LETTER + column, y + row as i64, color);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Writes the picture as PNG.
+    pub fn save(&self, path: &Path) -> io::Result<()> {
+        let mut encoder = png::Encoder::new(BufWriter::new(File::create(path)?), self.width, self.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(self.pixels.as_flattened())?;
+        writer.finish()?;
+        Ok(())
+    }
+}

@@ -1,0 +1,221 @@
+//! The scene from above: what was culled, what is visible, what was reported for nothing, and what was lost.
+
+use super::canvas::{Canvas, Color, LETTER};
+use super::judge::Judgement;
+use super::{Trial, World};
+use glam::{DVec3, Vec3};
+use visibility_core::measure::{ItemBuffer, MeasureError, NONE};
+use visibility_core::{Pose, View, Window};
+
+const PAPER: Color = [250, 250, 247];
+const CULLED: Color = [205, 207, 210];
+const FALSE_VISIBLE: Color = [244, 190, 92];
+const VISIBLE: Color = [74, 152, 96];
+const LOST: Color = [214, 32, 44];
+const SIGHT: Color = [32, 84, 190];
+const WALK: Color = [120, 120, 200];
+const INK: Color = [40, 40, 40];
+
+/// The longer side of the map, in pixels.
+const SIDE: f64 = 1200.0;
+/// Around the map, so that walks outside the scene show.
+const MARGIN: f64 = 0.04;
+/// An object that covers more than this share of the map is ground.
+const GROUND: f64 = 0.05;
+/// Height of the strip with the legend.
+const LEGEND: u32 = 64;
+
+/// Draws a frame of a trial.
+pub fn draw(
+    world: &World,
+    trial: &Trial,
+    judgement: &Judgement,
+    index: usize,
+    frame: usize,
+) -> Result<Canvas, MeasureError> {
+    let map = Map::new(world);
+    let mut canvas = Canvas::new(map.width, map.height + LEGEND, PAPER);
+    let exact = &judgement.exact[frame];
+    let lost = &judgement.verdicts[index].hidden[frame];
+    let reported = &trial.reported[frame];
+    let color = |object: u32| {
+        if lost.binary_search(&object).is_ok() {
+            LOST
+        } else if reported.binary_search(&object).is_err() {
+            CULLED
+        } else if exact.binary_search(&object).is_ok() {
+            VISIBLE
+        } else {
+            FALSE_VISIBLE
+        }
+    };
+    map.paint(&mut canvas, world, color)?;
+    let legend_at = map.height;
+
+    let poses: Vec<_> = world.poses.iter().filter(|(_, walk)| *walk == world.poses[frame].1).collect();
+    for pair in poses.windows(2) {
+        canvas.line(map.place(pair[0].0.eye), map.place(pair[1].0.eye), WALK);
+    }
+    let pose = &world.poses[frame].0;
+    let fov_y = f64::from(world.source.walks[world.poses[frame].1].fov_y_degrees).to_radians();
+    let half_width = (fov_y * 0.5).tan() * f64::from(world.size.0) / f64::from(world.size.1);
+    let far = map.extent * 2.0;
+    for side in [-1.0, 1.0] {
+        let edge = pose.eye + (pose.forward + pose.right * (side * half_width)) * far;
+        canvas.line(map.place(pose.eye), map.place(edge), SIGHT);
+    }
+    canvas.disc(map.place(pose.eye), 6.0, false, SIGHT);
+    for &object in lost {
+        let source = &world.source.objects[object as usize];
+        if let Some((low, high)) = source.bounds() {
+            canvas.disc(map.place(((low + high) * 0.5).as_dvec3()), 14.0, true, LOST);
+        }
+    }
+    canvas.rectangle(0, legend_at.into(), map.width.into(), LEGEND.into(), PAPER);
+    legend(&mut canvas, legend_at, world, trial, frame, [exact.len(), reported.len(), lost.len()]);
+    Ok(canvas)
+}
+
+fn legend(canvas: &mut Canvas, top: u32, world: &World, trial: &Trial, frame: usize, counts: [usize; 3]) {
+    let top = i64::from(top) + 8;
+    let [exact, reported, lost] = counts;
+    let title = format!(
+        "{} from above, frame {frame}, culler {} ({}): {} objects, {exact} visible, {reported} reported, {lost} lost",
+        world.source.name,
+        trial.name,
+        trial.accuracy,
+        world.scene.len(),
+    );
+    canvas.text(10, top, &title, INK);
+    let mut x = 10;
+    for (color, what) in [
+        (VISIBLE, "visible"),
+        (FALSE_VISIBLE, "reported, not visible"),
+        (CULLED, "culled"),
+        (LOST, "visible, but culled"),
+        (SIGHT, "eye and frustum"),
+        (WALK, "walk"),
+    ] {
+        canvas.rectangle(x, top + 20, 16, 16, color);
+        canvas.text(x + 22, top + 24, what, INK);
+        x += 22 + (what.len() as i64 + 3) * LETTER;
+    }
+}
+
+/// Where world coordinates are on the map.
+struct Map {
+    center: DVec3,
+    /// World axis that points right on the map, and the one that points up on it.
+    right: DVec3,
+    ahead: DVec3,
+    up: DVec3,
+    pixels_per_metre: f64,
+    width: u32,
+    height: u32,
+    /// Length of the map's diagonal, in metres.
+    extent: f64,
+}
+
+impl Map {
+    fn new(world: &World) -> Self {
+        let up = world.source.up.as_dvec3();
+        let right = if up.x.abs() > 0.5 { DVec3::Y } else { DVec3::X };
+        let ahead = up.cross(right);
+        let (low, high) = world.source.bounds().unwrap_or((Vec3::ZERO, Vec3::ONE));
+        let (mut low, mut high) = (low.as_dvec3(), high.as_dvec3());
+        for (pose, _) in &world.poses {
+            (low, high) = (low.min(pose.eye), high.max(pose.eye));
+        }
+        let size = high - low;
+        let across = right.abs().dot(size).max(1e-3);
+        let along = ahead.abs().dot(size).max(1e-3);
+        let pixels_per_metre = SIDE * (1.0 - 2.0 * MARGIN) / across.max(along);
+        // A very long and narrow scene still gets a strip that can be looked at.
+        let pixels =
+            |metres: f64| (metres * pixels_per_metre + SIDE * 2.0 * MARGIN).clamp(200.0, SIDE) as u32;
+        Self {
+            center: (low + high) * 0.5,
+            right,
+            ahead,
+            up,
+            pixels_per_metre,
+            width: pixels(across),
+            height: pixels(along),
+            extent: (across * across + along * along).sqrt(),
+        }
+    }
+
+    fn place(&self, p: DVec3) -> [f64; 2] {
+        let offset = (p - self.center) * self.pixels_per_metre;
+        [
+            f64::from(self.width) * 0.5 + offset.dot(self.right),
+            f64::from(self.height) * 0.5 - offset.dot(self.ahead),
+        ]
+    }
+
+    /// Paints the footprints of all objects, small ones over large ones: a chair shows on its floor, and under its roof.
+    ///
+    /// Done with the item buffer, seen from above, in which the height of each object is its rank by size.
+    fn paint(
+        &self,
+        canvas: &mut Canvas,
+        world: &World,
+        color: impl Fn(u32) -> Color,
+    ) -> Result<(), MeasureError> {
+        let objects = &world.source.objects;
+        let area = |object: &crate::SourceObject| {
+            let (low, high) = object.bounds().unwrap_or_default();
+            let size = (high - low).as_dvec3();
+            size.dot(self.right.abs()) * size.dot(self.ahead.abs())
+        };
+        let mut order: Vec<(f64, u32)> = objects.iter().map(area).zip(0..).collect();
+        order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let whole = f64::from(self.width) * f64::from(self.height) / self.pixels_per_metre.powi(2);
+        let areas: Vec<f64> = order.iter().map(|&(area, _)| area).collect();
+        let flat: Vec<(u32, Vec<[Vec3; 3]>)> = (1..)
+            .zip(&order)
+            .map(|(rank, &(_, object))| {
+                let height = self.up * f64::from(rank);
+                let flatten = |p: Vec3| {
+                    let offset = p.as_dvec3() - self.center;
+                    (self.right * offset.dot(self.right) + self.ahead * offset.dot(self.ahead) + height)
+                        .as_vec3()
+                };
+                (object, objects[object as usize].triangles.iter().map(|t| t.map(flatten)).collect())
+            })
+            .collect();
+        let top = self.up * (objects.len() as f64 + 2.0);
+        let pose = Pose { eye: top, right: self.right, up: self.ahead, forward: -self.up };
+        let half = |pixels: u32| f64::from(pixels) * 0.5 / self.pixels_per_metre;
+        let window = Window::centered(half(self.width), half(self.height));
+        let Ok(view) = View::orthographic(pose, window, 0.0, objects.len() as f64 + 3.0) else {
+            return Ok(());
+        };
+        let mut buffer = ItemBuffer::new(self.width, self.height)?;
+        buffer.draw(
+            &view,
+            DVec3::ZERO,
+            flat.iter().map(|(object, triangles)| (*object, triangles.as_slice())),
+        )?;
+        // A dark rim where two objects meet keeps neighbours of one color apart.
+        let object_at = |x: u32, y: u32| {
+            (buffer.items()[(y * self.width + x) as usize] != NONE).then(|| buffer.object_at(x, y)).flatten()
+        };
+        for y in 0..self.height {
+            for x in 0..self.width {
+                let Some(place) = object_at(x, y) else { continue };
+                let object = order[place].1;
+                let rim = [(x.saturating_sub(1), y), (x, y.saturating_sub(1))]
+                    .into_iter()
+                    .any(|(x, y)| object_at(x, y) != Some(place));
+                let color = color(object);
+                // Grounds are pale, or they would outshine what stands on them.
+                let color =
+                    if areas[place] > GROUND * whole { color.map(|level| level / 2 + 127) } else { color };
+                let color = if rim { color.map(|level| level / 5 * 4) } else { color };
+                canvas.set(x.into(), y.into(), color);
+            }
+        }
+        Ok(())
+    }
+}

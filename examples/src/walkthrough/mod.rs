@@ -1,0 +1,17 @@
+//! The main job: walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
+//!
+//! [`trial`] runs the cullers and keeps what they report, [`judge`] holds that against the exact answer, [`output`] prints it, and
+//! [`eye_picture`] and [`map_picture`] draw it.
+
+pub mod canvas;
+pub mod cullers;
+pub mod eye_picture;
+pub mod judge;
+pub mod map_picture;
+pub mod output;
+pub mod trial;
+pub mod world;
+
+pub use judge::{Verdict, judge};
+pub use trial::{Trial, run};
+pub use world::World;

@@ -1,0 +1,100 @@
+//! Results as a table for people, and as JSON lines and a dump of answers for programs.
+
+use super::judge::Judgement;
+use super::{Trial, World};
+use comfy_table::{CellAlignment, Table, presets};
+use serde::Serialize;
+use std::io::{self, Write};
+
+/// A row per culler.
+pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
+    let frames = world.views.len() as f64;
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        "culler",
+        "promises",
+        "reported",
+        "visible",
+        "us a frame",
+        "p99",
+        "false hidden",
+        "false visible",
+        "wrong pixels",
+    ]);
+    for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
+        table.add_row([
+            trial.name.clone(),
+            trial.accuracy.to_string(),
+            format!("{:.1}", trial.mean_visible()),
+            format!("{:.1}", judgement.mean_exact()),
+            format!("{:.2}", trial.quantile(0.5)),
+            format!("{:.2}", trial.quantile(0.99)),
+            verdict.false_hidden.to_string(),
+            format!("{:.1}", verdict.false_visible as f64 / frames),
+            format!("{:.1}", verdict.wrong_pixels as f64 / frames),
+        ]);
+    }
+    for column in table.column_iter_mut().skip(2) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+/// What the columns of the table mean.
+pub const LEGEND: &str = "\
+reported, visible: objects a frame, by the culler and in truth (an item buffer that draws every triangle)
+us a frame, p99: median and 99th percentile of the time to cull one frame, one thread
+false hidden: visible objects that the culler hid, all frames together: what a user sees vanish
+false visible: reported objects of which no pixel shows, a frame
+wrong pixels: pixels that are not what they should be when only the reported objects are drawn, a frame";
+
+#[derive(Serialize)]
+struct Line<'a> {
+    scene: &'a str,
+    culler: &'a str,
+    accuracy: &'a str,
+    objects: usize,
+    frames: usize,
+    median_us: f64,
+    p99_us: f64,
+    mean_visible: f64,
+    mean_exact: f64,
+    false_hidden: u64,
+    false_visible: u64,
+    mean_wrong_pixels: f64,
+}
+
+/// One line a culler. `false_hidden` and `false_visible` are summed over all frames.
+pub fn json(out: &mut impl Write, world: &World, trials: &[Trial], judgement: &Judgement) -> io::Result<()> {
+    for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
+        let line = Line {
+            scene: &world.source.name,
+            culler: &trial.name,
+            accuracy: trial.accuracy.name(),
+            objects: world.scene.len(),
+            frames: world.views.len(),
+            median_us: trial.quantile(0.5),
+            p99_us: trial.quantile(0.99),
+            mean_visible: trial.mean_visible(),
+            mean_exact: judgement.mean_exact(),
+            false_hidden: verdict.false_hidden,
+            false_visible: verdict.false_visible,
+            mean_wrong_pixels: verdict.wrong_pixels as f64 / world.views.len() as f64,
+        };
+        serde_json::to_writer(&mut *out, &line)?;
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
+/// A line per frame and culler: `frame culler id id id ...`, ids in the order of the scene's objects.
+pub fn dump(out: &mut impl Write, trials: &[Trial]) -> io::Result<()> {
+    for frame in 0..trials.first().map_or(0, |trial| trial.reported.len()) {
+        for trial in trials {
+            write!(out, "{frame} {}", trial.name)?;
+            trial.reported[frame].iter().try_for_each(|id| write!(out, " {id}"))?;
+            writeln!(out)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,97 @@
+//! A scene source made into what cullers work on: a [`Scene`], and a [`View`] for every frame.
+
+use crate::{SceneSource, SourceError, frames};
+use glam::DVec3;
+use visibility_core::{Aabb, Object, Pose, Scene, View, ViewError};
+
+/// A scene ready to be walked through.
+pub struct World {
+    /// Where it came from: names, triangles, axes.
+    pub source: SceneSource,
+    /// The culler's scene. Object `i` of the source has index `i`.
+    pub scene: Scene,
+    /// The views of all frames, all walks one after another.
+    pub views: Vec<View>,
+    /// The pose behind each view, and which walk it is on, for pictures.
+    pub poses: Vec<(Pose, usize)>,
+    /// Width and height of the picture that the views are for.
+    pub size: (u32, u32),
+}
+
+impl World {
+    /// Fills a scene and makes a view of every key of the walks, or of `count` frames spread evenly over them.
+    pub fn new(source: SceneSource, size: (u32, u32), count: Option<usize>) -> Result<Self, WorldError> {
+        let keys = source.walks.iter().map(|walk| walk.keys.len()).sum();
+        let frames = frames(&source.walks, count.unwrap_or(keys));
+        if frames.is_empty() {
+            return Err(WorldError::NoFrames);
+        }
+        let aspect = f64::from(size.0) / f64::from(size.1);
+        let mut views = Vec::with_capacity(frames.len());
+        let mut poses = Vec::with_capacity(frames.len());
+        for (number, frame) in frames.iter().enumerate() {
+            let walk = &source.walks[frame.walk];
+            let pose = Pose::look_at(frame.camera.eye, frame.camera.target, walk.up.as_dvec3());
+            let fov_y = f64::from(walk.fov_y_degrees).to_radians();
+            let view = View::perspective(pose, fov_y, aspect, f64::from(source.near), f64::INFINITY)
+                .map_err(|error| WorldError::View { frame: number, error })?;
+            views.push(view);
+            poses.push((pose, frame.walk));
+        }
+
+        let mut scene = Scene::new();
+        let ids = scene.insert_batch(source.objects.iter().map(|object| Object {
+            cost: u32::try_from(object.triangles.len()).unwrap_or(u32::MAX),
+            occluder: object.opaque,
+            ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
+        }));
+        for (id, object) in ids.into_iter().zip(&source.objects) {
+            scene.set_triangles(id, object.triangles.as_slice()).expect("the object was just inserted");
+        }
+        Ok(Self { source, scene, views, poses, size })
+    }
+
+    /// The objects as the item buffer takes them: index and triangles, in order.
+    pub fn items(&self) -> impl Iterator<Item = (u32, &[[glam::Vec3; 3]])> + Clone {
+        (0..).zip(self.source.objects.iter().map(|object| object.triangles.as_slice()))
+    }
+
+    /// The point that everything is relative to.
+    pub fn origin(&self) -> DVec3 {
+        self.scene.origin()
+    }
+}
+
+/// Why a scene cannot be walked through.
+#[derive(Debug)]
+pub enum WorldError {
+    /// The scene has no camera walk, or no frames were asked for.
+    NoFrames,
+    /// A frame's camera cannot be used.
+    View {
+        /// Which frame.
+        frame: usize,
+        /// What is wrong with it.
+        error: ViewError,
+    },
+    /// The scene cannot be had.
+    Source(SourceError),
+}
+
+impl std::fmt::Display for WorldError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NoFrames => write!(f, "there is no frame to walk through: no walk, or none asked for"),
+            Self::View { frame, error } => write!(f, "the camera of frame {frame}: {error}"),
+            Self::Source(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for WorldError {}
+
+impl From<SourceError> for WorldError {
+    fn from(error: SourceError) -> Self {
+        Self::Source(error)
+    }
+}
