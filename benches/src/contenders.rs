@@ -1,0 +1,389 @@
+//! Those who cull: ours, the plain loop that one writes without a library, and the other crates.
+//!
+//! Each holds the boxes and the frustum of every frame in its own types, made beforehand, and writes what is visible to a buffer
+//! that it keeps. Each is used as its documentation recommends; where there were several ways, the fastest in our
+//! measurements was taken.
+
+use bvh::aabb::{Bounded, IntersectsAabb};
+use bvh::bounding_hierarchy::BHShape;
+use nalgebra::Point3;
+use parry3d::partitioning::{BvhBuildStrategy, BvhNode, TraversalAction};
+use treeculler::BVol;
+use visibility_core::{
+    Aabb, FrustumCuller, Pipeline, Scene, Simd, View, VisibleSet,
+    glam::{DVec3, Vec3},
+};
+
+/// One way to cull.
+pub trait Contender {
+    /// Its name in tables.
+    fn name(&self) -> String;
+
+    /// Finds the boxes in view in a frame. Returns something that depends on all of the answer.
+    fn cull(&mut self, frame: usize) -> usize;
+
+    /// The indices of what the last call found; `None` from one that does not cull.
+    fn visible(&self) -> Option<Vec<u32>>;
+
+    /// Whether it also drops what lies beyond the bounds of the frustum's corners.
+    fn uses_corners(&self) -> bool {
+        false
+    }
+}
+
+/// All contenders for these boxes and frames. The first is the plain loop, against which the others are held.
+pub fn all(boxes: &[Aabb], views: &[View]) -> Vec<Box<dyn Contender>> {
+    let mut all: Vec<Box<dyn Contender>> = vec![
+        Box::new(Plain::<false>::new(boxes, views)),
+        Box::new(Plain::<true>::new(boxes, views)),
+        Box::new(TreeCuller::<false>::new(boxes, views)),
+        Box::new(TreeCuller::<true>::new(boxes, views)),
+        Box::new(Parry::new(boxes, views)),
+        Box::new(BvhCrate::new(boxes, views)),
+        Box::new(ReadAll::new(boxes)),
+    ];
+    all.extend(ours(boxes, views));
+    all
+}
+
+/// Ours alone: on each instruction set, and at last the widest with the visible ids written to a list, as the others do.
+pub fn ours(boxes: &[Aabb], views: &[View]) -> Vec<Box<dyn Contender>> {
+    let each = Simd::available().map(|simd| Ours::new(boxes, views, simd, false));
+    let last = Ours::new(boxes, views, Simd::best(), true);
+    each.chain([last]).map(|ours| Box::new(ours) as Box<dyn Contender>).collect()
+}
+
+/// A plane as a loop in `f32` wants it.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    normal: Vec3,
+    size: Vec3,
+    offset: f32,
+}
+
+type Planes = [Plane; 6];
+
+fn planes(view: &View) -> Planes {
+    let planes = view.planes(DVec3::ZERO);
+    core::array::from_fn(|i| {
+        let plane = planes.as_slice()[i].plane;
+        let normal = plane.normal.as_vec3();
+        Plane { normal, size: normal.abs(), offset: plane.offset as f32 }
+    })
+}
+
+/// The loop over centres and half extents with glam that engines begin with. `EARLY` leaves at the first plane that excludes a
+/// box, which pays where neighbours share their fate; otherwise all six are tested without a branch.
+struct Plain<const EARLY: bool> {
+    boxes: Vec<(Vec3, Vec3)>,
+    frames: Vec<Planes>,
+    visible: Vec<u32>,
+}
+
+impl<const EARLY: bool> Plain<EARLY> {
+    fn new(boxes: &[Aabb], views: &[View]) -> Self {
+        Self {
+            boxes: boxes.iter().map(|b| (b.center(), b.half_extent())).collect(),
+            frames: views.iter().map(planes).collect(),
+            visible: Vec::with_capacity(boxes.len()),
+        }
+    }
+}
+
+impl<const EARLY: bool> Contender for Plain<EARLY> {
+    fn name(&self) -> String {
+        let how = if EARLY { "leaving at the first plane" } else { "all planes" };
+        format!("glam centre-extent loop, {how}")
+    }
+
+    fn cull(&mut self, frame: usize) -> usize {
+        let planes = &self.frames[frame];
+        self.visible.clear();
+        for (index, &(center, half)) in self.boxes.iter().enumerate() {
+            let touches = |p: &Plane| p.normal.dot(center) + p.size.dot(half) + p.offset >= 0.0;
+            let visible = if EARLY {
+                planes.iter().all(touches)
+            } else {
+                planes.iter().fold(true, |all, p| all & touches(p))
+            };
+            if visible {
+                self.visible.push(index as u32);
+            }
+        }
+        self.visible.len()
+    }
+
+    fn visible(&self) -> Option<Vec<u32>> {
+        Some(self.visible.clone())
+    }
+}
+
+/// treeculler: one box at a time. `COHERENT` remembers for each box which plane excluded it last.
+struct TreeCuller<const COHERENT: bool> {
+    boxes: Vec<treeculler::AABB<f32>>,
+    last: Vec<u8>,
+    frames: Vec<treeculler::Frustum<f32>>,
+    visible: Vec<u32>,
+}
+
+impl<const COHERENT: bool> TreeCuller<COHERENT> {
+    fn new(boxes: &[Aabb], views: &[View]) -> Self {
+        let frustum = |view: &View| {
+            let matrix = view.clip_from(DVec3::ZERO).as_mat4().to_cols_array_2d();
+            treeculler::Frustum::from_modelview_projection(matrix)
+        };
+        Self {
+            boxes: boxes.iter().map(|b| treeculler::AABB::new(b.min.to_array(), b.max.to_array())).collect(),
+            last: vec![0; boxes.len()],
+            frames: views.iter().map(frustum).collect(),
+            visible: Vec::with_capacity(boxes.len()),
+        }
+    }
+}
+
+impl<const COHERENT: bool> Contender for TreeCuller<COHERENT> {
+    fn name(&self) -> String {
+        if COHERENT { "treeculler 0.4, coherent" } else { "treeculler 0.4" }.into()
+    }
+
+    fn cull(&mut self, frame: usize) -> usize {
+        let frustum = &self.frames[frame];
+        self.visible.clear();
+        if COHERENT {
+            for (index, (b, last)) in self.boxes.iter().zip(&mut self.last).enumerate() {
+                let (visible, plane) = b.coherent_test_against_frustum(frustum, *last);
+                *last = plane;
+                if visible {
+                    self.visible.push(index as u32);
+                }
+            }
+        } else {
+            for (index, b) in self.boxes.iter().enumerate() {
+                if b.test_against_frustum(frustum, 0) != u8::MAX {
+                    self.visible.push(index as u32);
+                }
+            }
+        }
+        self.visible.len()
+    }
+
+    fn visible(&self) -> Option<Vec<u32>> {
+        Some(self.visible.clone())
+    }
+
+    fn uses_corners(&self) -> bool {
+        true
+    }
+}
+
+/// Whether no plane excludes a box: the predicate that is handed to the hierarchies.
+#[inline(always)]
+fn in_view(planes: &Planes, min: Vec3, max: Vec3) -> bool {
+    let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
+    planes.iter().all(|p| p.normal.dot(center) + p.size.dot(half) + p.offset >= 0.0)
+}
+
+/// The hierarchy of parry3d, by its binned builder (its PLOC builder took longer to build and to cull).
+struct Parry {
+    tree: parry3d::partitioning::Bvh,
+    frames: Vec<Planes>,
+    visible: Vec<u32>,
+}
+
+impl Parry {
+    fn new(boxes: &[Aabb], views: &[View]) -> Self {
+        let leaves: Vec<_> = boxes.iter().map(parry_aabb).collect();
+        Self {
+            tree: parry3d::partitioning::Bvh::from_leaves(BvhBuildStrategy::Binned, &leaves),
+            frames: views.iter().map(planes).collect(),
+            visible: Vec::with_capacity(boxes.len()),
+        }
+    }
+}
+
+/// A box in the type of parry3d.
+pub fn parry_aabb(b: &Aabb) -> parry3d::bounding_volume::Aabb {
+    parry3d::bounding_volume::Aabb::new(b.min.to_array().into(), b.max.to_array().into())
+}
+
+impl Contender for Parry {
+    fn name(&self) -> String {
+        "parry3d 0.31 Bvh".into()
+    }
+
+    fn cull(&mut self, frame: usize) -> usize {
+        let Self { tree, frames, visible } = self;
+        let planes = &frames[frame];
+        visible.clear();
+        tree.traverse(|node: &BvhNode| {
+            let (min, max) = (node.mins().to_array().into(), node.maxs().to_array().into());
+            if !in_view(planes, min, max) {
+                return TraversalAction::Prune;
+            }
+            visible.extend(node.leaf_data());
+            TraversalAction::Continue
+        });
+        visible.len()
+    }
+
+    fn visible(&self) -> Option<Vec<u32>> {
+        Some(self.visible.clone())
+    }
+}
+
+/// A box as the `bvh` crate builds from.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    bounds: bvh::aabb::Aabb<f32, 3>,
+    index: u32,
+    node: usize,
+}
+
+impl Shape {
+    /// The box with this number.
+    pub fn new(b: &Aabb, index: u32) -> Self {
+        let corner = |v: Vec3| Point3::from(v.to_array());
+        Self { bounds: bvh::aabb::Aabb::with_bounds(corner(b.min), corner(b.max)), index, node: 0 }
+    }
+}
+
+impl Bounded<f32, 3> for Shape {
+    fn aabb(&self) -> bvh::aabb::Aabb<f32, 3> {
+        self.bounds
+    }
+}
+
+impl BHShape<f32, 3> for Shape {
+    fn set_bh_node_index(&mut self, node: usize) {
+        self.node = node;
+    }
+
+    fn bh_node_index(&self) -> usize {
+        self.node
+    }
+}
+
+struct Query(Planes);
+
+impl IntersectsAabb<f32, 3> for Query {
+    fn intersects_aabb(&self, b: &bvh::aabb::Aabb<f32, 3>) -> bool {
+        in_view(&self.0, Vec3::new(b.min.x, b.min.y, b.min.z), Vec3::new(b.max.x, b.max.y, b.max.z))
+    }
+}
+
+/// The hierarchy of the `bvh` crate, whose iterator needs no memory of its own.
+struct BvhCrate {
+    shapes: Vec<Shape>,
+    tree: bvh::bvh::Bvh<f32, 3>,
+    frames: Vec<Query>,
+    visible: Vec<u32>,
+}
+
+impl BvhCrate {
+    fn new(boxes: &[Aabb], views: &[View]) -> Self {
+        let mut shapes: Vec<_> = (0..).zip(boxes).map(|(index, b)| Shape::new(b, index)).collect();
+        Self {
+            tree: bvh::bvh::Bvh::build(&mut shapes),
+            shapes,
+            frames: views.iter().map(|view| Query(planes(view))).collect(),
+            visible: Vec::with_capacity(boxes.len()),
+        }
+    }
+}
+
+impl Contender for BvhCrate {
+    fn name(&self) -> String {
+        "bvh 0.13".into()
+    }
+
+    fn cull(&mut self, frame: usize) -> usize {
+        let Self { shapes, tree, frames, visible } = self;
+        visible.clear();
+        visible.extend(tree.traverse_iterator(&frames[frame], shapes).map(|shape| shape.index));
+        visible.len()
+    }
+
+    fn visible(&self) -> Option<Vec<u32>> {
+        Some(self.visible.clone())
+    }
+}
+
+/// Reads all boxes once and culls nothing: what memory alone costs those who look at every box.
+struct ReadAll {
+    numbers: Vec<u32>,
+}
+
+impl ReadAll {
+    fn new(boxes: &[Aabb]) -> Self {
+        let bits = |b: &Aabb| [b.min, b.max].map(|v| v.to_array().map(f32::to_bits));
+        Self { numbers: boxes.iter().flat_map(|b| bits(b).concat()).collect() }
+    }
+}
+
+impl Contender for ReadAll {
+    fn name(&self) -> String {
+        "reading all boxes once".into()
+    }
+
+    fn cull(&mut self, _: usize) -> usize {
+        // Integers, because their sum may be reordered into as many SIMD columns as the compiler likes.
+        self.numbers.iter().fold(0u32, |sum, &x| sum.wrapping_add(x)) as usize
+    }
+
+    fn visible(&self) -> Option<Vec<u32>> {
+        None
+    }
+}
+
+/// Ours, as a caller meets it: the whole pipeline with its one stage.
+struct Ours {
+    scene: Scene,
+    views: Vec<View>,
+    simd: Simd,
+    pipeline: Pipeline,
+    set: VisibleSet,
+    /// Whether the ids are written to `list` within the measured time.
+    listing: bool,
+    list: Vec<u32>,
+}
+
+impl Ours {
+    fn new(boxes: &[Aabb], views: &[View], simd: Simd, listing: bool) -> Self {
+        let mut scene = Scene::new();
+        scene.insert_batch(boxes.iter().copied());
+        Self {
+            scene,
+            views: views.to_vec(),
+            simd,
+            pipeline: Pipeline::new().with(FrustumCuller::with_simd(simd)),
+            set: VisibleSet::new(),
+            listing,
+            list: Vec::with_capacity(boxes.len()),
+        }
+    }
+}
+
+impl Contender for Ours {
+    fn name(&self) -> String {
+        let path = format!("{:?}", self.simd);
+        let path = path.trim_start_matches("Simd(").trim_end_matches(')').to_string();
+        format!("**visibility**, {path}{}", if self.listing { ", ids listed" } else { "" })
+    }
+
+    fn cull(&mut self, frame: usize) -> usize {
+        let stats = self.pipeline.cull(&self.scene, &self.views[frame], &mut self.set);
+        if self.listing {
+            self.list.clear();
+            self.list.extend(self.set.iter(&self.scene).map(|id| id.index() as u32));
+        }
+        stats.visible as usize
+    }
+
+    fn visible(&self) -> Option<Vec<u32>> {
+        Some(if self.listing {
+            self.list.clone()
+        } else {
+            self.set.iter(&self.scene).map(|id| id.index() as u32).collect()
+        })
+    }
+}
