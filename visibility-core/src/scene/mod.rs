@@ -16,6 +16,7 @@ pub(crate) use tree::{NONE, Tree};
 
 use crate::Aabb;
 use alloc::{boxed::Box, vec::Vec};
+use build::Entry;
 use changes::ChangeLog;
 use glam::DVec3;
 use maintain::Queue;
@@ -216,7 +217,7 @@ impl Scene {
         self.costs.reserve(expected);
         self.tree.slots.reserve(expected);
         let mut ids = Vec::with_capacity(expected);
-        let mut cullable: Vec<(Aabb, Payload)> = Vec::with_capacity(expected);
+        let mut entries = Vec::with_capacity(expected);
         for object in objects {
             let object = object.into();
             let payload = self.register(&object);
@@ -224,15 +225,15 @@ impl Scene {
             if object.is_unculled() {
                 self.tree.insert_unculled(&object.bounds, payload);
             } else {
-                cullable.push((object.bounds, payload));
+                entries.push(Entry::new(object.bounds, payload));
             }
         }
-        if cullable.len() >= there {
-            self.tree.rebuild(cullable);
+        if entries.len() >= there {
+            self.tree.rebuild(entries, &self.generations);
             self.queue.clear();
         } else {
-            for (bounds, payload) in &cullable {
-                self.tree.insert(bounds, *payload);
+            for entry in &entries {
+                self.tree.insert_entry(entry, &self.generations);
             }
         }
         if ChangeLog::is_too_much(ids.len(), self.generations.len()) {
@@ -394,7 +395,7 @@ impl Scene {
 
     /// Builds the hierarchy anew: the best there is for the objects as they are now, at the cost of sorting them. Ids stay valid.
     pub fn rebuild(&mut self) {
-        self.tree.rebuild(Vec::new());
+        self.tree.rebuild(Vec::new(), &self.generations);
         self.queue.clear();
         self.layout += 1;
     }

@@ -1,0 +1,26 @@
+//! Culls a small scene on bare Linux, without the standard library or libc, and exits with 0 if the answer is right.
+#![no_std]
+#![no_main]
+
+mod runtime;
+
+extern crate alloc;
+
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
+
+/// A row of a thousand boxes along x; the camera stands at box 500 and looks along the row as far as box 600.
+fn the_answer_is_right() -> bool {
+    let mut scene = Scene::new();
+    let boxes = (0..1000).map(|i| Aabb::from_arrays([i as f32, -0.25, -0.25], [i as f32 + 0.5, 0.25, 0.25]));
+    scene.insert_batch(boxes);
+    let pose = Pose::look_at(DVec3::new(499.75, 0.0, 0.0), DVec3::new(600.0, 0.0, 0.0), DVec3::Z);
+    let Ok(view) = View::perspective(pose, 1.0, 1.5, 0.25, 100.5) else { return false };
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+    let mut visible = VisibleSet::new();
+    pipeline.cull(&scene, &view, &mut visible);
+    let mut seen: Vec<usize> = visible.iter(&scene).map(ObjectId::index).collect();
+    seen.sort_unstable();
+    seen.into_iter().eq(500..=600)
+}
