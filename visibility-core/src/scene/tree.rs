@@ -413,3 +413,6 @@ fn closest_lane(boxes: &Boxes64, occupied: u64, bounds: &Aabb) -> usize {
     }
     best
 }
+
+#[cfg(test)]
+mod tests;

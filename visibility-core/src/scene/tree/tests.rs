@@ -1,0 +1,285 @@
+//! What must hold of the hierarchy after any sequence of changes, checked from the inside.
+
+use super::*;
+use crate::{Object, Scene};
+use std::collections::HashSet;
+use std::{vec, vec::Vec};
+
+/// What occurred in a tree over a test, to make sure that the test was one.
+#[derive(Default)]
+struct Seen {
+    height: u8,
+    free: usize,
+    unculled: usize,
+}
+
+/// Panics unless the tree is consistent in itself and holds exactly the scene's objects.
+fn check(scene: &Scene, seen: &mut Seen) {
+    let tree = scene.tree();
+    let nodes = tree.node_count();
+    for length in [tree.bounds.len(), tree.ids.len(), tree.layers.len(), tree.occluders.len()] {
+        assert_eq!(length, nodes);
+    }
+    assert_eq!((tree.parents.len(), tree.levels.len()), (nodes, nodes));
+
+    let mut reached: HashSet<usize> = HashSet::new();
+    let mut objects: HashSet<ObjectId> = HashSet::new();
+    let check_leaf = |leaf: usize, objects: &mut HashSet<ObjectId>| {
+        assert_ne!(tree.occupied[leaf], 0, "leaf {leaf} is empty and not free");
+        for lane in 0..64 {
+            if tree.occupied[leaf] >> lane & 1 == 0 {
+                check_lane_is_free(tree, leaf, lane);
+                continue;
+            }
+            let id = tree.ids[leaf][lane];
+            assert_eq!(tree.slots[id.index()], Slot::new(leaf as u32, lane), "{id} points back");
+            assert!(scene.contains(id), "{id} is in the scene");
+            assert!(objects.insert(id), "{id} is there once");
+            let object = scene.object(id).unwrap();
+            assert_eq!(
+                object.is_unculled(),
+                tree.is_unculled_leaf(leaf),
+                "{id} is in the right kind of leaf"
+            );
+        }
+    };
+
+    let mut stack = Vec::new();
+    if tree.root != NONE {
+        assert_eq!(tree.parents[tree.root as usize], Slot::NONE);
+        assert!(tree.levels[tree.root as usize] < 10);
+        stack.push(tree.root as usize);
+        seen.height = seen.height.max(tree.levels[tree.root as usize]);
+    }
+    while let Some(node) = stack.pop() {
+        assert!(reached.insert(node), "node {node} is reached once");
+        if tree.levels[node] == 0 {
+            check_leaf(node, &mut objects);
+            continue;
+        }
+        assert_ne!(tree.occupied[node], 0, "inner node {node} is empty and not free");
+        assert_eq!(tree.occluders[node], 0);
+        for lane in 0..64 {
+            if tree.occupied[node] >> lane & 1 == 0 {
+                check_lane_is_free(tree, node, lane);
+                continue;
+            }
+            let child = tree.child(node, lane);
+            assert_eq!(tree.levels[child] + 1, tree.levels[node]);
+            assert_eq!(tree.parents[child], Slot::new(node as u32, lane), "node {child} points up");
+            let (bounds, hull) = (tree.bounds[node].get(lane), tree.bounds[child].hull());
+            assert!(
+                hull.is_finite() && bounds.min.cmple(hull.min).all() && bounds.max.cmpge(hull.max).all(),
+                "{bounds:?} above node {child} contains {hull:?}"
+            );
+            stack.push(child);
+        }
+    }
+
+    for (place, &leaf) in tree.unculled.iter().enumerate() {
+        let leaf = leaf as usize;
+        assert!(reached.insert(leaf), "leaf {leaf} is in the tree or outside");
+        assert_eq!((tree.levels[leaf], tree.parents[leaf].0 as usize), (UNCULLED, place));
+        check_leaf(leaf, &mut objects);
+    }
+    let free: HashSet<usize> = tree.free.iter().map(|&node| node as usize).collect();
+    assert_eq!(free.len(), tree.free.len(), "a node is freed once");
+    for &node in &free {
+        assert!(reached.insert(node), "node {node} is free or used");
+        assert_eq!((tree.occupied[node], tree.parents[node]), (0, Slot::NONE), "free node {node} is empty");
+        (0..64).for_each(|lane| check_lane_is_free(tree, node, lane));
+    }
+    assert_eq!(reached.len(), nodes, "no node is lost");
+    assert_eq!(objects.len(), scene.len());
+    assert!(scene.ids().all(|id| objects.contains(&id)));
+    let layered = objects.iter().filter(|&&id| scene.object(id).unwrap().layers != u32::MAX).count();
+    assert_eq!(scene.layered, layered);
+    (seen.free, seen.unculled) = (seen.free.max(free.len()), seen.unculled.max(tree.unculled.len()));
+}
+
+fn check_lane_is_free(tree: &Tree, node: usize, lane: usize) {
+    assert_eq!(tree.bounds[node].get(lane), Aabb::EMPTY, "free lane {lane} of node {node} bounds nothing");
+    assert_eq!(tree.ids[node][lane], ObjectId::NONE);
+    assert_eq!(tree.occluders[node] >> lane & 1, 0);
+}
+
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        ((self.0 >> 33) % n as u64) as usize
+    }
+
+    fn unit(&mut self) -> f32 {
+        self.below(1 << 24) as f32 / 16777216.0
+    }
+
+    fn bounds(&mut self, spread: f32) -> Aabb {
+        let min: [f32; 3] = core::array::from_fn(|_| (self.unit() - 0.5) * spread);
+        let mut max = min.map(|x| x + self.unit());
+        match self.below(40) {
+            0 => max[self.below(3)] = f32::NAN,
+            1 => max[self.below(3)] = f32::INFINITY,
+            2 => max = min.map(|x| x - 1.0),
+            3 => max = min.map(|x| x + 1e30),
+            4 => max = min,
+            _ => {}
+        }
+        Aabb::from_arrays(min, max)
+    }
+
+    fn object(&mut self, spread: f32) -> Object {
+        Object {
+            layers: if self.below(8) == 0 { self.below(1 << 20) as u32 } else { u32::MAX },
+            never_cull: self.below(30) == 0,
+            occluder: self.below(3) == 0,
+            ..Object::new(self.bounds(spread))
+        }
+    }
+}
+
+/// One random change.
+fn step(rng: &mut Random, scene: &mut Scene, ids: &mut Vec<ObjectId>, grow: usize) {
+    let spread = [10.0, 1000.0, 1e6][rng.below(3)];
+    let some = |rng: &mut Random| rng.below(ids.len().max(1));
+    match rng.below(20 + grow) {
+        0..4 if !ids.is_empty() => scene.remove(ids.swap_remove(some(rng))).unwrap(),
+        4..9 if !ids.is_empty() => {
+            let id = ids[some(rng)];
+            let bounds = scene.bounds(id).unwrap();
+            let step = (rng.unit() - 0.5) * [0.1, 3.0, 100.0][rng.below(3)];
+            scene.set_bounds(id, Aabb::new(bounds.min + step, bounds.max + step)).unwrap();
+        }
+        9..12 if !ids.is_empty() => {
+            let (id, bounds) = (ids[some(rng)], rng.bounds(spread));
+            scene.set_bounds(id, bounds).unwrap();
+        }
+        12 if !ids.is_empty() => {
+            let (id, value) = (ids[some(rng)], rng.below(4) == 0);
+            scene.set_never_cull(id, value).unwrap();
+        }
+        13 if !ids.is_empty() => scene.set_layers(ids[some(rng)], rng.below(3) as u32).unwrap(),
+        14 if !ids.is_empty() => scene.set_occluder(ids[some(rng)], rng.below(2) == 0).unwrap(),
+        15 => {
+            scene.maintain(rng.below(20));
+        }
+        16 if rng.below(100) == 0 => scene.rebuild(),
+        _ => ids.push(scene.insert(rng.object(spread))),
+    }
+}
+
+#[test]
+fn the_tree_stays_consistent_from_empty_to_three_levels_and_back() {
+    let mut rng = Random(1);
+    let (mut scene, mut seen) = (Scene::new(), Seen::default());
+    let mut ids = Vec::new();
+    check(&scene, &mut seen);
+    while ids.len() < 6000 {
+        for _ in 0..250 {
+            step(&mut rng, &mut scene, &mut ids, 10);
+        }
+        check(&scene, &mut seen);
+    }
+    assert!(seen.height >= 2 && seen.unculled >= 4, "{} {}", seen.height, seen.unculled);
+    while !ids.is_empty() {
+        for _ in 0..400.min(ids.len()) {
+            scene.remove(ids.swap_remove(rng.below(ids.len()))).unwrap();
+            if rng.below(10) == 0 {
+                scene.maintain(4);
+            }
+        }
+        check(&scene, &mut seen);
+    }
+    assert!(seen.free > 100 && scene.tree().root == NONE, "{}", seen.free);
+}
+
+#[test]
+fn the_tree_stays_consistent_under_batches_and_churn() {
+    for seed in 0..6 {
+        let mut rng = Random(seed);
+        let (mut scene, mut seen) = (Scene::new(), Seen::default());
+        let count = [0, 1, 64, 65, 4097, 8000][seed as usize];
+        let mut ids = scene.insert_batch((0..count).map(|_| rng.object(300.0)).collect::<Vec<_>>());
+        check(&scene, &mut seen);
+        for round in 0..12 {
+            for _ in 0..150 {
+                step(&mut rng, &mut scene, &mut ids, 0);
+            }
+            check(&scene, &mut seen);
+            let added = [0, 3, 200, 9000][if round == 5 { 3 } else { rng.below(3) }];
+            ids.extend(scene.insert_batch((0..added).map(|_| rng.object(300.0)).collect::<Vec<_>>()));
+            check(&scene, &mut seen);
+            let from = rng.below(ids.len() + 1);
+            let gone = ids.split_off(ids.len() - (ids.len() - from).min([5, 500, 5000][rng.below(3)]));
+            scene.remove_batch(&gone).unwrap();
+            check(&scene, &mut seen);
+            scene.maintain(usize::MAX);
+            check(&scene, &mut seen);
+        }
+        assert!(seen.height >= 2);
+    }
+}
+
+/// Many objects in one place cannot be told apart: splitting them must still end.
+#[test]
+fn the_tree_stays_consistent_with_all_objects_in_one_place() {
+    let (mut scene, mut seen) = (Scene::new(), Seen::default());
+    let point = Aabb::from_arrays([1.0; 3], [1.0; 3]);
+    let ids: Vec<ObjectId> = (0..5000).map(|_| scene.insert(point)).collect();
+    check(&scene, &mut seen);
+    let moved: Vec<_> = ids.iter().map(|&id| (id, Aabb::from_arrays([2.0; 3], [2.0; 3]))).collect();
+    scene.set_bounds_batch(&moved).unwrap();
+    check(&scene, &mut seen);
+    scene.maintain(usize::MAX);
+    check(&scene, &mut seen);
+    scene.rebuild();
+    check(&scene, &mut seen);
+    let halves = vec![f32::MAX; 3];
+    let huge = Aabb::from_arrays([-f32::MAX; 3], [halves[0], halves[1], halves[2]]);
+    for &id in &ids[..700] {
+        scene.set_bounds(id, huge).unwrap();
+    }
+    check(&scene, &mut seen);
+    scene.maintain(usize::MAX);
+    check(&scene, &mut seen);
+}
+
+/// A node that is freed and taken into use again under the same number holds other objects: masks of before say nothing of it,
+/// even if the object that was moved has returned to its old slot.
+#[test]
+fn a_change_of_any_slot_is_a_change_of_layout() {
+    let at = |x: f32| Aabb::from_arrays([x, 0.0, 0.0], [x + 0.5, 1.0, 1.0]);
+    for kept in 0..64 {
+        // Two full blocks far from each other; of the second, all objects but one are removed.
+        let mut scene = Scene::new();
+        let ids = scene.insert_batch((0..128).map(|i| at(if i < 64 { i as f32 } else { 1000.0 + i as f32 })));
+        for &id in &ids[64..] {
+            if scene.tree().slots[id.index()].lane() != kept {
+                scene.remove(id).unwrap();
+            }
+        }
+        let before = (scene.layout(), scene.tree().slots.clone());
+        scene.maintain(8);
+        assert!(
+            scene.layout() != before.0 || scene.tree().slots == before.1,
+            "slots changed and the layout did not, with lane {kept} kept"
+        );
+    }
+}
+
+/// Changes at random, each followed by the same comparison.
+#[test]
+fn whoever_moves_an_object_changes_the_layout() {
+    let mut rng = Random(5);
+    let mut scene = Scene::new();
+    let mut ids = scene.insert_batch((0..600).map(|_| rng.object(100.0)).collect::<Vec<_>>());
+    for _ in 0..20_000 {
+        let before = (scene.layout(), scene.tree().slots.clone());
+        step(&mut rng, &mut scene, &mut ids, 0);
+        assert!(scene.layout() != before.0 || scene.tree().slots == before.1);
+        if ids.len() > 700 {
+            scene.remove_batch(&ids.split_off(500)).unwrap();
+        }
+    }
+}
