@@ -48,9 +48,9 @@ pub struct VisibleSet {
 struct Changes {
     now: Vec<ObjectId>,
     before: Vec<ObjectId>,
-    /// A bit per index.
-    now_bits: Vec<u64>,
-    before_bits: Vec<u64>,
+    /// By index, the place in the list of the same time; means nothing where the list holds another object there.
+    now_places: Vec<u32>,
+    before_places: Vec<u32>,
 }
 
 impl Default for VisibleSet {
@@ -92,30 +92,26 @@ impl VisibleSet {
     pub fn finish(&mut self, scene: &Scene) {
         let Some(mut changes) = self.changes.take() else { return };
         core::mem::swap(&mut changes.now, &mut changes.before);
-        core::mem::swap(&mut changes.now_bits, &mut changes.before_bits);
-        for id in changes.now.drain(..) {
-            if let Some(word) = changes.now_bits.get_mut(id.index() / 64) {
-                *word &= !(1 << (id.index() % 64));
-            }
-        }
-        changes.now_bits.resize(scene.index_limit().div_ceil(64), 0);
+        core::mem::swap(&mut changes.now_places, &mut changes.before_places);
+        changes.now.clear();
         changes.now.reserve(scene.len());
+        changes.now_places.resize(scene.index_limit(), 0);
         for id in self.iter(scene) {
+            changes.now_places[id.index()] = changes.now.len() as u32;
             changes.now.push(id);
-            changes.now_bits[id.index() / 64] |= 1 << (id.index() % 64);
         }
         self.changes = Some(changes);
     }
 
     /// What is visible now and was not in the frame before, if the set was made [with changes](Self::with_changes).
     pub fn newly_visible(&self) -> impl Iterator<Item = ObjectId> + '_ {
-        self.changes.iter().flat_map(|c| difference(&c.now, &c.before, &c.before_bits))
+        self.changes.iter().flat_map(|c| difference(&c.now, &c.before, &c.before_places))
     }
 
     /// What was visible in the frame before and is not now, if the set was made [with changes](Self::with_changes); also
     /// what was removed from the scene meanwhile.
     pub fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
-        self.changes.iter().flat_map(|c| difference(&c.before, &c.now, &c.now_bits))
+        self.changes.iter().flat_map(|c| difference(&c.before, &c.now, &c.now_places))
     }
 
     /// Whether the masks can be used for this scene as it is.
@@ -262,16 +258,16 @@ impl VisibleSet {
     }
 }
 
-/// Those of `of` that are not among `others`, whose indices are set in `bits`. A set bit may stem from an earlier object with
-/// the same index; that is rare, and then the list decides.
+/// Those of `of` that are not among `others`, of which `places` says by index where to look (a sparse set: Briggs and Torczon, "An
+/// Efficient Representation for Sparse Sets", 1993). Ids are compared whole, since an index may have been used again.
 fn difference<'a>(
     of: &'a [ObjectId],
     others: &'a [ObjectId],
-    bits: &'a [u64],
+    places: &'a [u32],
 ) -> impl Iterator<Item = ObjectId> + 'a {
     of.iter().copied().filter(move |id| {
-        let bit = bits.get(id.index() / 64).is_some_and(|word| word >> (id.index() % 64) & 1 != 0);
-        !bit || id.generation() != 0 && !others.contains(id)
+        let other = places.get(id.index()).and_then(|&place| others.get(place as usize));
+        other != Some(id)
     })
 }
 
