@@ -51,7 +51,10 @@ impl Pipeline {
     /// Returns the sum of the stages' counters.
     pub fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         visible.fill(scene, view);
-        let mut sum = CullStats { visible: scene.len() as u64, ..CullStats::default() };
+        let mut sum = CullStats::default();
+        if self.stages.is_empty() {
+            sum.visible = visible.count(scene) as u64;
+        }
         for (culler, stats) in &mut self.stages {
             *stats = culler.cull(scene, view, visible);
             sum += *stats;

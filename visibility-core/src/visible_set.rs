@@ -116,12 +116,18 @@ impl VisibleSet {
 
     /// Whether the masks can be used for this scene as it is.
     fn is_current(&self, scene: &Scene) -> bool {
-        !self.everything && self.layout == scene.layout()
+        !self.everything && self.is_of_layout(scene)
+    }
+
+    /// Whether the masks belong to the layout of the scene. Another scene may have come to the same number, and is told apart
+    /// by its size at least, so that no mask is missing.
+    fn is_of_layout(&self, scene: &Scene) -> bool {
+        self.layout == scene.layout() && self.words.len() == scene.tree().node_count()
     }
 
     /// Brings the set to the layout of the scene: if that has changed, everything is a candidate again.
     pub(crate) fn prepare(&mut self, scene: &Scene) {
-        if self.layout != scene.layout() {
+        if !self.is_of_layout(scene) {
             self.everything = true;
             self.ordered = false;
             self.layout = scene.layout();
@@ -214,7 +220,7 @@ impl VisibleSet {
 
     /// The objects in the set, in its order if it has one, otherwise in that of the hierarchy.
     pub fn iter<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
-        let ordered = self.ordered && self.layout == scene.layout();
+        let ordered = self.ordered && self.is_of_layout(scene);
         let in_order =
             self.order.iter().copied().filter(move |_| ordered).filter(|&id| self.contains(scene, id));
         let walk = Walk::new(self, scene, !ordered);
