@@ -1,0 +1,407 @@
+//! What a [`VisibleSet`] holds, says and forgets, and how cullers compose.
+
+mod common;
+
+use common::Random;
+use std::collections::HashSet;
+use visibility_core::glam::DVec3;
+use visibility_core::{
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View,
+    VisibleSet,
+};
+
+fn at(x: f32, y: f32, z: f32) -> Aabb {
+    Aabb::from_arrays([x, y, z], [x + 0.5, y + 0.5, z + 0.5])
+}
+
+fn random_box(rng: &mut Random) -> Aabb {
+    let p = rng.vector(100.0).as_vec3();
+    at(p.x, p.y, p.z)
+}
+
+/// From the origin towards `target`.
+fn looking_at(target: DVec3) -> View {
+    View::perspective(Pose::look_at(DVec3::ZERO, target, DVec3::Z), 0.9, 1.3, 0.1, f64::INFINITY).unwrap()
+}
+
+fn frustum() -> Pipeline {
+    Pipeline::new().with(FrustumCuller::new())
+}
+
+fn set_of(ids: impl Iterator<Item = ObjectId>) -> HashSet<ObjectId> {
+    let list: Vec<ObjectId> = ids.collect();
+    let set: HashSet<ObjectId> = list.iter().copied().collect();
+    assert_eq!(list.len(), set.len(), "each object once");
+    set
+}
+
+/// The set, after a check that all ways to read it agree.
+fn read(scene: &Scene, visible: &VisibleSet) -> HashSet<ObjectId> {
+    let set = set_of(visible.iter(scene));
+    assert_eq!(set.len(), visible.count(scene));
+    for id in scene.ids() {
+        assert_eq!(visible.contains(scene, id), set.contains(&id), "{id}");
+    }
+    set
+}
+
+/// Hides by index, without looking at the view.
+struct Every(usize, Accuracy);
+
+impl Culler for Every {
+    fn name(&self) -> &str {
+        "every"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        self.1
+    }
+
+    fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> CullStats {
+        visible.retain(scene, |id, _| !id.index().is_multiple_of(self.0))
+    }
+}
+
+#[test]
+fn a_view_shows_what_shares_a_layer_with_it() {
+    let mut rng = Random(1);
+    for count in [1, 50, 3000] {
+        let mut scene = Scene::new();
+        let layers: Vec<u32> = (0..count)
+            .map(|_| rng.pick(&[u32::MAX, 0, 1, 2, 3, 1 << 31, rng.clone().next() as u32]))
+            .collect();
+        let ids = scene.insert_batch(layers.iter().map(|&layers| Object {
+            layers,
+            never_cull: layers % 3 == 1,
+            ..Object::new(random_box(&mut rng))
+        }));
+        let mut all = VisibleSet::new();
+        frustum().cull(&scene, &looking_at(DVec3::X), &mut all);
+        let all = read(&scene, &all);
+        for mask in [u32::MAX, 0, 1, 2, 4, 1 << 31] {
+            let view = looking_at(DVec3::X).with_layers(mask);
+            assert_eq!(view.layers(), mask);
+            let mut visible = VisibleSet::new();
+            let stats = frustum().cull(&scene, &view, &mut visible);
+            let expected: HashSet<_> = ids
+                .iter()
+                .zip(&layers)
+                .filter(|&(id, layers)| layers & mask != 0 && (all.contains(id) || mask & layers == 0))
+                .map(|(&id, _)| id)
+                .collect();
+            // An object on no layer at all is in no view, so that `all` lacks it, as it should.
+            assert_eq!(read(&scene, &visible), expected, "layers {mask:#x}");
+            assert_eq!(stats.visible, expected.len() as u64);
+
+            let mut visible = VisibleSet::new();
+            let stats = Pipeline::new().cull(&scene, &view, &mut visible);
+            let expected = layers.iter().filter(|&layers| layers & mask != 0).count();
+            assert_eq!(read(&scene, &visible).len(), expected, "no stage: all on layers {mask:#x}");
+            assert_eq!(stats.visible, expected as u64, "objects left in the set, without a stage");
+        }
+    }
+}
+
+#[test]
+fn layers_can_change_between_frames() {
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch((0..200).map(|i| at(5.0, 0.0, i as f32 * 0.01)));
+    let view = looking_at(DVec3::X).with_layers(2);
+    let mut visible = VisibleSet::new();
+    for (round, &id) in ids.iter().enumerate() {
+        frustum().cull(&scene, &view, &mut visible);
+        assert_eq!(visible.count(&scene), 200 - round);
+        scene.set_layers(id, 5).unwrap();
+    }
+    ids.iter().for_each(|&id| scene.set_layers(id, u32::MAX).unwrap());
+    frustum().cull(&scene, &view, &mut visible);
+    assert_eq!(visible.count(&scene), 200);
+}
+
+#[test]
+fn what_is_never_culled_or_unbounded_survives_every_culler() {
+    let mut rng = Random(2);
+    let mut scene = Scene::new();
+    let behind = at(-50.0, 0.0, 0.0);
+    let nan = Aabb::from_arrays([f32::NAN; 3], [1.0; 3]);
+    let mut always = Vec::new();
+    for round in 0..200 {
+        scene.insert_batch((0..rng.below(20)).map(|_| behind));
+        always.push(scene.insert(match round % 3 {
+            0 => Object { never_cull: true, ..Object::new(behind) },
+            1 => Object::new(nan),
+            _ => Object::new(Aabb::from_arrays([0.0; 3], [f32::INFINITY, 1.0, 1.0])),
+        }));
+    }
+    let mut pipeline = frustum().with(Every(1, Accuracy::Approximate));
+    let mut visible = VisibleSet::new();
+    let stats = pipeline.cull(&scene, &looking_at(DVec3::X), &mut visible);
+    assert_eq!(read(&scene, &visible), set_of(always.iter().copied()));
+    assert_eq!(stats.visible, 200);
+    // And may be culled again when that is taken back.
+    for &id in &always {
+        scene.set_never_cull(id, false).unwrap();
+        scene.set_bounds(id, behind).unwrap();
+    }
+    pipeline.cull(&scene, &looking_at(DVec3::X), &mut visible);
+    assert_eq!(visible.count(&scene), 0);
+}
+
+/// Whatever gives an object another place makes a set of before count as holding everything on its layers.
+#[test]
+fn a_set_of_another_layout_holds_everything_on_its_layers() {
+    type Change = fn(&mut Scene, &[ObjectId]);
+    let changes: [(&str, Change); 8] = [
+        ("insert", |scene, _| {
+            scene.insert(at(-9.0, 0.0, 0.0));
+        }),
+        ("insert_batch", |scene, _| {
+            scene.insert_batch([at(-9.0, 0.0, 0.0)]);
+        }),
+        ("insert never culled", |scene, _| {
+            scene.insert(Object { never_cull: true, ..Object::new(at(-9.0, 0.0, 0.0)) });
+        }),
+        ("remove", |scene, ids| scene.remove(ids[5]).unwrap()),
+        ("teleport", |scene, ids| scene.set_bounds(ids[5], at(9e5, 0.0, 0.0)).unwrap()),
+        ("unbounded", |scene, ids| scene.set_bounds(ids[5], Aabb::EMPTY).unwrap()),
+        ("never cull", |scene, ids| scene.set_never_cull(ids[5], true).unwrap()),
+        ("rebuild", |scene, _| scene.rebuild()),
+    ];
+    for (name, change) in changes {
+        for count in [60, 1000] {
+            let mut scene = Scene::new();
+            let mut rng = Random(3);
+            let ids = scene.insert_batch((0..count).map(|i| Object {
+                layers: if i % 10 == 0 { 4 } else { u32::MAX },
+                ..Object::new(random_box(&mut rng))
+            }));
+            let view = looking_at(DVec3::X).with_layers(3);
+            let mut visible = VisibleSet::new();
+            frustum().cull(&scene, &view, &mut visible);
+            assert!(read(&scene, &visible).len() < count / 2);
+            visible.sort_by_key(&scene, |id| id.index());
+            change(&mut scene, &ids);
+            let on_layers = set_of(scene.ids().filter(|&id| scene.object(id).unwrap().layers & 3 != 0));
+            if count == 60 && name == "teleport" {
+                continue; // A single block is nobody's part.
+            }
+            assert_eq!(read(&scene, &visible), on_layers, "after {name}");
+            // Cullers that are called without `fill` then start from everything too.
+            FrustumCuller::new().cull(&scene, &view, &mut visible);
+            let again = read(&scene, &visible);
+            let mut fresh = VisibleSet::new();
+            frustum().cull(&scene, &view, &mut fresh);
+            assert_eq!(again, read(&scene, &fresh), "after {name}");
+        }
+    }
+}
+
+#[test]
+fn maintenance_that_moves_objects_makes_sets_stale() {
+    let mut rng = Random(4);
+    let mut rehomed = 0;
+    for _ in 0..60 {
+        let mut scene = Scene::new();
+        let ids = scene.insert_batch((0..500).map(|_| random_box(&mut rng)));
+        // Blocks of which little is left are dissolved.
+        let (gone, ids) = ids.split_at(rng.below(500));
+        scene.remove_batch(gone).unwrap();
+        let view = looking_at(rng.vector(1.0));
+        let mut visible = VisibleSet::new();
+        frustum().cull(&scene, &view, &mut visible);
+        let before = read(&scene, &visible);
+        let moved = scene.maintain(rng.below(9)).rehomed;
+        rehomed += moved;
+        let after = read(&scene, &visible);
+        assert!(after.is_superset(&before), "nothing vanishes");
+        assert_eq!(after.len(), if moved > 0 { ids.len() } else { before.len() });
+    }
+    assert!(rehomed > 100, "too easy: {rehomed}");
+}
+
+#[test]
+fn a_turning_camera_is_told_what_appears_and_what_vanishes() {
+    let mut rng = Random(5);
+    let mut scene = Scene::new();
+    let mut ids = scene.insert_batch((0..3000).map(|_| random_box(&mut rng)));
+    let mut visible = VisibleSet::with_changes();
+    let mut pipeline = frustum();
+    let mut before: HashSet<ObjectId> = HashSet::new();
+    let (mut appeared, mut removed_while_visible, mut reused_while_visible) = (0, 0, 0);
+    for frame in 0..240 {
+        let angle = f64::from(frame) * 0.05;
+        let target = DVec3::new(angle.cos(), angle.sin(), 0.0);
+        // Objects come and go between frames; the indices of those that go are used again at once.
+        for _ in 0..rng.below(40) {
+            let gone = ids.swap_remove(rng.below(ids.len()));
+            scene.remove(gone).unwrap();
+            removed_while_visible += usize::from(before.contains(&gone));
+            if !rng.one_in(3) {
+                // Often where it can be seen, so that an index is visible in both frames, for two objects.
+                let p = if rng.one_in(2) { (target * 30.0).as_vec3() } else { rng.vector(100.0).as_vec3() };
+                ids.push(scene.insert(at(p.x, p.y, p.z)));
+                reused_while_visible +=
+                    usize::from(before.contains(&gone) && ids[ids.len() - 1].index() == gone.index());
+            }
+        }
+        if frame % 50 == 49 {
+            scene.rebuild();
+        }
+        pipeline.cull(&scene, &looking_at(target), &mut visible);
+        let now = read(&scene, &visible);
+        assert_eq!(set_of(visible.newly_visible()), &now - &before, "newly visible in frame {frame}");
+        assert_eq!(set_of(visible.newly_hidden()), &before - &now, "newly hidden in frame {frame}");
+        appeared += visible.newly_visible().count();
+        before = now;
+    }
+    assert!(appeared > 3000 && removed_while_visible > 100 && reused_while_visible > 50);
+}
+
+#[test]
+fn sets_without_changes_tell_of_none() {
+    let mut scene = Scene::new();
+    scene.insert(at(5.0, 0.0, 0.0));
+    let mut visible = VisibleSet::new();
+    frustum().cull(&scene, &looking_at(DVec3::X), &mut visible);
+    assert_eq!(
+        (visible.count(&scene), visible.newly_visible().count(), visible.newly_hidden().count()),
+        (1, 0, 0)
+    );
+}
+
+#[test]
+fn retained_sorted_and_counted_sets_agree() {
+    let mut rng = Random(6);
+    for count in [0, 1, 64, 65, 5000] {
+        let mut scene = Scene::new();
+        scene.insert_batch((0..count).map(|i| Object {
+            never_cull: i % 50 == 7,
+            cost: rng.below(100) as u32,
+            ..Object::new(random_box(&mut rng))
+        }));
+        let mut visible = VisibleSet::new();
+        frustum().cull(&scene, &looking_at(DVec3::Y), &mut visible);
+        let before = read(&scene, &visible);
+        let mut asked = HashSet::new();
+        let stats = visible.retain(&scene, |id, bounds| {
+            assert!(asked.insert(id), "each is asked for once");
+            assert_eq!(*bounds, scene.bounds(id).unwrap());
+            id.index() % 3 != 0
+        });
+        let never = |id: ObjectId| scene.object(id).unwrap().never_cull;
+        let expected: HashSet<_> =
+            before.iter().copied().filter(|&id| never(id) || id.index() % 3 != 0).collect();
+        assert_eq!(asked, before.iter().copied().filter(|&id| !never(id)).collect());
+        assert_eq!(read(&scene, &visible), expected);
+        assert_eq!((stats.visible, stats.tests), (expected.len() as u64, asked.len() as u64));
+
+        let key = |id: ObjectId| scene.object(id).unwrap().cost;
+        visible.sort_by_key(&scene, key);
+        assert_eq!(read(&scene, &visible), expected);
+        let mut in_order: Vec<_> = expected.iter().copied().collect();
+        in_order.sort_by_key(|&id| (key(id), id));
+        assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), in_order);
+        // What a later stage removes goes from the order too.
+        visible.retain(&scene, |id, _| id.index() % 2 == 0);
+        in_order.retain(|&id| never(id) || id.index() % 2 == 0);
+        assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), in_order);
+        read(&scene, &visible);
+        // The next frame starts without.
+        frustum().cull(&scene, &looking_at(DVec3::Y), &mut visible);
+        assert_eq!(read(&scene, &visible), before);
+    }
+}
+
+#[test]
+fn cullers_in_a_pipeline_intersect() {
+    let mut rng = Random(7);
+    for count in [0, 10, 64, 5000] {
+        let mut scene = Scene::new();
+        scene.insert_batch((0..count).map(|i| Object {
+            never_cull: i % 97 == 5,
+            layers: if i % 11 == 0 { 6 } else { 3 },
+            ..Object::new(random_box(&mut rng))
+        }));
+        for _ in 0..20 {
+            let view = looking_at(rng.vector(1.0)).with_layers(rng.pick(&[1, 2, 4, 7]));
+            let result = |mut pipeline: Pipeline| {
+                let mut visible = VisibleSet::new();
+                let stats = pipeline.cull(&scene, &view, &mut visible);
+                assert_eq!(stats.visible, visible.count(&scene) as u64);
+                assert_eq!(pipeline.stages().last().unwrap().1.visible, stats.visible);
+                read(&scene, &visible)
+            };
+            let every = || Every(2 + count % 3, Accuracy::Approximate);
+            let (a, b) = (result(frustum()), result(Pipeline::new().with(every())));
+            let both: HashSet<_> = a.intersection(&b).copied().collect();
+            assert_eq!(result(frustum().with(every())), both);
+            assert_eq!(result(Pipeline::new().with(every()).with(FrustumCuller::new())), both);
+            assert_eq!(result(frustum().with(FrustumCuller::new())), a, "the same once more changes nothing");
+            assert_eq!(
+                result(frustum().with(Every(1, Accuracy::Approximate)).with(FrustumCuller::new())).len(),
+                {
+                    scene
+                        .ids()
+                        .map(|id| scene.object(id).unwrap())
+                        .filter(|o| o.never_cull && o.layers & view.layers() != 0)
+                        .count()
+                }
+            );
+        }
+    }
+}
+
+#[test]
+fn the_accuracy_of_two_cullers_is_what_their_intersection_promises() {
+    use Accuracy::*;
+    // By what each word promises: whether it never hides what is visible, and whether it never shows what is hidden.
+    let promises = |a| match a {
+        Exact => (true, true),
+        Conservative => (true, false),
+        Aggressive => (false, true),
+        Approximate => (false, false),
+    };
+    let all = [Exact, Conservative, Aggressive, Approximate];
+    for a in all {
+        assert_eq!((a.never_hides(), a.never_shows()), promises(a));
+        for b in all {
+            // Sets over four objects, of which two are visible. Each result that a's and b's promises allow, intersected: the
+            // promise of both is what holds in every case.
+            const V: u8 = 0b0011;
+            let allowed = |accuracy, set: u8| {
+                let (never_hides, never_shows) = promises(accuracy);
+                (!never_hides || set & V == V) && (!never_shows || set & !V == 0)
+            };
+            let sets = |accuracy| (0..16u8).filter(move |&set| allowed(accuracy, set));
+            let results = || sets(a).flat_map(|x| sets(b).map(move |y| x & y));
+            let expected = (results().all(|set| set & V == V), results().all(|set| set & !V == 0));
+            assert_eq!(promises(a.and(b)), expected, "{a} and {b}");
+            let pipeline = Pipeline::new().with(Every(2, a)).with(Every(3, b));
+            assert_eq!(pipeline.accuracy(), a.and(b));
+        }
+    }
+    assert_eq!(Pipeline::new().accuracy(), Conservative);
+}
+
+/// A set goes from scene to scene, as when a level is loaded. (Scenes of the same history and size cannot be told apart.)
+#[test]
+fn a_set_of_another_scene_causes_no_panic_and_hides_nothing() {
+    let mut rng = Random(8);
+    let mut build = |count: usize| {
+        let mut scene = Scene::new();
+        scene.insert_batch((0..count).map(|_| random_box(&mut rng)));
+        scene
+    };
+    let (small, large) = (build(100), build(5000));
+    for (first, second) in [(&small, &large), (&large, &small)] {
+        let mut visible = VisibleSet::with_changes();
+        frustum().cull(first, &looking_at(DVec3::X), &mut visible);
+        let second_set = read(second, &visible);
+        assert_eq!(second_set.len(), second.len(), "nothing of another scene is hidden");
+        FrustumCuller::new().cull(second, &looking_at(DVec3::X), &mut visible);
+        visible.finish(second);
+        let mut fresh = VisibleSet::new();
+        frustum().cull(second, &looking_at(DVec3::X), &mut fresh);
+        assert_eq!(read(second, &visible), read(second, &fresh));
+    }
+}
