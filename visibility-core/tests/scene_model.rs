@@ -1,0 +1,323 @@
+//! Random changes to a scene, compared with a model of it that is a plain map.
+
+mod common;
+
+use common::*;
+use std::collections::{HashMap, HashSet};
+use visibility_core::glam::DVec3;
+use visibility_core::{
+    Aabb, Changes, FrustumCuller, Object, ObjectId, Pipeline, Scene, SceneError, View, VisibleSet,
+};
+
+struct Model {
+    rng: Random,
+    scene: Scene,
+    objects: HashMap<ObjectId, Object>,
+    /// The keys of `objects`, to choose from.
+    ids: Vec<ObjectId>,
+    stale: Vec<ObjectId>,
+    /// A revision, and what was changed since.
+    revision: u64,
+    changed: HashSet<ObjectId>,
+    /// How much was found to be listed, culled and certain, to make sure that the test was one.
+    listed: usize,
+    hidden: usize,
+}
+
+fn same_object(a: &Object, b: &Object) -> bool {
+    // By bits, since a NaN is not equal to itself.
+    let bits = |o: &Object| [o.bounds.min, o.bounds.max].map(|v| v.to_array().map(f32::to_bits));
+    bits(a) == bits(b) && Object { bounds: Aabb::EMPTY, ..*a } == Object { bounds: Aabb::EMPTY, ..*b }
+}
+
+impl Model {
+    fn new(seed: u64) -> Self {
+        Self {
+            rng: Random(seed),
+            scene: Scene::new(),
+            objects: HashMap::new(),
+            ids: Vec::new(),
+            stale: Vec::new(),
+            revision: 0,
+            changed: HashSet::new(),
+            listed: 0,
+            hidden: 0,
+        }
+    }
+
+    fn random_bounds(&mut self) -> Aabb {
+        let rng = &mut self.rng;
+        let spread = rng.pick(&[20.0, 300.0, 300.0, 5000.0]);
+        let min = rng.vector(spread).as_vec3();
+        let mut max = min + rng.vector(2.0).abs().as_vec3();
+        let axis = rng.below(3);
+        match rng.below(40) {
+            0 => max[axis] = f32::NAN,
+            1 => max[axis] = f32::INFINITY,
+            2 => max[axis] = min[axis] - 1.0,
+            3 => max[axis] = min[axis] + 1e20,
+            4 => max = min,
+            _ => {}
+        }
+        Aabb::new(min, max)
+    }
+
+    fn random_object(&mut self) -> Object {
+        let bounds = self.random_bounds();
+        let rng = &mut self.rng;
+        Object {
+            bounds,
+            layers: if rng.one_in(5) { rng.next() as u32 & 0xf } else { u32::MAX },
+            cost: rng.next() as u32,
+            never_cull: rng.one_in(40),
+            occluder: rng.one_in(3),
+        }
+    }
+
+    fn some(&mut self) -> ObjectId {
+        self.rng.pick(&self.ids)
+    }
+
+    fn added(&mut self, id: ObjectId, object: Object) {
+        assert!(self.objects.insert(id, object).is_none(), "{id} is new");
+        self.ids.push(id);
+        self.changed.insert(id);
+    }
+
+    fn removed(&mut self, id: ObjectId) {
+        self.objects.remove(&id).unwrap();
+        self.stale.push(id);
+        self.changed.insert(id);
+    }
+
+    fn step(&mut self) {
+        match self.rng.below(if self.ids.is_empty() { 3 } else { 40 }) {
+            0..3 => {
+                let object = self.random_object();
+                let id = self.scene.insert(object);
+                self.added(id, object);
+            }
+            3 => {
+                let count = self.rng.pick(&[0, 1, 20, 200]);
+                let objects: Vec<Object> = (0..count).map(|_| self.random_object()).collect();
+                let ids = self.scene.insert_batch(objects.iter().copied());
+                assert_eq!(ids.len(), objects.len());
+                ids.into_iter().zip(objects).for_each(|(id, object)| self.added(id, object));
+            }
+            4..7 => {
+                let place = self.rng.below(self.ids.len());
+                let id = self.ids.swap_remove(place);
+                self.scene.remove(id).unwrap();
+                self.removed(id);
+            }
+            7 => {
+                let kept = self.ids.len() - self.rng.pick(&[0, 1, 20, 150]).min(self.ids.len());
+                let gone = self.ids.split_off(kept);
+                self.scene.remove_batch(&gone).unwrap();
+                gone.into_iter().for_each(|id| self.removed(id));
+                // One that is unknown, or there twice, spoils the batch, and nothing has happened.
+                if let (Some(&stale), Some(&valid)) = (self.stale.last(), self.ids.last()) {
+                    let unknown = Err(SceneError::UnknownObject(stale));
+                    assert_eq!(self.scene.remove_batch(&[valid, stale]), unknown);
+                    let twice = Err(SceneError::UnknownObject(valid));
+                    assert_eq!(self.scene.remove_batch(&[valid, valid]), twice);
+                    let moved = [(valid, Aabb::EMPTY), (stale, Aabb::EMPTY)];
+                    assert_eq!(self.scene.set_bounds_batch(&moved), unknown);
+                }
+            }
+            8..20 => {
+                // Small moves, many at a time, as in a frame.
+                let count = 1 + self.rng.below(20);
+                let size = self.rng.pick(&[0.01, 1.0, 30.0]);
+                let mut moved = Vec::new();
+                for _ in 0..count {
+                    let (id, step) = (self.some(), self.rng.vector(size).as_vec3());
+                    let old = self.objects[&id].bounds;
+                    let bounds = Aabb::new(old.min + step, old.max + step);
+                    self.objects.get_mut(&id).unwrap().bounds = bounds;
+                    self.changed.insert(id);
+                    moved.push((id, bounds));
+                }
+                self.scene.set_bounds_batch(&moved).unwrap();
+            }
+            20..28 => {
+                let (id, bounds) = (self.some(), self.random_bounds());
+                self.scene.set_bounds(id, bounds).unwrap();
+                self.set(id, |object| object.bounds = bounds);
+            }
+            28..30 => {
+                let (id, layers) = (self.some(), self.rng.pick(&[0, 1, 2, 7, u32::MAX]));
+                self.scene.set_layers(id, layers).unwrap();
+                self.set(id, |object| object.layers = layers);
+            }
+            30..32 => {
+                let (id, never_cull) = (self.some(), self.rng.one_in(3));
+                self.scene.set_never_cull(id, never_cull).unwrap();
+                self.set(id, |object| object.never_cull = never_cull);
+            }
+            32 => {
+                let (id, occluder) = (self.some(), self.rng.one_in(2));
+                self.scene.set_occluder(id, occluder).unwrap();
+                self.set(id, |object| object.occluder = occluder);
+            }
+            33 => {
+                let (id, cost) = (self.some(), self.rng.next() as u32);
+                self.scene.set_cost(id, cost).unwrap();
+                self.set(id, |object| object.cost = cost);
+            }
+            34 if self.rng.one_in(60) => self.scene.rebuild(),
+            _ => {
+                let budget = self.rng.below(30);
+                let done = self.scene.maintain(budget);
+                assert!(done.blocks <= budget);
+            }
+        }
+        if self.rng.one_in(200) {
+            self.revision = self.scene.revision();
+            self.changed.clear();
+        }
+    }
+
+    fn set(&mut self, id: ObjectId, change: impl Fn(&mut Object)) {
+        change(self.objects.get_mut(&id).unwrap());
+        self.changed.insert(id);
+    }
+
+    fn check_objects(&mut self) {
+        let scene = &mut self.scene;
+        assert_eq!((scene.len(), scene.is_empty()), (self.objects.len(), self.objects.is_empty()));
+        for (&id, object) in &self.objects {
+            let found = scene.object(id).unwrap();
+            assert!(same_object(&found, object), "{id}: {found:?} instead of {object:?}");
+            assert!(scene.contains(id) && id.index() < scene.index_limit());
+        }
+        let listed: Vec<ObjectId> = scene.ids().collect();
+        assert!(listed.is_sorted_by(|a, b| a.index() < b.index()));
+        assert_eq!(listed.iter().copied().collect::<HashSet<_>>(), self.objects.keys().copied().collect());
+        for &id in self.stale.iter().rev().take(300) {
+            let unknown = SceneError::UnknownObject(id);
+            assert!(!scene.contains(id));
+            assert_eq!(scene.object(id), Err(unknown));
+            assert_eq!(scene.bounds(id), Err(unknown));
+            assert_eq!(scene.triangles(id), Err(unknown));
+            assert_eq!(scene.remove(id), Err(unknown));
+            assert_eq!(scene.set_bounds(id, Aabb::EMPTY), Err(unknown));
+            assert_eq!(scene.set_layers(id, 1), Err(unknown));
+            assert_eq!(scene.set_cost(id, 1), Err(unknown));
+            assert_eq!(scene.set_occluder(id, true), Err(unknown));
+            assert_eq!(scene.set_never_cull(id, true), Err(unknown));
+            assert_eq!(scene.set_triangles(id, []), Err(unknown));
+        }
+    }
+
+    fn check_changes(&mut self) {
+        match self.scene.changes_since(self.revision) {
+            Changes::Everything => {}
+            Changes::Objects(ids) => {
+                let listed: HashSet<ObjectId> = ids.iter().copied().collect();
+                assert_eq!(listed, self.changed, "what changed since revision {}", self.revision);
+                self.listed += listed.len();
+            }
+        }
+        assert_eq!(self.scene.changes_since(self.scene.revision()), Changes::Objects(&[]));
+        assert_eq!(self.scene.changes_since(self.scene.revision() + 1), Changes::Everything);
+    }
+
+    /// Culling compared with every object by itself.
+    fn check_culling(&mut self) {
+        let exponents = [self.rng.between(2, 9); 3];
+        let (camera, _) = random_camera(&mut self.rng, exponents);
+        let Ok(view) = View::from_clip_from_world(camera.matrix, camera.depth) else { return };
+        let layers = self.rng.pick(&[u32::MAX, u32::MAX, 1, 6]);
+        let view = view.with_layers(layers);
+        let mut visible = VisibleSet::new();
+        let stats = Pipeline::new().with(FrustumCuller::new()).cull(&self.scene, &view, &mut visible);
+        let set: HashSet<ObjectId> = visible.iter(&self.scene).collect();
+        assert_eq!((set.len(), set.len() as u64), (visible.count(&self.scene), stats.visible));
+        for (&id, object) in &self.objects {
+            let found = set.contains(&id);
+            assert_eq!(found, visible.contains(&self.scene, id));
+            let b = &object.bounds;
+            let bounded = (0..3).all(|i| b.min[i] <= b.max[i] && (b.max[i] - b.min[i]).is_finite());
+            if object.layers & layers == 0 {
+                assert!(!found, "{id} is on no layer of the view");
+            } else if object.never_cull || !bounded {
+                assert!(found, "{id} is never culled: {object:?}");
+            } else if camera.error_bounds_outside(b) > 16.0 {
+                assert!(!found, "{id} is outside: {b:?} {camera:?}");
+                self.hidden += 1;
+            } else {
+                assert!(found || !camera.sees_a_corner(b), "{id} has a corner in view: {b:?} {camera:?}");
+            }
+        }
+    }
+
+    fn run(&mut self, steps: usize, every: usize) {
+        for step in 0..steps {
+            self.step();
+            if step % 40 == 0 {
+                self.check_changes();
+            }
+            if step % every == 0 {
+                self.check_objects();
+                self.check_culling();
+            }
+        }
+    }
+}
+
+#[test]
+fn a_scene_that_grows_from_nothing_equals_its_model() {
+    for seed in 0..8 {
+        let mut model = Model::new(seed);
+        model.run(1500, 20);
+        assert!(model.listed > 100 && model.hidden > 1000, "too easy: {} {}", model.listed, model.hidden);
+    }
+}
+
+#[test]
+fn a_scene_of_three_levels_equals_its_model() {
+    for seed in 10..14 {
+        let mut model = Model::new(seed);
+        let objects: Vec<Object> = (0..9000).map(|_| model.random_object()).collect();
+        let ids = model.scene.insert_batch(objects.iter().copied());
+        ids.into_iter().zip(objects).for_each(|(id, object)| model.added(id, object));
+        // The log is not expected to list so many.
+        model.revision = model.scene.revision();
+        model.changed.clear();
+        model.run(3000, 150);
+        // Down to nothing, which frees nodes on all levels.
+        while !model.ids.is_empty() {
+            let kept = model.ids.len() - model.ids.len().min(500);
+            for id in model.ids.split_off(kept) {
+                model.scene.remove(id).unwrap();
+                model.removed(id);
+            }
+            model.scene.maintain(3);
+            model.check_objects();
+            model.check_culling();
+        }
+        model.run(300, 20);
+    }
+}
+
+/// A scene that was moved as a whole, or changed more than the log holds, says so.
+#[test]
+fn too_many_changes_are_everything() {
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch((0..2000).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 1.0; 3])));
+    let mut revision = scene.revision();
+    for round in 0..3000 {
+        scene.set_cost(ids[round % 2000], 3).unwrap();
+    }
+    assert_eq!(scene.changes_since(revision), Changes::Everything);
+    revision = scene.revision();
+    scene.set_origin(DVec3::X).unwrap();
+    assert_eq!(scene.changes_since(revision), Changes::Everything);
+    revision = scene.revision();
+    scene.rebuild();
+    scene.maintain(usize::MAX);
+    assert_eq!(scene.changes_since(revision), Changes::Objects(&[]), "where objects are kept is no change");
+    scene.set_triangles(ids[7], []).unwrap();
+    assert_eq!(scene.changes_since(revision), Changes::Objects(&[ids[7]]));
+}
