@@ -58,6 +58,10 @@ impl ChangeLog {
             self.entries.drain(..dropped);
             self.start += dropped as u64;
         }
+        if self.entries.len() == self.entries.capacity() {
+            // All at once, or a scene in which little moves would allocate now and then for thousands of frames.
+            self.entries.reserve_exact(limit - self.entries.len());
+        }
         self.entries.push(id);
     }
 
