@@ -1,0 +1,171 @@
+//! Contract 5: no allocation per frame once warm; and how many bytes an object takes. Counted by an allocator of our own.
+#![allow(unsafe_code)]
+
+mod common;
+
+use common::Random;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use visibility_core::glam::DVec3;
+use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
+
+struct Counting;
+
+thread_local! {
+    // By thread, so that tests that run beside each other do not count each other's.
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+    static LIVE: Cell<isize> = const { Cell::new(0) };
+}
+
+fn count(allocations: usize, bytes: isize) {
+    ALLOCATIONS.set(ALLOCATIONS.get() + allocations);
+    LIVE.set(LIVE.get() + bytes);
+}
+
+// SAFETY: all is left to the system's allocator; counting neither allocates nor touches the memory.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(1, layout.size() as isize);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        count(0, -(layout.size() as isize));
+        unsafe { System.dealloc(memory, layout) }
+    }
+
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(1, size as isize - layout.size() as isize);
+        unsafe { System.realloc(memory, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn random_box(rng: &mut Random) -> Aabb {
+    let min = rng.vector(200.0).as_vec3();
+    Aabb::new(min, min + rng.vector(1.0).abs().as_vec3())
+}
+
+fn view(frame: usize) -> View {
+    let angle = frame as f64 * 0.07;
+    let eye = DVec3::new(angle.sin(), 0.0, 1.0) * 30.0;
+    let pose = Pose::look_at(eye, eye + DVec3::new(angle.cos(), angle.sin(), 0.1), DVec3::Z);
+    View::perspective(pose, 1.0, 1.6, 0.1, f64::INFINITY).unwrap()
+}
+
+/// A world in which the same walk is repeated: objects step to and fro, some of them across the world.
+struct World {
+    scene: Scene,
+    /// The moves of each frame of the walk.
+    walk: Vec<Vec<(ObjectId, Aabb)>>,
+    frames: usize,
+    drawn: usize,
+    appeared: usize,
+}
+
+impl World {
+    fn new(count: usize, moves_per_frame: usize, teleports: bool) -> Self {
+        let mut rng = Random(1);
+        let mut scene = Scene::new();
+        let homes: Vec<Aabb> = (0..count).map(|_| random_box(&mut rng)).collect();
+        let ids = scene.insert_batch(homes.iter().copied());
+        let mut walk = Vec::new();
+        for _ in 0..16 {
+            let mut moves = Vec::new();
+            for _ in 0..moves_per_frame {
+                let number = rng.below(count);
+                let step = rng.vector(3.0).as_vec3();
+                let home = homes[number];
+                moves.push((ids[number], Aabb::new(home.min + step, home.max + step)));
+            }
+            if teleports {
+                let number = rng.below(count);
+                moves.push((ids[number], random_box(&mut rng)));
+            }
+            walk.push(moves);
+        }
+        Self { scene, walk, frames: 0, drawn: 0, appeared: 0 }
+    }
+
+    fn frame(&mut self, pipeline: &mut Pipeline, visible: &mut VisibleSet, sort: bool) {
+        self.scene.set_bounds_batch(&self.walk[self.frames % self.walk.len()]).unwrap();
+        self.scene.maintain(16);
+        pipeline.cull(&self.scene, &view(self.frames), visible);
+        if sort {
+            visible.sort_by_key(&self.scene, |id| id.index() % 100);
+        }
+        self.drawn += visible.iter(&self.scene).count() + visible.count(&self.scene);
+        self.appeared += visible.newly_visible().count() + visible.newly_hidden().count();
+        self.frames += 1;
+    }
+}
+
+fn check_frames(teleports: bool, changes: bool, sort: bool, warm: usize) {
+    for size in [40, 1000, 20_000] {
+        let mut world = World::new(size, size / 50, teleports);
+        let mut visible = if changes { VisibleSet::with_changes() } else { VisibleSet::new() };
+        let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(FrustumCuller::new());
+        for _ in 0..warm {
+            world.frame(&mut pipeline, &mut visible, sort);
+        }
+        let before = ALLOCATIONS.get();
+        for _ in 0..400 {
+            world.frame(&mut pipeline, &mut visible, sort);
+        }
+        assert_eq!(ALLOCATIONS.get() - before, 0, "{size} objects, after {} frames", world.frames);
+        assert!(world.drawn > 0 && (!changes || world.appeared > 0));
+    }
+}
+
+#[test]
+fn frames_allocate_nothing_once_warm() {
+    check_frames(false, false, false, 40);
+}
+
+#[test]
+fn frames_that_tell_of_changes_and_sort_allocate_nothing_once_warm() {
+    check_frames(false, true, true, 100);
+}
+
+/// What grows slowly must not grow for long.
+#[test]
+fn frames_with_few_moves_allocate_nothing_after_a_second() {
+    let mut world = World::new(20_000, 5, false);
+    let mut visible = VisibleSet::new();
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+    for _ in 0..60 {
+        world.frame(&mut pipeline, &mut visible, false);
+    }
+    let before = ALLOCATIONS.get();
+    for _ in 0..3000 {
+        world.frame(&mut pipeline, &mut visible, false);
+        assert_eq!(ALLOCATIONS.get(), before, "in frame {}", world.frames);
+    }
+}
+
+/// Teleports split and free blocks: once there are as many as the world needs at its worst, no more are made.
+#[test]
+fn frames_with_teleports_allocate_nothing_once_warm() {
+    check_frames(true, true, false, 1000);
+}
+
+#[test]
+fn an_object_takes_at_most_64_bytes() {
+    let mut rng = Random(2);
+    let boxes: Vec<Aabb> = (0..100_000).map(|_| random_box(&mut rng)).collect();
+    let before = LIVE.get();
+    let mut scene = Scene::new();
+    drop(scene.insert_batch(boxes.iter().copied()));
+    for state in ["built", "rebuilt"] {
+        let live = (LIVE.get() - before) as usize;
+        assert!(scene.memory() <= 64 * boxes.len(), "{state}: {} bytes", scene.memory());
+        assert!(live <= 64 * boxes.len(), "{state}: {live} bytes held");
+        // What is reported is what is held, but for some spare capacity.
+        assert!((live * 9 / 10..=live).contains(&scene.memory()), "{state}: {} of {live}", scene.memory());
+        scene.rebuild();
+    }
+    drop(scene);
+    assert_eq!(LIVE.get(), before, "all is given back");
+}
