@@ -29,15 +29,15 @@ pub(crate) struct TestPlane {
     pub(crate) high: [f32; 3],
     pub(crate) low: [f32; 3],
     pub(crate) offset: f32,
-    /// For each axis, which row of [`Boxes64`](crate::scene::Boxes64) holds the coordinate that reaches farther.
-    pub(crate) rows: [u8; 3],
+    /// For each axis, whether the greatest coordinate of a box reaches farther than the least.
+    pub(crate) greatest: [bool; 3],
 }
 
 /// Eight times the unit round-off of `f32`: the relative margin.
 const MARGIN: f64 = 4.0 * f32::EPSILON as f64;
 
 impl TestPlane {
-    const ALL: Self = Self { high: [0.0; 3], low: [0.0; 3], offset: f32::INFINITY, rows: [0; 3] };
+    const ALL: Self = Self { high: [0.0; 3], low: [0.0; 3], offset: f32::INFINITY, greatest: [true; 3] };
 
     fn new(view_plane: &ViewPlane) -> Self {
         let ViewPlane { plane, error } = view_plane;
@@ -47,7 +47,7 @@ impl TestPlane {
             high: n.map(|n| (n + (MARGIN * n.abs() + 2.0 * least)) as f32),
             low: n.map(|n| (n - (MARGIN * n.abs() + 2.0 * least)) as f32),
             offset: (plane.offset + (MARGIN * plane.offset.abs() + error + 16.0 * least)) as f32,
-            rows: core::array::from_fn(|axis| axis as u8 + if n[axis] >= 0.0 { 3 } else { 0 }),
+            greatest: n.map(|n| n >= 0.0),
         }
     }
 }

@@ -4,8 +4,8 @@
 //! the program is built for and, on x86-64 with `std`, again for AVX2 and AVX-512, one of which is chosen at run time.
 //! Rust neither reorders nor fuses floating-point operations, so all of them give the same bits.
 //!
-//! This is the only module with `unsafe` code: the calls of functions compiled for instructions that the program
-//! at large does not assume.
+//! This is the only module with `unsafe` code: calls of functions compiled for instructions that the program at large does not
+//! assume, and loads of arrays into registers.
 
 use crate::frustum::TestPlane;
 use crate::scene::Boxes64;
@@ -60,7 +60,7 @@ impl Simd {
     #[allow(unsafe_code)]
     pub(crate) fn any_outside(self, boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active: u32) -> u64 {
         match self.0 {
-            Path::Portable => any_outside::<false>(boxes, planes, active),
+            Path::Portable => any_outside::<16>(boxes, planes, active, signs_portable),
             // SAFETY: a value with this path exists only where the processor was found to have AVX2.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
             Path::Avx2 => unsafe { any_outside_avx2(boxes, planes, active) },
@@ -74,24 +74,27 @@ impl Simd {
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
 #[target_feature(enable = "avx2")]
 fn any_outside_avx2(boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active: u32) -> u64 {
-    any_outside::<true>(boxes, planes, active)
+    any_outside::<32>(boxes, planes, active, |values| signs_avx2(values))
 }
 
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 fn any_outside_avx512(boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active: u32) -> u64 {
-    any_outside::<false>(boxes, planes, active)
+    any_outside::<64>(boxes, planes, active, |values| signs_avx512(values))
 }
 
-/// Lanes that are worked on at once: one AVX-512 register, two of AVX2, four of SSE2 and NEON.
-const WIDTH: usize = 16;
-
-/// The body. `GATHER` chooses how signs become a mask, which is all that compilers need help with.
+/// The body. Works on `WIDTH` lanes at once, as many as there are registers for; `signs` turns negative numbers into a mask,
+/// which is all that compilers need help with.
 #[inline(always)]
-fn any_outside<const GATHER: bool>(boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active: u32) -> u64 {
+fn any_outside<const WIDTH: usize>(
+    boxes: &Boxes64,
+    planes: &[TestPlane; MAX_PLANES],
+    active: u32,
+    signs: impl Fn(&[f32; WIDTH]) -> u64,
+) -> u64 {
     let mut outside = 0;
     for chunk in 0..64 / WIDTH {
-        let columns: [&[f32; WIDTH]; 6] =
+        let [x0, y0, z0, x1, y1, z1] =
             core::array::from_fn(|row| &boxes.coordinates[row].as_chunks::<WIDTH>().0[chunk]);
         // The least of the upper bounds on the distance to each plane; below zero, the box is outside.
         let mut least = [0.0f32; WIDTH];
@@ -99,7 +102,9 @@ fn any_outside<const GATHER: bool>(boxes: &Boxes64, planes: &[TestPlane; MAX_PLA
         while rest != 0 {
             let plane = &planes[rest.trailing_zeros() as usize % MAX_PLANES];
             rest &= rest - 1;
-            let [x, y, z] = plane.rows.map(|row| columns[row as usize % 6]);
+            let x = if plane.greatest[0] { x1 } else { x0 };
+            let y = if plane.greatest[1] { y1 } else { y0 };
+            let z = if plane.greatest[2] { z1 } else { z0 };
             for lane in 0..WIDTH {
                 let x = greater(x[lane] * plane.high[0], x[lane] * plane.low[0]);
                 let y = greater(y[lane] * plane.high[1], y[lane] * plane.low[1]);
@@ -109,7 +114,7 @@ fn any_outside<const GATHER: bool>(boxes: &Boxes64, planes: &[TestPlane; MAX_PLA
                 least[lane] = if distance < least[lane] { distance } else { least[lane] };
             }
         }
-        outside |= if GATHER { signs_by_bytes(&least) } else { signs_by_bits(&least) } << (chunk * WIDTH);
+        outside |= signs(&least) << (chunk * WIDTH);
     }
     outside
 }
@@ -119,9 +124,10 @@ fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// A bit for each negative number. Compiles to a mask register with AVX-512 and to movemask with SSE2.
+/// A bit for each negative number.
+#[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
 #[inline(always)]
-fn signs_by_bits(values: &[f32; WIDTH]) -> u64 {
+fn signs_portable(values: &[f32; 16]) -> u64 {
     let mut mask = 0u16;
     for (lane, &value) in values.iter().enumerate() {
         mask |= u16::from(value < 0.0) << lane;
@@ -129,16 +135,52 @@ fn signs_by_bits(values: &[f32; WIDTH]) -> u64 {
     mask.into()
 }
 
-/// The same by way of bytes, whose low bits a multiplication gathers eight at a time: faster with AVX2.
+/// A bit for each negative number, where every processor that the program runs on has SSE2.
+#[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
 #[inline(always)]
-fn signs_by_bytes(values: &[f32; WIDTH]) -> u64 {
-    let mut bytes = [0u8; WIDTH];
-    for (byte, &value) in bytes.iter_mut().zip(values) {
-        *byte = (value < 0.0).into();
+#[allow(unsafe_code)]
+fn signs_portable(values: &[f32; 16]) -> u64 {
+    use core::arch::x86_64::{_mm_cmplt_ps, _mm_loadu_ps, _mm_movemask_ps, _mm_setzero_ps};
+    let mut mask = 0;
+    for (i, part) in values.as_chunks::<4>().0.iter().enumerate() {
+        // SAFETY: the program is built for processors with SSE2; the load reads the four numbers of `part` and needs no alignment.
+        let bits = unsafe { _mm_movemask_ps(_mm_cmplt_ps(_mm_loadu_ps(part.as_ptr()), _mm_setzero_ps())) };
+        mask |= u64::from(bits as u32) << (4 * i);
     }
-    let gather = |bytes: [u8; 8]| u64::from_le_bytes(bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56;
-    let [low, high] = [0, 1].map(|half| bytes.as_chunks::<8>().0[half]);
-    gather(low) | gather(high) << 8
+    mask
+}
+
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+#[target_feature(enable = "avx2")]
+#[inline]
+#[allow(unsafe_code)]
+fn signs_avx2(values: &[f32; 32]) -> u64 {
+    use core::arch::x86_64::{
+        _CMP_LT_OQ, _mm256_cmp_ps, _mm256_loadu_ps, _mm256_movemask_ps, _mm256_setzero_ps,
+    };
+    let mut mask = 0;
+    for (i, part) in values.as_chunks::<8>().0.iter().enumerate() {
+        // SAFETY: reads the eight numbers of `part`; the load needs no alignment.
+        let part = unsafe { _mm256_loadu_ps(part.as_ptr()) };
+        let negative = _mm256_cmp_ps::<_CMP_LT_OQ>(part, _mm256_setzero_ps());
+        mask |= u64::from(_mm256_movemask_ps(negative) as u32) << (8 * i);
+    }
+    mask
+}
+
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+#[target_feature(enable = "avx512f")]
+#[inline]
+#[allow(unsafe_code)]
+fn signs_avx512(values: &[f32; 64]) -> u64 {
+    use core::arch::x86_64::{_CMP_LT_OQ, _mm512_cmp_ps_mask, _mm512_loadu_ps, _mm512_setzero_ps};
+    let mut mask = 0;
+    for (i, part) in values.as_chunks::<16>().0.iter().enumerate() {
+        // SAFETY: reads the sixteen numbers of `part`; the load needs no alignment.
+        let part = unsafe { _mm512_loadu_ps(part.as_ptr()) };
+        mask |= u64::from(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(part, _mm512_setzero_ps())) << (16 * i);
+    }
+    mask
 }
 
 #[cfg(test)]
@@ -146,16 +188,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_ways_to_gather_signs_agree() {
+    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+    #[allow(unsafe_code)]
+    fn all_ways_to_gather_signs_agree() {
         let mut seed = 1u64;
         for _ in 0..1000 {
-            let values: [f32; WIDTH] = core::array::from_fn(|_| {
+            let values: [f32; 64] = core::array::from_fn(|_| {
                 seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
                 f32::from_bits((seed >> 32) as u32)
             });
-            let expected = (0..WIDTH).fold(0, |mask, lane| mask | u64::from(values[lane] < 0.0) << lane);
-            assert_eq!(signs_by_bits(&values), expected);
-            assert_eq!(signs_by_bytes(&values), expected);
+            let expected = (0..64).fold(0, |mask, lane| mask | u64::from(values[lane] < 0.0) << lane);
+            let parts = values.as_chunks::<16>().0.iter().enumerate();
+            assert_eq!(parts.fold(0, |mask, (i, part)| mask | signs_portable(part) << (16 * i)), expected);
+            for simd in Simd::available() {
+                let found = match simd.0 {
+                    Path::Portable => expected,
+                    // SAFETY: the path is available.
+                    Path::Avx2 => values
+                        .as_chunks::<32>()
+                        .0
+                        .iter()
+                        .enumerate()
+                        .fold(0, |mask, (i, part)| mask | unsafe { signs_avx2(part) } << (32 * i)),
+                    // SAFETY: the path is available.
+                    Path::Avx512 => unsafe { signs_avx512(&values) },
+                };
+                assert_eq!(found, expected, "{simd:?}");
+            }
         }
     }
 }
