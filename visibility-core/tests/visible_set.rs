@@ -103,6 +103,39 @@ fn a_view_shows_what_shares_a_layer_with_it() {
 }
 
 #[test]
+fn a_view_of_no_layer_shows_nothing() {
+    let mut scene = Scene::new();
+    scene.insert_batch((0..100).map(|i| Object { never_cull: i % 2 == 0, ..Object::new(at(5.0, 0.0, 0.0)) }));
+    let mut visible = VisibleSet::new();
+    frustum().cull(&scene, &looking_at(DVec3::X).with_layers(0), &mut visible);
+    assert_eq!(read(&scene, &visible).len(), 0);
+}
+
+/// By the counters: what is out of view costs nothing, and what is in view entirely is not tested box by box.
+#[test]
+fn cost_follows_what_is_seen() {
+    let mut scene = Scene::new();
+    let grid = |i: usize| [i % 64, i / 64 % 64, i / 4096].map(|x| x as f32);
+    scene.insert_batch((0..64 * 64 * 64).map(|i| {
+        let [x, y, z] = grid(i);
+        at(10.0 + x, y - 32.0, z - 32.0)
+    }));
+    let mut visible = VisibleSet::new();
+    let away = frustum().cull(&scene, &looking_at(DVec3::NEG_X), &mut visible);
+    assert!(away.nodes <= 1 && away.visible == 0, "{away:?}");
+    let eye = Pose::look_at(DVec3::new(-200.0, 0.0, 0.0), DVec3::ZERO, DVec3::Z);
+    let all = View::perspective(eye, 0.9, 1.3, 0.1, f64::INFINITY).unwrap();
+    let all = frustum().cull(&scene, &all, &mut visible);
+    assert_eq!((all.nodes, all.visible, visible.count(&scene)), (1, 262_144, 262_144));
+    // A thin pencil of some hundred objects.
+    let narrow =
+        View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 0.05, 1.0, 0.1, f64::INFINITY);
+    let pencil = frustum().cull(&scene, &narrow.unwrap(), &mut visible);
+    assert!((100..2000).contains(&pencil.visible), "{pencil:?}");
+    assert!(pencil.nodes < 200 && pencil.tests < 60_000, "{pencil:?}");
+}
+
+#[test]
 fn layers_can_change_between_frames() {
     let mut scene = Scene::new();
     let ids = scene.insert_batch((0..200).map(|i| at(5.0, 0.0, i as f32 * 0.01)));
