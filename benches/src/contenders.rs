@@ -183,7 +183,7 @@ fn in_view(planes: &Planes, min: Vec3, max: Vec3) -> bool {
     planes.iter().all(|p| p.normal.dot(center) + p.size.dot(half) + p.offset >= 0.0)
 }
 
-/// The hierarchy of parry3d, by its binned builder (its PLOC builder took longer to build and to cull).
+/// The hierarchy of parry3d, by its binned builder (PLOC takes longer to build and culls no faster).
 struct Parry {
     tree: parry3d::partitioning::Bvh,
     frames: Vec<Planes>,
@@ -367,7 +367,7 @@ impl Contender for Ours {
     fn name(&self) -> String {
         let path = format!("{:?}", self.simd);
         let path = path.trim_start_matches("Simd(").trim_end_matches(')').to_string();
-        format!("**visibility**, {path}{}", if self.listing { ", ids listed" } else { "" })
+        format!("visibility, {path}{}", if self.listing { ", ids listed" } else { "" })
     }
 
     fn cull(&mut self, frame: usize) -> usize {

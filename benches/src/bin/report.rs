@@ -83,7 +83,7 @@ fn frustum(count: usize, size: &str, targets: &mut Vec<Target>) {
     for (row, name) in names.iter().enumerate() {
         let cells: String =
             columns.iter().map(|(_, _, s, _)| format!(" {} |", short(s[row] / s[unit]))).collect();
-        println!("| {name} |{cells}");
+        println!("| {} |{cells}", name.replace("visibility", "**visibility**"));
     }
     let cells: String =
         columns.iter().map(|(_, _, s, _)| format!(" {} |", short(s[unit] * 1e9 / count as f64))).collect();
