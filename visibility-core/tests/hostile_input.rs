@@ -90,6 +90,7 @@ fn boxes_matrices_and_origins_of_any_bits_cause_no_panic() {
                 assert!(!origin.is_finite());
                 continue;
             };
+            assert!(origin.is_finite());
             accepted += 1;
             pipeline.cull(&scene, &view, &mut visible);
             let found: Vec<ObjectId> = visible.iter(&scene).collect();
@@ -136,6 +137,7 @@ fn cameras_with_parameters_of_any_bits_are_refused_or_usable() {
         };
         if let Ok(view) = made {
             accepted += 1;
+            assert!(near < far && near.is_finite() && view.origin().is_finite());
             let mut visible = VisibleSet::new();
             Pipeline::new().with(FrustumCuller::new()).cull(&scene, &view, &mut visible);
             let (Eye::Point(_) | Eye::Direction(_)) = view.eye(DVec3::ZERO);

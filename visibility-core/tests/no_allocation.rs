@@ -72,7 +72,7 @@ impl World {
         let homes: Vec<Aabb> = (0..count).map(|_| random_box(&mut rng)).collect();
         let ids = scene.insert_batch(homes.iter().copied());
         let mut walk = Vec::new();
-        for _ in 0..16 {
+        for frame in 0..16 {
             let mut moves = Vec::new();
             for _ in 0..moves_per_frame {
                 let number = rng.below(count);
@@ -80,9 +80,10 @@ impl World {
                 let home = homes[number];
                 moves.push((ids[number], Aabb::new(home.min + step, home.max + step)));
             }
-            if teleports {
-                let number = rng.below(count);
-                moves.push((ids[number], random_box(&mut rng)));
+            // A crowd that is here in one frame and there in the next.
+            for &id in ids[..count / 10].iter().filter(|_| teleports && frame % 4 == 0) {
+                let place = frame as f32 * 10.0 + id.index() as f32 * 1e-3;
+                moves.push((id, Aabb::from_arrays([place, -place, 0.0], [place + 1.0, 1.0 - place, 1.0])));
             }
             walk.push(moves);
         }
@@ -163,7 +164,7 @@ fn an_object_takes_at_most_64_bytes() {
         assert!(scene.memory() <= 64 * boxes.len(), "{state}: {} bytes", scene.memory());
         assert!(live <= 64 * boxes.len(), "{state}: {live} bytes held");
         // What is reported is what is held, but for some spare capacity.
-        assert!((live * 9 / 10..=live).contains(&scene.memory()), "{state}: {} of {live}", scene.memory());
+        assert!((live * 99 / 100..=live).contains(&scene.memory()), "{state}: {} of {live}", scene.memory());
         scene.rebuild();
     }
     drop(scene);
