@@ -254,13 +254,11 @@ impl VisibleSet {
     /// Whether an object is in the set. False for an unknown one.
     pub fn contains(&self, scene: &Scene, id: ObjectId) -> bool {
         let Some((leaf, lane)) = scene.locate(id) else { return false };
-        if scene.lanes_on_layers(leaf, self.layers) >> lane & 1 == 0 {
-            return false;
-        }
         let tree = scene.tree();
-        !self.is_current(scene)
-            || tree.is_unculled_leaf(leaf)
-            || tree.path(leaf, lane).all(|(node, lane)| self.words[node] >> lane & 1 != 0)
+        if !self.is_current(scene) || tree.is_unculled_leaf(leaf) {
+            return scene.lanes_on_layers(leaf, self.layers) >> lane & 1 != 0;
+        }
+        tree.path(leaf, lane).all(|(node, lane)| self.words[node] >> lane & 1 != 0)
     }
 }
 
