@@ -44,7 +44,7 @@ impl Model {
             changed: HashSet::new(),
             listed: 0,
             hidden: 0,
-            calm: seed % 2 == 0,
+            calm: seed.is_multiple_of(2),
         }
     }
 
