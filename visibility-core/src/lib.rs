@@ -39,23 +39,34 @@ extern crate std;
 #[cfg(not(any(feature = "std", feature = "libm")))]
 compile_error!("visibility-core needs floating point: enable the feature `std` or the feature `libm`");
 
+mod casters;
 mod culler;
 mod float;
 mod frustum;
 pub mod geometry;
 pub mod measure;
+mod multi_view;
+pub mod occlusion;
 mod pipeline;
 pub mod scene;
 mod simd;
 pub mod view;
 mod visible_set;
 
+pub use casters::{CasterCuller, Light, LightError};
 pub use culler::{Accuracy, CullStats, Culler};
 pub use frustum::FrustumCuller;
 pub use geometry::{Aabb, Containment, ConvexPolygon, Plane, PolygonError, Sphere};
 pub use glam;
+pub use multi_view::MultiViewCuller;
+pub use occlusion::{
+    BoxHierarchy, Child, Edge, HardwareQueries, Late, MeshError, OccluderMesh, Occlusion, Occlusion64,
+    OcclusionCuller, OcclusionMap, Preparation, QueryDevice, SceneHierarchy, Selection, prepare,
+};
 pub use pipeline::Pipeline;
-pub use scene::{Changes, Maintenance, Object, ObjectId, Scene, SceneError, Triangle};
+pub use scene::{Boxes64, Changes, Maintenance, MeshId, Object, ObjectId, Scene, SceneError, Triangle};
 pub use simd::Simd;
-pub use view::{ClipMatrix, Depth, Eye, MAX_PLANES, Pose, View, ViewError, ViewPlane, ViewPlanes, Window};
+pub use view::{
+    ClipMatrix, Depth, Eye, MAX_CLIP_PLANES, MAX_PLANES, Pose, View, ViewError, ViewPlane, ViewPlanes, Window,
+};
 pub use visible_set::VisibleSet;

@@ -88,6 +88,75 @@ impl VisibleSet {
         self.words.resize(scene.tree().node_count(), 0);
     }
 
+    /// Takes everything out of the set: where a [`union`](Self::union) of several starts.
+    pub fn clear(&mut self, scene: &Scene) {
+        self.layers = 0;
+        self.everything = false;
+        self.ordered = false;
+        self.layout = scene.layout();
+        self.words.resize(scene.tree().node_count(), 0);
+        if scene.tree().root != NONE {
+            self.words[scene.tree().root as usize] = 0;
+        }
+    }
+
+    /// Adds what is in another set of the same scene: afterwards an object is in this set if it was in either. So the sets of two
+    /// eyes, whatever pipelines they come from, become the one that both are drawn from; it hides nothing that either eye sees.
+    ///
+    /// A set of an earlier layout of the scene holds everything on its layers, and then so does the union, on the layers of
+    /// either. The order is dropped. Changes are told when the frame is ended by [`finish`](Self::finish), which is up to the caller.
+    /// Costs a few nanoseconds for each block of 64 objects in the sets.
+    ///
+    /// ```
+    /// use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet, glam::DVec3};
+    /// let mut scene = Scene::new();
+    /// scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [6.0, 1.0, 1.0]));
+    /// let pose = |y: f64| Pose::look_at(DVec3::new(0.0, y, 0.0), DVec3::new(9.0, y, 0.0), DVec3::Z);
+    /// let eyes = [View::perspective(pose(0.03), 1.0, 1.0, 0.1, 100.0)?, View::perspective(pose(-0.03), 1.0, 1.0, 0.1, 100.0)?];
+    /// // A pipeline and a set an eye, kept from frame to frame, and a set for both.
+    /// let mut pipelines = [(); 2].map(|_| Pipeline::new().with(FrustumCuller::new()));
+    /// let mut sets = [(); 2].map(|_| VisibleSet::new());
+    /// let mut both = VisibleSet::with_changes();
+    /// // Each frame:
+    /// both.clear(&scene);
+    /// for ((pipeline, eye), set) in pipelines.iter_mut().zip(&eyes).zip(&mut sets) {
+    ///     pipeline.cull(&scene, eye, set);
+    ///     both.union(&scene, set);
+    /// }
+    /// both.finish(&scene);
+    /// assert_eq!(both.newly_visible().count(), 1);
+    /// # Ok::<(), visibility_core::ViewError>(())
+    /// ```
+    pub fn union(&mut self, scene: &Scene, other: &Self) {
+        self.prepare(scene);
+        if !other.is_of_layout(scene) || self.everything && other.everything {
+            self.everything = true;
+        } else {
+            if scene.tree().root != NONE {
+                self.add_below(scene, other, scene.tree().root as usize, true, true);
+            }
+            self.commit();
+        }
+        self.layers |= other.layers;
+        self.ordered = false;
+    }
+
+    /// Unites the masks of a node and below, which either set reaches or does not.
+    fn add_below(&mut self, scene: &Scene, other: &Self, node: usize, ours: bool, theirs: bool) {
+        if !theirs && !self.everything {
+            return;
+        }
+        let ours = if ours { self.mask(scene, node) } else { 0 };
+        let theirs = if theirs { other.mask(scene, node) } else { 0 };
+        self.words[node] = ours | theirs;
+        if scene.tree().levels[node] > 0 {
+            for lane in lanes(ours | theirs) {
+                let [ours, theirs] = [ours, theirs].map(|mask| mask >> lane & 1 != 0);
+                self.add_below(scene, other, scene.tree().child(node, lane), ours, theirs);
+            }
+        }
+    }
+
     /// Ends a frame: notes what is visible, if changes are asked for. [`Pipeline::cull`](crate::Pipeline::cull) does this by itself.
     pub fn finish(&mut self, scene: &Scene) {
         let Some(mut changes) = self.changes.take() else { return };
@@ -119,10 +188,9 @@ impl VisibleSet {
         !self.everything && self.is_of_layout(scene)
     }
 
-    /// Whether the masks belong to the layout of the scene. Another scene may have come to the same number, and is told apart
-    /// by its size at least, so that no mask is missing.
+    /// Whether the masks belong to the layout of the scene, which no other scene has.
     fn is_of_layout(&self, scene: &Scene) -> bool {
-        self.layout == scene.layout() && self.words.len() == scene.tree().node_count()
+        self.layout == scene.layout()
     }
 
     /// Brings the set to the layout of the scene: if that has changed, everything is a candidate again.
@@ -241,6 +309,21 @@ impl VisibleSet {
         leaves.map(|&leaf| u64::from(scene.lanes_on_layers(leaf as usize, self.layers).count_ones())).sum()
     }
 
+    /// Calls `each` for the objects in the set that are flagged as occluders and can be culled, in the order of the hierarchy.
+    pub(crate) fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
+        let mut walk = Walk::new(self, scene, true);
+        loop {
+            if scene.tree().root != NONE {
+                for lane in lanes(walk.mask & scene.tree().occluders[walk.leaf]) {
+                    each(scene.tree().ids[walk.leaf][lane]);
+                }
+            }
+            if !walk.next_leaf() {
+                return;
+            }
+        }
+    }
+
     /// How many objects are in the set.
     pub fn count(&self, scene: &Scene) -> usize {
         let mut walk = Walk::new(self, scene, true);
@@ -336,5 +419,25 @@ impl Iterator for Walk<'_> {
         let lane = self.mask.trailing_zeros() as usize;
         self.mask &= self.mask - 1;
         Some(self.tree.ids[self.leaf][lane])
+    }
+
+    /// As calling `next` to the end, but a leaf at a time: several times as fast, and what `for_each` and `collect` use.
+    fn fold<B, F: FnMut(B, ObjectId) -> B>(mut self, start: B, mut f: F) -> B {
+        let mut result = start;
+        loop {
+            if self.mask == u64::MAX {
+                result = self.tree.ids[self.leaf].iter().fold(result, |result, &id| f(result, id));
+            } else {
+                // An empty tree has no leaf to look at.
+                while self.mask != 0 {
+                    let lane = self.mask.trailing_zeros() as usize;
+                    self.mask &= self.mask - 1;
+                    result = f(result, self.tree.ids[self.leaf][lane]);
+                }
+            }
+            if !self.next_leaf() {
+                return result;
+            }
+        }
     }
 }

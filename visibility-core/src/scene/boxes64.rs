@@ -5,9 +5,16 @@ use crate::Aabb;
 
 /// Least x, y, z and greatest x, y, z of 64 boxes, a lane each. A free lane holds [`Aabb::EMPTY`], which leaves
 /// the hull of the others as it is.
+///
+/// ```
+/// # use visibility_core::{Aabb, Boxes64};
+/// # fn first(boxes: &Boxes64) -> Aabb {
+/// boxes.get(0)
+/// # }
+/// ```
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub(crate) struct Boxes64 {
+pub struct Boxes64 {
     pub(crate) coordinates: [[f32; 64]; 6],
 }
 
@@ -23,8 +30,9 @@ impl Boxes64 {
         ],
     };
 
-    pub(crate) fn get(&self, lane: usize) -> Aabb {
-        let c = &self.coordinates;
+    /// The box in a lane, counted modulo 64; [`Aabb::EMPTY`] in a free one.
+    pub fn get(&self, lane: usize) -> Aabb {
+        let (c, lane) = (&self.coordinates, lane % 64);
         Aabb::from_arrays([c[0][lane], c[1][lane], c[2][lane]], [c[3][lane], c[4][lane], c[5][lane]])
     }
 

@@ -1,6 +1,7 @@
 //! The log of changes, by which whoever derives state from a scene keeps it up to date in time proportional to
 //! what changed ("the modules are told of changes", as in the design of VISAPI, papers/cdt-and-visapi).
 
+use super::serial::next_range;
 use crate::ObjectId;
 use alloc::vec::Vec;
 
@@ -24,8 +25,8 @@ pub enum Changes<'a> {
     Everything,
 }
 
-/// A bounded list of changed objects. Revision `n` is the state after the first `n` changes.
-#[derive(Clone, Debug, Default)]
+/// A bounded list of changed objects. A revision counts the changes before it.
+#[derive(Debug)]
 pub(crate) struct ChangeLog {
     /// The revision before the first entry.
     start: u64,
@@ -33,6 +34,11 @@ pub(crate) struct ChangeLog {
 }
 
 impl ChangeLog {
+    /// An empty log, whose revisions are no other scene's.
+    pub(crate) fn new() -> Self {
+        Self { start: next_range(), entries: Vec::new() }
+    }
+
     /// Fewer entries than this are always kept.
     const LEAST: usize = 1024;
 
@@ -89,18 +95,20 @@ mod tests {
 
     #[test]
     fn old_changes_are_forgotten_as_everything() {
-        let mut log = ChangeLog::default();
+        let mut log = ChangeLog::new();
+        let start = log.revision();
         for i in 0..5000 {
             log.push(ObjectId { index: i, generation: 0 }, 10);
         }
         assert!(log.entries.capacity() <= 2048);
-        assert_eq!(log.revision(), 5000);
-        assert_eq!(log.since(0), Changes::Everything);
-        assert_eq!(log.since(5001), Changes::Everything);
-        assert_eq!(log.since(5000), Changes::Objects(&[]));
-        assert_eq!(log.since(4999), Changes::Objects(&[ObjectId { index: 4999, generation: 0 }]));
+        assert_eq!(log.revision(), start + 5000);
+        assert_eq!(log.since(start), Changes::Everything);
+        assert_eq!(log.since(start + 5001), Changes::Everything);
+        assert_eq!(log.since(start + 5000), Changes::Objects(&[]));
+        assert_eq!(log.since(start + 4999), Changes::Objects(&[ObjectId { index: 4999, generation: 0 }]));
         log.invalidate();
-        assert_eq!(log.since(5000), Changes::Everything);
+        assert_eq!(log.since(start + 5000), Changes::Everything);
         assert_eq!(log.since(log.revision()), Changes::Objects(&[]));
+        assert_eq!(ChangeLog::new().since(start), Changes::Everything, "a revision of another log");
     }
 }

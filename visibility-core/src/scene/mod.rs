@@ -6,19 +6,21 @@ mod changes;
 mod curve;
 mod maintain;
 mod object;
+mod serial;
 mod tree;
 
-pub(crate) use boxes64::{Boxes64, lanes};
+pub use boxes64::Boxes64;
+pub(crate) use boxes64::lanes;
 pub use changes::Changes;
 pub use maintain::Maintenance;
-pub use object::{Object, ObjectId, SceneError, Triangle};
+pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub(crate) use tree::{NONE, Tree};
 
-use crate::Aabb;
+use crate::{Aabb, Child, OccluderMesh};
 use alloc::{boxed::Box, vec::Vec};
 use build::Entry;
 use changes::ChangeLog;
-use glam::DVec3;
+use glam::{Affine3A, DVec3};
 use maintain::Queue;
 use tree::{Payload, Slot};
 
@@ -42,7 +44,7 @@ use tree::{Payload, Slot};
 /// assert!(scene.bounds(ids[3]).is_err() && scene.bounds(ids[4]).is_ok());
 /// # Ok::<(), visibility_core::SceneError>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Scene {
     origin: DVec3,
     tree: Tree,
@@ -53,11 +55,35 @@ pub struct Scene {
     never_cull: Vec<u64>,
     /// Empty until the first object gets triangles.
     triangles: Vec<Box<[Triangle]>>,
+    meshes: Vec<OccluderMesh>,
+    /// Which mesh each object hides with, and where; empty until the first object gets one.
+    instances: Vec<Option<(MeshId, Affine3A)>>,
     free: Vec<u32>,
     /// Objects whose layers are not all set.
     layered: usize,
     log: ChangeLog,
     layout: u64,
+}
+
+impl Clone for Scene {
+    /// The same objects with the same ids. It is another scene all the same: sets and revisions of this one say nothing of it.
+    fn clone(&self) -> Self {
+        Self {
+            origin: self.origin,
+            tree: self.tree.clone(),
+            queue: self.queue.clone(),
+            generations: self.generations.clone(),
+            costs: self.costs.clone(),
+            never_cull: self.never_cull.clone(),
+            triangles: self.triangles.clone(),
+            meshes: self.meshes.clone(),
+            instances: self.instances.clone(),
+            free: self.free.clone(),
+            layered: self.layered,
+            log: ChangeLog::new(),
+            layout: serial::next_range(),
+        }
+    }
 }
 
 impl Default for Scene {
@@ -77,10 +103,12 @@ impl Scene {
             costs: Vec::new(),
             never_cull: Vec::new(),
             triangles: Vec::new(),
+            meshes: Vec::new(),
+            instances: Vec::new(),
             free: Vec::new(),
             layered: 0,
-            log: ChangeLog::default(),
-            layout: 1,
+            log: ChangeLog::new(),
+            layout: serial::next_range(),
         }
     }
 
@@ -259,6 +287,9 @@ impl Scene {
         if let Some(triangles) = self.triangles.get_mut(id.index()) {
             *triangles = Box::default();
         }
+        if let Some(instance) = self.instances.get_mut(id.index()) {
+            *instance = None;
+        }
         self.log.push(id, self.generations.len());
         self.layout += 1;
         Ok(())
@@ -383,7 +414,65 @@ impl Scene {
         Ok(self.triangles.get(id.index()).map_or(&[], |triangles| triangles))
     }
 
-    /// The number of changes so far, to ask later for those [since](Self::changes_since).
+    /// Adds a mesh that objects can hide with, any number of them the same one.
+    pub fn add_mesh(&mut self, mesh: OccluderMesh) -> MeshId {
+        self.meshes.push(mesh);
+        MeshId(self.meshes.len() as u32 - 1)
+    }
+
+    /// Gives an object the mesh that it hides with, placed by `transform` in scene coordinates. It hides only while it is also flagged as
+    /// an [occluder](Self::set_occluder): a door is opened and shut by that flag alone, in constant time. What the mesh covers must be
+    /// covered by what is drawn.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] and [`SceneError::UnknownMesh`].
+    pub fn set_mesh(&mut self, id: ObjectId, mesh: MeshId, transform: Affine3A) -> Result<(), SceneError> {
+        self.slot(id)?;
+        if mesh.0 as usize >= self.meshes.len() {
+            return Err(SceneError::UnknownMesh(mesh));
+        }
+        if self.instances.len() <= id.index() {
+            self.instances.resize(self.generations.len(), None);
+        }
+        self.instances[id.index()] = Some((mesh, transform));
+        self.log.push(id, self.generations.len());
+        Ok(())
+    }
+
+    /// Whether an object has a mesh to hide with, whatever its flag says.
+    pub fn has_mesh(&self, id: ObjectId) -> bool {
+        self.contains(id) && self.instances.get(id.index()).is_some_and(Option::is_some)
+    }
+
+    /// The mesh that an object hides with, and where it is: nothing while it is not flagged as an occluder.
+    pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
+        let slot = self.slot(id).ok()?;
+        if !self.tree.payload(slot).occluder {
+            return None;
+        }
+        let (mesh, transform) = self.instances.get(id.index())?.as_ref()?;
+        Some((&self.meshes[mesh.0 as usize], transform))
+    }
+
+    /// Calls `each` for everything directly below a node of the hierarchy, or, for `None`, for the topmost node.
+    pub(crate) fn for_each_child(&self, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb)) {
+        let Some(node) = node else {
+            if self.tree.root != NONE {
+                let root = self.tree.root as usize;
+                each(Child::Node(root), self.tree.bounds[root].hull());
+            }
+            return;
+        };
+        for lane in lanes(self.tree.occupied[node]) {
+            let child = match self.tree.levels[node] {
+                0 => Child::Object(self.tree.ids[node][lane]),
+                _ => Child::Node(self.tree.child(node, lane)),
+            };
+            each(child, self.tree.bounds[node].get(lane));
+        }
+    }
+
+    /// Names the scene's state, to ask later for the changes [since](Self::changes_since).
     pub fn revision(&self) -> u64 {
         self.log.revision()
     }

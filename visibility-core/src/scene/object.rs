@@ -46,6 +46,20 @@ impl fmt::Display for ObjectId {
     }
 }
 
+/// Names a mesh that a [`Scene`](crate::Scene) keeps for its occluders.
+///
+/// ```
+/// use visibility_core::{glam::Affine3A, Aabb, OccluderMesh, Scene};
+/// let bounds = Aabb::from_arrays([0.0; 3], [4.0, 0.2, 3.0]);
+/// let mut scene = Scene::new();
+/// let (wall, mesh) = (scene.insert(bounds), scene.add_mesh(OccluderMesh::cuboid(&bounds)?));
+/// scene.set_mesh(wall, mesh, Affine3A::IDENTITY)?;
+/// scene.set_occluder(wall, true)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
+pub struct MeshId(pub(crate) u32);
+
 /// What a scene is told of an object when it is inserted.
 ///
 /// ```
@@ -93,6 +107,8 @@ impl From<Aabb> for Object {
 pub enum SceneError {
     /// There is no such object: it was removed, or belongs to another scene.
     UnknownObject(ObjectId),
+    /// There is no such mesh: it belongs to another scene.
+    UnknownMesh(MeshId),
     /// The origin is NaN or infinite.
     NonFiniteOrigin,
 }
@@ -101,6 +117,7 @@ impl fmt::Display for SceneError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::UnknownObject(id) => write!(f, "object {id} is not, or no longer, in the scene"),
+            Self::UnknownMesh(mesh) => write!(f, "mesh {} is not in the scene", mesh.0),
             Self::NonFiniteOrigin => write!(f, "the origin of the scene is not finite"),
         }
     }

@@ -5,6 +5,9 @@
 //! Arithmetic and Fast Robust Geometric Predicates", 1997: two-product and grow-expansion).
 #![allow(dead_code, missing_docs, unreachable_pub)]
 
+pub mod octree;
+pub mod plain_map;
+
 use visibility_core::glam::{DMat4, DQuat, DVec3, DVec4};
 use visibility_core::{Aabb, Depth};
 

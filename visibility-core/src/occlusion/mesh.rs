@@ -1,0 +1,427 @@
+//! Occluders as meshes: welded, with the edges that join their triangles.
+//!
+//! What an occluder hides is bounded by its contour, and the contour is made of those edges that do not join two drawn triangles. So
+//! adjacency is found once, when the mesh is made.
+
+use crate::{Aabb, ConvexPolygon, Triangle};
+use alloc::vec::Vec;
+use core::fmt;
+use glam::{DVec3, Vec3};
+
+/// An edge of a mesh.
+///
+/// ```
+/// use visibility_core::{Aabb, OccluderMesh};
+/// let cube = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3]))?;
+/// assert_eq!(cube.edges().len(), 18); // 12 of the cube, 6 across its faces
+/// assert!(cube.edges().iter().all(|edge| edge.right.is_some()));
+/// # Ok::<(), visibility_core::MeshError>(())
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Edge {
+    /// Its ends, by vertex, in the order in which the triangle on its left goes through them.
+    pub vertices: [u32; 2],
+    /// The triangle that goes through the vertices in that order.
+    pub left: u32,
+    /// The triangle that goes through them in the opposite order, if there is exactly one of each.
+    pub right: Option<u32>,
+}
+
+/// Why triangles do not make an occluder.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum MeshError {
+    /// An index is beyond the vertices.
+    Index {
+        /// The triangle that has it.
+        triangle: usize,
+        /// The index.
+        index: u32,
+    },
+    /// A coordinate is NaN or infinite.
+    NonFinite {
+        /// The vertex that has it.
+        vertex: usize,
+    },
+    /// No triangle, or none with an area.
+    Empty,
+    /// More vertices or triangles than 32 bits count.
+    TooMany,
+}
+
+impl fmt::Display for MeshError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Index { triangle, index } => write!(f, "triangle {triangle} has no vertex {index}"),
+            Self::NonFinite { vertex } => write!(f, "vertex {vertex} of the occluder is not finite"),
+            Self::Empty => write!(f, "the occluder has no triangle with an area"),
+            Self::TooMany => write!(f, "the occluder has more vertices or triangles than 32 bits count"),
+        }
+    }
+}
+
+impl core::error::Error for MeshError {}
+
+/// A triangle mesh that hides what is behind it.
+///
+/// Counter-clockwise is the front. Only front faces hide unless the mesh is [two-sided](Self::with_two_sided): the inside of an open
+/// mesh seen from behind is not there, as with backface culling.
+///
+/// ```
+/// use visibility_core::{Aabb, OccluderMesh};
+/// let wall = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [4.0, 0.2, 3.0]))?;
+/// assert!(wall.is_closed() && wall.is_convex() && !wall.is_two_sided());
+/// # Ok::<(), visibility_core::MeshError>(())
+/// ```
+#[derive(Clone, PartialEq, Debug)]
+pub struct OccluderMesh {
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+    edges: Vec<Edge>,
+    /// For each triangle, the edges from its first to its second vertex, second to third, third to first.
+    triangle_edges: Vec<[u32; 3]>,
+    bounds: Aabb,
+    closed: bool,
+    convex: bool,
+    two_sided: bool,
+    /// Area that faces +x, +y, +z, -x, -y, -z, projected along that axis.
+    facing: [f32; 6],
+}
+
+impl OccluderMesh {
+    /// From an indexed mesh. Vertices at the same place (bit for bit, zeros of either sign) become one; triangles without area, or
+    /// with a vertex twice, are left out.
+    ///
+    /// # Errors
+    /// All of [`MeshError`].
+    pub fn from_indexed(positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Self, MeshError> {
+        if positions.len() >= u32::MAX as usize || indices.len() >= (u32::MAX / 3) as usize {
+            return Err(MeshError::TooMany);
+        }
+        if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
+            return Err(MeshError::NonFinite { vertex });
+        }
+        for (triangle, corners) in indices.iter().enumerate() {
+            if let Some(&index) = corners.iter().find(|&&i| i as usize >= positions.len()) {
+                return Err(MeshError::Index { triangle, index });
+            }
+        }
+        let (positions, place) = weld(positions);
+        let triangles: Vec<[u32; 3]> = indices
+            .iter()
+            .map(|t| t.map(|i| place[i as usize]))
+            .filter(|t| has_area(&positions, t))
+            .collect();
+        if triangles.is_empty() {
+            return Err(MeshError::Empty);
+        }
+        let (edges, triangle_edges) = join(&triangles);
+        let closed = edges.iter().all(|edge| edge.right.is_some());
+        let corner = |t: &[u32; 3]| t.map(|i| positions[i as usize]);
+        let mut facing = [0.0; 6];
+        for t in &triangles {
+            let [a, b, c] = corner(t).map(|p| p.as_dvec3());
+            let area = ((b - a).cross(c - a) * 0.5).to_array();
+            for axis in 0..3 {
+                facing[axis] += area[axis].max(0.0) as f32;
+                facing[axis + 3] += (-area[axis]).max(0.0) as f32;
+            }
+        }
+        let bounds = Aabb::from_points(triangles.iter().flat_map(corner));
+        let convex = closed && is_convex(&positions, &triangles, &bounds);
+        Ok(Self {
+            positions,
+            triangles,
+            edges,
+            triangle_edges,
+            bounds,
+            closed,
+            convex,
+            two_sided: false,
+            facing,
+        })
+    }
+
+    /// From loose triangles.
+    ///
+    /// # Errors
+    /// All of [`MeshError`] but `Index`.
+    pub fn from_triangles(triangles: &[Triangle]) -> Result<Self, MeshError> {
+        let indices: Vec<[u32; 3]> =
+            (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        Self::from_indexed(triangles.as_flattened(), &indices)
+    }
+
+    /// A box, closed and convex.
+    ///
+    /// # Errors
+    /// [`MeshError::NonFinite`], and [`MeshError::Empty`] for a box that is flat in more than one direction or inverted.
+    pub fn cuboid(bounds: &Aabb) -> Result<Self, MeshError> {
+        if !bounds.is_proper() {
+            return Err(MeshError::Empty);
+        }
+        // Corners are numbered by the bits x, y, z. Each face as two triangles, counter-clockwise from outside.
+        const FACES: [[u32; 3]; 12] = [
+            [0, 2, 3],
+            [0, 3, 1],
+            [4, 5, 7],
+            [4, 7, 6],
+            [0, 1, 5],
+            [0, 5, 4],
+            [2, 6, 7],
+            [2, 7, 3],
+            [0, 4, 6],
+            [0, 6, 2],
+            [1, 3, 7],
+            [1, 7, 5],
+        ];
+        Self::from_indexed(&bounds.corners(), &FACES)
+    }
+
+    /// A convex polygon, seen from the side on which its vertices run counter-clockwise.
+    ///
+    /// # Errors
+    /// [`MeshError::NonFinite`], also where `f32` cannot hold a vertex, and [`MeshError::Empty`].
+    pub fn polygon(polygon: &ConvexPolygon) -> Result<Self, MeshError> {
+        let positions: Vec<Vec3> = polygon.vertices().iter().map(|v| v.as_vec3()).collect();
+        let fan: Vec<[u32; 3]> = (2..positions.len() as u32).map(|i| [0, i - 1, i]).collect();
+        Self::from_indexed(&positions, &fan)
+    }
+
+    /// The same mesh, hiding from behind too, or not.
+    pub fn with_two_sided(self, two_sided: bool) -> Self {
+        Self { two_sided, ..self }
+    }
+
+    /// The vertices, each place once.
+    pub fn positions(&self) -> &[Vec3] {
+        &self.positions
+    }
+
+    /// The triangles, by vertex.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// All edges, each once. One that more than two triangles share, or two that go through it in the same direction, is listed once for
+    /// each of these triangles, with nothing on its right.
+    pub fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
+    /// For each triangle its edges: from its first vertex to its second, from there to the third, and back.
+    pub fn triangle_edges(&self) -> &[[u32; 3]] {
+        &self.triangle_edges
+    }
+
+    /// The box around it.
+    pub fn bounds(&self) -> &Aabb {
+        &self.bounds
+    }
+
+    /// Whether every edge joins two triangles: from outside, no back face can be seen.
+    pub fn is_closed(&self) -> bool {
+        self.closed
+    }
+
+    /// Whether it is a convex solid, up to the rounding of its vertices.
+    pub fn is_convex(&self) -> bool {
+        self.convex
+    }
+
+    /// Whether back faces hide as well.
+    pub fn is_two_sided(&self) -> bool {
+        self.two_sided
+    }
+
+    /// About the area that it shows to an eye in the given unit direction, seen from there: exact for boxes along the axes, up to
+    /// 1.7 times too large for others, and blind to parts that cover each other.
+    pub fn area_towards(&self, direction: Vec3) -> f32 {
+        let d = direction.to_array();
+        let part = |axis: usize| {
+            let (front, back) = (self.facing[axis], self.facing[axis + 3]);
+            let shown = if d[axis] > 0.0 { front } else { back };
+            d[axis].abs() * if self.two_sided { front.max(back) } else { shown }
+        };
+        part(0) + part(1) + part(2)
+    }
+}
+
+/// Each place once, and for each vertex its place.
+fn weld(positions: &[Vec3]) -> (Vec<Vec3>, Vec<u32>) {
+    // Adding zero turns -0 into 0, so that equal numbers have equal bits.
+    let key = |i: &u32| (positions[*i as usize] + 0.0).to_array().map(f32::to_bits);
+    let mut order: Vec<u32> = (0..positions.len() as u32).collect();
+    order.sort_unstable_by_key(|i| (key(i), *i));
+    // The first of each group stands for it, and groups keep the order in which they are first used.
+    let mut first: Vec<u32> = (0..positions.len() as u32).collect();
+    for group in order.chunk_by(|a, b| key(a) == key(b)) {
+        group.iter().for_each(|&i| first[i as usize] = group[0]);
+    }
+    let mut welded = Vec::new();
+    let mut place = alloc::vec![0; positions.len()];
+    for i in 0..positions.len() {
+        if first[i] == i as u32 {
+            place[i] = welded.len() as u32;
+            welded.push(positions[i]);
+        } else {
+            place[i] = place[first[i] as usize];
+        }
+    }
+    (welded, place)
+}
+
+fn has_area(positions: &[Vec3], triangle: &[u32; 3]) -> bool {
+    let [a, b, c] = triangle.map(|i| positions[i as usize].as_dvec3());
+    // Differences of f32 numbers are exact in f64 unless one is 2^29 times the other.
+    (b - a).cross(c - a) != DVec3::ZERO
+}
+
+/// The edges, and those of each triangle.
+fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
+    /// One side of one triangle.
+    struct Side {
+        low: u32,
+        high: u32,
+        backwards: bool,
+        triangle: u32,
+        corner: usize,
+    }
+    let mut sides = Vec::with_capacity(triangles.len() * 3);
+    for (triangle, t) in (0..).zip(triangles) {
+        for corner in 0..3 {
+            let (from, to) = (t[corner], t[(corner + 1) % 3]);
+            sides.push(Side {
+                low: from.min(to),
+                high: from.max(to),
+                backwards: from > to,
+                triangle,
+                corner,
+            });
+        }
+    }
+    sides.sort_unstable_by_key(|s| (s.low, s.high, s.triangle));
+    let mut edges = Vec::with_capacity(sides.len() / 2);
+    let mut triangle_edges = alloc::vec![[0; 3]; triangles.len()];
+    for group in sides.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high)) {
+        let joined = group.len() == 2 && group[0].backwards != group[1].backwards;
+        for (position, side) in group.iter().enumerate() {
+            if position == 0 || !joined {
+                let vertices = if side.backwards { [side.high, side.low] } else { [side.low, side.high] };
+                let right = joined.then(|| group[1].triangle);
+                edges.push(Edge { vertices, left: side.triangle, right });
+            }
+            triangle_edges[side.triangle as usize][side.corner] = edges.len() as u32 - 1;
+        }
+    }
+    (edges, triangle_edges)
+}
+
+/// Whether no vertex is in front of any face by more than rounding of vertices explains. Quadratic, so larger meshes, which could gain
+/// little from it, are not looked at.
+fn is_convex(positions: &[Vec3], triangles: &[[u32; 3]], bounds: &Aabb) -> bool {
+    if triangles.len() > 256 {
+        return false;
+    }
+    let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
+    let allowed = f64::from(reach) * 8.0 * f64::from(f32::EPSILON);
+    triangles.iter().all(|t| {
+        let [a, b, c] = t.map(|i| positions[i as usize].as_dvec3());
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        positions.iter().all(|p| normal.dot(p.as_dvec3() - a) <= allowed)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube() -> OccluderMesh {
+        OccluderMesh::cuboid(&Aabb::from_arrays([-1.0, 0.0, 2.0], [1.0, 3.0, 4.0])).unwrap()
+    }
+
+    #[test]
+    fn a_box_is_closed_convex_and_faces_outwards() {
+        let cube = cube();
+        assert!(cube.is_closed() && cube.is_convex());
+        assert_eq!((cube.positions().len(), cube.triangles().len()), (8, 12));
+        let center = cube.bounds().center();
+        for t in cube.triangles() {
+            let [a, b, c] = t.map(|i| cube.positions()[i as usize]);
+            assert!((b - a).cross(c - a).dot(a - center) > 0.0);
+        }
+        assert_eq!(cube.area_towards(Vec3::X), 6.0);
+        assert_eq!(cube.area_towards(Vec3::NEG_Z), 6.0);
+    }
+
+    #[test]
+    fn loose_triangles_are_welded_and_joined() {
+        let cube = cube();
+        let loose: Vec<Triangle> =
+            cube.triangles().iter().map(|t| t.map(|i| cube.positions()[i as usize])).collect();
+        let again = OccluderMesh::from_triangles(&loose).unwrap();
+        assert_eq!((again.positions().len(), again.edges().len()), (8, 18));
+        assert!(again.is_closed() && again.is_convex());
+        let open = OccluderMesh::from_triangles(&loose[1..]).unwrap();
+        assert!(!open.is_closed() && !open.is_convex());
+        assert_eq!(open.edges().iter().filter(|edge| edge.right.is_none()).count(), 3);
+    }
+
+    #[test]
+    fn edges_and_triangles_point_at_each_other() {
+        let cube = cube();
+        for (triangle, edges) in cube.triangle_edges().iter().enumerate() {
+            for (corner, &edge) in edges.iter().enumerate() {
+                let Edge { vertices, left, right } = cube.edges()[edge as usize];
+                let t = cube.triangles()[triangle];
+                let side = [t[corner], t[(corner + 1) % 3]];
+                if left as usize == triangle {
+                    assert_eq!(vertices, side);
+                } else {
+                    assert_eq!((right, [vertices[1], vertices[0]]), (Some(triangle as u32), side));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_edge_of_three_triangles_joins_none() {
+        let p = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_Y];
+        let fan = OccluderMesh::from_indexed(&p, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]).unwrap();
+        assert!(fan.edges().iter().all(|edge| edge.right.is_none()));
+        assert_eq!(fan.edges().len(), 9);
+        let same_way = OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 1, 3]]).unwrap();
+        assert!(same_way.edges().iter().all(|edge| edge.right.is_none()));
+    }
+
+    #[test]
+    fn bad_meshes_are_refused_with_the_reason() {
+        let p = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        assert_eq!(
+            OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 1, 7]]),
+            Err(MeshError::Index { triangle: 1, index: 7 })
+        );
+        assert_eq!(OccluderMesh::from_indexed(&p, &[[0, 1, 1]]), Err(MeshError::Empty));
+        assert_eq!(OccluderMesh::from_triangles(&[]), Err(MeshError::Empty));
+        assert_eq!(
+            OccluderMesh::from_triangles(&[[Vec3::ZERO, Vec3::NAN, Vec3::X]]),
+            Err(MeshError::NonFinite { vertex: 1 })
+        );
+        assert_eq!(OccluderMesh::cuboid(&Aabb::EMPTY), Err(MeshError::Empty));
+    }
+
+    #[test]
+    fn dents_are_not_convex() {
+        let mut p = cube().positions().to_vec();
+        p[0] += Vec3::splat(0.5);
+        let dented = OccluderMesh::from_indexed(&p, cube().triangles()).unwrap();
+        assert!(dented.is_closed());
+        let mut p = cube().positions().to_vec();
+        p.push(Vec3::new(0.0, 1.5, 3.5));
+        // The top face, split at a point pushed inwards.
+        let mut triangles: Vec<_> =
+            cube().triangles().iter().filter(|t| !t.iter().all(|i| *i >= 4)).copied().collect();
+        triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);
+        let dented = OccluderMesh::from_indexed(&p, &triangles).unwrap();
+        assert!(dented.is_closed() && !dented.is_convex());
+    }
+}

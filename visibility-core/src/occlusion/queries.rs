@@ -1,0 +1,251 @@
+//! An engine's own occlusion queries as a map: the graphics card answers, some frames late.
+//!
+//! The card compares boxes with the depth buffer that it has drawn (papers/survey-visibility-for-walkthroughs, sections 6.4 and 6.5: the HP
+//! occlusion-culling test, and Meissner et al.). Asking and waiting would stall it, so answers are taken when they come.
+
+use super::{OccluderMesh, Occlusion, OcclusionMap};
+use crate::{Aabb, Accuracy, View};
+use alloc::vec::Vec;
+use core::cell::RefCell;
+use glam::{Affine3A, DVec3};
+use hashbrown::HashMap;
+
+/// What an engine implements over its graphics API.
+///
+/// ```
+/// use visibility_core::{Aabb, QueryDevice};
+/// /// A device that never answers.
+/// struct Silent;
+/// impl QueryDevice for Silent {
+///     fn ask(&mut self, _query: u64, _bounds: &Aabb) {}
+///     fn answers(&mut self, _each: &mut dyn FnMut(u64, bool)) {}
+/// }
+/// ```
+pub trait QueryDevice {
+    /// Issues a query: is any sample of this box, relative to the scene's origin, in front of what has been drawn this frame?
+    fn ask(&mut self, query: u64, bounds: &Aabb);
+
+    /// Hands over the answers that have come since the last call: the query, and whether any sample passed.
+    fn answers(&mut self, each: &mut dyn FnMut(u64, bool));
+
+    /// Draws an occluder into the depth buffer, where the engine does not do that itself before culling.
+    fn draw(&mut self, _occluder: &OccluderMesh, _transform: &Affine3A) {}
+}
+
+/// What becomes of answers that are about an earlier frame.
+///
+/// ```
+/// use visibility_core::{Accuracy, Late};
+/// assert_eq!(Late::Visible.accuracy(), Accuracy::Conservative);
+/// assert_eq!(Late::Trusted { frames: 2 }.accuracy(), Accuracy::Approximate);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Late {
+    /// They count as visible, unless neither the view nor the occluders have changed since: nothing pops, and a moving camera culls
+    /// only what is answered within the frame.
+    Visible,
+    /// They are believed for so many frames: what comes into view may pop in that much late.
+    Trusted {
+        /// Frames.
+        frames: u32,
+    },
+}
+
+impl Late {
+    /// What a map with this setting promises, if the device samples no coarser than the picture.
+    pub const fn accuracy(self) -> Accuracy {
+        match self {
+            Self::Visible => Accuracy::Conservative,
+            Self::Trusted { .. } => Accuracy::Approximate,
+        }
+    }
+}
+
+/// A map that asks a device, and takes boxes for visible until it answers.
+///
+/// A box is known again by its coordinates: one that moves is a new question. What the picture cannot show (a box between samples of
+/// the device) counts as hidden, so the promise of the map is relative to the picture's own resolution.
+///
+/// ```
+/// use visibility_core::{HardwareQueries, Late, OcclusionCuller};
+/// # struct Silent;
+/// # impl visibility_core::QueryDevice for Silent {
+/// #     fn ask(&mut self, _: u64, _: &visibility_core::Aabb) {}
+/// #     fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
+/// # }
+/// # let device = Silent;
+/// let culler = OcclusionCuller::new(HardwareQueries::new(device, Late::Visible));
+/// # let _ = culler;
+/// ```
+#[derive(Debug)]
+pub struct HardwareQueries<D> {
+    late: Late,
+    /// Frames begun so far.
+    frame: u64,
+    /// The first frame that saw what this one sees: same view, same occluders.
+    since: u64,
+    view: Option<(View, DVec3)>,
+    /// A hash of the occluders added in this frame, and of those of the frame before.
+    drawn: [u64; 2],
+    /// Testing asks, and asking changes the device.
+    state: RefCell<State<D>>,
+}
+
+#[derive(Debug)]
+struct State<D> {
+    device: D,
+    /// Where in `questions` a box is, by its bits.
+    places: HashMap<[u32; 6], usize>,
+    questions: Vec<Question>,
+    free: Vec<usize>,
+}
+
+/// A box that was asked about.
+#[derive(Clone, Copy, Debug)]
+struct Question {
+    bits: [u32; 6],
+    /// The frame of the newest query.
+    asked: u64,
+    under_way: bool,
+    /// The frame that the newest answer is about, and whether it said hidden.
+    answer: Option<(u64, bool)>,
+}
+
+/// A box that was not asked about for so many frames is forgotten: its object has moved on.
+const FORGET: u64 = 64;
+
+impl<D: QueryDevice> HardwareQueries<D> {
+    /// Over a device.
+    pub fn new(device: D, late: Late) -> Self {
+        let state = State { device, places: HashMap::new(), questions: Vec::new(), free: Vec::new() };
+        Self { late, frame: 0, since: 0, view: None, drawn: [0; 2], state: RefCell::new(state) }
+    }
+
+    /// The device.
+    pub fn device_mut(&mut self) -> &mut D {
+        &mut self.state.get_mut().device
+    }
+
+    /// Says that the device's depth buffer will hold something else than in the frame before, for reasons that the map cannot see: the engine
+    /// draws occluders of its own. What is answered about earlier frames no longer counts.
+    pub fn invalidate(&mut self) {
+        self.view = None;
+    }
+
+    /// Whether an answer about a frame says anything about this one.
+    fn counts(&self, about: u64) -> bool {
+        match self.late {
+            Late::Visible => about >= self.since,
+            Late::Trusted { frames } => self.frame - about <= u64::from(frames),
+        }
+    }
+}
+
+impl<D: QueryDevice> State<D> {
+    /// Takes the answers that have come, and forgets what is no longer asked.
+    fn listen(&mut self, frame: u64) {
+        let Self { device, places, questions, free } = self;
+        device.answers(&mut |query, passed| {
+            // The number of the query says where its question is.
+            if let Some(question) = usize::try_from(query).ok().and_then(|place| questions.get_mut(place))
+                && question.under_way
+            {
+                question.under_way = false;
+                question.answer = Some((question.asked, !passed));
+            }
+        });
+        places.retain(|_, &mut place| {
+            let question = &questions[place];
+            // One that is under way keeps its place, or the answer would be taken for another's.
+            let keep = question.under_way || frame - question.asked < FORGET;
+            if !keep {
+                free.push(place);
+            }
+            keep
+        });
+    }
+
+    /// The question about a box, which is asked now if it is new.
+    fn question(&mut self, bounds: &Aabb, frame: u64) -> &mut Question {
+        let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
+        let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
+        let bits = [x0, y0, z0, x1, y1, z1];
+        let place = *self.places.entry(bits).or_insert_with(|| {
+            let question = Question { bits, asked: frame, under_way: false, answer: None };
+            match self.free.pop() {
+                Some(place) => {
+                    self.questions[place] = question;
+                    place
+                }
+                None => {
+                    self.questions.push(question);
+                    self.questions.len() - 1
+                }
+            }
+        });
+        let question = &mut self.questions[place];
+        debug_assert_eq!(question.bits, bits);
+        if !question.under_way && question.answer.is_none_or(|(about, _)| about < frame) {
+            question.under_way = true;
+            question.asked = frame;
+            self.device.ask(place as u64, bounds);
+        }
+        question
+    }
+}
+
+impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
+    fn name(&self) -> &str {
+        "hardware queries"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        self.late.accuracy()
+    }
+
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        self.frame += 1;
+        self.drawn = [0, self.drawn[0]];
+        if self.view != Some((*view, origin)) {
+            self.view = Some((*view, origin));
+            self.since = self.frame;
+        }
+        self.state.get_mut().listen(self.frame);
+    }
+
+    fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        let bounds = occluder.bounds();
+        let shape = [bounds.min, bounds.max].into_iter().flat_map(|v| v.to_array());
+        for number in shape.chain(transform.to_cols_array()) {
+            // FNV-1a, a number at a time.
+            self.drawn[0] = (self.drawn[0] ^ u64::from(number.to_bits())).wrapping_mul(0x0000_0100_0000_01b3);
+        }
+        self.drawn[0] ^= occluder.triangles().len() as u64 + 1;
+        self.state.get_mut().device.draw(occluder, transform);
+    }
+
+    fn flush(&mut self) {
+        if self.drawn[0] != self.drawn[1] {
+            self.since = self.frame;
+        }
+    }
+
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        if !bounds.is_finite() {
+            return Occlusion::Visible;
+        }
+        let answer = self.state.borrow_mut().question(bounds, self.frame).answer;
+        match answer {
+            Some((about, true)) if self.counts(about) => Occlusion::Hidden,
+            Some((about, false)) if self.counts(about) => Occlusion::Partial,
+            // Taken whole until the answer is there, rather than asking about everything inside as well.
+            _ => Occlusion::Visible,
+        }
+    }
+
+    fn reset(&mut self) {
+        self.view = None;
+        let state = self.state.get_mut();
+        state.questions.iter_mut().for_each(|question| question.answer = None);
+    }
+}

@@ -1,0 +1,82 @@
+//! Which occluders are worth their cost from where the eye is.
+
+use crate::{Eye, ObjectId, OccluderMesh, Scene};
+use alloc::vec::Vec;
+use glam::{Affine3A, Vec3};
+
+/// How occluders are chosen each frame.
+///
+/// ```
+/// use visibility_core::Selection;
+/// assert_eq!(Selection::default(), Selection::SolidAngle);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Selection {
+    /// Those among the candidates that fill most of the view: by `-A (N . V) / |D|^2`, area facing the eye over squared distance
+    /// (Coorg and Teller, in papers/survey-visibility-for-walkthroughs, section 5.1), nearest first.
+    #[default]
+    SolidAngle,
+    /// Those that were visible in the frame before, again by solid angle: what is visible now was most likely visible then. In the first
+    /// frame as [`SolidAngle`](Self::SolidAngle).
+    LastVisible,
+    /// Each occluder as it is found visible on the way from front to back (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility",
+    /// 1993): nothing hidden is ever added, and all that could be is, up to the budget.
+    Interleaved,
+}
+
+/// How much of the sky an occluder covers, in steradians, at best.
+pub(super) fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> f32 {
+    let center = transform.transform_point3(mesh.bounds().center());
+    let (direction, distance_squared) = match eye {
+        Eye::Point(eye) => {
+            let d = eye.as_vec3() - center;
+            // No nearer than its own size: the formula is for occluders that are small from where they are seen.
+            let size = mesh.bounds().half_extent().length_squared().max(f32::MIN_POSITIVE);
+            (d.normalize_or_zero(), d.length_squared().max(size))
+        }
+        Eye::Direction(along) => (-along.as_vec3(), 1.0),
+    };
+    // The areas are those of the untransformed mesh: turn the direction back instead, and scale by how areas scale.
+    let inverse = transform.matrix3.inverse();
+    let scale = transform.matrix3.determinant().abs();
+    let turned: Vec3 = (inverse * glam::Vec3A::from(direction)).into();
+    let area = mesh.area_towards(turned) * scale;
+    if area.is_finite() { area / distance_squared } else { 0.0 }
+}
+
+/// An occluder that may be chosen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    pub(super) id: ObjectId,
+    pub(super) angle: f32,
+    pub(super) distance: f32,
+    pub(super) triangles: usize,
+}
+
+impl Candidate {
+    pub(super) fn new(scene: &Scene, id: ObjectId, eye: &Eye) -> Option<Self> {
+        let (mesh, transform) = scene.occluder(id)?;
+        let center = scene.bounds(id).ok()?.center().as_dvec3();
+        let distance = match eye {
+            Eye::Point(eye) => center.distance_squared(*eye),
+            Eye::Direction(along) => center.dot(*along),
+        };
+        let angle = solid_angle(mesh, transform, eye);
+        Some(Self { id, angle, distance: distance as f32, triangles: mesh.triangles().len() })
+    }
+}
+
+/// Keeps those that cover most within a budget of triangles, nearest first. One that does not fit is passed over, since a smaller one
+/// behind it may.
+pub(super) fn choose(candidates: &mut Vec<Candidate>, budget: usize) {
+    candidates.sort_unstable_by(|a, b| b.angle.total_cmp(&a.angle).then(a.id.cmp(&b.id)));
+    let mut left = budget;
+    candidates.retain(|candidate| {
+        let fits = candidate.triangles <= left && candidate.angle > 0.0;
+        if fits {
+            left -= candidate.triangles;
+        }
+        fits
+    });
+    candidates.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.id.cmp(&b.id)));
+}

@@ -1,0 +1,277 @@
+//! The occlusion driver over the plain map: what it hides, what it must not, and what it costs.
+
+mod common;
+
+use common::octree::Octree;
+use common::plain_map::PlainMap;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{
+    Aabb, Accuracy, Culler, FrustumCuller, HardwareQueries, Late, Object, ObjectId, OccluderMesh, Occlusion,
+    OcclusionCuller, OcclusionMap, Pipeline, Pose, QueryDevice, Scene, Selection, View, VisibleSet,
+};
+
+fn view_from(eye: DVec3, target: DVec3) -> View {
+    View::perspective(Pose::look_at(eye, target, DVec3::Z), 1.0, 1.6, 0.1, f64::INFINITY).unwrap()
+}
+
+fn along_x() -> View {
+    view_from(DVec3::ZERO, DVec3::X)
+}
+
+/// A wall across the view at x = 10, and boxes before it, behind it, and beside it.
+struct Street {
+    scene: Scene,
+    wall: ObjectId,
+    before: ObjectId,
+    beside: ObjectId,
+}
+
+fn street() -> Street {
+    let mut scene = Scene::new();
+    let bounds = Aabb::from_arrays([10.0, -4.0, -4.0], [10.5, 4.0, 4.0]);
+    let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+    scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+    let small = |x: f32, y: f32| Aabb::from_arrays([x, y - 0.2, -0.2], [x + 0.4, y + 0.2, 0.2]);
+    let before = scene.insert(small(5.0, 0.0));
+    scene.insert_batch((0..500).map(|i| small(12.0 + (i / 25) as f32, (i % 25) as f32 * 0.25 - 3.0)));
+    let beside = scene.insert(small(12.0, 7.0));
+    Street { scene, wall, before, beside }
+}
+
+fn visible(pipeline: &mut Pipeline, scene: &Scene, view: &View) -> Vec<ObjectId> {
+    let mut visible = VisibleSet::new();
+    pipeline.cull(scene, view, &mut visible);
+    let mut ids: Vec<_> = visible.iter(scene).collect();
+    ids.sort_unstable();
+    ids
+}
+
+fn pipeline(selection: Selection) -> Pipeline {
+    let culler = OcclusionCuller::new(PlainMap::new(96, 60)).with_selection(selection);
+    Pipeline::new().with(FrustumCuller::new()).with(culler)
+}
+
+const SELECTIONS: [Selection; 3] = [Selection::SolidAngle, Selection::LastVisible, Selection::Interleaved];
+
+#[test]
+fn a_wall_hides_what_is_behind_it_and_nothing_else() {
+    let Street { scene, wall, before, beside, .. } = street();
+    for selection in SELECTIONS {
+        let mut pipeline = pipeline(selection);
+        for frame in 0..3 {
+            let seen = visible(&mut pipeline, &scene, &along_x());
+            assert_eq!(seen, [wall, before, beside], "{selection:?}, frame {frame}");
+        }
+        assert_eq!(pipeline.accuracy(), Accuracy::Conservative);
+    }
+}
+
+#[test]
+fn a_door_that_opens_hides_nothing() {
+    let Street { mut scene, wall, .. } = street();
+    for selection in SELECTIONS {
+        let mut pipeline = pipeline(selection);
+        assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3);
+        let before = scene.revision();
+        scene.set_occluder(wall, false).unwrap();
+        assert!(matches!(scene.changes_since(before), visibility_core::Changes::Objects([_])));
+        assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503, "{selection:?}: open");
+        scene.set_occluder(wall, true).unwrap();
+        // By what was visible last, the door is chosen again one frame after it is seen again.
+        visible(&mut pipeline, &scene, &along_x());
+        assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3, "{selection:?}: shut");
+    }
+}
+
+#[test]
+fn an_occluder_moves_with_its_transform() {
+    let Street { mut scene, wall, .. } = street();
+    let away = Vec3::new(0.0, 30.0, 0.0);
+    let (mesh, _) = scene.occluder(wall).unwrap();
+    let mesh = mesh.clone();
+    let mesh = scene.add_mesh(mesh);
+    scene.set_mesh(wall, mesh, Affine3A::from_translation(away)).unwrap();
+    let old = scene.bounds(wall).unwrap();
+    scene.set_bounds(wall, Aabb::new(old.min + away, old.max + away)).unwrap();
+    for selection in SELECTIONS {
+        // The wall itself is out of view.
+        assert_eq!(visible(&mut pipeline(selection), &scene, &along_x()).len(), 502, "{selection:?}");
+    }
+}
+
+#[test]
+fn every_hierarchy_gives_the_same_answer() {
+    let Street { scene, .. } = street();
+    for view in [along_x(), view_from(DVec3::new(3.0, 8.0, 2.0), DVec3::new(14.0, 0.0, 0.0))] {
+        let own = visible(&mut pipeline(Selection::SolidAngle), &scene, &view);
+        for depth in [0, 2, 6] {
+            let culler = OcclusionCuller::over(PlainMap::new(96, 60), Octree::new(&scene, depth));
+            let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+            assert_eq!(visible(&mut pipeline, &scene, &view), own, "octree of depth {depth}");
+        }
+        let greene = visible(&mut pipeline(Selection::Interleaved), &scene, &view);
+        let culler = OcclusionCuller::over(PlainMap::new(96, 60), Octree::new(&scene, 6));
+        let mut foreign =
+            Pipeline::new().with(FrustumCuller::new()).with(culler.with_selection(Selection::Interleaved));
+        // The order of adding differs, and with it which hidden objects are found; what is visible must be in all.
+        let foreign = visible(&mut foreign, &scene, &view);
+        assert!(own.iter().all(|id| greene.contains(id) && foreign.contains(id)));
+    }
+}
+
+#[test]
+fn objects_that_a_hierarchy_does_not_list_are_visible() {
+    let Street { mut scene, .. } = street();
+    let octree = Octree::new(&scene, 4);
+    let late = scene.insert(Aabb::from_arrays([14.0, -0.1, -0.1], [14.2, 0.1, 0.1]));
+    let culler = OcclusionCuller::over(PlainMap::new(96, 60), octree);
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+    assert!(visible(&mut pipeline, &scene, &along_x()).contains(&late));
+}
+
+#[test]
+fn a_hidden_node_is_not_looked_into() {
+    // Thousands of objects behind the wall, in a heap far from everything else.
+    let Street { mut scene, .. } = street();
+    let heap = (0..20_000).map(|i| {
+        let min =
+            Vec3::new(40.0 + (i % 20) as f32, (i / 20 % 20) as f32 * 0.2 - 2.0, (i / 400) as f32 * 0.1 - 2.0);
+        Aabb::new(min, min + 0.05)
+    });
+    scene.insert_batch(heap.collect::<Vec<_>>());
+    let mut pipeline = pipeline(Selection::SolidAngle);
+    let mut set = VisibleSet::new();
+    pipeline.cull(&scene, &along_x(), &mut set);
+    assert_eq!(set.count(&scene), 3);
+    let (_, stats) = pipeline.stages().nth(1).unwrap();
+    assert!(stats.tests < 2_000, "{stats:?}: 20,500 boxes are hidden by a few nodes");
+}
+
+#[test]
+fn a_budget_of_nothing_hides_nothing() {
+    let Street { scene, .. } = street();
+    let culler = OcclusionCuller::new(PlainMap::new(96, 60)).with_budget(11);
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+    assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503, "the wall has 12 triangles");
+}
+
+#[test]
+fn a_box_around_the_eye_or_through_the_near_plane_is_visible() {
+    let Street { mut scene, .. } = street();
+    let around = scene.insert(Aabb::from_arrays([-5.0; 3], [50.0, 1.0, 1.0]));
+    let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
+    for selection in SELECTIONS {
+        let seen = visible(&mut pipeline(selection), &scene, &along_x());
+        assert!(seen.contains(&around) && seen.contains(&nan), "{selection:?}");
+    }
+}
+
+#[test]
+fn an_open_mesh_hides_only_from_its_front_unless_two_sided() {
+    let bounds = Aabb::from_arrays([10.0, -4.0, -4.0], [10.0, 4.0, 4.0]);
+    let quad =
+        [[10.0, -4.0, -4.0], [10.0, 4.0, -4.0], [10.0, 4.0, 4.0], [10.0, -4.0, 4.0]].map(Vec3::from_array);
+    for (order, two_sided, hides) in
+        [([0, 1, 2, 3], false, false), ([3, 2, 1, 0], false, true), ([0, 1, 2, 3], true, true)]
+    {
+        let p = order.map(|i: usize| quad[i]);
+        let mesh = OccluderMesh::from_triangles(&[[p[0], p[1], p[2]], [p[0], p[2], p[3]]]).unwrap();
+        let mut scene = Scene::new();
+        let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(mesh.with_two_sided(two_sided));
+        scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+        let behind = scene.insert(Aabb::from_arrays([20.0, -1.0, -1.0], [21.0, 1.0, 1.0]));
+        let seen = visible(&mut pipeline(Selection::SolidAngle), &scene, &along_x());
+        assert_eq!(!seen.contains(&behind), hides, "{order:?}, two-sided {two_sided}");
+    }
+}
+
+/// A graphics card whose answers take some frames: a plain map behind a queue.
+struct SimulatedCard {
+    map: PlainMap,
+    latency: u32,
+    frame: u32,
+    view: View,
+    under_way: Vec<(u32, u64, bool)>,
+    asked: usize,
+}
+
+impl SimulatedCard {
+    fn new(latency: u32) -> Self {
+        Self {
+            map: PlainMap::new(96, 60),
+            latency,
+            frame: 0,
+            view: along_x(),
+            under_way: Vec::new(),
+            asked: 0,
+        }
+    }
+}
+
+impl QueryDevice for SimulatedCard {
+    fn ask(&mut self, query: u64, bounds: &Aabb) {
+        self.map.flush();
+        self.asked += 1;
+        self.under_way.push((self.frame, query, self.map.test(bounds) != Occlusion::Hidden));
+    }
+
+    fn answers(&mut self, each: &mut dyn FnMut(u64, bool)) {
+        let (frame, latency) = (self.frame, self.latency);
+        self.under_way.retain(|&(asked, query, passed)| {
+            let due = frame >= asked + latency;
+            if due {
+                each(query, passed);
+            }
+            !due
+        });
+        // Called once a frame, before anything is drawn.
+        self.frame += 1;
+        self.map.begin(&self.view, DVec3::ZERO);
+    }
+
+    fn draw(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        self.map.add(occluder, transform);
+    }
+}
+
+/// Culls by queries alone, each frame from the given eye. How many objects each frame reports, and whether any lacked one of V.
+fn by_queries(latency: u32, late: Late, eyes: &[DVec3]) -> Vec<(usize, bool)> {
+    let Street { scene, .. } = street();
+    let mut culler = OcclusionCuller::new(HardwareQueries::new(SimulatedCard::new(latency), late));
+    let mut visible_set = VisibleSet::new();
+    let mut result = Vec::new();
+    for &eye in eyes {
+        let view = view_from(eye, eye + DVec3::X);
+        culler.map_mut().device_mut().view = view;
+        visible_set.fill(&scene, &view);
+        FrustumCuller::new().cull(&scene, &view, &mut visible_set);
+        culler.cull(&scene, &view, &mut visible_set);
+        let exact = visible(&mut pipeline(Selection::SolidAngle), &scene, &view);
+        let lost = exact.iter().any(|&id| !visible_set.contains(&scene, id));
+        result.push((visible_set.count(&scene), lost));
+    }
+    result
+}
+
+#[test]
+fn late_answers_count_as_visible_until_they_are_there() {
+    for latency in [1, 3] {
+        let frames = by_queries(latency, Late::Visible, &[DVec3::ZERO; 24]);
+        assert_eq!(frames[0], (503, false), "nothing is answered yet");
+        assert_eq!(frames[23], (3, false), "a still camera culls all in the end, latency {latency}");
+        assert!(frames.windows(2).all(|pair| pair[0].0 >= pair[1].0));
+    }
+}
+
+#[test]
+fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
+    let eyes: Vec<DVec3> = (0..40).map(|i| DVec3::new(0.0, f64::from(i) * 0.4, 0.0)).collect();
+    let safe = by_queries(2, Late::Visible, &eyes);
+    assert!(safe.iter().all(|(_, lost)| !lost));
+    let trusting = by_queries(2, Late::Trusted { frames: 4 }, &eyes);
+    assert!(trusting.iter().any(|(_, lost)| *lost), "what comes into view pops in late");
+    let sum = |frames: &[(usize, bool)]| frames.iter().map(|(count, _)| count).sum::<usize>();
+    assert!(sum(&trusting) < sum(&safe), "and that is what it gains");
+}
