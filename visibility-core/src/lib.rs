@@ -63,7 +63,7 @@ pub use occlusion::{
     BoxHierarchy, Child, Edge, HardwareQueries, Late, MeshError, OccluderMesh, Occlusion, Occlusion64,
     OcclusionCuller, OcclusionMap, Preparation, QueryDevice, SceneHierarchy, Selection, prepare,
 };
-pub use pipeline::Pipeline;
+pub use pipeline::{Explanation, Pipeline};
 pub use scene::{Boxes64, Changes, Maintenance, MeshId, Object, ObjectId, Scene, SceneError, Triangle};
 pub use simd::Simd;
 pub use view::{
