@@ -5,7 +5,7 @@
 //! is cut in both by the same sums in the same order, from its inner to its outer end, and stays shared to the last bit.
 
 use super::raster::{Corner, Image};
-use crate::{Depth, View};
+use crate::{Depth, Plane, View};
 use glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
 use smallvec::SmallVec;
 
@@ -13,7 +13,7 @@ use smallvec::SmallVec;
 /// so 16 images cost it nothing, and few triangles are large enough to need the sides cut.
 const GUARD: f64 = 16.0;
 
-/// A triangle can gain one vertex at each of six planes.
+/// A triangle can gain one vertex at each of six planes, and more at clip planes of the view's own.
 type Polygon = SmallVec<[DVec4; 9]>;
 
 /// How one view maps points onto one image.
@@ -25,6 +25,8 @@ pub(super) struct Lens {
     /// Factor of `z`, and constant, that make the numerator over `w` of the nearness.
     nearness: DVec2,
     half_size: DVec2,
+    /// The view's own clip planes, for points as the triangles have them.
+    clip_planes: SmallVec<[Plane; 1]>,
 }
 
 impl Lens {
@@ -48,12 +50,18 @@ impl Lens {
             (true, false) => DVec2::new(-1.0, 0.0),
         };
         let half_size = DVec2::new(image.width as f64, image.height as f64) * 0.5;
-        Self { clip_from_local, near, far, nearness, half_size }
+        let shift = origin - view.origin();
+        let moved = |p: &Plane| Plane::new(p.normal, p.normal.dot(shift) + p.offset);
+        let clip_planes = view.clip_planes().iter().map(moved).collect();
+        Self { clip_from_local, near, far, nearness, half_size, clip_planes }
     }
 
     /// Draws what is in view of a triangle.
     #[inline]
     pub(super) fn draw(&self, triangle: &[Vec3; 3], item: u32, image: &mut Image) {
+        if !self.clip_planes.is_empty() {
+            return self.draw_clipped(triangle, item, image);
+        }
         let clip = triangle.map(|p| self.clip_from_local * p.as_dvec3().extend(1.0));
         let outside = clip.map(|v| self.outside(v));
         // Beyond one plane with all corners. False for NaN, which is dealt with where it is rare.
@@ -63,8 +71,21 @@ impl Lens {
         if clip.iter().all(|&v| self.is_drawable(v)) {
             image.fill(clip.map(|v| self.corner(v)), item);
         } else {
-            self.draw_cut(clip, item, image);
+            self.draw_cut(Polygon::from_slice(&clip), item, image);
         }
+    }
+
+    /// As [`draw`](Self::draw), after cutting by the view's own planes, which is done before projection: they are given in space.
+    #[cold]
+    #[inline(never)]
+    fn draw_clipped(&self, triangle: &[Vec3; 3], item: u32, image: &mut Image) {
+        let mut polygon: Polygon = triangle.iter().map(|p| p.as_dvec3().extend(1.0)).collect();
+        let mut cut = Polygon::new();
+        for plane in &self.clip_planes {
+            clip_polygon(&polygon, |v| plane.signed_distance(v.truncate()), |v| v.with_w(1.0), &mut cut);
+            core::mem::swap(&mut polygon, &mut cut);
+        }
+        self.draw_cut(polygon.iter().map(|&v| self.clip_from_local * v).collect(), item, image);
     }
 
     /// The planes of the view that a point is beyond, as bits.
@@ -101,11 +122,10 @@ impl Lens {
 
     #[cold]
     #[inline(never)]
-    fn draw_cut(&self, clip: [DVec4; 3], item: u32, image: &mut Image) {
-        if !clip.iter().all(|v| v.is_finite()) {
+    fn draw_cut(&self, mut polygon: Polygon, item: u32, image: &mut Image) {
+        if !polygon.iter().all(|v| v.is_finite()) {
             return;
         }
-        let mut polygon = Polygon::from_slice(&clip);
         let mut cut = Polygon::new();
         for plane in [self.near, self.far] {
             clip_polygon(&polygon, |v| distance(plane, v), |v| v, &mut cut);

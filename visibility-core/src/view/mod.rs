@@ -11,12 +11,14 @@
 
 mod camera;
 mod clip_matrix;
+mod cube;
 mod planes;
 
 pub use camera::{Pose, Window};
 pub use clip_matrix::ClipMatrix;
-pub use planes::{MAX_PLANES, ViewPlane, ViewPlanes};
+pub use planes::{MAX_CLIP_PLANES, MAX_PLANES, ViewPlane, ViewPlanes};
 
+use crate::Plane;
 use core::fmt;
 use glam::{DMat4, DVec3, DVec4};
 
@@ -68,6 +70,16 @@ pub enum ViewError {
     Singular,
     /// The origin is NaN or infinite.
     NonFiniteOrigin,
+    /// More clip planes than [`MAX_CLIP_PLANES`].
+    TooManyClipPlanes {
+        /// How many were given.
+        count: usize,
+    },
+    /// A clip plane is NaN or infinite, or its normal is zero.
+    ClipPlane {
+        /// Index of the first such plane.
+        index: usize,
+    },
     /// A parameter of the camera is out of its range.
     Parameter {
         /// Its name.
@@ -85,6 +97,12 @@ impl fmt::Display for ViewError {
             }
             Self::Singular => write!(f, "the clip matrix is singular"),
             Self::NonFiniteOrigin => write!(f, "the origin of the view is not finite"),
+            Self::TooManyClipPlanes { count } => {
+                write!(f, "{count} clip planes are more than {MAX_CLIP_PLANES}")
+            }
+            Self::ClipPlane { index } => {
+                write!(f, "clip plane {index} is not finite or has no direction")
+            }
             Self::Parameter { name, value } => write!(f, "the camera's {name} cannot be {value}"),
         }
     }
@@ -111,7 +129,7 @@ pub enum Eye {
 
 /// A point of view: what one camera would see of an empty world.
 ///
-/// Small, `Copy`, and made anew each frame.
+/// Half a kilobyte, `Copy`, and made anew each frame.
 ///
 /// ```
 /// use visibility_core::{glam::Mat4, Depth, View};
@@ -128,6 +146,9 @@ pub struct View {
     origin: DVec3,
     depth: Depth,
     layers: u32,
+    /// Beyond the count all zero, so that equal views compare equal.
+    clip_planes: [Plane; MAX_CLIP_PLANES],
+    clip_count: usize,
 }
 
 impl View {
@@ -141,7 +162,14 @@ impl View {
     pub fn from_clip_from_world(matrix: impl Into<ClipMatrix>, depth: Depth) -> Result<Self, ViewError> {
         let matrix = matrix.into();
         matrix.check()?;
-        Ok(Self { clip_from_local: matrix.0, origin: DVec3::ZERO, depth, layers: u32::MAX })
+        Ok(Self {
+            clip_from_local: matrix.0,
+            origin: DVec3::ZERO,
+            depth,
+            layers: u32::MAX,
+            clip_planes: [Plane::new(DVec3::ZERO, 0.0); MAX_CLIP_PLANES],
+            clip_count: 0,
+        })
     }
 
     /// The same view, with its matrix taken as relative to `origin`, a point of the world in `f64`.

@@ -1,12 +1,15 @@
 //! The planes that bound a view, extracted from its clip matrix (Gribb and Hartmann, "Fast Extraction of Viewing
 //! Frustum Planes from the World-View-Projection Matrix", 2001).
 
-use super::{Depth, View};
+use super::{Depth, View, ViewError};
 use crate::Plane;
 use glam::DVec3;
 
 /// The most planes that a view can have.
 pub const MAX_PLANES: usize = 16;
+
+/// The most planes that [`View::with_clip_planes`] takes: what is left beside the six of the clip matrix.
+pub const MAX_CLIP_PLANES: usize = MAX_PLANES - 6;
 
 /// One plane of a view, and how far rounding may have moved it.
 ///
@@ -25,7 +28,8 @@ pub struct ViewPlane {
     pub error: f64,
 }
 
-/// The planes of a view: left, right, bottom, top, near, far, less those that do not exist (an infinite far plane).
+/// The planes of a view: left, right, bottom, top, near, far, less those that do not exist (an infinite far plane), then
+/// its own [clip planes](View::with_clip_planes).
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Pose, View};
@@ -36,12 +40,15 @@ pub struct ViewPlane {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ViewPlanes {
     planes: [ViewPlane; MAX_PLANES],
+    /// Which plane each is: 0 to 5 for left to far, above for the view's own. Of the first six, `slot ^ 1` is opposite.
+    slots: [u8; MAX_PLANES],
     count: usize,
 }
 
 impl ViewPlanes {
     const NONE: Self = Self {
         planes: [ViewPlane { plane: Plane::new(DVec3::ZERO, 1.0), error: 0.0 }; MAX_PLANES],
+        slots: [0; MAX_PLANES],
         count: 0,
     };
 
@@ -50,10 +57,15 @@ impl ViewPlanes {
         &self.planes[..self.count]
     }
 
+    /// The planes, each with its slot.
+    pub(crate) fn with_slots(&self) -> impl Iterator<Item = (u8, &ViewPlane)> {
+        self.slots.iter().copied().zip(self.as_slice())
+    }
+
     /// Adds the half-space `normal . p + offset >= 0` of points relative to the view's own origin, for points
     /// that are shifted by `shift` from there. A plane with no direction, or beyond the reach of `f64`,
     /// bounds nothing and is left out, which can only show more.
-    fn push(&mut self, plane: Plane, shift: DVec3) {
+    fn push(&mut self, slot: u8, plane: Plane, shift: DVec3) {
         // Scaled before anything is multiplied: the elements of a matrix may be so small that products with them are not.
         let scale = plane.normal.abs().max_element();
         let (n, offset) = (plane.normal / scale, plane.offset / scale);
@@ -65,12 +77,57 @@ impl ViewPlanes {
         let error = 4.0 * f64::EPSILON * size / n.length() + f64::MIN_POSITIVE;
         if error.is_finite() && self.count < MAX_PLANES {
             self.planes[self.count] = ViewPlane { plane: unit, error };
+            self.slots[self.count] = slot;
             self.count += 1;
         }
     }
 }
 
 impl View {
+    /// The same view, showing only what is on the inner side, `normal . p + offset >= 0`, of some more planes: a mirror's, those of a
+    /// portal, a section through a model. They take the place of those that it had; an empty slice takes them away.
+    ///
+    /// Points are relative to the view's [origin](Self::origin), in metres, as for the clip matrix; normals may have any length. [`relative_to`](Self::relative_to)
+    /// moves planes and matrix alike, so call it first or mean it. (A view made from a [`Pose`](crate::Pose) has its origin in the eye.)
+    ///
+    /// Whoever asks for [`planes`](Self::planes) honours them: the [`FrustumCuller`](crate::FrustumCuller) and the
+    /// [`CasterCuller`](crate::CasterCuller); so does the item buffer of [`measure`](crate::measure). They are no part of the clip
+    /// matrix: an occlusion map that draws by the matrix alone may keep objects beyond them, and must not be given occluders that
+    /// they cut away.
+    ///
+    /// # Errors
+    /// [`ViewError::TooManyClipPlanes`] beyond [`MAX_CLIP_PLANES`]; [`ViewError::ClipPlane`] for one that is not finite or has
+    /// no direction.
+    ///
+    /// ```
+    /// use visibility_core::{glam::DVec3, Plane, Pose, View};
+    /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    /// let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?;
+    /// // Only what is at least 4 m ahead: behind a mirror, say.
+    /// let behind = view.with_clip_planes(&[Plane::through(DVec3::new(4.0, 0.0, 0.0), DVec3::X)])?;
+    /// assert_eq!(behind.planes(DVec3::ZERO).as_slice().len(), 6);
+    /// # Ok::<(), visibility_core::ViewError>(())
+    /// ```
+    pub fn with_clip_planes(self, planes: &[Plane]) -> Result<Self, ViewError> {
+        if planes.len() > MAX_CLIP_PLANES {
+            return Err(ViewError::TooManyClipPlanes { count: planes.len() });
+        }
+        let is_usable = |plane: &Plane| {
+            plane.normal.is_finite() && plane.offset.is_finite() && plane.normal != DVec3::ZERO
+        };
+        if let Some(index) = planes.iter().position(|plane| !is_usable(plane)) {
+            return Err(ViewError::ClipPlane { index });
+        }
+        let mut clip_planes = [Plane::new(DVec3::ZERO, 0.0); MAX_CLIP_PLANES];
+        clip_planes[..planes.len()].copy_from_slice(planes);
+        Ok(Self { clip_planes, clip_count: planes.len(), ..self })
+    }
+
+    /// The planes that were added to those of the clip matrix, relative to the view's origin.
+    pub fn clip_planes(&self) -> &[Plane] {
+        &self.clip_planes[..self.clip_count]
+    }
+
     /// The planes that bound the view, for points relative to `origin`.
     pub fn planes(&self, origin: DVec3) -> ViewPlanes {
         let m = &self.clip_from_local;
@@ -87,8 +144,11 @@ impl View {
         let mut planes = ViewPlanes::NONE;
         // An infinite far plane is left out on the caller's word: what rounding leaves of it in the matrix
         // would be a plane at a random angle.
-        for row in [w + x, w - x, w + y, w - y, near].into_iter().chain(far) {
-            planes.push(Plane::new(row.truncate(), row.w), shift);
+        for (slot, row) in (0..).zip([w + x, w - x, w + y, w - y, near].into_iter().chain(far)) {
+            planes.push(slot, Plane::new(row.truncate(), row.w), shift);
+        }
+        for (slot, &plane) in (6..).zip(self.clip_planes()) {
+            planes.push(slot, plane, shift);
         }
         planes
     }
