@@ -38,7 +38,7 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     selection: Selection,
     budget: usize,
     candidates: Vec<Candidate>,
-    /// The visible occluders of the last frame.
+    /// The visible occluders of the last frame, ascending, if they are to be preferred.
     last: Vec<ObjectId>,
     /// By object index, what a walk of a foreign hierarchy found hidden.
     hidden: Vec<u64>,
@@ -96,12 +96,11 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     /// Fills the map with the best of the candidates.
     fn add_occluders(&mut self, scene: &Scene, eye: &Eye, visible: &VisibleSet) {
         self.candidates.clear();
-        if self.selection == Selection::LastVisible && !self.last.is_empty() {
-            let known = self.last.iter().filter(|&&id| visible.contains(scene, id));
-            self.candidates.extend(known.filter_map(|&id| Candidate::new(scene, id, eye)));
-        } else {
-            visible.for_each_occluder(scene, |id| self.candidates.extend(Candidate::new(scene, id, eye)));
-        }
+        visible.for_each_occluder(scene, |id| {
+            let candidate = Candidate::new(scene, id, eye);
+            self.candidates
+                .extend(candidate.map(|c| Candidate { seen: self.last.binary_search(&id).is_ok(), ..c }));
+        });
         choose(&mut self.candidates, self.budget);
         for candidate in &self.candidates {
             if let Some((mesh, transform)) = scene.occluder(candidate.id) {
@@ -151,6 +150,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         if self.selection == Selection::LastVisible {
             self.last.clear();
             visible.for_each_occluder(scene, |id| self.last.push(id));
+            self.last.sort_unstable();
         }
         stats
     }

@@ -87,7 +87,8 @@ pub trait OcclusionMap {
     /// Makes what was added so far count.
     fn flush(&mut self);
 
-    /// What the map says of a box. Improper boxes are [`Occlusion::Visible`].
+    /// What the map says of a box. One that reaches the eye or the near plane is at least [`Occlusion::Partial`], so that what lies
+    /// inside it is looked at; an improper one is [`Occlusion::Visible`].
     fn test(&self, bounds: &Aabb) -> Occlusion;
 
     /// What the map says of those of 64 boxes that are set in `candidates`; other lanes are in neither mask.

@@ -16,8 +16,8 @@ pub enum Selection {
     /// (Coorg and Teller, in papers/survey-visibility-for-walkthroughs, section 5.1), nearest first.
     #[default]
     SolidAngle,
-    /// Those that were visible in the frame before, again by solid angle: what is visible now was most likely visible then. In the first
-    /// frame as [`SolidAngle`](Self::SolidAngle).
+    /// First those that were visible in the frame before, since what hides now most likely hid then, and as far as the budget lasts the
+    /// others; both by solid angle.
     LastVisible,
     /// Each occluder as it is found visible on the way from front to back (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility",
     /// 1993): nothing hidden is ever added, and all that could be is, up to the budget.
@@ -51,6 +51,8 @@ pub(super) struct Candidate {
     pub(super) angle: f32,
     pub(super) distance: f32,
     pub(super) triangles: usize,
+    /// Whether it is to be preferred.
+    pub(super) seen: bool,
 }
 
 impl Candidate {
@@ -62,14 +64,15 @@ impl Candidate {
             Eye::Direction(along) => center.dot(*along),
         };
         let angle = solid_angle(mesh, transform, eye);
-        Some(Self { id, angle, distance: distance as f32, triangles: mesh.triangles().len() })
+        Some(Self { id, angle, distance: distance as f32, triangles: mesh.triangles().len(), seen: false })
     }
 }
 
-/// Keeps those that cover most within a budget of triangles, nearest first. One that does not fit is passed over, since a smaller one
-/// behind it may.
+/// Keeps those that were seen and then those that cover most, within a budget of triangles, nearest first. One that does not fit is passed
+/// over, since a smaller one behind it may.
 pub(super) fn choose(candidates: &mut Vec<Candidate>, budget: usize) {
-    candidates.sort_unstable_by(|a, b| b.angle.total_cmp(&a.angle).then(a.id.cmp(&b.id)));
+    candidates
+        .sort_unstable_by(|a, b| b.seen.cmp(&a.seen).then(b.angle.total_cmp(&a.angle)).then(a.id.cmp(&b.id)));
     let mut left = budget;
     candidates.retain(|candidate| {
         let fits = candidate.triangles <= left && candidate.angle > 0.0;

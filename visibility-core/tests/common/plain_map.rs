@@ -229,7 +229,8 @@ impl OcclusionMap for PlainMap {
         }
         let corners = bounds.corners().map(|corner| self.project(corner.as_dvec3()));
         if corners.iter().any(|p| self.before_near(*p) <= 0.0 || p.w <= 0.0) {
-            return Occlusion::Visible;
+            // It reaches the eye, but what lies inside it may still be hidden.
+            return Occlusion::Partial;
         }
         let nearest = corners.iter().map(|p| self.distance(*p)).fold(f64::INFINITY, f64::min);
         let [x0, x1, y0, y1] = self.reach(&corners);

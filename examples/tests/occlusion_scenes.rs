@@ -1,0 +1,85 @@
+//! The occlusion driver with the plain map on every scene: nothing visible is hidden, whatever hierarchy drives it.
+#![allow(missing_docs)]
+
+#[path = "../../visibility-core/tests/common/octree.rs"]
+#[allow(dead_code, missing_docs, unreachable_pub)]
+mod octree;
+#[path = "../../visibility-core/tests/common/plain_map.rs"]
+#[allow(dead_code, missing_docs, unreachable_pub)]
+mod plain_map;
+
+use octree::Octree;
+use plain_map::PlainMap;
+use std::path::Path;
+use visibility_core::{
+    BoxHierarchy, FrustumCuller, OcclusionCuller, Pipeline, Preparation, SceneHierarchy, Selection,
+};
+use visibility_examples::walkthrough::{Trial, World, judge, run};
+use visibility_examples::{SceneSource, built_in, cars5, load};
+
+/// Pixels of the map. Coarse, so that the plain map stays quick; the judge looks much closer.
+const MAP: (usize, usize) = (96, 54);
+const JUDGE: (u32, u32) = (640, 360);
+
+fn trial<H: BoxHierarchy + Send + 'static>(
+    name: &str,
+    world: &World,
+    selection: Selection,
+    hierarchy: H,
+) -> Trial {
+    let culler = OcclusionCuller::over(PlainMap::new(MAP.0, MAP.1), hierarchy)
+        .with_selection(selection)
+        .with_budget(1500);
+    let pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+    run(name.to_owned(), pipeline, world)
+}
+
+fn check(source: SceneSource) {
+    // A few frames of each walk; the maps of all trials are filled anew in each.
+    let mut world = World::new(source, JUDGE, Some(9)).unwrap();
+    let preparation = Preparation { two_sided: true, ..Preparation::default() };
+    let made = world.scene.prepare_occluders(&preparation);
+    let octree = || Octree::new(&world.scene, 7);
+    let trials = [
+        run("frustum".to_owned(), Pipeline::new().with(FrustumCuller::new()), &world),
+        trial("solid angle", &world, Selection::SolidAngle, SceneHierarchy),
+        trial("solid angle, octree", &world, Selection::SolidAngle, octree()),
+        trial("last visible", &world, Selection::LastVisible, SceneHierarchy),
+        trial("interleaved", &world, Selection::Interleaved, SceneHierarchy),
+        trial("interleaved, octree", &world, Selection::Interleaved, octree()),
+    ];
+    let judgement = judge(&world, &trials, || ()).unwrap();
+    print!("{}: {made} occluders; exact {:.1}", world.source.name, judgement.mean_exact());
+    for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
+        print!(", {} {:.1}", trial.name, trial.mean_visible());
+        assert_eq!(verdict.false_hidden, 0, "{}, {}", world.source.name, trial.name);
+    }
+    println!();
+    assert_eq!(
+        trials[1].reported, trials[2].reported,
+        "{}: the same map, another hierarchy",
+        world.source.name
+    );
+    let frustum = trials[0].mean_visible();
+    assert!(trials[1].mean_visible() <= frustum && trials[4].mean_visible() <= frustum);
+}
+
+#[test]
+fn nothing_visible_is_hidden_in_built_in_scenes() {
+    for name in ["plpcity", "london", "town", "forest", "office"] {
+        check(built_in(name).unwrap());
+    }
+}
+
+#[test]
+fn nothing_visible_is_hidden_in_reference_scenes() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
+    if !folder.is_dir() {
+        println!("skipped: the reference scenes are not at {}", folder.display());
+        return;
+    }
+    for name in ["clinic", "denhaag", "alpine1", "oa_dm2"] {
+        check(load(&folder.join(format!("{name}.vscn"))).unwrap());
+    }
+    check(cars5(&folder.join("car.vscn")).unwrap());
+}
