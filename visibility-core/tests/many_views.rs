@@ -1,0 +1,396 @@
+//! Many views of one scene: clip planes, cube faces, eyes united, cullers on threads.
+
+mod common;
+
+use common::*;
+use std::collections::BTreeSet;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::measure::ItemBuffer;
+use visibility_core::{
+    Aabb, CasterCuller, Culler, FrustumCuller, Light, MAX_CLIP_PLANES, MultiViewCuller, Object, ObjectId,
+    Pipeline, Plane, Pose, Scene, Simd, View, ViewError, VisibleSet, Window,
+};
+
+fn random_box(rng: &mut Random, spread: f64) -> Aabb {
+    let min = rng.vector(spread).as_vec3();
+    Aabb::new(min, min + rng.vector(3.0).abs().as_vec3())
+}
+
+/// Boxes on random layers, some never culled.
+fn random_scene(rng: &mut Random, count: usize, spread: f64) -> Scene {
+    let mut scene = Scene::new();
+    let objects: Vec<Object> = (0..count)
+        .map(|_| {
+            let mut object = Object::new(random_box(rng, spread));
+            object.never_cull = rng.one_in(50);
+            object.layers = if rng.one_in(2) { u32::MAX } else { 1 << rng.below(4) };
+            object
+        })
+        .collect();
+    scene.insert_batch(objects);
+    scene
+}
+
+fn random_view(rng: &mut Random) -> View {
+    let eye = rng.vector(60.0);
+    let pose = Pose::look_at(eye, eye + rng.vector(1.0), DVec3::Z);
+    let view = match rng.below(3) {
+        0 => View::orthographic(pose, Window::centered(rng.range(5.0, 60.0), 20.0), -10.0, 90.0),
+        1 => View::perspective(pose, rng.range(0.2, 2.0), 1.5, 0.1, f64::INFINITY),
+        _ => View::perspective(pose, rng.range(0.2, 2.0), 1.5, 0.1, 80.0),
+    };
+    let layers = if rng.one_in(3) { u32::MAX } else { 1 << rng.below(4) | 1 << rng.below(4) };
+    view.unwrap().with_layers(layers)
+}
+
+fn cull(scene: &Scene, view: &View) -> VisibleSet {
+    let mut visible = VisibleSet::new();
+    Pipeline::new().with(FrustumCuller::new()).cull(scene, view, &mut visible);
+    visible
+}
+
+fn ids(scene: &Scene, set: &VisibleSet) -> BTreeSet<ObjectId> {
+    let ids: BTreeSet<_> = set.iter(scene).collect();
+    assert_eq!(ids.len(), set.count(scene));
+    assert!(scene.ids().all(|id| set.contains(scene, id) == ids.contains(&id)));
+    ids
+}
+
+/// Whether a box has a point inside all planes of the list that are tested, and whether it is beyond one of them by much.
+fn against(planes: &[Plane], origin: DVec3, bounds: &Aabb) -> (bool, bool) {
+    let at = |plane: &Plane, p: Vec3| {
+        plane.normal.normalize().dot(p.as_dvec3() - origin) + plane.offset / plane.normal.length()
+    };
+    let corners = bounds.corners();
+    let touches = corners.iter().any(|&p| planes.iter().all(|plane| at(plane, p) >= 0.0));
+    let clear = planes.iter().any(|plane| corners.iter().all(|&p| at(plane, p) < -1e-3));
+    (touches, clear)
+}
+
+#[test]
+fn clip_planes_hide_what_is_beyond_them_and_nothing_else() {
+    let mut rng = Random(1);
+    let (mut kept, mut hidden) = (0, 0);
+    for _ in 0..200 {
+        let scene = random_scene(&mut rng, 300, 60.0);
+        let view = random_view(&mut rng);
+        let planes: Vec<Plane> = (0..rng.below(MAX_CLIP_PLANES + 1))
+            .map(|_| Plane::new(rng.vector(2.0), rng.range(-10.0, 60.0)))
+            .collect();
+        let clipped = view.with_clip_planes(&planes).unwrap();
+        assert_eq!(clipped.clip_planes(), planes);
+        let (without, with) = (ids(&scene, &cull(&scene, &view)), ids(&scene, &cull(&scene, &clipped)));
+        assert!(with.is_subset(&without));
+        for &id in &without {
+            let object = scene.object(id).unwrap();
+            let (touches, clear) = against(&planes, view.origin(), &object.bounds);
+            assert!(with.contains(&id) || !touches && !object.never_cull, "{planes:?} {object:?}");
+            assert!(!with.contains(&id) || !clear || object.never_cull, "{planes:?} {object:?}");
+            kept += usize::from(touches);
+            hidden += usize::from(clear);
+        }
+        assert_eq!(clipped.with_clip_planes(&[]), Ok(view));
+    }
+    assert!(kept > 1000 && hidden > 1000, "too easy: {kept} {hidden}");
+}
+
+#[test]
+fn clip_planes_are_relative_to_the_origin_of_the_view() {
+    let far = DVec3::new(1e9, -1e9, 1e8);
+    let pose = Pose::look_at(far, far + DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    let behind_mirror = view.with_clip_planes(&[Plane::through(DVec3::X * 5.0, DVec3::X * 1e-200)]).unwrap();
+    let mut scene = Scene::new();
+    scene.set_origin(far).unwrap();
+    let [near, beyond] =
+        [3.0, 6.0].map(|x| scene.insert(Aabb::from_arrays([x, -0.1, -0.1], [x + 1.0, 0.1, 0.1])));
+    assert_eq!(ids(&scene, &cull(&scene, &view)).len(), 2);
+    let visible = cull(&scene, &behind_mirror);
+    assert!(visible.contains(&scene, beyond) && !visible.contains(&scene, near));
+}
+
+#[test]
+fn bad_clip_planes_are_refused_by_number() {
+    let view = View::cube_faces(DVec3::ZERO, 0.1, 1.0).unwrap()[0];
+    let good = Plane::new(DVec3::X, 1.0);
+    assert_eq!(
+        view.with_clip_planes(&[good; MAX_CLIP_PLANES + 1]),
+        Err(ViewError::TooManyClipPlanes { count: MAX_CLIP_PLANES + 1 })
+    );
+    assert_eq!(
+        view.with_clip_planes(&[good; MAX_CLIP_PLANES]).unwrap().planes(DVec3::ZERO).as_slice().len(),
+        16
+    );
+    for bad in [
+        Plane::new(DVec3::ZERO, 1.0),
+        Plane::new(DVec3::new(0.0, f64::NAN, 0.0), 1.0),
+        Plane::new(DVec3::X, f64::NEG_INFINITY),
+    ] {
+        assert_eq!(view.with_clip_planes(&[good, bad, good]), Err(ViewError::ClipPlane { index: 1 }));
+    }
+}
+
+/// The item buffer cuts triangles where the planes are, also through their middle.
+#[test]
+fn the_item_buffer_honours_clip_planes() {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    let square = |x: f32| {
+        let [a, b, c, d] =
+            [(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)].map(|(y, z)| Vec3::new(x, y, z));
+        [[a, b, c], [a, c, d]]
+    };
+    let (near, far) = (square(4.0), square(8.0));
+    let mut buffer = ItemBuffer::new(64, 64).unwrap();
+    let mut pixels = |view: &View| {
+        let exact = buffer.draw(view, DVec3::ZERO, [(0, &near[..]), (1, &far[..])]).unwrap();
+        let mut pixels = [0; 2];
+        exact.objects().iter().for_each(|object| pixels[object.key as usize] = object.pixels as usize);
+        pixels
+    };
+    assert_eq!(pixels(&view), [4096, 0]);
+    // Beyond the near square; the left half (y > 0) of what is there; a corner; and nothing.
+    let beyond = Plane::through(DVec3::X * 6.0, DVec3::X);
+    assert_eq!(pixels(&view.with_clip_planes(&[beyond]).unwrap()), [0, 4096]);
+    let left = Plane::new(DVec3::Y, 0.0);
+    assert_eq!(pixels(&view.with_clip_planes(&[left]).unwrap()), [2048, 0]);
+    assert_eq!(pixels(&view.with_clip_planes(&[left, Plane::new(DVec3::Z, 0.0)]).unwrap()), [1024, 0]);
+    assert_eq!(pixels(&view.with_clip_planes(&[beyond, beyond.flipped()]).unwrap()), [0, 0]);
+    // A slanted plane, x + y >= 6, leaves the near square where y >= 2 and the far one where y >= -2, in a picture that is 4.37 wide
+    // at the distance of the one and twice that at the other: 3 and, less these, 44 of 64 columns.
+    let slanted = Plane::through(DVec3::new(6.0, 0.0, 0.0), DVec3::new(1.0, 1.0, 0.0));
+    assert_eq!(pixels(&view.with_clip_planes(&[slanted]).unwrap()), [3 * 64, 44 * 64]);
+}
+
+/// Neighbours share their planes, so a point between two faces is in both, wherever eye and scene have their origins.
+#[test]
+fn cube_faces_see_all_around_without_a_gap() {
+    let mut rng = Random(2);
+    let mut several = 0;
+    for case in 0..200 {
+        let size = if case % 2 == 0 { 0.0 } else { power_of_two(rng.between(0, 30)) };
+        let eye = rng.vector(size);
+        let (near, far) = (0.5, if rng.one_in(2) { f64::INFINITY } else { 1000.0 });
+        let faces = View::cube_faces(eye, near, far).unwrap();
+        let mut scene = Scene::new();
+        let size = power_of_two(rng.between(-10, 10));
+        let away = rng.vector(size);
+        scene.set_origin(eye + away).unwrap();
+        let mut boxes = Vec::new();
+        for _ in 0..300 {
+            // Points in general, and on edges and corners between faces: two or three coordinates alike.
+            let size = power_of_two(rng.between(0, 9));
+            let mut p = rng.vector(size);
+            if rng.one_in(2) {
+                p.y = p.x * rng.pick(&[-1.0, 1.0]);
+            }
+            if rng.one_in(2) {
+                p.z = p.x * rng.pick(&[-1.0, 1.0]);
+            }
+            let p = (p - (scene.origin() - eye)).as_vec3();
+            let axis_distance = (p.as_dvec3() + (scene.origin() - eye)).abs().max_element();
+            if axis_distance >= near && axis_distance <= far {
+                boxes.push(Aabb::new(p, p));
+            }
+        }
+        let all = scene.insert_batch(boxes.iter().copied());
+        let sets = faces.each_ref().map(|face| cull(&scene, face));
+        for (&id, bounds) in all.iter().zip(&boxes) {
+            let count = sets.iter().filter(|set| set.contains(&scene, id)).count();
+            assert!((1..=3).contains(&count), "{bounds:?} is in {count} of the faces around {eye}");
+            several += usize::from(count > 1);
+        }
+    }
+    assert!(several > 10_000, "too easy: {several}");
+    assert!(
+        View::cube_faces(DVec3::NAN, 0.1, 1.0).is_err() && View::cube_faces(DVec3::ZERO, 0.0, 1.0).is_err()
+    );
+}
+
+/// The table of the OpenGL specification: from the major axis, which way texture coordinates grow on each face.
+#[test]
+fn cube_faces_are_oriented_as_gpus_sample_them() {
+    let faces = View::cube_faces(DVec3::ZERO, 0.1, 10.0).unwrap();
+    let mut rng = Random(3);
+    for _ in 0..1000 {
+        let r = rng.vector(1.0);
+        let axis = (0..3).max_by(|&a, &b| r[a].abs().total_cmp(&r[b].abs())).unwrap();
+        let face = 2 * axis + usize::from(r[axis] < 0.0);
+        let (sc, tc) = match face {
+            0 => (-r.z, -r.y),
+            1 => (r.z, -r.y),
+            2 => (r.x, r.z),
+            3 => (r.x, -r.z),
+            4 => (r.x, -r.y),
+            _ => (-r.x, -r.y),
+        };
+        let clip = faces[face].clip_from(DVec3::ZERO) * r.extend(1.0);
+        // Rows of the picture count from the top, where clip-space y is 1.
+        let (s, t) = (sc / r[axis].abs(), tc / r[axis].abs());
+        assert!((clip.x / clip.w - s).abs() < 1e-12 && (clip.y / clip.w + t).abs() < 1e-12, "{r} on {face}");
+        assert!(clip.w > 0.0);
+    }
+}
+
+#[test]
+fn one_walk_for_many_views_finds_what_many_walks_find() {
+    let mut rng = Random(4);
+    let mut found = 0;
+    for simd in Simd::available() {
+        let mut culler = MultiViewCuller::with_simd(simd);
+        let mut sets: Vec<_> = (0..20).map(|_| VisibleSet::new()).collect();
+        for case in 0..60 {
+            let count = rng.pick(&[0, 1, 64, 300, 5000]);
+            let mut scene = random_scene(&mut rng, count, 100.0);
+            for id in scene.ids().collect::<Vec<_>>() {
+                if rng.one_in(20) {
+                    scene.set_bounds(id, random_box(&mut rng, 100.0)).unwrap();
+                } else if rng.one_in(20) {
+                    scene.remove(id).unwrap();
+                }
+            }
+            let mut views: Vec<View> = match case % 3 {
+                0 => View::cube_faces(rng.vector(50.0), 0.1, rng.range(1.0, 200.0)).unwrap().to_vec(),
+                _ => (0..rng.below(20)).map(|_| random_view(&mut rng)).collect(),
+            };
+            if let Some(view) = views.last_mut() {
+                *view = view.with_clip_planes(&[Plane::new(rng.vector(1.0), 9.0)]).unwrap();
+            }
+            let stats = culler.cull(&scene, &views, &mut sets);
+            let mut sum = 0;
+            for (view, set) in views.iter().zip(&sets) {
+                let alone = cull(&scene, view);
+                assert_eq!(ids(&scene, set), ids(&scene, &alone), "{view:?}");
+                sum += set.count(&scene);
+            }
+            assert_eq!(stats.visible, sum as u64);
+            found += sum;
+        }
+        // More views than sets: the rest is not looked at. More sets than views: the rest stays.
+        let scene = random_scene(&mut rng, 500, 30.0);
+        let faces = View::cube_faces(DVec3::ZERO, 0.1, 9.0).unwrap();
+        sets[1].clear(&scene);
+        culler.cull(&scene, &faces[..1], &mut sets[..2]);
+        assert_eq!(
+            (sets[0].count(&scene), sets[1].count(&scene)),
+            (cull(&scene, &faces[0]).count(&scene), 0)
+        );
+        culler.cull(&scene, &faces, &mut sets[..2]);
+        assert_eq!(sets[1].count(&scene), cull(&scene, &faces[1]).count(&scene));
+    }
+    assert!(found > 10_000, "too easy: {found}");
+}
+
+#[test]
+fn a_union_holds_what_either_set_holds() {
+    let mut rng = Random(5);
+    let mut strict = 0;
+    for _ in 0..300 {
+        let count = rng.pick(&[0, 1, 64, 300, 5000]);
+        let scene = random_scene(&mut rng, count, 80.0);
+        let set = |rng: &mut Random| {
+            let mut set = VisibleSet::new();
+            match rng.below(8) {
+                0 => set.fill(&scene, &random_view(rng)),
+                1 => set.clear(&scene),
+                _ => set = cull(&scene, &random_view(rng)),
+            }
+            if rng.one_in(4) {
+                set.sort_by_key(&scene, |id| id.index() % 7);
+            }
+            set
+        };
+        let (a, b) = (set(&mut rng), set(&mut rng));
+        let expected: BTreeSet<_> = ids(&scene, &a).union(&ids(&scene, &b)).copied().collect();
+        strict += usize::from(expected.len() > a.count(&scene).max(b.count(&scene)));
+        for (mut both, other) in [(a.clone(), &b), (b.clone(), &a)] {
+            both.union(&scene, other);
+            assert_eq!(ids(&scene, &both), expected);
+        }
+        let mut both = VisibleSet::with_changes();
+        both.clear(&scene);
+        assert_eq!(both.count(&scene), 0);
+        both.union(&scene, &a);
+        assert_eq!(ids(&scene, &both), ids(&scene, &a));
+        both.union(&scene, &b);
+        both.finish(&scene);
+        assert_eq!(both.newly_visible().collect::<BTreeSet<_>>(), expected);
+        // And cullers go on from it.
+        let view = random_view(&mut rng).with_layers(u32::MAX);
+        FrustumCuller::new().cull(&scene, &view, &mut both);
+        let in_view = ids(&scene, &cull(&scene, &view));
+        assert_eq!(ids(&scene, &both), expected.intersection(&in_view).copied().collect());
+    }
+    assert!(strict > 100, "too easy: {strict}");
+}
+
+#[test]
+fn a_union_with_a_set_of_another_layout_holds_everything_on_the_layers_of_either() {
+    let mut scene = Scene::new();
+    let at = |x: f32, layers| Object { layers, ..Object::new(Aabb::from_arrays([x; 3], [x + 1.0; 3])) };
+    let first = scene.insert(at(0.0, 1));
+    let faces = View::cube_faces(DVec3::splat(-9.0), 0.1, 1.0).unwrap();
+    let (old, empty) = (cull(&scene, &faces[0].with_layers(1)), cull(&scene, &faces[0].with_layers(1)));
+    assert_eq!((old.count(&scene), empty.count(&scene)), (0, 0));
+    let others = [2, 4].map(|layers| scene.insert(at(3.0, layers)));
+    let new = cull(&scene, &faces[0].with_layers(2));
+    assert_eq!(new.count(&scene), 0);
+    for (mut both, other) in [(old.clone(), &new), (new.clone(), &old)] {
+        both.union(&scene, other);
+        assert!(both.contains(&scene, first) && !both.contains(&scene, others[1]));
+    }
+    // A set that was never culled, beside another scene.
+    let mut both = VisibleSet::new();
+    both.union(&scene, &new);
+    assert_eq!(both.count(&scene), 3);
+}
+
+/// A culler a view, each with its own layers, planes and light; all at once on threads and one after another.
+#[test]
+fn eight_cullers_on_threads_find_what_they_find_alone() {
+    let mut rng = Random(6);
+    let scene = random_scene(&mut rng, 20_000, 100.0);
+    let walks: Vec<Vec<View>> = (0..8)
+        .map(|thread| {
+            let start = random_view(&mut rng).with_layers(1 << (thread % 4) | 1 << (thread % 3));
+            let step = rng.vector(2.0);
+            let at = |frame| start.relative_to(start.origin() + step * f64::from(frame)).unwrap();
+            (0..20).map(at).collect()
+        })
+        .collect();
+    let lights: Vec<Light> =
+        (0..8).map(|_| Light::Directional { toward_light: rng.vector(1.0) + DVec3::Z * 1e-3 }).collect();
+    let walk = |thread: usize| {
+        let mut pipelines = [
+            Pipeline::new().with(FrustumCuller::new()),
+            Pipeline::new().with(CasterCuller::new(lights[thread]).unwrap()),
+        ];
+        let mut visible = VisibleSet::with_changes();
+        let mut seen = Vec::new();
+        for view in &walks[thread] {
+            for pipeline in &mut pipelines {
+                let stats = pipeline.cull(&scene, view, &mut visible);
+                let appeared: Vec<ObjectId> = visible.newly_visible().collect();
+                seen.push((stats, visible.iter(&scene).collect::<Vec<_>>(), appeared));
+            }
+        }
+        seen
+    };
+    let alone: Vec<_> = (0..8).map(walk).collect();
+    let start = std::sync::Barrier::new(8);
+    let together: Vec<_> = std::thread::scope(|scope| {
+        let (walk, start) = (&walk, &start);
+        let threads: Vec<_> = (0..8)
+            .map(|thread| {
+                scope.spawn(move || {
+                    start.wait();
+                    walk(thread)
+                })
+            })
+            .collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+    });
+    assert!(together == alone);
+    assert!(alone.iter().all(|seen| seen.iter().any(|(_, visible, _)| !visible.is_empty())));
+    assert!((1..8).all(|thread| alone[thread] != alone[0]), "the views differ");
+}
