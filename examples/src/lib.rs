@@ -10,6 +10,7 @@ pub mod gltf_file;
 pub mod load;
 pub mod recipes;
 pub mod source;
+pub mod streaming;
 pub mod vscn;
 pub mod walk;
 pub mod walkthrough;

@@ -9,9 +9,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use visibility_examples::description::Description;
+use visibility_examples::recipes::known_recipes;
+use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
-use visibility_examples::walkthrough::{Trial, World, cullers, eye_picture, judge, map_picture, output, run};
-use visibility_examples::{SceneSource, SourceError, built_in, load, load_walks};
+use visibility_examples::walkthrough::{
+    Trial, World, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
+};
+use visibility_examples::{SceneSource, SourceError, built_in, cars5, load, load_walks};
 
 /// Walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
 #[derive(Parser)]
@@ -21,9 +25,14 @@ struct Arguments {
     #[arg(value_name = "SCENE", conflicts_with = "scene")]
     file: Option<String>,
 
-    /// A built-in scene (plpcity, london, town, forest, office, each with sizes as in plpcity:3,3), or a file: .vscn, .glb, .gltf.
+    /// A built-in scene (plpcity, london, town, forest, office, each with sizes as in plpcity:3,3), a file
+    /// (.vscn, .glb, .gltf), or five cars by the placements beside one (cars5:car.vscn).
     #[arg(long, value_name = "NAME[:SIZES]|FILE")]
     scene: Option<String>,
+
+    /// Append the objects of another file to the scene; may be given several times.
+    #[arg(long, value_name = "FILE")]
+    with: Vec<PathBuf>,
 
     /// Camera walks from the JSON description of a scene, instead of the scene's own.
     #[arg(long, value_name = "FILE.json")]
@@ -48,6 +57,14 @@ struct Arguments {
     /// Write what each culler reports in each frame: frame, culler, and the objects in the scene's order.
     #[arg(long, value_name = "FILE")]
     dump: Option<PathBuf>,
+
+    /// Say for every frame which stage of each culler removed this object, by its number or name, and mark it in the pictures.
+    #[arg(long, value_name = "OBJECT")]
+    explain: Option<String>,
+
+    /// Also draw what culling leaves of this frame, seen by a bird and by later cameras.
+    #[arg(long, value_name = "FRAME")]
+    freeze: Option<usize>,
 
     /// Where pictures are written.
     #[arg(long, default_value = "out", value_name = "DIR")]
@@ -74,7 +91,10 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let pipelines = cullers::parse(&arguments.cullers)?;
     let name = arguments.scene.as_deref().or(arguments.file.as_deref()).unwrap_or("plpcity");
     let start = Instant::now();
-    let source = scene(name, arguments.cameras.as_deref())?;
+    let mut source = scene(name, arguments.cameras.as_deref())?;
+    for file in &arguments.with {
+        source.objects.extend(load(file)?.objects);
+    }
     let (objects, triangles) = (source.objects.len(), source.triangle_count());
     let loaded = start.elapsed();
     let start = Instant::now();
@@ -107,13 +127,44 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     if let Some(path) = &arguments.dump {
         write_file(path, |out| output::dump(out, &trials))?;
     }
-    pictures(&arguments.pictures, &world, &trials, &judgement)
+    let marked = match &arguments.explain {
+        None => None,
+        Some(wanted) => {
+            let object =
+                explain::find(&world, wanted).ok_or_else(|| format!("there is no object `{wanted}`"))?;
+            println!("object {object}, {}:", world.source.objects[object as usize].name);
+            for (name, mut pipeline) in cullers::parse(&arguments.cullers)? {
+                print!(" {name}\n{}", explain::explain(&world, &mut pipeline, object));
+            }
+            Some(object)
+        }
+    };
+    let album = Album { folder: &arguments.pictures, world: &world, marked };
+    album.walks(&trials, &judgement)?;
+    if let Some(frame) = arguments.freeze {
+        if frame >= world.views.len() {
+            return Err(format!("there is no frame {frame} to freeze, only {}", world.views.len()).into());
+        }
+        for (name, mut pipeline) in cullers::parse(&arguments.cullers)? {
+            for (what, canvas) in freeze::draw(&world, &mut pipeline, frame)? {
+                album.save(&canvas, &format!("{frame:04}-frozen-{name}-{what}"))?;
+            }
+        }
+    }
+    println!("pictures: {}", arguments.pictures.display());
+    Ok(())
 }
 
 fn scene(name: &str, cameras: Option<&Path>) -> Result<SceneSource, SourceError> {
-    let path = Path::new(name);
-    let mut source =
-        if path.extension().is_some() && !name.contains(':') { load(path)? } else { built_in(name)? };
+    let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();
+    let is_recipe = |known: String| before_sizes(&known) == before_sizes(name);
+    let mut source = if let Some(car) = name.strip_prefix("cars5:") {
+        cars5(Path::new(car))?
+    } else if known_recipes().any(is_recipe) || Path::new(name).extension().is_none() {
+        built_in(name)?
+    } else {
+        load(Path::new(name))?
+    };
     if let Some(cameras) = cameras {
         source.walks = load_walks(cameras)?;
         let description = Description::load(cameras)?;
@@ -146,36 +197,44 @@ fn write_file(
     Ok(())
 }
 
-/// The middle of each walk from the eye, and from above for each culler; for a culler that lost something, also the frame
-/// in which it lost most.
-fn pictures(
-    folder: &Path,
-    world: &World,
-    trials: &[Trial],
-    judgement: &Judgement,
-) -> Result<(), Box<dyn Error>> {
-    std::fs::create_dir_all(folder).map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
-    let save = |canvas: visibility_examples::walkthrough::canvas::Canvas, name: String| {
-        let path = folder.join(name);
+/// Where pictures go, and what they have in common.
+struct Album<'a> {
+    folder: &'a Path,
+    world: &'a World,
+    marked: Option<u32>,
+}
+
+impl Album<'_> {
+    fn save(&self, canvas: &Canvas, name: &str) -> Result<(), String> {
+        std::fs::create_dir_all(self.folder)
+            .map_err(|error| format!("cannot make {}: {error}", self.folder.display()))?;
+        let path = self.folder.join(format!("{}-{name}.png", self.world.source.name));
         canvas.save(&path).map_err(|error| format!("cannot write {}: {error}", path.display()))
-    };
-    let mut middles = Vec::new();
-    for walk in 0..world.source.walks.len() {
-        let of: Vec<_> = (0..world.poses.len()).filter(|&frame| world.poses[frame].1 == walk).collect();
-        middles.extend(of.get(of.len() / 2));
     }
-    for &frame in &middles {
-        save(eye_picture::draw(world, frame)?, format!("{}-{frame:04}-eye.png", world.source.name))?;
-    }
-    for (index, trial) in trials.iter().enumerate() {
-        let hidden = &judgement.verdicts[index].hidden;
-        let worst = (0..hidden.len()).max_by_key(|&frame| hidden[frame].len());
-        let worst = worst.filter(|&frame| !hidden[frame].is_empty() && !middles.contains(&frame));
-        for frame in middles.iter().copied().chain(worst) {
-            let canvas = map_picture::draw(world, trial, judgement, index, frame)?;
-            save(canvas, format!("{}-{frame:04}-above-{}.png", world.source.name, trial.name))?;
+
+    /// The middle of each walk from the eye, and from above for each culler; for a culler that lost something, also the frame in which
+    /// it lost most.
+    fn walks(&self, trials: &[Trial], judgement: &Judgement) -> Result<(), Box<dyn Error>> {
+        let Self { world, marked, .. } = *self;
+        let mut middles = Vec::new();
+        for walk in 0..world.source.walks.len() {
+            let of: Vec<_> = (0..world.poses.len()).filter(|&frame| world.poses[frame].1 == walk).collect();
+            middles.extend(of.get(of.len() / 2));
         }
+        for &frame in &middles {
+            let shown = eye_picture::Shown { only: None, marked };
+            self.save(&eye_picture::draw(world, &world.views[frame], shown)?, &format!("{frame:04}-eye"))?;
+        }
+        for (index, trial) in trials.iter().enumerate() {
+            let hidden = &judgement.verdicts[index].hidden;
+            let worst = (0..hidden.len()).max_by_key(|&frame| hidden[frame].len());
+            let worst = worst.filter(|&frame| !hidden[frame].is_empty() && !middles.contains(&frame));
+            for frame in middles.iter().copied().chain(worst) {
+                let shown = map_picture::Shown { frame, trial: index, marked };
+                let canvas = map_picture::draw(world, trials, judgement, shown)?;
+                self.save(&canvas, &format!("{frame:04}-above-{}", trial.name))?;
+            }
+        }
+        Ok(())
     }
-    println!("pictures: {}", folder.display());
-    Ok(())
 }

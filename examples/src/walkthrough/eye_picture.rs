@@ -3,23 +3,38 @@
 use super::World;
 use super::canvas::{Canvas, Color};
 use glam::Vec3;
+use visibility_core::View;
 use visibility_core::measure::{ItemBuffer, MeasureError, NONE};
 
 const SKY: Color = [198, 215, 232];
+const MARK: [f32; 3] = [1.0, 0.1, 0.1];
 
-/// Draws a frame: each object in a color of its own, faces shaded by their direction so that shapes can be made out.
-pub fn draw(world: &World, frame: usize) -> Result<Canvas, MeasureError> {
+/// What a picture from the eye shows.
+#[derive(Clone, Copy, Default)]
+pub struct Shown<'a> {
+    /// These objects only, ascending; without, all.
+    pub only: Option<&'a [u32]>,
+    /// This object in red.
+    pub marked: Option<u32>,
+}
+
+/// Draws what a view sees: each object in a color of its own, faces shaded by their direction so that shapes can be made out.
+pub fn draw(world: &World, view: &View, shown: Shown<'_>) -> Result<Canvas, MeasureError> {
     let (width, height) = world.size;
     let mut buffer = ItemBuffer::new(width, height)?;
-    buffer.draw(&world.views[frame], world.origin(), world.items())?;
-    let triangles: Vec<_> = world.source.objects.iter().flat_map(|object| &object.triangles).collect();
+    let is_shown = |object: &u32| shown.only.is_none_or(|only| only.binary_search(object).is_ok());
+    let items = || world.items().filter(|(object, _)| is_shown(object));
+    buffer.draw(view, world.origin(), items())?;
+    let triangles: Vec<_> =
+        items().flat_map(|(object, triangles)| triangles.iter().map(move |t| (object, t))).collect();
     let mut canvas = Canvas::new(width, height, SKY);
     for row in 0..height {
         for column in 0..width {
             let item = buffer.items()[row as usize * width as usize + column as usize];
-            if let (true, Some(object)) = (item != NONE, buffer.object_at(column, row)) {
-                let color = shade(own_color(object), triangles[item as usize]);
-                canvas.set(column.into(), row.into(), color);
+            if item != NONE {
+                let (object, triangle) = triangles[item as usize];
+                let color = if shown.marked == Some(object) { MARK } else { own_color(object as usize) };
+                canvas.set(column.into(), row.into(), shade(color, triangle));
             }
         }
     }

@@ -25,14 +25,26 @@ const GROUND: f64 = 0.05;
 /// Height of the strip with the legend.
 const LEGEND: u32 = 64;
 
+/// Which frame of which trial a map shows.
+#[derive(Clone, Copy)]
+pub struct Shown {
+    /// The frame.
+    pub frame: usize,
+    /// The trial, by its place.
+    pub trial: usize,
+    /// An object to be ringed.
+    pub marked: Option<u32>,
+}
+
 /// Draws a frame of a trial.
 pub fn draw(
     world: &World,
-    trial: &Trial,
+    trials: &[Trial],
     judgement: &Judgement,
-    index: usize,
-    frame: usize,
+    shown: Shown,
 ) -> Result<Canvas, MeasureError> {
+    let Shown { frame, trial: index, marked } = shown;
+    let trial = &trials[index];
     let map = Map::new(world);
     let mut canvas = Canvas::new(map.width, map.height + LEGEND, PAPER);
     let exact = &judgement.exact[frame];
@@ -65,10 +77,12 @@ pub fn draw(
         canvas.line(map.place(pose.eye), map.place(edge), SIGHT);
     }
     canvas.disc(map.place(pose.eye), 6.0, false, SIGHT);
-    for &object in lost {
-        let source = &world.source.objects[object as usize];
-        if let Some((low, high)) = source.bounds() {
-            canvas.disc(map.place(((low + high) * 0.5).as_dvec3()), 14.0, true, LOST);
+    for (object, color) in lost.iter().map(|&object| (object, LOST)).chain(marked.map(|object| (object, INK)))
+    {
+        if let Some((low, high)) =
+            world.source.objects.get(object as usize).and_then(|object| object.bounds())
+        {
+            canvas.disc(map.place(((low + high) * 0.5).as_dvec3()), 14.0, true, color);
         }
     }
     canvas.rectangle(0, legend_at.into(), map.width.into(), LEGEND.into(), PAPER);

@@ -5,7 +5,9 @@
 
 pub mod canvas;
 pub mod cullers;
+pub mod explain;
 pub mod eye_picture;
+pub mod freeze;
 pub mod judge;
 pub mod map_picture;
 pub mod output;

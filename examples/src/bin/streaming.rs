@@ -1,0 +1,71 @@
+//! Walks through a scene while only what is visible, or was a moment ago, is in memory; says how much that was.
+
+use clap::Parser;
+use std::process::ExitCode;
+use visibility_core::VisibleSet;
+use visibility_examples::built_in;
+use visibility_examples::streaming::Cache;
+use visibility_examples::walkthrough::{World, cullers};
+
+/// Walk through a built-in scene while objects are loaded as they become visible and unloaded after they were hidden.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// The scene.
+    #[arg(default_value = "plpcity")]
+    scene: String,
+
+    /// What decides on visibility.
+    #[arg(long, default_value = "frustum")]
+    culler: String,
+
+    /// Frames that an object stays in memory after it was hidden.
+    #[arg(long, default_value_t = 30)]
+    patience: u64,
+}
+
+fn main() -> ExitCode {
+    match stream(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
+    // Ten frames from one key of the walk to the next: about walking pace.
+    let source = built_in(&arguments.scene)?;
+    let frames = source.walks.iter().map(|walk| walk.keys.len()).sum::<usize>() * 10;
+    let all = source.triangle_count() as f64;
+    let world = World::new(source, (640, 360), Some(frames))?;
+    let (_, mut pipeline) = cullers::parse(&arguments.culler)?.remove(0);
+    let (mut visible, mut cache) = (VisibleSet::with_changes(), Cache::new(arguments.patience));
+    println!("frame   visible  appeared  vanished  in memory  loads  unloads");
+    for (frame, view) in world.views.iter().enumerate() {
+        pipeline.cull(&world.scene, view, &mut visible);
+        cache.update(&world.scene, &visible);
+        if frame % (frames / 20).max(1) == 0 {
+            let traffic = cache.traffic();
+            println!(
+                "{frame:5}  {:8}  {:8}  {:8}  {:7.1} %  {:5}  {:7}",
+                visible.count(&world.scene),
+                visible.newly_visible().count(),
+                visible.newly_hidden().count(),
+                traffic.resident as f64 / all * 100.0,
+                traffic.loads,
+                traffic.unloads,
+            );
+        }
+    }
+    let traffic = cache.traffic();
+    println!(
+        "{frames} frames: at most {:.1} % of all triangles in memory at a time; {} loads, {} unloads, {} spared by patience",
+        traffic.peak as f64 / all * 100.0,
+        traffic.loads,
+        traffic.unloads,
+        traffic.spared,
+    );
+    Ok(())
+}

@@ -1,0 +1,49 @@
+//! Culling frozen at one frame while the drawing camera goes on: what the culled frame really holds.
+
+use super::World;
+use super::canvas::Canvas;
+use super::eye_picture::{self, Shown};
+use visibility_core::measure::MeasureError;
+use visibility_core::{Pipeline, Pose, View, VisibleSet};
+
+/// Pictures of what is left of a frame after culling: from a bird's place behind and above its camera, and from the next few
+/// cameras of the walk. Each with the words for its file name.
+pub fn draw(
+    world: &World,
+    pipeline: &mut Pipeline,
+    frame: usize,
+) -> Result<Vec<(String, Canvas)>, MeasureError> {
+    let mut visible = VisibleSet::new();
+    pipeline.cull(&world.scene, &world.views[frame], &mut visible);
+    pipeline.freeze();
+    let mut pictures = Vec::new();
+    let mut draw = |what: String, view: &View| -> Result<(), MeasureError> {
+        // The engine's own loop: cull for the camera at hand, draw what is in the set. The pipeline keeps to the frozen view.
+        pipeline.cull(&world.scene, view, &mut visible);
+        let mut drawn: Vec<u32> = visible.iter(&world.scene).map(|id| id.index() as u32).collect();
+        drawn.sort_unstable();
+        pictures.push((what, eye_picture::draw(world, view, Shown { only: Some(&drawn), marked: None })?));
+        Ok(())
+    };
+    let (pose, walk) = world.poses[frame];
+    if let Some(bird) = bird(world, pose) {
+        draw("from-above".to_owned(), &bird)?;
+    }
+    let later = (frame + 1..world.views.len()).filter(|&later| world.poses[later].1 == walk);
+    for later in later.step_by(4).take(3) {
+        draw(format!("from-{later:04}"), &world.views[later])?;
+    }
+    pipeline.unfreeze();
+    Ok(pictures)
+}
+
+/// A camera behind and above another, far enough back to see a good part of its frustum.
+fn bird(world: &World, pose: Pose) -> Option<View> {
+    let (low, high) = world.source.bounds()?;
+    let reach = f64::from((high - low).length()) * 0.35;
+    let up = world.source.up.as_dvec3();
+    let eye = pose.eye - pose.forward * (reach * 0.6) + up * reach;
+    let aspect = f64::from(world.size.0) / f64::from(world.size.1);
+    let target = pose.eye + pose.forward * (reach * 0.7);
+    View::perspective(Pose::look_at(eye, target, up), 1.0, aspect, reach * 1e-3, f64::INFINITY).ok()
+}
