@@ -110,7 +110,7 @@ pub(crate) fn cull_outside(
     let mut frame = Frame::new(simd, scene, planes, visible);
     let root = scene.tree().root;
     if root != NONE {
-        frame.visit(root as usize, frame.planes.all);
+        frame.visit(root as usize, frame.all);
     }
     let mut stats = frame.stats;
     visible.commit();
@@ -118,44 +118,31 @@ pub(crate) fn cull_outside(
     stats
 }
 
-/// Planes as the kernel takes them.
-pub(crate) struct TestPlanes {
-    /// Boxes outside these are hidden.
-    pub(crate) planes: [TestPlane; MAX_PLANES],
-    /// The same planes turned round: boxes outside these are inside those.
-    pub(crate) flipped: [TestPlane; MAX_PLANES],
-    /// A bit for each plane that there is.
-    pub(crate) all: u32,
-}
-
-impl TestPlanes {
-    pub(crate) const NONE: Self =
-        Self { planes: [TestPlane::ALL; MAX_PLANES], flipped: [TestPlane::ALL; MAX_PLANES], all: 0 };
-
-    pub(crate) fn new(view_planes: &[ViewPlane]) -> Self {
-        let mut this = Self::NONE;
-        for (i, view_plane) in view_planes.iter().take(MAX_PLANES).enumerate() {
-            this.planes[i] = TestPlane::new(view_plane);
-            this.flipped[i] = TestPlane::new(&ViewPlane { plane: view_plane.plane.flipped(), ..*view_plane });
-            this.all |= 1 << i;
-        }
-        this
-    }
-}
-
 /// What one walk of the hierarchy needs.
 struct Frame<'a> {
     simd: Simd,
     scene: &'a Scene,
     visible: &'a mut VisibleSet,
-    planes: TestPlanes,
+    /// Boxes outside these are hidden.
+    planes: [TestPlane; MAX_PLANES],
+    /// The same planes turned round: boxes outside these are inside those.
+    flipped: [TestPlane; MAX_PLANES],
+    /// A bit for each plane that there is.
+    all: u32,
     stats: CullStats,
 }
 
 impl<'a> Frame<'a> {
     fn new(simd: Simd, scene: &'a Scene, view_planes: &[ViewPlane], visible: &'a mut VisibleSet) -> Self {
-        let planes = TestPlanes::new(view_planes);
-        Self { simd, scene, visible, planes, stats: CullStats::default() }
+        let mut planes = [TestPlane::ALL; MAX_PLANES];
+        let mut flipped = [TestPlane::ALL; MAX_PLANES];
+        let mut all = 0;
+        for (i, view_plane) in view_planes.iter().take(MAX_PLANES).enumerate() {
+            planes[i] = TestPlane::new(view_plane);
+            flipped[i] = TestPlane::new(&ViewPlane { plane: view_plane.plane.flipped(), ..*view_plane });
+            all |= 1 << i;
+        }
+        Self { simd, scene, visible, planes, flipped, all, stats: CullStats::default() }
     }
 
     /// Tests the children of a node against those planes that cross it, and goes on below. Whether anything is left.
@@ -163,7 +150,7 @@ impl<'a> Frame<'a> {
         let tree = self.scene.tree();
         let boxes = &tree.bounds[node];
         let candidates = self.visible.mask(self.scene, node);
-        let mut mask = candidates & !self.simd.any_outside(boxes, &self.planes.planes, active);
+        let mut mask = candidates & !self.simd.any_outside(boxes, &self.planes, active);
         self.stats.nodes += 1;
         self.stats.tests += u64::from(candidates.count_ones()) * u64::from(active.count_ones());
         if tree.levels[node] == 0 {
@@ -173,7 +160,7 @@ impl<'a> Frame<'a> {
         }
         let mut inside = [0; MAX_PLANES];
         for plane in lanes(active.into()) {
-            inside[plane] = self.simd.any_outside(boxes, &self.planes.flipped, 1 << plane);
+            inside[plane] = self.simd.any_outside(boxes, &self.flipped, 1 << plane);
         }
         for lane in lanes(mask) {
             let child = tree.child(node, lane);

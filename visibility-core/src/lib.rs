@@ -45,7 +45,6 @@ mod float;
 mod frustum;
 pub mod geometry;
 pub mod measure;
-mod multi_view;
 pub mod occlusion;
 mod pipeline;
 pub mod scene;
@@ -58,7 +57,6 @@ pub use culler::{Accuracy, CullStats, Culler};
 pub use frustum::FrustumCuller;
 pub use geometry::{Aabb, Containment, ConvexPolygon, Plane, PolygonError, Sphere};
 pub use glam;
-pub use multi_view::MultiViewCuller;
 pub use occlusion::{
     BoxHierarchy, Child, Edge, HardwareQueries, Late, MeshError, OccluderMesh, Occlusion, Occlusion64,
     OcclusionCuller, OcclusionMap, Preparation, QueryDevice, SceneHierarchy, Selection, prepare,
