@@ -21,6 +21,8 @@ pub(super) struct Entry {
 impl Entry {
     const OCCLUDER: u32 = 1 << 31;
 
+    const NONE: Self = Self { bounds: Aabb::EMPTY, layers: 0, tagged: 0 };
+
     pub(super) fn new(bounds: Aabb, payload: Payload) -> Self {
         let tag = if payload.occluder { Self::OCCLUDER } else { 0 };
         Self { bounds, layers: payload.layers, tagged: payload.id.index | tag }
@@ -33,10 +35,35 @@ impl Entry {
     }
 }
 
+/// Sorts keys of 64 bits: spreads them over buckets by their highest bits, and sorts what fits in a near cache.
+fn sorted(keys: impl ExactSizeIterator<Item = u64>) -> Vec<u64> {
+    const BITS: u32 = 10;
+    let bucket = |key: u64| (key >> (u64::BITS - BITS)) as usize;
+    let mut ends = [0u32; 1 << BITS];
+    let unsorted: Vec<u64> = keys.inspect(|&key| ends[bucket(key)] += 1).collect();
+    let mut start = 0;
+    for end in &mut ends {
+        start += core::mem::replace(end, start);
+    }
+    let mut order = alloc::vec![0; unsorted.len()];
+    for key in unsorted {
+        let place = &mut ends[bucket(key)];
+        order[*place as usize] = key;
+        *place += 1;
+    }
+    let mut start = 0;
+    for end in ends {
+        order[start..end as usize].sort_unstable();
+        start = end as usize;
+    }
+    order
+}
+
 impl Tree {
     /// Throws the hierarchy away and builds it anew from the same objects and those given.
     pub(super) fn rebuild(&mut self, given: Vec<Entry>, generations: &[u32]) {
         let mut objects = given;
+        objects.reserve_exact(self.slots.len().saturating_sub(objects.len()));
         let mut unculled: Vec<(Aabb, Payload)> = Vec::new();
         for (node, &level) in self.levels.iter().enumerate() {
             for lane in lanes(self.occupied[node]) {
@@ -67,14 +94,18 @@ impl Tree {
         let key = |(number, entry): (usize, &Entry)| {
             curve.place(entry.bounds.center()) >> bits << bits | number as u64
         };
-        let mut order: Vec<u64> = objects.iter().enumerate().map(key).collect();
-        order.sort_unstable();
+        let order = sorted(objects.iter().enumerate().map(key));
 
         let leaves = order.len().div_ceil(64);
         self.reserve(leaves + leaves.div_ceil(63) + 8);
-        let number = |&key: &u64| (key & ((1 << bits) - 1)) as usize;
+        let number = |key: u64| (key & ((1 << bits) - 1)) as usize;
+        let mut taken = [Entry::NONE; 64];
         for chunk in order.chunks(64) {
-            self.push_leaf(chunk.iter().map(|key| &objects[number(key)]), generations);
+            // A loop that does nothing else, in which the processor waits for many objects at once.
+            for (entry, &key) in taken.iter_mut().zip(chunk) {
+                *entry = objects[number(key)];
+            }
+            self.push_leaf(&taken[..chunk.len()], generations);
         }
         let mut level: Vec<u32> = (0..leaves as u32).collect();
         let mut height = 0;
@@ -95,19 +126,27 @@ impl Tree {
         }
     }
 
-    /// Adds a leaf at the end of all arrays, each written once.
-    fn push_leaf<'a>(&mut self, entries: impl ExactSizeIterator<Item = &'a Entry>, generations: &[u32]) {
+    /// Adds a leaf at the end of all arrays, each written once. One tight loop for each array that is read or written in no
+    /// order, in which the processor waits for many lanes at once.
+    fn push_leaf(&mut self, entries: &[Entry], generations: &[u32]) {
         let node = self.node_count() as u32;
         let occupied = if entries.len() < 64 { (1 << entries.len()) - 1 } else { u64::MAX };
-        let (mut boxes, mut ids, mut layers) = (Boxes64::EMPTY, [ObjectId::NONE; 64], [0; 64]);
+        let mut ids = [ObjectId::NONE; 64];
         let mut occluders = 0;
-        for (lane, entry) in entries.enumerate() {
-            let payload = entry.payload(generations);
+        for (lane, (id, entry)) in ids.iter_mut().zip(entries).enumerate() {
+            id.index = entry.tagged & !Entry::OCCLUDER;
+            occluders |= u64::from(entry.tagged != id.index) << lane;
+        }
+        for id in &mut ids[..entries.len()] {
+            id.generation = generations[id.index()];
+        }
+        for (lane, id) in ids[..entries.len()].iter().enumerate() {
+            self.slots[id.index()] = Slot::new(node, lane);
+        }
+        let (mut boxes, mut layers) = (Boxes64::EMPTY, [0; 64]);
+        for (lane, entry) in entries.iter().enumerate() {
             boxes.set(lane, &entry.bounds);
-            ids[lane] = payload.id;
-            layers[lane] = payload.layers;
-            occluders |= u64::from(payload.occluder) << lane;
-            self.slots[payload.id.index()] = Slot::new(node, lane);
+            layers[lane] = entry.layers;
         }
         self.push_node(boxes, occupied, ids, layers, occluders, 0);
     }

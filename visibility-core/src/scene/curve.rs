@@ -35,7 +35,7 @@ impl Curve {
     pub(crate) fn place(&self, p: Vec3) -> u64 {
         let cell = (p.as_dvec3() - self.corner) * self.scale;
         // A cast from float saturates, and turns NaN to zero.
-        let axis = |x: f64| spread((x as u64).min((1 << 21) - 1));
+        let axis = |x: f64| spread(u64::from((x as u32).min((1 << 21) - 1)));
         axis(cell.x) << 1 | axis(cell.y) << 2 | axis(cell.z) << 3
     }
 }
