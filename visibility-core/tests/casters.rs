@@ -6,7 +6,7 @@ mod common;
 use common::*;
 use visibility_core::glam::{DMat4, DQuat, DVec3};
 use visibility_core::{
-    Aabb, CasterCuller, Depth, Light, LightError, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
+    Aabb, CasterCuller, Depth, Light, LightError, ObjectId, Pipeline, Pose, Scene, Simd, View, VisibleSet,
 };
 
 /// A view by its parts, so that points in it can be made without asking it.
@@ -363,6 +363,45 @@ fn blockers_are_kept_however_far_along_an_axis_they_are() {
         }
     }
     assert!(checked > 5_000, "too easy: {checked}");
+}
+
+/// The same view in scenes and views with origins of their own, and on all instructions, has the same casters.
+#[test]
+fn casters_are_the_same_on_all_instructions_and_wherever_the_origins_are() {
+    let mut rng = Random(7);
+    let mut kept = 0;
+    for _ in 0..200 {
+        let eye = Eye::random(&mut rng);
+        let light = random_light(&mut rng, &eye);
+        let boxes = crowd(&mut rng, 300, 60.0);
+        let mut scene = Scene::new();
+        let ids = scene.insert_batch(boxes.iter().copied());
+        let find = |scene: &Scene, view: &View, culler: CasterCuller| -> Vec<bool> {
+            let casters = cull(scene, view, culler);
+            ids.iter().map(|&id| casters.contains(scene, id)).collect()
+        };
+        let culler = CasterCuller::new(light).unwrap();
+        let view = eye.view();
+        let here = find(&scene, &view, culler.clone());
+        kept += here.iter().filter(|&&is_kept| is_kept).count();
+        for simd in Simd::available() {
+            assert_eq!(find(&scene, &view, culler.clone().with_simd(simd)), here);
+        }
+        // All moved by whole numbers, of which `f64` loses a little: none that is hit here may be lost there.
+        let away = rng.vector(1e6).round();
+        scene.set_origin(away).unwrap();
+        let moved = match light {
+            Light::Directional { .. } => light,
+            Light::Point { position, range } => Light::Point { position: position + away, range },
+            Light::Spot { position, direction, half_angle, range } => {
+                Light::Spot { position: position + away, direction, half_angle, range }
+            }
+        };
+        let there = find(&scene, &view.relative_to(away).unwrap(), CasterCuller::new(moved).unwrap());
+        let differ = here.iter().zip(&there).filter(|(a, b)| a != b).count();
+        assert!(differ <= 1, "{differ} of {} differ", here.len());
+    }
+    assert!(kept > 1000, "too easy: {kept}");
 }
 
 /// Only shadows on what is in the box of receivers matter, and no blocker of those is left out.

@@ -7,7 +7,9 @@ use common::Random;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_core::{
+    Aabb, CasterCuller, FrustumCuller, Light, ObjectId, Pipeline, Plane, Pose, Scene, View, VisibleSet,
+};
 
 struct Counting;
 
@@ -150,6 +152,45 @@ fn frames_with_few_moves_allocate_nothing_after_a_second() {
 #[test]
 fn frames_with_teleports_allocate_nothing_once_warm() {
     check_frames(true, true, false, 1000);
+}
+
+/// Two eyes, their union, and the casters of three lights with receivers, in a scene that moves.
+#[test]
+fn many_views_allocate_nothing_once_warm() {
+    let mut world = World::new(20_000, 100, false);
+    let place = DVec3::new(5.0, -9.0, 20.0);
+    let lights = [
+        Light::Directional { toward_light: DVec3::new(0.3, 0.2, 0.5) },
+        Light::Point { position: place, range: 90.0 },
+        Light::Spot { position: place, direction: DVec3::NEG_Z, half_angle: 0.7, range: 150.0 },
+    ];
+    let receivers = Aabb::from_arrays([-90.0; 3], [90.0; 3]);
+    let mut shadows =
+        lights.map(|light| Pipeline::new().with(CasterCuller::new(light).unwrap().with_receivers(receivers)));
+    let clip = Plane::new(DVec3::new(1.0, 1.0, 0.0), 60.0);
+    let mut eyes = [(); 2].map(|_| (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new()));
+    let (mut both, mut casters) = (VisibleSet::with_changes(), VisibleSet::new());
+    let mut before = 0;
+    for frame in 0..300 {
+        if frame == 100 {
+            before = ALLOCATIONS.get();
+        }
+        world.frame(&mut eyes[0].0, &mut casters, false);
+        both.clear(&world.scene);
+        for (number, (pipeline, set)) in eyes.iter_mut().enumerate() {
+            let eye = view(frame + number).with_clip_planes(&[clip]).unwrap();
+            pipeline.cull(&world.scene, &eye, set);
+            both.union(&world.scene, set);
+        }
+        both.finish(&world.scene);
+        world.appeared += both.newly_visible().count();
+        for pipeline in &mut shadows {
+            pipeline.cull(&world.scene, &view(frame), &mut casters);
+            world.drawn += casters.iter(&world.scene).count();
+        }
+    }
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert!(world.drawn > 0 && world.appeared > 0);
 }
 
 #[test]

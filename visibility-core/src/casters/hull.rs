@@ -62,7 +62,7 @@ impl Source {
         let normal_error = plane.normal.abs() * (8.0 * EPSILON);
         // The light is rounded by half an epsilon when it is made relative to the scene; products and sums are rounded as in
         // `Plane::error_bound`, by 3 epsilon. With the 8 of the normal that is 12 of the magnitudes; 16 also cover
-        // that bound itself and what is done with it: `weights` below rounds each of them three times.
+        // that bound itself and what is done with it: `toward` below rounds each of them three times.
         let (distance, size, shift) = match *self {
             Self::Direction(d) => {
                 (Plane::new(plane.normal, 0.0).signed_distance(d), plane.normal.abs().dot(d.abs()), 0.0)

@@ -27,8 +27,10 @@ use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 /// For lights with a range, also what is farther from the light is removed; for spot lights what is outside the cone, taken as
 /// a pyramid with eight sides. With [receivers](Self::with_receivers), also what shadows none of them.
 ///
-/// Cost is that of the [`FrustumCuller`](crate::FrustumCuller) for 8 to 16 planes, a second walk of what is left for spot lights and for receivers, and
-/// 5 ns for each object left within the range of a light that has one.
+/// # Cost
+/// A walk of the hierarchy as the [`FrustumCuller`](crate::FrustumCuller)'s, against 8 to 12 planes in place of 6; a second walk of what is left for
+/// spot lights and for receivers; 5 ns for each object that is left of a light with a range. Among 100 thousand objects, where the
+/// frustum of a camera takes 7 us, the sun takes 8 to 13 and a lamp 8 to 11.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, CasterCuller, Light, Pipeline, Pose, Scene, View, VisibleSet};
