@@ -7,7 +7,8 @@ use common::plain_map::PlainMap;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
     Aabb, Accuracy, Culler, FrustumCuller, HardwareQueries, Late, Object, ObjectId, OccluderMesh, Occlusion,
-    OcclusionCuller, OcclusionMap, Pipeline, Pose, QueryDevice, Scene, Selection, View, VisibleSet,
+    OcclusionCuller, OcclusionMap, Pipeline, Pose, Preparation, QueryDevice, Scene, SceneError, Selection,
+    Triangle, View, VisibleSet, prepare,
 };
 
 fn view_from(eye: DVec3, target: DVec3) -> View {
@@ -80,6 +81,45 @@ fn a_door_that_opens_hides_nothing() {
         scene.set_occluder(wall, true).unwrap();
         assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3, "{selection:?}: shut");
     }
+}
+
+#[test]
+fn meshes_hide_only_while_their_object_is_flagged() {
+    let Street { mut scene, wall, before, .. } = street();
+    assert!(scene.occluder(wall).is_some() && scene.occluder(before).is_none());
+    scene.set_occluder(wall, false).unwrap();
+    assert!(scene.occluder(wall).is_none() && scene.has_mesh(wall));
+    let foreign =
+        street().scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap());
+    assert_eq!(scene.set_mesh(before, foreign, Affine3A::IDENTITY), Err(SceneError::UnknownMesh(foreign)));
+}
+
+#[test]
+fn occluders_are_made_of_what_is_worth_it() {
+    let p = |x: f32, y: f32| Vec3::new(x, y, 0.0);
+    let good = [p(0.0, 0.0), p(1.0, 0.0), p(0.0, 1.0)];
+    let sliver = [p(0.0, 0.0), p(0.0, 1.0), p(-5e-4, 0.5)];
+    let broken = [p(0.0, 0.0), Vec3::NAN, p(0.0, 1.0)];
+    let small = [p(1.0, 0.0), p(1.1, 0.0), p(1.0, 0.1)];
+    let count = |triangles: &[Triangle], preparation| {
+        prepare(triangles, &preparation).map_or(0, |mesh| mesh.triangles().len())
+    };
+    let all = [good, sliver, broken, small];
+    assert_eq!(count(&all, Preparation::default()), 2);
+    assert_eq!(count(&all, Preparation { sliver: 0.0, ..Preparation::default() }), 3);
+    assert_eq!(count(&all, Preparation { least_area: 0.5, ..Preparation::default() }), 1);
+    assert_eq!(count(&[broken], Preparation::default()), 0);
+
+    let mut scene = Scene::new();
+    let bounds = Aabb::from_arrays([-1.0; 3], [2.0; 3]);
+    let opaque = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+    let glass = scene.insert(bounds);
+    for id in [opaque, glass] {
+        scene.set_triangles(id, [good]).unwrap();
+    }
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
+    assert!(scene.has_mesh(opaque) && !scene.has_mesh(glass));
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 0, "each once");
 }
 
 #[test]
@@ -261,6 +301,23 @@ fn late_answers_count_as_visible_until_they_are_there() {
         assert_eq!(frames[23], (3, false), "a still camera culls all in the end, latency {latency}");
         assert!(frames.windows(2).all(|pair| pair[0].0 >= pair[1].0));
     }
+}
+
+#[test]
+fn answers_about_other_occluders_do_not_count() {
+    let Street { mut scene, wall, .. } = street();
+    let mut culler = OcclusionCuller::new(HardwareQueries::new(SimulatedCard::new(2), Late::Visible));
+    let mut visible = VisibleSet::new();
+    let mut frame = |scene: &Scene| {
+        visible.fill(scene, &along_x());
+        FrustumCuller::new().cull(scene, &along_x(), &mut visible);
+        culler.cull(scene, &along_x(), &mut visible);
+        visible.count(scene)
+    };
+    assert_eq!((0..20).map(|_| frame(&scene)).last(), Some(3));
+    // The wall opens between two frames; every answer that is known or under way is about the shut one.
+    scene.set_occluder(wall, false).unwrap();
+    assert!((0..20).all(|_| frame(&scene) == 503));
 }
 
 #[test]
