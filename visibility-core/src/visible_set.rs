@@ -103,8 +103,7 @@ impl VisibleSet {
     /// Adds what is in another set of the same scene: afterwards an object is in this set if it was in either. So the sets of two
     /// eyes, whatever pipelines they come from, become the one that both are drawn from; it hides nothing that either eye sees.
     ///
-    /// A set of an earlier layout of the scene holds everything on its layers, and then so does the union, on the layers of
-    /// either. The order is dropped. Changes are told when the frame is ended by [`finish`](Self::finish), which is up to the caller.
+    /// A set of an earlier layout of the scene holds everything on its layers, and so then does the union. The order is dropped. Changes are told when the frame is ended by [`finish`](Self::finish), which is up to the caller.
     /// Costs a few nanoseconds for each block of 64 objects in the sets.
     ///
     /// ```
@@ -129,9 +128,8 @@ impl VisibleSet {
     /// ```
     pub fn union(&mut self, scene: &Scene, other: &Self) {
         self.prepare(scene);
-        if !other.is_of_layout(scene) || self.everything && other.everything {
-            self.everything = true;
-        } else {
+        // Two that hold everything on their layers hold everything on the layers of either.
+        if !(self.everything && other.everything) {
             if scene.tree().root != NONE {
                 self.add_below(scene, other, scene.tree().root as usize, true, true);
             }

@@ -365,6 +365,70 @@ fn blockers_are_kept_however_far_along_an_axis_they_are() {
     assert!(checked > 5_000, "too easy: {checked}");
 }
 
+/// The origin is exactly in an edge of the view and the light exactly along one or both of the planes that meet there; blockers are exactly
+/// on the way. All numbers are small integers and powers of two, and what rounding makes of the planes counts in the end.
+#[test]
+fn blockers_are_kept_where_the_light_runs_along_planes_of_the_view() {
+    let mut rng = Random(8);
+    let mut checked = 0;
+    let integers = |rng: &mut Random, size: i32| {
+        DVec3::from_array(core::array::from_fn(|_| f64::from(rng.between(-size, size))))
+    };
+    for _ in 0..3000 {
+        let toward_light = integers(&mut rng, 60);
+        let across = |rng: &mut Random| toward_light.cross(integers(rng, 1000));
+        let right = if rng.one_in(4) { integers(&mut rng, 1000) } else { across(&mut rng) };
+        let top = if rng.one_in(2) { integers(&mut rng, 1000) } else { across(&mut rng) };
+        let w = integers(&mut rng, 1000);
+        let rows =
+            [(w - right).extend(100.0), (w - top).extend(100.0), integers(&mut rng, 1000).extend(30.0)];
+        let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], w.extend(100.0)).transpose();
+        let depth = rng.pick(&DEPTHS);
+        let camera = Camera::new(matrix.to_cols_array(), depth);
+        let (Ok(view), true) = (View::from_clip_from_world(matrix, depth), toward_light != DVec3::ZERO)
+        else {
+            continue;
+        };
+        assert!(camera.sees(DVec3::ZERO));
+        // Wherever they are, reach is what rounding is multiplied by: near ones alone, and with far ones.
+        let most = rng.pick(&[0, 20, 60]);
+        let ways = (-10..=most).map(|exponent| (toward_light * power_of_two(exponent)).as_vec3());
+        let boxes: Vec<Aabb> = ways.map(|q| Aabb::new(q, q)).collect();
+        let mut scene = Scene::new();
+        let ids = scene.insert_batch(boxes.iter().copied());
+        let place = toward_light * power_of_two(most);
+        for light in
+            [Light::Directional { toward_light }, Light::Point { position: place, range: f64::INFINITY }]
+        {
+            let casters = cull(&scene, &view, CasterCuller::new(light).unwrap());
+            for (bounds, &id) in boxes.iter().zip(&ids) {
+                checked += 1;
+                assert!(
+                    casters.contains(&scene, id),
+                    "{bounds:?} shadows the origin of {camera:?} from {light:?}"
+                );
+            }
+        }
+    }
+    assert!(checked > 100_000, "too easy: {checked}");
+}
+
+/// Planes through the light, parallel to those of the view, where that has no end: otherwise a lamp behind it would keep all.
+#[test]
+fn a_lamp_behind_a_view_without_end_has_casters_in_a_cone() {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    let lamp = Light::Point { position: DVec3::new(-20.0, 0.0, 0.0), range: f64::INFINITY };
+    let mut scene = Scene::new();
+    let at = |x: f32, y: f32| Aabb::from_arrays([x, y, 0.0], [x + 0.5, y + 0.5, 0.5]);
+    let ids =
+        scene.insert_batch([at(-10.0, 0.0), at(-10.0, 5.0), at(-10.0, 6.0), at(-10.0, -9.0), at(-22.0, 0.0)]);
+    let casters = cull(&scene, &view, CasterCuller::new(lamp).unwrap());
+    // At 10 m from the lamp the cone is 5.46 m wide.
+    let kept: Vec<bool> = ids.iter().map(|&id| casters.contains(&scene, id)).collect();
+    assert_eq!(kept, [true, true, false, false, false]);
+}
+
 /// The same view in scenes and views with origins of their own, and on all instructions, has the same casters.
 #[test]
 fn casters_are_the_same_on_all_instructions_and_wherever_the_origins_are() {
@@ -456,6 +520,15 @@ fn the_range_of_a_light_is_a_ball_and_its_cone_a_cone() {
     assert_eq!(kept(spot(0.5)), [true, false, false, false]);
     assert_eq!(kept(spot(1.1)), [true, false, true, false]);
     assert_eq!(kept(spot(1.6)), [true, false, true, true]);
+    // Lit points at just the range, in numbers that are exact: what is there may be its own shadow's only blocker.
+    let mut scene = Scene::new();
+    let touching =
+        [[3.0, 4.0, 12.0], [13.0, 0.0, 0.0], [12.0, -4.0, 3.0], [0.0, 5.0, -12.0], [-4.0, -3.0, -12.0]];
+    let ids = touching.map(|p| scene.insert(Aabb::from_arrays(p, p)));
+    let beyond = touching.map(|p| p.map(|x| x * 1.00001)).map(|p| scene.insert(Aabb::from_arrays(p, p)));
+    let casters = cull(&scene, &view, light_culler(Light::Point { position: DVec3::ZERO, range: 13.0 }));
+    assert!(ids.iter().all(|&id| casters.contains(&scene, id)));
+    assert!(beyond.iter().all(|&id| !casters.contains(&scene, id)));
 }
 
 #[test]

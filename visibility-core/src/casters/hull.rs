@@ -131,7 +131,7 @@ impl RoundedPlane {
     fn settle(&self, reach: DVec3) -> Option<ViewPlane> {
         let length = self.plane.normal.length();
         // Below, squares underflow: opposite planes of a volume without volume.
-        if !(length > 1e-140) {
+        if length.is_nan() || length < 1e-140 {
             return None;
         }
         // The divisions round normal, offset and errors once more each.

@@ -194,5 +194,6 @@ fn is_within(bounds: &Aabb, light: DVec3, range: f64) -> bool {
     let range = range * (1.0 + 16.0 * f64::EPSILON);
     // Dividing first, so that neither squares nor ranges leave the range of `f64`.
     let gap = gap / range;
-    !(gap.x * gap.x + gap.y * gap.y + gap.z * gap.z > 1.0 + 16.0 * f64::EPSILON)
+    let beyond = gap.x * gap.x + gap.y * gap.y + gap.z * gap.z > 1.0 + 16.0 * f64::EPSILON;
+    !beyond
 }
