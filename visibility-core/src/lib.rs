@@ -39,6 +39,7 @@ extern crate std;
 #[cfg(not(any(feature = "std", feature = "libm")))]
 compile_error!("visibility-core needs floating point: enable the feature `std` or the feature `libm`");
 
+pub mod backface;
 mod casters;
 mod culler;
 mod float;
@@ -52,6 +53,7 @@ mod simd;
 pub mod view;
 mod visible_set;
 
+pub use backface::BackfaceCuller;
 pub use casters::{CasterCuller, Light, LightError};
 pub use culler::{Accuracy, CullStats, Culler};
 pub use frustum::FrustumCuller;

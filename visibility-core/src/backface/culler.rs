@@ -1,0 +1,294 @@
+//! The culler of objects that turn their backs.
+
+use super::sight::Sight;
+use super::{Cones64, NormalCone};
+use crate::scene::{NONE, lanes};
+use crate::{
+    Aabb, Accuracy, Changes, CullStats, Culler, ObjectId, Scene, SceneError, Simd, View, VisibleSet,
+};
+use alloc::vec::Vec;
+
+/// Removes objects of which the eye sees the back only, in a scene whose objects are clusters of triangles. Conservative.
+///
+/// Only for objects that are drawn one-sided, since the backs of others are seen: those that are not, are kept by
+/// [`set_two_sided`](Self::set_two_sided).
+///
+/// Each object has a [`NormalCone`], built from its triangles in the scene by [`sync`](Self::sync), or [`set`](Self::set) by the caller.
+/// An object that has changed since then counts as visible. A culler belongs to one scene.
+///
+/// # Cost
+/// `sync`: 50 microseconds for each changed object of 100 triangles. `cull`: about 0.5 ns for a candidate. 160 bytes for each object.
+///
+/// ```
+/// use visibility_core::backface::BackfaceCuller;
+/// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Pipeline, Pose, Scene, View, VisibleSet};
+/// let mut scene = Scene::new();
+/// let wall = scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [5.0, 1.0, 1.0]));
+/// scene.set_triangles(wall, [[Vec3::X * 5.0, Vec3::new(5.0, 1.0, 0.0), Vec3::new(5.0, 0.0, 1.0)]])?;
+/// let mut culler = BackfaceCuller::new();
+/// culler.sync(&scene);
+/// let mut pipeline = Pipeline::new().with(culler);
+/// let mut visible = VisibleSet::new();
+/// let from = |x: f64| View::perspective(Pose::look_at(DVec3::X * x, DVec3::X * 5.0, DVec3::Z), 1.0, 1.0, 0.1, 100.0);
+/// pipeline.cull(&scene, &from(0.0)?, &mut visible);
+/// assert!(!visible.contains(&scene, wall));
+/// pipeline.cull(&scene, &from(9.0)?, &mut visible);
+/// assert!(visible.contains(&scene, wall));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct BackfaceCuller {
+    simd: Simd,
+    /// The revision of the scene up to which cones have been opened where objects changed.
+    revision: u64,
+    /// The revision up to which cones have been built.
+    built: u64,
+    /// By index of the object.
+    entries: Vec<Entry>,
+    /// By node of the scene's hierarchy; only those of leaves are used.
+    blocks: Vec<Block>,
+    /// Counts changes of entries.
+    clock: u64,
+}
+
+/// What is known of one object.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    /// The object that the entry is of; another one with the same index has no cone.
+    id: ObjectId,
+    cone: NormalCone,
+    two_sided: bool,
+    /// Changes of the scene from this revision on make the cone worthless.
+    revision: u64,
+    /// When the entry last changed.
+    changed: u64,
+}
+
+impl Entry {
+    const NONE: Self =
+        Self { id: ObjectId::NONE, cone: NormalCone::OPEN, two_sided: false, revision: 0, changed: 0 };
+}
+
+/// The cones of a leaf of the scene's hierarchy, copied from the entries.
+#[derive(Clone, Debug)]
+struct Block {
+    cones: Cones64,
+    ids: [ObjectId; 64],
+    /// The layout of the scene for which the block was last found right, 0 for none.
+    layout: u64,
+    /// When it was.
+    checked: u64,
+}
+
+impl Block {
+    const NONE: Self = Self { cones: Cones64::OPEN, ids: [ObjectId::NONE; 64], layout: 0, checked: 0 };
+}
+
+impl Default for BackfaceCuller {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl BackfaceCuller {
+    /// Knows of no object; uses the widest instructions that the processor has.
+    pub fn new() -> Self {
+        Self::with_simd(Simd::best())
+    }
+
+    /// As [`new`](Self::new) with the given instructions, for tests and comparisons.
+    pub const fn with_simd(simd: Simd) -> Self {
+        // No revision is greater, so that the first look is at everything.
+        Self { simd, revision: u64::MAX, built: u64::MAX, entries: Vec::new(), blocks: Vec::new(), clock: 1 }
+    }
+
+    /// Gives an object, as it is in the scene now, its cone. The cone must stand for all that is drawn of the object, in
+    /// the scene's coordinates. It holds until the scene is told of a change of the object, or of so many changes at
+    /// once that it keeps no list of them. A cone for a two-sided object is ignored.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`].
+    pub fn set(&mut self, scene: &Scene, id: ObjectId, cone: NormalCone) -> Result<(), SceneError> {
+        scene.bounds(id)?;
+        self.forget_changed(scene);
+        let two_sided = self.entry(id).is_some_and(|entry| entry.two_sided);
+        let cone = if two_sided { NormalCone::OPEN } else { cone };
+        self.write(scene, Entry { id, cone, two_sided, revision: scene.revision(), changed: 0 });
+        Ok(())
+    }
+
+    /// Says whether an object is drawn from both sides; such an object has no cone, and is kept. At first, none is. Turned off again, the
+    /// object gets the cone of its triangles in the scene.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`].
+    pub fn set_two_sided(&mut self, scene: &Scene, id: ObjectId, two_sided: bool) -> Result<(), SceneError> {
+        scene.bounds(id)?;
+        self.forget_changed(scene);
+        self.write(scene, Entry { id, two_sided, revision: scene.revision(), ..Entry::NONE });
+        self.build(scene, id);
+        Ok(())
+    }
+
+    /// The cone of an object, if it has one that counts: not open, and not older than the object's last change.
+    pub fn cone(&self, scene: &Scene, id: ObjectId) -> Option<NormalCone> {
+        let entry = self.entry(id).filter(|entry| !entry.cone.is_open())?;
+        let changed = match scene.changes_since(self.revision) {
+            Changes::Everything => entry.revision < scene.revision(),
+            Changes::Objects(ids) => {
+                ids.iter().zip(self.revision..).any(|(&other, at)| other == id && at >= entry.revision)
+            }
+        };
+        (!changed).then_some(entry.cone)
+    }
+
+    /// Takes in what changed in the scene: each changed object that has triangles there gets their cone, in time proportional to what
+    /// changed. An object whose triangles are not all within its bounds gets none: it has been moved, and they have not.
+    pub fn sync(&mut self, scene: &Scene) {
+        self.forget_changed(scene);
+        match scene.changes_since(self.built) {
+            Changes::Everything => scene.ids().for_each(|id| self.build(scene, id)),
+            Changes::Objects(ids) => ids.iter().for_each(|&id| self.build(scene, id)),
+        }
+        self.built = scene.revision();
+    }
+
+    /// Builds the cone of an object from its triangles, if it has none.
+    fn build(&mut self, scene: &Scene, id: ObjectId) {
+        let two_sided = self.entry(id).is_some_and(|entry| entry.two_sided);
+        let has_cone = self.entry(id).is_some_and(|entry| !entry.cone.is_open());
+        let (Ok(triangles), Ok(bounds)) = (scene.triangles(id), scene.bounds(id)) else { return };
+        let within = |bounds: &Aabb| triangles.iter().flatten().all(|&p| bounds.contains_point(p));
+        if two_sided || has_cone || triangles.is_empty() || !within(&bounds) {
+            return;
+        }
+        let cone = NormalCone::from_triangles(triangles);
+        self.write(scene, Entry { id, cone, two_sided, revision: scene.revision(), changed: 0 });
+    }
+
+    /// Opens the cones of what has changed since they were set.
+    fn forget_changed(&mut self, scene: &Scene) {
+        match scene.changes_since(self.revision) {
+            Changes::Everything => {
+                for index in 0..self.entries.len() {
+                    self.forget(scene, index, scene.revision().wrapping_sub(1));
+                }
+            }
+            Changes::Objects(ids) => {
+                for (id, at) in ids.iter().zip(self.revision..) {
+                    self.forget(scene, id.index(), at);
+                }
+            }
+        }
+        self.revision = scene.revision();
+    }
+
+    /// Opens the cone with an index unless it was set after the change with number `at`.
+    fn forget(&mut self, scene: &Scene, index: usize, at: u64) {
+        if let Some(&entry) = self.entries.get(index)
+            && entry.revision <= at
+            && !entry.cone.is_open()
+        {
+            self.write(scene, Entry { cone: NormalCone::OPEN, ..entry });
+        }
+    }
+
+    fn entry(&self, id: ObjectId) -> Option<&Entry> {
+        self.entries.get(id.index()).filter(|entry| entry.id == id)
+    }
+
+    /// Writes an entry, and its cone to the block that has it.
+    fn write(&mut self, scene: &Scene, entry: Entry) {
+        let index = entry.id.index();
+        if self.entries.len() <= index {
+            self.entries.resize(index + 1, Entry::NONE);
+        }
+        self.clock += 1;
+        self.entries[index] = Entry { changed: self.clock, ..entry };
+        // A block that was right for another layout will be looked at anyway.
+        if let Some((leaf, lane)) = scene.locate(entry.id)
+            && let Some(block) = self.blocks.get_mut(leaf)
+            && block.layout == scene.layout()
+            && block.ids[lane] == entry.id
+        {
+            block.cones.set(lane, &entry.cone);
+        }
+    }
+
+    /// Brings the block of a leaf up to date, if objects have changed places since it was: those that it holds must be the same, with
+    /// the same cones.
+    fn refresh(&mut self, scene: &Scene, leaf: usize) {
+        let block = &mut self.blocks[leaf];
+        if block.layout == scene.layout() {
+            return;
+        }
+        let ids = &scene.tree().ids[leaf];
+        for (lane, id) in ids.iter().enumerate() {
+            let entry = self.entries.get(id.index()).filter(|entry| entry.id == *id).unwrap_or(&Entry::NONE);
+            if block.ids[lane] != *id || entry.changed > block.checked {
+                block.ids[lane] = *id;
+                block.cones.set(lane, &entry.cone);
+            }
+        }
+        (block.layout, block.checked) = (scene.layout(), self.clock);
+    }
+
+    /// Removes what turns its back from a node and all below it. Whether anything is left.
+    fn visit(&mut self, frame: &mut Frame, node: usize) -> bool {
+        let Frame { scene, sight, visible, stats } = frame;
+        let tree = scene.tree();
+        let candidates = visible.mask(scene, node);
+        let mut mask = candidates;
+        stats.nodes += 1;
+        if tree.levels[node] == 0 {
+            if candidates != 0 {
+                self.refresh(scene, node);
+                mask &= !self.simd.inside_cones(&self.blocks[node].cones, sight);
+            }
+            stats.tests += u64::from(candidates.count_ones());
+            stats.visible += u64::from(mask.count_ones());
+        } else {
+            for lane in lanes(candidates) {
+                if !self.visit(frame, tree.child(node, lane)) {
+                    mask &= !(1 << lane);
+                }
+            }
+        }
+        frame.visible.set_mask(node, mask);
+        mask != 0
+    }
+}
+
+struct Frame<'a> {
+    scene: &'a Scene,
+    sight: Sight,
+    visible: &'a mut VisibleSet,
+    stats: CullStats,
+}
+
+impl Culler for BackfaceCuller {
+    fn name(&self) -> &str {
+        "backface"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        visible.prepare(scene);
+        self.forget_changed(scene);
+        self.blocks.resize(scene.tree().node_count(), Block::NONE);
+        let mut stats = CullStats::default();
+        if scene.tree().root != NONE {
+            let sight = Sight::of_view(view, scene.origin());
+            let sight = sight.unwrap_or(Sight::UNKNOWN);
+            let mut frame = Frame { scene, sight, visible, stats };
+            self.visit(&mut frame, scene.tree().root as usize);
+            stats = frame.stats;
+        }
+        visible.commit();
+        stats.visible += visible.unculled_count(scene);
+        stats
+    }
+}

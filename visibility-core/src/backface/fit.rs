@@ -1,0 +1,349 @@
+//! Fitting a cone to planes: the eyes behind all of them, bounded from within by an elliptic cone.
+//!
+//! An eye is behind every plane of a cluster exactly if it lies in the intersection of the half-spaces behind them.
+//! Anchored cones (Shirman and Abi-Ezzi, "The Cone of Normals Technique for Fast Processing of Curved Patches", 1993) bound that
+//! polyhedron from within by an apex behind all planes and the directions that point away from every normal. Theirs is circular;
+//! this one is elliptic, because the normals of what people build (pipes, rounded edges, window frames) are spread along arcs.
+//!
+//! The search for a good axis, ellipse and apex is in plain floating point and proves nothing. At the end everything is scaled and moved
+//! until each plane, with all that rounding may have done to it, is satisfied: that part is what answers rest upon.
+
+use super::facing::U;
+use crate::Triangle;
+use alloc::vec::Vec;
+use glam::{DVec2, DVec3};
+
+/// How far the direction of a unit normal may be off, for whatever reason: `2^-17`. Covers
+/// - the normal of a triangle, which is given up where rounding may reach half of this,
+/// - the `f32` rows of a cone from which another is made (see `NormalCone::facets`),
+/// - the rounding of everything here in `f64`, less than `2^-40`.
+pub(super) const SLACK: f64 = 1.0 / 131072.0;
+
+/// Normals must have at least this much of their length along the axis: cones wider than 83 degrees cull next to nothing (0.4 % of
+/// all directions), and this bounds the rows of the matrix.
+const LEAST_COSINE: f64 = 0.12;
+
+/// The least half-axis of an ellipse, so that the slack is small beside it: 0.1 degrees.
+const LEAST_AXIS: f64 = 1.0 / 512.0;
+
+/// A plane that the eye has to be behind.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Facet {
+    /// Of unit length.
+    pub(super) normal: DVec3,
+    /// What must be behind the plane, and what before it, in the two apexes: for a triangle the same point of its plane.
+    pub(super) points: [DVec3; 2],
+    /// About the extent of what the plane stands for.
+    pub(super) extent: f64,
+}
+
+/// How far facets may be off.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Doubt {
+    /// The normals, as an angle or a difference of unit vectors.
+    pub(super) slack: f64,
+    /// The points, in their own unit.
+    pub(super) blur: f64,
+}
+
+impl Doubt {
+    /// Of triangles and cones as they are.
+    pub(super) const LEAST: Self = Self { slack: SLACK, blur: 0.0 };
+}
+
+/// What a triangle is to a cone.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum Surface {
+    /// It has a front and a back.
+    Facet(Facet),
+    /// Without area, for certain: never seen from anywhere.
+    Nothing,
+    /// Not finite, or so thin that its normal is anyone's guess.
+    Unknown,
+}
+
+impl Surface {
+    pub(super) fn of(triangle: &Triangle) -> Self {
+        let [a, b, c] = triangle.map(|p| p.as_dvec3());
+        if !(a.is_finite() && b.is_finite() && c.is_finite()) {
+            return Self::Unknown;
+        }
+        let (p, q) = (b - a, c - a);
+        // Nothing here over- or underflows: differences of `f32` are zero or from 2^-149 to 2^129.
+        let cross = p.cross(q);
+        let (area, size) = (cross.length(), p.length() * q.length());
+        if area == 0.0 {
+            // Certain if no step was rounded: each difference exact, and short enough for exact products.
+            let exact = [(b, a, p), (c, a, q)].iter().all(|(x, y, d)| {
+                (0..3).all(|i| is_exact_difference(x[i], y[i], d[i]) && d[i].to_bits().trailing_zeros() >= 27)
+            });
+            return if exact { Self::Nothing } else { Self::Unknown };
+        }
+        // A component of the cross product is two products of differences: off by at most 4u of their magnitudes. Over three components
+        // that is less than 12u |p| |q|.
+        if 16.0 * U * size < area * (SLACK / 4.0) {
+            Self::Facet(Facet { normal: cross / area, points: [a; 2], extent: p.length().max(q.length()) })
+        } else {
+            Self::Unknown
+        }
+    }
+}
+
+/// Whether `d`, the rounded `x - y`, is exact (the error term of Knuth's two-sum is zero).
+fn is_exact_difference(x: f64, y: f64, d: f64) -> bool {
+    let z = d - x;
+    (x - (d - z)) + (-y - z) == 0.0
+}
+
+/// A cone in exact numbers, before it is rounded. An eye at `v` from the apex is in it if
+/// `rows[2] . v + |(rows[0] . v, rows[1] . v)| <= 0`.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Fit {
+    /// No component is greater than 16.
+    pub(super) rows: [DVec3; 3],
+    /// An apex from which all planes are seen from behind, or edge-on.
+    pub(super) behind: [f32; 3],
+    /// An apex from which all planes are seen from the front, or edge-on.
+    pub(super) ahead: [f32; 3],
+    /// About the extent of all.
+    pub(super) size: f64,
+}
+
+/// The cone of eyes behind all planes; `None` if there is none worth having, or no plane.
+///
+/// Cost: some 0.5 microseconds a plane.
+pub(super) fn fit(facets: &[Facet], doubt: Doubt) -> Option<Fit> {
+    // Beyond this the bound at `grown` does not hold; not so for NaN either.
+    if !(doubt.slack <= 1.0 / 64.0 && doubt.blur >= 0.0) {
+        return None;
+    }
+    let axis = axis(facets)?;
+    let (x, y) = axis.any_orthonormal_pair();
+    let ellipse = Ellipse::around(&gnomonic(facets, axis, x, y), doubt.slack)?;
+    let plane = |v: DVec2| x * v.x + y * v.y;
+    let rows = [
+        plane(ellipse.direction * ellipse.axes[0]),
+        plane(ellipse.direction.perp() * ellipse.axes[1]),
+        axis + plane(ellipse.center),
+    ];
+    let count = facets.len() as f64;
+    let center = facets.iter().map(|f| (f.points[0] * 0.5 + f.points[1] * 0.5) / count).sum::<DVec3>();
+    let far = |f: &Facet| (f.points[0] - center).abs().max((f.points[1] - center).abs()).max_element();
+    let size = facets.iter().map(|f| far(f) + f.extent).fold(0.0, f64::max);
+    let apex = |side: usize| Apex { facets, doubt, axis, sides: [x, y], center, size, side }.find();
+    Some(Fit { rows, behind: apex(0)?, ahead: apex(1)?, size })
+}
+
+/// The middle of the normals: about the centre of the smallest circle around them on the sphere (Badoiu and Clarkson, "Smaller
+/// Core-Sets for Balls", 2003: go towards the farthest in ever smaller steps).
+fn axis(facets: &[Facet]) -> Option<DVec3> {
+    let mut middle = facets.iter().map(|f| f.normal).sum::<DVec3>().try_normalize()?;
+    let (mut best, mut best_cosine) = (middle, f64::NEG_INFINITY);
+    for step in 0..64 {
+        let direction = middle.try_normalize()?;
+        let (mut farthest, mut cosine) = (direction, f64::INFINITY);
+        for facet in facets {
+            let c = facet.normal.dot(direction);
+            if c < cosine {
+                (farthest, cosine) = (facet.normal, c);
+            }
+        }
+        if cosine > best_cosine {
+            (best, best_cosine) = (direction, cosine);
+        }
+        middle += (farthest - middle) / f64::from(step + 2);
+    }
+    (best_cosine > LEAST_COSINE).then_some(best)
+}
+
+/// The normals projected to the plane at distance 1 along the axis. No coordinate is greater than 9.
+fn gnomonic(facets: &[Facet], axis: DVec3, x: DVec3, y: DVec3) -> Vec<DVec2> {
+    facets.iter().map(|f| DVec2::new(f.normal.dot(x), f.normal.dot(y)) / f.normal.dot(axis)).collect()
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Ellipse {
+    center: DVec2,
+    /// Unit vector of the first half-axis.
+    direction: DVec2,
+    axes: [f64; 2],
+}
+
+impl Ellipse {
+    /// A small ellipse around points and what they may really be. The better of the circle around the origin and the ellipse
+    /// of least area.
+    fn around(points: &[DVec2], slack: f64) -> Option<Self> {
+        let circle = Self { center: DVec2::ZERO, direction: DVec2::X, axes: [1.0; 2] }.grown(points, slack);
+        let ellipse = Self::least(points).grown(points, slack);
+        let best = if ellipse.share() > circle.share() { ellipse } else { circle };
+        // Not so for NaN.
+        (best.axes[0].max(best.axes[1]) + best.center.length() < 15.0).then_some(best)
+    }
+
+    /// About the ellipse of least area, but for its size: weights that grow where points are far out (Titterington, "Estimation of
+    /// Correlation Coefficients by Ellipsoidal Trimming", 1978).
+    fn least(points: &[DVec2]) -> Self {
+        let mut weights = alloc::vec![1.0 / points.len() as f64; points.len()];
+        let mut moments = Moments::of(points, &weights);
+        for _ in 0..32 {
+            let [xx, xy, yy] = moments.inverse();
+            let mut sum = 0.0;
+            for (p, weight) in points.iter().zip(&mut weights) {
+                let d = *p - moments.mean;
+                // In a plane lifted into space the distance is one more than this.
+                *weight *= 1.0 + (xx * d.x * d.x + 2.0 * xy * d.x * d.y + yy * d.y * d.y);
+                sum += *weight;
+            }
+            weights.iter_mut().for_each(|weight| *weight /= sum);
+            moments = Moments::of(points, &weights);
+        }
+        let Moments { mean, xx, xy, yy } = moments;
+        // Eigenvectors of the covariance without trigonometry: that of the greater eigenvalue is the longer row.
+        let (middle, half) = ((xx + yy) * 0.5, (xx - yy) * 0.5);
+        let radius = DVec2::new(half, xy).length();
+        let (one, two) = (DVec2::new(half + radius, xy), DVec2::new(xy, radius - half));
+        let longer = if one.length_squared() > two.length_squared() { one } else { two };
+        let axes = DVec2::new(middle + radius, middle - radius).max(DVec2::ZERO).sqrt().to_array();
+        Self { center: mean, direction: longer.normalize_or(DVec2::X), axes }
+    }
+
+    /// Scaled so that it contains all points and what they may really be.
+    ///
+    /// A unit normal with `c = (1 + |p|^2)^-1/2` of its length along the axis, projected to `p`, that is off by `slack` is projected to within
+    /// `slack (1 + |p|) / (c - slack)` of `p`. With `c > 0.12` and `slack <= 1/64` this is less than `2 slack (1 + |p|^2)`.
+    fn grown(mut self, points: &[DVec2], slack: f64) -> Self {
+        let far = |e: &Self, p: DVec2| {
+            let d = p - e.center;
+            DVec2::new(d.dot(e.direction) / e.axes[0], d.dot(e.direction.perp()) / e.axes[1]).length()
+        };
+        self.axes = self.axes.map(|axis| axis.max(1e-9));
+        let most = points.iter().map(|&p| far(&self, p)).fold(0.0, f64::max);
+        self.axes = self.axes.map(|axis| (axis * most).max(LEAST_AXIS));
+        let least = self.axes[0].min(self.axes[1]);
+        let reach = |p: DVec2| far(&self, p) + 2.0 * slack * (1.0 + p.length_squared()) / least;
+        let most = points.iter().map(|&p| reach(p)).fold(0.0, f64::max);
+        self.axes = self.axes.map(|axis| axis * most);
+        self
+    }
+
+    /// Grows with the share of directions that the cone culls: the mean over the ellipse's directions of one minus the sine.
+    fn share(&self) -> f64 {
+        // Quarter circle, by symmetry; cosines of odd multiples of 9 degrees.
+        const COSINES: [f64; 5] = [0.9877, 0.8910, core::f64::consts::FRAC_1_SQRT_2, 0.4540, 0.1564];
+        let mut share = 0.0;
+        for i in 0..5 {
+            let along = DVec2::new(COSINES[i] * self.axes[0], COSINES[4 - i] * self.axes[1]).length();
+            share += 1.0 - along / DVec2::new(1.0, along).length();
+        }
+        share / (1.0 + self.center.length_squared())
+    }
+}
+
+/// Weighted mean and covariance.
+#[derive(Clone, Copy, Debug)]
+struct Moments {
+    mean: DVec2,
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl Moments {
+    fn of(points: &[DVec2], weights: &[f64]) -> Self {
+        let mean = points.iter().zip(weights).map(|(&p, &w)| p * w).sum::<DVec2>();
+        // A little in every direction, so that there is an inverse.
+        let mut moments = Self { mean, xx: 1e-7, xy: 0.0, yy: 1e-7 };
+        for (&p, &w) in points.iter().zip(weights) {
+            let d = p - mean;
+            moments.xx += w * d.x * d.x;
+            moments.xy += w * d.x * d.y;
+            moments.yy += w * d.y * d.y;
+        }
+        moments
+    }
+
+    fn inverse(&self) -> [f64; 3] {
+        let determinant = self.xx * self.yy - self.xy * self.xy;
+        [self.yy / determinant, -self.xy / determinant, self.xx / determinant]
+    }
+}
+
+/// The search for a point behind all planes (side 0) or before all of them (side 1), as near to them as possible.
+struct Apex<'a> {
+    facets: &'a [Facet],
+    doubt: Doubt,
+    axis: DVec3,
+    sides: [DVec3; 2],
+    center: DVec3,
+    size: f64,
+    side: usize,
+}
+
+impl Apex<'_> {
+    /// How far a point must be moved along [`down`](Self::down) to be on the right side of all planes: a convex function of the point.
+    fn depth(&self, p: DVec3, doubt: Doubt) -> f64 {
+        let sign = if self.side == 0 { 1.0 } else { -1.0 };
+        let mut depth = f64::NEG_INFINITY;
+        for facet in self.facets {
+            let d = p - facet.points[self.side];
+            let above = sign * facet.normal.dot(d) + (doubt.slack * d.length() + doubt.blur);
+            let along = facet.normal.dot(self.axis);
+            // Not `max`, which would drop a NaN.
+            depth = if above <= depth * along { depth } else { above / along };
+        }
+        depth
+    }
+
+    /// The least depth over a square around the centre, by golden sections within golden sections.
+    fn search(&self) -> DVec3 {
+        let sure = Doubt { slack: 0.0, blur: 0.0 };
+        let line = |x: f64| {
+            let p = self.center + self.sides[0] * x;
+            (p, golden(self.size, |y| self.depth(p + self.sides[1] * y, sure)))
+        };
+        let (x, _) = golden(self.size, |x| line(x).1.1);
+        let (p, (y, _)) = line(x);
+        p + self.sides[1] * y
+    }
+
+    /// The apex in `f32`, proved: on the right side of every plane, whatever is in doubt.
+    fn find(&self) -> Option<[f32; 3]> {
+        let start = self.search();
+        let down = if self.side == 0 { -self.axis } else { self.axis };
+        let mut depth = self.depth(start, self.doubt);
+        for _ in 0..64 {
+            let apex = (start + down * depth).as_vec3();
+            if !apex.is_finite() {
+                return None;
+            }
+            let missing = self.depth(apex.as_dvec3(), self.doubt);
+            if missing <= 0.0 {
+                return Some(apex.to_array());
+            }
+            // Half as far again, and at least as far as rounding to f32 may have moved it.
+            let rounding = f64::from(apex.abs().max_element()) * f64::from(f32::EPSILON);
+            depth += missing * 1.5 + rounding * 0.25;
+        }
+        None
+    }
+}
+
+/// The place within `reach` of zero where a convex function is least, and its value there.
+fn golden(reach: f64, mut value: impl FnMut(f64) -> f64) -> (f64, f64) {
+    const RATIO: f64 = 0.618_033_988_749_894_9;
+    let (mut low, mut high) = (-reach, reach);
+    let (mut x, mut y) = (high - RATIO * (high - low), low + RATIO * (high - low));
+    let (mut at_x, mut at_y) = (value(x), value(y));
+    for _ in 0..14 {
+        if at_x < at_y {
+            (high, y, at_y) = (y, x, at_x);
+            x = high - RATIO * (high - low);
+            at_x = value(x);
+        } else {
+            (low, x, at_x) = (x, y, at_y);
+            y = low + RATIO * (high - low);
+            at_y = value(y);
+        }
+    }
+    if at_x < at_y { (x, at_x) } else { (y, at_y) }
+}

@@ -1,0 +1,134 @@
+//! Where an eye is, as the kernel takes it, and the kernel's body.
+
+use crate::{Eye, View};
+use glam::{DVec3, DVec4};
+
+/// An eye in two `f32`, so that its difference to an apex loses nothing where coordinates are great; or minus the
+/// direction of a parallel view, in the same way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sight {
+    high: [f32; 3],
+    low: [f32; 3],
+    /// 1, or 0 for a direction, which has no apex.
+    weight: f32,
+    /// `2u` of the coordinates' magnitudes, `2^-100`, and `2^19 * 5` of how far the eye may be off.
+    blur: f32,
+}
+
+impl Sight {
+    /// An eye that may be anywhere: no cone holds it.
+    pub(crate) const UNKNOWN: Self = Self { high: [f32::NAN; 3], low: [0.0; 3], weight: 1.0, blur: f32::NAN };
+
+    /// An eye that is exactly there.
+    pub(crate) fn new(eye: &Eye) -> Self {
+        match *eye {
+            Eye::Point(eye) => Self::around(eye, 1.0, 0.0),
+            Eye::Direction(direction) => Self::around(-direction, 0.0, 0.0),
+        }
+    }
+
+    /// `p`, or what is within `radius` of it.
+    fn around(p: DVec3, weight: f32, radius: f64) -> Self {
+        let high = p.as_vec3();
+        let low = (p - high.as_dvec3()).as_vec3();
+        let blur =
+            f64::from(f32::EPSILON) * p.abs().element_sum() + f64::from(f32::MIN_POSITIVE) * 67108864.0;
+        let blur = (blur + 5.0 * 524288.0 * radius) as f32;
+        Self { high: high.to_array(), low: low.to_array(), weight, blur: blur.next_up() }
+    }
+
+    /// The eye of a view relative to `origin`, or `None` where rounding leaves open whether it is a point, or where.
+    ///
+    /// `View::eye` gives the same in plain `f64`; here is added how far that may be from the eye of the clip matrix as it is. The
+    /// eye is orthogonal to three rows of the matrix. With the rows scaled, a component is a sum of six products of three
+    /// numbers, each rounded once when scaled, twice as a product and four times in sums (at most): `12u` of the sum of their
+    /// magnitudes is more than the error.
+    pub(crate) fn of_view(view: &View, origin: DVec3) -> Option<Self> {
+        const U: f64 = f64::EPSILON / 2.0;
+        // At its own origin the matrix is as it was given.
+        let m = view.clip_from(view.origin());
+        let rows = [m.row(0), m.row(1), m.row(3)].map(|row| row / row.abs().max_element());
+        let eye = minors(rows, |a, b| a - b);
+        let error = minors(rows.map(DVec4::abs), |a, b| a + b) * (16.0 * U) + DVec4::splat(1e-290);
+        let error_at_zero = minors(rows.map(DVec4::abs), |a, b| a + b).w == 0.0;
+        if eye.w == 0.0 && error_at_zero {
+            let p = eye.truncate();
+            let length = p.length();
+            let direction = p / length;
+            let depth = m.row(2).truncate();
+            let depth = if view.depth().is_reversed() { -depth } else { depth };
+            let radius = 2.0 * error.truncate().length() / length + 8.0 * U;
+            let towards = depth.dot(direction);
+            // Not so for NaN: then nothing is decided.
+            let certain = towards.abs() > 2.0 * (radius + 8.0 * U) * depth.abs().element_sum();
+            let away = if towards < 0.0 { -direction } else { direction };
+            return (certain && radius < 1e-3).then(|| Self::around(-away, 0.0, radius));
+        }
+        let certain = eye.w.abs() > 1024.0 * error.w;
+        let position = eye.truncate() / eye.w;
+        let error = (error.truncate() + position.abs() * error.w) / eye.w.abs();
+        let moved = position + (view.origin() - origin);
+        let sums = position.abs() + view.origin().abs() + origin.abs();
+        let radius = 1.01 * error.length() + 8.0 * U * sums.element_sum();
+        (certain && radius.is_finite()).then(|| Self::around(moved, 1.0, radius))
+    }
+}
+
+/// The vector orthogonal to three others, by cofactors; with `a + b` for `subtract`, and magnitudes, the sum of all terms.
+fn minors([a, b, c]: [DVec4; 3], subtract: impl Fn(f64, f64) -> f64) -> DVec4 {
+    let minor = |i: usize, j: usize, k: usize| {
+        let (x, y, z) = (
+            subtract(b[j] * c[k], b[k] * c[j]),
+            subtract(b[i] * c[k], b[k] * c[i]),
+            subtract(b[i] * c[j], b[j] * c[i]),
+        );
+        subtract(a[i] * x, a[j] * y) + a[k] * z
+    };
+    let negative = subtract(0.0, 1.0);
+    DVec4::new(minor(1, 2, 3), negative * minor(0, 2, 3), minor(0, 1, 3), negative * minor(0, 1, 2))
+}
+
+/// The numbers of a cone: nine elements of its matrix by rows, apex, margin.
+pub(crate) const NUMBERS: usize = 13;
+
+/// Negative for each cone that surely holds the eye, the same on all paths.
+///
+/// With `v` the eye less the apex and `w = rows * v`, the cone holds the eye if `w.z + |(w.x, w.y)| <= 0`, for `rows` before they were
+/// rounded. Let `u = 2^-24`, `s` the greatest element of `rows`, `S` the sum of the magnitudes in `v`, `E` that in the eye. Then
+///
+/// - a component of `v` is two roundings off, `2u |v|` and `u |low| <= u^2 E`, and what two `f32` cannot hold of the eye, `u^2 E`;
+/// - a component of `w` is off by `3u` for the rounding of its products and sums, `u` for that of `rows` and `2u` for that of `v`,
+///   each of `s S`, and by `2u^2 s E`: less than `6.1 u s S + 2.1 u^2 s E`;
+/// - `w.z + |(w.x, w.y)|` by `1 + 2^1/2` times that, less than `15u s S + 6u^2 s E`. The margin is `32u s (S + 2u E)`: its own
+///   rounding is a millionth of it.
+/// - An eye off by `r` moves it by less than `4.2 s r`; the blur holds `5 r / 32u`.
+/// - Flushed denormals take `2^-126` from components of `v`, which is `2^-123 s` in the end; the blur's `2^-100` gives `2^-119 s`. They
+///   take as much from products: less than `2^-122`, without the factor `s`, and nothing next to `2^-50`, on which more below.
+/// - Comparing squares instead: five more roundings, for which 16u are there. Squares of what exceeds `2^-50` are well above denormals
+///   (those of smaller components may be flushed: `2^-126` next to `2^-100`), and, with `2^-122` as above, `4u` of either side
+///   of the comparison remain, at least `2^-74`.
+/// - An overflow is infinite or NaN, on either side of either comparison, and then decides nothing or what is true anyway.
+#[inline(always)]
+pub(crate) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], sight: &Sight) -> [f32; WIDTH] {
+    let [xx, xy, xz, yx, yy, yz, zx, zy, zz, ax, ay, az, margin] = cones;
+    let Sight { high, low, weight, blur } = *sight;
+    let mut found = [0.0; WIDTH];
+    for i in 0..WIDTH {
+        let x = (high[0] - weight * ax[i]) + low[0];
+        let y = (high[1] - weight * ay[i]) + low[1];
+        let z = (high[2] - weight * az[i]) + low[2];
+        let wx = (xx[i] * x + xy[i] * y) + xz[i] * z;
+        let wy = (yx[i] * x + yy[i] * y) + yz[i] * z;
+        let wz = (zx[i] * x + zy[i] * y) + zz[i] * z;
+        let size = ((x.abs() + y.abs()) + z.abs()) + blur;
+        let depth = wz + margin[i] * size;
+        let square = (wx * wx + wy * wy) * (1.0 + 8.0 * f32::EPSILON);
+        // False for NaN.
+        let outside = square < depth * depth;
+        found[i] = if outside { depth + LEAST } else { 0.0 };
+    }
+    found
+}
+
+/// `2^-50`.
+const LEAST: f32 = 1.0 / 1_125_899_906_842_624.0;

@@ -1,0 +1,439 @@
+//! Backface culling against exact arithmetic: no triangle whose front an eye sees is ever in a culled cluster.
+
+mod common;
+
+use common::*;
+use visibility_core::backface::{ConeTree, Cones, Facing, MeshError, NormalCone, cluster_mesh, facing};
+use visibility_core::glam::{DAffine3, DMat3, DVec3, Vec3};
+use visibility_core::{Aabb, Eye, Simd, Triangle};
+
+/// A number as an exact sum.
+type Sum = Vec<f64>;
+
+fn product(a: &Sum, b: &Sum) -> Sum {
+    let mut sum = Sum::new();
+    for &x in a {
+        for &y in b {
+            let high = x * y;
+            sum.extend([high, x.mul_add(y, -high)]);
+        }
+    }
+    // Kept short: zeros say nothing.
+    sum.retain(|&x| x != 0.0);
+    sum
+}
+
+fn minus(a: &Sum) -> Sum {
+    a.iter().map(|x| -x).collect()
+}
+
+fn plus(a: &Sum, b: &Sum) -> Sum {
+    [a.as_slice(), b].concat()
+}
+
+/// The sign of `(b - a) x (c - a) . towards`, exactly; positive where the front is seen.
+fn side_of([a, b, c]: [DVec3; 3], towards: [Sum; 3]) -> i32 {
+    let difference = |x: DVec3, i: usize| vec![x[i], -a[i]];
+    let mut terms = Vec::new();
+    for i in 0..3 {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        let one = product(&difference(b, j), &difference(c, k));
+        let two = product(&difference(b, k), &difference(c, j));
+        // A component may have 16 terms, with the eye's 64.
+        let component = compress(plus(&one, &minus(&two)));
+        terms.extend(component.iter().flat_map(|&x| towards[i].iter().map(move |&y| (x, y))));
+    }
+    sign_of_sum(terms)
+}
+
+/// The same sum without overlap.
+fn compress(terms: Sum) -> Sum {
+    let mut expansion = Sum::new();
+    for mut q in terms {
+        for h in &mut expansion {
+            let sum = q + *h;
+            let other = sum - q;
+            *h = (q - (sum - other)) + (*h - other);
+            q = sum;
+        }
+        expansion.retain(|&x| x != 0.0);
+        expansion.push(q);
+    }
+    expansion.retain(|&x| x != 0.0);
+    expansion
+}
+
+fn exact_side(triangle: &Triangle, eye: &Eye) -> i32 {
+    let t = triangle.map(|p| p.as_dvec3());
+    side_of(
+        t,
+        core::array::from_fn(|i| match *eye {
+            Eye::Point(eye) => compress(vec![eye[i], -t[0][i]]),
+            Eye::Direction(direction) => vec![-direction[i]],
+        }),
+    )
+}
+
+/// What is said of one triangle must be true.
+fn check(said: Facing, exact: i32) {
+    match said {
+        Facing::Front => assert!(exact >= 0),
+        Facing::Back => assert!(exact <= 0),
+        Facing::Undecided => {}
+    }
+}
+
+/// A vector of about `scale` times two to a power in the range.
+fn far_vector(rng: &mut Random, scale: f64, least: i32, most: i32) -> DVec3 {
+    let size = scale * power_of_two(rng.between(least, most));
+    rng.vector(size)
+}
+
+fn point(rng: &mut Random, size: f64) -> Vec3 {
+    rng.vector(size).as_vec3()
+}
+
+/// A patch of a bent sheet at a place and scale, in the manner of what people build: its normals lie on an arc or a cap.
+fn patch(rng: &mut Random, scale: f64, place: DVec3) -> Vec<Triangle> {
+    let bend = [rng.range(-2.0, 2.0), rng.range(-2.0, 2.0) * f64::from(u8::from(rng.one_in(2)))];
+    let frame = DMat3::from_cols(rng.vector(1.0), rng.vector(1.0), rng.vector(1.0));
+    let at = |i: u32| {
+        let (x, y) = (f64::from(i % 6) / 5.0 - 0.5, f64::from(i / 6) / 5.0 - 0.5);
+        let height = bend[0] * x * x + bend[1] * y * y;
+        (frame * DVec3::new(x, y, height) * scale + place).as_vec3()
+    };
+    let corners = (0..30).filter(|i| i % 6 != 5);
+    corners.flat_map(|i| [[i, i + 1, i + 7], [i, i + 7, i + 6]]).map(|t| t.map(at)).collect()
+}
+
+/// Eyes near a patch and far away, and some within a hair of planes, where only margins help.
+fn eyes(rng: &mut Random, triangles: &[Triangle], scale: f64, count: usize) -> Vec<Eye> {
+    let center = triangles[0][0].as_dvec3();
+    (0..count)
+        .map(|i| match i % 4 {
+            0 => Eye::Point(center + rng.vector(scale)),
+            1 => Eye::Point(center + far_vector(rng, scale, 0, 12)),
+            2 => Eye::Direction(rng.vector(1.0).normalize()),
+            _ => {
+                // On the plane of a triangle but for rounding.
+                let [a, b, c] = rng.pick(triangles).map(|p| p.as_dvec3());
+                let (s, t) = (rng.range(-9.0, 9.0) / 3.0, rng.range(-9.0, 9.0) / 7.0);
+                Eye::Point(a + (b - a) * s + (c - a) * t)
+            }
+        })
+        .collect()
+}
+
+#[test]
+fn the_side_of_a_triangle_is_right_or_undecided() {
+    let mut rng = Random(1);
+    let (mut decided, mut near) = (0, 0);
+    for round in 0..20_000 {
+        let scale = power_of_two(rng.between(-50, 50));
+        let place = far_vector(&mut rng, scale, -4, 12);
+        let triangle: Triangle = core::array::from_fn(|_| (rng.vector(scale) + place).as_vec3());
+        for eye in eyes(&mut rng, &[triangle], scale, 4) {
+            let exact = exact_side(&triangle, &eye);
+            let said = facing(&triangle, &eye);
+            check(said, exact);
+            decided += usize::from(said != Facing::Undecided);
+            near += usize::from(said == Facing::Undecided && exact != 0);
+            assert_eq!(facing(&[triangle[0], triangle[2], triangle[1]], &eye), said.flipped(), "{round}");
+        }
+    }
+    println!("decided {decided}, undecided though not on the plane {near}");
+    assert!(decided > 59_000 && near > 1000, "both cases are tried: {decided} {near}");
+}
+
+#[test]
+fn no_front_is_in_a_cluster_that_is_said_to_be_back() {
+    let mut rng = Random(2);
+    let mut said_so = [0; 3];
+    for _ in 0..1500 {
+        let scale = power_of_two(rng.between(-50, 50));
+        let place = far_vector(&mut rng, scale, -4, 16);
+        let triangles = patch(&mut rng, scale, place);
+        let cone = NormalCone::from_triangles(&triangles);
+        for eye in eyes(&mut rng, &triangles, scale, 16)
+            .into_iter()
+            .chain(at_the_limit(&mut rng, &cone, scale, place))
+        {
+            let said = cone.facing(&eye);
+            said_so[said as usize] += 1;
+            if said != Facing::Undecided {
+                triangles.iter().for_each(|triangle| check(said, exact_side(triangle, &eye)));
+            }
+            assert_eq!(cone.flipped().facing(&eye), said.flipped());
+        }
+    }
+    println!("front, back, undecided: {said_so:?}");
+    assert!(said_so.iter().all(|&n| n > 3000), "{said_so:?}");
+}
+
+/// Eyes between one that is decided and one that is not, as near to the limit as `f64` tells.
+fn at_the_limit(rng: &mut Random, cone: &NormalCone, scale: f64, place: DVec3) -> Vec<Eye> {
+    let mut found = Vec::new();
+    for _ in 0..4 {
+        let (mut a, mut b) = (place + rng.vector(scale * 8.0), place + rng.vector(scale * 8.0));
+        let first = cone.facing(&Eye::Point(a));
+        if first == cone.facing(&Eye::Point(b)) {
+            continue;
+        }
+        for _ in 0..40 {
+            let middle = a + (b - a) * 0.5;
+            if cone.facing(&Eye::Point(middle)) == first { a = middle } else { b = middle }
+        }
+        found.extend([Eye::Point(a), Eye::Point(b)]);
+    }
+    found
+}
+
+#[test]
+fn cones_over_cones_and_of_viewcells_are_right() {
+    let mut rng = Random(3);
+    let (mut over, mut cells) = (0, 0);
+    for _ in 0..400 {
+        let scale = power_of_two(rng.between(-20, 20));
+        let one = patch(&mut rng, scale, DVec3::ZERO);
+        // Cut into strips, then put together again.
+        let cones: Vec<NormalCone> = one.chunks(10).map(NormalCone::from_triangles).collect();
+        let all = NormalCone::from_cones(&cones);
+        let twice = NormalCone::from_cones([&all]);
+        let own = eyes(&mut rng, &one, scale, 16);
+        for eye in own.iter().copied().chain(at_the_limit(&mut rng, &twice, scale, DVec3::ZERO)) {
+            for said in [all.facing(&eye), twice.facing(&eye)] {
+                if said != Facing::Undecided {
+                    over += 1;
+                    one.iter().for_each(|triangle| check(said, exact_side(triangle, &eye)));
+                }
+            }
+        }
+        for _ in 0..8 {
+            let (corner, size) = (rng.vector(scale * 4.0), rng.vector(scale).abs());
+            let cell = Aabb::new(corner.as_vec3(), (corner + size).as_vec3());
+            let said = all.facing_from_aabb(&cell);
+            let mut masks = [0];
+            Cones::new([all]).back_facing_from_aabb(&cell, &mut masks);
+            assert_eq!(masks[0] == 1, said == Facing::Back);
+            if said != Facing::Undecided {
+                cells += 1;
+                for _ in 0..8 {
+                    let weight = DVec3::new(rng.unit(), rng.unit(), rng.unit());
+                    let eye =
+                        Eye::Point(cell.min.as_dvec3() + (cell.max - cell.min).as_dvec3() * weight * 0.999);
+                    one.iter().for_each(|triangle| check(said, exact_side(triangle, &eye)));
+                }
+            }
+        }
+    }
+    println!("{over} decisions of cones over cones, {cells} of viewcells");
+    assert!(over > 3000 && cells > 500);
+}
+
+#[test]
+fn transformed_cones_are_right_for_any_transform() {
+    let mut rng = Random(4);
+    let (mut mirrored, mut decided, mut open) = (0, [0; 3], 0);
+    for round in 0..1500 {
+        // Small integers and powers of two, so that transformed corners are exact.
+        let place = DVec3::from_array(core::array::from_fn(|_| f64::from(rng.between(-64, 64))));
+        let triangles = patch(&mut rng, 8.0, place);
+        let triangles: Vec<Triangle> =
+            triangles.iter().map(|t| t.map(|p| (p * 256.0).round() / 256.0)).collect();
+        let cone = NormalCone::from_triangles(&triangles);
+        let mut matrix = DMat3::from_cols_array(&core::array::from_fn(|_| f64::from(rng.between(-8, 8))));
+        if round % 3 == 0 {
+            let stretch = core::array::from_fn(|_| power_of_two(rng.between(-6, 6)) * rng.pick(&[-1.0, 1.0]));
+            matrix = DMat3::from_diagonal(DVec3::from_array(stretch));
+        }
+        let moved = DVec3::from_array(core::array::from_fn(|_| f64::from(rng.between(-1000, 1000))));
+        let transform = DAffine3::from_mat3_translation(matrix, moved);
+        let image = cone.transformed(&transform);
+        open += usize::from(image.is_open());
+        mirrored += usize::from(matrix.determinant() < 0.0);
+        let exact: Vec<[DVec3; 3]> =
+            triangles.iter().map(|t| t.map(|p| transform.transform_point3(p.as_dvec3()))).collect();
+        let scale =
+            exact.iter().flatten().map(|p| (*p - exact[0][0]).abs().max_element()).fold(0.0, f64::max);
+        for i in 0..40 {
+            let eye = exact[0][0] + far_vector(&mut rng, 1.0 + scale, -1, 6);
+            let eye = if i % 5 == 0 { Eye::Direction(rng.vector(1.0).normalize()) } else { Eye::Point(eye) };
+            let said = image.facing(&eye);
+            decided[said as usize] += 1;
+            for t in exact.iter().filter(|_| said != Facing::Undecided) {
+                let towards = core::array::from_fn(|i| match eye {
+                    Eye::Point(eye) => compress(vec![eye[i], -t[0][i]]),
+                    Eye::Direction(direction) => vec![-direction[i]],
+                });
+                check(said, side_of(*t, towards));
+            }
+        }
+    }
+    println!("mirrored {mirrored}, open {open}; front, back, undecided: {decided:?}");
+    assert!(mirrored > 500 && decided[0] > 3000 && decided[1] > 3000);
+}
+
+#[test]
+fn every_path_says_the_same_of_a_hundred_thousand_cones() {
+    let mut rng = Random(5);
+    let patches: Vec<NormalCone> = (0..500)
+        .map(|_| {
+            let (size, place) = (power_of_two(rng.between(-8, 8)), rng.vector(100.0));
+            NormalCone::from_triangles(&patch(&mut rng, size, place))
+        })
+        .collect();
+    let cones: Vec<NormalCone> = (0..2000).map(|_| rng.pick(&patches)).collect();
+    let mut hash = FNV_START;
+    for round in 0..64 {
+        let eye = match round % 8 {
+            0 => Eye::Direction(rng.vector(1.0)),
+            1 => Eye::Point(DVec3::new(rng.bits64(), rng.bits64(), rng.bits64())),
+            2 => Eye::Point(rng.vector(1e30)),
+            3 => Eye::Point(DVec3::new(f64::NAN, f64::INFINITY, 0.0)),
+            _ => Eye::Point(rng.vector(200.0)),
+        };
+        let mut expected = vec![0; 40];
+        Cones::with_simd(cones.iter().copied(), Simd::PORTABLE).back_facing(&eye, &mut expected);
+        let one_by_one = cones.iter().map(|cone| cone.facing(&eye) == Facing::Back);
+        for (i, back) in one_by_one.enumerate() {
+            assert_eq!(expected[i / 64] >> (i % 64) & 1 == 1, back, "{i}");
+        }
+        for simd in Simd::available() {
+            let mut found = vec![u64::MAX; 40];
+            Cones::with_simd(cones.iter().copied(), simd).back_facing(&eye, &mut found);
+            assert_eq!(found, expected, "{simd:?}");
+        }
+        hash = expected.iter().fold(hash, |hash, word| fnv(hash, &word.to_le_bytes()));
+    }
+    println!("hash {hash:#018x}");
+    assert_eq!(hash, PINNED, "the same answers on every platform");
+}
+
+/// Of what the kernel answers, by way of fits that use nothing but basic arithmetic and square roots.
+const PINNED: u64 = 0x74f6_5c25_0d1e_5809;
+
+#[test]
+fn a_tree_decides_what_its_cones_do() {
+    let mut rng = Random(6);
+    for count in [0u32, 1, 63, 64, 65, 700, 5000] {
+        // Neighbours face alike, as clusters in order do.
+        let sphere: Vec<NormalCone> = (0..count)
+            .map(|i| {
+                let turn = f64::from(i) / f64::from(count) * 6.28;
+                let normal = DVec3::new(turn.cos(), turn.sin(), 0.3);
+                let (x, y) = normal.normalize().any_orthonormal_pair();
+                let at = normal * 10.0 + rng.vector(0.5);
+                NormalCone::from_triangles(&[[at, at + x, at + y].map(|p| p.as_vec3())])
+            })
+            .collect();
+        let tree = ConeTree::new(&sphere);
+        assert_eq!(tree.len(), sphere.len());
+        let (mut total, mut culled) = (0, 0);
+        for _ in 0..20 {
+            let eye = Eye::Point(rng.vector(40.0));
+            let words = sphere.len().div_ceil(64);
+            let (mut flat, mut masks) = (vec![0; words], vec![7; words + 2]);
+            Cones::new(sphere.iter().copied()).back_facing(&eye, &mut flat);
+            total += tree.back_facing(&eye, &mut masks);
+            assert_eq!(masks[words..], [0; 2]);
+            assert_eq!(masks[..words], flat);
+            culled += flat.iter().map(|mask| mask.count_ones() as usize).sum::<usize>();
+            tree.back_facing(&eye, &mut masks[..words / 2]);
+        }
+        println!(
+            "{count}: {culled} culled in 20 views, {total} blocks tested of {}",
+            20 * count.div_ceil(64)
+        );
+        assert!(count < 700 || total < 20 * u64::from(count.div_ceil(64)) && culled > 0);
+    }
+}
+
+#[test]
+fn clusters_are_a_permutation_of_the_right_sizes() {
+    let mut rng = Random(7);
+    for count in [0usize, 1, 63, 64, 128, 129, 191, 192, 193, 1000, 4321] {
+        let positions: Vec<Vec3> = (0..count + 3).map(|_| point(&mut rng, 1.0)).collect();
+        let mut indices: Vec<[u32; 3]> =
+            (0..count).map(|_| core::array::from_fn(|_| rng.below(positions.len()) as u32)).collect();
+        let clusters = cluster_mesh(&positions, &indices).unwrap();
+        let mut all: Vec<u32> =
+            clusters.iter().flat_map(|cluster| cluster.triangles.iter().copied()).collect();
+        all.sort_unstable();
+        assert_eq!(all, (0..count as u32).collect::<Vec<_>>());
+        for cluster in &clusters {
+            assert!(cluster.triangles.len() <= 128 && (cluster.triangles.len() >= 64 || count < 64));
+            let corners = cluster.triangles.iter().flat_map(|&t| indices[t as usize]);
+            assert!(corners.clone().all(|v| cluster.bounds.contains_point(positions[v as usize])));
+        }
+        assert_eq!(cluster_mesh(&positions, &indices).unwrap(), clusters, "the same again");
+        indices.push([0, count as u32 + 3, 1]);
+        let error = MeshError::VertexOutOfRange { triangle: count, vertex: count as u32 + 3 };
+        assert_eq!(cluster_mesh(&positions, &indices), Err(error));
+    }
+}
+
+#[test]
+fn hostile_triangles_neither_panic_nor_lie() {
+    let floor = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let below = Eye::Point(DVec3::new(0.2, 0.2, -3.0));
+    let with = |t: Triangle| NormalCone::from_triangles(&[floor, t]).facing(&below);
+    assert_eq!(with([Vec3::ONE; 3]), Facing::Back, "without area");
+    assert_eq!(with([Vec3::ZERO, Vec3::ONE, Vec3::ONE * 3.0]), Facing::Back, "without area");
+    assert_eq!(with([Vec3::NAN, Vec3::ONE, Vec3::ZERO]), Facing::Undecided);
+    assert_eq!(with([Vec3::INFINITY, Vec3::ONE, Vec3::ZERO]), Facing::Undecided);
+    assert_eq!(with([Vec3::ZERO, Vec3::Y, Vec3::X]), Facing::Undecided, "all directions");
+    // So thin that nobody knows its normal: seen from the front, it must not be culled.
+    let thin = [Vec3::ZERO, Vec3::new(1.0, 1.0, 1.0), Vec3::new(1e10, 1e10, 1e10_f32.next_up())];
+    assert_ne!(exact_side(&thin, &Eye::Point(DVec3::X)), 0);
+    let cone = NormalCone::from_triangles(&[thin]);
+    for eye in [DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y].map(Eye::Point) {
+        check(cone.facing(&eye), exact_side(&thin, &eye));
+    }
+    assert!(NormalCone::from_triangles(&[]).is_open() && NormalCone::from_cones(&[]).is_open());
+    let cone = NormalCone::from_triangles(&[floor]);
+    assert!(NormalCone::from_cones(&[cone, NormalCone::OPEN]).is_open());
+    for broken in [DAffine3::ZERO, DAffine3::from_scale(DVec3::new(1.0, f64::NAN, 1.0))] {
+        assert!(cone.transformed(&broken).is_open());
+    }
+    assert_eq!(cone.facing_from_aabb(&Aabb::EMPTY), Facing::Undecided);
+    assert_eq!(cone.facing_from_points([]), Facing::Undecided);
+    let mut rng = Random(8);
+    for _ in 0..20_000 {
+        let bits: Vec<Triangle> = (0..rng.below(4))
+            .map(|_| core::array::from_fn(|_| Vec3::new(rng.bits32(), rng.bits32(), rng.bits32())))
+            .collect();
+        let cone = NormalCone::from_triangles(&bits);
+        let eye = Eye::Point(DVec3::new(rng.bits64(), rng.bits64(), rng.bits64()));
+        let image = cone.transformed(&DAffine3::from_cols_array(&core::array::from_fn(|_| rng.bits64())));
+        assert_eq!(image.is_open() && cone.is_open(), cone.is_open());
+        let _ = (cone.facing(&eye), image.facing(&eye));
+        for triangle in &bits {
+            let _ = facing(triangle, &eye);
+        }
+        let corners: Vec<Vec3> = bits.iter().flatten().copied().collect();
+        let indices: Vec<[u32; 3]> = (0..bits.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        assert!(cluster_mesh(&corners, &indices).is_ok());
+    }
+}
+
+#[test]
+fn clear_cases_are_decided_at_all_scales() {
+    let mut rng = Random(9);
+    for exponent in -50..=50 {
+        let scale = power_of_two(exponent);
+        let place = rng.vector(scale * 1000.0);
+        let sheet: Vec<Triangle> = (0..10)
+            .map(|i| {
+                let a = place + DVec3::X * scale * f64::from(i);
+                [a, a + DVec3::X * scale, a + DVec3::Y * scale].map(|p| p.as_vec3())
+            })
+            .collect();
+        let cone = NormalCone::from_triangles(&sheet);
+        // A hundredth of a degree from edge-on is a thousand times what rounding does at this distance from the origin; the
+        // least ellipse is a tenth of a degree.
+        for (height, expected) in [(0.2, Facing::Front), (-0.2, Facing::Back)] {
+            let eye = place + DVec3::new(5.0 * scale, 50.0 * scale, height * scale);
+            assert_eq!(cone.facing(&Eye::Point(eye)), expected, "2^{exponent}");
+        }
+    }
+}
