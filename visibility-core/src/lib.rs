@@ -41,6 +41,7 @@ compile_error!("visibility-core needs floating point: enable the feature `std` o
 
 pub mod backface;
 mod casters;
+pub mod cells;
 mod culler;
 mod float;
 mod frustum;
@@ -55,6 +56,7 @@ mod visible_set;
 
 pub use backface::BackfaceCuller;
 pub use casters::{CasterCuller, Light, LightError};
+pub use cells::{CellGraph, CellGraphError, CellId, Portal, PortalId};
 pub use culler::{Accuracy, CullStats, Culler};
 pub use frustum::FrustumCuller;
 pub use geometry::{Aabb, Containment, ConvexPolygon, Plane, PolygonError, Sphere};

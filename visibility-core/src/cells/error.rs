@@ -1,0 +1,85 @@
+//! What can be wrong with cells and portals, and which of them it is.
+
+use super::{CellId, PortalId};
+use crate::ObjectId;
+use core::fmt;
+
+/// Why cells and portals cannot be used, or should not be trusted.
+#[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
+pub enum CellGraphError {
+    /// More than [`CellGraph::LIMIT`](super::CellGraph::LIMIT).
+    TooMany {
+        /// Of what.
+        what: &'static str,
+        /// How many at least.
+        count: usize,
+    },
+    /// A portal leads to a cell that does not exist.
+    UnknownCell {
+        /// The portal.
+        portal: PortalId,
+        /// The cell that it names.
+        cell: CellId,
+        /// How many cells there are.
+        cells: usize,
+    },
+    /// A portal leads from a cell to itself.
+    SameCell {
+        /// The portal.
+        portal: PortalId,
+        /// The cell.
+        cell: CellId,
+    },
+    /// A portal is an empty polygon, or one without area.
+    NoPlane {
+        /// The portal.
+        portal: PortalId,
+    },
+    /// An object is said to be in a cell that does not exist.
+    UnknownObjectCell {
+        /// The object.
+        object: ObjectId,
+        /// The cell.
+        cell: CellId,
+        /// How many cells there are.
+        cells: usize,
+    },
+    /// Two portals of one cell cannot both be on the boundary of a convex body: one lies behind the other. Either the cell is not convex,
+    /// or the portal is not on its boundary, or its normal points the wrong way.
+    NotOnBoundary {
+        /// The cell.
+        cell: CellId,
+        /// The portal that reaches behind the other.
+        portal: PortalId,
+        /// The other.
+        behind: PortalId,
+        /// How far it reaches.
+        distance: f64,
+    },
+}
+
+impl fmt::Display for CellGraphError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::TooMany { what, count } => write!(f, "{count} {what} are too many"),
+            Self::UnknownCell { portal, cell, cells } => {
+                write!(f, "portal {} leads to cell {}, but there are only {cells}", portal.0, cell.0)
+            }
+            Self::SameCell { portal, cell } => {
+                write!(f, "portal {} leads from cell {} to itself", portal.0, cell.0)
+            }
+            Self::NoPlane { portal } => write!(f, "portal {} has no area", portal.0),
+            Self::UnknownObjectCell { object, cell, cells } => {
+                write!(f, "object {} is put into cell {}, but there are only {cells}", object.index(), cell.0)
+            }
+            Self::NotOnBoundary { cell, portal, behind, distance } => write!(
+                f,
+                "portal {} of cell {} reaches {distance} behind portal {}: not on the boundary of a convex cell",
+                portal.0, cell.0, behind.0
+            ),
+        }
+    }
+}
+
+impl core::error::Error for CellGraphError {}

@@ -1,0 +1,207 @@
+//! Cells and portals: rooms, and the openings through which they are seen from one another.
+//!
+//! A [`CellGraph`] divides the space that can be walked into convex cells; what bounds a cell is opaque but for its portals, convex
+//! polygons that it shares with one other cell each. A line of sight therefore leaves a cell only through portals, which is all that
+//! visibility needs to know of the walls (Airey, "Increasing Update Rates in the Building Walkthrough System", 1990; Teller and Sequin,
+//! "Visibility Preprocessing for Interactive Walkthroughs", 1991; Durand's survey, chapter 5, section 7).
+//!
+//! # Conventions
+//! Coordinates are `f64`, in the world's own units. A portal's normal, from whose tip its vertices run counter-clockwise, points into the
+//! second of its two cells. Cells and portals are numbered from 0 in the order given.
+
+mod error;
+mod validate;
+
+pub use error::CellGraphError;
+
+use crate::{ConvexPolygon, ObjectId, Plane};
+use alloc::vec::Vec;
+
+/// A cell of a [`CellGraph`], by its number.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub struct CellId(pub u32);
+
+impl CellId {
+    /// The number of the cell, to index arrays with.
+    pub const fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// A portal of a [`CellGraph`], by its number.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub struct PortalId(pub u32);
+
+impl PortalId {
+    /// The number of the portal, to index arrays with.
+    pub const fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// An opening between two cells.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Portal {
+    polygon: ConvexPolygon,
+    cells: [CellId; 2],
+    plane: Plane,
+}
+
+impl Portal {
+    /// The opening, counter-clockwise as seen from the second cell.
+    pub fn polygon(&self) -> &ConvexPolygon {
+        &self.polygon
+    }
+
+    /// The cells on both sides; the normal points into the second.
+    pub fn cells(&self) -> [CellId; 2] {
+        self.cells
+    }
+
+    /// The plane fitted to the polygon, its unit normal pointing into the second cell.
+    pub fn plane(&self) -> Plane {
+        self.plane
+    }
+}
+
+/// Convex cells, the convex portals between them, and the objects in each.
+///
+/// ```
+/// use visibility_core::{CellGraph, CellId, ConvexPolygon, glam::DVec3};
+/// // Two rooms side by side along x, with a door at x = 4; its normal, +x, points into the second room.
+/// let door = ConvexPolygon::new([[4.0, 1.0, 0.0], [4.0, 2.0, 0.0], [4.0, 2.0, 2.0], [4.0, 1.0, 2.0]].map(DVec3::from))?;
+/// let graph = CellGraph::new(2, [(door, [CellId(0), CellId(1)])])?;
+/// assert_eq!(graph.portals_of(CellId(1)).len(), 1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct CellGraph {
+    portals: Vec<Portal>,
+    /// Where each cell's portals begin in `of_cells`, and at the end where the last ones stop.
+    first: Vec<u32>,
+    of_cells: Vec<PortalId>,
+    /// As `first`, for `objects`.
+    first_object: Vec<u32>,
+    objects: Vec<ObjectId>,
+}
+
+impl CellGraph {
+    /// The most cells or portals that a graph can have.
+    pub const LIMIT: usize = 1 << 20;
+
+    /// A graph from the number of its cells and its portals, each with the two cells that it joins: its normal points into the second.
+    ///
+    /// Whether the portals of a cell can bound a convex body is not asked here, but by [`validate`](Self::validate). Takes time and memory
+    /// in proportion to cells and portals.
+    ///
+    /// # Errors
+    /// Names the first portal that joins a cell to itself or to one that does not exist, or that has no plane; see [`CellGraphError`].
+    pub fn new(
+        cells: usize,
+        portals: impl IntoIterator<Item = (ConvexPolygon, [CellId; 2])>,
+    ) -> Result<Self, CellGraphError> {
+        if cells > Self::LIMIT {
+            return Err(CellGraphError::TooMany { what: "cells", count: cells });
+        }
+        let mut all = Vec::new();
+        let mut first = alloc::vec![0u32; cells + 1];
+        for (index, (polygon, ends)) in portals.into_iter().enumerate() {
+            let portal = PortalId(index as u32);
+            if index >= Self::LIMIT {
+                return Err(CellGraphError::TooMany { what: "portals", count: index + 1 });
+            }
+            if let Some(&cell) = ends.iter().find(|cell| cell.index() >= cells) {
+                return Err(CellGraphError::UnknownCell { portal, cell, cells });
+            }
+            if ends[0] == ends[1] {
+                return Err(CellGraphError::SameCell { portal, cell: ends[0] });
+            }
+            let plane = polygon.plane().ok_or(CellGraphError::NoPlane { portal })?;
+            ends.iter().for_each(|cell| first[cell.index()] += 1);
+            all.push(Portal { polygon, cells: ends, plane });
+        }
+        // Counts become starts: each cell's portals in ascending order, by filling from the back.
+        let mut sum = 0;
+        for count in &mut first {
+            sum += *count;
+            *count = sum;
+        }
+        let mut of_cells = alloc::vec![PortalId(0); sum as usize];
+        for (index, portal) in all.iter().enumerate().rev() {
+            for cell in portal.cells {
+                first[cell.index()] -= 1;
+                of_cells[first[cell.index()] as usize] = PortalId(index as u32);
+            }
+        }
+        Ok(Self {
+            portals: all,
+            first,
+            of_cells,
+            first_object: alloc::vec![0; cells + 1],
+            objects: Vec::new(),
+        })
+    }
+
+    /// How many cells there are.
+    pub fn cell_count(&self) -> usize {
+        self.first.len().saturating_sub(1)
+    }
+
+    /// All portals, in the order of their numbers.
+    pub fn portals(&self) -> &[Portal] {
+        &self.portals
+    }
+
+    /// A portal, if there is one of that number.
+    pub fn portal(&self, id: PortalId) -> Option<&Portal> {
+        self.portals.get(id.index())
+    }
+
+    /// The portals of a cell, ascending; none for an unknown cell.
+    pub fn portals_of(&self, cell: CellId) -> &[PortalId] {
+        slice_of(&self.first, &self.of_cells, cell)
+    }
+
+    /// Says which objects are in which cells, in place of what was said before. An object that reaches into several cells is named with
+    /// each of them. Pairs may come in any order; sorts them.
+    ///
+    /// # Errors
+    /// [`CellGraphError::UnknownObjectCell`]; then nothing has changed.
+    pub fn set_objects(
+        &mut self,
+        pairs: impl IntoIterator<Item = (CellId, ObjectId)>,
+    ) -> Result<(), CellGraphError> {
+        let mut pairs: Vec<_> = pairs.into_iter().collect();
+        let cells = self.cell_count();
+        if let Some(&(cell, object)) = pairs.iter().find(|(cell, _)| cell.index() >= cells) {
+            return Err(CellGraphError::UnknownObjectCell { object, cell, cells });
+        }
+        if pairs.len() > u32::MAX as usize {
+            return Err(CellGraphError::TooMany { what: "objects in cells", count: pairs.len() });
+        }
+        pairs.sort_unstable();
+        pairs.dedup();
+        self.first_object.iter_mut().for_each(|first| *first = 0);
+        pairs.iter().for_each(|(cell, _)| self.first_object[cell.index() + 1] += 1);
+        for i in 1..self.first_object.len() {
+            self.first_object[i] += self.first_object[i - 1];
+        }
+        self.objects = pairs.into_iter().map(|(_, object)| object).collect();
+        Ok(())
+    }
+
+    /// The objects in a cell, ascending; none for an unknown cell.
+    pub fn objects_in(&self, cell: CellId) -> &[ObjectId] {
+        slice_of(&self.first_object, &self.objects, cell)
+    }
+}
+
+fn slice_of<'a, T>(first: &[u32], items: &'a [T], cell: CellId) -> &'a [T] {
+    match first.get(cell.index()..).and_then(|rest| rest.get(..2)) {
+        Some(&[start, end]) => &items[start as usize..end as usize],
+        _ => &[],
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,60 @@
+use super::*;
+use alloc::string::ToString;
+use glam::DVec3;
+
+/// A square of side 2 around (x, 0, 0), with normal +x.
+fn door(x: f64) -> ConvexPolygon {
+    ConvexPolygon::new([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| DVec3::new(x, y, z)))
+        .unwrap()
+}
+
+fn row(cells: usize) -> CellGraph {
+    let portals = (1..cells as u32).map(|i| (door(f64::from(i) * 4.0), [CellId(i - 1), CellId(i)]));
+    CellGraph::new(cells, portals).unwrap()
+}
+
+#[test]
+fn a_row_of_rooms_knows_its_doors() {
+    let graph = row(4);
+    assert_eq!((graph.cell_count(), graph.portals().len()), (4, 3));
+    assert_eq!(graph.portals_of(CellId(0)), [PortalId(0)]);
+    assert_eq!(graph.portals_of(CellId(1)), [PortalId(0), PortalId(1)]);
+    assert_eq!(graph.portals_of(CellId(4)), []);
+    assert_eq!(graph.portal(PortalId(2)).unwrap().plane().normal, DVec3::X);
+    assert_eq!(graph.validate(1e-9), Ok(()));
+    assert_eq!(CellGraph::default().cell_count(), 0);
+}
+
+#[test]
+fn errors_name_what_is_wrong() {
+    let one = |ends| CellGraph::new(2, [(door(0.0), ends)]).unwrap_err();
+    let unknown = one([CellId(0), CellId(2)]);
+    assert_eq!(unknown.to_string(), "portal 0 leads to cell 2, but there are only 2");
+    assert_eq!(one([CellId(1); 2]), CellGraphError::SameCell { portal: PortalId(0), cell: CellId(1) });
+    let empty = CellGraph::new(2, [(ConvexPolygon::default(), [CellId(0), CellId(1)])]).unwrap_err();
+    assert_eq!(empty, CellGraphError::NoPlane { portal: PortalId(0) });
+    assert!(matches!(CellGraph::new(usize::MAX, []), Err(CellGraphError::TooMany { .. })));
+}
+
+#[test]
+fn a_portal_that_points_the_wrong_way_is_named() {
+    let ends = |a, b| [CellId(a), CellId(b)];
+    let graph = CellGraph::new(3, [(door(0.0), ends(0, 1)), (door(4.0), ends(2, 1))]).unwrap();
+    let error = graph.validate(1e-9).unwrap_err();
+    assert!(matches!(error, CellGraphError::NotOnBoundary { cell: CellId(1), distance: 4.0, .. }), "{error}");
+}
+
+#[test]
+fn objects_are_found_by_cell() {
+    let mut scene = crate::Scene::new();
+    let ids: Vec<_> =
+        (0..3).map(|i| scene.insert(crate::Aabb::from_arrays([i as f32; 3], [i as f32 + 1.0; 3]))).collect();
+    let mut graph = row(3);
+    let pairs = [(CellId(2), ids[1]), (CellId(0), ids[2]), (CellId(0), ids[0]), (CellId(0), ids[2])];
+    graph.set_objects(pairs).unwrap();
+    assert_eq!(graph.objects_in(CellId(0)), [ids[0], ids[2]]);
+    assert_eq!(graph.objects_in(CellId(1)), []);
+    assert_eq!(graph.objects_in(CellId(2)), [ids[1]]);
+    assert!(graph.set_objects([(CellId(3), ids[0])]).is_err());
+    assert_eq!(graph.objects_in(CellId(2)), [ids[1]]);
+}
