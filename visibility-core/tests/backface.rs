@@ -3,9 +3,11 @@
 mod common;
 
 use common::*;
-use visibility_core::backface::{ConeTree, Cones, Facing, MeshError, NormalCone, cluster_mesh, facing};
+use visibility_core::backface::{
+    BackfaceCuller, ConeTree, Cones, Facing, MeshError, NormalCone, cluster_mesh, facing,
+};
 use visibility_core::glam::{DAffine3, DMat3, DVec3, Vec3};
-use visibility_core::{Aabb, Eye, Simd, Triangle};
+use visibility_core::{Aabb, Culler, Eye, Scene, Simd, Triangle, View, VisibleSet};
 
 /// A number as an exact sum.
 type Sum = Vec<f64>;
@@ -436,4 +438,92 @@ fn clear_cases_are_decided_at_all_scales() {
             assert_eq!(cone.facing(&Eye::Point(eye)), expected, "2^{exponent}");
         }
     }
+}
+
+/// The point that a camera's matrix sees from, exactly, in homogeneous coordinates relative to the camera's origin: its minors.
+fn exact_eye(camera: &Camera) -> [Sum; 4] {
+    let m = |row: usize, column: usize| vec![camera.matrix[4 * column + row]];
+    let minor = |columns: [usize; 3], sign: f64| {
+        let mut sum = Sum::new();
+        for k in 0..3 {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            for (a, b, s) in [(i, j, sign), (j, i, -sign)] {
+                let two = product(&m(1, columns[a]), &m(3, columns[b]));
+                sum.extend(product(&product(&m(0, columns[k]), &two), &vec![s]));
+            }
+        }
+        compress(sum)
+    };
+    [minor([1, 2, 3], 1.0), minor([0, 2, 3], -1.0), minor([0, 1, 3], 1.0), minor([0, 1, 2], -1.0)]
+}
+
+fn sign(sum: &Sum) -> f64 {
+    f64::from(sign_of_sum(sum.iter().map(|&x| (x, 1.0))))
+}
+
+#[test]
+fn any_camera_hides_only_what_its_matrix_sees_from_behind() {
+    let mut rng = Random(10);
+    let (mut hidden, mut backs, mut parallel) = (0, 0, 0);
+    for _ in 0..600 {
+        let exponents = [rng.between(-8, 8); 3];
+        let (mut camera, _) = random_camera(&mut rng, exponents);
+        camera.origin = rng.vector(1e6).round();
+        camera.scene_origin = camera.origin + rng.vector(8.0).round();
+        let shift = camera.scene_origin - camera.origin;
+        let view = View::from_clip_from_world(camera.matrix, camera.depth);
+        let Ok(view) = view.and_then(|view| view.relative_to(camera.origin)) else { continue };
+        let eye = exact_eye(&camera);
+        let towards = |a: DVec3| -> [Sum; 3] {
+            if eye[3].is_empty() {
+                let along: Sum =
+                    (0..3).flat_map(|i| product(&eye[i], &vec![camera.matrix[4 * i + 2]])).collect();
+                let away = sign(&compress(along)) * if camera.depth.is_reversed() { -1.0 } else { 1.0 };
+                return core::array::from_fn(|i| product(&eye[i], &vec![-away]));
+            }
+            // eye / w - (a + shift), times the magnitude of w.
+            let w = sign(&eye[3]);
+            core::array::from_fn(|i| {
+                let back = product(&eye[3], &compress(vec![-a[i], -shift[i]]));
+                compress(product(&plus(&eye[i], &back), &vec![w]))
+            })
+        };
+        parallel += usize::from(eye[3].is_empty());
+        let size = power_of_two(exponents[0]);
+        let about = match view.eye(camera.scene_origin) {
+            Eye::Point(eye) => eye,
+            Eye::Direction(_) => DVec3::ZERO,
+        };
+        let mut scene = Scene::new();
+        scene.set_origin(camera.scene_origin).unwrap();
+        let mut culler = BackfaceCuller::new();
+        let objects: Vec<_> = (0..64)
+            .map(|i| {
+                let at = about + rng.vector(size * 4.0);
+                let mut t: Triangle = core::array::from_fn(|_| (at + rng.vector(size)).as_vec3());
+                if i % 2 == 0 {
+                    // Its plane through the eye but for rounding.
+                    t[2] = ((t[0].as_dvec3() + about * 3.0) / 4.0).as_vec3();
+                }
+                let id = scene.insert(Aabb::from_points(t));
+                scene.set_triangles(id, [t]).unwrap();
+                (id, t)
+            })
+            .collect();
+        culler.sync(&scene);
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view);
+        culler.cull(&scene, &view, &mut visible);
+        for (id, t) in objects {
+            let corners = t.map(|p| p.as_dvec3());
+            let side = side_of(corners, towards(corners[0]));
+            backs += usize::from(side < 0);
+            if !visible.contains(&scene, id) {
+                hidden += 1;
+                assert!(side <= 0);
+            }
+        }
+    }
+    println!("hidden {hidden} of {backs} backs, {parallel} parallel views");
+    assert!(hidden > backs / 4 && parallel > 30);
 }

@@ -1,0 +1,169 @@
+//! The backface culler in a scene that changes: what has changed since its cone was built counts as visible, and nothing whose front
+//! is seen is hidden.
+
+mod common;
+
+use common::*;
+use visibility_core::backface::{BackfaceCuller, Facing, NormalCone, facing};
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{
+    Aabb, Accuracy, Culler, Eye, Object, ObjectId, Pose, Scene, Simd, Triangle, View, VisibleSet,
+};
+
+fn triangle(rng: &mut Random) -> Triangle {
+    let at = rng.vector(50.0);
+    core::array::from_fn(|_| (at + rng.vector(1.0)).as_vec3())
+}
+
+fn insert(scene: &mut Scene, triangle: Triangle) -> ObjectId {
+    let id = scene.insert(Aabb::from_points(triangle));
+    scene.set_triangles(id, [triangle]).unwrap();
+    id
+}
+
+fn cull(culler: &mut BackfaceCuller, scene: &Scene, view: &View) -> VisibleSet {
+    let mut visible = VisibleSet::new();
+    visible.fill(scene, view);
+    let stats = culler.cull(scene, view, &mut visible);
+    assert_eq!(stats.visible, visible.count(scene) as u64);
+    visible
+}
+
+fn view_from(eye: DVec3) -> View {
+    let pose = Pose::look_at(eye, DVec3::ZERO, DVec3::Z);
+    View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()
+}
+
+/// A scene with triangles, changed at random, held against each triangle by itself.
+#[test]
+fn a_scene_under_random_changes_hides_backs_only() {
+    let mut rng = Random(1);
+    let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
+    assert_eq!(culler.accuracy(), Accuracy::Conservative);
+    let mut other = BackfaceCuller::with_simd(Simd::PORTABLE);
+    let mut objects: Vec<(ObjectId, Triangle)> = Vec::new();
+    let (mut hidden, mut kept) = (0, 0);
+    for frame in 0..200 {
+        for _ in 0..rng.below(if frame % 10 == 0 { 400 } else { 12 }) {
+            let t = triangle(&mut rng);
+            objects.push((insert(&mut scene, t), t));
+        }
+        for _ in 0..rng.below(12) {
+            if objects.len() < 2 {
+                break;
+            }
+            let which = rng.below(objects.len());
+            match rng.below(3) {
+                0 => scene.remove(objects.swap_remove(which).0).unwrap(),
+                1 => {
+                    // A new shape in a new place.
+                    let (id, old) = &mut objects[which];
+                    *old = triangle(&mut rng);
+                    scene.set_bounds(*id, Aabb::from_points(*old)).unwrap();
+                    scene.set_triangles(*id, [*old]).unwrap();
+                }
+                _ => {
+                    // Turned round where it is.
+                    let (id, old) = &mut objects[which];
+                    old.swap(1, 2);
+                    scene.set_triangles(*id, [*old]).unwrap();
+                }
+            }
+        }
+        match rng.below(8) {
+            0 => scene.rebuild(),
+            1 => scene.set_origin(rng.vector(10.0)).unwrap(),
+            2..5 => drop(scene.maintain(4)),
+            _ => {}
+        }
+        let late = rng.one_in(3);
+        if !late {
+            culler.sync(&scene);
+        }
+        other.sync(&scene);
+        let eye = rng.vector(80.0);
+        let view = view_from(eye);
+        let visible = cull(&mut culler, &scene, &view);
+        let all = cull(&mut other, &scene, &view);
+        for &(id, t) in &objects {
+            let side = facing(&t, &Eye::Point(eye - scene.origin()));
+            if !visible.contains(&scene, id) {
+                hidden += 1;
+                assert_eq!(side, Facing::Back);
+                assert!(!all.contains(&scene, id), "another culler knows as much");
+            } else if side == Facing::Back {
+                kept += 1;
+                let reason = late || culler.cone(&scene, id).is_some();
+                assert!(reason, "it has a cone");
+            }
+        }
+        if !late {
+            assert_eq!(visible.count(&scene), all.count(&scene), "all paths and histories agree");
+        }
+    }
+    println!("hidden {hidden}, backs kept {kept}");
+    assert!(hidden > 10 * kept / 4 && hidden > 10_000);
+}
+
+#[test]
+fn a_moved_object_is_visible_until_it_is_set_again() {
+    let floor: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let cone = NormalCone::from_triangles(&[floor]);
+    let below = view_from(DVec3::new(0.3, 0.2, -5.0));
+    let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
+    let one = scene.insert(Aabb::from_points(floor));
+    let two = scene.insert(Aabb::from_points(floor));
+    culler.set(&scene, one, cone).unwrap();
+    let three = scene.insert(Aabb::from_points(floor));
+    culler.set(&scene, two, cone).unwrap();
+    let seen = |culler: &mut BackfaceCuller, scene: &Scene| {
+        let visible = cull(culler, scene, &below);
+        [one, two, three].map(|id| visible.contains(scene, id))
+    };
+    assert_eq!(seen(&mut culler, &scene), [false, false, true], "the third has no cone");
+    scene.set_bounds(one, Aabb::from_points(floor)).unwrap();
+    assert_eq!(culler.cone(&scene, one), None);
+    assert_eq!(seen(&mut culler, &scene), [true, false, true]);
+    culler.sync(&scene);
+    assert_eq!(seen(&mut culler, &scene), [true, false, true], "nothing to build a cone from");
+    culler.set(&scene, one, cone).unwrap();
+    assert_eq!(culler.cone(&scene, one), Some(cone));
+    assert_eq!(seen(&mut culler, &scene), [false, false, true]);
+    // An id that is used again is another object.
+    scene.remove(two).unwrap();
+    let four = scene.insert(Aabb::from_points(floor));
+    assert_eq!(four.index(), two.index());
+    assert!(cull(&mut culler, &scene, &below).contains(&scene, four));
+    assert!(culler.set(&scene, two, cone).is_err());
+    // Triangles left behind by their bounds say nothing.
+    scene.set_triangles(four, [floor]).unwrap();
+    culler.sync(&scene);
+    assert!(!cull(&mut culler, &scene, &below).contains(&scene, four));
+    scene.set_bounds(four, Aabb::from_arrays([0.5; 3], [2.0; 3])).unwrap();
+    culler.sync(&scene);
+    assert!(cull(&mut culler, &scene, &below).contains(&scene, four));
+}
+
+#[test]
+fn two_sided_and_never_culled_objects_are_kept() {
+    let floor: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
+    let leaf = insert(&mut scene, floor);
+    let wall = insert(&mut scene, floor);
+    let sign = scene.insert(Object { never_cull: true, ..Object::new(Aabb::from_points(floor)) });
+    scene.set_triangles(sign, [floor]).unwrap();
+    culler.set_two_sided(&scene, leaf, true).unwrap();
+    culler.sync(&scene);
+    culler.set(&scene, leaf, NormalCone::from_triangles(&[floor])).unwrap();
+    let below = view_from(DVec3::new(0.3, 0.2, -5.0));
+    let seen = |culler: &mut BackfaceCuller, scene: &Scene| {
+        let visible = cull(culler, scene, &below);
+        [leaf, wall, sign].map(|id| visible.contains(scene, id))
+    };
+    assert_eq!(seen(&mut culler, &scene), [true, false, true]);
+    scene.set_bounds(leaf, Aabb::from_points(floor)).unwrap();
+    culler.sync(&scene);
+    assert_eq!(seen(&mut culler, &scene), [true, false, true], "it stays two-sided");
+    culler.set_two_sided(&scene, leaf, false).unwrap();
+    assert_eq!(seen(&mut culler, &scene), [false, false, true]);
+}
