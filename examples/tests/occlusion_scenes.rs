@@ -82,4 +82,8 @@ fn nothing_visible_is_hidden_in_reference_scenes() {
         check(load(&folder.join(format!("{name}.vscn"))).unwrap());
     }
     check(cars5(&folder.join("car.vscn")).unwrap());
+    // Thousands of pipes and lamps, most of them above the ceilings of the clinic.
+    let mut clinic = load(&folder.join("clinic.vscn")).unwrap();
+    clinic.objects.extend(load(&folder.join("clinic_mep.vscn")).unwrap().objects);
+    check(clinic);
 }
