@@ -36,6 +36,11 @@ impl Boxes64 {
         Aabb::from_arrays([c[0][lane], c[1][lane], c[2][lane]], [c[3][lane], c[4][lane], c[5][lane]])
     }
 
+    /// Least x, y, z and greatest x, y, z, a row of lanes each: for maps that test all of them at once.
+    pub fn coordinates(&self) -> &[[f32; 64]; 6] {
+        &self.coordinates
+    }
+
     pub(crate) fn set(&mut self, lane: usize, bounds: &Aabb) {
         for axis in 0..3 {
             self.coordinates[axis][lane] = bounds.min[axis];

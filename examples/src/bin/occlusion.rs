@@ -1,0 +1,136 @@
+//! `occlusion`: culls the boxes of a VISC file behind its occluders, and says how fast and how right that was.
+
+use clap::{Parser, ValueEnum};
+use std::error::Error;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+use visibility_examples::occlusion::frame::Stage;
+use visibility_examples::occlusion::{visb, visc};
+use visibility_hzb::Coverage;
+
+/// Cull the boxes of a VISC scene behind its occluders with the hierarchical z-buffer, for each of its views.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// The scene.
+    #[arg(value_name = "FILE.visc")]
+    file: PathBuf,
+
+    /// Size of the buffer, instead of each view's own.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<[usize; 2]>,
+
+    /// Which pixels count as covered.
+    #[arg(long, value_enum, default_value = "conservative")]
+    coverage: CoverageName,
+
+    /// Frames of each view, of which the median counts.
+    #[arg(long, default_value_t = 200, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    reps: u32,
+
+    /// Write the answers.
+    #[arg(long, value_name = "FILE.visb")]
+    dump: Option<PathBuf>,
+
+    /// Compare with these answers, view by view.
+    #[arg(long, value_name = "FILE.visb")]
+    r#ref: Option<PathBuf>,
+
+    /// Print a line of JSON for each view instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum CoverageName {
+    /// Whole pixels.
+    Conservative,
+    /// Centres of pixels.
+    Sampled,
+}
+
+fn parse_size(text: &str) -> Result<[usize; 2], String> {
+    let (width, height) = text.split_once('x').ok_or("a size looks like 640x360")?;
+    let side = |text: &str| text.parse().map_err(|error| format!("{text}: {error}"));
+    Ok([side(width)?, side(height)?])
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let visc = visc::load(&arguments.file)?;
+    let reference = arguments.r#ref.as_deref().map(visb::load).transpose()?;
+    if let Some(reference) = &reference
+        && (reference.len() != visc.views.len()
+            || reference.iter().any(|view| view.len() != visc.boxes.len()))
+    {
+        return Err("the reference has other views or boxes than the scene".into());
+    }
+    let coverage = match arguments.coverage {
+        CoverageName::Conservative => Coverage::Conservative,
+        CoverageName::Sampled => Coverage::Sampled,
+    };
+    if !arguments.json {
+        println!("view  size       raster us  query us  visible  reference  false hidden  false visible");
+    }
+    let mut answers = Vec::new();
+    for (number, (view, own)) in visc.views.iter().enumerate() {
+        let size = arguments.size.unwrap_or(own.map(|side| side as usize));
+        let mut stage = Stage::new(&visc, size, coverage)?;
+        let times: Vec<_> = (0..arguments.reps).map(|_| stage.run(view)).collect();
+        let raster = median(times.iter().map(|t| t.raster));
+        let query = median(times.iter().map(|t| t.query));
+        let answer = stage.answer();
+        let visible = answer.iter().filter(|v| **v).count();
+        let judged = reference.as_ref().map(|reference| {
+            let pairs = || answer.iter().zip(&reference[number]);
+            let expected = reference[number].iter().filter(|v| **v).count();
+            (
+                expected,
+                pairs().filter(|(a, r)| !**a && **r).count(),
+                pairs().filter(|(a, r)| **a && !**r).count(),
+            )
+        });
+        let [width, height] = size;
+        if arguments.json {
+            let mut line = serde_json::json!({
+                "file": arguments.file, "view": number, "width": width, "height": height,
+                "raster_us": raster, "query_us": query, "visible": visible,
+            });
+            if let Some((expected, hidden, extra)) = judged {
+                line["reference"] = expected.into();
+                line["false_hidden"] = hidden.into();
+                line["false_visible"] = extra.into();
+            }
+            println!("{line}");
+        } else {
+            let judged = judged.map_or_else(String::new, |(a, b, c)| format!("{a:>9}  {b:>12}  {c:>13}"));
+            println!(
+                "{number:>4}  {:<9}  {raster:>9.1}  {query:>8.1}  {visible:>7}  {judged}",
+                format!("{width}x{height}")
+            );
+        }
+        answers.push(answer);
+    }
+    if let Some(path) = &arguments.dump {
+        std::fs::write(path, visb::write(&answers))
+            .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// In microseconds.
+fn median(times: impl Iterator<Item = Duration>) -> f64 {
+    let mut times: Vec<Duration> = times.collect();
+    times.sort_unstable();
+    times.get(times.len() / 2).map_or(0.0, |time| time.as_secs_f64() * 1e6)
+}

@@ -1,0 +1,69 @@
+//! VISB: which boxes are visible in each view.
+//!
+//! Little endian: u32 magic, u32 views, u32 boxes; per view a bit for each box, least significant first, whole bytes; 1 is visible.
+
+use super::visc::Reader;
+use crate::error::SourceError;
+use std::path::Path;
+
+/// The number with which a file starts.
+pub const MAGIC: u32 = 0x4253_4956;
+
+/// For each view, whether each box is visible.
+pub type Visb = Vec<Vec<bool>>;
+
+/// Reads a file.
+pub fn load(path: &Path) -> Result<Visb, SourceError> {
+    parse(&std::fs::read(path).map_err(|cause| SourceError::io(path, cause))?, path)
+}
+
+/// Reads the bytes of a file; `path` is for messages.
+pub fn parse(bytes: &[u8], path: &Path) -> Result<Visb, SourceError> {
+    let mut reader = Reader { bytes, path };
+    if reader.u32("magic")? != MAGIC {
+        return Err(SourceError::content(path, "magic", "this is not a VISB file"));
+    }
+    let (views, boxes) = (reader.u32("views")? as usize, reader.u32("boxes")? as usize);
+    let row = boxes.div_ceil(8);
+    if views.checked_mul(row).is_none_or(|need| need != reader.bytes.len()) {
+        return Err(SourceError::content(
+            path,
+            "views",
+            format!("{views} views of {boxes} boxes do not fill the file"),
+        ));
+    }
+    let bits = |view: usize| {
+        let row = &reader.bytes[view * row..(view + 1) * row];
+        (0..boxes).map(|i| row[i / 8] >> (i % 8) & 1 != 0).collect()
+    };
+    Ok((0..views).map(bits).collect())
+}
+
+/// The bytes of a file. All views must have as many boxes as the first.
+pub fn write(answer: &Visb) -> Vec<u8> {
+    let boxes = answer.first().map_or(0, Vec::len);
+    let mut out = Vec::new();
+    for number in [MAGIC, answer.len() as u32, boxes as u32] {
+        out.extend(number.to_le_bytes());
+    }
+    for view in answer {
+        let byte =
+            |bits: &[bool]| bits.iter().enumerate().fold(0u8, |byte, (i, bit)| byte | u8::from(*bit) << i);
+        out.extend(view.chunks(8).map(byte));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_come_back_as_they_went() {
+        let answer: Visb = vec![(0..19).map(|i| i % 3 == 0).collect(), vec![true; 19]];
+        let bytes = write(&answer);
+        assert_eq!(bytes.len(), 12 + 2 * 3);
+        assert_eq!(parse(&bytes, Path::new("some.visb")).unwrap(), answer);
+        assert!(parse(&bytes[..13], Path::new("some.visb")).is_err());
+    }
+}

@@ -1,0 +1,107 @@
+//! VISC: occluder triangles, occludee boxes and views in one file.
+//!
+//! Little endian: u32 magic, u32 triangles, 9 f32 each; u32 boxes, 6 f32 each; u32 views, each u32 width and height, 16 f32 of a column-major
+//! clip-from-world matrix in OpenGL's convention, and 3 f32 of the eye. Every 12 triangles are one box.
+
+use crate::error::SourceError;
+use glam::Vec3;
+use std::path::Path;
+use visibility_core::{Aabb, Depth, Triangle, View};
+
+/// The number with which a file starts.
+pub const MAGIC: u32 = 0x4353_4956;
+
+/// What a file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Visc {
+    /// Triangles of all occluders.
+    pub triangles: Vec<Triangle>,
+    /// Boxes to be tested.
+    pub boxes: Vec<Aabb>,
+    /// The views, with the size of the picture that each was taken for.
+    pub views: Vec<(View, [u32; 2])>,
+}
+
+/// Reads a file.
+pub fn load(path: &Path) -> Result<Visc, SourceError> {
+    parse(&std::fs::read(path).map_err(|cause| SourceError::io(path, cause))?, path)
+}
+
+/// Numbers from the front of a slice.
+pub(super) struct Reader<'a> {
+    pub(super) bytes: &'a [u8],
+    pub(super) path: &'a Path,
+}
+
+impl Reader<'_> {
+    pub(super) fn u32(&mut self, what: &'static str) -> Result<u32, SourceError> {
+        let Some((head, rest)) = self.bytes.split_first_chunk::<4>() else {
+            return Err(SourceError::content(self.path, what, "the file ends before it"));
+        };
+        self.bytes = rest;
+        Ok(u32::from_le_bytes(*head))
+    }
+
+    /// A count of things of so many bytes, refused when the file cannot hold them.
+    fn count(&mut self, what: &'static str, bytes: usize) -> Result<usize, SourceError> {
+        let count = self.u32(what)? as usize;
+        if count.checked_mul(bytes).is_none_or(|need| need > self.bytes.len()) {
+            return Err(SourceError::content(self.path, what, format!("the file is too short for {count}")));
+        }
+        Ok(count)
+    }
+
+    fn floats<const N: usize>(&mut self, what: &'static str) -> Result<[f32; N], SourceError> {
+        let mut out = [0.0; N];
+        for value in &mut out {
+            *value = f32::from_bits(self.u32(what)?);
+        }
+        Ok(out)
+    }
+}
+
+/// Reads the bytes of a file; `path` is for messages.
+pub fn parse(bytes: &[u8], path: &Path) -> Result<Visc, SourceError> {
+    let mut reader = Reader { bytes, path };
+    if reader.u32("magic")? != MAGIC {
+        return Err(SourceError::content(path, "magic", "this is not a VISC file"));
+    }
+    let count = reader.count("triangles", 36)?;
+    let mut triangles = Vec::with_capacity(count);
+    for _ in 0..count {
+        let v: [f32; 9] = reader.floats("triangles")?;
+        triangles.push([0, 3, 6].map(|i| Vec3::new(v[i], v[i + 1], v[i + 2])));
+    }
+    let count = reader.count("boxes", 24)?;
+    let mut boxes = Vec::with_capacity(count);
+    for _ in 0..count {
+        let [a, b, c, d, e, f] = reader.floats("boxes")?;
+        boxes.push(Aabb::from_arrays([a, b, c], [d, e, f]));
+    }
+    let count = reader.count("views", 84)?;
+    let mut views = Vec::with_capacity(count);
+    for _ in 0..count {
+        let size = [reader.u32("views")?, reader.u32("views")?];
+        let matrix: [f32; 16] = reader.floats("views")?;
+        let _eye: [f32; 3] = reader.floats("views")?;
+        let view = View::from_clip_from_world(matrix, Depth::NegativeOneToOne)
+            .map_err(|error| SourceError::content(path, "views", error.to_string()))?;
+        views.push((view, size));
+    }
+    Ok(Visc { triangles, boxes, views })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_and_foreign_files_are_refused() {
+        let path = Path::new("some.visc");
+        assert!(parse(&[], path).is_err());
+        assert!(parse(&[0; 64], path).is_err());
+        let mut claims = MAGIC.to_le_bytes().to_vec();
+        claims.extend(u32::MAX.to_le_bytes());
+        assert!(parse(&claims, path).is_err());
+    }
+}

@@ -1,0 +1,241 @@
+//! The map: occluders in, boxes out.
+
+use crate::cuboid::{self, Made};
+use crate::lens::{Lens, Placed};
+use crate::pyramid::Pyramid;
+use crate::query::{Lens32, Query, test_one};
+use crate::shape::{Coverage, Shape};
+use crate::solid::{self, Scratch};
+use crate::tiles::{SIDE, Tiles};
+use crate::{MAX_SIDE, MIN_SIDE, Simd, SizeError};
+use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::{
+    Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, Plane, View,
+};
+
+/// A hierarchical z-buffer.
+///
+/// Its size is its own, whatever the size of the picture that is drawn; it should have the shape of the view. Memory is 3 bytes a pixel, all taken when it is made.
+///
+/// ```
+/// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
+/// use visibility_hzb::Hzb;
+/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
+/// let wall = OccluderMesh::cuboid(&Aabb::from_arrays([5.0, -4.0, -4.0], [5.2, 4.0, 4.0]))?;
+/// let mut hzb = Hzb::new(320, 180)?;
+/// hzb.begin(&view, DVec3::ZERO);
+/// hzb.add(&wall, &Affine3A::IDENTITY);
+/// hzb.flush();
+/// assert_eq!(hzb.test(&Aabb::from_arrays([8.0, -1.0, -1.0], [9.0, 1.0, 1.0])), Occlusion::Hidden);
+/// assert_ne!(hzb.test(&Aabb::from_arrays([3.0, -1.0, -1.0], [4.0, 1.0, 1.0])), Occlusion::Hidden);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Hzb {
+    size: [usize; 2],
+    coverage: Coverage,
+    simd: Simd,
+    lens: Lens,
+    lens32: Lens32,
+    tiles: Tiles,
+    pyramid: Pyramid,
+    scratch: Scratch,
+    shape: Shape,
+    /// Nearness that nothing in the buffer exceeds.
+    nearest: f32,
+    /// Planes that cut occluders away, relative to the scene's origin.
+    clip: [Plane; visibility_core::MAX_CLIP_PLANES],
+    clips: usize,
+}
+
+impl Hzb {
+    /// An empty buffer of so many columns and rows of pixels.
+    ///
+    /// # Errors
+    /// [`SizeError`] if a side is not between [`MIN_SIDE`] and [`MAX_SIDE`].
+    pub fn new(width: usize, height: usize) -> Result<Self, SizeError> {
+        let allowed = MIN_SIDE..=MAX_SIDE;
+        if !allowed.contains(&width) || !allowed.contains(&height) {
+            return Err(SizeError { width, height });
+        }
+        let tiles = Tiles::new(width, height);
+        let pyramid = Pyramid::new(&tiles);
+        Ok(Self {
+            size: [width, height],
+            coverage: Coverage::Conservative,
+            simd: Simd::best(),
+            lens: Lens::BLIND,
+            lens32: Lens32::default(),
+            tiles,
+            pyramid,
+            scratch: Scratch::default(),
+            shape: Shape::EMPTY,
+            nearest: f32::NEG_INFINITY,
+            clip: [Plane::new(DVec3::ZERO, 0.0); visibility_core::MAX_CLIP_PLANES],
+            clips: 0,
+        })
+    }
+
+    /// The same buffer with another rule of what is covered.
+    pub fn with_coverage(self, coverage: Coverage) -> Self {
+        Self { coverage, ..self }
+    }
+
+    /// The same buffer, using the given instructions: for tests and comparisons.
+    pub fn with_simd(self, simd: Simd) -> Self {
+        Self { simd, ..self }
+    }
+
+    /// Columns of pixels.
+    pub fn width(&self) -> usize {
+        self.size[0]
+    }
+
+    /// Rows of pixels.
+    pub fn height(&self) -> usize {
+        self.size[1]
+    }
+
+    /// The rule of what is covered.
+    pub fn coverage(&self) -> Coverage {
+        self.coverage
+    }
+
+    /// The least nearness of what covers a pixel: over the distance along the line of sight for perspective views (`1 / w`), clip
+    /// depth (negated unless reversed) for parallel ones. Negative infinity where nothing is known to cover it, or outside the buffer.
+    pub fn nearness(&self, column: usize, row: usize) -> f32 {
+        if column < self.size[0] && row < self.size[1] {
+            self.tiles.pixel(column, row)
+        } else {
+            f32::NEG_INFINITY
+        }
+    }
+
+    /// The number of levels of the pyramid: tiles of 8 x 8 pixels, then each half the size of the one before, down to one texel.
+    pub fn levels(&self) -> usize {
+        self.pyramid.height() + 1
+    }
+
+    /// A level of the pyramid as columns, rows and least nearness of each texel, row by row; as of the last [`flush`](OcclusionMap::flush). `None` beyond the last.
+    pub fn level(&self, level: usize) -> Option<(usize, usize, &[f32])> {
+        match level {
+            0 => {
+                let (columns, rows) = (self.tiles.columns, self.tiles.rows);
+                Some((columns, rows, &self.tiles.whole[..columns * rows]))
+            }
+            _ => self.pyramid.level(level - 1),
+        }
+    }
+
+    fn query(&self) -> Query<'_> {
+        Query { lens: &self.lens32, tiles: &self.tiles, pyramid: &self.pyramid, nearest: self.nearest }
+    }
+
+    /// Whether an occluder reaches beyond one of the view's own planes, which would cut it.
+    fn is_cut(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
+        self.clip[..self.clips].iter().any(|plane| {
+            occluder.bounds().corners().iter().any(|corner| {
+                let p = transform.transform_point3(*corner).as_dvec3();
+                // Far above what the transform rounds.
+                let margin = 1e-5
+                    * (plane.normal.abs().dot(p.abs() + transform.translation.as_dvec3().abs())
+                        + plane.offset.abs());
+                !(plane.signed_distance(p) > margin)
+            })
+        })
+    }
+}
+
+impl OcclusionMap for Hzb {
+    fn name(&self) -> &str {
+        "hzb"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        match self.coverage {
+            Coverage::Conservative => Accuracy::Conservative,
+            Coverage::Sampled => Accuracy::Approximate,
+        }
+    }
+
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        let whole = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
+        self.lens = Lens::new(view, origin, self.size, whole);
+        self.lens32 = Lens32::new(&self.lens);
+        self.tiles.clear();
+        self.nearest = f32::NEG_INFINITY;
+        self.clips = view.clip_planes().len();
+        let shift = origin - view.origin();
+        for (out, plane) in self.clip.iter_mut().zip(view.clip_planes()) {
+            *out = Plane::new(plane.normal, plane.offset + plane.normal.dot(shift));
+        }
+        self.pyramid.build(&self.tiles);
+    }
+
+    fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        if self.clips > 0 && self.is_cut(occluder, transform) {
+            return;
+        }
+        let Some((placed, facing)) = place(&self.lens, occluder, transform) else { return };
+        let mut made = Made::Near;
+        if cuboid::is_cuboid(occluder) && !occluder.is_two_sided() {
+            made = self.simd.cuboid(
+                occluder.bounds(),
+                &placed,
+                &self.lens,
+                facing,
+                self.coverage,
+                &mut self.shape,
+            );
+        }
+        if made == Made::Near && (occluder.is_convex() || occluder.triangles().len() <= 2) {
+            let (scratch, shape) = (&mut self.scratch, &mut self.shape);
+            made = solid::make(occluder, &placed, &self.lens, facing, self.coverage, scratch, shape);
+        }
+        match made {
+            Made::Shape => {
+                if self.simd.fill(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
+                    self.nearest = self.shape.ceiling;
+                }
+            }
+            Made::Nothing => {}
+            Made::Near => {}
+        }
+    }
+
+    fn flush(&mut self) {
+        self.pyramid.build(&self.tiles);
+    }
+
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        let ([x0, y0, z0], [x1, y1, z1]) = (bounds.min.to_array(), bounds.max.to_array());
+        let answer = test_one(&self.query(), [x0, y0, z0, x1, y1, z1]);
+        match (answer.hidden, answer.visible) {
+            (0, 0) => Occlusion::Partial,
+            (0, _) => Occlusion::Visible,
+            _ => Occlusion::Hidden,
+        }
+    }
+
+    fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
+        self.simd.test(&self.query(), boxes.coordinates(), candidates)
+    }
+}
+
+/// The occluder as the lens sees it, and the sense in which its fronts turn; `None` if nothing can be said of it.
+#[inline(always)]
+fn place(lens: &Lens, occluder: &OccluderMesh, transform: &Affine3A) -> Option<(Placed, f64)> {
+    let bounds = occluder.bounds();
+    let reach = bounds.min.abs().max(bounds.max.abs()).to_array().map(f64::from);
+    let placed = lens.place(transform, reach);
+    let finite = placed.size.iter().chain(&placed.error).all(|value| value.is_finite());
+    let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
+    let [a, b, c] = axes.map(|axis| DVec3::from_array(axis.to_array().map(f64::from)));
+    let (volume, most) = (
+        a.dot(b.cross(c)),
+        a.abs().dot(b.abs().cross(c.abs()).abs() + b.abs().max_element() * c.abs().max_element()),
+    );
+    // Six products of three factors, each rounded a few times. A flat transform leaves no inside and outside to tell apart.
+    let certain = volume.abs() > 32.0 * f64::EPSILON * most;
+    (finite && certain && lens.facing != 0.0).then_some((placed, lens.facing * volume.signum()))
+}

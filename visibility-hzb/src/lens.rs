@@ -1,0 +1,175 @@
+//! The camera as the rasterizer needs it: pixel coordinates of points in homogeneous form, with bounds on their rounding.
+//!
+//! # Coordinates
+//! A point `p` of the scene becomes four numbers, each linear in `p`: `x` and `y`, which are `w` times its pixel coordinates (columns to
+//! the right, rows downwards, the first pixel between 0 and 1), `w`, and `n`, which is `w` times its *nearness*. Nearness falls along every line of sight and is
+//! linear on the screen wherever `p` runs over a plane, as `1/w` is: it is that for perspective views (`n = 1`), and clip depth, negated unless reversed,
+//! for parallel ones. Everything is relative to the *anchor*, the eye of a perspective view, so that precision does not depend on where
+//! in the scene the camera is.
+
+use visibility_core::glam::{DVec3, DVec4};
+use visibility_core::{Depth, Eye, View};
+
+/// Unit round-off of `f64`.
+pub(crate) const U: f64 = f64::EPSILON / 2.0;
+
+/// One of the four linear functions.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Row {
+    /// Applied to a point less the anchor.
+    pub(crate) linear: [f64; 3],
+    /// Added to that.
+    pub(crate) constant: f64,
+    /// How far rounding may have moved the constant, including what rounding of the anchor does.
+    pub(crate) error: f64,
+}
+
+/// A view made ready for one frame.
+#[derive(Clone, Debug)]
+pub(crate) struct Lens {
+    /// Columns and rows, including those that only fill up the last tiles.
+    pub(crate) size: [f64; 2],
+    /// Columns and rows of the picture.
+    pub(crate) picture: [f64; 2],
+    /// The functions `x`, `y`, `w` and `n`.
+    pub(crate) rows: [Row; 4],
+    /// Positive beyond the near plane.
+    pub(crate) near: Row,
+    /// What all is relative to, in scene coordinates.
+    pub(crate) anchor: DVec3,
+    /// Times the determinant of three corners (`x`, `y`, `w`), positive if they run counter-clockwise as seen from the eye.
+    pub(crate) facing: f64,
+    /// Whether `n` is always 1.
+    pub(crate) perspective: bool,
+}
+
+impl Lens {
+    /// A lens through which nothing has been seen yet.
+    pub(crate) const BLIND: Self = Self {
+        size: [0.0; 2],
+        picture: [0.0; 2],
+        rows: [Row { linear: [0.0; 3], constant: 0.0, error: 0.0 }; 4],
+        near: Row { linear: [0.0; 3], constant: 0.0, error: 0.0 },
+        anchor: DVec3::ZERO,
+        facing: 0.0,
+        perspective: true,
+    };
+
+    /// For points relative to `origin`.
+    pub(crate) fn new(view: &View, origin: DVec3, picture: [usize; 2], size: [usize; 2]) -> Self {
+        let picture = picture.map(|side| side as f64);
+        // The view's own matrix and eye: subtracting origins later keeps the precision of a camera far from the scene's origin.
+        let matrix = view.clip_from(view.origin());
+        let [x, y, z, w] = [0, 1, 2, 3].map(|i| matrix.row(i));
+        let offset = view.origin() - origin;
+        let (perspective, local) = match view.eye(view.origin()) {
+            Eye::Point(eye) => (true, eye),
+            Eye::Direction(_) => (false, DVec3::ZERO),
+        };
+        let anchor = local + offset;
+        let row = |r: DVec4| {
+            let linear = r.truncate();
+            let size = linear.abs().dot(local.abs()) + r.w.abs();
+            let moved = linear.abs().dot(anchor.abs() + offset.abs());
+            // The row itself is a sum of two products at most (below), rounded thrice; the constant has three products and sums. The anchor
+            // is off by at most u of its own size and of the offset's.
+            Row {
+                linear: linear.to_array(),
+                constant: linear.dot(local) + r.w,
+                error: 16.0 * U * size + 4.0 * U * moved,
+            }
+        };
+        let n = match (perspective, view.depth().is_reversed()) {
+            (true, _) => DVec4::W,
+            (false, true) => z,
+            (false, false) => -z,
+        };
+        let rows = [row((x + w) * (0.5 * picture[0])), row((w - y) * (0.5 * picture[1])), row(w), row(n)];
+        let near = row(match view.depth() {
+            Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => w + z,
+            Depth::ZeroToOne | Depth::Infinite => z,
+            Depth::Reversed | Depth::ReversedInfinite => w - z,
+        });
+        // The determinant of three corners is that of the rows' linear parts times the corners' own, seen from the eye; for parallel
+        // views it is the area on the screen.
+        let [lx, ly, lw] = [0, 1, 2].map(|i: usize| DVec3::from_array(rows[i].linear));
+        let turn = match view.eye(view.origin()) {
+            Eye::Point(_) => lx.cross(ly).dot(lw),
+            Eye::Direction(along) => lx.cross(ly).dot(along),
+        };
+        let facing = if turn.is_nan() || turn == 0.0 { 0.0 } else { -turn.signum() };
+        Self { size: size.map(|side| side as f64), picture, rows, near, anchor, facing, perspective }
+    }
+
+    /// The functions for points of an occluder, `rows of (transform of p)`, and how large and how wrong they can be for points whose
+    /// coordinates have at most the given magnitudes.
+    #[inline(always)]
+    pub(crate) fn place(&self, transform: &visibility_core::glam::Affine3A, reach: [f64; 3]) -> Placed {
+        let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
+            .map(|axis| axis.to_array().map(f64::from));
+        let shift = transform.translation.to_array().map(f64::from);
+        let anchor = self.anchor.to_array();
+        let moved = [shift[0] - anchor[0], shift[1] - anchor[1], shift[2] - anchor[2]];
+        let mut placed = Placed::default();
+        for i in 0..5 {
+            let row = if i < 4 { &self.rows[i] } else { &self.near };
+            let l = row.linear;
+            let mut size =
+                l[0].abs() * moved[0].abs() + l[1].abs() * moved[1].abs() + l[2].abs() * moved[2].abs();
+            size += row.constant.abs();
+            for axis in 0..3 {
+                let a = axes[axis];
+                placed.linear[axis][i] = l[0] * a[0] + l[1] * a[1] + l[2] * a[2];
+                size += (l[0].abs() * a[0].abs() + l[1].abs() * a[1].abs() + l[2].abs() * a[2].abs())
+                    * reach[axis];
+            }
+            placed.constant[i] = l[0] * moved[0] + l[1] * moved[1] + l[2] * moved[2] + row.constant;
+            placed.size[i] = size;
+            // Any term passes at most nine roundings on its way into the sum; its factors bring one more each.
+            placed.error[i] = 16.0 * U * size + row.error + f64::MIN_POSITIVE;
+        }
+        placed
+    }
+}
+
+/// The four functions and that of the near plane, for the points of one occluder.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Placed {
+    /// For each axis of the occluder, what a unit along it adds to `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    pub(crate) linear: [[f64; 5]; 3],
+    /// Their values at the occluder's own origin.
+    pub(crate) constant: [f64; 5],
+    /// The greatest magnitudes that they can have.
+    pub(crate) size: [f64; 5],
+    /// Bounds on their rounding errors.
+    pub(crate) error: [f64; 5],
+}
+
+impl Placed {
+    /// The five values at a point.
+    #[inline(always)]
+    pub(crate) fn at(&self, p: [f64; 3]) -> [f64; 5] {
+        core::array::from_fn(|i| {
+            p[0] * self.linear[0][i] + p[1] * self.linear[1][i] + p[2] * self.linear[2][i] + self.constant[i]
+        })
+    }
+
+    /// How far rounding can move the determinant of three points (`x`, `y`, `w`), or of a point and two differences of points.
+    ///
+    /// It is a sum of six products of three values each. Replacing one value by its error, in turn, gives at most two products for each value
+    /// and pair of others, so `2 * (e_x S_y S_w + ...)` for each of the three points and so on; differences double both. Its own sums round by a few
+    /// units, which the errors (16u at least) exceed. 64 covers all that with room to spare.
+    #[inline(always)]
+    pub(crate) fn determinant_error(&self) -> f64 {
+        let ([sx, sy, sw, ..], [ex, ey, ew, ..]) = (self.size, self.error);
+        64.0 * (ex * sy * sw + ey * sx * sw + ew * sx * sy)
+    }
+
+    /// How far rounding can move the cross product of two points, or two differences of points, (`x`, `y`, `w`), times a pixel (`x`, `y`, 1)
+    /// of a picture of the given size. Counted as above.
+    #[inline(always)]
+    pub(crate) fn cross_error(&self, [width, height]: [f64; 2]) -> f64 {
+        let ([sx, sy, sw, ..], [ex, ey, ew, ..]) = (self.size, self.error);
+        32.0 * (width * (ey * sw + ew * sy) + height * (ew * sx + ex * sw) + (ex * sy + ey * sx))
+    }
+}

@@ -1,0 +1,318 @@
+//! Boxes against the buffer, 64 at a time: projected in `f32`, decided by comparison of whole numbers and nearness.
+//!
+//! # The error bound
+//! With `u = 2^-24`, a coordinate less the anchor, `d = (p - high) - low`, is off by `2u |d|` and the row's own `slop`. A row's value
+//! `((a d.x + b d.y) + c d.z) + constant` has coefficients, products and up to three sums rounded once each: `5u` more of the magnitudes, `7u` in all.
+//! `16u` of them are allowed, so `7u` of what the bound itself computes too low are no harm. A quotient `x / w` of two such values is off by
+//! `(e_x + |q| e_w) / w` to first order, where `w` exceeds `8 e_w`, or else the lane is left undecided; the factor 1.25 covers higher orders. Only `q` inside the
+//! picture matters, so `|q|` is at most its size: a corner that lies outside and is computed to lie outside never moves the clipped rectangle, and
+//! one computed inside is off by no more than that.
+
+use crate::lens::{Lens, Row};
+use crate::pyramid::{Pyramid, Rectangle};
+use crate::tiles::Tiles;
+use visibility_core::Occlusion64;
+
+/// Least x, y, z and greatest x, y, z of 64 boxes.
+pub(crate) type Boxes = [[f32; 64]; 6];
+
+/// Sixteen times the unit round-off of `f32`.
+const MARGIN: f32 = 8.0 * f32::EPSILON;
+
+/// A [`Row`] in `f32`.
+#[derive(Clone, Copy, Debug, Default)]
+struct Row32 {
+    linear: [f32; 3],
+    constant: f32,
+    /// What does not grow with the point: error of the constant, of the anchor, and what is lost to denormals.
+    slop: f32,
+}
+
+impl Row32 {
+    fn new(row: &Row, anchor: [f64; 3]) -> Self {
+        let linear = row.linear.map(|a| a as f32);
+        // The anchor in two parts leaves 2^-48 of it, and the part that is subtracted last rounds by u of the first difference, which exceeds d by that
+        // part at most: 2^-47 in all.
+        let moved: f64 = (0..3).map(|i| row.linear[i].abs() * anchor[i].abs()).sum();
+        let slop = row.error + moved * 1e-14 + row.constant.abs() * f64::from(MARGIN);
+        // Lost to flushed denormals: any coordinate, coefficient or product.
+        let tiny: f64 =
+            f64::from(f32::MIN_POSITIVE) * (16.0 + row.linear.iter().map(|a| a.abs()).sum::<f64>());
+        Self { linear, constant: row.constant as f32, slop: (slop + tiny) as f32 * 1.001 }
+    }
+}
+
+/// The lens in `f32`.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Lens32 {
+    high: [f32; 3],
+    low: [f32; 3],
+    /// `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    rows: [Row32; 5],
+    /// What is left to the right and below: width times `w` less `x`, height times `w` less `y`.
+    rest: [Row32; 2],
+    picture: [f32; 2],
+    perspective: bool,
+}
+
+impl Lens32 {
+    pub(crate) fn new(lens: &Lens) -> Self {
+        let anchor = lens.anchor.to_array();
+        let high = anchor.map(|a| a as f32);
+        let low = core::array::from_fn(|i| (anchor[i] - f64::from(high[i])) as f32);
+        let [x, y, w, n] = lens.rows;
+        let rest = |size: f64, row: Row| Row {
+            linear: core::array::from_fn(|i| size * w.linear[i] - row.linear[i]),
+            constant: size * w.constant - row.constant,
+            error: 2.0 * (size * w.error + row.error)
+                + f64::EPSILON * (size * w.constant.abs() + row.constant.abs()),
+        };
+        let to32 = |row: Row| Row32::new(&row, anchor);
+        Self {
+            high,
+            low,
+            rows: [x, y, w, n, lens.near].map(to32),
+            rest: [to32(rest(lens.picture[0], x)), to32(rest(lens.picture[1], y))],
+            picture: lens.picture.map(|side| side as f32),
+            perspective: lens.perspective,
+        }
+    }
+}
+
+/// All that a query looks at.
+#[derive(Clone, Copy)]
+pub(crate) struct Query<'a> {
+    pub(crate) lens: &'a Lens32,
+    pub(crate) tiles: &'a Tiles,
+    pub(crate) pyramid: &'a Pyramid,
+    /// Nearness that nothing in the buffer exceeds.
+    pub(crate) nearest: f32,
+}
+
+/// Lanes that are worked on together.
+pub(crate) const WIDTH: usize = 16;
+
+/// Where boxes are on the screen.
+struct Footprints<const N: usize> {
+    /// In pixels: first column, end column, first row, end row.
+    sides: [[i32; N]; 4],
+    /// Nearness that no point of the box exceeds.
+    nearest: [f32; N],
+    /// Least nearness of the box, for those before the eye.
+    farthest: [f32; N],
+    /// Surely not in the picture.
+    outside: [bool; N],
+    /// Before the eye as a whole, so that the rectangle can be relied on.
+    known: [bool; N],
+    /// Surely in the picture as a whole, and beyond the near plane.
+    inside: [bool; N],
+}
+
+/// Added to a number below 2^22, leaves the nearest whole number in the low bits.
+const WHOLE: f32 = 12_582_912.0;
+
+#[inline(always)]
+fn whole(x: f32) -> i32 {
+    (x + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
+}
+
+#[inline(always)]
+fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn greatest(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// A row's values at the eight corners of boxes, and the bound on their error.
+#[inline(always)]
+fn corners<const N: usize>(
+    row: &Row32,
+    low: &[[f32; N]; 3],
+    high: &[[f32; N]; 3],
+) -> ([[f32; N]; 8], [f32; N]) {
+    let mut out = [[0.0; N]; 8];
+    let mut error = [0.0; N];
+    for i in 0..N {
+        let [x, y, z]: [[f32; 2]; 3] =
+            core::array::from_fn(|axis| [row.linear[axis] * low[axis][i], row.linear[axis] * high[axis][i]]);
+        for (corner, out) in out.iter_mut().enumerate() {
+            out[i] = ((x[corner & 1] + y[corner >> 1 & 1]) + z[corner >> 2 & 1]) + row.constant;
+        }
+        let reach = (greatest(x[0].abs(), x[1].abs()) + greatest(y[0].abs(), y[1].abs()))
+            + greatest(z[0].abs(), z[1].abs());
+        error[i] = MARGIN * reach + row.slop;
+    }
+    (out, error)
+}
+
+/// The greatest value of a row over boxes, with its error added.
+#[inline(always)]
+fn most<const N: usize>(row: &Row32, low: &[[f32; N]; 3], high: &[[f32; N]; 3], sign: f32) -> [f32; N] {
+    core::array::from_fn(|i| {
+        let (mut sum, mut reach) = (sign * row.constant, row.slop);
+        for axis in 0..3 {
+            let (a, b) = (sign * row.linear[axis] * low[axis][i], sign * row.linear[axis] * high[axis][i]);
+            sum += greatest(a, b);
+            reach += MARGIN * greatest(a.abs(), b.abs());
+        }
+        sum + reach
+    })
+}
+
+#[inline(always)]
+fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> Footprints<N> {
+    let low: [[f32; N]; 3] = core::array::from_fn(|axis| {
+        core::array::from_fn(|i| (boxes[axis][i] - lens.high[axis]) - lens.low[axis])
+    });
+    let high: [[f32; N]; 3] = core::array::from_fn(|axis| {
+        core::array::from_fn(|i| (boxes[axis + 3][i] - lens.high[axis]) - lens.low[axis])
+    });
+    let (w, w_error) = corners(&lens.rows[2], &low, &high);
+    let (x, x_error) = corners(&lens.rows[0], &low, &high);
+    let (y, y_error) = corners(&lens.rows[1], &low, &high);
+    let mut out = Footprints {
+        sides: [[0; N]; 4],
+        nearest: [0.0; N],
+        farthest: [0.0; N],
+        outside: [false; N],
+        known: [false; N],
+        inside: [false; N],
+    };
+    let [width, height] = lens.picture;
+    let mut bounds = [[f32::INFINITY; N], [f32::NEG_INFINITY; N], [f32::INFINITY; N], [f32::NEG_INFINITY; N]];
+    let (mut w_least, mut w_most) = ([f32::INFINITY; N], [f32::NEG_INFINITY; N]);
+    for corner in 0..8 {
+        for i in 0..N {
+            let over = 1.0 / w[corner][i];
+            let (px, py) = (x[corner][i] * over, y[corner][i] * over);
+            bounds[0][i] = least(px, bounds[0][i]);
+            bounds[1][i] = greatest(px, bounds[1][i]);
+            bounds[2][i] = least(py, bounds[2][i]);
+            bounds[3][i] = greatest(py, bounds[3][i]);
+            w_least[i] = least(w[corner][i], w_least[i]);
+            w_most[i] = greatest(w[corner][i], w_most[i]);
+        }
+    }
+    let mut unknown = false;
+    for i in 0..N {
+        let over = 1.25 / w_least[i];
+        let x_margin = (x_error[i] + width * w_error[i]) * over + MARGIN * width;
+        let y_margin = (y_error[i] + height * w_error[i]) * over + MARGIN * height;
+        let known = w_least[i] > 8.0 * w_error[i];
+        let (left, right) = (bounds[0][i] - x_margin, bounds[1][i] + x_margin);
+        let (top, bottom) = (bounds[2][i] - y_margin, bounds[3][i] + y_margin);
+        out.known[i] = known && left <= right && top <= bottom;
+        out.outside[i] = known && (right < 0.0 || left > width || bottom < 0.0 || top > height);
+        out.inside[i] = known && left >= 0.0 && right <= width && top >= 0.0 && bottom <= height;
+        let within = |v: f32, size: f32| least(greatest(v, 0.0), size);
+        out.sides[0][i] = whole(within(left, width - 1.0) - 0.5).max(0);
+        out.sides[1][i] = whole(within(right, width) + 0.5).max(out.sides[0][i] + 1).min(width as i32);
+        out.sides[2][i] = whole(within(top, height - 1.0) - 0.5).max(0);
+        out.sides[3][i] = whole(within(bottom, height) + 0.5).max(out.sides[2][i] + 1).min(height as i32);
+        out.nearest[i] = (1.0 / (w_least[i] - w_error[i])) * (1.0 + MARGIN);
+        out.farthest[i] = (1.0 / (w_most[i] + w_error[i])) * (1.0 - MARGIN);
+        unknown |= !known;
+    }
+    if !lens.perspective {
+        let (n, n_error) = corners(&lens.rows[3], &low, &high);
+        for i in 0..N {
+            let (mut a, mut b) = (f32::INFINITY, f32::NEG_INFINITY);
+            for corner in 0..8 {
+                let nearness = n[corner][i] / w[corner][i];
+                a = least(nearness, a);
+                b = greatest(nearness, b);
+            }
+            let most = greatest(a.abs(), b.abs());
+            let margin = (n_error[i] + most * w_error[i]) * (1.25 / w_least[i]) + MARGIN * most;
+            (out.farthest[i], out.nearest[i]) = (a - margin, b + margin);
+        }
+    }
+    // Boxes through the eye's plane are outside the picture only if all of them is on one side of it.
+    if unknown {
+        let tests = [
+            most(&lens.rows[0], &low, &high, 1.0),
+            most(&lens.rows[1], &low, &high, 1.0),
+            most(&lens.rest[0], &low, &high, 1.0),
+            most(&lens.rest[1], &low, &high, 1.0),
+            most(&lens.rows[4], &low, &high, 1.0),
+        ];
+        for test in tests {
+            for i in 0..N {
+                out.outside[i] |= test[i] < 0.0;
+            }
+        }
+    }
+    // What the near plane cuts is not seen as a whole.
+    let before = most(&lens.rows[4], &low, &high, -1.0);
+    for i in 0..N {
+        out.inside[i] &= before[i] < 0.0;
+    }
+    out
+}
+
+/// Decides those of 64 boxes that are candidates. Lanes whose box is improper must not be among them.
+#[inline(always)]
+pub(crate) fn test(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64 {
+    let mut answer = Occlusion64::default();
+    for chunk in 0..64 / WIDTH {
+        let lanes = candidates >> (chunk * WIDTH) & ((1 << WIDTH) - 1);
+        if lanes == 0 {
+            continue;
+        }
+        let part: [[f32; WIDTH]; 6] = core::array::from_fn(|row| boxes[row].as_chunks::<WIDTH>().0[chunk]);
+        let (hidden, visible) = decide(query, &project(query.lens, &part), lanes, &part);
+        answer.hidden |= hidden << (chunk * WIDTH);
+        answer.visible |= visible << (chunk * WIDTH);
+    }
+    answer
+}
+
+/// As [`test`], for one box.
+#[inline(always)]
+pub(crate) fn test_one(query: &Query, sides: [f32; 6]) -> Occlusion64 {
+    let part = sides.map(|side| [side]);
+    let (hidden, visible) = decide(query, &project(query.lens, &part), 1, &part);
+    Occlusion64 { hidden, visible }
+}
+
+#[inline(always)]
+fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
+    let mut mask = 0;
+    for (i, &lane) in lanes.iter().enumerate() {
+        mask |= u64::from(lane) << i;
+    }
+    mask
+}
+
+#[inline(always)]
+fn decide<const N: usize>(
+    query: &Query,
+    footprints: &Footprints<N>,
+    lanes: u64,
+    boxes: &[[f32; N]; 6],
+) -> (u64, u64) {
+    // Improper boxes are never hidden.
+    let proper: [bool; N] = core::array::from_fn(|i| {
+        (boxes[0][i] <= boxes[3][i]) & (boxes[1][i] <= boxes[4][i]) & (boxes[2][i] <= boxes[5][i])
+    });
+    let behind: [bool; N] = core::array::from_fn(|i| footprints.nearest[i] < query.nearest);
+    let before: [bool; N] = core::array::from_fn(|i| footprints.farthest[i] >= query.nearest);
+    let proper = gather(&proper);
+    let outside = gather(&footprints.outside) & proper & lanes;
+    let visible = (gather(&footprints.inside) & gather(&before) | !proper) & lanes & !outside;
+    let mut hidden = outside;
+    let mut rest = lanes & !outside & !visible & gather(&footprints.known) & gather(&behind);
+    while rest != 0 {
+        let i = rest.trailing_zeros() as usize % N;
+        rest &= rest - 1;
+        let [left, right, top, bottom] = footprints.sides.map(|side| side[i] as u32);
+        let rectangle = Rectangle { columns: [left, right], lines: [top, bottom] };
+        if query.pyramid.hides(query.tiles, &rectangle, footprints.nearest[i]) {
+            hidden |= 1 << i;
+        }
+    }
+    (hidden, visible)
+}

@@ -1,0 +1,109 @@
+//! The same safe code compiled for several instruction sets, chosen at run time.
+//!
+//! As in `visibility-core`: one body in plain loops, compiled once for the instruction set that the program is built for and, on x86-64 with
+//! `std`, again for AVX2 and AVX-512. Rust neither reorders nor fuses floating-point operations, so all give the same bits. This is the only
+//! module with `unsafe` code: calls of functions compiled for instructions that the program at large does not assume.
+
+use crate::cuboid::Made;
+use crate::lens::{Lens, Placed};
+use crate::query::{Boxes, Query};
+use crate::shape::{Coverage, Shape};
+use crate::tiles::Tiles;
+use visibility_core::{Aabb, Occlusion64};
+
+/// Which instructions to use. Answers are the same on all.
+///
+/// ```
+/// use visibility_hzb::Simd;
+/// assert!(Simd::available().any(|simd| simd == Simd::best()));
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Simd(Path);
+
+/// Values beyond `Portable` are made by [`Simd::available`] alone, after it has asked the processor: that is what makes the calls below
+/// sound.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Path {
+    Portable,
+    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+    Avx2,
+    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+    Avx512,
+}
+
+impl Simd {
+    /// Whatever the program was built for: SSE2, NEON, wasm SIMD or scalar.
+    pub const PORTABLE: Self = Self(Path::Portable);
+
+    /// The paths that this processor can run, from the narrowest to the widest.
+    pub fn available() -> impl Iterator<Item = Self> {
+        #[cfg(all(target_arch = "x86_64", feature = "std"))]
+        let bits = std::is_x86_feature_detected!("avx2")
+            && std::is_x86_feature_detected!("bmi1")
+            && std::is_x86_feature_detected!("bmi2")
+            && std::is_x86_feature_detected!("popcnt")
+            && std::is_x86_feature_detected!("lzcnt");
+        #[cfg(all(target_arch = "x86_64", feature = "std"))]
+        let wide = [
+            bits.then_some(Self(Path::Avx2)),
+            (bits
+                && std::is_x86_feature_detected!("avx512f")
+                && std::is_x86_feature_detected!("avx512bw")
+                && std::is_x86_feature_detected!("avx512dq")
+                && std::is_x86_feature_detected!("avx512vl"))
+            .then_some(Self(Path::Avx512)),
+        ];
+        #[cfg(not(all(target_arch = "x86_64", feature = "std")))]
+        let wide = [None; 0];
+        core::iter::once(Self::PORTABLE).chain(wide.into_iter().flatten())
+    }
+
+    /// The widest path that this processor can run.
+    pub fn best() -> Self {
+        Self::available().last().unwrap_or(Self::PORTABLE)
+    }
+}
+
+/// Declares a method of [`Simd`] that runs a function compiled for each path.
+macro_rules! compiled {
+    ($($name:ident / $avx2:ident / $avx512:ident = $body:path, ($($argument:ident: $type:ty),*) -> $result:ty;)*) => {
+        impl Simd {
+            $(
+                #[allow(unsafe_code, clippy::too_many_arguments)]
+                pub(crate) fn $name(self, $($argument: $type),*) -> $result {
+                    match self.0 {
+                        Path::Portable => $body($($argument),*),
+                        // SAFETY: a value with this path exists only where the processor was found to have AVX2.
+                        #[cfg(all(target_arch = "x86_64", feature = "std"))]
+                        Path::Avx2 => unsafe { $avx2($($argument),*) },
+                        // SAFETY: a value with this path exists only where the processor was found to have these extensions.
+                        #[cfg(all(target_arch = "x86_64", feature = "std"))]
+                        Path::Avx512 => unsafe { $avx512($($argument),*) },
+                    }
+                }
+            )*
+        }
+        $(
+            #[cfg(all(target_arch = "x86_64", feature = "std"))]
+            #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
+            #[allow(clippy::too_many_arguments)]
+            fn $avx2($($argument: $type),*) -> $result {
+                $body($($argument),*)
+            }
+
+            #[cfg(all(target_arch = "x86_64", feature = "std"))]
+            #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,bmi1,bmi2,popcnt,lzcnt")]
+            #[allow(clippy::too_many_arguments)]
+            fn $avx512($($argument: $type),*) -> $result {
+                $body($($argument),*)
+            }
+        )*
+    };
+}
+
+compiled! {
+    cuboid / cuboid_avx2 / cuboid_avx512 = crate::cuboid::make,
+        (bounds: &Aabb, placed: &Placed, lens: &Lens, facing: f64, coverage: Coverage, shape: &mut Shape) -> Made;
+    fill / fill_avx2 / fill_avx512 = crate::fill::fill, (shape: &Shape, tiles: &mut Tiles) -> bool;
+    test / test_avx2 / test_avx512 = crate::query::test, (query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64;
+}

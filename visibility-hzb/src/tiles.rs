@@ -1,0 +1,172 @@
+//! The buffer: tiles of 8 x 8 pixels that hold what is covered, and how far away at most, in a few layers.
+//!
+//! A tile has one nearness for all its pixels and up to [`LAYERS`] disjoint sets of pixels with a greater one each. That takes a fraction of
+//! the memory of a z-buffer and is as tight in practice, since one occluder mostly has one depth range in a tile (the idea is that of
+//! Andersson, Hasselgren and Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more and disjoint layers).
+
+use alloc::vec::Vec;
+
+/// Pixels along the side of a tile.
+pub(crate) const SIDE: usize = 8;
+
+/// Sets of pixels that a tile can tell apart.
+pub(crate) const LAYERS: usize = 4;
+
+/// Tiles that can be read beyond the end of any row.
+pub(crate) const PADDING: usize = 16;
+
+/// Of nothing.
+pub(crate) const NOTHING: f32 = f32::NEG_INFINITY;
+
+/// Disjoint sets of pixels, each with the least nearness of what covers it.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(crate) struct Layers {
+    masks: [u64; LAYERS],
+    nearness: [f32; LAYERS],
+}
+
+/// The tiles, row by row from the top.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tiles {
+    pub(crate) columns: usize,
+    pub(crate) rows: usize,
+    /// Nearness that all pixels of a tile have at least; greater is nearer. Followed by padding.
+    pub(crate) whole: Vec<f32>,
+    /// How many layers count.
+    counts: Vec<u8>,
+    /// Those beyond the count are of earlier frames.
+    layers: Vec<Layers>,
+}
+
+impl Tiles {
+    pub(crate) fn new(width: usize, height: usize) -> Self {
+        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        let layers = Layers { masks: [0; LAYERS], nearness: [0.0; LAYERS] };
+        Self {
+            columns,
+            rows,
+            whole: alloc::vec![NOTHING; columns * rows + PADDING],
+            counts: alloc::vec![0; columns * rows],
+            layers: alloc::vec![layers; columns * rows],
+        }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.whole.fill(NOTHING);
+        self.counts.fill(0);
+    }
+
+    /// Covers some pixels of a tile with something of at least the given nearness.
+    #[inline(always)]
+    pub(crate) fn cover(&mut self, tile: usize, mask: u64, nearness: f32) {
+        let whole = self.whole[tile];
+        // Written so that NaN covers nothing.
+        if mask == 0 || !(nearness > whole) {
+            return;
+        }
+        let count = usize::from(self.counts[tile]);
+        let layers = &mut self.layers[tile];
+        if count == 0 {
+            if mask == u64::MAX {
+                self.whole[tile] = nearness;
+            } else {
+                layers.masks[0] = mask;
+                layers.nearness[0] = nearness;
+                self.counts[tile] = 1;
+            }
+            return;
+        }
+        // Pixels that have something as near already stay with it.
+        let mut new = mask;
+        for i in 0..count.min(LAYERS) {
+            if layers.nearness[i] >= nearness {
+                new &= !layers.masks[i];
+            }
+        }
+        if new == 0 {
+            return;
+        }
+        // Layers that the whole tile has overtaken are forgotten, and pixels that have something farther go over to the new layer.
+        let (mut masks, mut nearnesses) = ([0; LAYERS + 1], [0.0; LAYERS + 1]);
+        let mut kept = 0;
+        let mut union = new;
+        for i in 0..count.min(LAYERS) {
+            let rest = layers.masks[i] & !new;
+            if rest != 0 && layers.nearness[i] > whole {
+                masks[kept] = rest;
+                nearnesses[kept] = layers.nearness[i];
+                union |= rest;
+                kept += 1;
+            }
+        }
+        masks[kept] = new;
+        nearnesses[kept] = nearness;
+        kept += 1;
+        if union == u64::MAX {
+            let least = nearnesses[..kept].iter().copied().fold(f32::INFINITY, f32::min);
+            self.whole[tile] = least;
+            let mut left = 0;
+            for i in 0..kept {
+                if nearnesses[i] > least {
+                    (masks[left], nearnesses[left]) = (masks[i], nearnesses[i]);
+                    left += 1;
+                }
+            }
+            kept = left;
+        }
+        if kept > LAYERS {
+            kept = merge(&mut masks, &mut nearnesses);
+        }
+        layers.masks.copy_from_slice(&masks[..LAYERS]);
+        layers.nearness.copy_from_slice(&nearnesses[..LAYERS]);
+        self.counts[tile] = kept as u8;
+    }
+
+    /// Whether everything in the given pixels of a tile is nearer than `nearness`.
+    #[inline(always)]
+    pub(crate) fn hides(&self, tile: usize, mask: u64, nearness: f32) -> bool {
+        if self.whole[tile] > nearness {
+            return true;
+        }
+        let layers = &self.layers[tile];
+        let mut left = mask;
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            if layers.nearness[i] > nearness {
+                left &= !layers.masks[i];
+            }
+        }
+        left == 0
+    }
+
+    /// The nearness of a pixel, [`NOTHING`] where nothing covers it.
+    pub(crate) fn pixel(&self, column: usize, row: usize) -> f32 {
+        let tile = row / SIDE * self.columns + column / SIDE;
+        let bit = (row % SIDE) * SIDE + column % SIDE;
+        let layers = &self.layers[tile];
+        let count = usize::from(self.counts[tile]).min(LAYERS);
+        let own = (0..count).find(|&i| layers.masks[i] >> bit & 1 != 0);
+        own.map_or(NOTHING, |i| layers.nearness[i]).max(self.whole[tile])
+    }
+}
+
+/// Joins two of one layer too many: those whose joining gives away least, in pixels times nearness.
+#[cold]
+fn merge(masks: &mut [u64; LAYERS + 1], nearness: &mut [f32; LAYERS + 1]) -> usize {
+    let mut best = (f32::INFINITY, 0, 1);
+    for i in 0..=LAYERS {
+        for j in 0..i {
+            let (near, far) = if nearness[i] > nearness[j] { (i, j) } else { (j, i) };
+            let loss = (nearness[near] - nearness[far]) * masks[near].count_ones() as f32;
+            if loss < best.0 {
+                best = (loss, i, j);
+            }
+        }
+    }
+    let (_, i, j) = best;
+    masks[j] |= masks[i];
+    nearness[j] = nearness[j].min(nearness[i]);
+    masks[i] = masks[LAYERS];
+    nearness[i] = nearness[LAYERS];
+    LAYERS
+}
