@@ -37,13 +37,13 @@ fn plus(a: &Sum, b: &Sum) -> Sum {
 fn side_of([a, b, c]: [DVec3; 3], towards: [Sum; 3]) -> i32 {
     let difference = |x: DVec3, i: usize| vec![x[i], -a[i]];
     let mut terms = Vec::new();
-    for i in 0..3 {
+    for (i, along) in towards.iter().enumerate() {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         let one = product(&difference(b, j), &difference(c, k));
         let two = product(&difference(b, k), &difference(c, j));
         // A component may have 16 terms, with the eye's 64.
         let component = compress(plus(&one, &minus(&two)));
-        terms.extend(component.iter().flat_map(|&x| towards[i].iter().map(move |&y| (x, y))));
+        terms.extend(component.iter().flat_map(|&x| along.iter().map(move |&y| (x, y))));
     }
     sign_of_sum(terms)
 }
@@ -321,7 +321,7 @@ fn a_tree_decides_what_its_cones_do() {
         // Neighbours face alike, as clusters in order do.
         let sphere: Vec<NormalCone> = (0..count)
             .map(|i| {
-                let turn = f64::from(i) / f64::from(count) * 6.28;
+                let turn = f64::from(i) / f64::from(count) * core::f64::consts::TAU;
                 let normal = DVec3::new(turn.cos(), turn.sin(), 0.3);
                 let (x, y) = normal.normalize().any_orthonormal_pair();
                 let at = normal * 10.0 + rng.vector(0.5);

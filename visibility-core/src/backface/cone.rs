@@ -210,8 +210,8 @@ impl NormalCone {
         let determinant = a.dot(cofactors[0]);
         // Elements of at most 1: a cofactor is off by 8u at most, the determinant by 40u.
         const U: f64 = f64::EPSILON;
-        // Not so for NaN.
-        if !(determinant.abs() > 64.0 * U) {
+        let flat = determinant.abs() <= 64.0 * U || determinant.is_nan();
+        if flat {
             return Self::OPEN;
         }
         let norm = cofactors.map(|row| row.length()).iter().sum::<f64>();
