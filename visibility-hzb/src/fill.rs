@@ -1,5 +1,6 @@
 //! Fills shapes into tiles: eight rows of pixels at a time, whole tiles in runs.
 
+use crate::pyramid::{Rectangle, mask as mask_of};
 use crate::shape::Shape;
 use crate::tiles::{SIDE, Tiles};
 
@@ -33,6 +34,19 @@ pub(crate) fn fill(shape: &Shape, tiles: &mut Tiles) -> bool {
         fill_row(shape, tiles, row);
     }
     true
+}
+
+/// Whether something of the given nearness could be in front of what there is, somewhere in a rectangle.
+#[inline(always)]
+pub(crate) fn still_seen(tiles: &Tiles, rectangle: &Rectangle, nearness: f32) -> bool {
+    let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize).div_ceil(SIDE)];
+    let [y0, y1] = [rectangle.lines[0] as usize / SIDE, (rectangle.lines[1] as usize).div_ceil(SIDE)];
+    (y0..y1.min(tiles.rows)).any(|y| {
+        let row = &tiles.whole[y * tiles.columns + x0..y * tiles.columns + x1.min(tiles.columns)];
+        any_farther(row, nearness)
+            && (x0..x1.min(tiles.columns))
+                .any(|x| !tiles.hides(y * tiles.columns + x, mask_of(rectangle, x, y), nearness))
+    })
 }
 
 /// Whether any of the numbers is below a limit.

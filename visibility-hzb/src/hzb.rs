@@ -2,8 +2,9 @@
 
 use crate::cuboid::{self, Made};
 use crate::lens::{Lens, Placed};
-use crate::pyramid::Pyramid;
+use crate::pyramid::{Pyramid, Rectangle};
 use crate::query::{Lens32, Query, test_one};
+use crate::queue::Queue;
 use crate::shape::{Coverage, Shape};
 use crate::solid::{self, Scratch};
 use crate::tiles::{SIDE, Tiles};
@@ -41,6 +42,7 @@ pub struct Hzb {
     pyramid: Pyramid,
     scratch: Scratch,
     shape: Shape,
+    queue: Queue,
     /// Nearness that nothing in the buffer exceeds.
     nearest: f32,
     /// Planes that cut occluders away, relative to the scene's origin.
@@ -70,6 +72,7 @@ impl Hzb {
             pyramid,
             scratch: Scratch::default(),
             shape: Shape::EMPTY,
+            queue: Queue::EMPTY,
             nearest: f32::NEG_INFINITY,
             clip: [Plane::new(DVec3::ZERO, 0.0); visibility_core::MAX_CLIP_PLANES],
             clips: 0,
@@ -131,6 +134,53 @@ impl Hzb {
         Query { lens: &self.lens32, tiles: &self.tiles, pyramid: &self.pyramid, nearest: self.nearest }
     }
 
+    /// Draws the boxes that wait.
+    fn draw_queue(&mut self) {
+        let count = core::mem::take(&mut self.queue.count);
+        if count == 0 {
+            return;
+        }
+        self.simd.footprints(&self.lens32, &self.queue.around, &mut self.queue.footprints);
+        for i in 0..count {
+            let seen = &self.queue.footprints;
+            if seen.outside[i] {
+                continue;
+            }
+            if seen.known[i] {
+                let [left, right, top, bottom] = [0, 1, 2, 3].map(|side| seen.sides[side][i] as u32);
+                let rectangle = Rectangle { columns: [left, right], lines: [top, bottom] };
+                if !self.simd.still_seen(&self.tiles, &rectangle, seen.nearest[i]) {
+                    continue;
+                }
+            }
+            let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
+            self.draw_box(&bounds, &transform);
+        }
+    }
+
+    fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A) {
+        let Some((placed, facing)) = place(&self.lens, bounds, transform) else { return };
+        let made = self.simd.cuboid(bounds, &placed, &self.lens, facing, self.coverage, &mut self.shape);
+        let made = match made {
+            Made::Near => {
+                let (scratch, shape) = (&mut self.scratch, &mut self.shape);
+                let corners = bounds.corners();
+                let parts = solid::Parts::of_box(&corners);
+                solid::make(&parts, &placed, &self.lens, facing, self.coverage, scratch, shape)
+            }
+            made => made,
+        };
+        if made == Made::Shape {
+            self.fill();
+        }
+    }
+
+    fn fill(&mut self) {
+        if self.simd.fill(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
+            self.nearest = self.shape.ceiling;
+        }
+    }
+
     /// Whether an occluder reaches beyond one of the view's own planes, which would cut it.
     fn is_cut(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
         self.clip[..self.clips].iter().any(|plane| {
@@ -163,6 +213,7 @@ impl OcclusionMap for Hzb {
         self.lens = Lens::new(view, origin, self.size, whole);
         self.lens32 = Lens32::new(&self.lens);
         self.tiles.clear();
+        self.queue.count = 0;
         self.nearest = f32::NEG_INFINITY;
         self.clips = view.clip_planes().len();
         let shift = origin - view.origin();
@@ -176,34 +227,25 @@ impl OcclusionMap for Hzb {
         if self.clips > 0 && self.is_cut(occluder, transform) {
             return;
         }
-        let Some((placed, facing)) = place(&self.lens, occluder, transform) else { return };
-        let mut made = Made::Near;
         if cuboid::is_cuboid(occluder) && !occluder.is_two_sided() {
-            made = self.simd.cuboid(
-                occluder.bounds(),
-                &placed,
-                &self.lens,
-                facing,
-                self.coverage,
-                &mut self.shape,
-            );
-        }
-        if made == Made::Near && (occluder.is_convex() || occluder.triangles().len() <= 2) {
-            let (scratch, shape) = (&mut self.scratch, &mut self.shape);
-            made = solid::make(occluder, &placed, &self.lens, facing, self.coverage, scratch, shape);
-        }
-        match made {
-            Made::Shape => {
-                if self.simd.fill(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
-                    self.nearest = self.shape.ceiling;
-                }
+            if self.queue.push(occluder.bounds(), transform) {
+                self.draw_queue();
             }
-            Made::Nothing => {}
-            Made::Near => {}
+            return;
+        }
+        // Order matters: the queue first.
+        self.draw_queue();
+        let Some((placed, facing)) = place(&self.lens, occluder.bounds(), transform) else { return };
+        if occluder.is_convex() || occluder.triangles().len() <= 2 {
+            let (parts, scratch, shape) = (solid::Parts::of(occluder), &mut self.scratch, &mut self.shape);
+            if solid::make(&parts, &placed, &self.lens, facing, self.coverage, scratch, shape) == Made::Shape {
+                self.fill();
+            }
         }
     }
 
     fn flush(&mut self) {
+        self.draw_queue();
         self.pyramid.build(&self.tiles);
     }
 
@@ -224,8 +266,7 @@ impl OcclusionMap for Hzb {
 
 /// The occluder as the lens sees it, and the sense in which its fronts turn; `None` if nothing can be said of it.
 #[inline(always)]
-fn place(lens: &Lens, occluder: &OccluderMesh, transform: &Affine3A) -> Option<(Placed, f64)> {
-    let bounds = occluder.bounds();
+fn place(lens: &Lens, bounds: &Aabb, transform: &Affine3A) -> Option<(Placed, f64)> {
     let reach = bounds.min.abs().max(bounds.max.abs()).to_array().map(f64::from);
     let placed = lens.place(transform, reach);
     let finite = placed.size.iter().chain(&placed.error).all(|value| value.is_finite());

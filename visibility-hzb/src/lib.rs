@@ -10,6 +10,7 @@ mod hzb;
 mod lens;
 mod pyramid;
 mod query;
+mod queue;
 mod shape;
 mod simd;
 mod solid;

@@ -93,19 +93,37 @@ pub(crate) struct Query<'a> {
 pub(crate) const WIDTH: usize = 16;
 
 /// Where boxes are on the screen.
-struct Footprints<const N: usize> {
+#[derive(Clone, Debug)]
+pub(crate) struct Footprints<const N: usize> {
     /// In pixels: first column, end column, first row, end row.
-    sides: [[i32; N]; 4],
+    pub(crate) sides: [[i32; N]; 4],
     /// Nearness that no point of the box exceeds.
-    nearest: [f32; N],
+    pub(crate) nearest: [f32; N],
     /// Least nearness of the box, for those before the eye.
     farthest: [f32; N],
     /// Surely not in the picture.
-    outside: [bool; N],
+    pub(crate) outside: [bool; N],
     /// Before the eye as a whole, so that the rectangle can be relied on.
-    known: [bool; N],
+    pub(crate) known: [bool; N],
     /// Surely in the picture as a whole, and beyond the near plane.
     inside: [bool; N],
+}
+
+impl<const N: usize> Footprints<N> {
+    pub(crate) const NONE: Self = Self {
+        sides: [[0; N]; 4],
+        nearest: [0.0; N],
+        farthest: [0.0; N],
+        outside: [false; N],
+        known: [false; N],
+        inside: [false; N],
+    };
+}
+
+/// As [`project`], for as many boxes as are looked at together.
+#[inline(always)]
+pub(crate) fn footprints(lens: &Lens32, boxes: &[[f32; WIDTH]; 6], out: &mut Footprints<WIDTH>) {
+    *out = project(lens, boxes);
 }
 
 /// Added to a number below 2^22, leaves the nearest whole number in the low bits.
@@ -163,7 +181,7 @@ fn most<const N: usize>(row: &Row32, low: &[[f32; N]; 3], high: &[[f32; N]; 3], 
 }
 
 #[inline(always)]
-fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> Footprints<N> {
+pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> Footprints<N> {
     let low: [[f32; N]; 3] = core::array::from_fn(|axis| {
         core::array::from_fn(|i| (boxes[axis][i] - lens.high[axis]) - lens.low[axis])
     });
@@ -173,14 +191,7 @@ fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> Footprints<N
     let (w, w_error) = corners(&lens.rows[2], &low, &high);
     let (x, x_error) = corners(&lens.rows[0], &low, &high);
     let (y, y_error) = corners(&lens.rows[1], &low, &high);
-    let mut out = Footprints {
-        sides: [[0; N]; 4],
-        nearest: [0.0; N],
-        farthest: [0.0; N],
-        outside: [false; N],
-        known: [false; N],
-        inside: [false; N],
-    };
+    let mut out = Footprints::NONE;
     let [width, height] = lens.picture;
     let mut bounds = [[f32::INFINITY; N], [f32::NEG_INFINITY; N], [f32::INFINITY; N], [f32::NEG_INFINITY; N]];
     let (mut w_least, mut w_most) = ([f32::INFINITY; N], [f32::NEG_INFINITY; N]);

@@ -6,7 +6,8 @@
 
 use crate::cuboid::Made;
 use crate::lens::{Lens, Placed};
-use crate::query::{Boxes, Query};
+use crate::pyramid::Rectangle;
+use crate::query::{Boxes, Footprints, Lens32, Query, WIDTH};
 use crate::shape::{Coverage, Shape};
 use crate::tiles::Tiles;
 use visibility_core::{Aabb, Occlusion64};
@@ -104,6 +105,10 @@ macro_rules! compiled {
 compiled! {
     cuboid / cuboid_avx2 / cuboid_avx512 = crate::cuboid::make,
         (bounds: &Aabb, placed: &Placed, lens: &Lens, facing: f64, coverage: Coverage, shape: &mut Shape) -> Made;
+    footprints / footprints_avx2 / footprints_avx512 = crate::query::footprints,
+        (lens: &Lens32, boxes: &[[f32; WIDTH]; 6], out: &mut Footprints<WIDTH>) -> ();
+    still_seen / still_seen_avx2 / still_seen_avx512 = crate::fill::still_seen,
+        (tiles: &Tiles, rectangle: &Rectangle, nearness: f32) -> bool;
     fill / fill_avx2 / fill_avx512 = crate::fill::fill, (shape: &Shape, tiles: &mut Tiles) -> bool;
     test / test_avx2 / test_avx512 = crate::query::test, (query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64;
 }

@@ -7,7 +7,8 @@ use crate::cuboid::{Made, extent, lower, pixels};
 use crate::lens::{Lens, Placed};
 use crate::shape::{Coverage, Shape};
 use alloc::vec::Vec;
-use visibility_core::OccluderMesh;
+use visibility_core::glam::Vec3;
+use visibility_core::{Edge, OccluderMesh};
 
 /// Memory that is used again from occluder to occluder.
 #[derive(Clone, Debug, Default)]
@@ -15,6 +16,76 @@ pub(crate) struct Scratch {
     pub(crate) corners: Vec<[f64; 5]>,
     /// For each triangle, whether it is drawn.
     pub(crate) drawn: Vec<bool>,
+}
+
+/// What of a mesh is needed.
+#[derive(Clone, Copy)]
+pub(crate) struct Parts<'a> {
+    pub(crate) positions: &'a [Vec3],
+    pub(crate) triangles: &'a [[u32; 3]],
+    pub(crate) edges: &'a [Edge],
+    pub(crate) two_sided: bool,
+}
+
+impl<'a> Parts<'a> {
+    pub(crate) fn of(mesh: &'a OccluderMesh) -> Self {
+        Self {
+            positions: mesh.positions(),
+            triangles: mesh.triangles(),
+            edges: mesh.edges(),
+            two_sided: mesh.is_two_sided(),
+        }
+    }
+
+    /// A box, by its corners.
+    pub(crate) fn of_box(corners: &'a [Vec3; 8]) -> Self {
+        Self { positions: corners, triangles: &BOX_TRIANGLES, edges: &BOX_EDGES, two_sided: false }
+    }
+}
+
+/// A triangle for each face and half: enough for its plane, and for what is drawn of it.
+const BOX_TRIANGLES: [[u32; 3]; 12] = [
+    [0, 2, 3],
+    [0, 3, 1],
+    [4, 5, 7],
+    [4, 7, 6],
+    [0, 1, 5],
+    [0, 5, 4],
+    [2, 6, 7],
+    [2, 7, 3],
+    [0, 4, 6],
+    [0, 6, 2],
+    [1, 3, 7],
+    [1, 7, 5],
+];
+
+static BOX_EDGES: [Edge; 18] = box_edges();
+
+const fn box_edges() -> [Edge; 18] {
+    let mut edges = [Edge { vertices: [0, 0], left: 0, right: None }; 18];
+    let (mut count, mut triangle) = (0, 0);
+    while triangle < 12 {
+        let mut corner = 0;
+        while corner < 3 {
+            let (a, b) = (BOX_TRIANGLES[triangle][corner], BOX_TRIANGLES[triangle][(corner + 1) % 3]);
+            let mut other = 0;
+            while other < 12 {
+                let mut i = 0;
+                while i < 3 {
+                    // Each edge once, from the triangle that comes first.
+                    if BOX_TRIANGLES[other][i] == b && BOX_TRIANGLES[other][(i + 1) % 3] == a && triangle < other {
+                        edges[count] = Edge { vertices: [a, b], left: triangle as u32, right: Some(other as u32) };
+                        count += 1;
+                    }
+                    i += 1;
+                }
+                other += 1;
+            }
+            corner += 1;
+        }
+        triangle += 1;
+    }
+    edges
 }
 
 /// A point as its `x`, `y` and `w`.
@@ -38,7 +109,7 @@ pub(crate) fn less(a: &[f64; 5], b: &[f64; 5]) -> [f64; 5] {
 
 /// Makes the shape of a mesh. `Made::Near` says that it has too many edges or planes.
 pub(crate) fn make(
-    mesh: &OccluderMesh,
+    mesh: &Parts,
     placed: &Placed,
     lens: &Lens,
     facing: f64,
@@ -48,7 +119,7 @@ pub(crate) fn make(
 ) -> Made {
     let Scratch { corners, drawn } = scratch;
     corners.clear();
-    corners.extend(mesh.positions().iter().map(|p| placed.at(p.to_array().map(f64::from))));
+    corners.extend(mesh.positions.iter().map(|p| placed.at(p.to_array().map(f64::from))));
     // Beyond this, a point is surely beyond the near plane, by a margin that dwarfs rounding of the cuts.
     let beyond = 1024.0 * placed.error[4];
     let nearest = corners.iter().fold(f64::INFINITY, |least, c| least.min(c[4]));
@@ -99,7 +170,7 @@ pub(crate) fn make(
         if choose(mesh, corners, drawn, facing, beyond, placed.determinant_error()) {
             return outline(mesh, corners, drawn, placed, lens, facing, coverage, beyond, shape);
         }
-        if !mesh.is_two_sided() {
+        if !mesh.two_sided {
             break;
         }
     }
@@ -108,7 +179,7 @@ pub(crate) fn make(
 
 /// Decides which triangles are drawn: those surely seen from the front, and not all before the near plane. Whether there is any.
 fn choose(
-    mesh: &OccluderMesh,
+    mesh: &Parts,
     corners: &[[f64; 5]],
     drawn: &mut Vec<bool>,
     facing: f64,
@@ -117,7 +188,7 @@ fn choose(
 ) -> bool {
     drawn.clear();
     let mut any = false;
-    for t in mesh.triangles() {
+    for t in mesh.triangles {
         let [a, b, c] = t.map(|i| &corners[i as usize]);
         let height = dot(cross(point(&less(b, a)), point(&less(c, a))), point(a));
         let front = height * facing > certain && (a[4] > beyond || b[4] > beyond || c[4] > beyond);
@@ -137,7 +208,7 @@ pub(crate) fn cut(a: &[f64; 5], b: &[f64; 5], beyond: f64) -> [f64; 5] {
 
 #[expect(clippy::too_many_arguments)]
 fn outline(
-    mesh: &OccluderMesh,
+    mesh: &Parts,
     corners: &[[f64; 5]],
     drawn: &[bool],
     placed: &Placed,
@@ -153,7 +224,7 @@ fn outline(
         let line = cross(a, b).map(|v| v * facing);
         shape.keep([line[0], line[1], line[2] - products], lens.size, coverage)
     };
-    for edge in mesh.edges() {
+    for edge in mesh.edges {
         let left = drawn[edge.left as usize];
         let right = edge.right.is_some_and(|t| drawn[t as usize]);
         let [a, b] = edge.vertices.map(|i| point(&corners[i as usize]));
@@ -167,7 +238,7 @@ fn outline(
             return Made::Near;
         }
     }
-    for (t, _) in mesh.triangles().iter().zip(drawn).filter(|(_, drawn)| **drawn) {
+    for (t, _) in mesh.triangles.iter().zip(drawn).filter(|(_, drawn)| **drawn) {
         let t = t.map(|i| &corners[i as usize]);
         // The normal, and the plane by Cramer's rule, as for boxes.
         let (second, third) = (less(t[1], t[0]), less(t[2], t[0]));

@@ -1,0 +1,51 @@
+//! Boxes that wait to be drawn, so that several are projected together: most of them turn out to be hidden by those before them.
+
+use crate::query::{Footprints, WIDTH};
+use visibility_core::Aabb;
+use visibility_core::glam::Affine3A;
+
+/// The next boxes, in order.
+#[derive(Clone, Debug)]
+pub(crate) struct Queue {
+    pub(crate) count: usize,
+    pub(crate) bounds: [Aabb; WIDTH],
+    pub(crate) transforms: [Affine3A; WIDTH],
+    /// The boxes around them along the axes of the scene.
+    pub(crate) around: [[f32; WIDTH]; 6],
+    pub(crate) footprints: Footprints<WIDTH>,
+}
+
+impl Queue {
+    pub(crate) const EMPTY: Self = Self {
+        count: 0,
+        bounds: [Aabb::EMPTY; WIDTH],
+        transforms: [Affine3A::IDENTITY; WIDTH],
+        around: [[0.0; WIDTH]; 6],
+        footprints: Footprints::NONE,
+    };
+
+    /// Adds a box; true if the queue is full now.
+    pub(crate) fn push(&mut self, bounds: &Aabb, transform: &Affine3A) -> bool {
+        let i = self.count % WIDTH;
+        self.bounds[i] = *bounds;
+        self.transforms[i] = *transform;
+        let around = if *transform == Affine3A::IDENTITY { *bounds } else { moved(bounds, transform) };
+        for axis in 0..3 {
+            self.around[axis][i] = around.min[axis];
+            self.around[axis + 3][i] = around.max[axis];
+        }
+        self.count = i + 1;
+        self.count == WIDTH
+    }
+}
+
+/// A box around a transformed one. Its sums of four terms are off by less than 16 units of the sum of their magnitudes.
+fn moved(bounds: &Aabb, transform: &Affine3A) -> Aabb {
+    let (center, half) = (bounds.center(), bounds.half_extent());
+    let m = transform.matrix3.abs();
+    let middle = transform.transform_point3(center);
+    let reach = m.mul_vec3(half);
+    let size = m.mul_vec3(center.abs()) + reach + visibility_core::glam::Vec3::from(transform.translation).abs();
+    let margin = size * (8.0 * f32::EPSILON) + f32::MIN_POSITIVE;
+    Aabb::new(middle - reach - margin, middle + reach + margin)
+}
