@@ -22,7 +22,7 @@ use build::Entry;
 use changes::ChangeLog;
 use glam::{Affine3A, DVec3};
 use maintain::Queue;
-use tree::{Payload, Slot};
+use tree::{Payload, Scratch, Slot};
 
 /// The store of objects: bounds, layers, costs, flags and triangles, in a hierarchy that every culler walks.
 ///
@@ -317,28 +317,65 @@ impl Scene {
     /// [`SceneError::UnknownObject`].
     pub fn set_bounds(&mut self, id: ObjectId, bounds: Aabb) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
-        let unculled = self.is_never_culled(id.index()) || !bounds.is_finite();
-        if unculled != self.tree.is_unculled(slot) || !unculled && self.tree.is_far_from_home(slot, &bounds) {
-            let payload = self.tree.payload(slot);
-            self.tree.remove(slot);
-            self.place(&bounds, payload);
-        } else {
-            self.tree.set_bounds(slot, &bounds);
-        }
-        self.queue.push(slot.node());
+        self.move_object(slot, id, &bounds);
         self.log.push(id, self.generations.len());
         Ok(())
     }
 
-    /// As [`set_bounds`](Self::set_bounds) for many objects, or, if one of them is unknown, for none.
+    fn move_object(&mut self, slot: Slot, id: ObjectId, bounds: &Aabb) {
+        let (was, is) =
+            (self.tree.is_unculled(slot), !bounds.is_finite() || self.is_never_culled(id.index()));
+        if was && is {
+            self.tree.bounds[slot.node()].set(slot.lane(), bounds);
+        } else if was != is || !self.tree.move_within(slot, bounds) {
+            let payload = self.tree.payload(slot);
+            self.tree.remove(slot);
+            self.place(bounds, payload);
+        }
+        self.queue.push(slot.node());
+    }
+
+    /// As [`set_bounds`](Self::set_bounds) for many objects, or, if one of them is unknown, for none. Where most blocks are touched,
+    /// objects are moved block by block, and bounds end as tight as they can be.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`].
     pub fn set_bounds_batch(&mut self, moved: &[(ObjectId, Aabb)]) -> Result<(), SceneError> {
-        for &(id, _) in moved {
-            self.slot(id)?;
+        let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
+        scratch.slots.clear();
+        let found = moved.iter().try_for_each(|&(id, _)| self.slot(id).map(|slot| scratch.slots.push(slot)));
+        if found.is_ok() {
+            self.move_all(moved, &mut scratch);
         }
-        moved.iter().try_for_each(|&(id, bounds)| self.set_bounds(id, bounds))
+        self.tree.scratch = scratch;
+        found?;
+        if ChangeLog::is_too_much(moved.len(), self.generations.len()) {
+            self.log.invalidate();
+        } else {
+            moved.iter().for_each(|&(id, _)| self.log.push(id, self.generations.len()));
+        }
+        Ok(())
+    }
+
+    /// Moves objects whose slots are known.
+    fn move_all(&mut self, moved: &[(ObjectId, Aabb)], scratch: &mut Scratch) {
+        let layout = self.layout;
+        if moved.len() >= self.tree.node_count() && moved.len() <= Scratch::MOST {
+            self.tree.move_crowd(moved, scratch, &mut self.queue);
+            for &place in &scratch.left {
+                let (id, bounds) = &moved[place as usize];
+                self.move_object(self.tree.slots[id.index()], *id, bounds);
+            }
+            return;
+        }
+        for (some, slots) in moved.chunks(32).zip(scratch.slots.chunks(32)) {
+            self.tree.fetch(slots);
+            for ((id, bounds), &slot) in some.iter().zip(slots) {
+                // One that was given a new home may have moved others.
+                let slot = if self.layout == layout { slot } else { self.tree.slots[id.index()] };
+                self.move_object(slot, *id, bounds);
+            }
+        }
     }
 
     /// Puts an object on other layers.
@@ -489,12 +526,12 @@ impl Scene {
         self.layout += 1;
     }
 
-    /// Looks at up to `budget` blocks (of 64 objects) in which something moved: tightens their bounds, and gives objects that
-    /// strayed a new home. A block costs about a microsecond, and as much again for each object that it re-homes.
+    /// Looks at up to `budget` blocks (of 64 objects) in which something moved: tightens their bounds, and where blocks have come to
+    /// lie across one another, deals out their objects among them anew, up to eight blocks at once. To deal out a block counts as
+    /// looking at three, so that with a budget below 22 fewer than eight are dealt out together. A budget of one costs about
+    /// a microsecond.
     pub fn maintain(&mut self, budget: usize) -> Maintenance {
-        let done = self.tree.maintain(&mut self.queue, budget);
-        self.layout += u64::from(done.rehomed > 0);
-        done
+        self.tree.maintain(&mut self.queue, budget, &mut self.layout)
     }
 
     /// Bytes held for the objects and their hierarchy, without their triangles.

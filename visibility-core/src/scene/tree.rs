@@ -8,6 +8,12 @@
 //! The fields of nodes live in separate arrays, because a frame touches the bounds of the nodes that it tests, but only the
 //! `occupied` masks of those that it takes whole.
 
+mod moving;
+pub(super) mod pack;
+mod regroup;
+
+pub(super) use moving::Scratch;
+
 use super::boxes64::{Boxes64, lanes};
 use crate::{Aabb, ObjectId};
 use alloc::vec::Vec;
@@ -60,7 +66,7 @@ pub(crate) struct Tree {
     /// In leaves, which objects are occluders.
     pub(crate) occluders: Vec<u64>,
     /// The lane of the parent that points here; `NONE` for the root. For leaves outside the tree, the place in `unculled`.
-    parents: Vec<Slot>,
+    pub(super) parents: Vec<Slot>,
     /// 0 for leaves, [`UNCULLED`] for leaves outside the tree.
     pub(crate) levels: Vec<u8>,
     /// Leaves outside the tree, whose objects no culler sees.
@@ -68,6 +74,7 @@ pub(crate) struct Tree {
     free: Vec<u32>,
     /// Where each object is, by index.
     pub(crate) slots: Vec<Slot>,
+    pub(super) scratch: Scratch,
 }
 
 impl Tree {
@@ -84,6 +91,7 @@ impl Tree {
             unculled: Vec::new(),
             free: Vec::new(),
             slots: Vec::new(),
+            scratch: Scratch::EMPTY,
         }
     }
 
@@ -238,7 +246,12 @@ impl Tree {
             }
             return;
         }
-        let mut node = slot.node() as u32;
+        self.remove_empty(slot.node() as u32);
+    }
+
+    /// Frees a node if it is empty, and every node that is thereby left empty.
+    pub(super) fn remove_empty(&mut self, node: u32) {
+        let mut node = node;
         while self.occupied[node as usize] == 0 {
             let above = self.parent(node);
             self.release(node);
@@ -271,16 +284,6 @@ impl Tree {
             .map(|slot| (slot.node(), slot.lane()))
     }
 
-    /// Whether an object in this slot of the tree would, with these bounds, be farther from the block's own bounds than their
-    /// size: it was moved to another part of the world, and would stretch all nodes above.
-    pub(super) fn is_far_from_home(&self, slot: Slot, bounds: &Aabb) -> bool {
-        let Some(above) = self.parent(slot.node() as u32) else { return false };
-        let home = self.bounds[above.node()].get(above.lane());
-        let size = home.max - home.min;
-        let center = bounds.center();
-        center.cmplt(home.min - size).any() || center.cmpgt(home.max + size).any()
-    }
-
     /// Bytes held.
     pub(super) fn memory(&self) -> usize {
         use core::mem::size_of_val;
@@ -294,39 +297,7 @@ impl Tree {
             + size_of_val(&self.unculled[..])
             + size_of_val(&self.free[..])
             + size_of_val(&self.slots[..])
-    }
-
-    /// Sets the bounds of the object in a slot and enlarges what is above where it sticks out.
-    pub(super) fn set_bounds(&mut self, slot: Slot, bounds: &Aabb) {
-        self.bounds[slot.node()].set(slot.lane(), bounds);
-        self.grow(slot.node() as u32, bounds);
-    }
-
-    /// Enlarges the bounds above a node until they contain `bounds`.
-    fn grow(&mut self, node: u32, bounds: &Aabb) {
-        let mut node = node;
-        while let Some(above) = self.parent(node) {
-            let old = self.bounds[above.node()].get(above.lane());
-            let new = old.union(bounds);
-            if new == old {
-                return;
-            }
-            self.bounds[above.node()].set(above.lane(), &new);
-            node = above.node() as u32;
-        }
-    }
-
-    /// Makes the bounds above a node as small as what is below them allows.
-    pub(super) fn tighten(&mut self, node: u32) {
-        let mut node = node;
-        while let Some(above) = self.parent(node) {
-            let hull = self.bounds[node as usize].hull();
-            if self.bounds[above.node()].get(above.lane()) == hull {
-                return;
-            }
-            self.bounds[above.node()].set(above.lane(), &hull);
-            node = above.node() as u32;
-        }
+            + self.scratch.memory()
     }
 
     /// A free lane in `node`, or, if it is full, in the half of it that suits `bounds` better.
@@ -384,7 +355,7 @@ impl Tree {
 
 /// How far `b` is from `a`, as the sum over axes of twice the distance of centres: where nothing must be enlarged, and
 /// where everything must, the nearest centre is a good home.
-fn separation(a: &Aabb, b: &Aabb) -> f32 {
+pub(super) fn separation(a: &Aabb, b: &Aabb) -> f32 {
     let d = ((a.min - b.min) + (a.max - b.max)).abs();
     d.x + d.y + d.z
 }

@@ -1,0 +1,171 @@
+//! Moving objects within the tree: one by one, or a crowd leaf by leaf.
+
+use super::{NONE, Slot, Tree};
+use crate::scene::maintain::Queue;
+use crate::{Aabb, ObjectId};
+use alloc::vec::Vec;
+
+/// What moving many objects needs for a while, kept so that no frame allocates.
+#[derive(Clone, Debug)]
+pub(in crate::scene) struct Scratch {
+    /// Where each object that moves was when all were looked up.
+    pub(in crate::scene) slots: Vec<Slot>,
+    /// Places in the batch and lanes, by leaf.
+    sorted: Vec<u32>,
+    /// By node, where its part of `sorted` ends.
+    ends: Vec<u32>,
+    /// Places in the batch of those who must be moved one by one.
+    pub(in crate::scene) left: Vec<u32>,
+}
+
+impl Scratch {
+    /// A place in the batch and a lane fill a word.
+    pub(in crate::scene) const MOST: usize = 1 << 26;
+
+    pub(in crate::scene) const EMPTY: Self =
+        Self { slots: Vec::new(), sorted: Vec::new(), ends: Vec::new(), left: Vec::new() };
+
+    pub(in crate::scene) fn memory(&self) -> usize {
+        size_of_val(&self.slots[..])
+            + size_of_val(&self.sorted[..])
+            + size_of_val(&self.ends[..])
+            + size_of_val(&self.left[..])
+    }
+}
+
+impl Tree {
+    /// Sets the bounds of the object in a slot of the tree and enlarges what is above where it sticks out. False, with
+    /// nothing done, if it would be farther from the bounds of its block than their size: it was moved to another part of
+    /// the world, and would stretch all nodes above.
+    pub(in crate::scene) fn move_within(&mut self, slot: Slot, bounds: &Aabb) -> bool {
+        let Some(above) = self.parent(slot.node() as u32) else {
+            self.bounds[slot.node()].set(slot.lane(), bounds);
+            return true;
+        };
+        let home = self.bounds[above.node()].get(above.lane());
+        if is_far(&home, bounds) {
+            return false;
+        }
+        self.bounds[slot.node()].set(slot.lane(), bounds);
+        let new = home.union(bounds);
+        if new != home {
+            self.bounds[above.node()].set(above.lane(), &new);
+            self.grow(above.node() as u32, bounds);
+        }
+        true
+    }
+
+    /// Reads the boxes in these slots, all at once: the processor waits for many lines of memory together, where moving
+    /// one object after the other would wait for each.
+    pub(in crate::scene) fn fetch(&self, slots: &[Slot]) {
+        let mut sum = 0u32;
+        for &slot in slots {
+            for row in &self.bounds[slot.node()].coordinates {
+                sum = sum.wrapping_add(row[slot.lane()].to_bits());
+            }
+        }
+        core::hint::black_box(sum);
+    }
+
+    /// Moves up to [`Scratch::MOST`] objects, of which `scratch` has the slots, leaf by leaf, and makes the bounds above as small as
+    /// they can be. Those for whom a slot in this leaf is not right any more are left, in the order of the batch for
+    /// each object.
+    pub(in crate::scene) fn move_crowd(
+        &mut self,
+        moved: &[(ObjectId, Aabb)],
+        scratch: &mut Scratch,
+        queue: &mut Queue,
+    ) {
+        let Scratch { slots, sorted, ends, left } = scratch;
+        ends.clear();
+        ends.resize(self.node_count(), 0);
+        for slot in slots.iter() {
+            ends[slot.node()] += 1;
+        }
+        let mut start = 0;
+        for end in ends.iter_mut() {
+            start += core::mem::replace(end, start);
+        }
+        sorted.clear();
+        sorted.resize(slots.len(), 0);
+        for (place, slot) in slots.iter().enumerate() {
+            let end = &mut ends[slot.node()];
+            sorted[*end as usize] = (place << 6 | slot.lane()) as u32;
+            *end += 1;
+        }
+
+        left.clear();
+        let mut start = 0;
+        let mut grown = NONE;
+        for (leaf, &end) in ends.iter().enumerate() {
+            let these = &sorted[core::mem::replace(&mut start, end as usize)..end as usize];
+            if these.is_empty() {
+                continue;
+            }
+            if self.is_unculled_leaf(leaf) {
+                left.extend(these.iter().map(|&word| word >> 6));
+                continue;
+            }
+            let above = self.parent(leaf as u32);
+            let home = above.map(|above| self.bounds[above.node()].get(above.lane()));
+            let mut gone = 0u64;
+            for &word in these {
+                let (place, lane) = (word >> 6, word & 63);
+                let bounds = &moved[place as usize].1;
+                let leaves = !bounds.is_finite() || home.as_ref().is_some_and(|home| is_far(home, bounds));
+                gone |= u64::from(leaves) << lane;
+                if gone >> lane & 1 != 0 {
+                    left.push(place);
+                } else {
+                    self.bounds[leaf].set(lane as usize, bounds);
+                }
+            }
+            queue.push(leaf);
+            let Some(above) = above else { continue };
+            let hull = self.bounds[leaf].hull();
+            self.bounds[above.node()].set(above.lane(), &hull);
+            // Leaves that lie together in memory share their parent, as a rule.
+            if grown != NONE && grown != above.node() as u32 {
+                self.tighten(grown);
+            }
+            grown = above.node() as u32;
+        }
+        if grown != NONE {
+            self.tighten(grown);
+        }
+    }
+
+    /// Enlarges the bounds above a node until they contain `bounds`.
+    pub(super) fn grow(&mut self, node: u32, bounds: &Aabb) {
+        let mut node = node;
+        while let Some(above) = self.parent(node) {
+            let old = self.bounds[above.node()].get(above.lane());
+            let new = old.union(bounds);
+            if new == old {
+                return;
+            }
+            self.bounds[above.node()].set(above.lane(), &new);
+            node = above.node() as u32;
+        }
+    }
+
+    /// Makes the bounds above a node as small as what is below them allows.
+    pub(in crate::scene) fn tighten(&mut self, node: u32) {
+        let mut node = node;
+        while let Some(above) = self.parent(node) {
+            let hull = self.bounds[node as usize].hull();
+            if self.bounds[above.node()].get(above.lane()) == hull {
+                return;
+            }
+            self.bounds[above.node()].set(above.lane(), &hull);
+            node = above.node() as u32;
+        }
+    }
+}
+
+/// Whether bounds are farther from those of a block than their size.
+fn is_far(home: &Aabb, bounds: &Aabb) -> bool {
+    let size = home.max - home.min;
+    let center = bounds.center();
+    center.cmplt(home.min - size).any() || center.cmpgt(home.max + size).any()
+}
