@@ -1,0 +1,342 @@
+//! The visibility of cells from cells: floods from all portals, in rounds.
+//!
+//! Within a round floods know nothing of one another, so they can run on any number of threads; what they found is taken in, in order,
+//! at the round's end. The portals with the fewest candidates come first: what they prove hidden thins the candidates of the others, at
+//! once also the other way round, since a line can be walked both ways.
+
+use crate::CellMatrix;
+use crate::flood::{Found, Known, Scratch, flood};
+use crate::matrix::bits;
+use crate::portals::Portals;
+use alloc::vec::Vec;
+use core::fmt;
+use visibility_core::{CellGraph, CellId};
+
+/// How a bake works.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Settings {
+    /// No pair of cells is called hidden between which a line passes that stays clear of all portal edges by this distance, in
+    /// the map's units. It must be well above the rounding of coordinates: at least 2^-33 of the greatest.
+    pub clearance: f64,
+    /// The most chains of portals to look at for one cell. When it is reached, the cell sees all that is still possible.
+    pub steps_per_cell: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { clearance: 1e-6, steps_per_cell: u64::MAX }
+    }
+}
+
+/// Why a bake cannot begin.
+#[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
+pub enum BakeError {
+    /// The clearance is not a positive number, or too small for coordinates of this size.
+    Clearance {
+        /// The clearance asked for.
+        clearance: f64,
+        /// The least that the coordinates allow.
+        least: f64,
+    },
+    /// More portals or cells than the tables of pairs have room for.
+    TooLarge {
+        /// How many cells.
+        cells: usize,
+        /// How many portals.
+        portals: usize,
+    },
+}
+
+impl fmt::Display for BakeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Clearance { clearance, least } => {
+                write!(
+                    f,
+                    "a clearance of {clearance} is less than {least}, the least for coordinates of this size"
+                )
+            }
+            Self::TooLarge { cells, portals } => {
+                write!(f, "{cells} cells and {portals} portals are more than {MOST} of either")
+            }
+        }
+    }
+}
+
+impl core::error::Error for BakeError {}
+
+/// The most cells or portals in a bake: its tables then take up to 2 GiB.
+const MOST: usize = 1 << 16;
+
+/// Portals in a round. More of them keep more threads busy, and know less of one another.
+const ROUND: usize = 32;
+
+/// How far a bake is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Progress {
+    /// Portals whose flood is done, each direction counted.
+    pub done: usize,
+    /// All of them.
+    pub portals: usize,
+    /// Chains of portals looked at so far.
+    pub steps: u64,
+}
+
+/// A cell for which the limit of steps was reached.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Fallback {
+    /// The cell.
+    pub cell: CellId,
+    /// How many of its portals count all that is possible as seen.
+    pub portals: u32,
+}
+
+/// What a bake found.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Outcome {
+    /// Which cells see which; symmetric.
+    pub matrix: CellMatrix,
+    /// Cells that see more than they would without a limit of steps, ascending.
+    pub fallbacks: Vec<Fallback>,
+    /// Chains of portals looked at, by cell: what the cell cost.
+    pub steps: Vec<u64>,
+    /// Whether the bake went to its end; otherwise cells see all that was still possible.
+    pub complete: bool,
+}
+
+/// A bake of cell-to-cell visibility: begun with [`new`](Self::new), moved on by [`advance`](Self::advance) as long as one likes, ended by
+/// [`finish`](Self::finish).
+///
+/// ```
+/// use visibility_portals::{CellBake, Settings, prt};
+/// // Three rooms in a row; the last door lies where nobody in the first room can see through both.
+/// let map = "PRT1\n3\n2\n\
+///     4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n\
+///     4 1 2 (4 8 0) (3 8 0) (3 8 2) (4 8 2)\n";
+/// let graph = prt::read(map)?.graph;
+/// let mut bake = CellBake::new(&graph, Settings::default())?;
+/// while bake.advance().is_some_and(|progress| progress.done < progress.portals) {}
+/// let outcome = bake.finish();
+/// assert!(outcome.complete && outcome.matrix.is_symmetric());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct CellBake {
+    portals: Portals,
+    cells: usize,
+    settings: Settings,
+    /// See [`Known`].
+    rows: Vec<u64>,
+    stride: usize,
+    seen: Vec<u64>,
+    cell_stride: usize,
+    /// Pairs that a line proves, both ways.
+    proven: Vec<u64>,
+    /// How many candidates each portal has left.
+    counts: Vec<u32>,
+    /// Portals whose flood is still to come.
+    waiting: Vec<u32>,
+    steps: Vec<u64>,
+    fallbacks: Vec<u32>,
+    total: u64,
+}
+
+impl CellBake {
+    /// Prepares the portals and finds, for each, the others that can follow it by their planes alone.
+    ///
+    /// # Errors
+    /// [`BakeError`].
+    pub fn new(graph: &CellGraph, settings: Settings) -> Result<Self, BakeError> {
+        let (cells, count) = (graph.cell_count(), graph.portals().len());
+        if cells > MOST || count > MOST {
+            return Err(BakeError::TooLarge { cells, portals: count });
+        }
+        let portals = Portals::new(graph, settings.clearance);
+        let least = portals.margins.noise * 2f64.powi(16);
+        if !(settings.clearance > 0.0 && settings.clearance >= least && settings.clearance.is_finite()) {
+            return Err(BakeError::Clearance { clearance: settings.clearance, least });
+        }
+        let directed = portals.all.len();
+        let (stride, cell_stride) = (directed.div_ceil(64), cells.div_ceil(64));
+        let mut bake = Self {
+            rows: alloc::vec![0; directed * stride],
+            stride,
+            seen: alloc::vec![0; cells * cell_stride],
+            cell_stride,
+            proven: alloc::vec![0; cells * cell_stride],
+            counts: alloc::vec![0; directed],
+            waiting: (0..directed as u32).collect(),
+            steps: alloc::vec![0; cells],
+            fallbacks: alloc::vec![0; cells],
+            total: 0,
+            portals,
+            cells,
+            settings,
+        };
+        bake.begin();
+        Ok(bake)
+    }
+
+    /// Candidates by planes and reachability; cells see themselves and their neighbours.
+    fn begin(&mut self) {
+        let mut stamps = alloc::vec![u32::MAX; self.cells];
+        let mut queue = Vec::new();
+        for source in 0..self.portals.all.len() as u32 {
+            let row = &mut self.rows[source as usize * self.stride..][..self.stride];
+            let portal = &self.portals.all[source as usize];
+            queue.push(portal.to);
+            stamps[portal.to as usize] = source;
+            while let Some(cell) = queue.pop() {
+                for next in self.portals.from(cell) {
+                    let other = &self.portals.all[next as usize];
+                    if next == portal.reverse || !self.portals.can_follow(portal, other) {
+                        continue;
+                    }
+                    row[next as usize / 64] |= 1 << (next % 64);
+                    if stamps[other.to as usize] != source {
+                        stamps[other.to as usize] = source;
+                        queue.push(other.to);
+                    }
+                }
+            }
+        }
+        // What cannot be reached one way is not seen the other way either.
+        for a in 0..self.portals.all.len() as u32 {
+            for i in 0..self.stride {
+                for bit in bits(self.rows[a as usize * self.stride + i]) {
+                    let b = i as u32 * 64 + bit;
+                    let (back, forth) =
+                        (self.portals.all[b as usize].reverse, self.portals.all[a as usize].reverse);
+                    if self.rows[back as usize * self.stride + forth as usize / 64] >> (forth % 64) & 1 == 0 {
+                        self.rows[a as usize * self.stride + i] &= !(1 << bit);
+                    }
+                }
+            }
+        }
+        for (row, count) in self.rows.chunks_exact(self.stride.max(1)).zip(&mut self.counts) {
+            *count = row.iter().map(|word| word.count_ones()).sum();
+        }
+        for portal in &self.portals.all {
+            let (a, b) = (portal.from as usize, portal.to as usize);
+            for (a, b) in [(a, a), (a, b), (b, b)] {
+                self.seen[a * self.cell_stride + b / 64] |= 1 << (b % 64);
+                self.proven[a * self.cell_stride + b / 64] |= 1 << (b % 64);
+            }
+        }
+        for a in 0..self.cells {
+            self.proven[a * self.cell_stride + a / 64] |= 1 << (a % 64);
+        }
+    }
+
+    /// How far the bake is.
+    pub fn progress(&self) -> Progress {
+        let portals = self.portals.all.len();
+        Progress { done: portals - self.waiting.len(), portals, steps: self.total }
+    }
+
+    /// Floods from the next few portals; with the feature `rayon`, on all threads of the current pool. `None` when all are done.
+    pub fn advance(&mut self) -> Option<Progress> {
+        if self.waiting.is_empty() {
+            return None;
+        }
+        let round = self.next_round();
+        let known = Known {
+            portals: &self.portals,
+            rows: &self.rows,
+            stride: self.stride,
+            seen: &self.seen,
+            cell_stride: self.cell_stride,
+        };
+        let one = |scratch: &mut Scratch, &source: &u32| {
+            let spent = self.steps[self.portals.all[source as usize].from as usize];
+            flood(&known, source, self.settings.steps_per_cell.saturating_sub(spent), scratch)
+        };
+        #[cfg(feature = "rayon")]
+        let found: Vec<Found> = {
+            use rayon::prelude::*;
+            round.par_iter().with_max_len(1).map_init(Scratch::default, one).collect()
+        };
+        #[cfg(not(feature = "rayon"))]
+        let found: Vec<Found> = {
+            let mut scratch = Scratch::default();
+            round.iter().map(|source| one(&mut scratch, source)).collect()
+        };
+        for (&source, found) in round.iter().zip(found) {
+            self.take_in(source, found);
+        }
+        Some(self.progress())
+    }
+
+    /// Takes those with the fewest candidates out of the portals that wait.
+    fn next_round(&mut self) -> Vec<u32> {
+        let size = ROUND.min(self.waiting.len());
+        let key = |&portal: &u32| (self.counts[portal as usize], portal);
+        if size < self.waiting.len() {
+            self.waiting.select_nth_unstable_by_key(size - 1, key);
+        }
+        let mut round: Vec<u32> = self.waiting.drain(..size).collect();
+        round.sort_unstable_by_key(key);
+        round
+    }
+
+    fn take_in(&mut self, source: u32, found: Found) {
+        let (from, back) = {
+            let portal = &self.portals.all[source as usize];
+            (portal.from as usize, portal.reverse)
+        };
+        self.steps[from] += found.steps;
+        self.total += found.steps;
+        self.fallbacks[from] += u32::from(found.gave_up);
+        for portal in found.hidden {
+            let other = self.portals.all[portal as usize].reverse;
+            self.clear(source, portal);
+            self.clear(other, back);
+        }
+        for (cell, proven) in found.cells {
+            let cell = cell as usize;
+            self.seen[from * self.cell_stride + cell / 64] |= 1 << (cell % 64);
+            if proven {
+                for (a, b) in [(from, cell), (cell, from)] {
+                    self.seen[a * self.cell_stride + b / 64] |= 1 << (b % 64);
+                    self.proven[a * self.cell_stride + b / 64] |= 1 << (b % 64);
+                }
+            }
+        }
+    }
+
+    fn clear(&mut self, a: u32, b: u32) {
+        let word = &mut self.rows[a as usize * self.stride + b as usize / 64];
+        let bit = 1 << (b % 64);
+        self.counts[a as usize] -= u32::from(*word & bit != 0);
+        *word &= !bit;
+    }
+
+    /// Ends the bake. If it has not come to its end, what is still possible counts as visible.
+    pub fn finish(mut self) -> Outcome {
+        let complete = self.waiting.is_empty();
+        for &source in &self.waiting {
+            let from = self.portals.all[source as usize].from as usize;
+            let row = &self.rows[source as usize * self.stride..][..self.stride];
+            for (i, &word) in row.iter().enumerate() {
+                for bit in bits(word) {
+                    let to = self.portals.all[i * 64 + bit as usize].to as usize;
+                    self.seen[from * self.cell_stride + to / 64] |= 1 << (to % 64);
+                }
+            }
+        }
+        let mut matrix = CellMatrix::new(self.cells);
+        let has = |set: &[u64], a: usize, b: usize| set[a * self.cell_stride + b / 64] >> (b % 64) & 1 != 0;
+        for a in 0..self.cells {
+            for b in 0..self.cells {
+                if has(&self.proven, a, b) || has(&self.seen, a, b) && has(&self.seen, b, a) {
+                    matrix.set(a, b);
+                }
+            }
+        }
+        let fallbacks = self.fallbacks.iter().enumerate().filter(|(_, portals)| **portals > 0);
+        let fallbacks =
+            fallbacks.map(|(cell, &portals)| Fallback { cell: CellId(cell as u32), portals }).collect();
+        Outcome { matrix, fallbacks, steps: self.steps, complete }
+    }
+}

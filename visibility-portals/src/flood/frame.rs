@@ -1,0 +1,263 @@
+//! One link of the chain: what lines can still come from and go through, and what they can still reach.
+
+use super::{Found, Known, Scratch};
+use crate::matrix::bits;
+use crate::polygon::{Clip, clip};
+use crate::separators::{Facing, separators};
+use core::ops::Range;
+use visibility_core::Plane;
+use visibility_core::glam::DVec3;
+
+/// A link of the chain of portals that is being looked at.
+#[derive(Clone, Debug)]
+pub(crate) struct Frame {
+    /// The portal just gone through, by its number among all, and the cell behind it.
+    pub(crate) portal: u32,
+    pub(crate) cell: u32,
+    /// The part of the source that lines can come from, and the part of this portal that they go through: places in the store of points.
+    pub(crate) source: Range<usize>,
+    pub(crate) pass: Range<usize>,
+    /// The planes that bound what comes after.
+    planes: Range<usize>,
+    /// Where the set of candidates that can be reached from here begins.
+    set: usize,
+    /// The next candidate to look at.
+    next: u32,
+    /// The store of points as it was before this frame.
+    points: usize,
+}
+
+impl Scratch {
+    /// The first frame: the source itself, from which everything possible may be reached.
+    pub(crate) fn enter_source(&mut self, known: &Known, source: u32) {
+        let portal = &known.portals.all[source as usize];
+        self.points.extend_from_slice(known.portals.vertices_of(portal));
+        let whole = 0..self.points.len();
+        self.sets.resize(self.words, u64::MAX);
+        if self.count % 64 != 0 {
+            self.sets[self.words - 1] = u64::MAX >> (64 - self.count % 64);
+        }
+        self.push(portal.to, source, whole.clone(), whole, 0..0, 0, 0);
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn push(
+        &mut self,
+        cell: u32,
+        portal: u32,
+        source: Range<usize>,
+        pass: Range<usize>,
+        planes: Range<usize>,
+        set: usize,
+        points: usize,
+    ) {
+        let next = self.of_cell[cell as usize].0;
+        self.frames.push(Frame { portal, cell, source, pass, planes, set, next, points });
+    }
+
+    /// The next candidate that leads on from the end of the chain; takes links off the chain that have no more.
+    pub(crate) fn next_child(&mut self) -> Option<usize> {
+        while let Some(frame) = self.frames.last_mut() {
+            let end = self.of_cell[frame.cell as usize].1;
+            let set = &self.sets[frame.set..];
+            while frame.next < end {
+                let child = frame.next as usize;
+                frame.next += 1;
+                if set[child / 64] >> (child % 64) & 1 != 0 {
+                    return Some(child);
+                }
+            }
+            self.points.truncate(frame.points);
+            self.planes.truncate(frame.planes.start);
+            self.sets.truncate(frame.set);
+            self.frames.pop();
+        }
+        None
+    }
+
+    /// Goes on through a candidate, if lines can.
+    pub(crate) fn visit(&mut self, known: &Known, first: u32, child: usize, found: &mut Found) {
+        let Some(frame) = self.frames.last().cloned() else { return };
+        let row = self.row(known, child);
+        let is_goal = self.goals[child / 64] >> (child % 64) & 1 != 0;
+        if !is_goal && !self.leads_to_goal(frame.set, row) {
+            // Nothing to be learnt beyond: what is possible there stays possible.
+            self.reached[child / 64] |= 1 << (child % 64);
+            self.reach_all(frame.set, row);
+            return;
+        }
+        let points = self.points.len();
+        let number = self.candidates[child];
+        let Some((source, pass)) = self.narrow(known, first, &frame, child) else {
+            self.points.truncate(points);
+            return;
+        };
+        self.reached[child / 64] |= 1 << (child % 64);
+        let cell = self.to[child];
+        if is_goal {
+            let proven = self.witness(known, number, &source, &pass);
+            found.cells.push((cell, proven));
+            self.drop_goals(cell);
+        }
+        if !self.leads_to_goal(frame.set, row) {
+            self.reach_all(frame.set, row);
+            self.points.truncate(points);
+            return;
+        }
+        let (a, b) = (&known.portals.all[first as usize], &known.portals.all[number as usize]);
+        let planes = self.planes.len();
+        let [from, through] = [(a, &source), (b, &pass)].map(|(portal, place)| Facing {
+            vertices: &self.points[place.clone()],
+            normal: portal.plane.normal,
+            sense: 1.0,
+        });
+        separators(from, through, &known.portals.margins, &mut self.planes);
+        let planes = planes..self.planes.len();
+        let set = self.sets.len();
+        self.flood_again(known, frame.set, row, cell, planes.clone());
+        let after = &self.sets[set..];
+        if after.iter().zip(&self.goals).all(|(a, b)| a & b == 0) {
+            self.reached.iter_mut().zip(after).for_each(|(reached, after)| *reached |= after);
+            self.sets.truncate(set);
+            self.planes.truncate(planes.start);
+            self.points.truncate(points);
+            return;
+        }
+        self.push(cell, number, source, pass, planes, set, points);
+    }
+
+    /// Whether a goal is in a frame's set and in a row.
+    fn leads_to_goal(&self, set: usize, row: usize) -> bool {
+        let sets = self.sets[set..].iter().zip(self.row_words(row)).zip(&self.goals);
+        sets.into_iter().any(|((a, b), c)| a & b & c != 0)
+    }
+
+    /// What is in a frame's set and in a row counts as reached.
+    fn reach_all(&mut self, set: usize, row: usize) {
+        let words = self.words;
+        for i in 0..words {
+            self.reached[i] |= self.sets[set + i] & self.row_words(row)[i];
+        }
+    }
+
+    /// A cell is seen: no portal that leads to it is a goal any more.
+    fn drop_goals(&mut self, cell: u32) {
+        for (i, _) in self.to.iter().enumerate().filter(|(_, to)| **to == cell) {
+            self.goals[i / 64] &= !(1 << (i % 64));
+        }
+    }
+
+    /// The parts of the source and of a candidate between which lines can pass through the last portal of the chain. Adds to the
+    /// store of points, also if there are none.
+    fn narrow(
+        &mut self,
+        known: &Known,
+        first: u32,
+        frame: &Frame,
+        child: usize,
+    ) -> Option<(Range<usize>, Range<usize>)> {
+        let (all, margins) = (&known.portals.all, &known.portals.margins);
+        let portal = &all[self.candidates[child] as usize];
+        let start = self.points.len();
+        self.points.extend_from_slice(known.portals.vertices_of(portal));
+        let mut pass = start..self.points.len();
+        if self.cut[child] {
+            let plane = outward(&all[first as usize].plane, margins.keep);
+            pass = self.clipped(pass, &plane, margins.merge)?;
+        }
+        for i in frame.planes.clone() {
+            let plane = self.planes[i];
+            pass = self.clipped(pass, &plane, margins.merge)?;
+        }
+        let behind = outward(&portal.plane.flipped(), margins.keep);
+        let mut source = self.clipped(frame.source.clone(), &behind, margins.merge)?;
+        if frame.portal != first {
+            let back =
+                |vertices, of: u32| Facing { vertices, normal: all[of as usize].plane.normal, sense: -1.0 };
+            let planes = self.planes.len();
+            let target = back(&self.points[pass.clone()], self.candidates[child]);
+            let middle = back(&self.points[frame.pass.clone()], frame.portal);
+            separators(target, middle, margins, &mut self.planes);
+            for i in planes..self.planes.len() {
+                let plane = self.planes[i];
+                let Some(part) = self.clipped(source, &plane, margins.merge) else {
+                    self.planes.truncate(planes);
+                    return None;
+                };
+                source = part;
+            }
+            self.planes.truncate(planes);
+        }
+        Some((source, pass))
+    }
+
+    fn clipped(&mut self, polygon: Range<usize>, plane: &Plane, merge: f64) -> Option<Range<usize>> {
+        match clip(&mut self.points, polygon.clone(), plane, merge) {
+            Clip::All => Some(polygon),
+            Clip::Part(start) => Some(start..self.points.len()),
+            Clip::Nothing => None,
+        }
+    }
+
+    /// Floods the candidates in a frame's set and a row, from a cell on, through cells; adds the set of those not outside any plane.
+    fn flood_again(&mut self, known: &Known, from: usize, row: usize, cell: u32, planes: Range<usize>) {
+        let set = self.sets.len();
+        self.sets.resize(set + self.words, 0);
+        let (before, after) = self.sets.split_at_mut(set);
+        let before = &before[from..];
+        let planes = &self.planes[planes];
+        if self.stamp == u32::MAX {
+            self.stamps.fill(0);
+            self.stamp = 0;
+        }
+        self.stamp += 1;
+        self.queue.clear();
+        self.queue.push(cell);
+        self.stamps[cell as usize] = self.stamp;
+        let row = &self.rows[row..row + self.words];
+        while let Some(cell) = self.queue.pop() {
+            let (start, end) = self.of_cell[cell as usize];
+            let mut word = start as usize / 64;
+            while word * 64 < end as usize {
+                let mut mask = before[word] & row[word];
+                if word == start as usize / 64 {
+                    mask &= u64::MAX << (start % 64);
+                }
+                if end as usize - word * 64 < 64 {
+                    mask &= (1 << (end as usize - word * 64)) - 1;
+                }
+                for bit in bits(mask) {
+                    let i = word * 64 + bit as usize;
+                    let (center, radius) = self.balls[i];
+                    if outside(known, planes, center, radius, self.candidates[i]) {
+                        continue;
+                    }
+                    after[word] |= 1 << bit;
+                    let to = self.to[i] as usize;
+                    if self.stamps[to] != self.stamp {
+                        self.stamps[to] = self.stamp;
+                        self.queue.push(to as u32);
+                    }
+                }
+                word += 1;
+            }
+        }
+    }
+}
+
+/// Whether a portal lies beyond one of the planes.
+fn outside(known: &Known, planes: &[Plane], center: DVec3, radius: f64, portal: u32) -> bool {
+    planes.iter().any(|plane| {
+        let distance = plane.signed_distance(center);
+        distance < -radius
+            || distance < radius && {
+                let vertices = known.portals.vertices_of(&known.portals.all[portal as usize]);
+                vertices.iter().all(|&v| plane.signed_distance(v) < 0.0)
+            }
+    })
+}
+
+/// The half-space with so much more.
+fn outward(plane: &Plane, by: f64) -> Plane {
+    Plane::new(plane.normal, plane.offset + by)
+}

@@ -1,0 +1,29 @@
+//! Architectural visibility: which cells of a building see which, through chains of portals.
+//!
+//! - [`prt`] reads the portal files of map compilers into a [`CellGraph`](visibility_core::CellGraph).
+//! - [`CellBake`] computes which cells see which: the potentially visible set of each, as a [`CellMatrix`].
+//!
+//! # Promises
+//! - No two cells are called hidden from each other between which a straight line passes that stays clear of all portal edges by the
+//!   [clearance](Settings::clearance), whatever the rounding.
+//! - The answer is symmetric, and the same on every machine, with any number of threads.
+//! - No panic on any input; a bake can be stopped at any time, and what it has then is conservative too.
+//!
+//! # Features
+//! `std` (default). Without it, `libm`. `rayon`: bakes on all threads.
+#![no_std]
+#![forbid(unsafe_code)]
+extern crate alloc;
+#[cfg(any(feature = "std", test))]
+extern crate std;
+
+mod bake;
+mod flood;
+mod matrix;
+mod polygon;
+mod portals;
+pub mod prt;
+mod separators;
+
+pub use bake::{BakeError, CellBake, Fallback, Outcome, Progress, Settings};
+pub use matrix::CellMatrix;

@@ -1,0 +1,84 @@
+//! Clipping convex polygons (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) that live in a growing store of points.
+
+use alloc::vec::Vec;
+use core::ops::Range;
+use visibility_core::Plane;
+use visibility_core::glam::DVec3;
+
+/// Polygons that have grown beyond this many vertices are clipped no more, which is conservative.
+const MOST_VERTICES: usize = 120;
+
+/// What clipping leaves of a polygon.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Clip {
+    Nothing,
+    All,
+    /// The points at the end of the store, from this one.
+    Part(usize),
+}
+
+/// Clips the polygon at a place of the store to the inner side of a plane; what is left of it, if it is less, is added to the store.
+/// A remainder narrower than `merge` is nothing.
+pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane, merge: f64) -> Clip {
+    let count = polygon.len();
+    if count > MOST_VERTICES {
+        return Clip::All;
+    }
+    let mut distances = [0.0; MOST_VERTICES];
+    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    for (distance, &p) in distances.iter_mut().zip(&points[polygon.clone()]) {
+        *distance = plane.normal.x * p.x + plane.normal.y * p.y + plane.normal.z * p.z + plane.offset;
+        least = least.min(*distance);
+        most = most.max(*distance);
+    }
+    if least >= 0.0 {
+        return Clip::All;
+    }
+    if most < 0.0 {
+        return Clip::Nothing;
+    }
+    let start = points.len();
+    let (mut a, mut before) = (points[polygon.end - 1], distances[count - 1]);
+    let near = merge * merge;
+    for (i, &here) in distances[..count].iter().enumerate() {
+        let b = points[polygon.start + i];
+        if (before < 0.0) != (here < 0.0) {
+            let cut = a + (b - a) * (before / (before - here));
+            push_apart(points, start, cut, near);
+        }
+        if here >= 0.0 {
+            push_apart(points, start, b, near);
+        }
+        (a, before) = (b, here);
+    }
+    while points.len() > start + 1 && (points[points.len() - 1] - points[start]).length_squared() <= near {
+        points.pop();
+    }
+    if points.len() < start + 3 {
+        points.truncate(start);
+        return Clip::Nothing;
+    }
+    Clip::Part(start)
+}
+
+fn push_apart(points: &mut Vec<DVec3>, start: usize, p: DVec3, near: f64) {
+    if points.len() == start || (points[points.len() - 1] - p).length_squared() > near {
+        points.push(p);
+    }
+}
+
+/// As [`clip`], from one polygon to another.
+pub(crate) fn clip_into(polygon: &[DVec3], plane: &Plane, merge: f64, out: &mut Vec<DVec3>) {
+    out.clear();
+    if polygon.is_empty() {
+        return;
+    }
+    out.extend_from_slice(polygon);
+    match clip(out, 0..polygon.len(), plane, merge) {
+        Clip::Nothing => out.clear(),
+        Clip::All => {}
+        Clip::Part(start) => {
+            out.drain(..start);
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Portals made ready for stabbing: planes fitted, vertices put on them, polygons drawn in by the clearance, a copy for each direction.
+//!
+//! # Margins
+//! A pair of cells must be called visible if a line through portals between them stays clear of all portal edges by the clearance: then
+//! so does a thin cylinder around it. Drawing each portal in by less than that leaves the line inside each with room to spare; it
+//! also takes apart portals that share an edge, so that separating planes are never found from points that coincide. What remains of the
+//! room pays for rounding: planes that clip keep what is [`keep`](Margins::keep) beyond them, and vertices nearer to each other than
+//! [`merge`](Margins::merge) become one, since the direction between them means nothing.
+
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+use visibility_core::{CellGraph, Plane};
+
+/// Lengths that decide what counts as touching, in the map's units.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Margins {
+    /// By how much portals are drawn in.
+    pub(crate) inset: f64,
+    /// What lies less than this in front of a plane is not in front of it.
+    pub(crate) side: f64,
+    /// Planes that clip keep what is this far beyond them.
+    pub(crate) keep: f64,
+    /// Vertices nearer than this are one.
+    pub(crate) merge: f64,
+    /// The most that rounding can take from a product of a unit vector and a position.
+    pub(crate) noise: f64,
+}
+
+impl Margins {
+    /// For a clearance, and coordinates of at most the given size.
+    fn new(clearance: f64, extent: f64) -> Self {
+        // A unit vector times a position: three products and two sums, each rounded by 2^-53 of at most sqrt(3) extent, and the
+        // vector's length, wrong by as much: less than 2^-49 extent. With coordinates of a few thousand that is 1e-11.
+        let noise = extent * 2f64.powi(-49);
+        let keep = (12.0 * noise).max(1e-4 * clearance);
+        Self { inset: 0.4 * clearance, side: 0.2 * clearance, keep, merge: 20.0 * keep, noise }
+    }
+}
+
+/// A portal in one direction.
+#[derive(Clone, Debug)]
+pub(crate) struct Directed {
+    /// The portal's plane, unit normal along the way.
+    pub(crate) plane: Plane,
+    /// A ball around the vertices.
+    pub(crate) center: DVec3,
+    pub(crate) radius: f64,
+    /// Its vertices, counter-clockwise around the normal.
+    pub(crate) start: u32,
+    pub(crate) end: u32,
+    /// The cells that it leads from and to.
+    pub(crate) from: u32,
+    pub(crate) to: u32,
+    /// The same portal the other way.
+    pub(crate) reverse: u32,
+}
+
+/// All portals in both directions, in the order of the cells that they lead from.
+#[derive(Clone, Debug)]
+pub(crate) struct Portals {
+    pub(crate) all: Vec<Directed>,
+    pub(crate) vertices: Vec<DVec3>,
+    /// Where each cell's portals begin, and at the end where the last ones stop.
+    pub(crate) first: Vec<u32>,
+    pub(crate) margins: Margins,
+}
+
+impl Portals {
+    /// Portals through which no line passes clear of their edges are left out.
+    pub(crate) fn new(graph: &CellGraph, clearance: f64) -> Self {
+        let positions = graph.portals().iter().flat_map(|p| p.polygon().vertices());
+        let extent = positions.fold(0.0, |extent: f64, v| extent.max(v.abs().max_element()));
+        let margins = Margins::new(clearance, extent);
+        let mut insets = alloc::vec![None; graph.portals().len()];
+        let mut vertices = Vec::new();
+        for (portal, inset) in graph.portals().iter().zip(&mut insets) {
+            let plane = portal.plane();
+            let on_plane: Vec<DVec3> = portal
+                .polygon()
+                .vertices()
+                .iter()
+                .map(|&v| v - plane.normal * plane.signed_distance(v))
+                .collect();
+            let drawn_in = draw_in(&on_plane, plane.normal, &margins);
+            if drawn_in.len() >= 3 {
+                let start = vertices.len() as u32;
+                vertices.extend_from_slice(&drawn_in);
+                let middle = vertices.len() as u32;
+                vertices.extend(drawn_in.iter().rev());
+                *inset = Some([start, middle, vertices.len() as u32]);
+            }
+        }
+        let mut all: Vec<Directed> = Vec::new();
+        let mut first = Vec::with_capacity(graph.cell_count() + 1);
+        let mut halves = alloc::vec![[0; 2]; graph.portals().len()];
+        for cell in (0..graph.cell_count() as u32).map(visibility_core::CellId) {
+            first.push(all.len() as u32);
+            for &id in graph.portals_of(cell) {
+                let Some([start, middle, end]) = insets[id.index()] else { continue };
+                let portal = &graph.portals()[id.index()];
+                let backward = usize::from(portal.cells()[0] != cell);
+                halves[id.index()][backward] = all.len() as u32;
+                let (start, end) = [(start, middle), (middle, end)][backward];
+                let plane = if backward == 0 { portal.plane() } else { portal.plane().flipped() };
+                let (center, radius) = ball(&vertices[start as usize..end as usize]);
+                let to = portal.cells()[1 - backward].0;
+                all.push(Directed { plane, center, radius, start, end, from: cell.0, to, reverse: 0 });
+            }
+        }
+        first.push(all.len() as u32);
+        for [a, b] in halves.into_iter().zip(&insets).filter(|(_, inset)| inset.is_some()).map(|(h, _)| h) {
+            all[a as usize].reverse = b;
+            all[b as usize].reverse = a;
+        }
+        Self { all, vertices, first, margins }
+    }
+
+    pub(crate) fn vertices_of(&self, portal: &Directed) -> &[DVec3] {
+        &self.vertices[portal.start as usize..portal.end as usize]
+    }
+
+    /// The portals that lead from a cell.
+    pub(crate) fn from(&self, cell: u32) -> core::ops::Range<u32> {
+        self.first[cell as usize]..self.first[cell as usize + 1]
+    }
+
+    /// Whether a line can go through `a` and later through `b`: part of `b` lies before `a`, and part of `a` behind `b`.
+    pub(crate) fn can_follow(&self, a: &Directed, b: &Directed) -> bool {
+        self.reaches(b, &a.plane) && self.reaches(a, &b.plane.flipped())
+    }
+
+    /// Whether part of a portal lies surely on the inner side of a plane.
+    fn reaches(&self, portal: &Directed, plane: &Plane) -> bool {
+        let (side, middle) = (self.margins.side, plane.signed_distance(portal.center));
+        // Most are decided by the ball.
+        if middle > side {
+            return true;
+        }
+        middle + portal.radius > side
+            && self.vertices_of(portal).iter().any(|&v| plane.signed_distance(v) > side)
+    }
+}
+
+/// A polygon without what is nearer to its boundary than the inset.
+fn draw_in(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
+    let mut polygon = vertices.to_vec();
+    let mut next = Vec::new();
+    for (i, &a) in vertices.iter().enumerate() {
+        let b = vertices[(i + 1) % vertices.len()];
+        // An edge this short has no direction of its own, and its neighbours bound what it bounds.
+        if (b - a).length_squared() <= margins.merge * margins.merge {
+            continue;
+        }
+        let inward = normal.cross(b - a).normalize_or_zero();
+        let offset = -inward.dot(a) - margins.inset;
+        crate::polygon::clip_into(&polygon, &Plane::new(inward, offset), margins.merge, &mut next);
+        core::mem::swap(&mut polygon, &mut next);
+    }
+    polygon
+}
+
+/// A ball around points, a little larger than rounding can need.
+fn ball(points: &[DVec3]) -> (DVec3, f64) {
+    let (min, max) =
+        points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
+    let center = min * 0.5 + max * 0.5;
+    let radius = points.iter().fold(0.0, |r: f64, &p| r.max((p - center).length()));
+    (center, radius * (1.0 + 1e-12) + center.abs().max_element() * 2f64.powi(-49))
+}

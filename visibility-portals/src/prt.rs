@@ -1,0 +1,286 @@
+//! Reads the portal files of map compilers: `.prt`, in the forms `PRT1`, `PRT2` and `PRT1-AM`.
+//!
+//! The formats are those of the compilers of the Quake family, which write convex cells and the portals between them as text:
+//! - line 1, the form; then counts, a line each: `PRT1`: cells, portals; `PRT2`: leaves, cells, portals; `PRT1-AM`: cells, portals, leaves;
+//! - a line per portal, `n c0 c1 (x y z) (x y z) ...`: a convex polygon of `n` vertices between the cells `c0` and `c1`, whose right-hand
+//!   normal points into `c1`;
+//! - `PRT2`: then a line per cell with the numbers of its leaves and a closing -1; `PRT1-AM`: then a line per leaf with its cell.
+//!
+//! Coordinates are taken as they are, in the map's units.
+
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use core::fmt;
+use visibility_core::glam::DVec3;
+use visibility_core::{CellGraph, CellGraphError, CellId, ConvexPolygon, PolygonError};
+
+/// The most vertices that a portal in a file may have, as in the compilers that write them.
+pub const MAX_VERTICES: usize = 64;
+
+/// What a portal file holds.
+#[derive(Clone, PartialEq, Debug)]
+pub struct PortalFile {
+    /// The cells and portals.
+    pub graph: CellGraph,
+    /// The cell of each leaf, a finer division of the map: `None` for a leaf that the file puts in no cell. Empty for `PRT1`, where leaves
+    /// are cells.
+    pub cell_of_leaf: Vec<Option<CellId>>,
+}
+
+/// Why a portal file cannot be read, and where.
+#[derive(Clone, PartialEq, Debug)]
+#[non_exhaustive]
+pub enum PrtError {
+    /// Something on a line is not what should be there.
+    Line {
+        /// The line, counted from 1.
+        line: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// The vertices of a portal make no convex polygon.
+    Polygon {
+        /// The line, counted from 1.
+        line: usize,
+        /// What is wrong with the vertices.
+        error: PolygonError,
+    },
+    /// The file ends too early.
+    Truncated {
+        /// How many lines there are.
+        lines: usize,
+        /// What should have followed.
+        expected: &'static str,
+    },
+    /// The portals do not make a graph.
+    Graph {
+        /// The line of the portal, counted from 1.
+        line: usize,
+        /// What is wrong.
+        error: CellGraphError,
+    },
+}
+
+impl fmt::Display for PrtError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line { line, problem } => write!(f, "line {line}: {problem}"),
+            Self::Polygon { line, error } => write!(f, "line {line}: {error}"),
+            Self::Graph { line, error } => write!(f, "line {line}: {error}"),
+            Self::Truncated { lines, expected } => {
+                write!(f, "the file ends after line {lines}, where {expected} should follow")
+            }
+        }
+    }
+}
+
+impl core::error::Error for PrtError {}
+
+/// Reads a portal file from its text. Takes time and memory in proportion to the text, whatever counts it claims, and as much again
+/// for claimed cells, of which there can be [`CellGraph::LIMIT`].
+///
+/// ```
+/// let file = visibility_portals::prt::read("PRT1\n2\n1\n4 0 1 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n")?;
+/// assert_eq!(file.graph.cell_count(), 2);
+/// let error = visibility_portals::prt::read("PRT1\n2\n1\n4 0 1 (0 0 0) (0 1 0)\n").unwrap_err();
+/// assert_eq!(error.to_string(), "line 4: vertex 3 of 4 is missing");
+/// # Ok::<(), visibility_portals::prt::PrtError>(())
+/// ```
+///
+/// # Errors
+/// [`PrtError`], with the line.
+pub fn read(text: &str) -> Result<PortalFile, PrtError> {
+    let mut lines = Lines { rest: text.lines(), number: 0 };
+    let form = lines.next("a line PRT1, PRT2 or PRT1-AM")?.trim();
+    let (leaves, cells, portals) = match form {
+        "PRT1" => {
+            let cells = lines.count("the number of cells")?;
+            (0, cells, lines.count("the number of portals")?)
+        }
+        "PRT2" => {
+            let leaves = lines.count("the number of leaves")?;
+            let cells = lines.count("the number of cells")?;
+            (leaves, cells, lines.count("the number of portals")?)
+        }
+        "PRT1-AM" => {
+            let cells = lines.count("the number of cells")?;
+            let portals = lines.count("the number of portals")?;
+            (lines.count("the number of leaves")?, cells, portals)
+        }
+        _ => return Err(lines.error("this is not a portal file: PRT1, PRT2 or PRT1-AM should stand here")),
+    };
+    let header = lines.number;
+    let mut all = Vec::new();
+    for _ in 0..portals {
+        let line = lines.next("the line of a portal")?;
+        all.push(portal(line).map_err(|error| lines.place(error))?);
+    }
+    // The graph is made before the leaves are read, so that no array is sized by a claim that it refuses.
+    let graph = CellGraph::new(cells, all).map_err(|error| graph_error(header, error))?;
+    let mut cell_of_leaf = Vec::new();
+    if form == "PRT2" {
+        for cell in 0..cells as u32 {
+            let line = lines.next("the line with the leaves of a cell")?;
+            leaves_of_cell(line, CellId(cell), leaves, &mut cell_of_leaf)
+                .map_err(|problem| lines.error(problem))?;
+        }
+    } else {
+        for _ in 0..leaves {
+            let cell = lines.count("the cell of a leaf")?;
+            if cell >= cells {
+                return Err(lines.error("there is no such cell"));
+            }
+            cell_of_leaf.push(Some(CellId(cell as u32)));
+        }
+    }
+    Ok(PortalFile { graph, cell_of_leaf })
+}
+
+/// Writes cells and portals as `PRT1`, each coordinate with as many digits as bring it back unchanged.
+pub fn write(graph: &CellGraph) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_to(graph, &mut text);
+    text
+}
+
+fn write_to(graph: &CellGraph, out: &mut impl fmt::Write) -> fmt::Result {
+    writeln!(out, "PRT1\n{}\n{}", graph.cell_count(), graph.portals().len())?;
+    for portal in graph.portals() {
+        let [a, b] = portal.cells();
+        write!(out, "{} {} {}", portal.polygon().vertices().len(), a.0, b.0)?;
+        for v in portal.polygon().vertices() {
+            write!(out, " ({} {} {})", v.x, v.y, v.z)?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
+/// Lines with their numbers; empty ones are passed over.
+struct Lines<'a> {
+    rest: core::str::Lines<'a>,
+    number: usize,
+}
+
+impl<'a> Lines<'a> {
+    fn next(&mut self, expected: &'static str) -> Result<&'a str, PrtError> {
+        loop {
+            let Some(line) = self.rest.next() else {
+                return Err(PrtError::Truncated { lines: self.number, expected });
+            };
+            self.number += 1;
+            if !line.trim().is_empty() {
+                return Ok(line);
+            }
+        }
+    }
+
+    fn count(&mut self, what: &'static str) -> Result<usize, PrtError> {
+        let line = self.next(what)?.trim();
+        // No count can exceed what 32 bits number.
+        match line.parse::<u32>() {
+            Ok(count) => Ok(count as usize),
+            Err(_) => Err(self.error(&alloc::format!("{what} should stand here, not `{}`", short(line)))),
+        }
+    }
+
+    fn error(&self, problem: &str) -> PrtError {
+        PrtError::Line { line: self.number, problem: problem.to_string() }
+    }
+
+    fn place(&self, error: LineError) -> PrtError {
+        match error {
+            LineError::Text(problem) => PrtError::Line { line: self.number, problem },
+            LineError::Polygon(error) => PrtError::Polygon { line: self.number, error },
+        }
+    }
+}
+
+enum LineError {
+    Text(String),
+    Polygon(PolygonError),
+}
+
+fn text(problem: impl Into<String>) -> LineError {
+    LineError::Text(problem.into())
+}
+
+/// The start of something that was found where something else should be.
+fn short(found: &str) -> &str {
+    match found.char_indices().nth(20) {
+        Some((end, _)) => &found[..end],
+        None => found,
+    }
+}
+
+/// Portals stand a line each, so their line is that of the header and their own number, unless there are empty lines between.
+fn graph_error(header: usize, error: CellGraphError) -> PrtError {
+    let portal = match error {
+        CellGraphError::UnknownCell { portal, .. }
+        | CellGraphError::SameCell { portal, .. }
+        | CellGraphError::NoPlane { portal } => portal.index() + 1,
+        _ => 0,
+    };
+    PrtError::Graph { line: header + portal, error }
+}
+
+fn portal(line: &str) -> Result<(ConvexPolygon, [CellId; 2]), LineError> {
+    // Parentheses part words just as spaces do.
+    let mut words =
+        line.split(|c: char| c.is_whitespace() || c == '(' || c == ')').filter(|word| !word.is_empty());
+    let mut whole = |what: &str| -> Result<u32, LineError> {
+        let word = words.next().ok_or_else(|| text(alloc::format!("{what} is missing")))?;
+        word.parse().map_err(|_| text(alloc::format!("{what} should stand where `{}` does", short(word))))
+    };
+    let count = whole("the number of vertices")? as usize;
+    let cells = [CellId(whole("the first cell")?), CellId(whole("the second cell")?)];
+    if count > MAX_VERTICES {
+        return Err(text(alloc::format!("{count} vertices are more than {MAX_VERTICES}")));
+    }
+    let mut vertices = Vec::with_capacity(count);
+    for i in 0..count {
+        let mut vertex = [0.0; 3];
+        for x in &mut vertex {
+            let word =
+                words.next().ok_or_else(|| text(alloc::format!("vertex {} of {count} is missing", i + 1)))?;
+            *x = word.parse().map_err(|_| {
+                text(alloc::format!("vertex {} of {count}: `{}` is not a number", i + 1, short(word)))
+            })?;
+        }
+        vertices.push(DVec3::from_array(vertex));
+    }
+    if words.next().is_some() {
+        return Err(text(alloc::format!("more than the {count} vertices that it announces")));
+    }
+    Ok((ConvexPolygon::new(vertices).map_err(LineError::Polygon)?, cells))
+}
+
+fn leaves_of_cell(
+    line: &str,
+    cell: CellId,
+    leaves: usize,
+    cell_of_leaf: &mut Vec<Option<CellId>>,
+) -> Result<(), &'static str> {
+    for word in line.split_whitespace() {
+        if word == "-1" {
+            return Ok(());
+        }
+        let leaf: usize = word.parse().map_err(|_| "the number of a leaf, or -1, should stand here")?;
+        if leaf >= leaves {
+            return Err("there is no such leaf");
+        }
+        // Leaves of several cells follow one another, so that the array is about as long as the text that fills it.
+        if leaf >= CellGraph::LIMIT {
+            return Err("too many leaves");
+        }
+        if leaf >= cell_of_leaf.len() {
+            cell_of_leaf.resize(leaf + 1, None);
+        }
+        cell_of_leaf[leaf] = Some(cell);
+    }
+    Err("the closing -1 is missing")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,86 @@
+//! Planes that bound what is seen through two polygons.
+//!
+//! This work is based on: Seth Teller and Pat Hanrahan, "Global Visibility Algorithms for Illumination Computations", 1993, where the
+//! antipenumbra of a source through portals is bounded by planes that separate source and portal. Each contains an edge of one polygon and a
+//! vertex of the other.
+//!
+//! For an edge of the polygon A with inward normal `m` in A's plane, and A's normal `n` towards B, the planes through the edge are
+//! `-m + t n`. A lies on the negative side of all of them. B lies on the positive side if `t >= u / w` for each of its vertices, at `u` along
+//! `m` and `w > 0` along `n` from the edge; the greatest of these quotients gives the tangent, in time linear in B's vertices.
+//!
+//! # Why no rounding hides a line
+//! Let `f(x) = normal . x`, with *any* normal. If `f <= d` on A and `f >= d` on B, then `f` does not fall along a line from A to B, so
+//! `f >= d` wherever the line goes after B. It does not matter how the normal was come by; the offset is taken from the products evaluated
+//! over the polygons themselves, and a normal that does not part them is not used.
+
+use crate::portals::Margins;
+use alloc::vec::Vec;
+use visibility_core::Plane;
+use visibility_core::glam::DVec3;
+
+/// A polygon with its plane's normal, around which its vertices run counter-clockwise, and the direction in which lines go: along
+/// the normal (1) or against it (-1).
+#[derive(Clone, Copy)]
+pub(crate) struct Facing<'a> {
+    pub(crate) vertices: &'a [DVec3],
+    pub(crate) normal: DVec3,
+    pub(crate) sense: f64,
+}
+
+/// Adds the planes on whose inner side all lines are that went through `a` and then through `b`.
+pub(crate) fn separators(a: Facing, b: Facing, margins: &Margins, planes: &mut Vec<Plane>) {
+    // Edges of A with vertices of B, which lie on the side that lines go to. A is on the negative side.
+    tangents(a, b, a.sense, -1.0, margins, planes);
+    // Edges of B with vertices of A, which lie where lines come from. B is on the positive side.
+    tangents(b, a, -b.sense, 1.0, margins, planes);
+}
+
+/// The tangents from the edges of one polygon to another, which lies on the given side of the first one's plane.
+fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, planes: &mut Vec<Plane>) {
+    let toward = of.normal * side;
+    // The second polygon relative to the plane of the first.
+    const MOST: usize = 128;
+    let count = to.vertices.len();
+    if count > MOST || of.vertices.len() > MOST {
+        return;
+    }
+    let mut inverse = [0.0; MOST];
+    let base = toward.dot(of.vertices[0]);
+    for (inverse, &p) in inverse.iter_mut().zip(to.vertices) {
+        let w = toward.dot(p) - base;
+        // A vertex in the plane, or behind it by rounding, stops every edge that it lies inside of.
+        *inverse = if w > margins.keep { 1.0 / w } else { 0.0 };
+    }
+    let mut a = of.vertices[of.vertices.len() - 1];
+    for &b in of.vertices {
+        let edge_start = core::mem::replace(&mut a, b);
+        let inward = of.normal.cross(b - edge_start);
+        let length = inward.length();
+        if length <= margins.merge {
+            continue;
+        }
+        let inward = inward / length;
+        let at_edge = inward.dot(edge_start);
+        let mut slope = f64::NEG_INFINITY;
+        let mut stopped = false;
+        for (&inverse, &p) in inverse.iter().zip(to.vertices) {
+            let u = inward.dot(p) - at_edge;
+            if inverse > 0.0 {
+                slope = slope.max(u * inverse);
+            } else if u > -margins.keep {
+                stopped = true;
+            }
+        }
+        if stopped || slope == f64::NEG_INFINITY {
+            continue;
+        }
+        // Turned so that the polygon whose edge this is lies on the side `own`, with unit length.
+        let normal = (inward - toward * slope) * (own / (1.0 + slope * slope).sqrt());
+        let (before, after) = if own < 0.0 { (of, to) } else { (to, of) };
+        let most = before.vertices.iter().fold(f64::NEG_INFINITY, |most, &p| most.max(normal.dot(p)));
+        let least = after.vertices.iter().fold(f64::INFINITY, |least, &p| least.min(normal.dot(p)));
+        if most <= least + margins.noise {
+            planes.push(Plane::new(normal, margins.keep - least));
+        }
+    }
+}
