@@ -1,7 +1,7 @@
 //! Fills shapes into tiles: eight rows of pixels at a time, whole tiles in runs.
 
 use crate::pyramid::{Rectangle, mask as mask_of};
-use crate::shape::Shape;
+use crate::shape::{MAX_PLANES, Shape};
 use crate::tiles::{SIDE, Tiles};
 
 /// Added to a number below 2^22, leaves the nearest whole number in the low bits.
@@ -24,10 +24,14 @@ pub(crate) fn fill(shape: &Shape, tiles: &mut Tiles) -> bool {
         return false;
     }
     // Hidden by what there is?
-    if !(first_row..end_row).any(|row| {
-        let row = &tiles.whole[row * columns + first_column..row * columns + end_column];
-        any_farther(row, shape.ceiling)
-    }) {
+    let mut seen = false;
+    for row in first_row..end_row {
+        seen |= any_farther(&tiles.whole[row * columns + first_column..row * columns + end_column], shape.ceiling);
+        if seen {
+            break;
+        }
+    }
+    if !seen {
         return false;
     }
     for row in first_row..end_row {
@@ -41,12 +45,19 @@ pub(crate) fn fill(shape: &Shape, tiles: &mut Tiles) -> bool {
 pub(crate) fn still_seen(tiles: &Tiles, rectangle: &Rectangle, nearness: f32) -> bool {
     let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize).div_ceil(SIDE)];
     let [y0, y1] = [rectangle.lines[0] as usize / SIDE, (rectangle.lines[1] as usize).div_ceil(SIDE)];
-    (y0..y1.min(tiles.rows)).any(|y| {
-        let row = &tiles.whole[y * tiles.columns + x0..y * tiles.columns + x1.min(tiles.columns)];
-        any_farther(row, nearness)
-            && (x0..x1.min(tiles.columns))
-                .any(|x| !tiles.hides(y * tiles.columns + x, mask_of(rectangle, x, y), nearness))
-    })
+    let x1 = x1.min(tiles.columns);
+    // Plain loops here and below: a closure handed to an iterator is compiled apart, for the narrowest instructions.
+    for y in y0..y1.min(tiles.rows) {
+        let base = y * tiles.columns;
+        if any_farther(&tiles.whole[base + x0..base + x1], nearness) {
+            for x in x0..x1 {
+                if !tiles.hides(base + x, mask_of(rectangle, x, y), nearness) {
+                    return true;
+                }
+            }
+        }
+    }
+    false
 }
 
 /// Whether any of the numbers is below a limit.
@@ -62,7 +73,11 @@ fn any_farther(values: &[f32], limit: f32) -> bool {
             return true;
         }
     }
-    rest.iter().any(|&value| value < limit)
+    let mut any = false;
+    for &value in rest {
+        any |= value < limit;
+    }
+    any
 }
 
 #[inline(always)]
@@ -70,7 +85,10 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize) {
     // The span of each of eight rows of pixels.
     // A quarter of a pixel keeps limits, which are whole, away from where rounding to whole numbers could go either way.
     let (mut low, mut high) = ([shape.columns[0] - 0.25; SIDE], [shape.columns[1] + 0.25; SIDE]);
-    let y: [f32; SIDE] = core::array::from_fn(|i| (row * SIDE + i) as f32);
+    let mut y = [0.0; SIDE];
+    for i in 0..SIDE {
+        y[i] = (row * SIDE + i) as f32;
+    }
     for line in &shape.left[..shape.lefts] {
         for i in 0..SIDE {
             let x = y[i] * line.slope + line.offset;
@@ -122,17 +140,59 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize) {
     let (whole_start, whole_stop) =
         if whole_start < whole_stop { (whole_start, whole_stop) } else { (stop, stop) };
 
-    let depth = Depths::of_row(shape, row);
+    let mut offsets = [0.0; MAX_PLANES];
+    for plane in 0..shape.plane_count {
+        offsets[plane] = row as f32 * shape.planes[plane][1] + shape.planes[plane][2];
+    }
     let base = row * tiles.columns;
-    for column in (start..whole_start.min(stop)).chain(whole_stop..stop) {
-        let nearness = depth.at(column);
-        if nearness > tiles.whole[base + column] {
-            tiles.cover(base + column, mask(&first, &end, column), nearness);
+    let mut column = start;
+    while column < stop {
+        let nearness = depths(shape, &offsets, column);
+        let values = &mut tiles.whole[base + column..base + column + WIDTH];
+        // Beyond the last tile of the shape, nothing is touched.
+        let limit = (stop - column).min(WIDTH);
+        let (mut nearer, mut inner) = ([false; WIDTH], [false; WIDTH]);
+        for i in 0..WIDTH {
+            nearer[i] = nearness[i] > values[i] && i < limit;
+            inner[i] = nearer[i] && column + i >= whole_start && column + i < whole_stop;
+            values[i] = if inner[i] { nearness[i] } else { values[i] };
+        }
+        let mut part = 0u32;
+        for i in 0..WIDTH {
+            part |= u32::from(nearer[i] & !inner[i]) << i;
+        }
+        while part != 0 {
+            let i = part.trailing_zeros() as usize % WIDTH;
+            part &= part - 1;
+            tiles.cover(base + column + i, mask(&first, &end, column + i), nearness[i]);
+        }
+        column += WIDTH;
+    }
+}
+
+/// Tiles that are worked on together; reading so many beyond the end of a row is allowed.
+const WIDTH: usize = crate::tiles::PADDING;
+
+/// The least nearness of a shape in each tile of a run that starts at a column.
+#[inline(always)]
+fn depths(shape: &Shape, offsets: &[f32; MAX_PLANES], column: usize) -> [f32; WIDTH] {
+    let mut least = [shape.ceiling; WIDTH];
+    let mut columns = [0.0; WIDTH];
+    for i in 0..WIDTH {
+        columns[i] = (column + i) as f32;
+    }
+    for plane in 0..shape.plane_count {
+        let (slope, offset) = (shape.planes[plane][0], offsets[plane]);
+        for i in 0..WIDTH {
+            let nearness = columns[i] * slope + offset;
+            // A NaN bounds by nothing but the floor.
+            least[i] = if nearness >= least[i] { least[i] } else { nearness };
         }
     }
-    if whole_start < whole_stop {
-        depth.fill(&mut tiles.whole[base + whole_start..base + whole_stop], whole_start);
+    for value in &mut least {
+        *value = if *value >= shape.floor { *value } else { shape.floor };
     }
+    least
 }
 
 /// The pixels of a tile that lie in the spans.
@@ -146,60 +206,4 @@ fn mask(first: &[i32; SIDE], end: &[i32; SIDE], column: usize) -> u64 {
         bytes[i] = ((0xff << l) & !(0xff << r)) as u8;
     }
     u64::from_le_bytes(bytes)
-}
-
-/// The planes of a shape along a row of tiles.
-struct Depths<'a> {
-    shape: &'a Shape,
-    offsets: [f32; crate::shape::MAX_PLANES],
-}
-
-impl<'a> Depths<'a> {
-    #[inline(always)]
-    fn of_row(shape: &'a Shape, row: usize) -> Self {
-        let mut offsets = [0.0; crate::shape::MAX_PLANES];
-        for (offset, plane) in offsets.iter_mut().zip(&shape.planes[..shape.plane_count]) {
-            *offset = row as f32 * plane[1] + plane[2];
-        }
-        Self { shape, offsets }
-    }
-
-    #[inline(always)]
-    fn at(&self, column: usize) -> f32 {
-        let mut least = self.shape.ceiling;
-        for (plane, offset) in self.shape.planes[..self.shape.plane_count].iter().zip(&self.offsets) {
-            let nearness = column as f32 * plane[0] + offset;
-            // A NaN bounds by nothing but the floor.
-            least = if nearness >= least { least } else { nearness };
-        }
-        if least >= self.shape.floor { least } else { self.shape.floor }
-    }
-
-    /// Takes the nearer of what the tiles hold and the shape, for a run of tiles that starts at a column.
-    #[inline(always)]
-    fn fill(&self, run: &mut [f32], column: usize) {
-        let steps: [f32; 16] = core::array::from_fn(|i| i as f32);
-        for (chunk, values) in run.chunks_mut(16).enumerate() {
-            let mut least = [self.shape.ceiling; 16];
-            let first = (column + 16 * chunk) as f32;
-            for (plane, offset) in self.shape.planes[..self.shape.plane_count].iter().zip(&self.offsets) {
-                for i in 0..16 {
-                    let nearness = (first + steps[i]) * plane[0] + offset;
-                    least[i] = if nearness >= least[i] { least[i] } else { nearness };
-                }
-            }
-            for value in &mut least {
-                *value = if *value >= self.shape.floor { *value } else { self.shape.floor };
-            }
-            if let Ok(values) = <&mut [f32; 16]>::try_from(&mut *values) {
-                for i in 0..16 {
-                    values[i] = if least[i] > values[i] { least[i] } else { values[i] };
-                }
-            } else {
-                for (value, new) in values.iter_mut().zip(least) {
-                    *value = if new > *value { new } else { *value };
-                }
-            }
-        }
-    }
 }

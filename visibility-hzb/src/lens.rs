@@ -149,9 +149,12 @@ impl Placed {
     /// The five values at a point.
     #[inline(always)]
     pub(crate) fn at(&self, p: [f64; 3]) -> [f64; 5] {
-        core::array::from_fn(|i| {
-            p[0] * self.linear[0][i] + p[1] * self.linear[1][i] + p[2] * self.linear[2][i] + self.constant[i]
-        })
+        let mut out = [0.0; 5];
+        for i in 0..5 {
+            let [a, b, c] = [self.linear[0][i], self.linear[1][i], self.linear[2][i]];
+            out[i] = p[0] * a + p[1] * b + p[2] * c + self.constant[i];
+        }
+        out
     }
 
     /// How far rounding can move the determinant of three points (`x`, `y`, `w`), or of a point and two differences of points.

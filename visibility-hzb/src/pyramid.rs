@@ -73,6 +73,7 @@ impl Pyramid {
     /// Whether all of a rectangle is covered by something nearer than `nearness`.
     ///
     /// Starts where the rectangle meets at most two by two texels, and goes down only where a texel does not decide.
+    #[inline(always)]
     pub(crate) fn hides(&self, tiles: &Tiles, rectangle: &Rectangle, nearness: f32) -> bool {
         let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize - 1) / SIDE];
         let [y0, y1] = [rectangle.lines[0] as usize / SIDE, (rectangle.lines[1] as usize - 1) / SIDE];
@@ -83,7 +84,14 @@ impl Pyramid {
         // The greatest shift that leaves at least two texels on the longer side.
         let level = ((usize::BITS - size.leading_zeros()) as usize - 1).min(self.levels.len());
         let walk = Walk { pyramid: self, tiles, rectangle, limits: [x0, x1, y0, y1], nearness };
-        (y0 >> level..=y1 >> level).all(|y| (x0 >> level..=x1 >> level).all(|x| walk.hides(level, x, y)))
+        for y in y0 >> level..=y1 >> level {
+            for x in x0 >> level..=x1 >> level {
+                if !walk.hides(level, x, y) {
+                    return false;
+                }
+            }
+        }
+        true
     }
 }
 
@@ -93,6 +101,7 @@ fn least(a: f32, b: f32) -> f32 {
 }
 
 /// Looks at tiles one by one.
+#[inline(always)]
 fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 4], nearness: f32) -> bool {
     for y in y0..=y1 {
         for x in x0..=x1 {
@@ -108,16 +117,18 @@ fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 
 /// The pixels of a tile that a rectangle meets.
 #[inline(always)]
 pub(crate) fn mask(rectangle: &Rectangle, x: usize, y: usize) -> u64 {
-    let within = |[first, end]: [u32; 2], tile: usize| {
-        let start = (tile * SIDE) as i32;
-        let (first, end) = ((first as i32 - start).clamp(0, 8), (end as i32 - start).clamp(0, 8));
-        (first, end)
-    };
     let (left, right) = within(rectangle.columns, x);
     let (top, bottom) = within(rectangle.lines, y);
     let byte = (0xff_u64 << left) & 0xff & !(0xff00_u64 << right >> 8);
     let lines = below(bottom) & !below(top);
     (byte * 0x0101_0101_0101_0101) & lines
+}
+
+/// The part of a range of pixels within a tile.
+#[inline(always)]
+fn within([first, end]: [u32; 2], tile: usize) -> (i32, i32) {
+    let start = (tile * SIDE) as i32;
+    ((first as i32 - start).clamp(0, 8), (end as i32 - start).clamp(0, 8))
 }
 
 /// The first so many lines of a tile.
@@ -146,8 +157,13 @@ impl Walk<'_> {
             return true;
         }
         let [x0, x1, y0, y1] = self.limits.map(|limit| limit >> (level - 1));
-        (2 * y..=2 * y + 1).filter(|y| (y0..=y1).contains(y)).all(|y| {
-            (2 * x..=2 * x + 1).filter(|x| (x0..=x1).contains(x)).all(|x| self.hides(level - 1, x, y))
-        })
+        for y in (2 * y).max(y0)..=(2 * y + 1).min(y1) {
+            for x in (2 * x).max(x0)..=(2 * x + 1).min(x1) {
+                if !self.hides(level - 1, x, y) {
+                    return false;
+                }
+            }
+        }
+        true
     }
 }

@@ -144,6 +144,11 @@ fn greatest(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
+#[inline(always)]
+fn clamped(v: f32, size: f32) -> f32 {
+    least(greatest(v, 0.0), size)
+}
+
 /// A row's values at the eight corners of boxes, and the bound on their error.
 #[inline(always)]
 fn corners<const N: usize>(
@@ -154,8 +159,9 @@ fn corners<const N: usize>(
     let mut out = [[0.0; N]; 8];
     let mut error = [0.0; N];
     for i in 0..N {
-        let [x, y, z]: [[f32; 2]; 3] =
-            core::array::from_fn(|axis| [row.linear[axis] * low[axis][i], row.linear[axis] * high[axis][i]]);
+        let [a, b, c] = row.linear;
+        let (x, y) = ([a * low[0][i], a * high[0][i]], [b * low[1][i], b * high[1][i]]);
+        let z = [c * low[2][i], c * high[2][i]];
         for (corner, out) in out.iter_mut().enumerate() {
             out[i] = ((x[corner & 1] + y[corner >> 1 & 1]) + z[corner >> 2 & 1]) + row.constant;
         }
@@ -169,25 +175,28 @@ fn corners<const N: usize>(
 /// The greatest value of a row over boxes, with its error added.
 #[inline(always)]
 fn most<const N: usize>(row: &Row32, low: &[[f32; N]; 3], high: &[[f32; N]; 3], sign: f32) -> [f32; N] {
-    core::array::from_fn(|i| {
+    let mut out = [0.0; N];
+    for i in 0..N {
         let (mut sum, mut reach) = (sign * row.constant, row.slop);
         for axis in 0..3 {
             let (a, b) = (sign * row.linear[axis] * low[axis][i], sign * row.linear[axis] * high[axis][i]);
             sum += greatest(a, b);
             reach += MARGIN * greatest(a.abs(), b.abs());
         }
-        sum + reach
-    })
+        out[i] = sum + reach;
+    }
+    out
 }
 
 #[inline(always)]
 pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> Footprints<N> {
-    let low: [[f32; N]; 3] = core::array::from_fn(|axis| {
-        core::array::from_fn(|i| (boxes[axis][i] - lens.high[axis]) - lens.low[axis])
-    });
-    let high: [[f32; N]; 3] = core::array::from_fn(|axis| {
-        core::array::from_fn(|i| (boxes[axis + 3][i] - lens.high[axis]) - lens.low[axis])
-    });
+    let (mut low, mut high) = ([[0.0; N]; 3], [[0.0; N]; 3]);
+    for axis in 0..3 {
+        for i in 0..N {
+            low[axis][i] = (boxes[axis][i] - lens.high[axis]) - lens.low[axis];
+            high[axis][i] = (boxes[axis + 3][i] - lens.high[axis]) - lens.low[axis];
+        }
+    }
     let (w, w_error) = corners(&lens.rows[2], &low, &high);
     let (x, x_error) = corners(&lens.rows[0], &low, &high);
     let (y, y_error) = corners(&lens.rows[1], &low, &high);
@@ -218,11 +227,10 @@ pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> F
         out.known[i] = known && left <= right && top <= bottom;
         out.outside[i] = known && (right < 0.0 || left > width || bottom < 0.0 || top > height);
         out.inside[i] = known && left >= 0.0 && right <= width && top >= 0.0 && bottom <= height;
-        let within = |v: f32, size: f32| least(greatest(v, 0.0), size);
-        out.sides[0][i] = whole(within(left, width - 1.0) - 0.5).max(0);
-        out.sides[1][i] = whole(within(right, width) + 0.5).max(out.sides[0][i] + 1).min(width as i32);
-        out.sides[2][i] = whole(within(top, height - 1.0) - 0.5).max(0);
-        out.sides[3][i] = whole(within(bottom, height) + 0.5).max(out.sides[2][i] + 1).min(height as i32);
+        out.sides[0][i] = whole(clamped(left, width - 1.0) - 0.5).max(0);
+        out.sides[1][i] = whole(clamped(right, width) + 0.5).max(out.sides[0][i] + 1).min(width as i32);
+        out.sides[2][i] = whole(clamped(top, height - 1.0) - 0.5).max(0);
+        out.sides[3][i] = whole(clamped(bottom, height) + 0.5).max(out.sides[2][i] + 1).min(height as i32);
         out.nearest[i] = (1.0 / (w_least[i] - w_error[i])) * (1.0 + MARGIN);
         out.farthest[i] = (1.0 / (w_most[i] + w_error[i])) * (1.0 - MARGIN);
         unknown |= !known;
@@ -273,7 +281,10 @@ pub(crate) fn test(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64
         if lanes == 0 {
             continue;
         }
-        let part: [[f32; WIDTH]; 6] = core::array::from_fn(|row| boxes[row].as_chunks::<WIDTH>().0[chunk]);
+        let mut part = [[0.0; WIDTH]; 6];
+        for row in 0..6 {
+            part[row] = boxes[row].as_chunks::<WIDTH>().0[chunk];
+        }
         let (hidden, visible) = decide(query, &project(query.lens, &part), lanes, &part);
         answer.hidden |= hidden << (chunk * WIDTH);
         answer.visible |= visible << (chunk * WIDTH);
@@ -306,11 +317,12 @@ fn decide<const N: usize>(
     boxes: &[[f32; N]; 6],
 ) -> (u64, u64) {
     // Improper boxes are never hidden.
-    let proper: [bool; N] = core::array::from_fn(|i| {
-        (boxes[0][i] <= boxes[3][i]) & (boxes[1][i] <= boxes[4][i]) & (boxes[2][i] <= boxes[5][i])
-    });
-    let behind: [bool; N] = core::array::from_fn(|i| footprints.nearest[i] < query.nearest);
-    let before: [bool; N] = core::array::from_fn(|i| footprints.farthest[i] >= query.nearest);
+    let (mut proper, mut behind, mut before) = ([false; N], [false; N], [false; N]);
+    for i in 0..N {
+        proper[i] = (boxes[0][i] <= boxes[3][i]) & (boxes[1][i] <= boxes[4][i]) & (boxes[2][i] <= boxes[5][i]);
+        behind[i] = footprints.nearest[i] < query.nearest;
+        before[i] = footprints.farthest[i] >= query.nearest;
+    }
     let proper = gather(&proper);
     let outside = gather(&footprints.outside) & proper & lanes;
     let visible = (gather(&footprints.inside) & gather(&before) | !proper) & lanes & !outside;
@@ -319,7 +331,8 @@ fn decide<const N: usize>(
     while rest != 0 {
         let i = rest.trailing_zeros() as usize % N;
         rest &= rest - 1;
-        let [left, right, top, bottom] = footprints.sides.map(|side| side[i] as u32);
+        let [left, right, top, bottom] = &footprints.sides;
+        let (left, right, top, bottom) = (left[i] as u32, right[i] as u32, top[i] as u32, bottom[i] as u32);
         let rectangle = Rectangle { columns: [left, right], lines: [top, bottom] };
         if query.pyramid.hides(query.tiles, &rectangle, footprints.nearest[i]) {
             hidden |= 1 << i;
