@@ -118,16 +118,15 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize) {
             }
         }
     }
-    let (mut least_first, mut most_first) = (i32::MAX, i32::MIN);
-    let (mut least_end, mut most_end) = (i32::MAX, i32::MIN);
+    // Rows without a pixel do not stretch the span.
+    let (mut wide_first, mut wide_end) = (first, end);
     for i in 0..SIDE {
-        // Rows without a pixel do not stretch the span.
         let empty = first[i] >= end[i];
-        least_first = least_first.min(if empty { i32::MAX } else { first[i] });
-        most_end = most_end.max(if empty { i32::MIN } else { end[i] });
-        most_first = most_first.max(first[i]);
-        least_end = least_end.min(end[i]);
+        wide_first[i] = if empty { i32::MAX } else { first[i] };
+        wide_end[i] = if empty { i32::MIN } else { end[i] };
     }
+    let (least_first, most_end) = (fold(wide_first, i32::min), fold(wide_end, i32::max));
+    let (most_first, least_end) = (fold(first, i32::max), fold(end, i32::min));
     if least_first >= most_end {
         return;
     }
@@ -150,17 +149,16 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize) {
         let nearness = depths(shape, &offsets, column);
         let values = &mut tiles.whole[base + column..base + column + WIDTH];
         // Beyond the last tile of the shape, nothing is touched.
-        let limit = (stop - column).min(WIDTH);
-        let (mut nearer, mut inner) = ([false; WIDTH], [false; WIDTH]);
+        let (limit, whole_start, whole_stop) = (stop as f32, whole_start as f32, whole_stop as f32);
+        let (mut part, first_column) = ([0u8; WIDTH], column as f32);
         for i in 0..WIDTH {
-            nearer[i] = nearness[i] > values[i] && i < limit;
-            inner[i] = nearer[i] && column + i >= whole_start && column + i < whole_stop;
-            values[i] = if inner[i] { nearness[i] } else { values[i] };
+            let x = first_column + STEPS[i];
+            let nearer = (nearness[i] > values[i]) & (x < limit);
+            let inner = nearer & (x >= whole_start) & (x < whole_stop);
+            values[i] = if inner { nearness[i] } else { values[i] };
+            part[i] = u8::from(nearer & !inner);
         }
-        let mut part = 0u32;
-        for i in 0..WIDTH {
-            part |= u32::from(nearer[i] & !inner[i]) << i;
-        }
+        let mut part = bits(&part);
         while part != 0 {
             let i = part.trailing_zeros() as usize % WIDTH;
             part &= part - 1;
@@ -173,18 +171,38 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize) {
 /// Tiles that are worked on together; reading so many beyond the end of a row is allowed.
 const WIDTH: usize = crate::tiles::PADDING;
 
+const STEPS: [f32; WIDTH] =
+    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+
+/// A bit for each byte that is one. The product puts byte `i` into bit `56 + i`.
+#[inline(always)]
+pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
+    let ([low, high], _) = bytes.as_chunks::<8>() else { return 0 };
+    let low = u64::from_le_bytes(*low).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+    let high = u64::from_le_bytes(*high).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+    (low | high << 8) as u32
+}
+
+/// Reduces by halves, which stays in registers.
+#[inline(always)]
+fn fold(mut values: [i32; SIDE], better: impl Fn(i32, i32) -> i32) -> i32 {
+    for width in [4, 2, 1] {
+        for i in 0..width {
+            values[i] = better(values[i], values[i + width]);
+        }
+    }
+    values[0]
+}
+
 /// The least nearness of a shape in each tile of a run that starts at a column.
 #[inline(always)]
 fn depths(shape: &Shape, offsets: &[f32; MAX_PLANES], column: usize) -> [f32; WIDTH] {
     let mut least = [shape.ceiling; WIDTH];
-    let mut columns = [0.0; WIDTH];
-    for i in 0..WIDTH {
-        columns[i] = (column + i) as f32;
-    }
+    let first = column as f32;
     for plane in 0..shape.plane_count {
         let (slope, offset) = (shape.planes[plane][0], offsets[plane]);
         for i in 0..WIDTH {
-            let nearness = columns[i] * slope + offset;
+            let nearness = (first + STEPS[i]) * slope + offset;
             // A NaN bounds by nothing but the floor.
             least[i] = if nearness >= least[i] { least[i] } else { nearness };
         }
