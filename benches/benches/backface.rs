@@ -1,0 +1,108 @@
+//! Backface culling: 64 cones a call, beside the frustum culler's 64 boxes, in one run. Throughput is per cluster.
+//!
+//! The kernels are not public, so both are measured as their cullers run them, on a scene whose blocks all have to be tested; the
+//! cones also in a row, as [`Cones`] tests them, and in a tree.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use std::hint::black_box;
+use visibility_benches::workload::Random;
+use visibility_core::backface::{BackfaceCuller, ConeTree, Cones, NormalCone};
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, Culler, Eye, FrustumCuller, Pose, Scene, View, VisibleSet};
+
+/// A block of 64 at a time of clusters like those of meshes: patches of a cap, a metre wide.
+fn clusters(count: usize) -> Vec<(Aabb, NormalCone)> {
+    let mut random = Random(1);
+    // Fitting is slow; each of a few hundred patches is used again and again.
+    let patches: Vec<(Aabb, NormalCone)> = (0..256)
+        .map(|_| {
+            let (place, axis) = (random.point(-90.0, 90.0), random.point(-1.0, 1.0).normalize_or(Vec3::Z));
+            let (x, y) = axis.any_orthonormal_pair();
+            let triangles: Vec<[Vec3; 3]> = (0..16)
+                .map(|_| {
+                    let at = place + x * random.within(-0.5, 0.5) + y * random.within(-0.5, 0.5);
+                    [at, at + x * 0.1 + axis * random.within(-0.05, 0.05), at + y * 0.1]
+                })
+                .collect();
+            (Aabb::from_points(triangles.iter().flatten().copied()), NormalCone::from_triangles(&triangles))
+        })
+        .collect();
+    (0..count).map(|i| patches[i % patches.len()]).collect()
+}
+
+fn backface(c: &mut Criterion) {
+    for count in [4096, 65_536] {
+        let clusters = clusters(count);
+        let mut group = c.benchmark_group(format!("backface/{count}"));
+        group.throughput(Throughput::Elements(count as u64));
+        let eyes: Vec<Eye> =
+            (0..16).map(|i| Eye::Point(DVec3::new(120.0 - 15.0 * f64::from(i), 40.0, 9.0))).collect();
+        let mut turn = 0;
+        let mut next = move || {
+            turn = (turn + 1) % 16;
+            turn
+        };
+
+        let cones = Cones::new(clusters.iter().map(|(_, cone)| *cone));
+        let mut masks = vec![0; count / 64];
+        group.bench_function(BenchmarkId::from_parameter("cones in a row"), |b| {
+            b.iter(|| {
+                cones.back_facing(&eyes[next()], &mut masks);
+                black_box(&masks);
+            });
+        });
+
+        let mut alike: Vec<NormalCone> = clusters.iter().map(|(_, cone)| *cone).collect();
+        // In the order that clusters of a mesh have: neighbours alike.
+        alike.sort_by(|a, b| format!("{a:?}").cmp(&format!("{b:?}")));
+        let tree = ConeTree::new(&alike);
+        group.bench_function(BenchmarkId::from_parameter("tree of cones"), |b| {
+            b.iter(|| {
+                black_box(tree.back_facing(&eyes[next()], &mut masks));
+            });
+        });
+
+        let mut scene = Scene::new();
+        // All boxes reach through the middle, so that each block crosses planes of the view.
+        let ids = scene.insert_batch(clusters.iter().map(|(bounds, _)| *bounds));
+        let mut culler = BackfaceCuller::new();
+        for (&id, (_, cone)) in ids.iter().zip(&clusters) {
+            culler.set(&scene, id, *cone).expect("an object of the scene");
+        }
+        let views: Vec<View> = eyes
+            .iter()
+            .map(|eye| {
+                let Eye::Point(eye) = *eye else { unreachable!("points only") };
+                let pose = Pose::look_at(eye, DVec3::ZERO, DVec3::Z);
+                View::perspective(pose, 1.0, 1.5, 0.1, 1000.0).expect("a camera")
+            })
+            .collect();
+        let mut visible = VisibleSet::new();
+        group.bench_function(BenchmarkId::from_parameter("backface culler"), |b| {
+            b.iter(|| {
+                let view = &views[next()];
+                visible.fill(&scene, view);
+                black_box(culler.cull(&scene, view, &mut visible))
+            });
+        });
+
+        // The same number of boxes, every block of which crosses planes of every view.
+        let mut scene = Scene::new();
+        scene.insert_batch((0..count).map(|i| {
+            let x = i as f32 / count as f32;
+            Aabb::from_arrays([-200.0 - x, -200.0, -200.0], [200.0 + x, 200.0, 200.0])
+        }));
+        let mut frustum = FrustumCuller::new();
+        group.bench_function(BenchmarkId::from_parameter("frustum culler, every box on the planes"), |b| {
+            b.iter(|| {
+                let view = &views[next()];
+                visible.fill(&scene, view);
+                black_box(frustum.cull(&scene, view, &mut visible))
+            });
+        });
+        group.finish();
+    }
+}
+
+criterion_group!(benches, backface);
+criterion_main!(benches);
