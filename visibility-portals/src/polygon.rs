@@ -28,8 +28,8 @@ pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane
     let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
     for (distance, &p) in distances.iter_mut().zip(&points[polygon.clone()]) {
         *distance = plane.normal.x * p.x + plane.normal.y * p.y + plane.normal.z * p.z + plane.offset;
-        least = least.min(*distance);
-        most = most.max(*distance);
+        least = if *distance < least { *distance } else { least };
+        most = if *distance > most { *distance } else { most };
     }
     if least >= 0.0 {
         return Clip::All;

@@ -42,7 +42,7 @@ impl Margins {
 pub(crate) struct Directed {
     /// The portal's plane, unit normal along the way.
     pub(crate) plane: Plane,
-    /// A ball around the vertices.
+    /// A ball around the vertices, about their mean.
     pub(crate) center: DVec3,
     pub(crate) radius: f64,
     /// Its vertices, counter-clockwise around the normal.
@@ -132,7 +132,7 @@ impl Portals {
     /// Whether part of a portal lies surely on the inner side of a plane.
     fn reaches(&self, portal: &Directed, plane: &Plane) -> bool {
         let (side, middle) = (self.margins.side, plane.signed_distance(portal.center));
-        // Most are decided by the ball.
+        // Most are decided by the ball: where the mean of the vertices lies, or beyond, at least one of them does.
         if middle > side {
             return true;
         }
@@ -159,11 +159,9 @@ fn draw_in(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
     polygon
 }
 
-/// A ball around points, a little larger than rounding can need.
+/// A ball around the mean of points, a little larger than rounding can need.
 fn ball(points: &[DVec3]) -> (DVec3, f64) {
-    let (min, max) =
-        points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
-    let center = min * 0.5 + max * 0.5;
+    let center = points.iter().fold(DVec3::ZERO, |sum, &p| sum + p) / points.len() as f64;
     let radius = points.iter().fold(0.0, |r: f64, &p| r.max((p - center).length()));
     (center, radius * (1.0 + 1e-12) + center.abs().max_element() * 2f64.powi(-49))
 }

@@ -66,7 +66,7 @@ fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, plan
         for (&inverse, &p) in inverse.iter().zip(to.vertices) {
             let u = inward.dot(p) - at_edge;
             if inverse > 0.0 {
-                slope = slope.max(u * inverse);
+                slope = greater(slope, u * inverse);
             } else if u > -margins.keep {
                 stopped = true;
             }
@@ -77,10 +77,15 @@ fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, plan
         // Turned so that the polygon whose edge this is lies on the side `own`, with unit length.
         let normal = (inward - toward * slope) * (own / (1.0 + slope * slope).sqrt());
         let (before, after) = if own < 0.0 { (of, to) } else { (to, of) };
-        let most = before.vertices.iter().fold(f64::NEG_INFINITY, |most, &p| most.max(normal.dot(p)));
-        let least = after.vertices.iter().fold(f64::INFINITY, |least, &p| least.min(normal.dot(p)));
+        let most = before.vertices.iter().fold(f64::NEG_INFINITY, |most, &p| greater(most, normal.dot(p)));
+        let least = -after.vertices.iter().fold(f64::NEG_INFINITY, |most, &p| greater(most, -normal.dot(p)));
         if most <= least + margins.noise {
             planes.push(Plane::new(normal, margins.keep - least));
         }
     }
+}
+
+/// The greater of two numbers, neither of which is NaN: one instruction, which `f64::max` is not.
+fn greater(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
 }

@@ -228,8 +228,7 @@ impl Scratch {
                 }
                 for bit in bits(mask) {
                     let i = word * 64 + bit as usize;
-                    let (center, radius) = self.balls[i];
-                    if outside(known, planes, center, radius, self.candidates[i]) {
+                    if outside(known, planes, self.balls[i], self.candidates[i]) {
                         continue;
                     }
                     after[word] |= 1 << bit;
@@ -246,15 +245,22 @@ impl Scratch {
 }
 
 /// Whether a portal lies beyond one of the planes.
-fn outside(known: &Known, planes: &[Plane], center: DVec3, radius: f64, portal: u32) -> bool {
-    planes.iter().any(|plane| {
-        let distance = plane.signed_distance(center);
-        distance < -radius
-            || distance < radius && {
-                let vertices = known.portals.vertices_of(&known.portals.all[portal as usize]);
-                vertices.iter().all(|&v| plane.signed_distance(v) < 0.0)
-            }
-    })
+fn outside(known: &Known, planes: &[Plane], ball: (DVec3, f64), portal: u32) -> bool {
+    // The distance to the nearest plane decides nearly always; found without branches, it is found for several planes at once.
+    let (center, radius) = ball;
+    let distance = |plane: &Plane| {
+        plane.normal.x * center.x + plane.normal.y * center.y + plane.normal.z * center.z + plane.offset
+    };
+    let least = planes.iter().fold(f64::INFINITY, |least, plane| {
+        let distance = distance(plane);
+        if distance < least { distance } else { least }
+    });
+    // A vertex is at least as far inside as their mean.
+    if least >= 0.0 || least < -radius {
+        return least < 0.0;
+    }
+    let vertices = known.portals.vertices_of(&known.portals.all[portal as usize]);
+    planes.iter().any(|plane| distance(plane) < 0.0 && vertices.iter().all(|&v| plane.signed_distance(v) < 0.0))
 }
 
 /// The half-space with so much more.
