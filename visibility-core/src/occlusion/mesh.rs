@@ -82,6 +82,7 @@ pub struct OccluderMesh {
     bounds: Aabb,
     closed: bool,
     convex: bool,
+    cuboid: bool,
     two_sided: bool,
     /// Area that faces +x, +y, +z, -x, -y, -z, projected along that axis.
     facing: [f32; 6],
@@ -128,6 +129,7 @@ impl OccluderMesh {
         }
         let bounds = Aabb::from_points(triangles.iter().flat_map(corner));
         let convex = closed && is_convex(&positions, &triangles, &bounds);
+        let cuboid = convex && triangles.len() == 12 && positions == bounds.corners();
         Ok(Self {
             positions,
             triangles,
@@ -136,6 +138,7 @@ impl OccluderMesh {
             bounds,
             closed,
             convex,
+            cuboid,
             two_sided: false,
             facing,
         })
@@ -226,6 +229,11 @@ impl OccluderMesh {
     /// Whether it is a convex solid, up to the rounding of its vertices.
     pub fn is_convex(&self) -> bool {
         self.convex
+    }
+
+    /// Whether it is its own bounding box, with vertices in the order of [`Aabb::corners`], as [`cuboid`](Self::cuboid) makes it.
+    pub fn is_cuboid(&self) -> bool {
+        self.cuboid
     }
 
     /// Whether back faces hide as well.
