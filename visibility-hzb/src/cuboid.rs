@@ -5,7 +5,7 @@
 
 use crate::lens::{Lens, Placed};
 use crate::shape::{Coverage, Shape, Whole};
-use visibility_core::{Aabb, OccluderMesh};
+use visibility_core::Aabb;
 
 /// The corners of the faces at least x, greatest x, least y and so on, counter-clockwise from outside; corners are numbered by the bits x, y, z.
 const FACES: [[u8; 4]; 6] =
@@ -58,24 +58,6 @@ const fn has_edge(seen: usize, a: u8, b: u8) -> bool {
         face += 1;
     }
     false
-}
-
-/// Whether a mesh is its own bounding box, with corners in the order of [`Aabb::corners`].
-#[inline(always)]
-pub(crate) fn is_cuboid(mesh: &OccluderMesh) -> bool {
-    let positions = mesh.positions();
-    if positions.len() != 8 || mesh.triangles().len() != 12 || !mesh.is_convex() {
-        return false;
-    }
-    let Aabb { min, max } = *mesh.bounds();
-    let mut same = true;
-    for (i, p) in positions.iter().enumerate() {
-        same &= p.x == if i & 1 == 0 { min.x } else { max.x };
-        same &= p.y == if i & 2 == 0 { min.y } else { max.y };
-        same &= p.z == if i & 4 == 0 { min.z } else { max.z };
-    }
-    // Twelve triangles on the eight corners of a box, closed and convex, are the box.
-    same
 }
 
 /// What became of an occluder.

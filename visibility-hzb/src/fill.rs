@@ -26,7 +26,10 @@ pub(crate) fn fill(shape: &Shape, tiles: &mut Tiles) -> bool {
     // Hidden by what there is?
     let mut seen = false;
     for row in first_row..end_row {
-        seen |= any_farther(&tiles.whole[row * columns + first_column..row * columns + end_column], shape.ceiling);
+        seen |= any_farther(
+            &tiles.whole[row * columns + first_column..row * columns + end_column],
+            shape.ceiling,
+        );
         if seen {
             break;
         }
@@ -51,7 +54,9 @@ pub(crate) fn still_seen(tiles: &Tiles, rectangle: &Rectangle, nearness: f32) ->
         let base = y * tiles.columns;
         if any_farther(&tiles.whole[base + x0..base + x1], nearness) {
             for x in x0..x1 {
-                if !tiles.hides(base + x, mask_of(rectangle, x, y), nearness) {
+                if tiles.whole[base + x] <= nearness
+                    && !tiles.hides(base + x, mask_of(rectangle, x, y), nearness)
+                {
                     return true;
                 }
             }

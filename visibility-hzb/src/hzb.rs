@@ -1,7 +1,8 @@
 //! The map: occluders in, boxes out.
 
-use crate::cuboid::{self, Made};
+use crate::cuboid::Made;
 use crate::lens::{Lens, Placed};
+use crate::mesh::{self, Cells};
 use crate::pyramid::{Pyramid, Rectangle};
 use crate::query::{Lens32, Query, test_one};
 use crate::queue::Queue;
@@ -43,6 +44,7 @@ pub struct Hzb {
     scratch: Scratch,
     shape: Shape,
     queue: Queue,
+    cells: Cells,
     /// Nearness that nothing in the buffer exceeds.
     nearest: f32,
     /// Planes that cut occluders away, relative to the scene's origin.
@@ -61,7 +63,7 @@ impl Hzb {
             return Err(SizeError { width, height });
         }
         let tiles = Tiles::new(width, height);
-        let pyramid = Pyramid::new(&tiles);
+        let (pyramid, cells) = (Pyramid::new(&tiles), Cells::new(&tiles));
         Ok(Self {
             size: [width, height],
             coverage: Coverage::Conservative,
@@ -73,6 +75,7 @@ impl Hzb {
             scratch: Scratch::default(),
             shape: Shape::EMPTY,
             queue: Queue::EMPTY,
+            cells,
             nearest: f32::NEG_INFINITY,
             clip: [Plane::new(DVec3::ZERO, 0.0); visibility_core::MAX_CLIP_PLANES],
             clips: 0,
@@ -142,36 +145,51 @@ impl Hzb {
         }
         self.simd.footprints(&self.lens32, &self.queue.around, &mut self.queue.footprints);
         for i in 0..count {
-            let seen = &self.queue.footprints;
-            if seen.outside[i] {
-                continue;
+            if self.may_be_seen(i) {
+                let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
+                self.draw_box(&bounds, &transform);
             }
-            if seen.known[i] {
-                let [left, right, top, bottom] = [0, 1, 2, 3].map(|side| seen.sides[side][i] as u32);
-                let rectangle = Rectangle { columns: [left, right], lines: [top, bottom] };
-                if !self.simd.still_seen(&self.tiles, &rectangle, seen.nearest[i]) {
-                    continue;
-                }
-            }
-            let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
-            self.draw_box(&bounds, &transform);
         }
+    }
+
+    /// Whether the box in a place of the queue is in view and not hidden yet, as far as its projection tells.
+    #[inline(always)]
+    fn may_be_seen(&self, i: usize) -> bool {
+        let seen = &self.queue.footprints;
+        let rectangle = Rectangle {
+            columns: [seen.sides[0][i] as u32, seen.sides[1][i] as u32],
+            lines: [seen.sides[2][i] as u32, seen.sides[3][i] as u32],
+        };
+        !seen.outside[i] && (!seen.known[i] || self.simd.still_seen(&self.tiles, &rectangle, seen.nearest[i]))
     }
 
     fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A) {
         let Some((placed, facing)) = place(&self.lens, bounds, transform) else { return };
-        let made = self.simd.cuboid(bounds, &placed, &self.lens, facing, self.coverage, &mut self.shape);
-        let made = match made {
+        match self.simd.cuboid(bounds, &placed, &self.lens, facing, self.coverage, &mut self.shape) {
+            Made::Shape => self.fill(),
+            Made::Nothing => {}
             Made::Near => {
-                let (scratch, shape) = (&mut self.scratch, &mut self.shape);
                 let corners = bounds.corners();
-                let parts = solid::Parts::of_box(&corners);
-                solid::make(&parts, &placed, &self.lens, facing, self.coverage, scratch, shape)
+                self.draw_mesh(&solid::Parts::of_box(&corners), bounds, transform, true);
             }
-            made => made,
-        };
-        if made == Made::Shape {
-            self.fill();
+        }
+    }
+
+    /// Draws a mesh by its outline if that loses nothing, else triangle by triangle.
+    fn draw_mesh(&mut self, parts: &solid::Parts, bounds: &Aabb, transform: &Affine3A, convex: bool) {
+        let Some((placed, facing)) = place(&self.lens, bounds, transform) else { return };
+        let (lens, coverage, scratch) = (&self.lens, self.coverage, &mut self.scratch);
+        if convex || parts.triangles.len() <= 2 {
+            match solid::make(parts, &placed, lens, facing, coverage, scratch, &mut self.shape) {
+                Made::Shape => return self.fill(),
+                Made::Nothing => return,
+                Made::Near => {}
+            }
+        }
+        let (cells, tiles) = (&mut self.cells, &mut self.tiles);
+        let greatest = mesh::draw(parts, &placed, lens, facing, coverage, scratch, cells, tiles);
+        if greatest > self.nearest {
+            self.nearest = greatest;
         }
     }
 
@@ -227,20 +245,19 @@ impl OcclusionMap for Hzb {
         if self.clips > 0 && self.is_cut(occluder, transform) {
             return;
         }
-        if cuboid::is_cuboid(occluder) && !occluder.is_two_sided() {
+        if occluder.is_cuboid() && !occluder.is_two_sided() {
             if self.queue.push(occluder.bounds(), transform) {
                 self.draw_queue();
             }
             return;
         }
-        // Order matters: the queue first.
+        // Order matters: the queue first. Then the mesh takes its place there, for the sake of the box around it.
         self.draw_queue();
-        let Some((placed, facing)) = place(&self.lens, occluder.bounds(), transform) else { return };
-        if occluder.is_convex() || occluder.triangles().len() <= 2 {
-            let (parts, scratch, shape) = (solid::Parts::of(occluder), &mut self.scratch, &mut self.shape);
-            if solid::make(&parts, &placed, &self.lens, facing, self.coverage, scratch, shape) == Made::Shape {
-                self.fill();
-            }
+        self.queue.push(occluder.bounds(), transform);
+        self.queue.count = 0;
+        self.simd.footprints(&self.lens32, &self.queue.around, &mut self.queue.footprints);
+        if self.may_be_seen(0) {
+            self.draw_mesh(&solid::Parts::of(occluder), occluder.bounds(), transform, occluder.is_convex());
         }
     }
 

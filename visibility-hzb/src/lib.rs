@@ -8,6 +8,7 @@ mod cuboid;
 mod fill;
 mod hzb;
 mod lens;
+mod mesh;
 mod pyramid;
 mod query;
 mod queue;

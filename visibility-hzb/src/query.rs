@@ -319,7 +319,8 @@ fn decide<const N: usize>(
     // Improper boxes are never hidden.
     let (mut proper, mut behind, mut before) = ([false; N], [false; N], [false; N]);
     for i in 0..N {
-        proper[i] = (boxes[0][i] <= boxes[3][i]) & (boxes[1][i] <= boxes[4][i]) & (boxes[2][i] <= boxes[5][i]);
+        proper[i] =
+            (boxes[0][i] <= boxes[3][i]) & (boxes[1][i] <= boxes[4][i]) & (boxes[2][i] <= boxes[5][i]);
         behind[i] = footprints.nearest[i] < query.nearest;
         before[i] = footprints.farthest[i] >= query.nearest;
     }

@@ -45,7 +45,8 @@ fn moved(bounds: &Aabb, transform: &Affine3A) -> Aabb {
     let m = transform.matrix3.abs();
     let middle = transform.transform_point3(center);
     let reach = m.mul_vec3(half);
-    let size = m.mul_vec3(center.abs()) + reach + visibility_core::glam::Vec3::from(transform.translation).abs();
+    let size =
+        m.mul_vec3(center.abs()) + reach + visibility_core::glam::Vec3::from(transform.translation).abs();
     let margin = size * (8.0 * f32::EPSILON) + f32::MIN_POSITIVE;
     Aabb::new(middle - reach - margin, middle + reach + margin)
 }

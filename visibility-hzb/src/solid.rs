@@ -73,8 +73,12 @@ const fn box_edges() -> [Edge; 18] {
                 let mut i = 0;
                 while i < 3 {
                     // Each edge once, from the triangle that comes first.
-                    if BOX_TRIANGLES[other][i] == b && BOX_TRIANGLES[other][(i + 1) % 3] == a && triangle < other {
-                        edges[count] = Edge { vertices: [a, b], left: triangle as u32, right: Some(other as u32) };
+                    if BOX_TRIANGLES[other][i] == b
+                        && BOX_TRIANGLES[other][(i + 1) % 3] == a
+                        && triangle < other
+                    {
+                        edges[count] =
+                            Edge { vertices: [a, b], left: triangle as u32, right: Some(other as u32) };
                         count += 1;
                     }
                     i += 1;

@@ -1,0 +1,294 @@
+//! Random occluders and cameras, and rays cast against them with nothing but the view's matrix and plain vector algebra.
+#![allow(dead_code, unreachable_pub)] // Each test uses a part.
+
+use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4, Quat, Vec3, Vec4};
+use visibility_core::{Aabb, Depth, OccluderMesh, Pose, View, Window};
+
+/// SplitMix64.
+#[derive(Clone)]
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ z >> 31
+    }
+
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * ((self.bits() >> 11) as f64 / (1u64 << 53) as f64)
+    }
+
+    pub fn below(&mut self, limit: u64) -> u64 {
+        self.bits() % limit
+    }
+
+    pub fn vec(&mut self, low: f64, high: f64) -> Vec3 {
+        DVec3::new(self.within(low, high), self.within(low, high), self.within(low, high)).as_vec3()
+    }
+}
+
+pub struct Occluder {
+    pub mesh: OccluderMesh,
+    pub transform: Affine3A,
+}
+
+/// A grid of vertices over a square, moved up and down: open, concave, with some cells missing.
+fn grid(random: &mut Random, cells: u32, height: f64, holes: u64) -> Option<OccluderMesh> {
+    let side = cells + 1;
+    let mut positions = Vec::new();
+    for j in 0..side {
+        for i in 0..side {
+            let z = random.within(-height, height) as f32;
+            positions.push(Vec3::new(i as f32 / cells as f32 - 0.5, j as f32 / cells as f32 - 0.5, z) * 4.0);
+        }
+    }
+    let mut triangles = Vec::new();
+    for j in 0..cells {
+        for i in 0..cells {
+            let (a, b, c, d) = (j * side + i, j * side + i + 1, (j + 1) * side + i + 1, (j + 1) * side + i);
+            if holes == 0 || random.below(holes) != 0 {
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+    }
+    OccluderMesh::from_indexed(&positions, &triangles).ok()
+}
+
+/// A ball with dents: closed, concave.
+fn ball(random: &mut Random, dent: f64) -> Option<OccluderMesh> {
+    let (rings, sectors) = (5u32, 8u32);
+    let mut positions = vec![Vec3::new(0.0, 0.0, 1.5), Vec3::new(0.0, 0.0, -1.5)];
+    for ring in 1..rings {
+        for sector in 0..sectors {
+            let (a, b) = (
+                std::f32::consts::PI * ring as f32 / rings as f32,
+                std::f32::consts::TAU * sector as f32 / sectors as f32,
+            );
+            let r = 1.5 * (1.0 - random.within(0.0, dent.max(1e-9))) as f32;
+            positions.push(Vec3::new(a.sin() * b.cos(), a.sin() * b.sin(), a.cos()) * r);
+        }
+    }
+    let at = |ring: u32, sector: u32| 2 + (ring - 1) * sectors + sector % sectors;
+    let mut triangles = Vec::new();
+    for s in 0..sectors {
+        triangles.push([0, at(1, s), at(1, s + 1)]);
+        triangles.push([1, at(rings - 1, s + 1), at(rings - 1, s)]);
+        for ring in 1..rings - 1 {
+            let (a, b, c, d) = (at(ring, s), at(ring + 1, s), at(ring + 1, s + 1), at(ring, s + 1));
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    OccluderMesh::from_indexed(&positions, &triangles).ok()
+}
+
+/// An occluder of any kind, around the middle of the scene.
+pub fn occluder(random: &mut Random) -> Occluder {
+    let mesh = loop {
+        let mesh = match random.below(9) {
+            0 | 1 => {
+                let a = random.vec(-2.0, 2.0);
+                let b = random.vec(-2.0, 2.0);
+                OccluderMesh::cuboid(&Aabb::new(a.min(b), a.max(b))).ok()
+            }
+            2 => grid(random, 3, 0.1, 5),
+            3 => grid(random, 4, 0.01, 0),
+            4 => ball(random, 0.5),
+            5 => ball(random, 0.0),
+            6 => {
+                // A soup, with slivers.
+                let triangles: Vec<_> = (0..random.below(6) + 1)
+                    .map(|_| {
+                        let a = random.vec(-2.0, 2.0);
+                        let thin = if random.below(3) == 0 { 0.01 } else { 2.0 };
+                        [a, a + random.vec(-3.0, 3.0), a + random.vec(-thin, thin)]
+                    })
+                    .collect();
+                OccluderMesh::from_triangles(&triangles).ok()
+            }
+            7 => {
+                // A wall with a window in it, of two triangles a side.
+                let p = |x: f32, y: f32| Vec3::new(x, y, 0.0);
+                let positions = [
+                    p(-3., -3.),
+                    p(3., -3.),
+                    p(3., 3.),
+                    p(-3., 3.),
+                    p(-1., -1.),
+                    p(1., -1.),
+                    p(1., 1.),
+                    p(-1., 1.),
+                ];
+                let triangles: Vec<[u32; 3]> = (0..4)
+                    .flat_map(|i| [[i, (i + 1) % 4, (i + 1) % 4 + 4], [i, (i + 1) % 4 + 4, i + 4]])
+                    .collect();
+                OccluderMesh::from_indexed(&positions, &triangles).ok()
+            }
+            _ => {
+                // A wall of two triangles, or a folded one.
+                let fold = if random.below(2) == 0 { 0.0 } else { random.within(-2.0, 2.0) as f32 };
+                let p = [
+                    Vec3::new(-2., -2., 0.),
+                    Vec3::new(2., -2., fold),
+                    Vec3::new(2., 2., 0.),
+                    Vec3::new(-2., 2., 0.),
+                ];
+                OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 2, 3]]).ok()
+            }
+        };
+        if let Some(mesh) = mesh {
+            break mesh.with_two_sided(random.below(3) == 0);
+        }
+    };
+    let transform = match random.below(3) {
+        0 => Affine3A::IDENTITY,
+        1 => Affine3A::from_translation(random.vec(-6.0, 6.0)),
+        _ => {
+            let q = random.vec(-1.0, 1.0);
+            let turn = Quat::from_vec4(Vec4::new(q.x, q.y, q.z, 0.3).normalize());
+            let scale = random.vec(0.3, 3.0)
+                * if random.below(4) == 0 { Vec3::new(-1.0, 1.0, 1.0) } else { Vec3::ONE };
+            Affine3A::from_scale_rotation_translation(scale, turn, random.vec(-6.0, 6.0))
+        }
+    };
+    Occluder { mesh, transform }
+}
+
+/// A camera of any kind, in any depth convention, that looks about the middle of the scene.
+pub fn view(random: &mut Random) -> View {
+    let eye = random.vec(-9.0, 9.0).as_dvec3();
+    let pose = Pose::look_at(eye, random.vec(-3.0, 3.0).as_dvec3(), random.vec(-1.0, 1.0).as_dvec3());
+    let near = if random.below(2) == 0 { 0.1 } else { random.within(0.5, 4.0) };
+    let far = if random.below(2) == 0 { 60.0 } else { f64::INFINITY };
+    let view = match random.below(4) {
+        0 => {
+            let window = Window {
+                left: -random.within(0.2, 9.0),
+                right: random.within(0.2, 9.0),
+                bottom: -4.0,
+                top: random.within(0.1, 5.0),
+            };
+            View::orthographic(pose, window, near, 60.0)
+        }
+        1 => {
+            let window = Window {
+                left: random.within(-1.0, 0.1),
+                right: random.within(0.2, 1.0),
+                bottom: -0.3,
+                top: random.within(0.1, 0.9),
+            };
+            View::perspective_off_center(pose, window, near, far)
+        }
+        _ => View::perspective(pose, random.within(0.2, 2.2), random.within(0.7, 2.5), near, far),
+    };
+    convention(&view.unwrap(), random.below(3))
+}
+
+/// The same view in another depth convention.
+pub fn convention(view: &View, which: u64) -> View {
+    let m = view.clip_from(view.origin());
+    let [x, y, z, w] = [m.row(0), m.row(1), m.row(2), m.row(3)];
+    let infinite = view.depth().is_infinite();
+    let (z, depth) = match which {
+        0 => (w - z * 2.0, if infinite { Depth::NegativeOneToOneInfinite } else { Depth::NegativeOneToOne }),
+        1 => (w - z, if infinite { Depth::Infinite } else { Depth::ZeroToOne }),
+        _ => return *view,
+    };
+    let m = DMat4::from_cols(x, y, z, w).transpose();
+    View::from_clip_from_world(m, depth).unwrap().relative_to(view.origin()).unwrap()
+}
+
+/// A triangle in the world, as it is drawn.
+pub struct Face {
+    pub corners: [DVec3; 3],
+    /// Whether only its front hides.
+    pub one_sided: bool,
+}
+
+pub fn faces(occluders: &[Occluder]) -> Vec<Face> {
+    let mut faces = Vec::new();
+    for Occluder { mesh, transform } in occluders {
+        let m = transform.matrix3.to_cols_array().map(f64::from);
+        let (a, b, c) =
+            (DVec3::new(m[0], m[1], m[2]), DVec3::new(m[3], m[4], m[5]), DVec3::new(m[6], m[7], m[8]));
+        let shift = Vec3::from(transform.translation).as_dvec3();
+        let mirrored = a.dot(b.cross(c)) < 0.0;
+        for t in mesh.triangles() {
+            let mut corners = t.map(|i| {
+                let p = mesh.positions()[i as usize].as_dvec3();
+                a * p.x + b * p.y + c * p.z + shift
+            });
+            if mirrored {
+                corners.swap(1, 2);
+            }
+            faces.push(Face { corners, one_sided: !mesh.is_two_sided() });
+        }
+    }
+    faces
+}
+
+/// A line of sight.
+pub struct Ray {
+    pub from: DVec3,
+    pub along: DVec3,
+    matrix: DMat4,
+    depth: Depth,
+    perspective: bool,
+}
+
+impl Ray {
+    /// Through a point of the picture, in pixels.
+    pub fn new(view: &View, size: [usize; 2], x: f64, y: f64) -> Self {
+        let matrix = view.clip_from(DVec3::ZERO);
+        let (x, y) = (x / size[0] as f64 * 2.0 - 1.0, 1.0 - y / size[1] as f64 * 2.0);
+        let inverse = matrix.inverse();
+        let at = |z: f64| {
+            let p = inverse * DVec4::new(x, y, z, 1.0);
+            p.truncate() / p.w
+        };
+        let (near, far) = match view.depth() {
+            Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 0.5),
+            Depth::ZeroToOne | Depth::Infinite => (0.0, 0.5),
+            Depth::Reversed | Depth::ReversedInfinite => (1.0, 0.5),
+        };
+        let (from, to) = (at(near), at(far));
+        let perspective = matrix.row(3).truncate() != DVec3::ZERO;
+        Self { from, along: (to - from).normalize(), matrix, depth: view.depth(), perspective }
+    }
+
+    fn nearness(&self, p: DVec3) -> f64 {
+        let clip = self.matrix * p.extend(1.0);
+        match (self.perspective, self.depth.is_reversed()) {
+            (true, _) => 1.0 / clip.w,
+            (false, true) => clip.z / clip.w,
+            (false, false) => -clip.z / clip.w,
+        }
+    }
+
+    /// The greatest nearness of what it meets beyond the near plane. Triangles are a little larger than they are, so that no ray slips through
+    /// between two that share an edge.
+    pub fn nearest(&self, faces: &[Face]) -> f64 {
+        let mut best = f64::NEG_INFINITY;
+        for Face { corners: [a, b, c], one_sided } in faces {
+            let (u, v) = (*b - *a, *c - *a);
+            let normal = u.cross(v);
+            let slope = self.along.dot(normal);
+            if slope == 0.0 || (*one_sided && slope > 0.0) {
+                continue;
+            }
+            let t = (*a - self.from).dot(normal) / slope;
+            if t < -1e-9 {
+                continue;
+            }
+            let p = self.from + self.along * t;
+            let over = 1.0 / normal.length_squared();
+            let (s, r) = ((p - *a).cross(v).dot(normal) * over, u.cross(p - *a).dot(normal) * over);
+            const SLIP: f64 = -1e-7;
+            if s >= SLIP && r >= SLIP && s + r <= 1.0 - SLIP {
+                best = best.max(self.nearness(p));
+            }
+        }
+        best
+    }
+}
