@@ -52,6 +52,13 @@ pub struct Hzb {
     clips: usize,
 }
 
+impl Default for Hzb {
+    /// Of 512 x 288 pixels: enough for small objects, and cheap.
+    fn default() -> Self {
+        Self::sized(512, 288)
+    }
+}
+
 impl Hzb {
     /// An empty buffer of so many columns and rows of pixels.
     ///
@@ -62,9 +69,13 @@ impl Hzb {
         if !allowed.contains(&width) || !allowed.contains(&height) {
             return Err(SizeError { width, height });
         }
+        Ok(Self::sized(width, height))
+    }
+
+    fn sized(width: usize, height: usize) -> Self {
         let tiles = Tiles::new(width, height);
         let (pyramid, cells) = (Pyramid::new(&tiles), Cells::new(&tiles));
-        Ok(Self {
+        Self {
             size: [width, height],
             coverage: Coverage::Conservative,
             simd: Simd::best(),
@@ -79,7 +90,7 @@ impl Hzb {
             nearest: f32::NEG_INFINITY,
             clip: [Plane::new(DVec3::ZERO, 0.0); visibility_core::MAX_CLIP_PLANES],
             clips: 0,
-        })
+        }
     }
 
     /// The same buffer with another rule of what is covered.

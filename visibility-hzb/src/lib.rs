@@ -21,6 +21,9 @@ pub use hzb::Hzb;
 pub use shape::Coverage;
 pub use simd::Simd;
 
+/// Culls what a z-buffer finds hidden behind a scene's occluders, after the frustum.
+pub type HzbCuller = visibility_core::OcclusionCuller<Hzb>;
+
 use core::fmt;
 
 /// The fewest pixels on a side.

@@ -216,7 +216,7 @@ pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> F
             w_most[i] = greatest(w[corner][i], w_most[i]);
         }
     }
-    let mut unknown = false;
+    let (mut unknown, mut any) = ([false; N], false);
     for i in 0..N {
         let over = 1.25 / w_least[i];
         let x_margin = (x_error[i] + width * w_error[i]) * over + MARGIN * width;
@@ -233,7 +233,8 @@ pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> F
         out.sides[3][i] = whole(clamped(bottom, height) + 0.5).max(out.sides[2][i] + 1).min(height as i32);
         out.nearest[i] = (1.0 / (w_least[i] - w_error[i])) * (1.0 + MARGIN);
         out.farthest[i] = (1.0 / (w_most[i] + w_error[i])) * (1.0 - MARGIN);
-        unknown |= !known;
+        unknown[i] = !known;
+        any |= !known;
     }
     if !lens.perspective {
         let (n, n_error) = corners(&lens.rows[3], &low, &high);
@@ -250,7 +251,7 @@ pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> F
         }
     }
     // Boxes through the eye's plane are outside the picture only if all of them is on one side of it.
-    if unknown {
+    if any {
         let tests = [
             most(&lens.rows[0], &low, &high, 1.0),
             most(&lens.rows[1], &low, &high, 1.0),
@@ -260,7 +261,7 @@ pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> F
         ];
         for test in tests {
             for i in 0..N {
-                out.outside[i] |= test[i] < 0.0;
+                out.outside[i] |= unknown[i] & (test[i] < 0.0);
             }
         }
     }

@@ -257,13 +257,17 @@ impl Ray {
         Self { from, along: (to - from).normalize(), matrix, depth: view.depth(), perspective }
     }
 
-    fn nearness(&self, p: DVec3) -> f64 {
+    pub fn nearness(&self, p: DVec3) -> f64 {
         let clip = self.matrix * p.extend(1.0);
         match (self.perspective, self.depth.is_reversed()) {
             (true, _) => 1.0 / clip.w,
             (false, true) => clip.z / clip.w,
             (false, false) => -clip.z / clip.w,
         }
+    }
+
+    pub fn is_before_near(&self, p: DVec3) -> bool {
+        (p - self.from).dot(self.along) < 0.0
     }
 
     /// The greatest nearness of what it meets beyond the near plane. Triangles are a little larger than they are, so that no ray slips through
