@@ -7,6 +7,9 @@ use visibility_core::{Aabb, ObjectId};
 /// Frames before culling is compared with culling after a rebuild: a second of play.
 pub const DRIFT: usize = 60;
 
+/// After so many frames of movement culling is looked at again.
+pub const LONG: [usize; 6] = [0, 60, 250, 500, 750, 1000];
+
 /// The budget for `Scene::maintain` that its users are likely to begin with, in blocks.
 pub const BUDGET: usize = 256;
 

@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 use visibility_benches::check::{check, verify};
 use visibility_benches::contenders::{self, Shape, parry_aabb};
-use visibility_benches::moving::{BUDGET, DRIFT, Movers};
+use visibility_benches::moving::{BUDGET, DRIFT, LONG, Movers};
 use visibility_benches::workload::{FRAMES, Order, Random, Share, boxes, views};
 use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Scene, VisibleSet};
 
@@ -26,6 +26,7 @@ fn main() {
     }
     let sort = construction(&mut targets);
     moving(sort, &mut targets);
+    moving_for_long(&mut targets);
     println!("## Targets\n\n| | wanted | measured | |\n|---|---|---|---|");
     for Target { what, wanted, measured, at_least } in targets {
         let (word, met) =
@@ -273,6 +274,63 @@ fn drift(count: usize, percent: usize) -> Drift {
     }
     let culling = [1, 2, 3].map(|i: usize| seconds[i] / seconds[0]);
     Drift { sort, set_bounds, some, all, parry: insert.min(refit), culling }
+}
+
+/// Everything moves for a long time: what `maintain` takes, and what culling takes, as a multiple of a rebuilt scene.
+fn moving_for_long(targets: &mut Vec<Target>) {
+    println!("## Moving for long\n");
+    println!(
+        "All of 100 thousand objects move every frame, each its own way until it meets a wall, so that in the end everything has"
+    );
+    println!(
+        "mixed. Times of a frame as a multiple of one `rebuild`, and of culling (11 %) as a multiple of that after a rebuild.\n"
+    );
+    println!(
+        "| after frames | set_bounds_batch | maintain({BUDGET}) | culling | bytes an object |\n|---|---|---|---|---|"
+    );
+    let count = SIZES[0].0;
+    let boxes = boxes(count, Order::Random);
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch(boxes.iter().copied());
+    let mut movers = Movers::new(boxes, &ids, count);
+    let views = views(Share::Eleven);
+    let mut worst = [0.0f64; 2];
+    for until in LONG.windows(2) {
+        let mut times: [Vec<f64>; 3] = Default::default();
+        for frame in until[0]..until[1] {
+            let moved = movers.step();
+            let set_bounds = timed(|| scene.set_bounds_batch(moved).expect("every mover is in the scene"));
+            times[0].push(set_bounds.as_secs_f64());
+            times[1].push(timed(|| scene.maintain(BUDGET)).as_secs_f64());
+            if frame % 10 == 0 {
+                let mut rebuilt = scene.clone();
+                rebuilt.rebuild();
+                // The second one finds its memory warm.
+                times[2].push(timed(|| rebuilt.rebuild()).as_secs_f64());
+            }
+        }
+        let [set_bounds, maintain, rebuild] = times.map(median);
+        let mut rebuilt = scene.clone();
+        rebuilt.rebuild();
+        let cull = |scene| (scene, Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
+        let mut eyes = [&rebuilt, &scene].map(cull);
+        let seconds = in_turns(&mut eyes, ROUNDS, |(scene, pipeline, set)| {
+            views.iter().for_each(|view| _ = black_box(pipeline.cull(scene, view, set)));
+            timed(|| views.iter().for_each(|view| _ = black_box(pipeline.cull(scene, view, set))))
+        });
+        let culling = seconds[1] / seconds[0];
+        worst = [worst[0].max(culling), worst[1].max(maintain / rebuild)];
+        let cells = [set_bounds / rebuild, maintain / rebuild, culling].map(short);
+        let bytes = scene.memory() as f64 / count as f64;
+        println!("| {} | {} | {} | {} | {} |", until[1], cells[0], cells[1], cells[2], short(bytes));
+        eprintln!("after {} frames: rebuild {rebuild} s, maintain {maintain} s", until[1]);
+    }
+    println!();
+    let what =
+        format!("all of 100 thousand move for {} frames: culling / after a rebuild", LONG[LONG.len() - 1]);
+    targets.push(Target { what, wanted: 1.3, measured: worst[0], at_least: false });
+    let what = format!("the same: maintain({BUDGET}) / rebuild");
+    targets.push(Target { what, wanted: 0.1, measured: worst[1], at_least: false });
 }
 
 fn keys(count: usize) -> Vec<u64> {

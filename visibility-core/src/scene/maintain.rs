@@ -34,6 +34,8 @@ pub(super) struct Queue {
     waiting: usize,
     /// The node from which the next one is looked for.
     at: usize,
+    /// By node, up to which overlap with others there is no point in dealing out anew, as was found when that was last tried.
+    borne: Vec<f32>,
 }
 
 impl Queue {
@@ -41,6 +43,7 @@ impl Queue {
         let word = node / 64;
         if word >= self.queued.len() {
             self.queued.resize(word + 1, 0);
+            self.borne.resize(word * 64 + 64, OVERLAP);
         }
         self.waiting += usize::from(self.queued[word] >> (node % 64) & 1 == 0);
         self.queued[word] |= 1 << (node % 64);
@@ -50,6 +53,14 @@ impl Queue {
         if let Some(word) = self.queued.get_mut(node / 64) {
             self.waiting -= usize::from(*word >> (node % 64) & 1 != 0);
             *word &= !(1 << (node % 64));
+        }
+    }
+
+    /// Takes out a node that was dealt out anew.
+    fn settle(&mut self, node: usize) {
+        self.remove(node);
+        if let Some(borne) = self.borne.get_mut(node) {
+            *borne = OVERLAP;
         }
     }
 
@@ -70,18 +81,23 @@ impl Queue {
     }
 
     pub(super) fn memory(&self) -> usize {
-        size_of_val(&self.queued[..])
+        size_of_val(&self.queued[..]) + size_of_val(&self.borne[..])
     }
 
     pub(super) fn clear(&mut self) {
-        *self = Self { queued: core::mem::take(&mut self.queued), waiting: 0, at: 0 };
+        (self.waiting, self.at) = (0, 0);
         self.queued.fill(0);
+        self.borne.fill(OVERLAP);
     }
 }
 
 /// Neighbours that cover less of a node, all together, are left alone. Fresh blocks come close to this, for the bounds of objects
 /// overlap too.
 const OVERLAP: f32 = 1.0;
+/// Where dealing out did not help, it is tried again once the overlap is so much greater,
+const BEAR: f32 = 1.5;
+/// or after a while: each time that the node is looked at, so much of that is forgotten.
+const FORGET: f32 = 0.97;
 /// A node with no more objects is merged with those nearest to it, where they have room.
 const SPARSE: u32 = 32;
 /// To deal out what is in a block takes as long as to look at so many.
@@ -102,16 +118,19 @@ impl Tree {
             let mut group = self.neighbours(node);
             group.truncate(1 + (budget - done.blocks) / DEALT);
             let sparse = self.occupied[node as usize].count_ones() <= SPARSE;
-            if group.nodes().len() < 2 || !sparse && group.overlap() < OVERLAP {
+            let (overlap, borne) = (group.overlap(), &mut queue.borne[node as usize]);
+            if group.nodes().len() < 2 || !sparse && overlap < *borne {
+                *borne = (*borne * FORGET).max(OVERLAP);
                 continue;
             }
+            *borne = overlap * BEAR;
             done.blocks += (group.nodes().len() - 1) * DEALT;
             let leaves = self.levels[node as usize] == 0;
             if let Some(moved) = self.regroup(&group, sparse) {
                 *layout += 1;
                 done.rehomed += if leaves { moved } else { 0 };
                 for &node in group.nodes() {
-                    queue.remove(node as usize);
+                    queue.settle(node as usize);
                     if let Some(above) = self.parent(node) {
                         queue.push(above.node());
                     }
