@@ -69,7 +69,7 @@ impl NormalCone {
 
     /// A cone over cones: decides only what all of them decide. Open if one of them is, or if there is none.
     ///
-    /// Cost: some 8 microseconds a cone.
+    /// Cost: some 10 microseconds a cone.
     pub fn from_cones<'a>(cones: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut facets = Vec::new();
         for cone in cones {
@@ -101,8 +101,7 @@ impl NormalCone {
         self.margin == 0.0
     }
 
-    /// The cone of the same triangles turned inside out, for two-sided lighting tricks and for engines whose winding rule is the
-    /// other one.
+    /// The cone of the same triangles turned inside out, for engines whose winding rule is the other one.
     pub fn flipped(&self) -> Self {
         let rows = self.rows.map(|row| row.map(|x| -x));
         Self { rows, behind: self.ahead, ahead: self.behind, margin: self.margin }
@@ -110,7 +109,7 @@ impl NormalCone {
 
     /// Which side of all its triangles an eye sees.
     ///
-    /// Cost: some 10 ns; [`Cones`](super::Cones) test 64 in little more.
+    /// Cost: some 20 ns; [`Cones`](super::Cones) test 64 in that time.
     pub fn facing(&self, eye: &Eye) -> Facing {
         self.facing_sight(&Sight::new(eye))
     }

@@ -17,7 +17,7 @@ use alloc::vec::Vec;
 /// An object that has changed since then counts as visible. A culler belongs to one scene.
 ///
 /// # Cost
-/// `sync`: 50 microseconds for each changed object of 100 triangles. `cull`: about 0.5 ns for a candidate. 160 bytes for each object.
+/// `sync`: 60 microseconds for each changed object of 100 triangles. `cull`: about 0.5 ns for a candidate. 160 bytes for each object.
 ///
 /// ```
 /// use visibility_core::backface::BackfaceCuller;

@@ -296,14 +296,25 @@ impl Apex<'_> {
 
     /// The least depth over a square around the centre, by golden sections within golden sections.
     fn search(&self) -> DVec3 {
-        let sure = Doubt { slack: 0.0, blur: 0.0 };
-        let line = |x: f64| {
-            let p = self.center + self.sides[0] * x;
-            (p, golden(self.size, |y| self.depth(p + self.sides[1] * y, sure)))
+        let sign = if self.side == 0 { 1.0 } else { -1.0 };
+        // Without doubt, the depth is the greatest of functions that are linear in the place on the square.
+        let linear = |f: &Facet| {
+            let scale = sign / f.normal.dot(self.axis);
+            let [x, y] = self.sides.map(|side| f.normal.dot(side) * scale);
+            [f.normal.dot(self.center - f.points[self.side]) * scale, x, y]
         };
-        let (x, _) = golden(self.size, |x| line(x).1.1);
-        let (p, (y, _)) = line(x);
-        p + self.sides[1] * y
+        let functions: Vec<[f64; 3]> = self.facets.iter().map(linear).collect();
+        let depth = |x: f64, y: f64| {
+            let greatest = |most: f64, [f, fx, fy]: &[f64; 3]| {
+                let value = f + (fx * x + fy * y);
+                if value > most { value } else { most }
+            };
+            functions.iter().fold(f64::NEG_INFINITY, greatest)
+        };
+        let line = |x: f64| golden(self.size, |y| depth(x, y));
+        let (x, _) = golden(self.size, |x| line(x).1);
+        let (y, _) = line(x);
+        self.center + self.sides[0] * x + self.sides[1] * y
     }
 
     /// The apex in `f32`, proved: on the right side of every plane, whatever is in doubt.

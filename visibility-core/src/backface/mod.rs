@@ -17,9 +17,10 @@
 //!
 //! # The answer and its limits
 //! An eye sees only backs if it is behind the planes of all triangles. The cone lies within that set of eyes, so the answer *back* is
-//! certain; eyes outside the cone are undecided. Whether it is worth drawing the backs in front of a cluster (glass, leaves, cut-away views)
-//! is the caller's knowledge: two-sided objects have no cone. All computation is in a fixed order, so that answers are
-//! the same on all processors.
+//! certain; eyes outside the cone are undecided. What is drawn from both sides (leaves, glass, cut-away walls) must have no cone.
+//! Transforms that mirror turn triangles inside out: see [`NormalCone::transformed`].
+//!
+//! All computation is in a fixed order, so that answers are the same on all processors.
 
 mod cluster;
 mod cone;
