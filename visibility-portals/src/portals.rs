@@ -33,7 +33,7 @@ impl Margins {
         // vector's length, wrong by as much: less than 2^-49 extent. With coordinates of a few thousand that is 1e-11.
         let noise = extent * 2f64.powi(-49);
         let keep = (12.0 * noise).max(1e-4 * clearance);
-        Self { inset: 0.4 * clearance, side: 0.2 * clearance, keep, merge: 20.0 * keep, noise }
+        Self { inset: 0.4 * clearance, side: keep, keep, merge: 20.0 * keep, noise }
     }
 }
 

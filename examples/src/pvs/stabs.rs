@@ -1,1 +1,193 @@
-//! placeholder
+//! Judges a cell-to-cell visibility by lines: whoever calls two cells hidden from each other, between which a line passes clear of all
+//! portal edges, has lost something that can be seen.
+//!
+//! Shares nothing with what it judges but the portals: a line is on the inner side of a polygon's edges or it is not, which one
+//! triple product for each edge says (the side operator of Pluecker coordinates; Durand's survey, chapter 8, section 3).
+
+use visibility_core::glam::DVec3;
+use visibility_core::{CellGraph, CellId, PortalId};
+use visibility_portals::CellMatrix;
+
+/// Random numbers: splitmix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
+pub struct Random(pub u64);
+
+impl Random {
+    /// The next 64 bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ z >> 31
+    }
+
+    /// From 0 up to 1.
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 * 2f64.powi(-53)
+    }
+
+    /// Below `count`.
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.unit() * count as f64) as usize
+    }
+
+    /// Between two numbers.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// A direction, all alike.
+    pub fn direction(&mut self) -> DVec3 {
+        loop {
+            let v = DVec3::new(self.between(-1.0, 1.0), self.between(-1.0, 1.0), self.between(-1.0, 1.0));
+            if v.length_squared() <= 1.0 && v.length_squared() > 1e-4 {
+                return v.normalize();
+            }
+        }
+    }
+}
+
+/// What lines said of a matrix.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Verdict {
+    /// Lines that went through at least one portal.
+    pub lines: u64,
+    /// Pairs of cells that lines passed between, each counted as often as that happened.
+    pub pairs: u64,
+    /// Those of them that the matrix calls hidden, in either direction.
+    pub false_hidden: u64,
+}
+
+/// Whether a line, by a point and a unit direction, goes through a portal in the direction of its normal (`forward`) or against it, and
+/// stays clear of the edges by `clearance` and by what rounding can be wrong.
+pub fn goes_through(
+    graph: &CellGraph,
+    portal: PortalId,
+    forward: bool,
+    (point, direction): (DVec3, DVec3),
+    clearance: f64,
+) -> bool {
+    let Some(portal) = graph.portal(portal) else { return false };
+    let sense = if forward { 1.0 } else { -1.0 };
+    if portal.plane().normal.dot(direction) * sense <= 0.0 {
+        return false;
+    }
+    let vertices = portal.polygon().vertices();
+    let mut a = vertices[vertices.len() - 1];
+    vertices.iter().all(|&b| {
+        let (start, edge) = (a, b - a);
+        a = b;
+        let across = direction.cross(edge);
+        let length = across.length();
+        // Vertices that coincide bound nothing.
+        if edge.length() < 1e-9 {
+            return true;
+        }
+        let error = 1e-15 * ((point - start).length() + 1.0) * edge.length() / length;
+        // Positive inside, for a polygon that runs counter-clockwise around the direction.
+        sense * across.dot(point - start) / length >= clearance + error
+    })
+}
+
+/// The cells that a line goes through from `cell` on, having come in through `entry`; stops where no portal is passed with clearance.
+pub fn walk(
+    graph: &CellGraph,
+    mut cell: CellId,
+    mut entry: PortalId,
+    line: (DVec3, DVec3),
+    clearance: f64,
+    cells: &mut Vec<CellId>,
+) {
+    // A line goes through each portal once, so more steps than that are an error of the map.
+    for _ in 0..graph.portals().len() {
+        cells.push(cell);
+        let next = graph.portals_of(cell).iter().find(|&&id| {
+            id != entry
+                && goes_through(graph, id, graph.portals()[id.index()].cells()[0] == cell, line, clearance)
+        });
+        let Some(&id) = next else { return };
+        let ends = graph.portals()[id.index()].cells();
+        (cell, entry) = (if ends[0] == cell { ends[1] } else { ends[0] }, id);
+    }
+}
+
+/// Looks both ways along a line that goes through a portal, and checks all pairs of cells on it.
+fn judge(
+    graph: &CellGraph,
+    matrix: &CellMatrix,
+    portal: PortalId,
+    line: (DVec3, DVec3),
+    clearance: f64,
+    cells: &mut Vec<CellId>,
+    verdict: &mut Verdict,
+) {
+    let forward = graph.portals()[portal.index()].plane().normal.dot(line.1) > 0.0;
+    if !goes_through(graph, portal, forward, line, clearance) {
+        return;
+    }
+    let [mut behind, mut ahead] = graph.portals()[portal.index()].cells();
+    if !forward {
+        core::mem::swap(&mut behind, &mut ahead);
+    }
+    cells.clear();
+    walk(graph, ahead, portal, line, clearance, cells);
+    walk(graph, behind, portal, (line.0, -line.1), clearance, cells);
+    verdict.lines += 1;
+    for (i, &a) in cells.iter().enumerate() {
+        for &b in &cells[..i] {
+            verdict.pairs += 1;
+            verdict.false_hidden += u64::from(!(matrix.sees(a, b) && matrix.sees(b, a)));
+        }
+    }
+}
+
+/// A point in a portal, by random weights; every other time very near to its boundary.
+fn point_in(graph: &CellGraph, portal: PortalId, random: &mut Random) -> DVec3 {
+    let vertices = graph.portals()[portal.index()].polygon().vertices();
+    // Powers of random numbers prefer single vertices and edges.
+    let power = [1.0, 4.0, 16.0, 40.0][random.below(4)];
+    let weights: Vec<f64> = vertices.iter().map(|_| random.unit().powf(power) + 1e-30).collect();
+    let sum: f64 = weights.iter().sum();
+    vertices.iter().zip(&weights).fold(DVec3::ZERO, |p, (&v, w)| p + v * (w / sum))
+}
+
+/// Random lines through random portals.
+pub fn random_lines(
+    graph: &CellGraph,
+    matrix: &CellMatrix,
+    lines: u64,
+    clearance: f64,
+    seed: u64,
+) -> Verdict {
+    let (mut random, mut verdict, mut cells) = (Random(seed), Verdict::default(), Vec::new());
+    for _ in 0..if graph.portals().is_empty() { 0 } else { lines } {
+        let portal = PortalId(random.below(graph.portals().len()) as u32);
+        let line = (point_in(graph, portal, &mut random), random.direction());
+        judge(graph, matrix, portal, line, clearance, &mut cells, &mut verdict);
+    }
+    verdict
+}
+
+/// For each pair that `matrix` hides and `theirs` shows, lines from portals of the one to portals of the other.
+pub fn directed_lines(
+    graph: &CellGraph,
+    matrix: &CellMatrix,
+    theirs: &CellMatrix,
+    lines: u64,
+    clearance: f64,
+    seed: u64,
+) -> Verdict {
+    let (mut random, mut verdict, mut cells) = (Random(seed), Verdict::default(), Vec::new());
+    for a in (0..graph.cell_count() as u32).map(CellId) {
+        for b in theirs.seen_from(a).filter(|&b| !matrix.sees(a, b)) {
+            let (from, to) = (graph.portals_of(a), graph.portals_of(b));
+            for _ in 0..if from.is_empty() || to.is_empty() { 0 } else { lines } {
+                let (p, q) = (from[random.below(from.len())], to[random.below(to.len())]);
+                let (start, end) = (point_in(graph, p, &mut random), point_in(graph, q, &mut random));
+                if let Some(direction) = (end - start).try_normalize() {
+                    judge(graph, matrix, p, (start, direction), clearance, &mut cells, &mut verdict);
+                }
+            }
+        }
+    }
+    verdict
+}

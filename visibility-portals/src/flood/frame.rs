@@ -260,7 +260,9 @@ fn outside(known: &Known, planes: &[Plane], ball: (DVec3, f64), portal: u32) -> 
         return least < 0.0;
     }
     let vertices = known.portals.vertices_of(&known.portals.all[portal as usize]);
-    planes.iter().any(|plane| distance(plane) < 0.0 && vertices.iter().all(|&v| plane.signed_distance(v) < 0.0))
+    planes
+        .iter()
+        .any(|plane| distance(plane) < 0.0 && vertices.iter().all(|&v| plane.signed_distance(v) < 0.0))
 }
 
 /// The half-space with so much more.

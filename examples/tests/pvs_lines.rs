@@ -1,0 +1,116 @@
+//! No line that passes through portals passes between cells that are called hidden from each other: on made-up maps, and along lines
+//! planted through chains of portals that leave next to no room.
+//!
+//! `cargo test --release --test pvs_lines -- --ignored` does the same on the maps in `../shared/portals` (or in the directory that
+//! `VISIBILITY_MAPS` names), with as many lines as `VISIBILITY_LINES` says, and takes minutes.
+
+use std::path::PathBuf;
+use visibility_core::glam::{DQuat, DVec3};
+use visibility_core::{CellGraph, CellId};
+use visibility_examples::pvs::maps::{planted, rooms, rounded, turned};
+use visibility_examples::pvs::stabs::{Random, Verdict, directed_lines, goes_through, random_lines};
+use visibility_examples::pvs::{bake, read};
+use visibility_portals::{CellMatrix, Settings};
+
+fn visible(graph: &CellGraph) -> CellMatrix {
+    let outcome = bake(graph, Settings::default(), 1, |_| {}).unwrap().outcome;
+    assert!(outcome.complete && outcome.fallbacks.is_empty() && outcome.matrix.is_symmetric());
+    outcome.matrix
+}
+
+#[test]
+fn no_random_line_passes_between_hidden_cells() {
+    let mut sum = Verdict::default();
+    for seed in 0..6 {
+        let graph = rooms(6, 2, seed);
+        graph.validate(1e-9).unwrap();
+        let matrix = visible(&graph);
+        // Much is hidden, or there would be nothing to get wrong.
+        assert!(matrix.mean_visible() < 50.0, "{}", matrix.mean_visible());
+        let verdict = random_lines(&graph, &matrix, 50_000, 1e-6, seed);
+        sum.pairs += verdict.pairs;
+        sum.false_hidden += verdict.false_hidden;
+        // Lines from everywhere to everywhere that is hidden.
+        let all = CellMatrix::from_bytes(72, &[0xff; 72 * 9]).unwrap();
+        let verdict = directed_lines(&graph, &matrix, &all, 20, 1e-6, seed);
+        sum.false_hidden += verdict.false_hidden;
+    }
+    assert!(sum.pairs > 300_000, "{sum:?}");
+    assert_eq!(sum.false_hidden, 0, "{sum:?}");
+}
+
+/// How many of so many planted chains are broken, and how many could be planted.
+fn broken(chains: u64, seed: u64) -> (u64, u64) {
+    let mut random = Random(seed);
+    let (mut broken, mut good) = (0, 0);
+    for _ in 0..chains {
+        let clearance = 2e-6 * (random.unit() * 500f64.ln()).exp();
+        let count = 2 + random.below(14);
+        let chain = planted(count, clearance, &mut random);
+        let through = chain.graph.portals().iter().enumerate().all(|(i, portal)| {
+            let id = visibility_core::PortalId(i as u32);
+            goes_through(&chain.graph, id, portal.cells()[0].index() == i, chain.line, 1e-6)
+        });
+        if !through || chain.graph.portals().len() != count {
+            continue;
+        }
+        good += 1;
+        let matrix = visible(&chain.graph);
+        let cells = 0..=count as u32;
+        let hidden = cells.clone().any(|a| cells.clone().any(|b| !matrix.sees(CellId(a), CellId(b))));
+        broken += u64::from(hidden);
+    }
+    (broken, good)
+}
+
+#[test]
+fn no_planted_line_is_lost() {
+    let (broken, good) = broken(6000, 1);
+    assert!(good > 5000, "only {good} chains are as planted");
+    assert_eq!(broken, 0, "of {good}");
+}
+
+#[test]
+fn turning_and_rounding_a_map_changes_next_to_nothing() {
+    let (mut plain, mut other) = (0, 0);
+    for seed in 10..14 {
+        let graph = rooms(6, 2, seed);
+        plain += 2 * visible(&graph).count();
+        let rotation = DQuat::from_axis_angle(Random(seed).direction(), 1.0 + seed as f64);
+        let moved = turned(&graph, rotation, DVec3::new(1234.5, -777.7, 0.3));
+        other += visible(&moved).count() + visible(&rounded(&moved, 6)).count();
+    }
+    let ratio = other as f64 / plain as f64;
+    assert!((0.9995..1.005).contains(&ratio), "{ratio}");
+}
+
+#[test]
+#[ignore = "minutes, and maps that are not part of the project"]
+fn real_maps() {
+    let directory = std::env::var("VISIBILITY_MAPS").unwrap_or("../../shared/portals".into());
+    let lines = std::env::var("VISIBILITY_LINES").ok().and_then(|n| n.parse().ok()).unwrap_or(1_000_000);
+    let mut maps: Vec<PathBuf> = std::fs::read_dir(&directory).unwrap().map(|e| e.unwrap().path()).collect();
+    maps.retain(|path| path.extension().is_some_and(|e| e == "prt"));
+    maps.sort_by_key(|path| std::fs::metadata(path).unwrap().len());
+    for path in maps {
+        let graph = read(&path).unwrap().graph;
+        let matrix = visible(&graph);
+        let bytes = std::fs::read(path.with_extension("vismat")).unwrap();
+        let theirs = CellMatrix::from_bytes(graph.cell_count(), &bytes).unwrap();
+        let by_chance = random_lines(&graph, &matrix, lines, 1e-6, 7);
+        let aimed = directed_lines(&graph, &matrix, &theirs, lines / 1000, 1e-6, 8);
+        println!("{}: random {by_chance:?}, directed {aimed:?}", path.display());
+        assert_eq!(by_chance.false_hidden + aimed.false_hidden, 0, "{}", path.display());
+        let rotation = DQuat::from_axis_angle(DVec3::new(0.3, -0.7, 0.4).normalize(), 0.77);
+        let moved = turned(&graph, rotation, DVec3::ZERO);
+        for (what, graph) in
+            [("turned", &moved), ("6 decimals", &rounded(&graph, 6)), ("both", &rounded(&moved, 6))]
+        {
+            let ratio = visible(graph).count() as f64 / matrix.count() as f64;
+            println!("{}: {what}: {ratio:.5} of the pairs", path.display());
+        }
+    }
+    let (broken, good) = broken(lines / 20, 99);
+    println!("{good} planted chains, {broken} broken");
+    assert_eq!(broken, 0);
+}
