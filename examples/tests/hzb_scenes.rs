@@ -1,0 +1,57 @@
+//! The hierarchical z-buffer on every scene: nothing that an item buffer of 2560 x 1440 sees is hidden, at any resolution of the map.
+#![allow(missing_docs)]
+
+use std::path::Path;
+use visibility_core::{FrustumCuller, OcclusionCuller, Pipeline, Preparation, Selection};
+use visibility_examples::walkthrough::{Trial, World, judge, run};
+use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_hzb::Hzb;
+
+const JUDGE: (u32, u32) = (2560, 1440);
+
+fn trial(name: &str, world: &World, size: [usize; 2], selection: Selection) -> Trial {
+    let map = Hzb::new(size[0], size[1]).unwrap();
+    // Every opaque triangle: the more is drawn, the more could go wrong.
+    let culler = OcclusionCuller::new(map).with_selection(selection).with_budget(10_000_000);
+    run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
+}
+
+fn check(source: SceneSource, frames: usize) {
+    let mut world = World::new(source, JUDGE, Some(frames)).unwrap();
+    let preparation = Preparation { two_sided: true, ..Preparation::default() };
+    let made = world.scene.prepare_occluders(&preparation);
+    let trials = [
+        run("frustum".to_owned(), Pipeline::new().with(FrustumCuller::new()), &world),
+        trial("320x180", &world, [320, 180], Selection::SolidAngle),
+        trial("640x360", &world, [640, 360], Selection::SolidAngle),
+        trial("640x360 interleaved", &world, [640, 360], Selection::Interleaved),
+        trial("1920x1080", &world, [1920, 1080], Selection::SolidAngle),
+    ];
+    let judgement = judge(&world, &trials, || ()).unwrap();
+    print!("{}: {made} occluders; exact {:.1}", world.source.name, judgement.mean_exact());
+    for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
+        print!(", {} {:.1}", trial.name, trial.mean_visible());
+        assert_eq!(verdict.false_hidden, 0, "{}, {}: {:?}", world.source.name, trial.name, verdict.hidden);
+    }
+    println!();
+}
+
+#[test]
+fn nothing_visible_is_hidden_in_built_in_scenes() {
+    for name in ["plpcity", "london", "town", "forest", "office"] {
+        check(built_in(name).unwrap(), 9);
+    }
+}
+
+#[test]
+fn nothing_visible_is_hidden_in_reference_scenes() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
+    if !folder.is_dir() {
+        println!("skipped: the reference scenes are not at {}", folder.display());
+        return;
+    }
+    for name in ["clinic", "denhaag", "alpine1", "oa_dm2"] {
+        check(load(&folder.join(format!("{name}.vscn"))).unwrap(), 9);
+    }
+    check(cars5(&folder.join("car.vscn")).unwrap(), 6);
+}
