@@ -114,3 +114,55 @@ fn real_maps() {
     println!("{good} planted chains, {broken} broken");
     assert_eq!(broken, 0);
 }
+
+#[test]
+fn stored_sets_say_what_the_matrix_says() {
+    let graph = rooms(12, 2, 3);
+    let matrix = visible(&graph);
+    let stored = matrix.to_pvs(&graph).unwrap();
+    // The matrix has a bit for each pair; most rows are much like those of the next room.
+    assert!(stored.as_bytes().len() < matrix.to_bytes().len(), "{}", stored.as_bytes().len());
+    let loaded = visibility_core::Pvs::from_bytes(stored.as_bytes()).unwrap();
+    for (a, b) in (0..289).flat_map(|a| (0..289).map(move |b| (a, b))) {
+        assert_eq!(loaded.sees(CellId(a), b), matrix.sees(CellId(a), CellId(b)), "{a} {b}");
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_answer() {
+    let graph = rooms(7, 2, 5);
+    let [one, three] =
+        [1, 3].map(|threads| bake(&graph, Settings::default(), threads, |_| {}).unwrap().outcome);
+    assert_eq!(one, three);
+}
+
+#[test]
+fn a_limit_and_a_stop_show_more_never_less_and_say_so() {
+    let graph = rooms(6, 2, 4);
+    let matrix = visible(&graph);
+    let settings = Settings { steps_per_cell: 30, ..Settings::default() };
+    let limited = bake(&graph, settings, 1, |_| {}).unwrap().outcome;
+    assert!(limited.complete && !limited.fallbacks.is_empty());
+    let mut stopped = visibility_portals::CellBake::new(&graph, Settings::default()).unwrap();
+    let nothing = stopped.clone().finish();
+    assert!(!nothing.complete);
+    for _ in 0..5 {
+        stopped.advance();
+    }
+    let resumed = stopped.clone();
+    let stopped = stopped.finish();
+    for cell in (0..72).map(CellId) {
+        for seen in matrix.seen_from(cell) {
+            assert!(
+                limited.matrix.sees(cell, seen)
+                    && stopped.matrix.sees(cell, seen)
+                    && nothing.matrix.sees(cell, seen)
+            );
+        }
+    }
+    assert!(limited.matrix.count() > matrix.count() && limited.matrix.is_symmetric());
+    assert!(!stopped.complete && stopped.matrix.count() > matrix.count());
+    let mut resumed = resumed;
+    while resumed.advance().is_some() {}
+    assert_eq!(resumed.finish().matrix, matrix);
+}

@@ -49,6 +49,7 @@ pub mod geometry;
 pub mod measure;
 pub mod occlusion;
 mod pipeline;
+pub mod pvs;
 pub mod scene;
 mod simd;
 pub mod view;
@@ -66,6 +67,7 @@ pub use occlusion::{
     OcclusionCuller, OcclusionMap, Preparation, QueryDevice, SceneHierarchy, Selection, prepare,
 };
 pub use pipeline::{Explanation, Pipeline};
+pub use pvs::{Pvs, PvsError, PvsTargets};
 pub use scene::{Boxes64, Changes, Maintenance, MeshId, Object, ObjectId, Scene, SceneError, Triangle};
 pub use simd::Simd;
 pub use view::{

@@ -1,7 +1,7 @@
 //! Which cells see which: a bit for each pair.
 
 use alloc::vec::Vec;
-use visibility_core::CellId;
+use visibility_core::{CellGraph, CellId, Pvs, PvsError, PvsTargets};
 
 /// The cell-to-cell visibility of a map, a row of bits for each cell looked from.
 ///
@@ -100,6 +100,23 @@ impl CellMatrix {
             }
         }
         both
+    }
+
+    /// The same, compressed, with the cells as viewcells and as targets. Cells that share a portal in `graph` are stored by how they differ.
+    ///
+    /// # Errors
+    /// [`PvsError::TooLarge`].
+    pub fn to_pvs(&self, graph: &CellGraph) -> Result<Pvs, PvsError> {
+        let cells = (0..self.cells as u32).map(CellId);
+        let rows: Vec<Vec<u32>> =
+            cells.map(|cell| self.seen_from(cell).map(|seen| seen.0).collect()).collect();
+        Pvs::new(PvsTargets::Cells, self.cells, &rows, |cell| {
+            let portals = graph.portals_of(cell).iter().filter_map(|&id| graph.portal(id));
+            portals.map(move |portal| {
+                let [a, b] = portal.cells();
+                if a == cell { b } else { a }
+            })
+        })
     }
 
     /// The bits of a row; empty for an unknown cell.

@@ -22,6 +22,10 @@ struct Arguments {
     #[arg(long)]
     json: bool,
 
+    /// Write the sets compressed and with a checksum, to be loaded by `visibility_core::Pvs`.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+
     /// Write which cells see which: a bit for each pair, row by row.
     #[arg(long, value_name = "FILE")]
     matrix: Option<PathBuf>,
@@ -80,6 +84,10 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     };
     if let Some(path) = &arguments.matrix {
         write(path, &baked.outcome.matrix.to_bytes())?;
+    }
+    if let Some(path) = &arguments.out {
+        let pvs = baked.outcome.matrix.to_pvs(&map.graph).map_err(|error| error.to_string())?;
+        write(path, pvs.as_bytes())?;
     }
     if arguments.json {
         let line = Line::new(&map, &baked, "separators", threads);

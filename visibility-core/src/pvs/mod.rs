@@ -1,0 +1,178 @@
+//! Potentially visible sets, stored: for each viewcell what can be seen from anywhere in it, in a form for memory and disk alike.
+//!
+//! # The form
+//! All numbers are little-endian; version 1:
+//! - 40 bytes: `VISI-PVS`, version, kind (0: cells, 1: objects), viewcells and targets (`u32` each), the length of the whole
+//!   (`u64`), and a checksum of all bytes after it (`u64`);
+//! - for each viewcell, and once more for the end, where its row begins among the rows (`u32`);
+//! - the rows. A row is a byte 0 and runs, or a byte 1, another viewcell (`u32`) whose row begins with 0, and the runs of what
+//!   differs from that. Runs are the lengths of what is not there and what is, in turn, in 7 bits a byte, least significant first, the top
+//!   bit set on all bytes but the last; what follows the last run is not there.
+//!
+//! Rooms that lie side by side see much the same, so most rows are shorter as differences (Gotsman, Sudarsky and Fayman, "Optimized Occlusion
+//! Culling Using Five-Dimensional Subdivision", 1999, keep differences to the parent for the same reason).
+
+mod error;
+mod read;
+mod runs;
+
+pub use error::PvsError;
+
+use crate::CellId;
+use alloc::vec::Vec;
+use runs::write_runs;
+
+/// What the targets of a [`Pvs`] are.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
+pub enum PvsTargets {
+    /// Cells, by their numbers.
+    Cells,
+    /// Objects, by numbers that whoever made the set has given them.
+    Objects,
+}
+
+/// What can be seen from each viewcell, compressed.
+///
+/// ```
+/// use visibility_core::{CellId, Pvs, PvsTargets};
+/// // Three viewcells; the third sees what the second sees, and target 70 too.
+/// let rows = [vec![0], vec![0, 1, 2, 3], vec![0, 1, 2, 3, 70]];
+/// let pvs = Pvs::new(PvsTargets::Objects, 100, &rows, |cell| if cell.0 == 2 { vec![CellId(1)] } else { vec![] })?;
+/// let stored: Vec<u8> = pvs.as_bytes().to_vec();
+/// let loaded = Pvs::from_bytes(stored)?;
+/// assert!(loaded.sees(CellId(2), 70) && !loaded.sees(CellId(1), 70));
+/// # Ok::<(), visibility_core::PvsError>(())
+/// ```
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Pvs {
+    bytes: Vec<u8>,
+}
+
+const MAGIC: [u8; 8] = *b"VISI-PVS";
+const VERSION: u32 = 1;
+/// Where the offsets of rows begin.
+const HEADER: usize = 40;
+/// Where what the checksum is of begins.
+const CHECKED: usize = HEADER;
+
+impl Pvs {
+    /// Compresses rows of targets, a row for each viewcell, ascending and without repetition.
+    ///
+    /// `neighbours` names the viewcells that probably see much the same; those with greater numbers than the viewcell's own, and
+    /// unknown ones, are passed over. Takes time in proportion to the rows and those of the neighbours.
+    ///
+    /// # Errors
+    /// [`PvsError::Target`] if a row is not ascending or names a target that does not exist, [`PvsError::TooLarge`].
+    pub fn new<R: AsRef<[u32]>, N: IntoIterator<Item = CellId>>(
+        targets: PvsTargets,
+        target_count: usize,
+        rows: &[R],
+        neighbours: impl Fn(CellId) -> N,
+    ) -> Result<Self, PvsError> {
+        if rows.len() >= u32::MAX as usize || target_count > u32::MAX as usize {
+            return Err(PvsError::TooLarge);
+        }
+        for (viewcell, row) in rows.iter().enumerate() {
+            let row = row.as_ref();
+            let descends = row.windows(2).find(|pair| pair[0] >= pair[1]).map(|pair| pair[1]);
+            let unknown = row.iter().copied().find(|&target| target as usize >= target_count);
+            if let Some(target) = descends.or(unknown) {
+                return Err(PvsError::Target { viewcell: CellId(viewcell as u32), target });
+            }
+        }
+        let mut bytes = Vec::new();
+        bytes.extend_from_slice(&MAGIC);
+        for word in [VERSION, targets as u32, rows.len() as u32, target_count as u32] {
+            bytes.extend_from_slice(&word.to_le_bytes());
+        }
+        bytes.resize(HEADER + (rows.len() + 1) * 4, 0);
+        let start = bytes.len();
+        let (mut plain, mut best, mut trial) = (alloc::vec![false; rows.len()], Vec::new(), Vec::new());
+        for (viewcell, row) in rows.iter().enumerate() {
+            let row = row.as_ref();
+            // Only rows of runs are differed from, so that reading a row never takes more than two.
+            best.clear();
+            best.push(0);
+            write_runs(row.iter().copied(), &mut best);
+            plain[viewcell] = true;
+            for base in neighbours(CellId(viewcell as u32)) {
+                if base.index() < viewcell && plain[base.index()] {
+                    trial.clear();
+                    trial.push(1);
+                    trial.extend_from_slice(&base.0.to_le_bytes());
+                    write_runs(difference(row, rows[base.index()].as_ref()), &mut trial);
+                    if trial.len() < best.len() {
+                        core::mem::swap(&mut trial, &mut best);
+                        plain[viewcell] = false;
+                    }
+                }
+            }
+            bytes.extend_from_slice(&best);
+            let end = u32::try_from(bytes.len() - start).map_err(|_| PvsError::TooLarge)?;
+            let place = HEADER + (viewcell + 1) * 4;
+            bytes[place..place + 4].copy_from_slice(&end.to_le_bytes());
+        }
+        let length = bytes.len() as u64;
+        bytes[24..32].copy_from_slice(&length.to_le_bytes());
+        let checksum = checksum(&bytes);
+        bytes[32..40].copy_from_slice(&checksum.to_le_bytes());
+        Ok(Self { bytes })
+    }
+
+    /// The binary form, to be written to a file as it is.
+    pub fn as_bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// What the targets are.
+    pub fn targets(&self) -> PvsTargets {
+        if self.word(12) == 0 { PvsTargets::Cells } else { PvsTargets::Objects }
+    }
+
+    /// How many viewcells there are.
+    pub fn viewcell_count(&self) -> usize {
+        self.word(16) as usize
+    }
+
+    /// How many targets there are.
+    pub fn target_count(&self) -> usize {
+        self.word(20) as usize
+    }
+
+    fn word(&self, place: usize) -> u32 {
+        read::word(&self.bytes, place)
+    }
+}
+
+/// What is in one of two ascending rows.
+fn difference<'a>(a: &'a [u32], b: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
+    let (mut i, mut j) = (0, 0);
+    core::iter::from_fn(move || {
+        loop {
+            return match (a.get(i), b.get(j)) {
+                (Some(x), Some(y)) if x == y => {
+                    (i, j) = (i + 1, j + 1);
+                    continue;
+                }
+                (Some(&x), y) if y.is_none_or(|&y| x < y) => {
+                    i += 1;
+                    Some(x)
+                }
+                (_, Some(&y)) => {
+                    j += 1;
+                    Some(y)
+                }
+                _ => None,
+            };
+        }
+    })
+}
+
+/// Fowler, Noll and Vo's hash, FNV-1a in 64 bits, of everything but the checksum itself.
+fn checksum(bytes: &[u8]) -> u64 {
+    let all = bytes[..32].iter().chain(&bytes[CHECKED..]);
+    all.fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,82 @@
+//! Rows as lengths of runs.
+
+use alloc::vec::Vec;
+
+/// Adds a number in 7 bits a byte.
+pub(super) fn push_number(mut number: u32, out: &mut Vec<u8>) {
+    while number >= 0x80 {
+        out.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    out.push(number as u8);
+}
+
+/// Adds the runs of ascending numbers: how many are left out, how many follow one another, and so on.
+pub(super) fn write_runs(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
+    // The run so far, and the end of the run before.
+    let (mut start, mut end, mut before) = (0, 0, 0);
+    let mut flush = |start: u32, end: u32| {
+        push_number(start - before, out);
+        push_number(end - start, out);
+        before = end;
+    };
+    for number in row {
+        if number != end || start == end {
+            if start != end {
+                flush(start, end);
+            }
+            start = number;
+        }
+        end = number + 1;
+    }
+    if start != end {
+        flush(start, end);
+    }
+}
+
+/// The runs that bytes hold: pairs of a first number and the one after the last. `Err` if they make no sense: that ends it.
+pub(super) struct Runs<'a> {
+    bytes: &'a [u8],
+    at: u32,
+}
+
+impl<'a> Runs<'a> {
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+
+    fn number(&mut self) -> Result<u32, &'static str> {
+        let mut number = 0u64;
+        for shift in [0, 7, 14, 21, 28] {
+            let Some((&byte, rest)) = self.bytes.split_first() else { return Err("it ends within a number") };
+            self.bytes = rest;
+            number |= u64::from(byte & 0x7f) << shift;
+            if byte & 0x80 == 0 {
+                return u32::try_from(number).map_err(|_| "a number is too large");
+            }
+        }
+        Err("a number is too long")
+    }
+
+    fn run(&mut self) -> Result<(u32, u32), &'static str> {
+        let (skip, take) = (self.number()?, self.number()?);
+        let start = self.at.checked_add(skip).ok_or("a run begins too far")?;
+        self.at = start.checked_add(take).ok_or("a run ends too far")?;
+        Ok((start, self.at))
+    }
+}
+
+impl Iterator for Runs<'_> {
+    type Item = Result<(u32, u32), &'static str>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.bytes.is_empty() {
+            return None;
+        }
+        let run = self.run();
+        if run.is_err() {
+            self.bytes = &[];
+        }
+        Some(run)
+    }
+}

@@ -1,0 +1,114 @@
+use super::*;
+use alloc::string::ToString;
+use alloc::vec;
+use proptest::prelude::*;
+
+/// A set of three viewcells, the last stored as a difference.
+fn sample() -> Pvs {
+    let rows = [vec![5, 6, 7, 300, 302], vec![], (0..400).filter(|x| x % 3 == 0).collect::<Vec<u32>>()];
+    let mut rows = rows.to_vec();
+    rows.push(rows[2].iter().copied().filter(|&x| x != 33).collect());
+    Pvs::new(PvsTargets::Cells, 400, &rows, |cell| (0..cell.0).map(CellId).collect::<Vec<_>>()).unwrap()
+}
+
+/// The same bytes with the checksum made right again.
+fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    let sum = checksum(&bytes);
+    bytes[32..40].copy_from_slice(&sum.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn rows_next_to_each_other_are_stored_as_differences() {
+    let pvs = sample();
+    let rows = HEADER + 5 * 4;
+    let start = pvs.word(HEADER + 3 * 4) as usize;
+    // A byte 1, the viewcell 2, a run of 33 and one of 1.
+    assert_eq!(pvs.bytes[rows + start..], [1, 2, 0, 0, 0, 33, 1]);
+    assert!(!pvs.sees(CellId(3), 33) && pvs.sees(CellId(2), 33) && pvs.sees(CellId(3), 36));
+    assert_eq!((pvs.targets(), pvs.viewcell_count(), pvs.target_count()), (PvsTargets::Cells, 4, 400));
+}
+
+#[test]
+fn every_damaged_byte_is_noticed() {
+    let good = sample().bytes;
+    for i in 0..good.len() {
+        for flip in [1, 0x80] {
+            let mut bytes = good.clone();
+            bytes[i] ^= flip;
+            assert!(Pvs::from_bytes(bytes).is_err(), "byte {i}");
+        }
+        assert!(Pvs::from_bytes(&good[..i]).is_err());
+    }
+    let mut longer = good.clone();
+    longer.push(0);
+    let error = Pvs::from_bytes(longer).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        alloc::format!("{} bytes, where {} are expected", good.len() + 1, good.len())
+    );
+}
+
+#[test]
+fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
+    let good = sample().bytes;
+    let rows = HEADER + 5 * 4;
+    let wrong = |place: usize, byte: u8| {
+        let mut bytes = good.clone();
+        bytes[place] = byte;
+        Pvs::from_bytes(resealed(bytes)).unwrap_err().to_string()
+    };
+    let last = good.len() - 1;
+    assert_eq!(wrong(8, 2), "version 2 of the form is not known here");
+    assert_eq!(wrong(12, 7), "the header: the targets are neither cells nor objects");
+    assert_eq!(wrong(rows, 9), "the row of viewcell 0: it begins with neither 0 nor 1 and a viewcell");
+    assert_eq!(wrong(last, 0x81), "the row of viewcell 3: it ends within a number");
+    assert_eq!(wrong(last - 5, 9), "the row of viewcell 3: it differs from an unknown viewcell");
+    assert_eq!(
+        wrong(last - 5, 3),
+        "the row of viewcell 3: it differs from a row that is itself a difference"
+    );
+    assert_eq!(wrong(20, 99), "the row of viewcell 2: it names an unknown target");
+    assert_eq!(wrong(HEADER + 7, 0xff), "the row of viewcell 0: it lies outside the rows");
+}
+
+#[test]
+fn rows_that_make_no_sense_are_not_taken() {
+    let new = |row: &[u32]| Pvs::new(PvsTargets::Cells, 9, &[row], |_| []).unwrap_err();
+    assert_eq!(new(&[3, 3]), PvsError::Target { viewcell: CellId(0), target: 3 });
+    assert_eq!(new(&[3, 9]), PvsError::Target { viewcell: CellId(0), target: 9 });
+}
+
+proptest! {
+    #[test]
+    fn what_was_stored_is_what_is_seen(
+        rows in prop::collection::vec(prop::collection::vec(prop::bool::weighted(0.6), 150), 0..9)
+    ) {
+        let rows: Vec<Vec<u32>> =
+            rows.iter().map(|row| (0..).zip(row).filter(|(_, seen)| **seen).map(|(i, _)| i).collect()).collect();
+        let pvs = Pvs::new(PvsTargets::Objects, 150, &rows, |cell| cell.0.checked_sub(1).map(CellId)).unwrap();
+        let pvs = Pvs::from_bytes(pvs.as_bytes()).unwrap();
+        let mut bits = Vec::new();
+        for viewcell in 0..rows.len() + 1 {
+            let row = rows.get(viewcell).cloned().unwrap_or_default();
+            let viewcell = CellId(viewcell as u32);
+            prop_assert_eq!(pvs.write_bits(viewcell, &mut bits), viewcell.index() < rows.len());
+            for target in 0..160 {
+                let bit = bits.get(target as usize / 64).is_some_and(|word| word >> (target % 64) & 1 != 0);
+                prop_assert_eq!(row.contains(&target), pvs.sees(viewcell, target));
+                prop_assert_eq!(row.contains(&target), bit);
+            }
+        }
+    }
+
+    #[test]
+    fn no_bytes_panic(place in 0usize..400, byte: u8, target in 0u32..500) {
+        let mut bytes = sample().bytes;
+        let place = place % bytes.len();
+        bytes[place] = byte;
+        if let Ok(pvs) = Pvs::from_bytes(resealed(bytes)) {
+            pvs.sees(CellId(3), target);
+            pvs.write_bits(CellId(3), &mut Vec::new());
+        }
+    }
+}
