@@ -10,7 +10,7 @@ use crate::{Accuracy, CullStats, Culler, Scene, Simd, View, VisibleSet};
 
 /// A plane of a view as the kernel tests it in `f32`: an upper bound on the signed distance of a box.
 ///
-/// With unit normal `n` and offset `d`, the box reaches farthest along `n` in the corner `p` that has the greater coordinate
+/// The plane is scaled to a normal `n` of length 1/4, so that no sum of three products overflows, and its offset `d` with it. The box reaches farthest along `n` in the corner `p` that has the greater coordinate
 /// where `n` is positive and the least elsewhere. The kernel computes
 /// `S = ((X + Y) + Z) + offset`, where `X = max(p.x high.x, p.x low.x)` and so on, and must never find less than the exact
 /// `n . p + d`. With `u = 2^-24`:
@@ -42,11 +42,12 @@ impl TestPlane {
     fn new(view_plane: &ViewPlane) -> Self {
         let ViewPlane { plane, error } = view_plane;
         let least = f64::from(f32::MIN_POSITIVE);
-        let n = plane.normal.to_array();
+        let n = (plane.normal * 0.25).to_array();
+        let (d, error) = (plane.offset * 0.25, error * 0.25);
         Self {
             high: n.map(|n| (n + (MARGIN * n.abs() + 2.0 * least)) as f32),
             low: n.map(|n| (n - (MARGIN * n.abs() + 2.0 * least)) as f32),
-            offset: (plane.offset + (MARGIN * plane.offset.abs() + error + 16.0 * least)) as f32,
+            offset: (d + (MARGIN * d.abs() + error + 16.0 * least)) as f32,
             greatest: n.map(|n| n >= 0.0),
         }
     }

@@ -274,6 +274,7 @@ impl VisibleSet {
 
     /// Sorts what is in the set, by ascending key; [`iter`](Self::iter) then follows that order.
     pub fn sort_by_key<K: Ord>(&mut self, scene: &Scene, mut key: impl FnMut(ObjectId) -> K) {
+        self.prepare(scene);
         let mut order = core::mem::take(&mut self.order);
         self.ordered = false;
         order.clear();

@@ -6,9 +6,9 @@ use common::octree::Octree;
 use common::plain_map::PlainMap;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, Culler, FrustumCuller, HardwareQueries, Late, Object, ObjectId, OccluderMesh, Occlusion,
-    OcclusionCuller, OcclusionMap, Pipeline, Pose, Preparation, QueryDevice, Scene, SceneError, Selection,
-    Triangle, View, VisibleSet, prepare,
+    Aabb, Accuracy, BoxHierarchy, Child, Culler, FrustumCuller, HardwareQueries, Late, Object, ObjectId,
+    OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Pipeline, Plane, Pose, Preparation, QueryDevice,
+    Scene, SceneError, Selection, Triangle, View, VisibleSet, Window, prepare,
 };
 
 fn view_from(eye: DVec3, target: DVec3) -> View {
@@ -305,19 +305,141 @@ fn late_answers_count_as_visible_until_they_are_there() {
 
 #[test]
 fn answers_about_other_occluders_do_not_count() {
+    for selection in SELECTIONS {
+        let Street { mut scene, wall, .. } = street();
+        let map = HardwareQueries::new(SimulatedCard::new(2), Late::Visible);
+        let mut culler = OcclusionCuller::new(map).with_selection(selection);
+        let mut visible = VisibleSet::new();
+        let mut frame = |scene: &Scene| {
+            visible.fill(scene, &along_x());
+            FrustumCuller::new().cull(scene, &along_x(), &mut visible);
+            culler.cull(scene, &along_x(), &mut visible);
+            visible.count(scene)
+        };
+        let still = (0..20).map(|_| frame(&scene)).last();
+        if selection != Selection::Interleaved {
+            assert_eq!(still, Some(3), "{selection:?}");
+        }
+        // The wall opens between two frames; every answer that is known or under way is about the shut one.
+        scene.set_occluder(wall, false).unwrap();
+        assert!((0..20).all(|_| frame(&scene) == 503), "{selection:?}");
+    }
+}
+
+#[test]
+fn a_device_that_loses_queries_is_asked_again() {
+    struct Deaf {
+        asked: Vec<u64>,
+    }
+    impl QueryDevice for Deaf {
+        fn ask(&mut self, query: u64, _: &Aabb) {
+            self.asked.push(query);
+        }
+
+        fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
+    }
+    let mut map = HardwareQueries::new(Deaf { asked: Vec::new() }, Late::Visible);
+    let far = Aabb::from_arrays([20.0, 0.0, 0.0], [21.0, 1.0, 1.0]);
+    let at_the_eye = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+    for _ in 0..200 {
+        map.begin(&along_x(), DVec3::ZERO);
+        map.flush();
+        assert_eq!(map.test(&far), Occlusion::Visible);
+        assert_eq!(map.test(&at_the_eye), Occlusion::Partial, "never asked about");
+    }
+    let asked = &map.device_mut().asked;
+    assert!((3..=5).contains(&asked.len()), "{asked:?}");
+    assert!(
+        asked.windows(2).all(|pair| pair[0] != pair[1]),
+        "late answers to the first are not taken for the second's"
+    );
+}
+
+#[test]
+fn what_a_clip_plane_cuts_hides_nothing() {
+    let Street { scene, .. } = street();
+    // Section planes: one through the wall, one that leaves it whole.
+    let section = |z: f64| along_x().with_clip_planes(&[Plane::new(DVec3::NEG_Z, z)]).unwrap();
+    for selection in SELECTIONS {
+        assert_eq!(visible(&mut pipeline(selection), &scene, &section(0.0)).len(), 503, "{selection:?}: cut");
+        assert_eq!(visible(&mut pipeline(selection), &scene, &section(5.0)).len(), 3, "{selection:?}: whole");
+        let culler = OcclusionCuller::over(PlainMap::new(96, 60), Octree::new(&scene, 4));
+        let mut foreign = Pipeline::new().with(FrustumCuller::new()).with(culler.with_selection(selection));
+        assert_eq!(visible(&mut foreign, &scene, &section(0.0)).len(), 503, "{selection:?}: cut, octree");
+    }
+}
+
+#[test]
+fn an_orthographic_eye_sees_past_no_wall() {
+    let Street { scene, wall, before, beside } = street();
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::orthographic(pose, Window::centered(8.0, 5.0), 0.0, 100.0).unwrap();
+    for selection in SELECTIONS {
+        assert_eq!(visible(&mut pipeline(selection), &scene, &view), [wall, before, beside], "{selection:?}");
+    }
+}
+
+#[test]
+fn a_door_that_swings_or_is_mirrored_hides_where_it_is() {
     let Street { mut scene, wall, .. } = street();
-    let mut culler = OcclusionCuller::new(HardwareQueries::new(SimulatedCard::new(2), Late::Visible));
-    let mut visible = VisibleSet::new();
-    let mut frame = |scene: &Scene| {
-        visible.fill(scene, &along_x());
-        FrustumCuller::new().cull(scene, &along_x(), &mut visible);
-        culler.cull(scene, &along_x(), &mut visible);
-        visible.count(scene)
-    };
-    assert_eq!((0..20).map(|_| frame(&scene)).last(), Some(3));
-    // The wall opens between two frames; every answer that is known or under way is about the shut one.
-    scene.set_occluder(wall, false).unwrap();
-    assert!((0..20).all(|_| frame(&scene) == 503));
+    let mesh =
+        scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0, -4.0, -4.0], [0.5, 4.0, 4.0])).unwrap());
+    let hinge = Vec3::new(10.0, 0.0, 0.0);
+    for (turn, hides) in [(0.0f32, true), (std::f32::consts::FRAC_PI_2, false), (std::f32::consts::PI, true)]
+    {
+        for mirror in [1.0f32, -1.0] {
+            let turned = Affine3A::from_translation(hinge)
+                * Affine3A::from_rotation_z(turn)
+                * Affine3A::from_scale(Vec3::new(1.0, mirror, 1.0));
+            scene.set_mesh(wall, mesh, turned).unwrap();
+            let seen = visible(&mut pipeline(Selection::SolidAngle), &scene, &along_x()).len();
+            assert_eq!(seen < 50, hides, "turned by {turn}, mirrored {mirror}: {seen}");
+        }
+    }
+    assert_eq!(
+        scene.set_mesh(wall, mesh, Affine3A::from_translation(Vec3::NAN)),
+        Err(SceneError::NonFiniteTransform(wall))
+    );
+}
+
+#[test]
+fn an_object_with_the_index_of_one_that_is_gone_is_not_taken_for_it() {
+    let Street { mut scene, .. } = street();
+    let octree = Octree::new(&scene, 4);
+    let gone = scene.ids().nth(100).unwrap();
+    scene.remove(gone).unwrap();
+    let other = scene.insert(Aabb::from_arrays([5.0, 1.0, 1.0], [5.2, 1.2, 1.2]));
+    assert_eq!(other.index(), gone.index());
+    let culler = OcclusionCuller::over(PlainMap::new(96, 60), Stale(octree, gone));
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+    assert!(visible(&mut pipeline, &scene, &along_x()).contains(&other));
+}
+
+/// An octree that still lists an object that is gone, behind the wall.
+struct Stale(Octree, ObjectId);
+
+impl BoxHierarchy for Stale {
+    fn for_each_child(&self, scene: &Scene, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb)) {
+        self.0.for_each_child(scene, node, each);
+        if node.is_none() {
+            each(Child::Object(self.1), Aabb::from_arrays([14.0, 0.0, 0.0], [14.2, 0.2, 0.2]));
+        }
+    }
+}
+
+#[test]
+fn eight_cullers_on_threads_answer_as_one_after_another() {
+    let Street { scene, .. } = street();
+    let views: Vec<View> = (0..8)
+        .map(|i| view_from(DVec3::new(0.0, f64::from(i) - 4.0, 0.5), DVec3::new(12.0, 0.0, 0.0)))
+        .collect();
+    let alone = |view: &View| SELECTIONS.map(|selection| visible(&mut pipeline(selection), &scene, view));
+    let expected: Vec<_> = views.iter().map(alone).collect();
+    let together: Vec<_> = std::thread::scope(|scope| {
+        let running: Vec<_> = views.iter().map(|view| scope.spawn(|| alone(view))).collect();
+        running.into_iter().map(|thread| thread.join().unwrap()).collect()
+    });
+    assert_eq!(together, expected);
 }
 
 #[test]

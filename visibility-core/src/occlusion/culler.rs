@@ -3,11 +3,12 @@
 //! A node that is hidden prunes all below it; one that nothing can hide is taken whole; only what lies between is looked into
 //! (papers/survey-visibility-for-walkthroughs, section 6: all image-space methods "place a hierarchy on the scene").
 
-use super::selection::{Candidate, choose};
+use super::selection::{Candidate, choose, is_whole};
 use super::{BoxHierarchy, Child, Occlusion, OcclusionMap, SceneHierarchy, Selection};
-use crate::scene::{NONE, lanes};
-use crate::{Aabb, Accuracy, CullStats, Culler, Eye, ObjectId, Scene, View, VisibleSet};
+use crate::scene::{Boxes64, NONE, lanes};
+use crate::{Aabb, Accuracy, CullStats, Culler, Eye, ObjectId, Scene, View, ViewPlanes, VisibleSet};
 use alloc::vec::Vec;
+use smallvec::SmallVec;
 
 /// Culls what a map finds hidden behind the scene's occluders.
 ///
@@ -94,10 +95,10 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     }
 
     /// Fills the map with the best of the candidates.
-    fn add_occluders(&mut self, scene: &Scene, eye: &Eye, visible: &VisibleSet) {
+    fn add_occluders(&mut self, scene: &Scene, eye: &Eye, cuts: &ViewPlanes, visible: &VisibleSet) {
         self.candidates.clear();
         visible.for_each_occluder(scene, |id| {
-            let candidate = Candidate::new(scene, id, eye);
+            let candidate = Candidate::new(scene, id, eye, cuts);
             self.candidates
                 .extend(candidate.map(|c| Candidate { seen: self.last.binary_search(&id).is_ok(), ..c }));
         });
@@ -107,7 +108,6 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
                 self.map.add(mesh, transform);
             }
         }
-        self.map.flush();
     }
 }
 
@@ -124,14 +124,18 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         visible.prepare(scene);
         self.map.begin(view, scene.origin());
         let eye = view.eye(scene.origin());
+        let cuts = view.clip_planes_from(scene.origin());
         if self.selection != Selection::Interleaved {
-            self.add_occluders(scene, &eye, visible);
+            self.add_occluders(scene, &eye, &cuts, visible);
         }
+        // Also where nothing was added: it is now that a map learns what this frame begins with.
+        self.map.flush();
         let mut stats = if self.hierarchy.is_of_scene() {
             let mut walk = Walk {
                 map: &mut self.map,
                 scene,
                 eye,
+                cuts: &cuts,
                 visible: &mut *visible,
                 left: if self.selection == Selection::Interleaved { self.budget } else { 0 },
                 stats: CullStats::default(),
@@ -144,7 +148,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
             visible.commit();
             stats
         } else {
-            self.walk_foreign(scene, &eye, visible)
+            self.walk_foreign(scene, &eye, &cuts, visible)
         };
         stats.visible += visible.unculled_count(scene);
         if self.selection == Selection::LastVisible {
@@ -166,6 +170,7 @@ struct Walk<'a, M> {
     map: &'a mut M,
     scene: &'a Scene,
     eye: Eye,
+    cuts: &'a ViewPlanes,
     visible: &'a mut VisibleSet,
     /// Triangles that may still be added on the way.
     left: usize,
@@ -193,18 +198,9 @@ impl<M: OcclusionMap> Walk<'_, M> {
         }
         let answer = self.map.test_64(boxes, candidates);
         let mut mask = candidates & !answer.hidden;
-        let mut order = [(0.0f32, 0u8); 64];
-        let mut count = 0;
-        for lane in lanes(mask) {
-            order[count] = (nearness(&self.eye, &boxes.get(lane)), lane as u8);
-            count += 1;
-        }
-        let order = &mut order[..count];
         // Order matters only while the map still grows.
-        if self.left > 0 {
-            order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        }
-        for &mut (_, lane) in order {
+        let order = if self.left > 0 { nearest_first(&self.eye, boxes, mask) } else { lanes_of(mask) };
+        for lane in order {
             let lane = usize::from(lane);
             let child = tree.child(node, lane);
             let some = if answer.visible >> lane & 1 != 0 && self.left == 0 {
@@ -212,12 +208,11 @@ impl<M: OcclusionMap> Walk<'_, M> {
                 self.stats.whole += 1;
                 self.stats.visible += kept;
                 kept != 0
-            } else if self.left > 0 && self.map.test(&boxes.get(lane)) == Occlusion::Hidden {
-                // What was added since the node was tested hides this one.
-                self.stats.tests += 1;
-                false
             } else {
-                self.visit(child)
+                // What was added since the node was tested may hide this one.
+                self.stats.tests += u64::from(self.left > 0);
+                let hidden = self.left > 0 && self.map.test(&boxes.get(lane)) == Occlusion::Hidden;
+                !hidden && self.visit(child)
             };
             if !some {
                 mask &= !(1 << lane);
@@ -231,19 +226,11 @@ impl<M: OcclusionMap> Walk<'_, M> {
     fn add_seen(&mut self, leaf: usize, mask: u64) -> bool {
         let before = self.left;
         let tree = self.scene.tree();
-        let mut order = [(0.0f32, 0u8); 64];
-        let mut count = 0;
-        for lane in lanes(mask & tree.occluders[leaf]) {
-            order[count] = (nearness(&self.eye, &tree.bounds[leaf].get(lane)), lane as u8);
-            count += 1;
-        }
-        let order = &mut order[..count];
-        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for &mut (_, lane) in order {
+        for lane in nearest_first(&self.eye, &tree.bounds[leaf], mask & tree.occluders[leaf]) {
             let Some((mesh, transform)) = self.scene.occluder(tree.ids[leaf][usize::from(lane)]) else {
                 continue;
             };
-            if mesh.triangles().len() <= self.left {
+            if mesh.triangles().len() <= self.left && is_whole(mesh, transform, self.cuts) {
                 self.left -= mesh.triangles().len();
                 self.map.add(mesh, transform);
             }
@@ -253,6 +240,19 @@ impl<M: OcclusionMap> Walk<'_, M> {
         }
         self.left < before
     }
+}
+
+/// The lanes of a mask.
+fn lanes_of(mask: u64) -> SmallVec<[u8; 64]> {
+    lanes(mask).map(|lane| lane as u8).collect()
+}
+
+/// The lanes of a mask by the distance of their boxes.
+fn nearest_first(eye: &Eye, boxes: &Boxes64, mask: u64) -> SmallVec<[u8; 64]> {
+    let mut order: SmallVec<[(f32, u8); 64]> =
+        lanes(mask).map(|lane| (nearness(eye, &boxes.get(lane)), lane as u8)).collect();
+    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    order.into_iter().map(|(_, lane)| lane).collect()
 }
 
 /// Grows with the distance of a box from the eye. Only an order: rounding does no harm.
@@ -273,7 +273,13 @@ fn nearness(eye: &Eye, bounds: &Aabb) -> f32 {
 impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     /// A walk of another hierarchy, a box at a time. Objects that it finds hidden are taken out at the end; those that it does not list
     /// stay.
-    fn walk_foreign(&mut self, scene: &Scene, eye: &Eye, visible: &mut VisibleSet) -> CullStats {
+    fn walk_foreign(
+        &mut self,
+        scene: &Scene,
+        eye: &Eye,
+        cuts: &ViewPlanes,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
         self.hidden.clear();
         self.hidden.resize(scene.index_limit().div_ceil(64), 0);
         let mut queue = core::mem::take(&mut self.queue);
@@ -291,9 +297,11 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
                     stats.nodes += 1;
                     self.push_children(scene, eye, Some(node), &mut queue);
                 }
-                Child::Object(id) if answer == Occlusion::Hidden => self.hide(id),
+                Child::Object(id) if answer == Occlusion::Hidden => self.hide(scene, id),
                 Child::Object(id) if left > 0 && visible.contains(scene, id) => {
-                    let occluder = scene.occluder(id).filter(|(mesh, _)| mesh.triangles().len() <= left);
+                    let occluder = scene.occluder(id).filter(|(mesh, transform)| {
+                        mesh.triangles().len() <= left && is_whole(mesh, transform, cuts)
+                    });
                     if let Some((mesh, transform)) = occluder {
                         left -= mesh.triangles().len();
                         self.map.add(mesh, transform);
@@ -311,7 +319,11 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         stats
     }
 
-    fn hide(&mut self, id: ObjectId) {
+    /// Notes an object as hidden, unless it is gone: another may have its index now.
+    fn hide(&mut self, scene: &Scene, id: ObjectId) {
+        if !scene.contains(id) {
+            return;
+        }
         if let Some(word) = self.hidden.get_mut(id.index() / 64) {
             *word |= 1 << (id.index() % 64);
         }
@@ -328,7 +340,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
                         queue.push((0.0, child, bounds));
                     });
                 }
-                Some((_, Child::Object(id), _)) => self.hide(id),
+                Some((_, Child::Object(id), _)) => self.hide(scene, id),
                 None => {}
             }
         }

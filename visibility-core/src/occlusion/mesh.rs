@@ -86,6 +86,8 @@ pub struct OccluderMesh {
     two_sided: bool,
     /// Area that faces +x, +y, +z, -x, -y, -z, projected along that axis.
     facing: [f32; 6],
+    /// A hash of all that it is made of, to tell it from others.
+    fingerprint: u64,
 }
 
 impl OccluderMesh {
@@ -115,6 +117,7 @@ impl OccluderMesh {
         if triangles.is_empty() {
             return Err(MeshError::Empty);
         }
+        let (positions, triangles) = compact(&positions, triangles);
         let (edges, triangle_edges) = join(&triangles);
         let closed = edges.iter().all(|edge| edge.right.is_some());
         let corner = |t: &[u32; 3]| t.map(|i| positions[i as usize]);
@@ -127,6 +130,8 @@ impl OccluderMesh {
                 facing[axis + 3] += (-area[axis]).max(0.0) as f32;
             }
         }
+        let numbers = positions.iter().flat_map(|p| p.to_array().map(f32::to_bits));
+        let fingerprint = numbers.chain(triangles.as_flattened().iter().copied()).fold(FNV.0, fnv);
         let bounds = Aabb::from_points(triangles.iter().flat_map(corner));
         let convex = closed && is_convex(&positions, &triangles, &bounds);
         let cuboid = convex && triangles.len() == 12 && positions == bounds.corners();
@@ -141,6 +146,7 @@ impl OccluderMesh {
             cuboid,
             two_sided: false,
             facing,
+            fingerprint,
         })
     }
 
@@ -241,6 +247,11 @@ impl OccluderMesh {
         self.two_sided
     }
 
+    /// A hash of its vertices, triangles and sides, to tell it from others.
+    pub(super) fn fingerprint(&self) -> u64 {
+        fnv(self.fingerprint, self.two_sided.into())
+    }
+
     /// About the area that it shows to an eye in the given unit direction, seen from there: exact for boxes along the axes, up to
     /// 1.7 times too large for others, and blind to parts that cover each other.
     pub fn area_towards(&self, direction: Vec3) -> f32 {
@@ -252,6 +263,27 @@ impl OccluderMesh {
         };
         part(0) + part(1) + part(2)
     }
+}
+
+/// Start and factor of the hash of Fowler, Noll and Vo.
+const FNV: (u64, u64) = (0xcbf2_9ce4_8422_2325, 0x0000_0100_0000_01b3);
+
+/// Takes one more number into a hash.
+pub(super) fn fnv(hash: u64, number: u32) -> u64 {
+    (hash ^ u64::from(number)).wrapping_mul(FNV.1)
+}
+
+/// The vertices that triangles use, in their order, and the triangles by these.
+fn compact(positions: &[Vec3], mut triangles: Vec<[u32; 3]>) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let mut place = alloc::vec![u32::MAX; positions.len()];
+    triangles.as_flattened().iter().for_each(|&i| place[i as usize] = 0);
+    let mut kept = Vec::new();
+    for (place, &position) in place.iter_mut().zip(positions).filter(|(place, _)| **place == 0) {
+        *place = kept.len() as u32;
+        kept.push(position);
+    }
+    triangles.as_flattened_mut().iter_mut().for_each(|i| *i = place[*i as usize]);
+    (kept, triangles)
 }
 
 /// Each place once, and for each vertex its place.
@@ -331,7 +363,7 @@ fn is_convex(positions: &[Vec3], triangles: &[[u32; 3]], bounds: &Aabb) -> bool 
         return false;
     }
     let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
-    let allowed = f64::from(reach) * 8.0 * f64::from(f32::EPSILON);
+    let allowed = f64::from(reach) * 2.0 * f64::from(f32::EPSILON);
     triangles.iter().all(|t| {
         let [a, b, c] = t.map(|i| positions[i as usize].as_dvec3());
         let normal = (b - a).cross(c - a).normalize_or_zero();
@@ -415,6 +447,17 @@ mod tests {
             Err(MeshError::NonFinite { vertex: 1 })
         );
         assert_eq!(OccluderMesh::cuboid(&Aabb::EMPTY), Err(MeshError::Empty));
+    }
+
+    #[test]
+    fn vertices_without_a_triangle_do_not_count() {
+        let mut p = cube().positions().to_vec();
+        p.insert(0, Vec3::splat(100.0));
+        let triangles: Vec<_> = cube().triangles().iter().map(|t| t.map(|i| i + 1)).collect();
+        let mesh = OccluderMesh::from_indexed(&p, &triangles).unwrap();
+        assert!(mesh.is_convex() && mesh.positions().len() == 8);
+        assert_eq!(mesh.fingerprint(), cube().fingerprint());
+        assert_ne!(mesh.fingerprint(), cube().with_two_sided(true).fingerprint());
     }
 
     #[test]

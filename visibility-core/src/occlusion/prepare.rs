@@ -51,8 +51,8 @@ pub fn prepare(triangles: &[Triangle], preparation: &Preparation) -> Option<Occl
 }
 
 impl Scene {
-    /// Makes an occluder of every object that is flagged as one, has triangles, and has no mesh yet. For loading time. Returns how many
-    /// were made.
+    /// Makes an occluder of every object that is flagged as one, has triangles, and has no mesh yet. For loading time, and for what does not
+    /// move: whoever moves such an object gives its mesh the [transform](Scene::set_mesh) too. Returns how many were made.
     pub fn prepare_occluders(&mut self, preparation: &Preparation) -> usize {
         let ids: Vec<_> = self.ids().collect();
         let mut made = 0;

@@ -3,8 +3,9 @@
 //! The card compares boxes with the depth buffer that it has drawn (papers/survey-visibility-for-walkthroughs, sections 6.4 and 6.5: the HP
 //! occlusion-culling test, and Meissner et al.). Asking and waiting would stall it, so answers are taken when they come.
 
+use super::mesh::fnv;
 use super::{OccluderMesh, Occlusion, OcclusionMap};
-use crate::{Aabb, Accuracy, View};
+use crate::{Aabb, Accuracy, Containment, View, ViewPlane};
 use alloc::vec::Vec;
 use core::cell::RefCell;
 use glam::{Affine3A, DVec3};
@@ -22,7 +23,7 @@ use hashbrown::HashMap;
 /// }
 /// ```
 pub trait QueryDevice {
-    /// Issues a query: is any sample of this box, relative to the scene's origin, in front of what has been drawn this frame?
+    /// Issues a query, never about a box that reaches the near plane: is any sample of this box, relative to the scene's origin, in front of what has been drawn this frame?
     fn ask(&mut self, query: u64, bounds: &Aabb);
 
     /// Hands over the answers that have come since the last call: the query, and whether any sample passed.
@@ -41,8 +42,8 @@ pub trait QueryDevice {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Late {
-    /// They count as visible, unless neither the view nor the occluders have changed since: nothing pops, and a moving camera culls
-    /// only what is answered within the frame.
+    /// They count as visible, unless neither the view nor the occluders have changed since. Nothing ever pops; a still camera culls all, a
+    /// moving one nothing, since answers come a frame late at the earliest.
     Visible,
     /// They are believed for so many frames: what comes into view may pop in that much late.
     Trusted {
@@ -85,6 +86,7 @@ pub struct HardwareQueries<D> {
     /// The first frame that saw what this one sees: same view, same occluders.
     since: u64,
     view: Option<(View, DVec3)>,
+    near: Option<ViewPlane>,
     /// A hash of the occluders added in this frame, and of those of the frame before.
     drawn: [u64; 2],
     /// Testing asks, and asking changes the device.
@@ -104,6 +106,10 @@ struct State<D> {
 #[derive(Clone, Copy, Debug)]
 struct Question {
     bits: [u32; 6],
+    /// Tells queries about this box from those about others that had its place before.
+    serial: u32,
+    /// Whether `places` leads here.
+    known: bool,
     /// The frame of the newest query.
     asked: u64,
     under_way: bool,
@@ -111,14 +117,14 @@ struct Question {
     answer: Option<(u64, bool)>,
 }
 
-/// A box that was not asked about for so many frames is forgotten: its object has moved on.
+/// A box that was not asked about for so many frames is forgotten: its object has moved on, or the device has lost the query.
 const FORGET: u64 = 64;
 
 impl<D: QueryDevice> HardwareQueries<D> {
     /// Over a device.
     pub fn new(device: D, late: Late) -> Self {
         let state = State { device, places: HashMap::new(), questions: Vec::new(), free: Vec::new() };
-        Self { late, frame: 0, since: 0, view: None, drawn: [0; 2], state: RefCell::new(state) }
+        Self { late, frame: 0, since: 0, view: None, near: None, drawn: [0; 2], state: RefCell::new(state) }
     }
 
     /// The device.
@@ -146,51 +152,48 @@ impl<D: QueryDevice> State<D> {
     fn listen(&mut self, frame: u64) {
         let Self { device, places, questions, free } = self;
         device.answers(&mut |query, passed| {
-            // The number of the query says where its question is.
-            if let Some(question) = usize::try_from(query).ok().and_then(|place| questions.get_mut(place))
+            let (place, serial) = (query as u32 as usize, (query >> 32) as u32);
+            if let Some(question) = questions.get_mut(place)
                 && question.under_way
+                && question.serial == serial
             {
                 question.under_way = false;
                 question.answer = Some((question.asked, !passed));
             }
         });
-        places.retain(|_, &mut place| {
-            let question = &questions[place];
-            // One that is under way keeps its place, or the answer would be taken for another's.
-            let keep = question.under_way || frame - question.asked < FORGET;
-            if !keep {
+        for (place, question) in questions.iter_mut().enumerate() {
+            if question.known && frame - question.asked > FORGET {
+                *question = Question { known: false, under_way: false, answer: None, ..*question };
+                places.remove(&question.bits);
                 free.push(place);
             }
-            keep
-        });
+        }
     }
 
-    /// The question about a box, which is asked now if it is new.
-    fn question(&mut self, bounds: &Aabb, frame: u64) -> &mut Question {
+    /// What is known of a box, which is asked about unless it is known for this frame or being asked.
+    fn answer(&mut self, bounds: &Aabb, frame: u64) -> Option<(u64, bool)> {
         let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
         let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
         let bits = [x0, y0, z0, x1, y1, z1];
-        let place = *self.places.entry(bits).or_insert_with(|| {
-            let question = Question { bits, asked: frame, under_way: false, answer: None };
-            match self.free.pop() {
-                Some(place) => {
-                    self.questions[place] = question;
-                    place
-                }
-                None => {
-                    self.questions.push(question);
-                    self.questions.len() - 1
-                }
+        let Self { device, places, questions, free } = self;
+        let place = *places.entry(bits).or_insert_with(|| {
+            let place = free.pop().unwrap_or(questions.len());
+            let serial = questions.get(place).map_or(0, |question| question.serial.wrapping_add(1));
+            let question =
+                Question { bits, serial, known: true, asked: frame, under_way: false, answer: None };
+            match questions.get_mut(place) {
+                Some(old) => *old = question,
+                None => questions.push(question),
             }
+            place
         });
-        let question = &mut self.questions[place];
-        debug_assert_eq!(question.bits, bits);
+        let question = &mut questions[place];
         if !question.under_way && question.answer.is_none_or(|(about, _)| about < frame) {
             question.under_way = true;
             question.asked = frame;
-            self.device.ask(place as u64, bounds);
+            device.ask(place as u64 | u64::from(question.serial) << 32, bounds);
         }
-        question
+        question.answer
     }
 }
 
@@ -210,17 +213,14 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
             self.view = Some((*view, origin));
             self.since = self.frame;
         }
+        self.near = view.near_plane(origin);
         self.state.get_mut().listen(self.frame);
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
-        let bounds = occluder.bounds();
-        let shape = [bounds.min, bounds.max].into_iter().flat_map(|v| v.to_array());
-        for number in shape.chain(transform.to_cols_array()) {
-            // FNV-1a, a number at a time.
-            self.drawn[0] = (self.drawn[0] ^ u64::from(number.to_bits())).wrapping_mul(0x0000_0100_0000_01b3);
-        }
-        self.drawn[0] ^= occluder.triangles().len() as u64 + 1;
+        let print = occluder.fingerprint();
+        let numbers = transform.to_cols_array().map(f32::to_bits).into_iter();
+        self.drawn[0] = numbers.chain([print as u32, (print >> 32) as u32, 1]).fold(self.drawn[0], fnv);
         self.state.get_mut().device.draw(occluder, transform);
     }
 
@@ -234,8 +234,12 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
         if !bounds.is_finite() {
             return Occlusion::Visible;
         }
-        let answer = self.state.borrow_mut().question(bounds, self.frame).answer;
-        match answer {
+        // A box that reaches the near plane is clipped when it is drawn, and what is left of it may lie behind walls that it is not behind.
+        let surely_before = |plane: &ViewPlane| plane.plane.classify_aabb(bounds) == Containment::Inside;
+        if !self.near.is_some_and(|near| surely_before(&near)) {
+            return Occlusion::Partial;
+        }
+        match self.state.borrow_mut().answer(bounds, self.frame) {
             Some((about, true)) if self.counts(about) => Occlusion::Hidden,
             Some((about, false)) if self.counts(about) => Occlusion::Partial,
             // Taken whole until the answer is there, rather than asking about everything inside as well.
@@ -245,7 +249,14 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
 
     fn reset(&mut self) {
         self.view = None;
-        let state = self.state.get_mut();
-        state.questions.iter_mut().for_each(|question| question.answer = None);
+        for question in &mut self.state.get_mut().questions {
+            // What is under way is no longer waited for.
+            *question = Question {
+                serial: question.serial.wrapping_add(1),
+                under_way: false,
+                answer: None,
+                ..*question
+            };
+        }
     }
 }

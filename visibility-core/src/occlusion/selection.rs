@@ -1,6 +1,6 @@
 //! Which occluders are worth their cost from where the eye is.
 
-use crate::{Eye, ObjectId, OccluderMesh, Scene};
+use crate::{Eye, ObjectId, OccluderMesh, Scene, ViewPlanes};
 use alloc::vec::Vec;
 use glam::{Affine3A, Vec3};
 
@@ -44,6 +44,18 @@ pub(super) fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) 
     if area.is_finite() { area / distance_squared } else { 0.0 }
 }
 
+/// Whether an occluder lies surely inside all of the view's own clip planes: what they cut away is not drawn, and must not hide.
+pub(super) fn is_whole(mesh: &OccluderMesh, transform: &Affine3A, cuts: &ViewPlanes) -> bool {
+    let corner = |p: Vec3| transform.transform_point3(p).as_dvec3();
+    cuts.as_slice().iter().all(|cut| {
+        mesh.bounds().corners().map(corner).iter().all(|&p| {
+            // Far above the rounding of the transform, far below the size of anything that hides.
+            let slack = 1e-5 * (p.abs().element_sum() + cut.plane.offset.abs());
+            cut.plane.signed_distance(p) > slack + cut.error
+        })
+    })
+}
+
 /// An occluder that may be chosen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
@@ -56,8 +68,9 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    pub(super) fn new(scene: &Scene, id: ObjectId, eye: &Eye) -> Option<Self> {
-        let (mesh, transform) = scene.occluder(id)?;
+    pub(super) fn new(scene: &Scene, id: ObjectId, eye: &Eye, cuts: &ViewPlanes) -> Option<Self> {
+        let (mesh, transform) =
+            scene.occluder(id).filter(|(mesh, transform)| is_whole(mesh, transform, cuts))?;
         let center = scene.bounds(id).ok()?.center().as_dvec3();
         let distance = match eye {
             Eye::Point(eye) => center.distance_squared(*eye),

@@ -21,7 +21,7 @@ pub(super) struct Entry {
 impl Entry {
     const OCCLUDER: u32 = 1 << 31;
 
-    const NONE: Self = Self { bounds: Aabb::EMPTY, layers: 0, tagged: 0 };
+    const NONE: Self = Self { bounds: Aabb::EMPTY, layers: u32::MAX, tagged: 0 };
 
     pub(super) fn new(bounds: Aabb, payload: Payload) -> Self {
         let tag = if payload.occluder { Self::OCCLUDER } else { 0 };
@@ -143,7 +143,7 @@ impl Tree {
         for (lane, id) in ids[..entries.len()].iter().enumerate() {
             self.slots[id.index()] = Slot::new(node, lane);
         }
-        let (mut boxes, mut layers) = (Boxes64::EMPTY, [0; 64]);
+        let (mut boxes, mut layers) = (Boxes64::EMPTY, [u32::MAX; 64]);
         for (lane, entry) in entries.iter().enumerate() {
             boxes.set(lane, &entry.bounds);
             layers[lane] = entry.layers;

@@ -21,6 +21,7 @@ use alloc::{boxed::Box, vec::Vec};
 use build::Entry;
 use changes::ChangeLog;
 use glam::{Affine3A, DVec3};
+use hashbrown::HashMap;
 use maintain::Queue;
 use tree::{Payload, Scratch, Slot};
 
@@ -56,8 +57,8 @@ pub struct Scene {
     /// Empty until the first object gets triangles.
     triangles: Vec<Box<[Triangle]>>,
     meshes: Vec<OccluderMesh>,
-    /// Which mesh each object hides with, and where; empty until the first object gets one.
-    instances: Vec<Option<(MeshId, Affine3A)>>,
+    /// Which mesh an object hides with, and where, by its index.
+    instances: HashMap<u32, (MeshId, Affine3A)>,
     free: Vec<u32>,
     /// Objects whose layers are not all set.
     layered: usize,
@@ -104,7 +105,7 @@ impl Scene {
             never_cull: Vec::new(),
             triangles: Vec::new(),
             meshes: Vec::new(),
-            instances: Vec::new(),
+            instances: HashMap::new(),
             free: Vec::new(),
             layered: 0,
             log: ChangeLog::new(),
@@ -287,9 +288,7 @@ impl Scene {
         if let Some(triangles) = self.triangles.get_mut(id.index()) {
             *triangles = Box::default();
         }
-        if let Some(instance) = self.instances.get_mut(id.index()) {
-            *instance = None;
-        }
+        self.instances.remove(&id.index);
         self.log.push(id, self.generations.len());
         self.layout += 1;
         Ok(())
@@ -311,7 +310,8 @@ impl Scene {
         ids.iter().try_for_each(|&id| self.remove(id))
     }
 
-    /// Says where an object is now, for each that has moved or changed its shape.
+    /// Says where an object is now, for each that has moved or changed its shape. Its triangles and its [mesh](Self::set_mesh), if it has
+    /// any, do not follow by themselves.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`].
@@ -451,7 +451,7 @@ impl Scene {
         Ok(self.triangles.get(id.index()).map_or(&[], |triangles| triangles))
     }
 
-    /// Adds a mesh that objects can hide with, any number of them the same one.
+    /// Adds a mesh that objects can hide with, any number of them the same one. It stays for as long as the scene.
     pub fn add_mesh(&mut self, mesh: OccluderMesh) -> MeshId {
         self.meshes.push(mesh);
         MeshId(self.meshes.len() as u32 - 1)
@@ -462,23 +462,23 @@ impl Scene {
     /// covered by what is drawn.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] and [`SceneError::UnknownMesh`].
+    /// [`SceneError::UnknownObject`], [`SceneError::UnknownMesh`] and [`SceneError::NonFiniteTransform`].
     pub fn set_mesh(&mut self, id: ObjectId, mesh: MeshId, transform: Affine3A) -> Result<(), SceneError> {
         self.slot(id)?;
         if mesh.0 as usize >= self.meshes.len() {
             return Err(SceneError::UnknownMesh(mesh));
         }
-        if self.instances.len() <= id.index() {
-            self.instances.resize(self.generations.len(), None);
+        if !transform.is_finite() {
+            return Err(SceneError::NonFiniteTransform(id));
         }
-        self.instances[id.index()] = Some((mesh, transform));
+        self.instances.insert(id.index, (mesh, transform));
         self.log.push(id, self.generations.len());
         Ok(())
     }
 
     /// Whether an object has a mesh to hide with, whatever its flag says.
     pub fn has_mesh(&self, id: ObjectId) -> bool {
-        self.contains(id) && self.instances.get(id.index()).is_some_and(Option::is_some)
+        self.contains(id) && self.instances.contains_key(&id.index)
     }
 
     /// The mesh that an object hides with, and where it is: nothing while it is not flagged as an occluder.
@@ -487,7 +487,7 @@ impl Scene {
         if !self.tree.payload(slot).occluder {
             return None;
         }
-        let (mesh, transform) = self.instances.get(id.index())?.as_ref()?;
+        let (mesh, transform) = self.instances.get(&id.index)?;
         Some((&self.meshes[mesh.0 as usize], transform))
     }
 
@@ -544,6 +544,7 @@ impl Scene {
             + size_of_val(&self.free[..])
             + self.queue.memory()
             + self.log.memory()
+            + self.instances.allocation_size()
     }
 
     pub(crate) fn tree(&self) -> &Tree {
@@ -566,7 +567,12 @@ impl Scene {
         if self.layered == 0 && layers != 0 {
             return occupied;
         }
+        let of = &self.tree.layers[leaf];
+        // Most blocks are on all layers, or on one that is asked for.
+        if of.iter().fold(u32::MAX, |all, of| all & of) & layers != 0 {
+            return occupied;
+        }
         let shared = |mask: u64, (lane, &of): (usize, &u32)| mask | u64::from(of & layers != 0) << lane;
-        self.tree.layers[leaf].iter().enumerate().fold(0, shared) & occupied
+        of.iter().enumerate().fold(0, shared) & occupied
     }
 }

@@ -107,8 +107,10 @@ impl From<Aabb> for Object {
 pub enum SceneError {
     /// There is no such object: it was removed, or belongs to another scene.
     UnknownObject(ObjectId),
-    /// There is no such mesh: it belongs to another scene.
+    /// There is no such mesh in the scene.
     UnknownMesh(MeshId),
+    /// The transform given to an object's mesh is not finite.
+    NonFiniteTransform(ObjectId),
     /// The origin is NaN or infinite.
     NonFiniteOrigin,
 }
@@ -118,6 +120,7 @@ impl fmt::Display for SceneError {
         match self {
             Self::UnknownObject(id) => write!(f, "object {id} is not, or no longer, in the scene"),
             Self::UnknownMesh(mesh) => write!(f, "mesh {} is not in the scene", mesh.0),
+            Self::NonFiniteTransform(id) => write!(f, "the transform of object {id} is not finite"),
             Self::NonFiniteOrigin => write!(f, "the origin of the scene is not finite"),
         }
     }

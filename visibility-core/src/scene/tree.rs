@@ -61,7 +61,7 @@ pub(crate) struct Tree {
     pub(crate) occupied: Vec<u64>,
     /// In leaves the objects; in inner nodes `index` is the child.
     pub(crate) ids: Vec<[ObjectId; 64]>,
-    /// In leaves, the layers of each object.
+    /// In leaves, the layers of each object; all of them in free lanes, so that these never make a difference.
     pub(crate) layers: Vec<[u32; 64]>,
     /// In leaves, which objects are occluders.
     pub(crate) occluders: Vec<u64>,
@@ -139,7 +139,7 @@ impl Tree {
             self.levels[node as usize] = level;
             return node;
         }
-        self.push_node(Boxes64::EMPTY, 0, [ObjectId::NONE; 64], [0; 64], 0, level)
+        self.push_node(Boxes64::EMPTY, 0, [ObjectId::NONE; 64], [u32::MAX; 64], 0, level)
     }
 
     /// Adds a node at the end of all arrays.
@@ -197,6 +197,7 @@ impl Tree {
         self.occupied[slot.node()] &= !(1 << slot.lane());
         self.occluders[slot.node()] &= !(1 << slot.lane());
         self.ids[slot.node()][slot.lane()] = ObjectId::NONE;
+        self.layers[slot.node()][slot.lane()] = u32::MAX;
     }
 
     /// Adds an object to the tree, in time logarithmic in the number of objects.

@@ -154,6 +154,9 @@ pub struct View {
 impl View {
     /// A view from the matrix that the engine draws with: clip space from world space.
     ///
+    /// `depth` must be the convention that the matrix was made for, and `w` must not fall along the lines of sight: what is nearer is told by
+    /// them. Neither can be seen from the matrix alone.
+    ///
     /// The world of an `f32` matrix is small; engines with large worlds pass the matrix of a camera near the
     /// origin and say with [`relative_to`](Self::relative_to) where in the world that origin is.
     ///

@@ -3,7 +3,7 @@
 
 use super::{Depth, View, ViewError};
 use crate::Plane;
-use glam::DVec3;
+use glam::{DVec3, DVec4};
 
 /// The most planes that a view can have.
 pub const MAX_PLANES: usize = 16;
@@ -128,18 +128,41 @@ impl View {
         &self.clip_planes[..self.clip_count]
     }
 
-    /// The planes that bound the view, for points relative to `origin`.
-    pub fn planes(&self, origin: DVec3) -> ViewPlanes {
-        let m = &self.clip_from_local;
-        let [x, y, z, w] = [m.row(0), m.row(1), m.row(2), m.row(3)];
-        let (near, far) = match self.depth {
+    /// The added planes alone, for points relative to `origin`.
+    pub(crate) fn clip_planes_from(&self, origin: DVec3) -> ViewPlanes {
+        let mut planes = ViewPlanes::NONE;
+        for (slot, &plane) in (0..).zip(self.clip_planes()) {
+            planes.push(slot, plane, origin - self.origin);
+        }
+        planes
+    }
+
+    /// The near plane, for points relative to `origin`, if the matrix has one.
+    pub(crate) fn near_plane(&self, origin: DVec3) -> Option<ViewPlane> {
+        let mut planes = ViewPlanes::NONE;
+        let near = self.depth_rows().0;
+        planes.push(0, Plane::new(near.truncate(), near.w), origin - self.origin);
+        planes.as_slice().first().copied()
+    }
+
+    /// The near and, if there is one, the far plane, as rows that give what is in view a positive product.
+    fn depth_rows(&self) -> (DVec4, Option<DVec4>) {
+        let (z, w) = (self.clip_from_local.row(2), self.clip_from_local.row(3));
+        match self.depth {
             Depth::NegativeOneToOne => (w + z, Some(w - z)),
             Depth::NegativeOneToOneInfinite => (w + z, None),
             Depth::ZeroToOne => (z, Some(w - z)),
             Depth::Infinite => (z, None),
             Depth::Reversed => (w - z, Some(z)),
             Depth::ReversedInfinite => (w - z, None),
-        };
+        }
+    }
+
+    /// The planes that bound the view, for points relative to `origin`.
+    pub fn planes(&self, origin: DVec3) -> ViewPlanes {
+        let m = &self.clip_from_local;
+        let [x, y, w] = [m.row(0), m.row(1), m.row(3)];
+        let (near, far) = self.depth_rows();
         let shift = origin - self.origin;
         let mut planes = ViewPlanes::NONE;
         // An infinite far plane is left out on the caller's word: what rounding leaves of it in the matrix
