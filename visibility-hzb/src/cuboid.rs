@@ -7,7 +7,8 @@ use crate::lens::{Lens, Placed};
 use crate::shape::{Coverage, Shape, Whole};
 use visibility_core::Aabb;
 
-/// The corners of the faces at least x, greatest x, least y and so on, counter-clockwise from outside; corners are numbered by the bits x, y, z.
+/// The corners of the faces at least x, greatest x, least y and so on, counter-clockwise from outside; corners are numbered by the bits
+/// x, y, z.
 const FACES: [[u8; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
@@ -81,7 +82,8 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The extent on the screen of points before the eye: least and greatest column, least and greatest row, least and greatest nearness, each moved
+/// The extent on the screen of points before the eye: least and greatest column, least and greatest row, least and greatest nearness,
+/// each moved
 /// outwards. `None` for points too near.
 #[inline(always)]
 pub(crate) fn extent<const N: usize>(
@@ -233,7 +235,8 @@ pub(crate) fn make(
 
 /// A plane of nearness, moved away by what rounding may have done to it.
 ///
-/// It is a numerator over the determinant `height`. The numerator's error, over the picture, is that of a cross product times `n` and the like; the
+/// It is a numerator over the determinant `height`. The numerator's error, over the picture, is that of a cross product times `n` and
+/// the like; the
 /// determinant's relative error is that of the quotient.
 #[inline(always)]
 pub(crate) fn lower(

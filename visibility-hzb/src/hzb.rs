@@ -17,7 +17,8 @@ use visibility_core::{
 
 /// A hierarchical z-buffer.
 ///
-/// Its size is its own, whatever the size of the picture that is drawn; it should have the shape of the view. Memory is 3 bytes a pixel, all taken when it is made.
+/// Its size is its own, whatever the size of the picture that is drawn; it should have the shape of the view. Memory is 3 bytes a
+/// pixel, all taken when it is made.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
@@ -133,7 +134,8 @@ impl Hzb {
         self.pyramid.height() + 1
     }
 
-    /// A level of the pyramid as columns, rows and least nearness of each texel, row by row; as of the last [`flush`](OcclusionMap::flush). `None` beyond the last.
+    /// A level of the pyramid as columns, rows and least nearness of each texel, row by row; as of the last
+    /// [`flush`](OcclusionMap::flush). `None` beyond the last.
     pub fn level(&self, level: usize) -> Option<(usize, usize, &[f32])> {
         match level {
             0 => {

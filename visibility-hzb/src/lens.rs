@@ -2,8 +2,10 @@
 //!
 //! # Coordinates
 //! A point `p` of the scene becomes four numbers, each linear in `p`: `x` and `y`, which are `w` times its pixel coordinates (columns to
-//! the right, rows downwards, the first pixel between 0 and 1), `w`, and `n`, which is `w` times its *nearness*. Nearness falls along every line of sight and is
-//! linear on the screen wherever `p` runs over a plane, as `1/w` is: it is that for perspective views (`n = 1`), and clip depth, negated unless reversed,
+//! the right, rows downwards, the first pixel between 0 and 1), `w`, and `n`, which is `w` times its *nearness*. Nearness falls along
+//! every line of sight and is
+//! linear on the screen wherever `p` runs over a plane, as `1/w` is: it is that for perspective views (`n = 1`), and clip depth,
+//! negated unless reversed,
 //! for parallel ones. Everything is relative to the *anchor*, the eye of a perspective view, so that precision does not depend on where
 //! in the scene the camera is.
 
@@ -159,8 +161,10 @@ impl Placed {
 
     /// How far rounding can move the determinant of three points (`x`, `y`, `w`), or of a point and two differences of points.
     ///
-    /// It is a sum of six products of three values each. Replacing one value by its error, in turn, gives at most two products for each value
-    /// and pair of others, so `2 * (e_x S_y S_w + ...)` for each of the three points and so on; differences double both. Its own sums round by a few
+    /// It is a sum of six products of three values each. Replacing one value by its error, in turn, gives at most two products for each
+    /// value
+    /// and pair of others, so `2 * (e_x S_y S_w + ...)` for each of the three points and so on; differences double both. Its own sums
+    /// round by a few
     /// units, which the errors (16u at least) exceed. 64 covers all that with room to spare.
     #[inline(always)]
     pub(crate) fn determinant_error(&self) -> f64 {
@@ -168,7 +172,8 @@ impl Placed {
         64.0 * (ex * sy * sw + ey * sx * sw + ew * sx * sy)
     }
 
-    /// How far rounding can move the cross product of two points, or two differences of points, (`x`, `y`, `w`), times a pixel (`x`, `y`, 1)
+    /// How far rounding can move the cross product of two points, or two differences of points, (`x`, `y`, `w`), times a pixel (`x`,
+    /// `y`, 1)
     /// of a picture of the given size. Counted as above.
     #[inline(always)]
     pub(crate) fn cross_error(&self, [width, height]: [f64; 2]) -> f64 {

@@ -1,21 +1,30 @@
 //! Meshes of any form: the rule of contract 2, mesh by mesh.
 //!
 //! # The rule
-//! Triangles that surely face the eye are drawn (for two-sided meshes, all that surely face either way). An edge is inner if exactly two drawn triangles share
-//! it, in opposite directions as drawn; every other edge of a drawn triangle is a contour, and so is the cut where the near plane crosses one. A
-//! pixel is covered if its centre is in a drawn triangle or within rounding of one, and no contour comes within rounding of the closed pixel. Its depth is the
+//! Triangles that surely face the eye are drawn (for two-sided meshes, all that surely face either way). An edge is inner if exactly
+//! two drawn triangles share
+//! it, in opposite directions as drawn; every other edge of a drawn triangle is a contour, and so is the cut where the near plane
+//! crosses one. A
+//! pixel is covered if its centre is in a drawn triangle or within rounding of one, and no contour comes within rounding of the closed
+//! pixel. Its depth is the
 //! farthest that any drawn triangle of the mesh has in the tile. Then it merges with other meshes, nearest wins.
 //!
 //! # Why it is sound
-//! Let no contour meet a pixel, and one point of the pixel be in a drawn triangle. Walk from that point to any other of the pixel: where the walk
-//! leaves a drawn triangle it crosses an edge, or the near plane's cut, which is no contour, so that another drawn triangle begins there. So all of the pixel
-//! is covered, and by triangles that meet it, whose depth counts. The centre need only be within a fraction of a pixel of a triangle: then a point of that
+//! Let no contour meet a pixel, and one point of the pixel be in a drawn triangle. Walk from that point to any other of the pixel:
+//! where the walk
+//! leaves a drawn triangle it crosses an edge, or the near plane's cut, which is no contour, so that another drawn triangle begins
+//! there. So all of the pixel
+//! is covered, and by triangles that meet it, whose depth counts. The centre need only be within a fraction of a pixel of a triangle:
+//! then a point of that
 //! triangle is in the pixel.
 //!
 //! # The error bound
-//! Corners before the near plane's limit have `x`, `y` and `w` off by at most `e`, so a pixel coordinate `q = x / w` by `(e_x + |q| e_w) / w`, two roundings
-//! aside. The greatest such bound over the mesh, doubled, is `slack`. A point of a segment is off by no more than its ends, so contours are widened by `slack`, and by
-//! `2^-20` of a pixel for the arithmetic of the walk along rows, whose coordinates are cut to the picture first. Meshes whose slack exceeds a quarter of a pixel are left out.
+//! Corners before the near plane's limit have `x`, `y` and `w` off by at most `e`, so a pixel coordinate `q = x / w` by `(e_x + |q|
+//! e_w) / w`, two roundings
+//! aside. The greatest such bound over the mesh, doubled, is `slack`. A point of a segment is off by no more than its ends, so contours
+//! are widened by `slack`, and by
+//! `2^-20` of a pixel for the arithmetic of the walk along rows, whose coordinates are cut to the picture first. Meshes whose slack
+//! exceeds a quarter of a pixel are left out.
 
 use crate::lens::{Lens, Placed};
 use crate::pyramid::{Rectangle, mask as mask_of};

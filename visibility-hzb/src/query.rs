@@ -2,10 +2,14 @@
 //!
 //! # The error bound
 //! With `u = 2^-24`, a coordinate less the anchor, `d = (p - high) - low`, is off by `2u |d|` and the row's own `slop`. A row's value
-//! `((a d.x + b d.y) + c d.z) + constant` has coefficients, products and up to three sums rounded once each: `5u` more of the magnitudes, `7u` in all.
-//! `16u` of them are allowed, so `7u` of what the bound itself computes too low are no harm. A quotient `x / w` of two such values is off by
-//! `(e_x + |q| e_w) / w` to first order, where `w` exceeds `8 e_w`, or else the lane is left undecided; the factor 1.25 covers higher orders. Only `q` inside the
-//! picture matters, so `|q|` is at most its size: a corner that lies outside and is computed to lie outside never moves the clipped rectangle, and
+//! `((a d.x + b d.y) + c d.z) + constant` has coefficients, products and up to three sums rounded once each: `5u` more of the
+//! magnitudes, `7u` in all.
+//! `16u` of them are allowed, so `7u` of what the bound itself computes too low are no harm. A quotient `x / w` of two such values is
+//! off by
+//! `(e_x + |q| e_w) / w` to first order, where `w` exceeds `8 e_w`, or else the lane is left undecided; the factor 1.25 covers higher
+//! orders. Only `q` inside the
+//! picture matters, so `|q|` is at most its size: a corner that lies outside and is computed to lie outside never moves the clipped
+//! rectangle, and
 //! one computed inside is off by no more than that.
 
 use crate::lens::{Lens, Row};
@@ -31,7 +35,8 @@ struct Row32 {
 impl Row32 {
     fn new(row: &Row, anchor: [f64; 3]) -> Self {
         let linear = row.linear.map(|a| a as f32);
-        // The anchor in two parts leaves 2^-48 of it, and the part that is subtracted last rounds by u of the first difference, which exceeds d by that
+        // The anchor in two parts leaves 2^-48 of it, and the part that is subtracted last rounds by u of the first difference, which
+        // exceeds d by that
         // part at most: 2^-47 in all.
         let moved: f64 = (0..3).map(|i| row.linear[i].abs() * anchor[i].abs()).sum();
         let slop = row.error + moved * 1e-14 + row.constant.abs() * f64::from(MARGIN);

@@ -13,7 +13,8 @@
 //! inwards, depth rounded away.)
 //!
 //! # The error bound
-//! Coordinates, edges and planes are computed in `f64` with running bounds ([`Placed`](crate::lens::Placed)); half-planes and planes are moved inwards and away by these
+//! Coordinates, edges and planes are computed in `f64` with running bounds ([`Placed`](crate::lens::Placed)); half-planes and planes
+//! are moved inwards and away by these
 //! bounds. [`Line::new`] and [`Depths`] then round to `f32`, and derive what that costs. What remains is exact comparison of integers.
 
 /// A bound on the pixels of a row: `x >= slope * row + offset` or `x <= ...`, with all rounding on the safe side.
@@ -29,7 +30,8 @@ pub enum Coverage {
     /// A pixel counts as covered if all of it is, up to its corners: conservative at any resolution.
     #[default]
     Conservative,
-    /// A pixel counts as covered if its centre is, as in graphics hardware: gaps narrower than a pixel may close, so that visible objects may be
+    /// A pixel counts as covered if its centre is, as in graphics hardware: gaps narrower than a pixel may close, so that visible
+    /// objects may be
     /// hidden. Somewhat less is reported visible at low resolutions.
     Sampled,
 }
@@ -91,8 +93,10 @@ impl Shape {
 
     /// Keeps only pixels where `a x + b y + c >= 0`, in pixel coordinates. False if there is no room for one more.
     ///
-    /// Dividing by `a` gives the bound `x >= s y + t` on the points of a row, where `s = -b / a` and `t = -c / a`; the row's worst point is at
-    /// its top or bottom. In `f32`, `s`, `t`, the product and the sum are each rounded once, so the result is off by at most `4u (|s| H + |t|)` or so; the
+    /// Dividing by `a` gives the bound `x >= s y + t` on the points of a row, where `s = -b / a` and `t = -c / a`; the row's worst
+    /// point is at
+    /// its top or bottom. In `f32`, `s`, `t`, the product and the sum are each rounded once, so the result is off by at most `4u (|s| H
+    /// + |t|)` or so; the
     /// offset is moved by `8u` of that, and by another `16u (W + 2)` for what rounding to whole pixels adds.
     #[inline(always)]
     pub(crate) fn keep(&mut self, [a, b, c]: [f64; 3], size: [f64; 2], coverage: Coverage) -> bool {

@@ -1,7 +1,9 @@
 //! The same safe code compiled for several instruction sets, chosen at run time.
 //!
-//! As in `visibility-core`: one body in plain loops, compiled once for the instruction set that the program is built for and, on x86-64 with
-//! `std`, again for AVX2 and AVX-512. Rust neither reorders nor fuses floating-point operations, so all give the same bits. This is the only
+//! As in `visibility-core`: one body in plain loops, compiled once for the instruction set that the program is built for and, on x86-64
+//! with
+//! `std`, again for AVX2 and AVX-512. Rust neither reorders nor fuses floating-point operations, so all give the same bits. This is the
+//! only
 //! module with `unsafe` code: calls of functions compiled for instructions that the program at large does not assume.
 
 use crate::cuboid::Made;

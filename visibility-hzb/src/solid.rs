@@ -202,7 +202,8 @@ fn choose(
     any
 }
 
-/// Where the side of a triangle crosses the limit beyond the near plane; the ends lie on different sides of it. Always counted from the same end, so
+/// Where the side of a triangle crosses the limit beyond the near plane; the ends lie on different sides of it. Always counted from the
+/// same end, so
 /// that neighbours agree.
 pub(crate) fn cut(a: &[f64; 5], b: &[f64; 5], beyond: f64) -> [f64; 5] {
     let (a, b) = if a[4] < b[4] { (a, b) } else { (b, a) };

@@ -1,6 +1,7 @@
 //! The buffer: tiles of 8 x 8 pixels that hold what is covered, and how far away at most, in a few layers.
 //!
-//! A tile has one nearness for all its pixels and up to [`LAYERS`] disjoint sets of pixels with a greater one each. That takes a fraction of
+//! A tile has one nearness for all its pixels and up to [`LAYERS`] disjoint sets of pixels with a greater one each. That takes a
+//! fraction of
 //! the memory of a z-buffer and is as tight in practice, since one occluder mostly has one depth range in a tile (the idea is that of
 //! Andersson, Hasselgren and Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more and disjoint layers).
 

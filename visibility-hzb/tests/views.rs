@@ -5,7 +5,8 @@ mod common;
 use common::{Occluder, Random, Ray, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, Boxes64, Culler, OccluderMesh, Occlusion, Occlusion64, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet,
+    Aabb, Accuracy, Boxes64, Culler, OccluderMesh, Occlusion, Occlusion64, OcclusionCuller, OcclusionMap,
+    Scene, View, VisibleSet,
 };
 use visibility_hzb::{Coverage, Hzb, Simd};
 
@@ -138,7 +139,10 @@ fn run(views: u64, seed: u64) {
                 }
                 rays += 1;
                 let met = ray.nearest(&all);
-                assert!(met > own - 1e-6 * own.abs(), "round {round}: {bounds:?} seen at {p}: met {met}, own {own}, {view:?}");
+                assert!(
+                    met > own - 1e-6 * own.abs(),
+                    "round {round}: {bounds:?} seen at {p}: met {met}, own {own}, {view:?}"
+                );
             }
         }
     }
