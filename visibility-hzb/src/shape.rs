@@ -25,6 +25,13 @@ pub(crate) struct Line {
 }
 
 /// Where coverage is sampled.
+///
+/// ```
+/// use visibility_core::{Accuracy, OcclusionMap};
+/// use visibility_hzb::{Coverage, Hzb};
+/// assert_eq!(Hzb::default().accuracy(), Accuracy::Conservative);
+/// assert_eq!(Hzb::default().with_coverage(Coverage::Sampled).accuracy(), Accuracy::Approximate);
+/// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum Coverage {
     /// A pixel counts as covered if all of it is, up to its corners: conservative at any resolution.

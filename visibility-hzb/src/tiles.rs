@@ -79,13 +79,21 @@ impl Tiles {
             return;
         }
         // Pixels that have something as near already stay with it.
-        let mut new = mask;
+        let (mut new, mut taken) = (mask, 0);
         for i in 0..count.min(LAYERS) {
+            taken |= layers.masks[i];
             if layers.nearness[i] >= nearness {
                 new &= !layers.masks[i];
             }
         }
         if new == 0 {
+            return;
+        }
+        // What comes from front to back mostly fills pixels that nothing has covered yet.
+        if new & taken == 0 && new | taken != u64::MAX && count < LAYERS {
+            layers.masks[count] = new;
+            layers.nearness[count] = nearness;
+            self.counts[tile] = count as u8 + 1;
             return;
         }
         // Layers that the whole tile has overtaken are forgotten, and pixels that have something farther go over to the new layer.
