@@ -1,0 +1,154 @@
+//! Contract 2 by clipping: take away from a covered pixel all that triangles cover, no farther than its depth, and nothing is left.
+//!
+//! Shares no arithmetic with the rasterizer: triangles are cut in clip space, projected, and subtracted from the pixel's square as polygons.
+
+mod common;
+
+use common::{Face, Occluder, Random, faces, occluder, view};
+use visibility_core::glam::{DVec2, DVec3, DVec4};
+use visibility_core::{Depth, OcclusionMap, View};
+use visibility_hzb::Hzb;
+
+/// What is left of a polygon where a linear function is not negative.
+fn clip<P: Copy>(polygon: &[P], inside: impl Fn(P) -> f64, mix: impl Fn(P, P, f64) -> P) -> Vec<P> {
+    let mut kept = Vec::new();
+    for (i, &b) in polygon.iter().enumerate() {
+        let a = polygon[(i + polygon.len() - 1) % polygon.len()];
+        let (da, db) = (inside(a), inside(b));
+        if (da < 0.0) != (db < 0.0) {
+            kept.push(mix(a, b, da / (da - db)));
+        }
+        if db >= 0.0 {
+            kept.push(b);
+        }
+    }
+    kept
+}
+
+fn area(polygon: &[DVec2]) -> f64 {
+    (0..polygon.len()).map(|i| polygon[i].perp_dot(polygon[(i + 1) % polygon.len()])).sum::<f64>() * 0.5
+}
+
+/// A triangle on the screen: corners in pixels, in order of area, with their nearness.
+fn project(view: &View, size: [usize; 2], Face { corners, one_sided }: &Face) -> Vec<DVec3> {
+    let matrix = view.clip_from(DVec3::ZERO);
+    let perspective = matrix.row(3).truncate() != DVec3::ZERO;
+    let clip_points = corners.map(|p| matrix * p.extend(1.0));
+    let before_near = |p: DVec4| match view.depth() {
+        Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => p.w + p.z,
+        Depth::ZeroToOne | Depth::Infinite => p.z,
+        Depth::Reversed | Depth::ReversedInfinite => p.w - p.z,
+    };
+    let mut screen: Vec<DVec3> = clip(&clip_points, before_near, |a, b, t| a + (b - a) * t)
+        .into_iter()
+        .map(|p| {
+            let nearness = match (perspective, view.depth().is_reversed()) {
+                (true, _) => 1.0 / p.w,
+                (false, true) => p.z / p.w,
+                (false, false) => -p.z / p.w,
+            };
+            let (x, y) = ((p.x / p.w + 1.0) * 0.5, (1.0 - p.y / p.w) * 0.5);
+            DVec3::new(x * size[0] as f64, y * size[1] as f64, nearness)
+        })
+        .collect();
+    // Seen from the front? By the eye itself, not by the screen.
+    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    let front = match view.eye(DVec3::ZERO) {
+        visibility_core::Eye::Point(eye) => (eye - corners[0]).dot(normal) > 0.0,
+        visibility_core::Eye::Direction(along) => along.dot(normal) < 0.0,
+    };
+    if *one_sided && !front {
+        screen.clear();
+    }
+    if area(&screen.iter().map(|p| p.truncate()).collect::<Vec<_>>()) < 0.0 {
+        screen.reverse();
+    }
+    screen
+}
+
+/// The parts of a polygon outside a convex one whose corners run in order of area, widened by a hair.
+fn subtract(piece: Vec<DVec2>, convex: &[DVec2], out: &mut Vec<Vec<DVec2>>) {
+    let mut rest = piece;
+    for (i, &b) in convex.iter().enumerate() {
+        let a = convex[(i + convex.len() - 1) % convex.len()];
+        let Some(along) = (b - a).try_normalize() else { continue };
+        let side = |p: DVec2| along.perp_dot(p - a) + 1e-8;
+        let outside = clip(&rest, |p| -side(p), |a, b, t| a + (b - a) * t);
+        if area(&outside) > 1e-12 {
+            out.push(outside);
+        }
+        rest = clip(&rest, side, |a, b, t| a + (b - a) * t);
+        if rest.is_empty() {
+            return;
+        }
+    }
+}
+
+fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, what: &str) -> usize {
+    let size = [hzb.width(), hzb.height()];
+    let screen: Vec<_> =
+        faces(occluders).iter().map(|face| project(view, size, face)).filter(|p| p.len() > 2).collect();
+    let mut pixels = 0;
+    for row in 0..size[1] {
+        for column in 0..size[0] {
+            let stored = f64::from(hzb.nearness(column, row));
+            if stored == f64::NEG_INFINITY {
+                continue;
+            }
+            pixels += 1;
+            let corner = DVec2::new(column as f64, row as f64);
+            let mut left = vec![
+                [(0., 0.), (1., 0.), (1., 1.), (0., 1.)].map(|(x, y)| corner + DVec2::new(x, y)).to_vec(),
+            ];
+            for triangle in &screen {
+                if left.is_empty() {
+                    break;
+                }
+                let low = triangle.iter().fold(DVec3::INFINITY, |m, p| m.min(*p));
+                let high = triangle.iter().fold(DVec3::NEG_INFINITY, |m, p| m.max(*p));
+                if low.x > corner.x + 1.0 || low.y > corner.y + 1.0 || high.x < corner.x || high.y < corner.y
+                {
+                    continue;
+                }
+                // Only what is near enough counts.
+                let enough = stored - 1e-7 * stored.abs() - 1e-12;
+                let near = clip(triangle, |p| p.z - enough, |a, b, t| a + (b - a) * t);
+                let flat: Vec<DVec2> = near.iter().map(|p| p.truncate()).collect();
+                if flat.len() < 3 {
+                    continue;
+                }
+                let mut next = Vec::new();
+                for piece in left {
+                    subtract(piece, &flat, &mut next);
+                }
+                left = next;
+            }
+            let bare: f64 = left.iter().map(|piece| area(piece)).sum();
+            assert!(
+                bare < 1e-6,
+                "{what}: pixel {column},{row}: {bare} of it is bare or farther than {stored}, {view:?}"
+            );
+        }
+    }
+    pixels
+}
+
+#[test]
+fn nothing_of_a_covered_pixel_is_bare() {
+    let mut random = Random(11);
+    let mut pixels = 0;
+    for round in 0..3000 {
+        let size = [[40, 24], [17, 33], [64, 16]][random.below(3) as usize];
+        let view = view(&mut random);
+        let occluders: Vec<_> = (0..random.below(3) + 1).map(|_| occluder(&mut random)).collect();
+        let mut hzb = Hzb::new(size[0], size[1]).unwrap();
+        hzb.begin(&view, DVec3::ZERO);
+        for o in &occluders {
+            hzb.add(&o.mesh, &o.transform);
+        }
+        hzb.flush();
+        pixels += check(&occluders, &view, &hzb, &format!("round {round}"));
+    }
+    println!("{pixels} covered pixels");
+    assert!(pixels > 100_000, "too little is covered: {pixels}");
+}
