@@ -67,7 +67,7 @@ pub use occlusion::{
     OcclusionCuller, OcclusionMap, Preparation, QueryDevice, SceneHierarchy, Selection, prepare,
 };
 pub use pipeline::{Explanation, Pipeline};
-pub use pvs::{Pvs, PvsError, PvsTargets};
+pub use pvs::{Pvs, PvsCuller, PvsError, PvsTargets, ScenePvs, Viewcell, Viewcells};
 pub use scene::{Boxes64, Changes, Maintenance, MeshId, Object, ObjectId, Scene, SceneError, Triangle};
 pub use simd::Simd;
 pub use view::{

@@ -41,7 +41,7 @@ impl CellMatrix {
             for (i, &byte) in row.iter().enumerate() {
                 matrix.words[a * matrix.stride + i / 8] |= u64::from(byte) << (i % 8 * 8);
             }
-            if cells % 64 != 0 && matrix.words[(a + 1) * matrix.stride - 1] >> (cells % 64) != 0 {
+            if !cells.is_multiple_of(64) && matrix.words[(a + 1) * matrix.stride - 1] >> (cells % 64) != 0 {
                 return None;
             }
         }

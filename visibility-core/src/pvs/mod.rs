@@ -12,11 +12,15 @@
 //! Rooms that lie side by side see much the same, so most rows are shorter as differences (Gotsman, Sudarsky and Fayman, "Optimized Occlusion
 //! Culling Using Five-Dimensional Subdivision", 1999, keep differences to the parent for the same reason).
 
+mod culler;
 mod error;
 mod read;
 mod runs;
+mod viewcells;
 
+pub use culler::{PvsCuller, ScenePvs};
 pub use error::PvsError;
+pub use viewcells::{Viewcell, Viewcells};
 
 use crate::CellId;
 use alloc::vec::Vec;

@@ -146,12 +146,11 @@ mod tests {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             state ^ state >> 29
         };
+        // Whole words, too: those are moved at once.
+        let word = |random: &mut dyn FnMut() -> u64| if random() & 3 == 0 { u64::MAX } else { random() };
         for _ in 0..200 {
-            let full: Vec<u64> = (0..7)
-                .map(|_| random() & random() | (random() & 3 == 0).then_some(u64::MAX).unwrap_or(0))
-                .collect();
-            let row: Vec<u64> =
-                (0..7).map(|_| random() | (random() & 3 == 0).then_some(u64::MAX).unwrap_or(0)).collect();
+            let full: Vec<u64> = (0..7).map(|_| word(&mut random) & word(&mut random)).collect();
+            let row: Vec<u64> = (0..7).map(|_| word(&mut random)).collect();
             let numbers: Vec<usize> = (0..448).filter(|i| full[i / 64] >> (i % 64) & 1 != 0).collect();
             let mut mask = Vec::new();
             let mut before = 0;

@@ -34,7 +34,7 @@ impl Scratch {
         self.points.extend_from_slice(known.portals.vertices_of(portal));
         let whole = 0..self.points.len();
         self.sets.resize(self.words, u64::MAX);
-        if self.count % 64 != 0 {
+        if !self.count.is_multiple_of(64) {
             self.sets[self.words - 1] = u64::MAX >> (64 - self.count % 64);
         }
         self.push(portal.to, source, whole.clone(), whole, 0..0, 0, 0);

@@ -29,7 +29,8 @@ impl Scratch {
 fn passes(known: &Known, portal: &Directed, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));
     // Over so short a way, or so nearly along the plane, the point where they meet is not known.
-    if !(db - da > 1e3 * known.portals.margins.keep) {
+    let is_known = db - da > 1e3 * known.portals.margins.keep;
+    if !is_known {
         return false;
     }
     let p = a + (b - a) * (da / (da - db));

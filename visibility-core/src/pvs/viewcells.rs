@@ -1,0 +1,131 @@
+//! Which viewcell an eye is in.
+
+use crate::{CellId, Plane};
+use alloc::vec::Vec;
+use glam::DVec3;
+
+/// A region that eyes can be in: the part of a box that is inside of all of some planes.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Viewcell {
+    /// The corners of a box around it, in the world.
+    pub min: DVec3,
+    /// See `min`.
+    pub max: DVec3,
+    /// What bounds it besides the box; nothing, if the viewcell is the box.
+    pub planes: Vec<Plane>,
+}
+
+impl Viewcell {
+    /// A box.
+    pub fn from_box(min: DVec3, max: DVec3) -> Self {
+        Self { min, max, planes: Vec::new() }
+    }
+
+    /// Whether a point is in it, boundary included. False for NaN.
+    pub fn contains(&self, p: DVec3) -> bool {
+        in_box(p, self.min, self.max) && self.planes.iter().all(|plane| plane.signed_distance(p) >= 0.0)
+    }
+}
+
+fn in_box(p: DVec3, min: DVec3, max: DVec3) -> bool {
+    min.cmple(p).all() && p.cmple(max).all()
+}
+
+/// Viewcells in a binary tree of boxes, split at the median, so that an eye is found in time in proportion to the logarithm of their
+/// number, as long as their boxes overlap but little.
+///
+/// ```
+/// use visibility_core::{CellId, Viewcell, Viewcells, glam::DVec3};
+/// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 3.0, 3.0));
+/// let viewcells = Viewcells::new([room(0.0), room(4.0), room(8.0)]);
+/// assert_eq!(viewcells.locate(DVec3::new(9.0, 1.0, 1.0)), Some(CellId(2)));
+/// assert_eq!(viewcells.locate(DVec3::new(9.0, 7.0, 1.0)), None);
+/// ```
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Viewcells {
+    cells: Vec<Viewcell>,
+    /// The numbers of the viewcells, in the order of the tree's leaves.
+    order: Vec<u32>,
+    /// Children follow their parent: the first at once, the second after all below the first.
+    nodes: Vec<Node>,
+}
+
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Node {
+    min: DVec3,
+    max: DVec3,
+    /// The node after this one and all below it.
+    next: u32,
+    /// A leaf's places in the order; empty for an inner node.
+    start: u32,
+    end: u32,
+}
+
+/// Viewcells in a leaf, at most.
+const LEAF: usize = 4;
+
+impl Viewcells {
+    /// Viewcells, numbered in the order given; no eye is in one with a NaN. Takes time in proportion to n log n.
+    pub fn new(cells: impl IntoIterator<Item = Viewcell>) -> Self {
+        let cells: Vec<Viewcell> = cells.into_iter().collect();
+        let usable = |cell: &Viewcell| cell.min.cmple(cell.max).all();
+        let order = (0..cells.len() as u32).filter(|&i| usable(&cells[i as usize])).collect();
+        let mut all = Self { cells, order, nodes: Vec::new() };
+        if !all.order.is_empty() {
+            all.build(0, all.order.len());
+        }
+        all
+    }
+
+    fn build(&mut self, start: usize, end: usize) {
+        let cells = &self.cells;
+        let boxes = self.order[start..end].iter().map(|&i| &cells[i as usize]);
+        let (min, max) = boxes.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), cell| {
+            (min.min(cell.min), max.max(cell.max))
+        });
+        let node = self.nodes.len();
+        self.nodes.push(Node { min, max, next: 0, start: start as u32, end: end as u32 });
+        if end - start > LEAF {
+            let size = max - min;
+            let axis = if size.x >= size.y && size.x >= size.z {
+                0
+            } else if size.y >= size.z {
+                1
+            } else {
+                2
+            };
+            let middle = start + (end - start) / 2;
+            let key = |i: u32| cells[i as usize].min[axis] * 0.5 + cells[i as usize].max[axis] * 0.5;
+            let compare = |a: &u32, b: &u32| key(*a).total_cmp(&key(*b)).then(a.cmp(b));
+            self.order[start..end].select_nth_unstable_by(middle - start, compare);
+            self.nodes[node].end = start as u32;
+            self.build(start, middle);
+            self.build(middle, end);
+        }
+        self.nodes[node].next = self.nodes.len() as u32;
+    }
+
+    /// The viewcells, in the order of their numbers.
+    pub fn cells(&self) -> &[Viewcell] {
+        &self.cells
+    }
+
+    /// The viewcell that a point of the world is in; of several, the one with the least number. On the boundary between two, either
+    /// is right, since each sees all that is seen from its boundary.
+    pub fn locate(&self, p: DVec3) -> Option<CellId> {
+        let (mut at, mut found) = (0, None);
+        while let Some(node) = self.nodes.get(at) {
+            if !in_box(p, node.min, node.max) {
+                at = node.next as usize;
+                continue;
+            }
+            for &i in &self.order[node.start as usize..node.end as usize] {
+                if found.is_none_or(|CellId(least)| i < least) && self.cells[i as usize].contains(p) {
+                    found = Some(CellId(i));
+                }
+            }
+            at += 1;
+        }
+        found
+    }
+}
