@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 use visibility_examples::occlusion::frame::Stage;
-use visibility_examples::occlusion::{visb, visc};
+use visibility_examples::occlusion::{picture, visb, visc};
 use visibility_hzb::Coverage;
 
 /// Cull the boxes of a VISC scene behind its occluders with the hierarchical z-buffer, for each of its views.
@@ -36,6 +36,10 @@ struct Arguments {
     /// Compare with these answers, view by view.
     #[arg(long, value_name = "FILE.visb")]
     r#ref: Option<PathBuf>,
+
+    /// Write the buffer and its pyramid as pictures, a folder for each view.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
 
     /// Print a line of JSON for each view instead of a table.
     #[arg(long)]
@@ -118,6 +122,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
                 "{number:>4}  {:<9}  {raster:>9.1}  {query:>8.1}  {visible:>7}  {judged}",
                 format!("{width}x{height}")
             );
+        }
+        if let Some(folder) = &arguments.pictures {
+            let folder = folder.join(format!("view-{number}"));
+            picture::save(stage.map(), &folder)
+                .map_err(|error| format!("cannot write pictures to {}: {error}", folder.display()))?;
         }
         answers.push(answer);
     }
