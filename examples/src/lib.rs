@@ -8,9 +8,9 @@ pub mod error;
 mod gltf_buffers;
 pub mod gltf_file;
 pub mod load;
+pub mod occlusion;
 pub mod pvs;
 pub mod recipes;
-pub mod occlusion;
 pub mod source;
 pub mod streaming;
 pub mod vscn;
@@ -22,3 +22,8 @@ pub use load::{cars5, load};
 pub use recipes::built_in;
 pub use source::{SceneSource, SourceObject};
 pub use walk::{CameraKey, Frame, Walk, frames, load_walks};
+
+/// Compiles the code in the README.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+pub struct Readme;

@@ -20,13 +20,22 @@ pub struct Traffic {
     pub peak: u64,
 }
 
+/// An object in memory.
+#[derive(Clone, Copy)]
+struct Resident {
+    /// What it takes, as it was when it was loaded.
+    size: u64,
+    /// The frame in which it was hidden, or `None` while it is visible.
+    hidden: Option<u64>,
+}
+
 /// Which objects are in memory.
 pub struct Cache {
     /// Frames that an object stays after it was hidden: who turns round and back should not load twice.
     patience: u64,
     frame: u64,
-    /// The frame in which an object in memory was hidden, or `None` while it is visible.
-    resident: HashMap<ObjectId, Option<u64>>,
+    /// What is in memory.
+    resident: HashMap<ObjectId, Resident>,
     /// Hidden objects by the frame in which that happened, oldest first.
     waiting: VecDeque<(u64, ObjectId)>,
     traffic: Traffic,
@@ -47,20 +56,23 @@ impl Cache {
     /// Takes in what a frame has changed. The set must be one [with changes](VisibleSet::with_changes).
     pub fn update(&mut self, scene: &Scene, visible: &VisibleSet) {
         self.frame += 1;
-        let size = |id: ObjectId| scene.object(id).map_or(0, |object| u64::from(object.cost));
         for id in visible.newly_visible() {
-            match self.resident.insert(id, None) {
-                Some(_) => self.traffic.spared += 1,
-                None => {
-                    self.traffic.loads += 1;
-                    self.traffic.resident += size(id);
-                }
+            if let Some(resident) = self.resident.get_mut(&id) {
+                resident.hidden = None;
+                self.traffic.spared += 1;
+            } else {
+                let size = scene.object(id).map_or(0, |object| u64::from(object.cost));
+                self.resident.insert(id, Resident { size, hidden: None });
+                self.traffic.loads += 1;
+                self.traffic.resident += size;
             }
         }
         self.traffic.peak = self.traffic.peak.max(self.traffic.resident);
         for id in visible.newly_hidden() {
-            self.resident.insert(id, Some(self.frame));
-            self.waiting.push_back((self.frame, id));
+            if let Some(resident) = self.resident.get_mut(&id) {
+                resident.hidden = Some(self.frame);
+                self.waiting.push_back((self.frame, id));
+            }
         }
         while let Some(&(hidden, id)) = self.waiting.front() {
             if hidden + self.patience > self.frame {
@@ -68,10 +80,10 @@ impl Cache {
             }
             self.waiting.pop_front();
             // Unless it has been seen, or seen and hidden again, since.
-            if self.resident.get(&id) == Some(&Some(hidden)) {
+            if let Some(resident) = self.resident.get(&id).copied().filter(|r| r.hidden == Some(hidden)) {
                 self.resident.remove(&id);
                 self.traffic.unloads += 1;
-                self.traffic.resident -= size(id);
+                self.traffic.resident -= resident.size;
             }
         }
     }

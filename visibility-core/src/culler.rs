@@ -4,7 +4,7 @@ use crate::{Scene, View, VisibleSet};
 use core::ops::AddAssign;
 
 /// What a culler promises of the set it leaves, compared with V, the objects to which an unobstructed segment runs from the eye
-/// inside the view. (The words are those of the survey, papers/survey-visibility-for-walkthroughs.)
+/// inside the view. (The words are those of Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003.)
 ///
 /// ```
 /// use visibility_core::Accuracy;
@@ -91,7 +91,7 @@ impl AddAssign for CullStats {
     }
 }
 
-/// One view's eye: removes from a set what the view cannot see.
+/// Removes from a set of objects what a view cannot see.
 ///
 /// A culler owns the scratch memory and the temporal coherence of one view, so stereo, split screen and shadow cascades are
 /// several cullers over one `&Scene`, on as many threads as there are. Cullers are combined and called by a [`Pipeline`](crate::Pipeline),

@@ -181,7 +181,7 @@ impl Pipeline {
     }
 
     /// Goes on culling for the view of the last frame, whatever views come: draw from elsewhere, and look at what was culled. Objects
-    /// that move meanwhile are culled where they are.
+    /// that move meanwhile are culled where they are. Before the first frame there is nothing to freeze, and nothing happens.
     pub fn freeze(&mut self) {
         self.frozen = self.last;
     }

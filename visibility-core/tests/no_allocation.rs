@@ -6,9 +6,10 @@ mod common;
 use common::Random;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
-    Aabb, CasterCuller, FrustumCuller, Light, ObjectId, Pipeline, Plane, Pose, Scene, View, VisibleSet,
+    Aabb, Accuracy, CasterCuller, FrustumCuller, Light, ObjectId, OccluderMesh, Occlusion, OcclusionCuller,
+    OcclusionMap, Pipeline, Plane, Pose, Scene, Selection, View, VisibleSet,
 };
 
 struct Counting;
@@ -191,6 +192,68 @@ fn many_views_allocate_nothing_once_warm() {
     }
     assert_eq!(ALLOCATIONS.get() - before, 0);
     assert!(world.drawn > 0 && world.appeared > 0);
+}
+
+/// Hides what is far behind the nearest occluder, and allocates nothing itself.
+struct Curtain {
+    nearest: f32,
+}
+
+impl OcclusionMap for Curtain {
+    fn name(&self) -> &str {
+        "curtain"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Approximate
+    }
+
+    fn begin(&mut self, _: &View, _: DVec3) {
+        self.nearest = f32::INFINITY;
+    }
+
+    fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        self.nearest = self.nearest.min(transform.transform_point3(occluder.bounds().min).x);
+    }
+
+    fn flush(&mut self) {}
+
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        if bounds.min.x > self.nearest + 30.0 { Occlusion::Hidden } else { Occlusion::Partial }
+    }
+}
+
+/// Each selection of occluders, over the scene's own hierarchy and another.
+#[test]
+fn occlusion_allocates_nothing_once_warm() {
+    let mut world = World::new(5_000, 50, false);
+    let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
+    let mesh = world.scene.add_mesh(mesh);
+    for id in world.scene.ids().step_by(3).collect::<Vec<_>>() {
+        let place = world.scene.bounds(id).unwrap().min;
+        world.scene.set_mesh(id, mesh, Affine3A::from_translation(place)).unwrap();
+        world.scene.set_occluder(id, true).unwrap();
+    }
+    for selection in [Selection::SolidAngle, Selection::LastVisible, Selection::Interleaved] {
+        let own = OcclusionCuller::new(Curtain { nearest: 0.0 }).with_selection(selection);
+        let octree = common::octree::Octree::new(&world.scene, 5);
+        let foreign = OcclusionCuller::over(Curtain { nearest: 0.0 }, octree).with_selection(selection);
+        let mut pipelines = [
+            Pipeline::new().with(FrustumCuller::new()).with(own),
+            Pipeline::new().with(FrustumCuller::new()).with(foreign),
+        ];
+        let mut visible = VisibleSet::new();
+        let mut before = 0;
+        for frame in 0..300 {
+            if frame == 150 {
+                before = ALLOCATIONS.get();
+            }
+            for pipeline in &mut pipelines {
+                world.frame(pipeline, &mut visible, false);
+            }
+        }
+        assert_eq!(ALLOCATIONS.get() - before, 0, "{selection:?}");
+    }
 }
 
 #[test]

@@ -42,7 +42,7 @@ struct Arguments {
     #[arg(long, default_value = "frustum", value_name = "LIST")]
     cullers: String,
 
-    /// Number of frames, spread evenly over the walks. At first, every key of the walks is a frame.
+    /// Number of frames, spread evenly over the walks. By default every key of the walks is a frame.
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
 
@@ -108,6 +108,14 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         start.elapsed().as_secs_f64() * 1e3,
     );
 
+    let find = |wanted: &String| {
+        explain::find(&world, wanted).ok_or_else(|| format!("there is no object `{wanted}`"))
+    };
+    let marked = arguments.explain.as_ref().map(find).transpose()?;
+    if let Some(frame) = arguments.freeze.filter(|&frame| frame >= world.views.len()) {
+        return Err(format!("there is no frame {frame} to freeze, only {}", world.views.len()).into());
+    }
+
     let bar = progress("culling", pipelines.len());
     let mut trials = Vec::new();
     for (name, pipeline) in pipelines {
@@ -127,24 +135,15 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     if let Some(path) = &arguments.dump {
         write_file(path, |out| output::dump(out, &trials))?;
     }
-    let marked = match &arguments.explain {
-        None => None,
-        Some(wanted) => {
-            let object =
-                explain::find(&world, wanted).ok_or_else(|| format!("there is no object `{wanted}`"))?;
-            println!("object {object}, {}:", world.source.objects[object as usize].name);
-            for (name, mut pipeline) in cullers::parse(&arguments.cullers)? {
-                print!(" {name}\n{}", explain::explain(&world, &mut pipeline, object));
-            }
-            Some(object)
+    if let Some(object) = marked {
+        println!("object {object}, {}:", world.source.objects[object as usize].name);
+        for (name, mut pipeline) in cullers::parse(&arguments.cullers)? {
+            print!(" {name}\n{}", explain::explain(&world, &mut pipeline, object));
         }
-    };
+    }
     let album = Album { folder: &arguments.pictures, world: &world, marked };
     album.walks(&trials, &judgement)?;
     if let Some(frame) = arguments.freeze {
-        if frame >= world.views.len() {
-            return Err(format!("there is no frame {frame} to freeze, only {}", world.views.len()).into());
-        }
         for (name, mut pipeline) in cullers::parse(&arguments.cullers)? {
             for (what, canvas) in freeze::draw(&world, &mut pipeline, frame)? {
                 album.save(&canvas, &format!("{frame:04}-frozen-{name}-{what}"))?;
@@ -208,7 +207,11 @@ impl Album<'_> {
     fn save(&self, canvas: &Canvas, name: &str) -> Result<(), String> {
         std::fs::create_dir_all(self.folder)
             .map_err(|error| format!("cannot make {}: {error}", self.folder.display()))?;
-        let path = self.folder.join(format!("{}-{name}.png", self.world.source.name));
+        // The name of a scene comes from its file and may be anything, a path included.
+        let plain =
+            |letter: char| if letter.is_alphanumeric() || "-_.+".contains(letter) { letter } else { '_' };
+        let stem: String = format!("{}-{name}", self.world.source.name).chars().map(plain).collect();
+        let path = self.folder.join(format!("{stem}.png"));
         canvas.save(&path).map_err(|error| format!("cannot write {}: {error}", path.display()))
     }
 

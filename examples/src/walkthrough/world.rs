@@ -2,7 +2,7 @@
 
 use crate::{SceneSource, SourceError, frames};
 use glam::DVec3;
-use visibility_core::{Aabb, Object, Pose, Scene, View, ViewError};
+use visibility_core::{Aabb, Object, Pose, Preparation, Scene, View, ViewError};
 
 /// A scene ready to be walked through.
 pub struct World {
@@ -48,6 +48,8 @@ impl World {
         for (id, object) in ids.into_iter().zip(&source.objects) {
             scene.set_triangles(id, object.triangles.as_slice()).expect("the object was just inserted");
         }
+        // Scenes are drawn with both faces, and files are not to be trusted with the order of corners.
+        scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
         Ok(Self { source, scene, views, poses, size })
     }
 

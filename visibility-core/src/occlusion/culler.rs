@@ -1,7 +1,7 @@
 //! The driver: chooses occluders, walks a hierarchy of boxes from front to back, and leaves out what a map says is hidden.
 //!
 //! A node that is hidden prunes all below it; one that nothing can hide is taken whole; only what lies between is looked into
-//! (papers/survey-visibility-for-walkthroughs, section 6: all image-space methods "place a hierarchy on the scene").
+//! (Cohen-Or et al., "A Survey of Visibility for Walkthrough Applications", 2003, section 6: all image-space methods "place a hierarchy on the scene").
 
 use super::selection::{Candidate, choose, is_whole};
 use super::{BoxHierarchy, Child, Occlusion, OcclusionMap, SceneHierarchy, Selection};

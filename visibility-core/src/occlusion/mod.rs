@@ -1,7 +1,7 @@
 //! The occlusion seam: something that occluders are added to and boxes are tested against, and the one driver that uses it.
 //!
 //! A z-pyramid, an opacity map, an occlusion tree, a set of shadow frusta and a graphics card's own queries have this much in common
-//! (papers/survey-visibility-for-walkthroughs, sections 5 and 6). Each implements [`OcclusionMap`]; [`OcclusionCuller`] chooses occluders,
+//! (Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, sections 5 and 6). Each implements [`OcclusionMap`]; [`OcclusionCuller`] chooses occluders,
 //! walks the hierarchy and prunes.
 
 mod culler;
@@ -81,7 +81,8 @@ pub trait OcclusionMap {
     /// Empties the map for a frame. What is added and tested from here on is relative to `origin`, that of the scene.
     fn begin(&mut self, view: &View, origin: DVec3);
 
-    /// Adds an occluder, placed by `transform` in scene coordinates.
+    /// Adds an occluder, placed by `transform` in scene coordinates. A transform that mirrors turns the order of corners round; the front
+    /// stays the front.
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A);
 
     /// Makes what was added so far count.

@@ -1,6 +1,6 @@
 //! An engine's own occlusion queries as a map: the graphics card answers, some frames late.
 //!
-//! The card compares boxes with the depth buffer that it has drawn (papers/survey-visibility-for-walkthroughs, sections 6.4 and 6.5: the HP
+//! The card compares boxes with the depth buffer that it has drawn (Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, sections 6.4 and 6.5: the HP
 //! occlusion-culling test, and Meissner et al.). Asking and waiting would stall it, so answers are taken when they come.
 
 use super::mesh::fnv;

@@ -13,7 +13,7 @@ use glam::{Affine3A, Vec3};
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Selection {
     /// Those among the candidates that fill most of the view: by `-A (N . V) / |D|^2`, area facing the eye over squared distance
-    /// (Coorg and Teller, in papers/survey-visibility-for-walkthroughs, section 5.1), nearest first.
+    /// (Coorg and Teller, "Real-Time Occlusion Culling for Models with Large Occluders", 1997), nearest first.
     #[default]
     SolidAngle,
     /// First those that were visible in the frame before, since what hides now most likely hid then, and as far as the budget lasts the

@@ -1,5 +1,5 @@
 //! The log of changes, by which whoever derives state from a scene keeps it up to date in time proportional to
-//! what changed ("the modules are told of changes", as in the design of VISAPI, papers/cdt-and-visapi).
+//! what changed (after the design of VISAPI, whose visibility modules keep the scene and are told of changes).
 
 use super::serial::next_range;
 use crate::ObjectId;

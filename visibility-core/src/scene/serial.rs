@@ -4,7 +4,8 @@ use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 static LAST: AtomicUsize = AtomicUsize::new(0);
 
-/// Where a scene begins to count its layouts and its revisions. Distinct for each call: 2^40 numbers belong to each scene.
+/// Where a scene begins to count its layouts and its revisions. Distinct for the first 16 million calls: 2^40 numbers belong
+/// to each.
 pub(super) fn next_range() -> u64 {
     (next() as u64) << 40
 }

@@ -186,7 +186,7 @@ impl View {
         if origin.is_finite() { Ok(Self { origin, ..self }) } else { Err(ViewError::NonFiniteOrigin) }
     }
 
-    /// The same view of the objects that share a layer with the given mask only. At first, all layers.
+    /// The same view of the objects that share a layer with the given mask only; by default, all layers.
     pub fn with_layers(self, layers: u32) -> Self {
         Self { layers, ..self }
     }
