@@ -153,7 +153,7 @@ impl CellBake {
             return Err(BakeError::TooLarge { cells, portals: count });
         }
         let portals = Portals::new(graph, settings.clearance);
-        let least = portals.margins.noise * 2f64.powi(16);
+        let least = portals.margins.noise * 65_536.0;
         if !(settings.clearance > 0.0 && settings.clearance >= least && settings.clearance.is_finite()) {
             return Err(BakeError::Clearance { clearance: settings.clearance, least });
         }

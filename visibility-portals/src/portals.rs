@@ -11,6 +11,9 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, Plane};
 
+/// See [`Margins::new`]: 2^-49.
+const NOISE: f64 = 8.0 * f64::EPSILON;
+
 /// Lengths that decide what counts as touching, in the map's units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Margins {
@@ -31,7 +34,7 @@ impl Margins {
     fn new(clearance: f64, extent: f64) -> Self {
         // A unit vector times a position: three products and two sums, each rounded by 2^-53 of at most sqrt(3) extent, and the
         // vector's length, wrong by as much: less than 2^-49 extent. With coordinates of a few thousand that is 1e-11.
-        let noise = extent * 2f64.powi(-49);
+        let noise = extent * NOISE;
         let keep = (12.0 * noise).max(1e-4 * clearance);
         Self { inset: 0.4 * clearance, side: keep, keep, merge: 20.0 * keep, noise }
     }
@@ -163,5 +166,5 @@ fn draw_in(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
 fn ball(points: &[DVec3]) -> (DVec3, f64) {
     let center = points.iter().fold(DVec3::ZERO, |sum, &p| sum + p) / points.len() as f64;
     let radius = points.iter().fold(0.0, |r: f64, &p| r.max((p - center).length()));
-    (center, radius * (1.0 + 1e-12) + center.abs().max_element() * 2f64.powi(-49))
+    (center, radius * (1.0 + 1e-12) + center.abs().max_element() * NOISE)
 }

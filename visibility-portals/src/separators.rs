@@ -16,7 +16,7 @@
 use crate::portals::Margins;
 use alloc::vec::Vec;
 use visibility_core::Plane;
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{DVec2, DVec3};
 
 /// A polygon with its plane's normal, around which its vertices run counter-clockwise, and the direction in which lines go: along
 /// the normal (1) or against it (-1).
@@ -75,7 +75,7 @@ fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, plan
             continue;
         }
         // Turned so that the polygon whose edge this is lies on the side `own`, with unit length.
-        let normal = (inward - toward * slope) * (own / (1.0 + slope * slope).sqrt());
+        let normal = (inward - toward * slope) * (own / DVec2::new(1.0, slope).length());
         let (before, after) = if own < 0.0 { (of, to) } else { (to, of) };
         let most = before.vertices.iter().fold(f64::NEG_INFINITY, |most, &p| greater(most, normal.dot(p)));
         let least = -after.vertices.iter().fold(f64::NEG_INFINITY, |most, &p| greater(most, -normal.dot(p)));

@@ -1,0 +1,82 @@
+//! Maps that are wrong, huge, tiny or odd give an error or an answer, never a panic.
+
+use visibility_core::glam::DVec3;
+use visibility_core::{CellGraph, CellId, ConvexPolygon};
+use visibility_portals::{BakeError, CellBake, CellMatrix, Settings, prt};
+
+/// A row of rooms along x with square doors, scaled.
+fn row(rooms: u32, scale: f64) -> CellGraph {
+    let door = |x: u32| {
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let polygon = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(f64::from(x) * 4.0, y, z) * scale));
+        (polygon.unwrap(), [CellId(x - 1), CellId(x)])
+    };
+    CellGraph::new(rooms as usize, (1..rooms).map(door)).unwrap()
+}
+
+fn bake(graph: &CellGraph, settings: Settings) -> Result<CellMatrix, BakeError> {
+    let mut bake = CellBake::new(graph, settings)?;
+    while bake.advance().is_some() {}
+    Ok(bake.finish().matrix)
+}
+
+#[test]
+fn a_long_straight_corridor_is_seen_from_end_to_end() {
+    // A chain of portals as long as the map: the flood must not go down by recursion.
+    let matrix = bake(&row(250, 1.0), Settings::default()).unwrap();
+    assert_eq!(matrix.count(), 250 * 250);
+}
+
+#[test]
+fn no_cells_and_no_portals_are_maps_too() {
+    assert_eq!(bake(&CellGraph::default(), Settings::default()).unwrap().cell_count(), 0);
+    let lonely = CellGraph::new(65, []).unwrap();
+    assert_eq!(bake(&lonely, Settings::default()).unwrap().count(), 65);
+}
+
+#[test]
+fn coordinates_too_large_for_the_clearance_are_refused() {
+    for scale in [1e6, 1e30] {
+        let graph = row(3, scale);
+        assert!(matches!(bake(&graph, Settings::default()), Err(BakeError::Clearance { .. })), "{scale}");
+        // With a clearance in proportion, they are a map like any other.
+        let settings = Settings { clearance: 1e-6 * scale, ..Settings::default() };
+        assert_eq!(bake(&graph, settings).unwrap().count(), 9);
+    }
+    for clearance in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let settings = Settings { clearance, ..Settings::default() };
+        assert!(bake(&row(3, 1.0), settings).is_err(), "{clearance}");
+    }
+    assert!(matches!(
+        CellBake::new(&CellGraph::new(70_000, []).unwrap(), Settings::default()),
+        Err(BakeError::TooLarge { .. })
+    ));
+}
+
+#[test]
+fn portals_too_small_to_look_through_are_walls() {
+    let tiny = ConvexPolygon::new(
+        [[0.0, 0.0], [1e-7, 0.0], [1e-7, 1.0], [0.0, 1.0]].map(|[y, z]| DVec3::new(0.0, y, z)),
+    );
+    let graph = CellGraph::new(2, [(tiny.unwrap(), [CellId(0), CellId(1)])]).unwrap();
+    assert_eq!(bake(&graph, Settings::default()).unwrap().count(), 2);
+}
+
+#[test]
+fn cells_that_are_not_convex_and_portals_in_one_place_end() {
+    // Every pair of five cells joined through the same square, both ways round: a line could go in circles.
+    let square = row(2, 1.0).portals()[0].polygon().clone();
+    let pairs = (0..5).flat_map(|a| (0..5).map(move |b| [CellId(a), CellId(b)])).filter(|[a, b]| a != b);
+    let graph = CellGraph::new(5, pairs.map(|ends| (square.clone(), ends))).unwrap();
+    assert!(graph.validate(1e-9).is_ok());
+    let matrix = bake(&graph, Settings::default()).unwrap();
+    assert!(matrix.is_symmetric() && matrix.count() == 25);
+}
+
+#[test]
+fn a_room_around_the_corner_is_hidden() {
+    // Through a door in the east wall, along a corridor, and back through another door on the same side: no line turns round.
+    let file = "PRT1\n3\n2\n4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n4 2 1 (4 8 0) (4 9 0) (4 9 2) (4 8 2)\n";
+    let matrix = bake(&prt::read(file).unwrap().graph, Settings::default()).unwrap();
+    assert_eq!(matrix.to_bytes(), [0b011, 0b111, 0b110]);
+}
