@@ -25,7 +25,8 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Visb, SourceError> {
     }
     let (views, boxes) = (reader.u32("views")? as usize, reader.u32("boxes")? as usize);
     let row = boxes.div_ceil(8);
-    if views.checked_mul(row).is_none_or(|need| need != reader.bytes.len()) {
+    // Views of no box would take no byte of the file, however many it claims.
+    if boxes == 0 && views > 0 || views.checked_mul(row).is_none_or(|need| need != reader.bytes.len()) {
         return Err(SourceError::content(
             path,
             "views",

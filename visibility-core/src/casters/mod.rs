@@ -18,7 +18,8 @@ use crate::{Aabb, Accuracy, CullStats, Culler, Plane, Scene, Simd, View, Visible
 use glam::DVec3;
 use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 
-/// Removes objects whose shadow from one light can reach no point that a view shows. Conservative.
+/// Removes objects whose shadow from one light can reach no point that a view shows. Conservative with respect to these: none whose shadow
+/// may come into view is removed, though one that is itself in view may be.
 ///
 /// It is the first stage of the pipeline that finds what to draw into the light's shadow map: a [`FrustumCuller`](crate::FrustumCuller) has no place
 /// there, for casters may be outside the view. The view is the camera's, or one shadow cascade's part of it; candidates are
