@@ -7,7 +7,7 @@
 //! crosses one. A
 //! pixel is covered if its centre is in a drawn triangle or within rounding of one, and no contour comes within rounding of the closed
 //! pixel. Its depth is the
-//! farthest that any drawn triangle of the mesh has in the tile. Then it merges with other meshes, nearest wins.
+//! farthest that any drawn triangle of the mesh has in its quarter of the tile. Then it merges with other meshes, nearest wins.
 //!
 //! # Why it is sound
 //! Let no contour meet a pixel, and one point of the pixel be in a drawn triangle. Walk from that point to any other of the pixel:
@@ -38,11 +38,14 @@ use alloc::vec::Vec;
 struct Cell {
     inner: u64,
     contour: u64,
-    /// The least nearness of drawn triangles.
-    least: f64,
+    /// The least nearness of drawn triangles in each quarter.
+    least: [f64; 4],
 }
 
-const EMPTY: Cell = Cell { inner: 0, contour: 0, least: f64::INFINITY };
+const EMPTY: Cell = Cell { inner: 0, contour: 0, least: [f64::INFINITY; 4] };
+
+/// The pixels of each quarter of a tile: upper left, upper right, lower left, lower right.
+const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf0f0_f0f0_0000_0000];
 
 /// Memory for meshes, one cell a tile; clean between meshes.
 #[derive(Clone, Debug, Default)]
@@ -263,25 +266,11 @@ impl Canvas<'_> {
         let Some(lines) = Self::range(low[1] - slack, high[1] + slack, self.size[1]) else { return };
         let Some(across) = Self::range(low[0] - slack, high[0] + slack, self.size[0]) else { return };
         self.greatest = self.greatest.max(ceiling);
-        let side = SIDE as f64;
         let (tile_rows, tile_columns) =
             ([lines[0] / SIDE, (lines[1] - 1) / SIDE], [across[0] / SIDE, (across[1] - 1) / SIDE]);
         self.touch(tile_columns, tile_rows);
         for row in tile_rows[0]..=tile_rows[1] {
-            // The columns that it can reach in this row of tiles.
-            let (top, bottom) = ((row * SIDE) as f64, ((row + 1) * SIDE) as f64);
-            let Some([left, right]) = span(points, top - slack, bottom + slack) else { continue };
-            let Some(reach) = Self::range(left - slack, right + slack, self.size[0]) else { continue };
-            for column in reach[0] / SIDE..=(reach[1] - 1) / SIDE {
-                let x = (column * SIDE) as f64;
-                let worst = plane[0] * if plane[0] < 0.0 { x + side } else { x }
-                    + plane[1] * if plane[1] < 0.0 { bottom } else { top }
-                    + plane[2];
-                // A NaN gives way to the floor.
-                let nearness = if worst >= floor { worst } else { floor };
-                let cell = &mut self.cells[row * self.columns + column];
-                cell.least = cell.least.min(nearness);
-            }
+            self.deepen(points, plane, floor, row);
             for line in (row * SIDE).max(lines[0])..((row + 1) * SIDE).min(lines[1]) {
                 // Centres in the triangle, or not farther from it than rounding.
                 let y = line as f64 + 0.5;
@@ -291,6 +280,26 @@ impl Canvas<'_> {
                 if first < end {
                     self.mark(line, first as usize, end as usize, |cell| &mut cell.inner);
                 }
+            }
+        }
+    }
+
+    /// Takes note of the depth of a triangle in each quarter of the tiles of a row that it meets.
+    fn deepen(&mut self, points: &[[f64; 2]], [a, b, c]: [f64; 3], floor: f64, row: usize) {
+        let (half, slack) = (SIDE / 2, self.slack);
+        for band in [2 * row, 2 * row + 1] {
+            let (top, bottom) = ((band * half) as f64, ((band + 1) * half) as f64);
+            // The columns that it can reach in this band.
+            let Some([left, right]) = span(points, top - slack, bottom + slack) else { continue };
+            let Some(reach) = Self::range(left - slack, right + slack, self.size[0]) else { continue };
+            for column in reach[0] / half..=(reach[1] - 1) / half {
+                let x = (column * half) as f64 + if a < 0.0 { half as f64 } else { 0.0 };
+                let worst = a * x + b * if b < 0.0 { bottom } else { top } + c;
+                // A NaN gives way to the floor.
+                let nearness = if worst >= floor { worst } else { floor };
+                let quarter =
+                    &mut self.cells[row * self.columns + column / 2].least[band % 2 * 2 + column % 2];
+                *quarter = quarter.min(nearness);
             }
         }
     }
@@ -333,8 +342,14 @@ impl Canvas<'_> {
                 let tile = row * self.columns + column;
                 let Cell { inner, contour, least } = core::mem::replace(&mut self.cells[tile], EMPTY);
                 let covered = inner & !contour;
-                if covered != 0 && least < f64::INFINITY {
-                    tiles.cover(tile, covered, down(least));
+                if covered == 0 {
+                    continue;
+                }
+                for (quarter, least) in least.into_iter().enumerate() {
+                    let part = covered & QUARTERS[quarter];
+                    if part != 0 && least < f64::INFINITY {
+                        tiles.cover(tile, part, down(least));
+                    }
                 }
             }
         }
