@@ -1,6 +1,6 @@
 //! The map: occluders in, boxes out.
 
-use crate::cuboid::Made;
+use crate::cuboid::{self, Made};
 use crate::lens::{Lens, Placed};
 use crate::mesh::{self, Cells};
 use crate::pyramid::{Pyramid, Rectangle};
@@ -177,8 +177,7 @@ impl Hzb {
     }
 
     fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A) {
-        let Some((placed, facing)) = place(&self.lens, bounds, transform) else { return };
-        match self.simd.cuboid(bounds, &placed, &self.lens, facing, self.coverage, &mut self.shape) {
+        match self.simd.cuboid(bounds, transform, &self.lens, self.coverage, &mut self.shape) {
             Made::Shape => self.fill(),
             Made::Nothing => {}
             Made::Near => {
@@ -294,12 +293,32 @@ impl OcclusionMap for Hzb {
     }
 }
 
+/// The shape of a box, from its place on.
+#[inline(always)]
+pub(crate) fn make_box(
+    bounds: &Aabb,
+    transform: &Affine3A,
+    lens: &Lens,
+    coverage: Coverage,
+    shape: &mut Shape,
+) -> Made {
+    match place(lens, bounds, transform) {
+        Some((placed, facing)) => cuboid::make(bounds, &placed, lens, facing, coverage, shape),
+        None => Made::Nothing,
+    }
+}
+
 /// The occluder as the lens sees it, and the sense in which its fronts turn; `None` if nothing can be said of it.
 #[inline(always)]
 fn place(lens: &Lens, bounds: &Aabb, transform: &Affine3A) -> Option<(Placed, f64)> {
     let reach = bounds.min.abs().max(bounds.max.abs()).to_array().map(f64::from);
     let placed = lens.place(transform, reach);
-    let finite = placed.size.iter().chain(&placed.error).all(|value| value.is_finite());
+    let mut sum = 0.0;
+    for i in 0..5 {
+        sum += placed.size[i] + placed.error[i];
+    }
+    // None is negative, so the sum is finite only if all are.
+    let finite = sum < f64::INFINITY;
     let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
     let [a, b, c] = axes.map(|axis| DVec3::from_array(axis.to_array().map(f64::from)));
     let (volume, most) = (

@@ -7,11 +7,12 @@
 //! module with `unsafe` code: calls of functions compiled for instructions that the program at large does not assume.
 
 use crate::cuboid::Made;
-use crate::lens::{Lens, Placed};
+use crate::lens::Lens;
 use crate::pyramid::Rectangle;
 use crate::query::{Boxes, Footprints, Lens32, Query, WIDTH};
 use crate::shape::{Coverage, Shape};
 use crate::tiles::Tiles;
+use visibility_core::glam::Affine3A;
 use visibility_core::{Aabb, Occlusion64};
 
 /// Which instructions to use. Answers are the same on all.
@@ -105,8 +106,8 @@ macro_rules! compiled {
 }
 
 compiled! {
-    cuboid / cuboid_avx2 / cuboid_avx512 = crate::cuboid::make,
-        (bounds: &Aabb, placed: &Placed, lens: &Lens, facing: f64, coverage: Coverage, shape: &mut Shape) -> Made;
+    cuboid / cuboid_avx2 / cuboid_avx512 = crate::hzb::make_box,
+        (bounds: &Aabb, transform: &Affine3A, lens: &Lens, coverage: Coverage, shape: &mut Shape) -> Made;
     footprints / footprints_avx2 / footprints_avx512 = crate::query::footprints,
         (lens: &Lens32, boxes: &[[f32; WIDTH]; 6], out: &mut Footprints<WIDTH>) -> ();
     still_seen / still_seen_avx2 / still_seen_avx512 = crate::fill::still_seen,
