@@ -298,7 +298,7 @@ pub(crate) fn test(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64
     answer
 }
 
-/// As [`test`], for one box.
+/// As [`test()`], for one box.
 #[inline(always)]
 pub(crate) fn test_one(query: &Query, sides: [f32; 6]) -> Occlusion64 {
     let part = sides.map(|side| [side]);

@@ -15,7 +15,7 @@
 //! # The error bound
 //! Coordinates, edges and planes are computed in `f64` with running bounds ([`Placed`](crate::lens::Placed)); half-planes and planes
 //! are moved inwards and away by these
-//! bounds. [`Line::new`] and [`Depths`] then round to `f32`, and derive what that costs. What remains is exact comparison of integers.
+//! bounds. [`Shape::keep`] and [`Shape::bound`] then round to `f32`, and derive what that costs. What remains is exact comparison of integers.
 
 /// A bound on the pixels of a row: `x >= slope * row + offset` or `x <= ...`, with all rounding on the safe side.
 #[derive(Clone, Copy, Debug, Default)]
