@@ -109,6 +109,7 @@ pub struct Outcome {
 /// [`finish`](Self::finish).
 ///
 /// ```
+/// use visibility_core::CellId;
 /// use visibility_portals::{CellBake, Settings, prt};
 /// // Three rooms in a row; the last door lies where nobody in the first room can see through both.
 /// let map = "PRT1\n3\n2\n\
@@ -119,6 +120,7 @@ pub struct Outcome {
 /// while bake.advance().is_some_and(|progress| progress.done < progress.portals) {}
 /// let outcome = bake.finish();
 /// assert!(outcome.complete && outcome.matrix.is_symmetric());
+/// assert!(!outcome.matrix.sees(CellId(0), CellId(2)));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
