@@ -1,0 +1,127 @@
+//! The hierarchical z-buffer: drawing boxes by size, bringing the pyramid up to date, testing boxes by size and outcome, and a frame of a made-up town.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::time::Duration;
+use visibility_benches::workload::Random;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{
+    Aabb, FrustumCuller, Object, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View, VisibleSet,
+};
+use visibility_hzb::{Hzb, HzbCuller, Simd};
+
+/// 90 degrees wide, so that at a distance of 960 m a metre is a pixel of 1920.
+fn view() -> View {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let fov_y = 2.0 * (9.0f64 / 16.0).atan();
+    View::perspective(pose, fov_y, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book")
+}
+
+/// A cube that is some pixels wide, anywhere in view.
+fn cube(random: &mut Random, pixels: f32) -> Aabb {
+    let middle = Vec3::new(960.0, random.within(-700.0, 700.0), random.within(-350.0, 350.0));
+    Aabb::new(middle - 0.5 * pixels, middle + 0.5 * pixels)
+}
+
+/// Cubes that do not hide each other entirely, drawn into an empty buffer; and the same with each set of instructions.
+fn raster(c: &mut Criterion) {
+    let mut group = c.benchmark_group("hzb/raster 64 boxes");
+    group.throughput(Throughput::Elements(64)).measurement_time(Duration::from_secs(2));
+    for simd in Simd::available() {
+        for pixels in [4.0, 32.0, 128.0] {
+            let mut random = Random(1);
+            let meshes: Vec<_> =
+                (0..64).filter_map(|_| OccluderMesh::cuboid(&cube(&mut random, pixels)).ok()).collect();
+            let mut hzb = Hzb::new(1920, 1080).expect("a size in range").with_simd(simd);
+            group.bench_function(BenchmarkId::new(format!("{simd:?}"), pixels), |b| {
+                b.iter(|| {
+                    hzb.begin(&view(), DVec3::ZERO);
+                    for mesh in &meshes {
+                        hzb.add(mesh, &Affine3A::IDENTITY);
+                    }
+                    hzb.flush();
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+/// What a frame costs before anything is drawn, and each flush.
+fn pyramid(c: &mut Criterion) {
+    let mut group = c.benchmark_group("hzb/pyramid");
+    for size in [[512, 288], [1920, 1080]] {
+        let mut hzb = Hzb::new(size[0], size[1]).expect("a size in range");
+        hzb.begin(&view(), DVec3::ZERO);
+        group.bench_function(BenchmarkId::new("flush", size[0]), |b| b.iter(|| hzb.flush()));
+        group.bench_function(BenchmarkId::new("begin", size[0]), |b| {
+            b.iter(|| hzb.begin(&view(), DVec3::ZERO))
+        });
+    }
+    group.finish();
+}
+
+/// Boxes before and behind a wall with a gap in it.
+fn queries(c: &mut Criterion) {
+    let mut hzb = Hzb::new(1920, 1080).expect("a size in range");
+    hzb.begin(&view(), DVec3::ZERO);
+    for y in [-600.0f32, 600.0] {
+        let wall = Aabb::from_arrays([500.0, y - 580.0, -400.0], [501.0, y + 580.0, 400.0]);
+        hzb.add(&OccluderMesh::cuboid(&wall).expect("a box"), &Affine3A::IDENTITY);
+    }
+    hzb.flush();
+    let mut group = c.benchmark_group("hzb/test a box");
+    for pixels in [2.0, 16.0, 128.0] {
+        let mut random = Random(2);
+        let behind: Vec<_> = (0..256).map(|_| cube(&mut random, pixels)).collect();
+        let before: Vec<_> = behind.iter().map(|b| Aabb::new(b.min * 0.4, b.max * 0.4)).collect();
+        for (name, boxes) in [("behind", &behind), ("before", &before)] {
+            group.throughput(Throughput::Elements(256));
+            group.bench_function(BenchmarkId::new(name, pixels), |b| {
+                b.iter(|| {
+                    boxes
+                        .iter()
+                        .filter(|bounds| hzb.test(black_box(bounds)) != visibility_core::Occlusion::Hidden)
+                        .count()
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+/// A town of 2,500 houses and 20,000 things among them, seen from a street: the whole frame through the pipeline.
+fn frame(c: &mut Criterion) {
+    let mut random = Random(3);
+    let mut scene = Scene::new();
+    for i in 0..2500 {
+        let (x, y) = ((i % 50) as f32 * 30.0 - 750.0, (i / 50) as f32 * 30.0 - 750.0);
+        let house =
+            Aabb::from_arrays([x + 5.0, y + 5.0, 0.0], [x + 25.0, y + 25.0, random.within(8.0, 60.0)]);
+        let id = scene.insert(Object { occluder: true, ..Object::new(house) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&house).expect("a box"));
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).expect("it was just inserted");
+    }
+    for _ in 0..20_000 {
+        let p =
+            Vec3::new(random.within(-750.0, 750.0), random.within(-750.0, 750.0), random.within(0.0, 3.0));
+        scene.insert(Aabb::new(p - 0.5, p + 0.5));
+    }
+    scene.rebuild();
+    let pose = Pose::look_at(DVec3::new(0.0, 0.0, 1.7), DVec3::new(100.0, 40.0, 5.0), DVec3::Z);
+    let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book");
+    let mut group = c.benchmark_group("hzb/frame of a town");
+    for size in [[512, 288], [1920, 1080]] {
+        let map = Hzb::new(size[0], size[1]).expect("a size in range");
+        let culler = HzbCuller::new(map).with_budget(100_000);
+        let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+        let mut visible = VisibleSet::new();
+        group.bench_function(BenchmarkId::from_parameter(size[0]), |b| {
+            b.iter(|| pipeline.cull(&scene, &view, &mut visible));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, raster, pyramid, queries, frame);
+criterion_main!(benches);
