@@ -14,10 +14,12 @@ pub fn rooms(size: u32, floors: u32, seed: u64) -> CellGraph {
             for x in 0..size {
                 let corner = DVec3::new(x.into(), y.into(), z.into()) * 64.0;
                 for (axis, next) in [(0, [x + 1, y, z]), (1, [x, y + 1, z]), (2, [x, y, z + 1])] {
-                    if next[0] < size && next[1] < size && next[2] < floors {
-                        if let Some(polygon) = window(corner, axis, &mut random) {
-                            portals.push((polygon, [at(x, y, z), at(next[0], next[1], next[2])]));
-                        }
+                    if next[0] < size
+                        && next[1] < size
+                        && next[2] < floors
+                        && let Some(polygon) = window(corner, axis, &mut random)
+                    {
+                        portals.push((polygon, [at(x, y, z), at(next[0], next[1], next[2])]));
                     }
                 }
             }
