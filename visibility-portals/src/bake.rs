@@ -257,7 +257,7 @@ impl CellBake {
         #[cfg(feature = "rayon")]
         let found: Vec<Found> = {
             use rayon::prelude::*;
-            round.par_iter().with_max_len(1).map_init(Scratch::default, one).collect()
+            round.par_iter().map_init(Scratch::default, one).collect()
         };
         #[cfg(not(feature = "rayon"))]
         let found: Vec<Found> = {
