@@ -1,6 +1,6 @@
 //! The main job: walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
 //!
-//! [`trial`] runs the cullers and keeps what they report, [`judge`] holds that against the exact answer, [`output`] prints it, and
+//! [`trial`] runs the cullers and keeps what they report, [`judge`](mod@judge) holds that against the exact answer, [`output`] prints it, and
 //! [`eye_picture`] and [`map_picture`] draw it.
 
 pub mod canvas;
