@@ -9,6 +9,7 @@ mod gltf_buffers;
 pub mod gltf_file;
 pub mod load;
 pub mod occlusion;
+pub mod picture_size;
 pub mod pvs;
 pub mod recipes;
 pub mod source;

@@ -44,20 +44,7 @@ impl<'a> Parts<'a> {
 }
 
 /// A triangle for each face and half: enough for its plane, and for what is drawn of it.
-const BOX_TRIANGLES: [[u32; 3]; 12] = [
-    [0, 2, 3],
-    [0, 3, 1],
-    [4, 5, 7],
-    [4, 7, 6],
-    [0, 1, 5],
-    [0, 5, 4],
-    [2, 6, 7],
-    [2, 7, 3],
-    [0, 4, 6],
-    [0, 6, 2],
-    [1, 3, 7],
-    [1, 7, 5],
-];
+const BOX_TRIANGLES: [[u32; 3]; 12] = OccluderMesh::CUBOID;
 
 static BOX_EDGES: [Edge; 18] = box_edges();
 

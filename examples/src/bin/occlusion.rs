@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 use visibility_examples::occlusion::frame::Stage;
 use visibility_examples::occlusion::{picture, visb, visc};
+use visibility_examples::picture_size::parse_size;
 use visibility_hzb::Coverage;
 
 /// Cull the boxes of a VISC scene behind its occluders with the hierarchical z-buffer, for each of its views.
@@ -18,7 +19,7 @@ struct Arguments {
     file: PathBuf,
 
     /// Size of the buffer, instead of each view's own.
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = parse_size::<usize>)]
     size: Option<[usize; 2]>,
 
     /// Which pixels count as covered.
@@ -52,12 +53,6 @@ enum CoverageName {
     Conservative,
     /// Centres of pixels.
     Sampled,
-}
-
-fn parse_size(text: &str) -> Result<[usize; 2], String> {
-    let (width, height) = text.split_once('x').ok_or("a size looks like 640x360")?;
-    let side = |text: &str| text.parse().map_err(|error| format!("{text}: {error}"));
-    Ok([side(width)?, side(height)?])
 }
 
 fn main() -> ExitCode {

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use visibility_examples::description::Description;
+use visibility_examples::picture_size::parse_size;
 use visibility_examples::recipes::known_recipes;
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
@@ -47,8 +48,8 @@ struct Arguments {
     frames: Option<usize>,
 
     /// Size of the picture: its shape is that of the view, its pixels are those that the exact answer is measured by.
-    #[arg(long, default_value = "640x360", value_name = "WxH", value_parser = parse_size)]
-    size: (u32, u32),
+    #[arg(long, default_value = "640x360", value_name = "WxH", value_parser = parse_size::<u32>)]
+    size: [u32; 2],
 
     /// Write a line of JSON for each culler.
     #[arg(long, value_name = "FILE")]
@@ -69,12 +70,6 @@ struct Arguments {
     /// Where pictures are written.
     #[arg(long, default_value = "out", value_name = "DIR")]
     pictures: PathBuf,
-}
-
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let (width, height) = text.split_once('x').ok_or("a size looks like 640x360")?;
-    let side = |text: &str| text.parse().map_err(|error| format!("{text}: {error}"));
-    Ok((side(width)?, side(height)?))
 }
 
 fn main() -> ExitCode {
@@ -98,7 +93,7 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let (objects, triangles) = (source.objects.len(), source.triangle_count());
     let loaded = start.elapsed();
     let start = Instant::now();
-    let world = World::new(source, arguments.size, arguments.frames)?;
+    let world = World::new(source, arguments.size.into(), arguments.frames)?;
     println!(
         "{}: {objects} objects, {triangles} triangles, {} walks, {} frames; made in {:.0} ms, hierarchy in {:.0} ms",
         world.source.name,

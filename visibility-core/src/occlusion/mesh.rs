@@ -91,6 +91,22 @@ pub struct OccluderMesh {
 }
 
 impl OccluderMesh {
+    /// The triangles of a box by the numbers of its [corners](Aabb::corners), two for each face, counter-clockwise from outside.
+    pub const CUBOID: [[u32; 3]; 12] = [
+        [0, 2, 3],
+        [0, 3, 1],
+        [4, 5, 7],
+        [4, 7, 6],
+        [0, 1, 5],
+        [0, 5, 4],
+        [2, 6, 7],
+        [2, 7, 3],
+        [0, 4, 6],
+        [0, 6, 2],
+        [1, 3, 7],
+        [1, 7, 5],
+    ];
+
     /// From an indexed mesh. Vertices at the same place (bit for bit, zeros of either sign) become one; triangles without area, or
     /// with a vertex twice, are left out.
     ///
@@ -168,22 +184,7 @@ impl OccluderMesh {
         if !bounds.is_proper() {
             return Err(MeshError::Empty);
         }
-        // Corners are numbered by the bits x, y, z. Each face as two triangles, counter-clockwise from outside.
-        const FACES: [[u32; 3]; 12] = [
-            [0, 2, 3],
-            [0, 3, 1],
-            [4, 5, 7],
-            [4, 7, 6],
-            [0, 1, 5],
-            [0, 5, 4],
-            [2, 6, 7],
-            [2, 7, 3],
-            [0, 4, 6],
-            [0, 6, 2],
-            [1, 3, 7],
-            [1, 7, 5],
-        ];
-        Self::from_indexed(&bounds.corners(), &FACES)
+        Self::from_indexed(&bounds.corners(), &Self::CUBOID)
     }
 
     /// A convex polygon, seen from the side on which its vertices run counter-clockwise.
