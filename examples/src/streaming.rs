@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn what_is_visible_is_always_in_memory_and_the_rest_leaves() {
         let world = World::new(built_in("office").unwrap(), (64, 36), Some(300)).unwrap();
-        let mut pipeline = cullers::parse("frustum").unwrap().remove(0).1;
+        let mut pipeline = cullers::parse("frustum", &world).unwrap().remove(0).1;
         let (mut visible, mut cache) = (VisibleSet::with_changes(), Cache::new(5));
         for view in &world.views {
             pipeline.cull(&world.scene, view, &mut visible);

@@ -23,7 +23,7 @@ fn check(mut source: SceneSource, description: &Description) {
         assert_eq!(walk.name, reference.walk);
         source.walks = vec![walk];
         let world = World::new(source.clone(), (640, 360), None).unwrap();
-        let (name, pipeline) = cullers::parse("frustum").unwrap().remove(0);
+        let (name, pipeline) = cullers::parse("frustum", &world).unwrap().remove(0);
         let trials = [run(name, pipeline, &world)];
         let judgement = judge(&world, &trials, || ()).unwrap();
 

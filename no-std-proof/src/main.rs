@@ -12,8 +12,8 @@ use visibility_core::{
     Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet,
 };
 use visibility_hzb::{Hzb, HzbCuller};
-// Linked, so that it too must do without.
-use visibility_portals as _;
+// Linked, so that they too must do without.
+use {visibility_bsp as _, visibility_plp as _, visibility_portals as _};
 
 fn the_answer_is_right() -> bool {
     frustum() && z_buffer().unwrap_or(false)

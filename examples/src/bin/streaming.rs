@@ -40,7 +40,7 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let frames = source.walks.iter().map(|walk| walk.keys.len()).sum::<usize>() * 10;
     let all = source.triangle_count() as f64;
     let world = World::new(source, (640, 360), Some(frames))?;
-    let (_, mut pipeline) = cullers::parse(&arguments.culler)?.remove(0);
+    let (_, mut pipeline) = cullers::parse(&arguments.culler, &world)?.remove(0);
     let (mut visible, mut cache) = (VisibleSet::with_changes(), Cache::new(arguments.patience));
     println!("frame   visible  appeared  vanished  in memory  loads  unloads");
     for (frame, view) in world.views.iter().enumerate() {

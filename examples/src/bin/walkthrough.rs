@@ -83,7 +83,6 @@ fn main() -> ExitCode {
 }
 
 fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    let pipelines = cullers::parse(&arguments.cullers)?;
     let name = arguments.scene.as_deref().or(arguments.file.as_deref()).unwrap_or("plpcity");
     let start = Instant::now();
     let mut source = scene(name, arguments.cameras.as_deref())?;
@@ -111,6 +110,7 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         return Err(format!("there is no frame {frame} to freeze, only {}", world.views.len()).into());
     }
 
+    let pipelines = cullers::parse(&arguments.cullers, &world)?;
     let bar = progress("culling", pipelines.len());
     let mut trials = Vec::new();
     for (name, pipeline) in pipelines {
@@ -132,14 +132,14 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     if let Some(object) = marked {
         println!("object {object}, {}:", world.source.objects[object as usize].name);
-        for (name, mut pipeline) in cullers::parse(&arguments.cullers)? {
+        for (name, mut pipeline) in cullers::parse(&arguments.cullers, &world)? {
             print!(" {name}\n{}", explain::explain(&world, &mut pipeline, object));
         }
     }
     let album = Album { folder: &arguments.pictures, world: &world, marked };
     album.walks(&trials, &judgement)?;
     if let Some(frame) = arguments.freeze {
-        for (name, mut pipeline) in cullers::parse(&arguments.cullers)? {
+        for (name, mut pipeline) in cullers::parse(&arguments.cullers, &world)? {
             for (what, canvas) in freeze::draw(&world, &mut pipeline, frame)? {
                 album.save(&canvas, &format!("{frame:04}-frozen-{name}-{what}"))?;
             }

@@ -43,7 +43,7 @@ mod tests {
     #[test]
     fn every_frame_of_the_walk_is_accounted_for() {
         let world = World::new(built_in("office").unwrap(), (64, 36), Some(20)).unwrap();
-        let mut pipeline = cullers::parse("frustum").unwrap().remove(0).1;
+        let mut pipeline = cullers::parse("frustum", &world).unwrap().remove(0).1;
         let first = find(&world, "slab").unwrap();
         assert_eq!((first, find(&world, "7"), find(&world, "no such thing")), (0, Some(7), None));
         let text = explain(&world, &mut pipeline, 778);

@@ -1,0 +1,108 @@
+//! Cullers by the names that programs take on the command line. Each family of cullers has a file of its own here, with a table of its
+//! names; a culler that needs something made from the scene first makes it when it is asked for.
+
+mod hzb;
+
+use super::World;
+use visibility_core::{Culler, FrustumCuller, Pipeline};
+
+/// A culler that can be asked for by name.
+pub struct Known {
+    /// The name, without its dial.
+    pub name: &'static str,
+    /// What it is, and what its dial means if it has one.
+    pub what: &'static str,
+    /// Makes one for a world, with the dial's setting: what stands after the colon in `name:dial`.
+    make: fn(dial: Option<&str>, world: &World) -> Made,
+}
+
+/// A culler, or why it does not go with the dial or the scene.
+type Made = Result<Box<dyn Culler + Send>, String>;
+
+/// All cullers that can be asked for, besides `frustum`, which every pipeline begins with.
+pub fn known() -> impl Iterator<Item = &'static Known> {
+    [hzb::KNOWN].into_iter().flatten()
+}
+
+/// Pipelines from a list such as `frustum,a,a+b:10%`: separated by commas; `a+b` runs `b` after `a`, and `b:10%` sets the dial of `b`.
+/// Every one but `frustum` itself runs after the frustum. Yields each entry with its pipeline.
+pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Pipeline)>, CullerError> {
+    list.split(',')
+        .map(|entry| {
+            let entry: String = entry.split_whitespace().collect();
+            let pipeline = pipeline(&entry, world)?;
+            Ok((entry, pipeline))
+        })
+        .collect()
+}
+
+fn pipeline(entry: &str, world: &World) -> Result<Pipeline, CullerError> {
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+    for stage in entry.split('+').filter(|&stage| stage != "frustum") {
+        let (name, dial) = stage.split_once(':').map_or((stage, None), |(name, dial)| (name, Some(dial)));
+        let known = known()
+            .find(|known| known.name == name)
+            .ok_or_else(|| CullerError::Unknown { name: name.to_owned() })?;
+        let culler = (known.make)(dial, world)
+            .map_err(|why| CullerError::Unsuited { culler: stage.to_owned(), why })?;
+        pipeline.push(culler);
+    }
+    Ok(pipeline)
+}
+
+/// Why a culler cannot be had.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum CullerError {
+    /// A name that is not among the [`known`].
+    Unknown {
+        /// The name.
+        name: String,
+    },
+    /// The culler does not go with its dial's setting or with the scene.
+    Unsuited {
+        /// The culler as it was asked for.
+        culler: String,
+        /// What is wrong.
+        why: String,
+    },
+}
+
+impl std::fmt::Display for CullerError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unknown { name } => {
+                write!(
+                    f,
+                    "there is no culler `{name}`; known are:\n  frustum: boxes outside the view volume are hidden"
+                )?;
+                known().try_for_each(|known| write!(f, "\n  {}: {}", known.name, known.what))
+            }
+            Self::Unsuited { culler, why } => write!(f, "`{culler}`: {why}"),
+        }
+    }
+}
+
+impl std::error::Error for CullerError {}
+
+/// For cullers without a dial.
+fn no_dial(dial: Option<&str>) -> Result<(), String> {
+    dial.map_or(Ok(()), |dial| Err(format!("it has no dial to set to `{dial}`")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::built_in;
+
+    #[test]
+    fn lists_are_split_and_unknown_names_refused() {
+        let world = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
+        let names: Vec<_> =
+            parse("frustum, hzb + frustum", &world).unwrap().into_iter().map(|(name, _)| name).collect();
+        assert_eq!(names, ["frustum", "hzb+frustum"]);
+        let refused = |list| parse(list, &world).err();
+        assert_eq!(refused("frustum,fog"), Some(CullerError::Unknown { name: "fog".into() }));
+        assert!(refused("").is_some());
+        assert!(matches!(refused("hzb:soon"), Some(CullerError::Unsuited { .. })));
+    }
+}
