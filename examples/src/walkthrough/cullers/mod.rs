@@ -12,6 +12,8 @@ pub struct Known {
     pub name: &'static str,
     /// What it is, and what its dial means if it has one.
     pub what: &'static str,
+    /// Settings of the dial that are worth comparing, from the most accurate to the fastest; empty if there is no dial.
+    pub dials: &'static [&'static str],
     /// Makes one for a world, with the dial's setting: what stands after the colon in `name:dial`.
     make: fn(dial: Option<&str>, world: &World) -> Made,
 }
