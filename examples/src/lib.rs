@@ -14,12 +14,13 @@ pub mod pvs;
 pub mod recipes;
 pub mod source;
 pub mod streaming;
+pub mod tradeoff;
 pub mod vscn;
 pub mod walk;
 pub mod walkthrough;
 
 pub use error::SourceError;
-pub use load::{cars5, load};
+pub use load::{cars5, load, open};
 pub use recipes::built_in;
 pub use source::{SceneSource, SourceObject};
 pub use walk::{CameraKey, Frame, Walk, frames, load_walks};

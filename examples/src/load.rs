@@ -5,10 +5,24 @@
 
 use crate::description::Description;
 use crate::error::SourceError;
+use crate::recipes::{built_in, known_recipes};
 use crate::source::{SceneSource, SourceObject};
 use crate::{gltf_file, vscn, walk};
 use glam::{DQuat, DVec3, Vec3};
 use std::path::Path;
+
+/// The scene that a user names: a recipe with its sizes (`office:7,24`), a file, or `cars5:FILE`, five cars by the placements beside one.
+pub fn open(name: &str) -> Result<SceneSource, SourceError> {
+    let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();
+    let is_recipe = |known: String| before_sizes(&known) == before_sizes(name);
+    if let Some(car) = name.strip_prefix("cars5:") {
+        cars5(Path::new(car))
+    } else if known_recipes().any(is_recipe) || Path::new(name).extension().is_none() {
+        built_in(name)
+    } else {
+        load(Path::new(name))
+    }
+}
 
 /// Reads a scene from a `.vscn` (with its `.json` when there is one), `.gltf` or `.glb` file.
 pub fn load(path: &Path) -> Result<SceneSource, SourceError> {

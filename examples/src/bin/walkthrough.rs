@@ -10,13 +10,12 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use visibility_examples::description::Description;
 use visibility_examples::picture_size::parse_size;
-use visibility_examples::recipes::known_recipes;
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
     Trial, World, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
 };
-use visibility_examples::{SceneSource, SourceError, built_in, cars5, load, load_walks};
+use visibility_examples::{SceneSource, SourceError, load, load_walks, open};
 
 /// Walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
 #[derive(Parser)]
@@ -150,15 +149,7 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 }
 
 fn scene(name: &str, cameras: Option<&Path>) -> Result<SceneSource, SourceError> {
-    let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();
-    let is_recipe = |known: String| before_sizes(&known) == before_sizes(name);
-    let mut source = if let Some(car) = name.strip_prefix("cars5:") {
-        cars5(Path::new(car))?
-    } else if known_recipes().any(is_recipe) || Path::new(name).extension().is_none() {
-        built_in(name)?
-    } else {
-        load(Path::new(name))?
-    };
+    let mut source = open(name)?;
     if let Some(cameras) = cameras {
         source.walks = load_walks(cameras)?;
         let description = Description::load(cameras)?;

@@ -12,7 +12,9 @@ pub struct Verdict {
     pub false_hidden: u64,
     /// Objects that were reported and do not show: an upper bound.
     pub false_visible: u64,
-    /// Triangles of those objects, and hidden triangles of visible ones.
+    /// Triangles of the reported objects: what would be drawn.
+    pub reported_triangles: u64,
+    /// Triangles of the objects that do not show, and hidden triangles of visible ones.
     pub false_visible_triangles: u64,
     /// Pixels that are not what they should be when only the reported objects are drawn.
     pub wrong_pixels: u64,
@@ -24,6 +26,8 @@ pub struct Verdict {
 pub struct Judgement {
     /// Visible objects of each frame, by index.
     pub exact: Vec<Vec<u32>>,
+    /// Triangles with a pixel, all frames together.
+    pub visible_triangles: u64,
     /// One for each trial, in their order.
     pub verdicts: Vec<Verdict>,
 }
@@ -40,6 +44,7 @@ impl Judgement {
 struct Judged {
     frame: usize,
     exact: Vec<u32>,
+    visible_triangles: u32,
     comparisons: Vec<Comparison>,
 }
 
@@ -59,7 +64,12 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
                 seen.compare(|_, key| trial.reported[frame].binary_search(&key).is_ok(), &mut comparison);
                 comparison
             });
-            judged.push(Judged { frame, exact: exact.collect(), comparisons: comparisons.collect() });
+            judged.push(Judged {
+                frame,
+                exact: exact.collect(),
+                visible_triangles: seen.visible_triangles(),
+                comparisons: comparisons.collect(),
+            });
             progress();
         }
     };
@@ -78,11 +88,14 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
     for frame in &mut judged {
         for (verdict, comparison) in verdicts.iter_mut().zip(&mut frame.comparisons) {
             verdict.false_hidden += u64::from(comparison.false_hidden_objects);
+            verdict.reported_triangles += u64::from(comparison.reported_triangles);
             verdict.false_visible += u64::from(comparison.false_visible_objects);
             verdict.false_visible_triangles += u64::from(comparison.false_visible_triangles);
             verdict.wrong_pixels += u64::from(comparison.wrong_pixels);
             verdict.hidden.push(std::mem::take(&mut comparison.false_hidden_keys));
         }
     }
-    Ok(Judgement { exact: judged.into_iter().map(|one| one.exact).collect(), verdicts })
+    let visible_triangles = judged.iter().map(|one| u64::from(one.visible_triangles)).sum();
+    let exact = judged.into_iter().map(|one| one.exact).collect();
+    Ok(Judgement { exact, visible_triangles, verdicts })
 }

@@ -15,5 +15,5 @@ pub mod trial;
 pub mod world;
 
 pub use judge::{Verdict, judge};
-pub use trial::{Trial, run};
+pub use trial::{Trial, run, run_for};
 pub use world::World;

@@ -37,7 +37,12 @@ const PASSES: usize = 200;
 
 /// Walks once to see what is reported and to warm up, then several times against the clock. Each pass begins anew, as after a
 /// camera cut, so all of them do the same work.
-pub fn run(name: String, mut pipeline: Pipeline, world: &World) -> Trial {
+pub fn run(name: String, pipeline: Pipeline, world: &World) -> Trial {
+    run_for(MEASURE, name, pipeline, world)
+}
+
+/// The same, with the time to measure for.
+pub fn run_for(measure: Duration, name: String, mut pipeline: Pipeline, world: &World) -> Trial {
     let mut visible = VisibleSet::new();
     let mut reported = Vec::with_capacity(world.views.len());
     for view in &world.views {
@@ -49,7 +54,7 @@ pub fn run(name: String, mut pipeline: Pipeline, world: &World) -> Trial {
     let mut micros = Vec::new();
     let start = Instant::now();
     for pass in 0..PASSES {
-        if pass > 0 && start.elapsed() > MEASURE {
+        if pass > 0 && start.elapsed() > measure {
             break;
         }
         pipeline.reset();

@@ -1,0 +1,56 @@
+//! Points as CSV for programs and as a table for people.
+
+use super::{Point, best};
+use comfy_table::{CellAlignment, Table, presets};
+use std::io::Write;
+
+/// All points, a line each, with a heading.
+pub fn csv(out: impl Write, points: &[Point]) -> csv::Result<()> {
+    let mut writer = csv::Writer::from_writer(out);
+    points.iter().try_for_each(|point| writer.serialize(point))?;
+    writer.flush()?;
+    Ok(())
+}
+
+/// The Pareto-best points of one scene.
+pub fn table(points: &[Point]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        "culler",
+        "promises",
+        "us a frame",
+        "reported",
+        "visible",
+        "overdraw",
+        "hidden",
+        "wrong pixels",
+        "memory",
+        "prepared",
+    ]);
+    for point in best(points).into_iter().map(|index| &points[index]) {
+        table.add_row([
+            point.culler.clone(),
+            point.accuracy.to_owned(),
+            format!("{:.1}", point.frame_us),
+            format!("{:.1}", point.objects),
+            format!("{:.1}", point.visible_objects),
+            format!("{:.2}", point.overdraw()),
+            point.false_hidden.to_string(),
+            format!("{:.3} %", point.wrong_pixels_percent),
+            format!("{:.2} MB", point.memory_bytes as f64 / 1e6),
+            format!("{:.0} ms", point.preparation_ms),
+        ]);
+    }
+    for column in table.column_iter_mut().skip(2) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+/// What the columns mean.
+pub const LEGEND: &str = "\
+Listed are the points that no other beats in time, triangles drawn and wrong pixels at once.
+us a frame: median time to cull a frame, one thread; reported, visible: objects a frame, by the culler and in truth
+overdraw: triangles of the reported objects for each triangle of which a pixel shows
+hidden: visible objects that the culler hid, all frames together; wrong pixels: share of the picture
+memory, prepared: what the culler holds besides the scene, and how long it took to make it ready";

@@ -1,0 +1,109 @@
+//! Measures every culler with every setting of its dial, and some pipelines of several stages.
+
+use super::Point;
+use crate::walkthrough::cullers::{CullerError, known, parse};
+use crate::walkthrough::{World, judge, run_for};
+use std::time::{Duration, Instant};
+use visibility_core::measure::MeasureError;
+
+/// Pipelines of two and three stages that are worth comparing; those whose stages do not go with a scene are left out there.
+const PIPELINES: &[&str] = &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb"];
+
+/// How long to measure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Effort {
+    /// Frames of each scene, spread evenly over its walks.
+    pub frames: usize,
+    /// Time that each point is measured for at least, after one walk that is not.
+    pub measure: Duration,
+    /// Points that take longer to prepare and walk once are given up for scenes to come.
+    pub patience: Duration,
+}
+
+impl Effort {
+    /// For results that are kept.
+    pub const FULL: Self =
+        Self { frames: 40, measure: Duration::from_millis(400), patience: Duration::from_secs(40) };
+    /// For a look.
+    pub const QUICK: Self =
+        Self { frames: 6, measure: Duration::from_millis(20), patience: Duration::from_secs(2) };
+}
+
+/// All names to measure: each culler at each setting of its dial, then the pipelines.
+pub fn entries() -> Vec<String> {
+    let mut entries = vec!["frustum".to_owned()];
+    for culler in known() {
+        if culler.dials.is_empty() {
+            entries.push(culler.name.to_owned());
+        }
+        entries.extend(culler.dials.iter().map(|dial| format!("{}:{dial}", culler.name)));
+    }
+    entries.extend(PIPELINES.iter().map(|&pipeline| pipeline.to_owned()));
+    entries
+}
+
+/// What became of a scene's entries.
+#[derive(Debug, Default)]
+pub struct Sweep {
+    /// The points measured.
+    pub points: Vec<Point>,
+    /// The entries that do not go with the scene, and why.
+    pub left_out: Vec<(String, String)>,
+    /// The entries that took longer than the effort allows.
+    pub too_slow: Vec<String>,
+}
+
+/// Measures the entries on a world. `memory` tells the bytes that are allocated now, and `progress` is told what comes next.
+pub fn sweep(
+    world: &World,
+    entries: &[String],
+    effort: Effort,
+    memory: impl Fn() -> usize,
+    mut progress: impl FnMut(&str),
+) -> Result<Sweep, MeasureError> {
+    let mut done = Sweep::default();
+    let (mut trials, mut costs) = (Vec::new(), Vec::new());
+    for entry in entries {
+        progress(entry);
+        let (before, start) = (memory(), Instant::now());
+        let pipeline = match parse(entry, world) {
+            Ok(mut made) => made.remove(0).1,
+            // A stage of a pipeline that this build does not know is as absent as one that does not suit the scene.
+            Err(error @ (CullerError::Unsuited { .. } | CullerError::Unknown { .. })) => {
+                done.left_out
+                    .push((entry.clone(), error.to_string().lines().next().unwrap_or_default().to_owned()));
+                continue;
+            }
+        };
+        let preparation = start.elapsed();
+        let prepared = memory();
+        let trial = run_for(effort.measure, entry.clone(), pipeline, world);
+        if start.elapsed() > effort.patience + effort.measure {
+            done.too_slow.push(entry.clone());
+        }
+        costs.push((preparation, prepared.saturating_sub(before)));
+        trials.push(trial);
+    }
+    progress("the exact answer");
+    let judgement = judge(world, &trials, || ())?;
+    let frames = world.views.len() as f64;
+    let pixels = f64::from(world.size.0) * f64::from(world.size.1) * frames;
+    done.points = (trials.iter().zip(&judgement.verdicts).zip(costs))
+        .map(|((trial, verdict), (preparation, memory_bytes))| Point {
+            scene: world.source.name.clone(),
+            culler: trial.name.clone(),
+            accuracy: trial.accuracy.name(),
+            frame_us: trial.quantile(0.5),
+            p99_us: trial.quantile(0.99),
+            objects: trial.mean_visible(),
+            visible_objects: judgement.mean_exact(),
+            triangles: verdict.reported_triangles as f64 / frames,
+            visible_triangles: judgement.visible_triangles as f64 / frames,
+            false_hidden: verdict.false_hidden,
+            wrong_pixels_percent: verdict.wrong_pixels as f64 / pixels * 100.0,
+            memory_bytes,
+            preparation_ms: preparation.as_secs_f64() * 1e3,
+        })
+        .collect();
+    Ok(done)
+}
