@@ -40,6 +40,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneSource, SourceError> {
         near: 0.0,
         objects: collector.objects,
         walks: Vec::new(),
+        cells: None,
     };
     let bounds = scene.bounds();
     scene.near = walk::made_up_near(bounds);

@@ -96,6 +96,7 @@ fn assemble(path: &Path, description: &Description) -> Result<SceneSource, Sourc
         near: 0.0,
         objects,
         walks: description.walks.clone(),
+        cells: None,
     };
     let bounds = scene.bounds();
     scene.near = description.near.unwrap_or(walk::made_up_near(bounds));

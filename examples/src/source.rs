@@ -5,6 +5,7 @@
 
 use crate::walk::Walk;
 use glam::Vec3;
+use visibility_core::{CellGraph, Viewcells};
 
 /// A scene with its camera walks.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +20,19 @@ pub struct SceneSource {
     pub objects: Vec<SourceObject>,
     /// The camera walks; a loader makes one up when the scene brings none, so this is empty only for an empty scene.
     pub walks: Vec<Walk>,
+    /// The cells and portals that the scene comes with; most come with none.
+    pub cells: Option<SourceCells>,
+}
+
+/// The cells and portals of a scene. Cell `i` of the graph is viewcell `i`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SourceCells {
+    /// Which cells are joined by which portals. Its objects are filled in when a scene is made of the source.
+    pub graph: CellGraph,
+    /// Where the cells are.
+    pub viewcells: Viewcells,
+    /// Their names.
+    pub names: Vec<String>,
 }
 
 /// One object of a scene: what is culled as a whole.

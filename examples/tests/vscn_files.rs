@@ -12,6 +12,7 @@ fn scene(objects: Vec<Vec<[Vec3; 3]>>) -> SceneSource {
         near: 0.1,
         objects: objects.into_iter().map(|triangles| SourceObject::new("object", triangles)).collect(),
         walks: Vec::new(),
+        cells: None,
     }
 }
 

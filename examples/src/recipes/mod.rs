@@ -109,6 +109,7 @@ fn scene_on(
         near,
         objects: parts.into_objects(),
         walks: routes.iter().map(|route| route.walk(&ground)).collect(),
+        cells: None,
     }
 }
 

@@ -9,9 +9,10 @@ use super::rooms::{Floor, RoomKind, furnish};
 use super::walls::{Opening, Wall};
 use super::{Limits, Route, scene};
 use crate::error::SourceError;
-use crate::source::SceneSource;
+use crate::source::{SceneSource, SourceCells};
 use crate::walk::Walk;
 use glam::DVec3;
+use visibility_core::{CellGraph, CellId, ConvexPolygon, Viewcell, Viewcells};
 
 const SEED: u64 = 5;
 
@@ -96,7 +97,27 @@ pub fn office(floors: u32, rooms: u32) -> Result<Office, SourceError> {
     if floors > 1 {
         scene.walks.push(upstairs());
     }
+    scene.cells = Some(source_cells(&building.cells, &building.portals)?);
     Ok(Office { scene, cells: building.cells, portals: building.portals })
+}
+
+/// The cells and portals as cullers take them: with the normal of each portal into the second of its cells.
+fn source_cells(cells: &[Cell], portals: &[Portal]) -> Result<SourceCells, SourceError> {
+    let refused = |error: &dyn std::fmt::Display| SourceError::recipe("office", error.to_string());
+    let mut polygons = Vec::with_capacity(portals.len());
+    for portal in portals {
+        let mut quad = portal.quad;
+        let into = &cells[portal.cells[1]];
+        let normal = (quad[1] - quad[0]).cross(quad[2] - quad[0]);
+        if normal.dot((into.min + into.max) * 0.5 - quad[0]) < 0.0 {
+            quad.reverse();
+        }
+        let polygon = ConvexPolygon::new(quad).map_err(|error| refused(&error))?;
+        polygons.push((polygon, portal.cells.map(|cell| CellId(cell as u32))));
+    }
+    let graph = CellGraph::new(cells.len(), polygons).map_err(|error| refused(&error))?;
+    let viewcells = Viewcells::new(cells.iter().map(|cell| Viewcell::from_box(cell.min, cell.max)));
+    Ok(SourceCells { graph, viewcells, names: cells.iter().map(|cell| cell.name.clone()).collect() })
 }
 
 struct Building {
@@ -336,3 +357,20 @@ const UPSTAIRS: Route = Route {
         [33.93, -3.6],
     ],
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_come_as_cullers_take_them() {
+        let office = office(2, 4).unwrap();
+        let cells = office.scene.cells.unwrap();
+        assert_eq!((cells.graph.cell_count(), cells.graph.portals().len()), (20, 19));
+        assert_eq!((cells.viewcells.cells().len(), cells.names.len()), (20, 20));
+        cells
+            .graph
+            .validate(1e-9)
+            .expect("portals on the boundaries of their cells, normals into the second");
+    }
+}

@@ -1,8 +1,9 @@
 //! A scene source made into what cullers work on: a [`Scene`], and a [`View`] for every frame.
 
+use crate::source::SourceCells;
 use crate::{SceneSource, SourceError, frames};
 use glam::DVec3;
-use visibility_core::{Aabb, Object, Pose, Preparation, Scene, View, ViewError};
+use visibility_core::{Aabb, CellId, Object, ObjectId, Pose, Preparation, Scene, View, ViewError};
 
 /// A scene ready to be walked through.
 pub struct World {
@@ -20,7 +21,7 @@ pub struct World {
 
 impl World {
     /// Fills a scene and makes a view of every key of the walks, or of `count` frames spread evenly over them.
-    pub fn new(source: SceneSource, size: (u32, u32), count: Option<usize>) -> Result<Self, WorldError> {
+    pub fn new(mut source: SceneSource, size: (u32, u32), count: Option<usize>) -> Result<Self, WorldError> {
         let keys = source.walks.iter().map(|walk| walk.keys.len()).sum();
         let frames = frames(&source.walks, count.unwrap_or(keys));
         if frames.is_empty() {
@@ -45,6 +46,10 @@ impl World {
             occluder: object.opaque,
             ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
         }));
+        if let Some(cells) = &mut source.cells {
+            let pairs = objects_in_cells(&scene, &ids, cells);
+            cells.graph.set_objects(pairs).expect("the cells are those of the graph");
+        }
         for (id, object) in ids.into_iter().zip(&source.objects) {
             scene.set_triangles(id, object.triangles.as_slice()).expect("the object was just inserted");
         }
@@ -58,10 +63,33 @@ impl World {
         (0..).zip(self.source.objects.iter().map(|object| object.triangles.as_slice()))
     }
 
+    /// The cells and portals that the scene comes with, and the objects in each cell.
+    ///
+    /// # Errors
+    /// Says so if there are none.
+    pub fn cells(&self) -> Result<&SourceCells, String> {
+        self.source.cells.as_ref().ok_or_else(|| "this scene has no cells and portals".to_owned())
+    }
+
     /// The point that everything is relative to.
     pub fn origin(&self) -> DVec3 {
         self.scene.origin()
     }
+}
+
+/// Each object with every cell whose box its own box meets, touching included: a wall between two rooms is in both.
+fn objects_in_cells(scene: &Scene, ids: &[ObjectId], cells: &SourceCells) -> Vec<(CellId, ObjectId)> {
+    let mut pairs = Vec::new();
+    for &id in ids {
+        let Ok(bounds) = scene.bounds(id) else { continue };
+        let (min, max) = (bounds.min.as_dvec3() + scene.origin(), bounds.max.as_dvec3() + scene.origin());
+        for (number, cell) in (0..).zip(cells.viewcells.cells()) {
+            if cell.min.cmple(max).all() && min.cmple(cell.max).all() {
+                pairs.push((CellId(number), id));
+            }
+        }
+    }
+    pairs
 }
 
 /// Why a scene cannot be walked through.
