@@ -60,7 +60,9 @@ pub use casters::{CasterCuller, Light, LightError};
 pub use cells::{CellGraph, CellGraphError, CellId, Portal, PortalId};
 pub use culler::{Accuracy, CullStats, Culler};
 pub use frustum::FrustumCuller;
-pub use geometry::{Aabb, Containment, ConvexPolygon, Plane, PolygonError, Sphere};
+pub use geometry::{
+    Aabb, Containment, ConvexPolygon, Plane, PolygonError, PolygonSide, Side, SidePlane, Sphere,
+};
 pub use glam;
 pub use occlusion::{
     BoxHierarchy, Child, Edge, HardwareQueries, Late, MeshError, OccluderMesh, Occlusion, Occlusion64,

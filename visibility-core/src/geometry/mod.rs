@@ -10,11 +10,13 @@
 mod aabb;
 mod convex_polygon;
 mod plane;
+mod side;
 mod sphere;
 
 pub use aabb::Aabb;
 pub use convex_polygon::{ConvexPolygon, PolygonError};
 pub use plane::Plane;
+pub use side::{PolygonSide, Side, SidePlane, orientation};
 pub use sphere::Sphere;
 
 /// Where a shape lies with respect to a half-space or a volume.

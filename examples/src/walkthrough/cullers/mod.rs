@@ -1,6 +1,7 @@
 //! Cullers by the names that programs take on the command line. Each family of cullers has a file of its own here, with a table of its
 //! names; a culler that needs something made from the scene first makes it when it is asked for.
 
+mod bsp;
 mod hzb;
 
 use super::World;
@@ -23,7 +24,7 @@ type Made = Result<Box<dyn Culler + Send>, String>;
 
 /// All cullers that can be asked for, besides `frustum`, which every pipeline begins with.
 pub fn known() -> impl Iterator<Item = &'static Known> {
-    [hzb::KNOWN].into_iter().flatten()
+    [hzb::KNOWN, bsp::KNOWN].into_iter().flatten()
 }
 
 /// Pipelines from a list such as `frustum,a,a+b:10%`: separated by commas; `a+b` runs `b` after `a`, and `b:10%` sets the dial of `b`.

@@ -1,0 +1,281 @@
+//! On which side of a plane a point or a polygon lies, decided only where rounding leaves no doubt.
+//!
+//! What divides space by planes (BSP trees, occlusion trees, shadow frusta) asks one question over and over: front, back, or too close to
+//! tell. Two forms of it are here. [`SidePlane`] takes the coefficients of a plane as given and adds a margin that holds for all points of
+//! some extent, cut points included. [`orientation`] takes three points instead, so that the rounding of the plane itself is in the bound
+//! (after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997: the filter of its `orient3d`).
+
+use super::Plane;
+use glam::DVec3;
+
+/// Unit round-off of `f64`.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// Where a point lies with respect to a plane.
+///
+/// ```
+/// use visibility_core::{Side, glam::DVec3, geometry::orientation};
+/// assert_eq!(orientation(DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z), Side::Front);
+/// assert_eq!(Side::Front.opposite(), Side::Back);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
+pub enum Side {
+    /// Surely on the side that the normal points to.
+    Front,
+    /// So close to the plane that rounding may have decided the sign, or not a number.
+    On,
+    /// Surely on the other side.
+    Back,
+}
+
+impl Side {
+    /// The side of a signed distance of which the error is at most `margin`.
+    #[inline]
+    pub fn of(distance: f64, margin: f64) -> Self {
+        if distance > margin {
+            Self::Front
+        } else if distance < -margin {
+            Self::Back
+        } else {
+            Self::On
+        }
+    }
+
+    /// The side as seen with the plane turned round.
+    pub const fn opposite(self) -> Self {
+        match self {
+            Self::Front => Self::Back,
+            Self::On => Self::On,
+            Self::Back => Self::Front,
+        }
+    }
+}
+
+/// Where a polygon, or any set of points, lies with respect to a plane.
+///
+/// ```
+/// use visibility_core::{Plane, PolygonSide, SidePlane, glam::DVec3};
+/// let plane = SidePlane::new(Plane::new(DVec3::Z, 0.0), DVec3::ONE);
+/// // One corner touches: all of it is in front.
+/// assert_eq!(plane.side_of_polygon(&[DVec3::ZERO, DVec3::Z, DVec3::ONE]), PolygonSide::Front);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
+pub enum PolygonSide {
+    /// No point is behind, and at least one is in front.
+    Front,
+    /// No point is off the plane: the polygon lies in it, or is too thin to tell.
+    On,
+    /// No point is in front, and at least one is behind.
+    Back,
+    /// Some points are in front and some behind.
+    Across,
+}
+
+/// A plane and how far from it a point must be for its side to be sure: wide enough for points that were themselves computed by
+/// [`crossing`](Self::crossing), so that what was cut along a plane is never cut along it again.
+///
+/// ```
+/// use visibility_core::{Plane, Side, SidePlane, glam::DVec3};
+/// let plane = Plane::from_points(DVec3::X, DVec3::Y, DVec3::Z).unwrap();
+/// let plane = SidePlane::new(plane, DVec3::splat(10.0));
+/// let (a, b) = (DVec3::splat(-7.0), DVec3::new(9.0, 1.0, 3.0));
+/// assert_eq!((plane.side(a), plane.side(b)), (Side::Back, Side::Front));
+/// assert_eq!(plane.side(plane.crossing(a, b)), Side::On);
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct SidePlane {
+    /// The plane, its normal of any length.
+    pub plane: Plane,
+    /// Distances, in units of the normal's length, up to this are [`Side::On`].
+    pub margin: f64,
+}
+
+impl SidePlane {
+    /// A plane for points whose coordinates are at most `magnitude` on each axis, in absolute value.
+    ///
+    /// With `E` the [bound](Plane::error_bound) on the error of a signed distance at that magnitude, the margin is `8 E`:
+    /// - a signed distance is computed with an error of at most `E`;
+    /// - a cut point is `a + (b - a) t` with `t = da / (da - db)`. Errors of `E` in `da` and `db` move it by at most `2 E` along the normal, the
+    ///   rounding of the quotient, the product and the sum of each coordinate by `6 u` of the coordinates, which is `E` once more. So a
+    ///   cut point is found within `4 E` of the plane that it was cut by;
+    /// - the rest, `4 E`, is for a second plane through the same polygon, computed from other vertices of it.
+    pub fn new(plane: Plane, magnitude: DVec3) -> Self {
+        Self { plane, margin: 8.0 * plane.error_bound(magnitude) }
+    }
+
+    /// Where a point lies.
+    #[inline]
+    pub fn side(&self, p: DVec3) -> Side {
+        Side::of(self.plane.signed_distance(p), self.margin)
+    }
+
+    /// Where a polygon lies; `On` without points. One that reaches no farther than the margin to one side goes whole to the other.
+    #[inline]
+    pub fn side_of_polygon(&self, points: &[DVec3]) -> PolygonSide {
+        let (mut least, mut greatest) = (0.0f64, 0.0f64);
+        for &p in points {
+            let distance = self.plane.signed_distance(p);
+            least = if distance < least { distance } else { least };
+            greatest = if distance > greatest { distance } else { greatest };
+        }
+        match (greatest > self.margin, least < -self.margin) {
+            (false, false) => PolygonSide::On,
+            (true, false) => PolygonSide::Front,
+            (false, true) => PolygonSide::Back,
+            (true, true) => PolygonSide::Across,
+        }
+    }
+
+    /// Where the plane cuts the segment between two points that lie on different sides of it: the same point, to the last bit, whichever
+    /// end comes first and whichever way the plane faces, so that two polygons that share an edge are cut without a crack.
+    #[inline]
+    pub fn crossing(&self, a: DVec3, b: DVec3) -> DVec3 {
+        let (a, b) = if (a.x, a.y, a.z) <= (b.x, b.y, b.z) { (a, b) } else { (b, a) };
+        let (da, db) = (self.plane.signed_distance(a), self.plane.signed_distance(b));
+        let point = a + (b - a) * (da / (da - db));
+        // Rounding must not carry it beyond the segment's own box, nor a quotient of two zeros into the polygon.
+        if point.is_nan() { a } else { point.clamp(a.min(b), a.max(b)) }
+    }
+}
+
+/// On which side of the plane through `a`, `b` and `c` the point `p` lies; in front is the side from which the three are seen in
+/// counter-clockwise order. `On` where rounding could have decided, which includes three points (almost) on a line.
+///
+/// The determinant of the differences to `p` is a sum of six products of three. Each difference is rounded once, each product of two
+/// differences once and the difference of two such products once, the product with the third and the two sums once more each: 3 + 1 + 1 +
+/// 1 + 2 roundings, `8u` of the sum of magnitudes, of which `10u` are taken to cover second-order terms and the rounding of the bound itself. Underflow
+/// of a product loses at most the least normal number, times the differences it is multiplied by.
+pub fn orientation(a: DVec3, b: DVec3, c: DVec3, p: DVec3) -> Side {
+    let (a, b, c) = (a - p, b - p, c - p);
+    let minors = [(b.y * c.z, b.z * c.y), (b.z * c.x, b.x * c.z), (b.x * c.y, b.y * c.x)];
+    let [x, y, z] = minors.map(|(s, t)| s - t);
+    let [mx, my, mz] = minors.map(|(s, t)| s.abs() + t.abs());
+    let (abs, least) = (a.abs(), f64::MIN_POSITIVE);
+    // Counter-clockwise seen from p means that the three turn the other way around the differences.
+    let determinant = -(a.x * x + a.y * y + a.z * z);
+    let magnitude = abs.x * mx + abs.y * my + abs.z * mz;
+    Side::of(determinant, 10.0 * U * magnitude + 8.0 * least * (abs.x + abs.y + abs.z) + 8.0 * least)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Random(u64);
+
+    impl Random {
+        fn range(&mut self, least: f64, greatest: f64) -> f64 {
+            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            least + (greatest - least) * ((self.0 >> 33) as f64 / (1u64 << 31) as f64)
+        }
+    }
+
+    fn point(random: &mut Random, scale: f64) -> DVec3 {
+        DVec3::from_array(core::array::from_fn(|_| random.range(-scale, scale)))
+    }
+
+    /// Sign of the determinant in integers: coordinates are multiples of 1/1024 up to 1024.
+    fn exact(a: DVec3, b: DVec3, c: DVec3, p: DVec3) -> i128 {
+        let whole = |v: DVec3| v.to_array().map(|x| (x * 1024.0) as i128);
+        let [a, b, c, p] = [a, b, c, p].map(whole);
+        let d = |v: [i128; 3]| [v[0] - p[0], v[1] - p[1], v[2] - p[2]];
+        let (a, b, c) = (d(a), d(b), d(c));
+        -(a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0]))
+            .signum()
+    }
+
+    #[test]
+    fn orientation_is_never_wrong_and_mostly_sure() {
+        let mut random = Random(5);
+        let (mut sure, mut flat) = (0, 0);
+        for _ in 0..20_000 {
+            let grid = |v: DVec3| (v * 1024.0).round() / 1024.0;
+            let [a, b, c] = core::array::from_fn(|_| grid(point(&mut random, 1000.0)));
+            let (s, t) = (random.range(0.0, 1.0), random.range(0.0, 1.0));
+            let near = grid(a + (b - a) * s + (c - a) * t);
+            for p in [grid(point(&mut random, 1000.0)), near, a] {
+                let expected = match exact(a, b, c, p) {
+                    1 => Side::Front,
+                    -1 => Side::Back,
+                    _ => Side::On,
+                };
+                let found = orientation(a, b, c, p);
+                assert!(found == expected || found == Side::On, "{a} {b} {c} {p}: {found:?}");
+                sure += usize::from(found != Side::On);
+                flat += usize::from(expected == Side::On);
+            }
+        }
+        assert!(sure > 39_000 && flat >= 20_000, "{sure} {flat}");
+        // Scaling by powers of two changes nothing but the exponents.
+        for scale in [1e-60, 1e60] {
+            let [a, b, c, p] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|v| v * scale);
+            assert_eq!(orientation(a, b, c, p), Side::Front);
+            assert_eq!(orientation(a, b, c, -p), Side::Back);
+        }
+        assert_eq!(orientation(DVec3::NAN, DVec3::X, DVec3::Y, DVec3::Z), Side::On);
+    }
+
+    #[test]
+    fn points_of_one_plane_are_on_it_though_their_determinant_is_not_zero() {
+        let mut random = Random(6);
+        let mut rounded = 0;
+        for _ in 0..10_000 {
+            let whole = |v: DVec3| v.round();
+            let [u, v] = [whole(point(&mut random, 1e6)), whole(point(&mut random, 1e6))];
+            // Below 2^41: exact, as are the differences; their products are not.
+            let [a, b, c, p] = core::array::from_fn(|_| {
+                u * random.range(-1e5, 1e5).round() + v * random.range(-1e5, 1e5).round()
+            });
+            assert_eq!(orientation(a, b, c, p), Side::On);
+            rounded += usize::from((a - p).dot((b - p).cross(c - p)) != 0.0);
+        }
+        assert!(rounded > 1000, "{rounded}");
+    }
+
+    #[test]
+    fn cut_points_are_on_the_plane_and_the_same_from_both_ends() {
+        let mut random = Random(7);
+        let mut worst = 0.0f64;
+        for scale in [1e-12, 1.0, 1e12] {
+            for _ in 0..20_000 {
+                let normal = point(&mut random, 1.0).normalize();
+                let plane = Plane::through(point(&mut random, scale), normal);
+                let plane = SidePlane::new(plane, DVec3::splat(scale));
+                let (a, b) = (point(&mut random, scale), point(&mut random, scale));
+                if plane.side_of_polygon(&[a, b]) != PolygonSide::Across {
+                    continue;
+                }
+                let cut = plane.crossing(a, b);
+                assert_eq!(cut, plane.crossing(b, a));
+                assert_eq!(cut, SidePlane { plane: plane.plane.flipped(), ..plane }.crossing(a, b));
+                assert_eq!(plane.side(cut), Side::On);
+                worst = worst.max(plane.plane.signed_distance(cut).abs() / plane.margin);
+            }
+        }
+        // The margin is not far more than what is needed.
+        assert!(worst > 0.02, "{worst}");
+    }
+
+    #[test]
+    fn polygons_touching_or_thinner_than_the_margin_are_whole() {
+        let plane = SidePlane::new(Plane::new(DVec3::Z, 0.0), DVec3::ONE);
+        let at = |heights: [f64; 3]| {
+            let [a, b, c] = heights;
+            plane.side_of_polygon(&[
+                DVec3::new(0.0, 0.0, a),
+                DVec3::new(1.0, 0.0, b),
+                DVec3::new(0.0, 1.0, c),
+            ])
+        };
+        assert_eq!(at([0.0, 0.0, 0.5]), PolygonSide::Front);
+        assert_eq!(at([0.0, -1e-17, -0.5]), PolygonSide::Back);
+        assert_eq!(at([plane.margin, -plane.margin, 0.0]), PolygonSide::On);
+        assert_eq!(at([2.0 * plane.margin, -plane.margin, 0.0]), PolygonSide::Front);
+        assert_eq!(at([2.0 * plane.margin, -2.0 * plane.margin, 0.0]), PolygonSide::Across);
+        assert_eq!(at([f64::NAN, 0.0, 0.0]), PolygonSide::On);
+        assert_eq!(plane.side_of_polygon(&[]), PolygonSide::On);
+        assert!(!plane.crossing(DVec3::ZERO, DVec3::ZERO).is_nan());
+    }
+}
