@@ -128,4 +128,62 @@ impl Viewcells {
         }
         found
     }
+
+    /// Calls `each` with the viewcells that may touch a box of the world, boundaries included: those of which a corner or more of the box is
+    /// on the inner side of each plane, or so near it that rounding cannot tell. None for a box with a NaN. Takes time in proportion
+    /// to the logarithm of their number, and to how many there are.
+    pub fn for_each_touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(CellId)) {
+        let meets = |low: DVec3, high: DVec3| low.cmple(max).all() && min.cmple(high).all();
+        let (magnitude, mut at) = (min.abs().max(max.abs()), 0);
+        while let Some(node) = self.nodes.get(at) {
+            if !meets(node.min, node.max) {
+                at = node.next as usize;
+                continue;
+            }
+            for &i in &self.order[node.start as usize..node.end as usize] {
+                let cell = &self.cells[i as usize];
+                // A NaN, of an infinite box, does not tell.
+                let beyond = |plane: &Plane| {
+                    let far = DVec3::select(plane.normal.cmpge(DVec3::ZERO), max, min);
+                    plane.signed_distance(far) < -plane.error_bound(magnitude)
+                };
+                if meets(cell.min, cell.max) && !cell.planes.iter().any(beyond) {
+                    each(CellId(i));
+                }
+            }
+            at += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_touch_the_viewcells_that_they_reach() {
+        let mut cells: Vec<Viewcell> = (0..40)
+            .map(|i| {
+                Viewcell::from_box(
+                    DVec3::new(f64::from(i), 0.0, 0.0),
+                    DVec3::new(f64::from(i) + 1.0, 1.0, 1.0),
+                )
+            })
+            .collect();
+        // Cut off one corner: what is left is where x + y <= 3.5.
+        cells[3].planes.push(Plane::new(DVec3::new(-1.0, -1.0, 0.0), 3.5));
+        let viewcells = Viewcells::new(cells);
+        let touching = |min: [f64; 3], max: [f64; 3]| {
+            let mut found = Vec::new();
+            viewcells.for_each_touching(min.into(), max.into(), |cell| found.push(cell.0));
+            found.sort_unstable();
+            found
+        };
+        assert_eq!(touching([7.5, 0.1, 0.1], [9.0, 0.2, 0.2]), [7, 8, 9], "touching counts");
+        assert_eq!(touching([3.2, 0.1, 0.1], [3.3, 0.2, 0.2]), [3]);
+        assert_eq!(touching([3.7, 0.7, 0.1], [3.8, 0.8, 0.2]), []);
+        assert_eq!(touching([3.75, 0.2, 0.1], [9.0, 0.3, 0.2])[..2], [4, 5], "beyond the corner");
+        assert_eq!(touching([f64::NAN; 3], [9.0; 3]), []);
+        assert_eq!(touching([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]).len(), 40);
+    }
 }
