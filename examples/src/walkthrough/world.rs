@@ -40,6 +40,16 @@ impl World {
             poses.push((pose, frame.walk));
         }
 
+        Ok(Self::with_views(source, views, poses, size))
+    }
+
+    /// The same with views made elsewhere; `poses` may be empty where nothing is drawn.
+    pub fn with_views(
+        source: SceneSource,
+        views: Vec<View>,
+        poses: Vec<(Pose, usize)>,
+        size: (u32, u32),
+    ) -> Self {
         let mut scene = Scene::new();
         let ids = scene.insert_batch(source.objects.iter().map(|object| Object {
             cost: u32::try_from(object.triangles.len()).unwrap_or(u32::MAX),
@@ -55,7 +65,7 @@ impl World {
         }
         // Scenes are drawn with both faces, and files are not to be trusted with the order of corners.
         scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
-        Ok(Self { source, scene, views, poses, size })
+        Self { source, scene, views, poses, size }
     }
 
     /// The objects as the item buffer takes them: index and triangles, in order.

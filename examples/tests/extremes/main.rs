@@ -1,0 +1,90 @@
+//! Every culler at the extremes of its input: coordinates from 1e-30 to 1e30, eyes in the worst places, polygons that are none, cameras
+//! that see almost nothing or almost everything. No panic, no hang, and what promises to be conservative hides nothing that an
+//! exact ray sees.
+//!
+//! Cullers are taken from the table that `walkthrough` takes them from, so a new one is tested as soon as it can be asked for.
+//! `EXTREMES_CASES` sets how many random worlds are tried, 60 by default.
+
+#[path = "../../../visibility-core/tests/common/mod.rs"]
+mod common;
+mod oracle;
+mod strategies;
+
+use common::Random;
+use strategies::World;
+use visibility_core::VisibleSet;
+use visibility_examples::walkthrough::cullers::{known, parse};
+
+/// All cullers at each setting of their dials.
+fn entries() -> Vec<String> {
+    let dials = |culler: &visibility_examples::walkthrough::cullers::Known| {
+        let name = culler.name;
+        let settings = culler.dials.iter().map(move |dial| format!("{name}:{dial}"));
+        settings.chain(culler.dials.is_empty().then(|| name.to_owned())).collect::<Vec<_>>()
+    };
+    ["frustum".to_owned()].into_iter().chain(known().flat_map(dials)).collect()
+}
+
+/// What a culler did over several worlds.
+#[derive(Default, Debug)]
+struct Tally {
+    worlds: usize,
+    hidden: usize,
+    rays: usize,
+}
+
+/// Culls every view of a world and shoots rays at what was hidden.
+fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tally) {
+    let world: &World = &case.world;
+    // A culler that does not go with the world says so.
+    let Ok(mut made) = parse(entry, world) else { return };
+    let mut pipeline = made.remove(0).1;
+    tally.worlds += 1;
+    let promises = pipeline.accuracy().never_hides();
+    let mut visible = VisibleSet::new();
+    for (number, view) in world.views.iter().enumerate() {
+        pipeline.cull(&world.scene, view, &mut visible);
+        let mut seen = vec![false; world.source.objects.len()];
+        visible.iter(&world.scene).for_each(|id| seen[id.index()] = true);
+        let hidden: Vec<usize> = (0..seen.len()).filter(|&index| !seen[index]).collect();
+        tally.hidden += hidden.len();
+        if !promises {
+            continue;
+        }
+        for &index in &hidden {
+            if let Some(point) = oracle::seen_point(world, view, index, rng, &mut tally.rays) {
+                panic!(
+                    "{entry} hides object {index} of {} ({}), view {number}, though the point {point} of it is seen",
+                    world.source.name, case.what
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn random_worlds_at_the_extremes() {
+    let cases = std::env::var("EXTREMES_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(60);
+    let entries = entries();
+    let mut tallies: Vec<Tally> = entries.iter().map(|_| Tally::default()).collect();
+    for seed in 0..cases {
+        let case = strategies::random(&mut Random(seed));
+        for (entry, tally) in entries.iter().zip(&mut tallies) {
+            check(entry, &case, &mut Random(seed), tally);
+        }
+    }
+    for (entry, tally) in entries.iter().zip(&tallies) {
+        println!("{entry}: {} worlds, {} objects hidden, {} rays", tally.worlds, tally.hidden, tally.rays);
+        let easy = tally.worlds > 0 && tally.hidden == 0;
+        assert!(!easy, "{entry} hid nothing in {} worlds: too easy", tally.worlds);
+    }
+}
+
+#[test]
+fn scenes_of_nothing_of_one_object_and_of_many_in_one_point() {
+    for case in strategies::degenerate_counts() {
+        for entry in entries() {
+            check(&entry, &case, &mut Random(1), &mut Tally::default());
+        }
+    }
+}

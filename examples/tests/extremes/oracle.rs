@@ -1,0 +1,107 @@
+//! Rays in `f64` with bounds on their own rounding: a point counts as seen only if that is beyond doubt.
+
+use crate::common::Random;
+use glam::{DVec3, Vec3};
+use visibility_core::{Eye, View};
+use visibility_examples::walkthrough::World;
+
+/// Points tried on each object.
+const POINTS: usize = 6;
+
+/// A random point of an object to which an unobstructed segment runs from the eye, inside the view, beyond any doubt of rounding.
+/// `rays` counts the segments that were in view.
+pub(crate) fn seen_point(
+    world: &World,
+    view: &View,
+    object: usize,
+    rng: &mut Random,
+    rays: &mut usize,
+) -> Option<DVec3> {
+    let (source, origin) = (&world.source, world.origin());
+    let triangles = &source.objects[object].triangles;
+    if triangles.is_empty() {
+        return None;
+    }
+    for _ in 0..POINTS {
+        let which = rng.below(triangles.len());
+        let [a, b, c] = triangles[which].map(|p| p.as_dvec3());
+        let (mut u, mut v) = (rng.unit(), rng.unit());
+        if u + v > 1.0 {
+            (u, v) = (1.0 - u, 1.0 - v);
+        }
+        let point = a * (1.0 - u - v) + b * u + c * v;
+        if !point.is_finite() || !surely_in_view(view, origin, point) {
+            continue;
+        }
+        *rays += 1;
+        let from = match view.eye(origin) {
+            Eye::Point(eye) => Segment { from: eye, to: point },
+            // Parallel rays: from far before the near plane; what lies before it does not occlude, so all of it may be crossed.
+            Eye::Direction(_) => continue,
+        };
+        let blocked = source.objects.iter().enumerate().any(|(index, other)| {
+            (other.triangles.iter().enumerate())
+                .any(|(number, triangle)| (index, number) != (object, which) && from.may_meet(triangle))
+        });
+        if !blocked {
+            return Some(point);
+        }
+    }
+    None
+}
+
+/// Relative error of a sum of a few products, with much to spare.
+const ROUNDING: f64 = 1e-11;
+
+/// Inside all clip planes by more than rounding.
+fn surely_in_view(view: &View, origin: DVec3, point: DVec3) -> bool {
+    view.planes(origin).as_slice().iter().all(|plane| {
+        let (n, d) = (plane.plane.normal, plane.plane.offset);
+        let size = n.abs().dot(point.abs()) + d.abs();
+        n.dot(point) + d > ROUNDING * size + plane.error
+    })
+}
+
+struct Segment {
+    from: DVec3,
+    to: DVec3,
+}
+
+impl Segment {
+    /// Whether the segment may meet the triangle; false only if that is certain.
+    fn may_meet(&self, triangle: &[Vec3; 3]) -> bool {
+        let corners = triangle.map(|p| p.as_dvec3());
+        if corners.iter().any(|p| !p.is_finite()) {
+            // It blocks nothing that could be computed, but what an engine draws of it is anyone's guess.
+            return true;
+        }
+        // Beyond one of the six sides of the segment's box.
+        let (low, high) = (self.from.min(self.to), self.from.max(self.to));
+        if (0..3).any(|i| corners.iter().all(|p| p[i] < low[i]) || corners.iter().all(|p| p[i] > high[i])) {
+            return false;
+        }
+        // The segment's line passes the edges on different sides.
+        let signs = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| side(self.from, self.to, corners[i], corners[j]));
+        if signs.contains(&Some(1)) && signs.contains(&Some(-1)) {
+            return false;
+        }
+        // Both ends are on one side of the triangle's plane.
+        let [a, b, c] = corners;
+        let ends = [self.from, self.to].map(|p| side(a, b, c, p));
+        !(ends == [Some(1); 2] || ends == [Some(-1); 2])
+    }
+}
+
+/// The sign of the volume of four points; `None` where rounding might have made it.
+fn side(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> Option<i32> {
+    let (u, v, w) = (b - a, c - a, d - a);
+    let magnitude = a.abs();
+    // The differences carry an error of a rounding of their operands.
+    let (su, sv, sw) = (b.abs() + magnitude, c.abs() + magnitude, d.abs() + magnitude);
+    let volume = u.dot(v.cross(w));
+    let terms =
+        |x: DVec3, y: DVec3| DVec3::new(x.y * y.z + x.z * y.y, x.z * y.x + x.x * y.z, x.x * y.y + x.y * y.x);
+    let size = su.dot(terms(sv, sw));
+    (size.is_finite() && size > 1e-290 && volume.abs() > ROUNDING * size)
+        .then(|| if volume > 0.0 { 1 } else { -1 })
+}

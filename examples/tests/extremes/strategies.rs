@@ -1,0 +1,244 @@
+//! Worlds at the extremes: what every culler is tried on.
+
+use crate::common::{DEPTHS, Random, projection};
+use glam::{DMat4, DVec3, DVec4, Vec3};
+use visibility_core::{Pose, View, Window};
+pub(crate) use visibility_examples::walkthrough::World;
+use visibility_examples::{SceneSource, SourceObject};
+
+/// A world, and what is extreme about it.
+pub(crate) struct Case {
+    pub(crate) what: String,
+    pub(crate) world: World,
+}
+
+/// Objects are made around the origin with a size of about one, spoiled, and then stretched to their scale.
+pub(crate) fn random(rng: &mut Random) -> Case {
+    let mut objects = Vec::new();
+    let kind = rng.below(5);
+    let count = 1 + rng.below(40);
+    for number in 0..count {
+        let triangles = match kind {
+            0 => soup(rng),
+            1 => cuboid(rng.vector(4.0), rng.vector(1.5).abs()),
+            2 => grid_cube(rng),
+            3 => wall(rng),
+            _ => match rng.below(4) {
+                0 => soup(rng),
+                1 => cuboid(rng.vector(4.0), rng.vector(0.5).abs()),
+                2 => grid_cube(rng),
+                _ => wall(rng),
+            },
+        };
+        objects.push(SourceObject::new(format!("object {number}"), triangles));
+    }
+    // Copies of others: everything coincides.
+    for _ in 0..rng.below(4) {
+        let copy = objects[rng.below(objects.len())].clone();
+        objects.push(copy);
+    }
+    let mut what = format!("kind {kind}");
+    let scale = stretch(rng, &mut objects, &mut what);
+    spoil(rng, &mut objects, &mut what);
+    // The whole world far away, as planets are, by the origin in `f64`.
+    let origin = if rng.one_in(3) { rng.vector(1e8) } else { DVec3::ZERO };
+    what += &format!(", origin {origin}");
+    let views = (0..4).map(|_| view(rng, &objects, scale, origin)).collect();
+    let mut case = case(what, objects, views);
+    case.world.scene.set_origin(origin).expect("a finite origin");
+    case
+}
+
+fn case(what: String, objects: Vec<SourceObject>, views: Vec<View>) -> Case {
+    let source = SceneSource { name: "extremes".into(), up: Vec3::Z, near: 0.1, objects, walks: Vec::new() };
+    Case { what, world: World::with_views(source, views, Vec::new(), (64, 36)) }
+}
+
+type Triangles = Vec<[Vec3; 3]>;
+
+fn soup(rng: &mut Random) -> Triangles {
+    let centre = rng.vector(4.0);
+    let mut triangles = Triangles::new();
+    for _ in 0..1 + rng.below(8) {
+        let mut corner = || (centre + rng.vector(1.0)).as_vec3();
+        let (a, b, c) = (corner(), corner(), corner());
+        triangles.push(match rng.below(8) {
+            // No area: a point, an edge, three points in a row.
+            0 => [a, a, a],
+            1 => [a, b, b],
+            2 => [a, b, a + (b - a) * 0.5],
+            // A sliver.
+            3 => [a, b, a + (b - a) * 0.5 + Vec3::splat(1e-6)],
+            // Nearly in the plane of the one before.
+            4 if !triangles.is_empty() => triangles[0].map(|p| p + Vec3::new(0.0, 0.0, 1e-6)),
+            // The other side of the one before.
+            5 if !triangles.is_empty() => {
+                let [a, b, c] = triangles[triangles.len() - 1];
+                [a, c, b]
+            }
+            _ => [a, b, c],
+        });
+    }
+    triangles
+}
+
+fn cuboid(centre: DVec3, half: DVec3) -> Triangles {
+    let (low, high) = ((centre - half).as_vec3(), (centre + half).as_vec3());
+    let corner = |i: usize| {
+        Vec3::new(
+            if i & 1 == 0 { low.x } else { high.x },
+            if i & 2 == 0 { low.y } else { high.y },
+            if i & 4 == 0 { low.z } else { high.z },
+        )
+    };
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let two = |[a, b, c, d]: [usize; 4]| [[a, b, c], [a, c, d]];
+    faces.into_iter().flat_map(two).map(|t| t.map(corner)).collect()
+}
+
+/// A unit cube of a grid: its faces, edges and corners are those of its neighbours.
+fn grid_cube(rng: &mut Random) -> Triangles {
+    let mut at = || f64::from(rng.between(-3, 3));
+    let centre = DVec3::new(at(), at(), at());
+    cuboid(centre, DVec3::splat(0.5))
+}
+
+/// A large thin wall in an axis-aligned plane, often without any thickness.
+fn wall(rng: &mut Random) -> Triangles {
+    let mut half = DVec3::splat(rng.range(1.0, 6.0));
+    half[rng.below(3)] = if rng.one_in(2) { 0.0 } else { 1e-3 };
+    cuboid(rng.vector(4.0).round(), half)
+}
+
+/// Brings everything to a scale, or each object to one of its own, or each axis; returns the scale that eyes are placed by.
+fn stretch(rng: &mut Random, objects: &mut [SourceObject], what: &mut String) -> DVec3 {
+    let power = |rng: &mut Random| 10f64.powi(rng.between(-30, 30));
+    let scale = match rng.below(4) {
+        0 => DVec3::ONE,
+        1 => DVec3::splat(power(rng)),
+        // Axes differ, within what keeps most volumes within the range of numbers.
+        2 => DVec3::new(power(rng), power(rng), power(rng)).powf(0.3),
+        _ => {
+            *what += ", each object at its own scale";
+            for object in objects.iter_mut() {
+                let own = power(rng).powf(0.5);
+                place(object, DVec3::splat(own), DVec3::ZERO);
+            }
+            DVec3::splat(power(rng).powf(0.3))
+        }
+    };
+    // Far from the origin, where coordinates are coarse.
+    let far = if rng.one_in(4) { rng.vector(1e4) } else { DVec3::ZERO };
+    *what += &format!(", scale {:e} {:e} {:e}, moved by {far}", scale.x, scale.y, scale.z);
+    objects.iter_mut().for_each(|object| place(object, scale, far));
+    scale
+}
+
+fn place(object: &mut SourceObject, scale: DVec3, offset: DVec3) {
+    for point in object.triangles.iter_mut().flatten() {
+        *point = ((point.as_dvec3() + offset) * scale).as_vec3();
+    }
+}
+
+/// Puts values that are no places into a few coordinates.
+fn spoil(rng: &mut Random, objects: &mut [SourceObject], what: &mut String) {
+    if !rng.one_in(3) {
+        return;
+    }
+    *what += ", spoiled";
+    let bad = [
+        f32::NAN,
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+        -0.0,
+        0.0,
+        1e-42,
+        -1e-45,
+        f32::MAX,
+        f32::MIN,
+        1e30,
+        1e-30,
+    ];
+    for _ in 0..1 + rng.below(6) {
+        let object = rng.below(objects.len());
+        let triangles = &mut objects[object].triangles;
+        let triangle = rng.below(triangles.len());
+        triangles[triangle][rng.below(3)][rng.below(3)] = rng.pick(&bad);
+    }
+}
+
+/// An eye somewhere, or in one of the worst places: a vertex, an edge, a plane, inside an object.
+fn view(rng: &mut Random, objects: &[SourceObject], scale: DVec3, origin: DVec3) -> View {
+    let mut corners = || {
+        let object = &objects[rng.below(objects.len())];
+        object.triangles[rng.below(object.triangles.len())].map(|p| p.as_dvec3())
+    };
+    let (near_one, other) = (corners(), corners());
+    let [a, b, c] = near_one;
+    let eye = match rng.below(6) {
+        0 => a,
+        1 => (a + b) / 2.0,
+        2 => a + (b - a) * 1.7 + (c - a) * 0.3,
+        3 => (a + b + c) / 3.0 + rng.vector(0.5) * scale,
+        _ => a + rng.vector(6.0) * scale,
+    };
+    let eye = if eye.is_finite() { eye } else { DVec3::ZERO };
+    let towards = if rng.one_in(3) { eye + rng.vector(1.0) * scale } else { other[0] };
+    let up = if rng.one_in(4) { rng.vector(1.0) } else { DVec3::Z };
+    let pose = Pose::look_at(eye + origin, towards + origin, up);
+    let size = scale.max_element();
+    let near = size * 10f64.powi(rng.between(-6, 0));
+    let far = if rng.one_in(2) { f64::INFINITY } else { near * 10f64.powi(rng.between(1, 9)) };
+    let degrees: f64 = rng.pick(&[0.001, 1.0, 30.0, 60.0, 90.0, 120.0, 179.9]);
+    let made = match rng.below(4) {
+        0 => View::orthographic(
+            pose,
+            Window { left: -size, right: size, bottom: -size, top: size },
+            0.0,
+            size * 20.0,
+        ),
+        1 => by_matrix(rng, &pose, size),
+        _ => View::perspective(pose, degrees.to_radians(), rng.pick(&[0.1, 1.0, 1.78]), near, far),
+    };
+    // What is no camera is refused, as other tests say; then any will do.
+    made.unwrap_or_else(|_| {
+        View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0)
+            .expect("an ordinary camera")
+    })
+}
+
+/// By a matrix, in any convention of depth.
+fn by_matrix(rng: &mut Random, pose: &Pose, size: f64) -> Result<View, visibility_core::ViewError> {
+    let depth = rng.pick(&DEPTHS);
+    let rotation = DMat4::from_cols(
+        DVec4::new(pose.right.x, pose.up.x, pose.forward.x, 0.0),
+        DVec4::new(pose.right.y, pose.up.y, pose.forward.y, 0.0),
+        DVec4::new(pose.right.z, pose.up.z, pose.forward.z, 0.0),
+        DVec4::W,
+    );
+    let lens = projection(depth, [-1.0, 1.0, -0.6, 0.6], 1.0, 1e4, false);
+    let matrix = lens * DMat4::from_scale(DVec3::splat(100.0 / size)) * rotation;
+    // The eye is where the matrix is relative to, so that nothing is lost far from the origin.
+    View::from_clip_from_world(matrix.to_cols_array(), depth)?.relative_to(pose.eye)
+}
+
+/// Scenes of nothing, of one object, and of very many in one point.
+pub(crate) fn degenerate_counts() -> Vec<Case> {
+    let mut rng = Random(7);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let views =
+        || vec![View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).expect("an ordinary camera"); 2];
+    let point = |_: usize| SourceObject::new("point", vec![[Vec3::X * 5.0; 3]]);
+    let one = SourceObject::new("one", cuboid(DVec3::new(5.0, 0.0, 0.0), DVec3::ONE));
+    let empty = SourceObject::new("without triangles", Vec::new());
+    let crowd = |count: usize| (0..count).map(point).collect::<Vec<_>>();
+    let mut cases = vec![
+        case("nothing".into(), Vec::new(), views()),
+        case("one object".into(), vec![one.clone()], views()),
+        case("an object without triangles".into(), vec![empty.clone(), one.clone(), empty], views()),
+        case("many in one point".into(), crowd(20_000), views()),
+        case("one many times".into(), vec![one; 500], views()),
+    ];
+    cases.push(random(&mut rng));
+    cases
+}
