@@ -21,7 +21,7 @@ pub struct World {
 
 impl World {
     /// Fills a scene and makes a view of every key of the walks, or of `count` frames spread evenly over them.
-    pub fn new(mut source: SceneSource, size: (u32, u32), count: Option<usize>) -> Result<Self, WorldError> {
+    pub fn new(source: SceneSource, size: (u32, u32), count: Option<usize>) -> Result<Self, WorldError> {
         let keys = source.walks.iter().map(|walk| walk.keys.len()).sum();
         let frames = frames(&source.walks, count.unwrap_or(keys));
         if frames.is_empty() {
@@ -45,7 +45,7 @@ impl World {
 
     /// The same with views made elsewhere; `poses` may be empty where nothing is drawn.
     pub fn with_views(
-        source: SceneSource,
+        mut source: SceneSource,
         views: Vec<View>,
         poses: Vec<(Pose, usize)>,
         size: (u32, u32),

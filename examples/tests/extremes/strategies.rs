@@ -50,7 +50,14 @@ pub(crate) fn random(rng: &mut Random) -> Case {
 }
 
 fn case(what: String, objects: Vec<SourceObject>, views: Vec<View>) -> Case {
-    let source = SceneSource { name: "extremes".into(), up: Vec3::Z, near: 0.1, objects, walks: Vec::new() };
+    let source = SceneSource {
+        name: "extremes".into(),
+        up: Vec3::Z,
+        near: 0.1,
+        objects,
+        walks: Vec::new(),
+        cells: None,
+    };
     Case { what, world: World::with_views(source, views, Vec::new(), (64, 36)) }
 }
 
