@@ -102,6 +102,9 @@ fn side(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> Option<i32> {
     let terms =
         |x: DVec3, y: DVec3| DVec3::new(x.y * y.z + x.z * y.y, x.z * y.x + x.x * y.z, x.x * y.y + x.y * y.x);
     let size = su.dot(terms(sv, sw));
-    (size.is_finite() && size > 1e-290 && volume.abs() > ROUNDING * size)
-        .then(|| if volume > 0.0 { 1 } else { -1 })
+    (size.is_finite() && size > 1e-290 && volume.abs() > ROUNDING * size).then_some(if volume > 0.0 {
+        1
+    } else {
+        -1
+    })
 }
