@@ -1,8 +1,9 @@
 //! The map: occluders in, boxes out.
 
+use crate::canvas::Cells;
 use crate::cuboid::{self, Made};
 use crate::lens::{Lens, Placed};
-use crate::mesh::{self, Cells};
+use crate::mesh::Setup;
 use crate::pyramid::{Pyramid, Rectangle};
 use crate::query::{Lens32, Query, test_one};
 use crate::queue::Queue;
@@ -45,6 +46,7 @@ pub struct Hzb {
     scratch: Scratch,
     shape: Shape,
     queue: Queue,
+    setup: Setup,
     cells: Cells,
     /// Nearness that nothing in the buffer exceeds.
     nearest: f32,
@@ -87,6 +89,7 @@ impl Hzb {
             scratch: Scratch::default(),
             shape: Shape::EMPTY,
             queue: Queue::EMPTY,
+            setup: Setup::default(),
             cells,
             nearest: f32::NEG_INFINITY,
             clip: [Plane::new(DVec3::ZERO, 0.0); visibility_core::MAX_CLIP_PLANES],
@@ -198,8 +201,8 @@ impl Hzb {
                 Made::Near => {}
             }
         }
-        let (cells, tiles) = (&mut self.cells, &mut self.tiles);
-        let greatest = mesh::draw(parts, &placed, lens, facing, coverage, scratch, cells, tiles);
+        let (setup, cells, tiles) = (&mut self.setup, &mut self.cells, &mut self.tiles);
+        let greatest = self.simd.mesh(parts, &placed, lens, facing, coverage, setup, cells, tiles);
         if greatest > self.nearest {
             self.nearest = greatest;
         }

@@ -48,6 +48,7 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod canvas;
 mod cuboid;
 mod fill;
 mod hzb;

@@ -6,11 +6,14 @@
 //! only
 //! module with `unsafe` code: calls of functions compiled for instructions that the program at large does not assume.
 
+use crate::canvas::Cells;
 use crate::cuboid::Made;
-use crate::lens::Lens;
+use crate::lens::{Lens, Placed};
+use crate::mesh::Setup;
 use crate::pyramid::Rectangle;
 use crate::query::{Boxes, Footprints, Lens32, Query, WIDTH};
 use crate::shape::{Coverage, Shape};
+use crate::solid::Parts;
 use crate::tiles::Tiles;
 use visibility_core::glam::Affine3A;
 use visibility_core::{Aabb, Occlusion64};
@@ -110,6 +113,8 @@ compiled! {
         (bounds: &Aabb, transform: &Affine3A, lens: &Lens, coverage: Coverage, shape: &mut Shape) -> Made;
     footprints / footprints_avx2 / footprints_avx512 = crate::query::footprints,
         (lens: &Lens32, boxes: &[[f32; WIDTH]; 6], out: &mut Footprints<WIDTH>) -> ();
+    mesh / mesh_avx2 / mesh_avx512 = crate::mesh::draw,
+        (mesh: &Parts, placed: &Placed, lens: &Lens, facing: f64, coverage: Coverage, setup: &mut Setup, cells: &mut Cells, tiles: &mut Tiles) -> f32;
     still_seen / still_seen_avx2 / still_seen_avx512 = crate::fill::still_seen,
         (tiles: &Tiles, rectangle: &Rectangle, nearness: f32) -> bool;
     fill / fill_avx2 / fill_avx512 = crate::fill::fill, (shape: &Shape, tiles: &mut Tiles) -> bool;

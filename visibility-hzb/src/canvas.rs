@@ -1,0 +1,289 @@
+//! Where one mesh is drawn before it joins the others: what its contours bound and meet, and how far away it is at most, tile by tile.
+//!
+//! Triangles are not filled. All drawn triangles, turned to run the same way round on the screen, wind once round each point that they
+//! cover; so their sum, the contour, winds round a point as often as triangles cover it (see [`shape`](crate::shape)). A contour edge
+//! that crosses a row of pixel centres therefore changes the count of all pixels to its right, and sums along rows give the count
+//! everywhere: work grows with contours and tiles, not with triangles or pixels.
+
+use crate::shape::Whole;
+use crate::tiles::{SIDE, Tiles};
+use alloc::vec::Vec;
+
+/// A corner on the screen.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Corner {
+    pub(crate) x: f64,
+    pub(crate) y: f64,
+    /// Nearness, rounded away.
+    pub(crate) far: f32,
+}
+
+/// What one mesh does to a tile.
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    /// Pixels that a contour meets.
+    contour: u64,
+    /// The least nearness of drawn triangles in each quarter.
+    least: [f32; 4],
+    /// Whether anything of `steps` is set.
+    stepped: bool,
+    /// For each column and row of pixels, by how much the count changes from the centre to its left, modulo 256. A count that comes out as zero
+    /// for that reason covers nothing, which is safe.
+    steps: [[u8; SIDE]; SIDE],
+}
+
+const EMPTY: Cell = Cell { contour: 0, least: [f32::INFINITY; 4], stepped: false, steps: [[0; SIDE]; SIDE] };
+
+/// The pixels of each quarter of a tile: upper left, upper right, lower left, lower right.
+const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf0f0_f0f0_0000_0000];
+
+/// Half the side of a tile: that of a quarter.
+const HALF: usize = SIDE / 2;
+
+/// Memory for meshes, one cell a tile; clean between meshes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Cells {
+    cells: Vec<Cell>,
+}
+
+impl Cells {
+    pub(crate) fn new(tiles: &Tiles) -> Self {
+        Self { cells: alloc::vec![EMPTY; tiles.columns * tiles.rows] }
+    }
+}
+
+/// The cells while a mesh is drawn.
+pub(crate) struct Canvas<'a> {
+    cells: &'a mut [Cell],
+    columns: usize,
+    size: [f64; 2],
+    /// How far a coordinate may be off.
+    slack: f64,
+    /// First and last columns and rows of tiles that were touched.
+    used: [usize; 4],
+}
+
+/// The range of pixels, or of anything a pixel is a multiple of, that numbers between two fall into: first and end. `None` if there is
+/// none.
+#[inline(always)]
+fn range(low: f64, high: f64, size: f64) -> Option<[usize; 2]> {
+    // NaN is off the buffer.
+    if !(high >= 0.0 && low < size) {
+        return None;
+    }
+    // Casts saturate; -0.5 becomes 0.
+    Some([low as usize, (least(high, size) as usize + 1).min(size as usize)])
+}
+
+impl<'a> Canvas<'a> {
+    #[inline(always)]
+    pub(crate) fn new(cells: &'a mut Cells, columns: usize, size: [f64; 2], slack: f64) -> Self {
+        Self { cells: &mut cells.cells, columns, size, slack, used: [usize::MAX, 0, usize::MAX, 0] }
+    }
+
+    #[inline(always)]
+    fn touch(&mut self, x: [usize; 2], y: [usize; 2]) {
+        let [x0, x1, y0, y1] = self.used;
+        self.used = [x0.min(x[0]), x1.max(x[1]), y0.min(y[0]), y1.max(y[1])];
+    }
+
+    /// Takes note of the depth of a triangle, or of what is left of one, in each quarter of a tile that it meets. `plane` gives its
+    /// nearness at a pixel, already moved by its error; it is not asked for where the corners say enough.
+    #[inline(always)]
+    pub(crate) fn deepen(&mut self, corners: &[Corner], plane: impl FnOnce() -> [f64; 3]) {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let mut floor = f32::INFINITY;
+        for c in corners {
+            low = [least(c.x, low[0]), least(c.y, low[1])];
+            high = [most(c.x, high[0]), most(c.y, high[1])];
+            floor = if c.far < floor { c.far } else { floor };
+        }
+        let (slack, half) = (self.slack, 1.0 / HALF as f64);
+        let limits = [self.size[0] * half, self.size[1] * half];
+        let Some(across) = range((low[0] - slack) * half, (high[0] + slack) * half, limits[0]) else {
+            return;
+        };
+        let Some(down) = range((low[1] - slack) * half, (high[1] + slack) * half, limits[1]) else { return };
+        if across[1] - across[0] <= 2 && down[1] - down[0] <= 2 {
+            for band in down[0]..down[1] {
+                for column in across[0]..across[1] {
+                    self.note(column, band, floor);
+                }
+            }
+            return;
+        }
+        let [a, b, c] = plane();
+        for band in down[0]..down[1] {
+            let (top, bottom) = ((band * HALF) as f64, ((band + 1) * HALF) as f64);
+            // The columns that it can reach in this band.
+            let [left, right] = span(corners, top - slack, bottom + slack);
+            let Some(reach) = range((left - slack) * half, (right + slack) * half, limits[0]) else {
+                continue;
+            };
+            let row = b * if b < 0.0 { bottom } else { top } + c;
+            let ahead = if a < 0.0 { HALF as f64 } else { 0.0 };
+            for column in reach[0]..reach[1] {
+                let worst = lower(a * ((column * HALF) as f64 + ahead) + row);
+                // A NaN gives way to the floor.
+                self.note(column, band, if worst >= floor { worst } else { floor });
+            }
+        }
+    }
+
+    /// Takes note of a nearness in a quarter of a tile.
+    #[inline(always)]
+    fn note(&mut self, column: usize, band: usize, nearness: f32) {
+        let cell = &mut self.cells[band / 2 * self.columns + column / 2];
+        let quarter = &mut cell.least[band % 2 * 2 + column % 2];
+        *quarter = if nearness < *quarter { nearness } else { *quarter };
+    }
+
+    /// Draws an edge of the contour, which counts `times` (negative in the opposite direction): pixels that it comes near are `marked`, and
+    /// the count to its right changes.
+    ///
+    /// The position on a row is clamped to the ends, and otherwise off by no more than 11 units of the greatest coordinate,
+    /// which [`slack`](Self::new) holds several times.
+    #[inline(always)]
+    pub(crate) fn contour(&mut self, a: &Corner, b: &Corner, times: i8, marked: bool) {
+        let slack = self.slack;
+        let (times, a, b) = if a.y <= b.y { (times, a, b) } else { (-times, b, a) };
+        // A contour along the border of a row meets both rows.
+        let Some(lines) = range(a.y - slack, b.y + slack, self.size[1]) else { return };
+        let (least_x, most_x) = if a.x < b.x { (a.x, b.x) } else { (b.x, a.x) };
+        let (first, last) = (least_x - slack, most_x + slack);
+        let [width, _] = self.size;
+        let to_tile = |x: f64| (x.max(0.0) as usize / SIDE).min(self.columns - 1);
+        // The first centre to the right may be in the next tile.
+        self.touch([to_tile(first), to_tile(last + 1.0)], [lines[0] / SIDE, (lines[1] - 1) / SIDE]);
+        // To the right of the picture it changes nothing.
+        if !(first < width) {
+            return;
+        }
+        // Of a level edge this may be anything: it is clamped, and no row of centres lies between its ends.
+        let slope = (b.x - a.x) / (b.y - a.y);
+        let at = |y: f64| {
+            let x = a.x + (y - a.y) * slope;
+            // A NaN is taken for the least.
+            let x = if x > least_x { x } else { least_x };
+            if x < most_x { x } else { most_x }
+        };
+        for line in lines[0]..lines[1] {
+            let y = line as f64;
+            let (row, bit) = (line / SIDE * self.columns, line % SIDE);
+            if marked && last >= 0.0 {
+                let (top, bottom) = (y - slack, y + 1.0 + slack);
+                // Where it begins or ends within the row, that end bounds it.
+                let p = if top > a.y { at(top) } else { a.x };
+                let q = if bottom < b.y { at(bottom) } else { b.x };
+                let (left, right) = if p < q { (p, q) } else { (q, p) };
+                if let Some([l, r]) = range(left - slack, right + slack, width) {
+                    for column in l / SIDE..=(r - 1) / SIDE {
+                        let start = column * SIDE;
+                        let (l, r) = (l.max(start) - start, (r - start).min(SIDE));
+                        self.cells[row + column].contour |=
+                            ((0xff_u64 << l) & (0xff >> (SIDE - r))) << (SIDE * bit);
+                    }
+                }
+            }
+            let centre = y + 0.5;
+            if a.y < centre && centre <= b.y {
+                // The first centre not to its left.
+                let column = (at(centre) - 0.5).max(0.0).ceil_() as usize;
+                if let Some(cell) = self.cells[row..row + self.columns].get_mut(column / SIDE) {
+                    let step = &mut cell.steps[column % SIDE][bit];
+                    *step = step.wrapping_add(times as u8);
+                    cell.stepped = true;
+                }
+            }
+        }
+    }
+
+    /// Gives what is covered to the tiles, and cleans up.
+    #[inline(always)]
+    pub(crate) fn merge(self, tiles: &mut Tiles) {
+        let [x0, x1, y0, y1] = self.used;
+        if x0 > x1 || y0 > y1 {
+            return;
+        }
+        for row in y0..=y1 {
+            // A byte for each row of pixels.
+            let mut count = 0u64;
+            for column in x0..=x1 {
+                let tile = row * self.columns + column;
+                let cell = &mut self.cells[tile];
+                let mut inner = nonzero(count) * 0xff;
+                if cell.stepped {
+                    inner = 0;
+                    for (i, steps) in cell.steps.iter_mut().enumerate() {
+                        count = add_bytes(count, u64::from_le_bytes(*steps));
+                        inner |= nonzero(count) << i;
+                    }
+                    cell.steps = EMPTY.steps;
+                    cell.stepped = false;
+                }
+                let (covered, parts) = (inner & !cell.contour, cell.least);
+                cell.contour = 0;
+                cell.least = EMPTY.least;
+                if covered == 0 {
+                    continue;
+                }
+                for quarter in 0..4 {
+                    // What nothing was noted of is rounding's.
+                    if parts[quarter] < f32::INFINITY {
+                        tiles.cover(tile, covered & QUARTERS[quarter], parts[quarter]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A one in each byte that is not zero.
+#[inline(always)]
+fn nonzero(bytes: u64) -> u64 {
+    const LOW: u64 = 0x7f7f_7f7f_7f7f_7f7f;
+    (((bytes & LOW) + LOW) | bytes) >> 7 & 0x0101_0101_0101_0101
+}
+
+/// Sums byte by byte.
+#[inline(always)]
+fn add_bytes(a: u64, b: u64) -> u64 {
+    const LOW: u64 = 0x7f7f_7f7f_7f7f_7f7f;
+    ((a & LOW) + (b & LOW)) ^ ((a ^ b) & !LOW)
+}
+
+#[inline(always)]
+fn least(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn most(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// To `f32`, not above: rounding moves by half a unit at most, and a whole one is taken off.
+#[inline(always)]
+pub(crate) fn lower(x: f64) -> f32 {
+    (x - (x.abs() * f64::from(f32::EPSILON) + f64::from(f32::MIN_POSITIVE))) as f32
+}
+
+/// The columns between which a convex polygon lies in a range of rows; least above greatest if it does not reach them.
+#[inline(always)]
+fn span(corners: &[Corner], top: f64, bottom: f64) -> [f64; 2] {
+    let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
+    for i in 0..corners.len() {
+        let (a, b) = (&corners[i], &corners[if i == 0 { corners.len() - 1 } else { i - 1 }]);
+        let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+        if b.y < top || a.y > bottom {
+            continue;
+        }
+        let slope = (b.x - a.x) / (b.y - a.y);
+        let (low, high) = if a.x < b.x { (a.x, b.x) } else { (b.x, a.x) };
+        let p = if top > a.y { (a.x + (top - a.y) * slope).max(low).min(high) } else { a.x };
+        let q = if bottom < b.y { (a.x + (bottom - a.y) * slope).max(low).min(high) } else { b.x };
+        left = least(left, least(p, q));
+        right = most(right, most(p, q));
+    }
+    [left, right]
+}
