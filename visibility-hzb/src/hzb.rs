@@ -153,6 +153,25 @@ impl Hzb {
         Query { lens: &self.lens32, tiles: &self.tiles, pyramid: &self.pyramid, nearest: self.nearest }
     }
 
+    /// Lets a box wait to be drawn.
+    fn push_box(&mut self, cuboid: &OccluderMesh, transform: &Affine3A) {
+        if self.queue.push(cuboid.bounds(), transform, cuboid.is_two_sided()) {
+            self.draw_queue();
+        }
+    }
+
+    /// Whether the box around an occluder is in view and not hidden yet. Nothing else may wait.
+    fn may_be_around(&mut self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
+        self.queue.push(occluder.bounds(), transform, false);
+        self.queue.count = 0;
+        self.simd.footprints(&self.lens32, &self.queue.around, &mut self.queue.footprints);
+        self.may_be_seen(0)
+    }
+
+    fn draw_occluder(&mut self, mesh: &OccluderMesh, transform: &Affine3A) {
+        self.draw_mesh(&solid::Parts::of(mesh), mesh.bounds(), transform, mesh.is_convex());
+    }
+
     /// Draws the boxes that wait.
     fn draw_queue(&mut self) {
         let count = core::mem::take(&mut self.queue.count);
@@ -163,7 +182,7 @@ impl Hzb {
         for i in 0..count {
             if self.may_be_seen(i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
-                self.draw_box(&bounds, &transform);
+                self.draw_box(&bounds, &transform, self.queue.two_sided[i]);
             }
         }
     }
@@ -179,13 +198,13 @@ impl Hzb {
         !seen.outside[i] && (!seen.known[i] || self.simd.still_seen(&self.tiles, &rectangle, seen.nearest[i]))
     }
 
-    fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A) {
+    fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) {
         match self.simd.cuboid(bounds, transform, &self.lens, self.coverage, &mut self.shape) {
             Made::Shape => self.fill(),
             Made::Nothing => {}
             Made::Near => {
                 let corners = bounds.corners();
-                self.draw_mesh(&solid::Parts::of_box(&corners), bounds, transform, true);
+                self.draw_mesh(&solid::Parts::of_box(&corners, two_sided), bounds, transform, true);
             }
         }
     }
@@ -260,19 +279,26 @@ impl OcclusionMap for Hzb {
         if self.clips > 0 && self.is_cut(occluder, transform) {
             return;
         }
-        if occluder.is_cuboid() && !occluder.is_two_sided() {
-            if self.queue.push(occluder.bounds(), transform) {
-                self.draw_queue();
-            }
-            return;
+        if occluder.is_cuboid() {
+            return self.push_box(occluder, transform);
         }
         // Order matters: the queue first. Then the mesh takes its place there, for the sake of the box around it.
         self.draw_queue();
-        self.queue.push(occluder.bounds(), transform);
-        self.queue.count = 0;
-        self.simd.footprints(&self.lens32, &self.queue.around, &mut self.queue.footprints);
-        if self.may_be_seen(0) {
-            self.draw_mesh(&solid::Parts::of(occluder), occluder.bounds(), transform, occluder.is_convex());
+        if !self.may_be_around(occluder, transform) {
+            return;
+        }
+        if occluder.parts().is_empty() {
+            return self.draw_occluder(occluder, transform);
+        }
+        for part in occluder.parts() {
+            if part.is_cuboid() {
+                self.push_box(part, transform);
+            } else {
+                self.draw_queue();
+                if self.may_be_around(part, transform) {
+                    self.draw_occluder(part, transform);
+                }
+            }
         }
     }
 

@@ -10,6 +10,7 @@ pub(crate) struct Queue {
     pub(crate) count: usize,
     pub(crate) bounds: [Aabb; WIDTH],
     pub(crate) transforms: [Affine3A; WIDTH],
+    pub(crate) two_sided: [bool; WIDTH],
     /// The boxes around them along the axes of the scene.
     pub(crate) around: [[f32; WIDTH]; 6],
     pub(crate) footprints: Footprints<WIDTH>,
@@ -20,15 +21,17 @@ impl Queue {
         count: 0,
         bounds: [Aabb::EMPTY; WIDTH],
         transforms: [Affine3A::IDENTITY; WIDTH],
+        two_sided: [false; WIDTH],
         around: [[0.0; WIDTH]; 6],
         footprints: Footprints::NONE,
     };
 
     /// Adds a box; true if the queue is full now.
-    pub(crate) fn push(&mut self, bounds: &Aabb, transform: &Affine3A) -> bool {
+    pub(crate) fn push(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) -> bool {
         let i = self.count % WIDTH;
         self.bounds[i] = *bounds;
         self.transforms[i] = *transform;
+        self.two_sided[i] = two_sided;
         let around = if *transform == Affine3A::IDENTITY { *bounds } else { moved(bounds, transform) };
         for axis in 0..3 {
             self.around[axis][i] = around.min[axis];

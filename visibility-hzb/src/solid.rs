@@ -38,8 +38,8 @@ impl<'a> Parts<'a> {
     }
 
     /// A box, by its corners.
-    pub(crate) fn of_box(corners: &'a [Vec3; 8]) -> Self {
-        Self { positions: corners, triangles: &BOX_TRIANGLES, edges: &BOX_EDGES, two_sided: false }
+    pub(crate) fn of_box(corners: &'a [Vec3; 8], two_sided: bool) -> Self {
+        Self { positions: corners, triangles: &BOX_TRIANGLES, edges: &BOX_EDGES, two_sided }
     }
 }
 

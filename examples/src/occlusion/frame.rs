@@ -5,7 +5,7 @@ use glam::{Affine3A, DVec3};
 use std::time::{Duration, Instant};
 use visibility_core::{
     Aabb, Accuracy, Boxes64, Culler, Eye, FrustumCuller, MeshError, Object, OccluderMesh, Occlusion,
-    Occlusion64, OcclusionCuller, OcclusionMap, Scene, Triangle, View, VisibleSet,
+    Occlusion64, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet,
 };
 use visibility_hzb::{Coverage, Hzb, SizeError};
 
@@ -54,12 +54,12 @@ pub struct Times {
 }
 
 impl Stage {
-    /// Takes every twelve triangles as one occluder: as a box if they are one, else as the mesh that they are. Shuffled, since no
+    /// Takes every twelve triangles as one occluder. Shuffled, since no
     /// engine has its occluders in the order of a view that it does not know yet.
     pub fn new(visc: &Visc, size: [usize; 2], coverage: Coverage) -> Result<Self, StageError> {
         let mut meshes = Vec::new();
         for triangles in visc.triangles.chunks(12) {
-            meshes.push(occluder(triangles)?);
+            meshes.push(OccluderMesh::from_triangles(triangles)?);
         }
         shuffle(&mut meshes);
         let mut occluders = Scene::new();
@@ -163,17 +163,6 @@ impl From<SizeError> for StageError {
     fn from(error: SizeError) -> Self {
         Self::Size(error)
     }
-}
-
-/// The box, if the triangles are one, else their mesh.
-fn occluder(triangles: &[Triangle]) -> Result<OccluderMesh, MeshError> {
-    let mesh = OccluderMesh::from_triangles(triangles)?;
-    let corners = mesh.bounds().corners();
-    let is_box = mesh.is_convex()
-        && mesh.triangles().len() == 12
-        && mesh.positions().len() == 8
-        && mesh.positions().iter().all(|p| corners.contains(p));
-    if is_box { OccluderMesh::cuboid(mesh.bounds()) } else { Ok(mesh) }
 }
 
 /// The same shuffle every time (Fisher and Yates; SplitMix64).

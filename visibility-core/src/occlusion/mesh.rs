@@ -3,6 +3,7 @@
 //! What an occluder hides is bounded by its contour, and the contour is made of those edges that do not join two drawn triangles. So
 //! adjacency is found once, when the mesh is made.
 
+use super::parts::split;
 use crate::{Aabb, ConvexPolygon, Triangle};
 use alloc::vec::Vec;
 use core::fmt;
@@ -84,6 +85,8 @@ pub struct OccluderMesh {
     convex: bool,
     cuboid: bool,
     two_sided: bool,
+    /// The convex solids that it falls apart into, and what remains.
+    parts: Vec<OccluderMesh>,
     /// Area that faces +x, +y, +z, -x, -y, -z, projected along that axis.
     facing: [f32; 6],
     /// A hash of all that it is made of, to tell it from others.
@@ -108,7 +111,7 @@ impl OccluderMesh {
     ];
 
     /// From an indexed mesh. Vertices at the same place (bit for bit, zeros of either sign) become one; triangles without area, or
-    /// with a vertex twice, are left out.
+    /// with a vertex twice, are left out. A box along the axes gets its vertices and triangles in the order of [`cuboid`](Self::cuboid).
     ///
     /// # Errors
     /// All of [`MeshError`].
@@ -130,13 +133,32 @@ impl OccluderMesh {
             .map(|t| t.map(|i| place[i as usize]))
             .filter(|t| has_area(&positions, t))
             .collect();
-        if triangles.is_empty() {
-            return Err(MeshError::Empty);
+        let mut mesh = Self::whole(&positions, triangles).ok_or(MeshError::Empty)?;
+        if !mesh.convex {
+            mesh.parts = split(&mesh.positions, &mesh.triangles);
         }
-        let (positions, triangles) = compact(&positions, triangles);
+        Ok(mesh)
+    }
+
+    /// From triangles with areas, by welded vertices, without looking for parts. `None` if there is no triangle.
+    pub(super) fn whole(positions: &[Vec3], triangles: Vec<[u32; 3]>) -> Option<Self> {
+        if triangles.is_empty() {
+            return None;
+        }
+        let (positions, triangles) = compact(positions, triangles);
         let (edges, triangle_edges) = join(&triangles);
         let closed = edges.iter().all(|edge| edge.right.is_some());
         let corner = |t: &[u32; 3]| t.map(|i| positions[i as usize]);
+        let bounds = Aabb::from_points(triangles.iter().flat_map(corner));
+        let convex = closed && is_convex(&positions, &triangles, &bounds);
+        let corners = bounds.corners();
+        let cuboid = convex
+            && triangles.len() == Self::CUBOID.len()
+            && positions.len() == corners.len()
+            && positions.iter().all(|p| corners.contains(p));
+        if cuboid && (positions != corners || triangles != Self::CUBOID) {
+            return Self::whole(&corners, Self::CUBOID.to_vec());
+        }
         let mut facing = [0.0; 6];
         for t in &triangles {
             let [a, b, c] = corner(t).map(|p| p.as_dvec3());
@@ -148,10 +170,7 @@ impl OccluderMesh {
         }
         let numbers = positions.iter().flat_map(|p| p.to_array().map(f32::to_bits));
         let fingerprint = numbers.chain(triangles.as_flattened().iter().copied()).fold(FNV.0, fnv);
-        let bounds = Aabb::from_points(triangles.iter().flat_map(corner));
-        let convex = closed && is_convex(&positions, &triangles, &bounds);
-        let cuboid = convex && triangles.len() == 12 && positions == bounds.corners();
-        Ok(Self {
+        Some(Self {
             positions,
             triangles,
             edges,
@@ -161,6 +180,7 @@ impl OccluderMesh {
             convex,
             cuboid,
             two_sided: false,
+            parts: Vec::new(),
             facing,
             fingerprint,
         })
@@ -199,7 +219,27 @@ impl OccluderMesh {
 
     /// The same mesh, hiding from behind too, or not.
     pub fn with_two_sided(self, two_sided: bool) -> Self {
-        Self { two_sided, ..self }
+        let mut mesh = self;
+        mesh.two_sided = two_sided;
+        mesh.parts.iter_mut().for_each(|part| part.two_sided = two_sided);
+        mesh
+    }
+
+    /// The convex solids that the mesh falls apart into, and last what remains of it, if anything does; none if it is of one piece. Together
+    /// they hide what it hides, and often more cheaply: a table is five boxes.
+    ///
+    /// ```
+    /// use visibility_core::{Aabb, OccluderMesh, Triangle};
+    /// let box_at = |x: f32| OccluderMesh::cuboid(&Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0]));
+    /// let loose = |mesh: &OccluderMesh| -> Vec<Triangle> {
+    ///     mesh.triangles().iter().map(|t| t.map(|i| mesh.positions()[i as usize])).collect()
+    /// };
+    /// let two = OccluderMesh::from_triangles(&[loose(&box_at(0.0)?), loose(&box_at(5.0)?)].concat())?;
+    /// assert!(two.parts().len() == 2 && two.parts().iter().all(OccluderMesh::is_cuboid));
+    /// # Ok::<(), visibility_core::MeshError>(())
+    /// ```
+    pub fn parts(&self) -> &[OccluderMesh] {
+        &self.parts
     }
 
     /// The vertices, each place once.
@@ -238,7 +278,7 @@ impl OccluderMesh {
         self.convex
     }
 
-    /// Whether it is its own bounding box, with vertices in the order of [`Aabb::corners`], as [`cuboid`](Self::cuboid) makes it.
+    /// Whether it is its own bounding box; its vertices are then in the order of [`Aabb::corners`].
     pub fn is_cuboid(&self) -> bool {
         self.cuboid
     }
@@ -318,7 +358,7 @@ fn has_area(positions: &[Vec3], triangle: &[u32; 3]) -> bool {
 }
 
 /// The edges, and those of each triangle.
-fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
+pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
     /// One side of one triangle.
     struct Side {
         low: u32,

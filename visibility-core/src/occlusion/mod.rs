@@ -7,6 +7,7 @@
 mod culler;
 mod hierarchy;
 mod mesh;
+mod parts;
 mod prepare;
 mod queries;
 mod selection;

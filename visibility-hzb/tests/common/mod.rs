@@ -86,7 +86,7 @@ fn ball(random: &mut Random, dent: f64) -> Option<OccluderMesh> {
 /// An occluder of any kind, around the middle of the scene.
 pub fn occluder(random: &mut Random) -> Occluder {
     let mesh = loop {
-        let mesh = match random.below(9) {
+        let mesh = match random.below(11) {
             0 | 1 => {
                 let a = random.vec(-2.0, 2.0);
                 let b = random.vec(-2.0, 2.0);
@@ -105,6 +105,24 @@ pub fn occluder(random: &mut Random) -> Occluder {
                         [a, a + random.vec(-3.0, 3.0), a + random.vec(-thin, thin)]
                     })
                     .collect();
+                OccluderMesh::from_triangles(&triangles).ok()
+            }
+            9 | 10 => {
+                // Boxes, some of which touch, and something that is none.
+                let mut triangles = Vec::new();
+                let mut last = Vec3::ZERO;
+                for _ in 0..random.below(5) + 2 {
+                    let a = if random.below(2) == 0 { last } else { random.vec(-2.0, 2.0) };
+                    let b = a + random.vec(-2.0, 2.0);
+                    last = b;
+                    if let Ok(part) = OccluderMesh::cuboid(&Aabb::new(a.min(b), a.max(b))) {
+                        triangles
+                            .extend(part.triangles().iter().map(|t| t.map(|i| part.positions()[i as usize])));
+                    }
+                }
+                for _ in 0..random.below(2) {
+                    triangles.push([random.vec(-2.0, 2.0), random.vec(-2.0, 2.0), random.vec(-2.0, 2.0)]);
+                }
                 OccluderMesh::from_triangles(&triangles).ok()
             }
             7 => {

@@ -1,0 +1,145 @@
+//! Meshes that fall apart into convex solids, such as furniture and buildings made of boxes.
+//!
+//! A convex solid is drawn by its outline alone, and one solid's outline takes nothing away from another behind it. So solids
+//! are found once, when a mesh is made: first boxes listed in one run, as most tools write them, since boxes that touch share edges and cannot
+//! be told apart by these; then whatever is joined along edges to a convex whole.
+
+use super::mesh::{OccluderMesh, join};
+use alloc::vec::Vec;
+use glam::Vec3;
+
+/// The triangles of a box.
+const BOX: usize = 12;
+
+/// The convex solids of a mesh and, last, what remains of it; nothing if it is all of one piece.
+pub(super) fn split(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<OccluderMesh> {
+    let mut parts = Vec::new();
+    let mut rest = Vec::new();
+    let mut left = triangles;
+    while let Some(first) = left.first() {
+        let solid =
+            left.get(..BOX).filter(|run| has_eight_corners(run)).and_then(|run| solid(positions, run));
+        match solid {
+            Some(solid) => {
+                parts.push(solid);
+                left = &left[BOX..];
+            }
+            None => {
+                rest.push(*first);
+                left = &left[1..];
+            }
+        }
+    }
+    let mut remains = Vec::new();
+    for piece in pieces(&rest) {
+        match solid(positions, &piece) {
+            Some(solid) => parts.push(solid),
+            None => remains.extend(piece),
+        }
+    }
+    if parts.is_empty() || (parts.len() == 1 && remains.is_empty()) {
+        return Vec::new();
+    }
+    parts.extend(OccluderMesh::whole(positions, remains));
+    parts
+}
+
+/// The mesh of some triangles if they are a convex solid.
+fn solid(positions: &[Vec3], triangles: &[[u32; 3]]) -> Option<OccluderMesh> {
+    // Four at least, and no more than convexity is looked for in.
+    (4..=256)
+        .contains(&triangles.len())
+        .then(|| OccluderMesh::whole(positions, triangles.to_vec()))
+        .flatten()
+        .filter(OccluderMesh::is_convex)
+}
+
+fn has_eight_corners(triangles: &[[u32; 3]]) -> bool {
+    let (mut seen, mut count) = ([0; 8], 0);
+    for &corner in triangles.as_flattened() {
+        if !seen[..count].contains(&corner) {
+            if count == seen.len() {
+                return false;
+            }
+            seen[count] = corner;
+            count += 1;
+        }
+    }
+    count == seen.len()
+}
+
+/// The triangles, by what joins them along edges.
+fn pieces(triangles: &[[u32; 3]]) -> Vec<Vec<[u32; 3]>> {
+    let (edges, _) = join(triangles);
+    let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
+    for edge in &edges {
+        if let Some(right) = edge.right {
+            let (a, b) = (root(&mut parent, edge.left), root(&mut parent, right));
+            // The first triangle stands for all.
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut place = alloc::vec![u32::MAX; triangles.len()];
+    let mut pieces: Vec<Vec<[u32; 3]>> = Vec::new();
+    for (i, t) in (0..).zip(triangles) {
+        let own = &mut place[root(&mut parent, i) as usize];
+        if *own == u32::MAX {
+            *own = pieces.len() as u32;
+            pieces.push(Vec::new());
+        }
+        pieces[*own as usize].push(*t);
+    }
+    pieces
+}
+
+fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Aabb, Triangle};
+
+    fn cuboid(min: [f32; 3], max: [f32; 3]) -> Vec<Triangle> {
+        let mesh = OccluderMesh::cuboid(&Aabb::from_arrays(min, max)).unwrap();
+        mesh.triangles().iter().map(|t| t.map(|i| mesh.positions()[i as usize])).collect()
+    }
+
+    #[test]
+    fn boxes_that_touch_are_told_apart() {
+        let mut triangles = cuboid([0.0; 3], [1.0; 3]);
+        triangles.extend(cuboid([1.0, 0.0, 0.0], [2.0, 1.0, 3.0]));
+        triangles.push([Vec3::splat(5.0), Vec3::new(6.0, 5.0, 5.0), Vec3::new(5.0, 6.0, 5.0)]);
+        let mesh = OccluderMesh::from_triangles(&triangles).unwrap().with_two_sided(true);
+        let parts = mesh.parts();
+        assert_eq!(parts.len(), 3);
+        assert!(parts[0].is_cuboid() && parts[1].is_cuboid() && !parts[2].is_closed());
+        assert!(parts.iter().all(OccluderMesh::is_two_sided));
+        assert_eq!(parts.iter().map(|part| part.triangles().len()).sum::<usize>(), 25);
+        assert_eq!(parts[1].bounds(), &Aabb::from_arrays([1.0, 0.0, 0.0], [2.0, 1.0, 3.0]));
+    }
+
+    #[test]
+    fn solids_that_are_no_boxes_are_found_in_any_order_of_triangles() {
+        let p = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z].map(|p| p * 2.0);
+        let solid = [[p[0], p[2], p[1]], [p[0], p[1], p[3]], [p[1], p[2], p[3]], [p[2], p[0], p[3]]];
+        let far = solid.map(|t| t.map(|p| p + 9.0));
+        let mixed: Vec<_> = solid.into_iter().zip(far).flat_map(|(a, b)| [a, b]).collect();
+        let mesh = OccluderMesh::from_triangles(&mixed).unwrap();
+        assert_eq!(mesh.parts().len(), 2);
+        assert!(mesh.parts().iter().all(OccluderMesh::is_convex));
+    }
+
+    #[test]
+    fn what_is_of_one_piece_has_no_parts() {
+        let mut one = cuboid([0.0; 3], [1.0; 3]);
+        assert!(OccluderMesh::from_triangles(&one).unwrap().parts().is_empty());
+        one.pop();
+        assert!(OccluderMesh::from_triangles(&one).unwrap().parts().is_empty());
+    }
+}
