@@ -38,10 +38,10 @@ use visibility_core::{
 pub struct Hzb {
     size: [usize; 2],
     coverage: Coverage,
-    simd: Simd,
+    pub(crate) simd: Simd,
     lens: Lens,
-    lens32: Lens32,
-    tiles: Tiles,
+    pub(crate) lens32: Lens32,
+    pub(crate) tiles: Tiles,
     pyramid: Pyramid,
     scratch: Scratch,
     shape: Shape,
@@ -49,7 +49,7 @@ pub struct Hzb {
     setup: Setup,
     cells: Cells,
     /// Nearness that nothing in the buffer exceeds.
-    nearest: f32,
+    pub(crate) nearest: f32,
     /// Planes that cut occluders away, relative to the scene's origin.
     clip: [Plane; visibility_core::MAX_CLIP_PLANES],
     clips: usize,

@@ -51,6 +51,7 @@ extern crate std;
 mod canvas;
 mod cuboid;
 mod fill;
+mod hom;
 mod hzb;
 mod lens;
 mod mesh;
@@ -62,6 +63,7 @@ mod simd;
 mod solid;
 mod tiles;
 
+pub use hom::{DepthEstimate, Hom};
 pub use hzb::Hzb;
 pub use shape::Coverage;
 pub use simd::Simd;
@@ -75,6 +77,16 @@ pub use simd::Simd;
 /// assert!(culler.accuracy().never_hides());
 /// ```
 pub type HzbCuller = visibility_core::OcclusionCuller<Hzb>;
+
+/// Culls what occlusion maps find hidden behind a scene's occluders, after the frustum: `HomCuller::new(Hom::default())`.
+///
+/// ```
+/// use visibility_core::{Accuracy, Culler};
+/// use visibility_hzb::{Hom, HomCuller};
+/// assert!(HomCuller::new(Hom::default()).accuracy().never_hides());
+/// assert_eq!(HomCuller::new(Hom::default().with_threshold(0.9)).accuracy(), Accuracy::Approximate);
+/// ```
+pub type HomCuller = visibility_core::OcclusionCuller<Hom>;
 
 use core::fmt;
 

@@ -105,13 +105,13 @@ pub(crate) struct Footprints<const N: usize> {
     /// Nearness that no point of the box exceeds.
     pub(crate) nearest: [f32; N],
     /// Least nearness of the box, for those before the eye.
-    farthest: [f32; N],
+    pub(crate) farthest: [f32; N],
     /// Surely not in the picture.
     pub(crate) outside: [bool; N],
     /// Before the eye as a whole, so that the rectangle can be relied on.
     pub(crate) known: [bool; N],
     /// Surely in the picture as a whole, and beyond the near plane.
-    inside: [bool; N],
+    pub(crate) inside: [bool; N],
 }
 
 impl<const N: usize> Footprints<N> {

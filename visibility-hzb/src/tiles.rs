@@ -148,6 +148,34 @@ impl Tiles {
         left == 0
     }
 
+    /// The pixels of a tile that anything covers.
+    #[inline(always)]
+    pub(crate) fn covered(&self, tile: usize) -> u64 {
+        if self.whole[tile] > NOTHING {
+            return u64::MAX;
+        }
+        let masks = &self.layers[tile].masks;
+        let mut covered = 0;
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            covered |= masks[i];
+        }
+        covered
+    }
+
+    /// The least nearness of what covers pixels of a tile, whatever is left bare; infinite if all is.
+    #[inline(always)]
+    pub(crate) fn farthest(&self, tile: usize) -> f32 {
+        if self.whole[tile] > NOTHING {
+            return self.whole[tile];
+        }
+        let nearness = &self.layers[tile].nearness;
+        let mut farthest = f32::INFINITY;
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            farthest = if nearness[i] < farthest { nearness[i] } else { farthest };
+        }
+        farthest
+    }
+
     /// The nearness of a pixel, [`NOTHING`] where nothing covers it.
     pub(crate) fn pixel(&self, column: usize, row: usize) -> f32 {
         let tile = row / SIDE * self.columns + column / SIDE;

@@ -2,6 +2,7 @@
 //! names; a culler that needs something made from the scene first makes it when it is asked for.
 
 mod bsp;
+mod hom;
 mod hzb;
 
 use super::World;
@@ -24,7 +25,7 @@ type Made = Result<Box<dyn Culler + Send>, String>;
 
 /// All cullers that can be asked for, besides `frustum`, which every pipeline begins with.
 pub fn known() -> impl Iterator<Item = &'static Known> {
-    [hzb::KNOWN, bsp::KNOWN].into_iter().flatten()
+    [hom::KNOWN, hzb::KNOWN, bsp::KNOWN].into_iter().flatten()
 }
 
 /// Pipelines from a list such as `frustum,a,a+b:10%`: separated by commas; `a+b` runs `b` after `a`, and `b:10%` sets the dial of `b`.

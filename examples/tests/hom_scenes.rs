@@ -1,0 +1,93 @@
+//! Hierarchical occlusion maps on every scene: with a threshold of 1, by any depth estimate and at any resolution, nothing is hidden that
+//! an item buffer of 2560 x 1440 sees; and lower thresholds only ever hide more.
+#![allow(missing_docs)]
+
+use std::path::Path;
+use visibility_core::{FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline, Selection, VisibleSet};
+use visibility_examples::walkthrough::{Trial, World, judge};
+use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_hzb::{DepthEstimate, Hom, Hzb};
+
+const JUDGE: (u32, u32) = (2560, 1440);
+
+fn trial(name: &str, world: &World, map: impl OcclusionMap + Send + 'static, selection: Selection) -> Trial {
+    // Every opaque triangle: the more is drawn, the more could go wrong.
+    let culler = OcclusionCuller::new(map).with_selection(selection).with_budget(10_000_000);
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+    let mut visible = VisibleSet::new();
+    let reported = world.views.iter().map(|view| {
+        pipeline.cull(&world.scene, view, &mut visible);
+        let mut ids: Vec<u32> = visible.iter(&world.scene).map(|id| id.index() as u32).collect();
+        ids.sort_unstable();
+        ids
+    });
+    let reported = reported.collect();
+    Trial { name: name.to_owned(), accuracy: pipeline.accuracy(), reported, micros: Vec::new() }
+}
+
+fn check(source: SceneSource, frames: usize) {
+    let world = World::new(source, JUDGE, Some(frames)).unwrap();
+    let hom = |size: [usize; 2], estimate| Hom::new(size[0], size[1]).unwrap().with_depth_estimate(estimate);
+    let (small, large) = ([320, 180], [640, 360]);
+    let by_angle = Selection::SolidAngle;
+    let conservative = [
+        trial("320x180", &world, hom(small, DepthEstimate::NoBackground), by_angle),
+        trial("640x360", &world, hom(large, DepthEstimate::NoBackground), by_angle),
+        trial("320x180, buffer", &world, hom(small, DepthEstimate::Buffer), by_angle),
+        trial("640x360, buffer", &world, hom(large, DepthEstimate::Buffer), Selection::Interleaved),
+        trial("320x180, plane", &world, hom(small, DepthEstimate::Plane), by_angle),
+        trial("640x360, plane", &world, hom(large, DepthEstimate::Plane), Selection::Interleaved),
+    ];
+    let judgement = judge(&world, &conservative, || ()).unwrap();
+    print!("{}: exact {:.1}", world.source.name, judgement.mean_exact());
+    for (trial, verdict) in conservative.iter().zip(&judgement.verdicts) {
+        print!(", {} {:.1}", trial.name, trial.mean_visible());
+        assert_eq!(verdict.false_hidden, 0, "{}, {}: {:?}", world.source.name, trial.name, verdict.hidden);
+    }
+    println!();
+
+    // What the maps leave, the z-buffer of the same size leaves or hides: they know no more than it does.
+    let z_buffer = trial("hzb", &world, Hzb::new(large[0], large[1]).unwrap(), by_angle);
+    let mut before = &conservative[1].reported;
+    for (frame, left) in before.iter().enumerate() {
+        let lost = z_buffer.reported[frame].iter().find(|object| left.binary_search(object).is_err());
+        assert_eq!(lost, None, "{}, frame {frame}", world.source.name);
+    }
+    let dialled: Vec<_> = [0.95, 0.8, 0.5]
+        .into_iter()
+        .map(|dial| {
+            let map = hom(large, DepthEstimate::NoBackground).with_threshold(dial);
+            trial("dialled", &world, map, by_angle)
+        })
+        .collect();
+    for trial in &dialled {
+        for (frame, left) in trial.reported.iter().enumerate() {
+            let new = left.iter().find(|object| before[frame].binary_search(object).is_err());
+            assert_eq!(new, None, "{}, frame {frame}", world.source.name);
+        }
+        before = &trial.reported;
+    }
+}
+
+#[test]
+fn nothing_visible_is_hidden_in_built_in_scenes() {
+    for name in ["plpcity", "london", "town", "forest", "office"] {
+        check(built_in(name).unwrap(), 6);
+    }
+}
+
+#[test]
+fn nothing_visible_is_hidden_in_reference_scenes() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
+    if !folder.is_dir() {
+        println!("skipped: the reference scenes are not at {}", folder.display());
+        return;
+    }
+    for name in ["clinic", "denhaag", "alpine1", "oa_dm2"] {
+        check(load(&folder.join(format!("{name}.vscn"))).unwrap(), 6);
+    }
+    check(cars5(&folder.join("car.vscn")).unwrap(), 4);
+    let mut whole = load(&folder.join("clinic.vscn")).unwrap();
+    whole.objects.extend(load(&folder.join("clinic_mep.vscn")).unwrap().objects);
+    check(whole, 2);
+}

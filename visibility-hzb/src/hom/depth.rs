@@ -1,0 +1,154 @@
+//! Where occlusion begins: what is opaque hides only what is behind it.
+//!
+//! The three estimates of Zhang, Manocha, Hudson and Hoff ("Visibility Culling using Hierarchical Occlusion Maps", 1997), in this
+//! crate's nearness, which falls along every line of sight. Each bounds, for every covered pixel, the nearness of what covers it from
+//! below, so that each is conservative on its own.
+//!
+//! The first two go by the boxes around occluders, at their farthest. An occluder whose rectangle is hidden pixel by pixel behind
+//! nearer ones moves no boundary. That is sound: of all occluders that cover a pixel, the one whose nearest point is nearest cannot be
+//! hidden there, since what would hide it covers the pixel too and reaches nearer still; so for every covered pixel at least one
+//! occluder that covers it has moved the boundary.
+
+use super::opacity::{Opacity, Region};
+use crate::pyramid::{Rectangle, mask};
+use crate::tiles::Tiles;
+use alloc::vec::Vec;
+
+/// How the depth of occluders is kept.
+///
+/// ```
+/// use visibility_hzb::{DepthEstimate, Hom};
+/// assert_eq!(Hom::default().depth_estimate(), DepthEstimate::NoBackground);
+/// let map = Hom::default().with_depth_estimate(DepthEstimate::Plane);
+/// assert_eq!(map.depth_estimate(), DepthEstimate::Plane);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+pub enum DepthEstimate {
+    /// One plane behind all occluders that show. The cheapest; hides nothing that is nearer than the farthest of them.
+    Plane,
+    /// The depth-estimation buffer: for each 8 x 8 pixels of the map the farthest depth of the occluders whose rectangles meet them.
+    Buffer,
+    /// The no-background z-buffer: the z-buffer that occluders were drawn into, pixel by pixel where a tile does not decide; where
+    /// nothing was drawn it says nothing. The tightest.
+    #[default]
+    NoBackground,
+}
+
+/// The boundary beyond which opaque pixels hide.
+#[derive(Clone, Debug)]
+pub(crate) struct Boundary {
+    pub(crate) estimate: DepthEstimate,
+    columns: usize,
+    /// Of all occluders: nothing drawn is less near.
+    plane: f32,
+    /// For each tile, nearness that what is drawn there has at least; infinite where nothing is.
+    cells: Vec<f32>,
+}
+
+impl Boundary {
+    pub(crate) fn new(tiles: &Tiles) -> Self {
+        Self {
+            estimate: DepthEstimate::default(),
+            columns: tiles.columns,
+            plane: f32::INFINITY,
+            cells: alloc::vec![f32::INFINITY; tiles.columns * tiles.rows],
+        }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.plane = f32::INFINITY;
+        self.cells.fill(f32::INFINITY);
+    }
+
+    /// Keeps depth otherwise, and knows nothing until it is cleared for a frame.
+    pub(crate) fn set(&mut self, estimate: DepthEstimate) {
+        self.estimate = estimate;
+        self.plane = f32::NEG_INFINITY;
+        self.cells.fill(f32::NEG_INFINITY);
+    }
+
+    /// Moves it behind an occluder with the given rectangle that is nowhere less near than so.
+    pub(crate) fn move_behind(&mut self, region: &Region, nearness: f32) {
+        // What is not a number bounds nothing.
+        let nearness = if nearness.is_nan() { f32::NEG_INFINITY } else { nearness };
+        match self.estimate {
+            DepthEstimate::Plane => self.plane = self.plane.min(nearness),
+            DepthEstimate::Buffer => {
+                let [x0, x1, y0, y1] = region.0;
+                for y in y0..=y1 {
+                    for cell in &mut self.cells[y * self.columns + x0..=y * self.columns + x1] {
+                        *cell = if *cell < nearness { *cell } else { nearness };
+                    }
+                }
+            }
+            DepthEstimate::NoBackground => {}
+        }
+    }
+
+    /// Takes in what has been drawn into a region.
+    pub(crate) fn update(&mut self, tiles: &Tiles, region: &Region) {
+        if self.estimate != DepthEstimate::NoBackground {
+            return;
+        }
+        let [x0, x1, y0, y1] = region.0;
+        for y in y0..=y1.min(tiles.rows - 1) {
+            for x in x0..=x1.min(tiles.columns - 1) {
+                self.cells[y * self.columns + x] = tiles.farthest(y * self.columns + x);
+            }
+        }
+    }
+
+    /// Whether everything drawn into a rectangle is nearer than `nearness`.
+    #[inline(always)]
+    pub(crate) fn is_before(
+        &self,
+        opacity: &Opacity,
+        tiles: &Tiles,
+        rectangle: &Rectangle,
+        nearness: f32,
+    ) -> bool {
+        if self.estimate == DepthEstimate::Plane {
+            return self.plane > nearness;
+        }
+        let [x0, x1, y0, y1] = Region::of(rectangle).0;
+        for y in y0..=y1 {
+            let base = y * self.columns;
+            let row = &self.cells[base + x0..=base + x1];
+            if all_above(row, nearness) {
+                continue;
+            }
+            if self.estimate == DepthEstimate::Buffer {
+                return false;
+            }
+            for x in x0..=x1 {
+                let tile = base + x;
+                if !(self.cells[tile] > nearness)
+                    && !tiles.hides(tile, mask(rectangle, x, y) & opacity.covered[tile], nearness)
+                {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Whether all numbers are above a limit.
+#[inline(always)]
+fn all_above(values: &[f32], limit: f32) -> bool {
+    let (chunks, rest) = values.as_chunks::<16>();
+    for chunk in chunks {
+        let mut all = true;
+        for &value in chunk {
+            all &= value > limit;
+        }
+        if !all {
+            return false;
+        }
+    }
+    let mut all = true;
+    for &value in rest {
+        all &= value > limit;
+    }
+    all
+}

@@ -1,0 +1,206 @@
+//! The opacity pyramid: how many pixels of each texel are covered, for texels of one pixel, of 2 x 2, of 4 x 4, up to the whole picture
+//! (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997: "recursive averaging").
+//!
+//! Texels finer than a tile are the bits of its mask; a count stands for each of the others. Counts over areas are averages without
+//! rounding. What lies outside the picture is not counted, on either side.
+
+use super::threshold::{TILE, Thresholds};
+use crate::pyramid::Rectangle;
+use crate::tiles::{SIDE, Tiles};
+use alloc::vec::Vec;
+
+/// A range of tiles: first and last columns, first and last rows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Region(pub(crate) [usize; 4]);
+
+impl Region {
+    pub(crate) const NONE: Self = Self([usize::MAX, 0, usize::MAX, 0]);
+
+    /// The tiles that a rectangle meets.
+    #[inline(always)]
+    pub(crate) fn of(rectangle: &Rectangle) -> Self {
+        let Rectangle { columns: [left, right], lines: [top, bottom] } = *rectangle;
+        let [left, right, top, bottom] = [left, right - 1, top, bottom - 1].map(|side| side as usize / SIDE);
+        Self([left, right, top, bottom])
+    }
+
+    pub(crate) fn join(&mut self, other: &Self) {
+        let ([x0, x1, y0, y1], [u0, u1, v0, v1]) = (self.0, other.0);
+        self.0 = [x0.min(u0), x1.max(u1), y0.min(v0), y1.max(v1)];
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0[0] > self.0[1]
+    }
+}
+
+/// One level, of tiles or coarser.
+#[derive(Clone, Debug)]
+pub(crate) struct Level {
+    pub(crate) columns: usize,
+    pub(crate) rows: usize,
+    /// Covered pixels of each texel.
+    pub(crate) counts: Vec<u32>,
+    /// How many make a texel opaque: anywhere, in the last column, in the last row, in the last of both.
+    need: [u32; 4],
+}
+
+impl Level {
+    /// Covered pixels of a texel, and whether they are enough for it to be opaque.
+    #[inline(always)]
+    pub(crate) fn texel(&self, x: usize, y: usize) -> (u32, bool) {
+        let count = self.counts[y * self.columns + x];
+        let last = usize::from(x + 1 == self.columns) | usize::from(y + 1 == self.rows) << 1;
+        (count, count >= self.need[last])
+    }
+}
+
+/// The pyramid.
+#[derive(Clone, Debug)]
+pub(crate) struct Opacity {
+    picture: [usize; 2],
+    /// The covered pixels of each tile, row by row.
+    pub(crate) covered: Vec<u64>,
+    /// From tiles upwards.
+    pub(crate) levels: Vec<Level>,
+    pub(crate) thresholds: Thresholds,
+}
+
+impl Opacity {
+    pub(crate) fn new(picture: [usize; 2]) -> Self {
+        let [mut columns, mut rows] = picture.map(|side| side.div_ceil(SIDE));
+        let covered = alloc::vec![0; columns * rows];
+        let mut levels = Vec::new();
+        loop {
+            levels.push(Level { columns, rows, counts: alloc::vec![0; columns * rows], need: [0; 4] });
+            if columns == 1 && rows == 1 {
+                break;
+            }
+            (columns, rows) = (columns.div_ceil(2), rows.div_ceil(2));
+        }
+        let mut new = Self { picture, covered, levels, thresholds: Thresholds::OPAQUE };
+        new.set(Thresholds::OPAQUE);
+        new
+    }
+
+    pub(crate) fn set(&mut self, thresholds: Thresholds) {
+        for above in 0..self.levels.len() {
+            let last = [self.levels[above].columns - 1, self.levels[above].rows - 1];
+            for which in 0..4 {
+                let full = 1 << (TILE + above);
+                let side = |axis: usize| {
+                    if which >> axis & 1 != 0 { self.picture[axis] - last[axis] * full } else { full }
+                };
+                self.levels[above].need[which] = thresholds.need(TILE + above, (side(0) * side(1)) as u32);
+            }
+        }
+        self.thresholds = thresholds;
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.covered.fill(0);
+        for level in &mut self.levels {
+            level.counts.fill(0);
+        }
+    }
+
+    /// Takes in what has been drawn into a region, and counts anew above it.
+    pub(crate) fn update(&mut self, tiles: &Tiles, region: &Region) {
+        let [mut x0, mut x1, mut y0, mut y1] = region.0;
+        let Some((finest, coarser)) = self.levels.split_first_mut() else { return };
+        (x1, y1) = (x1.min(finest.columns - 1), y1.min(finest.rows - 1));
+        let right = last_columns(self.picture[0]);
+        let bottom = last_lines(self.picture[1]);
+        for y in y0..=y1 {
+            let lines = if y + 1 == finest.rows { bottom } else { u64::MAX };
+            let base = y * finest.columns;
+            for x in x0..=x1 {
+                let columns = if x + 1 == finest.columns { right } else { u64::MAX };
+                let covered = tiles.covered(base + x) & lines & columns;
+                self.covered[base + x] = covered;
+                finest.counts[base + x] = covered.count_ones();
+            }
+        }
+        let mut finer: &Level = finest;
+        for level in coarser {
+            [x0, x1, y0, y1] = [x0, x1, y0, y1].map(|limit| limit / 2);
+            for y in y0..=y1 {
+                let above = &finer.counts[2 * y * finer.columns..][..finer.columns];
+                let below = finer.counts.get((2 * y + 1) * finer.columns..).unwrap_or(&[]);
+                let out = &mut level.counts[y * level.columns..][..level.columns];
+                for x in x0..=x1 {
+                    let pair = |row: &[u32]| match row.get(2 * x..finer.columns.min(2 * x + 2)) {
+                        Some([a, b]) => a + b,
+                        Some([a]) => *a,
+                        _ => 0,
+                    };
+                    out[x] = pair(above) + pair(below);
+                }
+            }
+            finer = level;
+        }
+    }
+
+    /// Columns and rows of a level, pixels first.
+    pub(crate) fn size(&self, level: usize) -> Option<[usize; 2]> {
+        match level.checked_sub(TILE) {
+            Some(above) => self.levels.get(above).map(|level| [level.columns, level.rows]),
+            None => Some(self.picture.map(|side| side.div_ceil(1 << level))),
+        }
+    }
+
+    /// Covered pixels of a texel and all of its pixels.
+    pub(crate) fn texel(&self, level: usize, x: usize, y: usize) -> Option<[u32; 2]> {
+        let [columns, rows] = self.size(level)?;
+        if x >= columns || y >= rows {
+            return None;
+        }
+        let side = |axis: usize, at: usize| (self.picture[axis] - (at << level)).min(1 << level);
+        let area = (side(0, x) * side(1, y)) as u32;
+        let count = match level.checked_sub(TILE) {
+            Some(above) => self.levels[above].counts[y * columns + x],
+            None => {
+                let shift = TILE - level;
+                let tile = (y >> shift) * self.levels[0].columns + (x >> shift);
+                let (left, top) = ((x << level) % SIDE, (y << level) % SIDE);
+                (self.covered[tile] & (block(level) << (top * SIDE + left))).count_ones()
+            }
+        };
+        Some([count, area])
+    }
+
+    /// The covered pixels of a tile, and with them all pixels of those texels finer than the tile that are opaque.
+    pub(crate) fn dissolved(&self, x: usize, y: usize) -> u64 {
+        let covered = self.covered[y * self.levels[0].columns + x];
+        let mut out = covered;
+        for level in 1..TILE {
+            let texels = SIDE >> level;
+            for i in 0..texels * texels {
+                let (u, v) = (x * texels + i % texels, y * texels + i / texels);
+                if let Some([count, area]) = self.texel(level, u, v)
+                    && count >= self.thresholds.need(level, area)
+                {
+                    out |= block(level) << ((i / texels * SIDE + i % texels) << level);
+                }
+            }
+        }
+        out
+    }
+}
+
+/// The pixels of the first texel of a level in a tile.
+fn block(level: usize) -> u64 {
+    let row = (1u64 << (1 << level)) - 1;
+    (0..1 << level).fold(0, |mask, line| mask | row << (line * SIDE))
+}
+
+/// The pixels of a tile in the last column of tiles that are in the picture.
+fn last_columns(width: usize) -> u64 {
+    let wide = (width - 1) % SIDE + 1;
+    ((1u64 << wide) - 1) * 0x0101_0101_0101_0101
+}
+
+/// The same of a tile in the last row.
+fn last_lines(height: usize) -> u64 {
+    u64::MAX >> (SIDE * (SIDE - 1 - (height - 1) % SIDE))
+}

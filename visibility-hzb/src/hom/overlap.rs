@@ -1,0 +1,219 @@
+//! The overlap test: whether all of a rectangle is opaque.
+//!
+//! It starts at the level where the rectangle meets two or three texels on its longer side, and goes down only where a texel does not
+//! decide. Texels that are opaque are done with, whatever is below them: where all are, the rectangle is rejected at once (Zhang's
+//! conservative rejection). A texel with fewer covered pixels than the rectangle's part of it needs ends the test the other way
+//! (predictive rejection): nothing finer could make that part opaque, so this changes no answer.
+
+use super::opacity::{Opacity, Region};
+use super::threshold::TILE;
+use crate::pyramid::{Rectangle, mask};
+
+pub(crate) struct Overlap<'a> {
+    opacity: &'a Opacity,
+    rectangle: &'a Rectangle,
+    region: Region,
+    /// Whether texels may end the test when they cannot become opaque.
+    predictive: bool,
+}
+
+/// Whether all of a rectangle is opaque.
+#[inline(always)]
+pub(crate) fn is_opaque(opacity: &Opacity, rectangle: &Rectangle, predictive: bool) -> bool {
+    let region = Region::of(rectangle);
+    let [x0, x1, y0, y1] = region.0;
+    // The greatest shift that leaves at least two texels on the longer side.
+    let size = (x1 - x0).max(y1 - y0);
+    let above = (size.max(1).ilog2() as usize).min(opacity.levels.len() - 1);
+    let walk = Overlap { opacity, rectangle, region, predictive };
+    for y in y0 >> above..=y1 >> above {
+        for x in x0 >> above..=x1 >> above {
+            if !walk.texel(above, x, y) {
+                return false;
+            }
+        }
+    }
+    true
+}
+
+impl Overlap<'_> {
+    /// Whether the rectangle's part of a texel is opaque, so many levels above tiles.
+    fn texel(&self, above: usize, x: usize, y: usize) -> bool {
+        let level = &self.opacity.levels[above];
+        let (count, opaque) = level.texel(x, y);
+        if opaque {
+            return true;
+        }
+        if above == 0 {
+            let part = mask(self.rectangle, x, y);
+            let covered = if self.opacity.thresholds.is_fine() {
+                self.opacity.dissolved(x, y)
+            } else {
+                self.opacity.covered[y * level.columns + x]
+            };
+            return part & !covered == 0;
+        }
+        let side = TILE + above;
+        let part = within(self.rectangle.columns, x, side) * within(self.rectangle.lines, y, side);
+        if self.predictive && self.opacity.thresholds.rules_out(side, count, part) {
+            return false;
+        }
+        let [x0, x1, y0, y1] = self.region.0.map(|limit| limit >> (above - 1));
+        for y in (2 * y).max(y0)..=(2 * y + 1).min(y1) {
+            for x in (2 * x).max(x0)..=(2 * x + 1).min(x1) {
+                if !self.texel(above - 1, x, y) {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+}
+
+/// How much of a range of pixels lies within a texel, along one axis.
+#[inline(always)]
+fn within([first, end]: [u32; 2], texel: usize, level: usize) -> u32 {
+    let (start, stop) = ((texel as u32) << level, (texel as u32 + 1) << level);
+    end.min(stop).saturating_sub(first.max(start))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hom::threshold::Thresholds;
+    use crate::tiles::{SIDE, Tiles};
+    use std::vec::Vec;
+
+    /// SplitMix64.
+    struct Random(u64);
+
+    impl Random {
+        fn below(&mut self, limit: u64) -> u64 {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+            (z ^ z >> 31) % limit
+        }
+
+        fn range(&mut self, size: usize) -> [u32; 2] {
+            let (a, b) = (self.below(size as u64) as u32, self.below(size as u64) as u32);
+            let far = if self.below(2) == 0 { a.max(b) } else { (a.min(b) + 3).min(size as u32 - 1) };
+            [a.min(b), far + 1]
+        }
+    }
+
+    /// A map with large areas covered and a few holes in it, drawn in two goes; and its pixels.
+    fn map(random: &mut Random, [width, height]: [usize; 2]) -> (Opacity, Vec<bool>) {
+        let mut tiles = Tiles::new(width, height);
+        let mut opacity = Opacity::new([width, height]);
+        for _ in 0..2 {
+            let mut stale = Region::NONE;
+            for _ in 0..random.below(6) {
+                let area = Rectangle { columns: random.range(width), lines: random.range(height) };
+                let holes = [0, 1, 40][random.below(3) as usize];
+                let region = Region::of(&area);
+                let [x0, x1, y0, y1] = region.0;
+                for (x, y) in (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| (x, y))) {
+                    let mut bits = mask(&area, x, y);
+                    if random.below(100) < holes {
+                        bits &= !(1 << random.below(64));
+                    }
+                    tiles.cover(y * tiles.columns + x, bits, 1.0);
+                }
+                stale.join(&region);
+            }
+            if !stale.is_empty() {
+                opacity.update(&tiles, &stale);
+            }
+        }
+        let pixels = (0..width * height).map(|i| tiles.pixel(i % width, i / width) > 0.0).collect();
+        (opacity, pixels)
+    }
+
+    #[test]
+    fn counts_are_those_of_the_pixels() {
+        let mut random = Random(1);
+        for round in 0..200 {
+            let size = [17 + random.below(300) as usize, 16 + random.below(200) as usize];
+            let (opacity, pixels) = map(&mut random, size);
+            for level in 0..TILE + opacity.levels.len() {
+                let [columns, rows] = opacity.size(level).unwrap();
+                assert_eq!([columns, rows], size.map(|side| side.div_ceil(1 << level)));
+                for (x, y) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
+                    let (mut count, mut area) = (0, 0);
+                    for v in (y << level)..((y + 1) << level).min(size[1]) {
+                        for u in (x << level)..((x + 1) << level).min(size[0]) {
+                            count += u32::from(pixels[v * size[0] + u]);
+                            area += 1;
+                        }
+                    }
+                    assert_eq!(opacity.texel(level, x, y), Some([count, area]), "round {round}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn at_a_threshold_of_one_opaque_is_every_pixel_covered() {
+        let mut random = Random(2);
+        let (mut yes, mut no) = (0, 0);
+        for _ in 0..600 {
+            let size = [17 + random.below(500) as usize, 16 + random.below(300) as usize];
+            let (opacity, pixels) = map(&mut random, size);
+            for _ in 0..100 {
+                let rectangle = Rectangle { columns: random.range(size[0]), lines: random.range(size[1]) };
+                let [left, right] = rectangle.columns.map(|side| side as usize);
+                let mut rows = rectangle.lines[0] as usize..rectangle.lines[1] as usize;
+                let all = rows.all(|y| pixels[y * size[0] + left..y * size[0] + right].iter().all(|p| *p));
+                assert_eq!(is_opaque(&opacity, &rectangle, true), all, "{rectangle:?} of {size:?}");
+                *if all { &mut yes } else { &mut no } += 1;
+            }
+        }
+        assert!(yes > 2000 && no > 2000, "{yes} opaque, {no} not");
+    }
+
+    #[test]
+    fn prediction_changes_no_answer_and_lower_thresholds_only_add() {
+        let mut random = Random(3);
+        let mut more = 0;
+        for _ in 0..600 {
+            let size = [17 + random.below(500) as usize, 16 + random.below(300) as usize];
+            let (mut opacity, _) = map(&mut random, size);
+            let rectangles: Vec<_> = (0..100)
+                .map(|_| Rectangle { columns: random.range(size[0]), lines: random.range(size[1]) })
+                .collect();
+            let mut before: Vec<bool> = std::vec![false; rectangles.len()];
+            for dial in [1.0, 0.95, 0.8, 0.5, 0.1] {
+                let mut thresholds = Thresholds::from_dial(dial);
+                if dial < 0.9 {
+                    thresholds.set(1, dial);
+                    thresholds.set(2, dial);
+                }
+                opacity.set(thresholds);
+                for (rectangle, before) in rectangles.iter().zip(&mut before) {
+                    let opaque = is_opaque(&opacity, rectangle, true);
+                    assert_eq!(opaque, is_opaque(&opacity, rectangle, false), "{rectangle:?} of {size:?}");
+                    assert!(opaque || !*before, "{rectangle:?} of {size:?}: lost at {dial}");
+                    more += usize::from(opaque && !*before && dial < 1.0);
+                    *before = opaque;
+                }
+            }
+        }
+        assert!(more > 500, "the dial does something: {more}");
+    }
+
+    #[test]
+    fn fine_texels_with_few_holes_dissolve() {
+        let mut tiles = Tiles::new(16, 16);
+        // All but one pixel of the first block of 2 x 2, and half of the second.
+        tiles.cover(0, 0b01 | 0b11 << SIDE | 0b11 << 2, 1.0);
+        let mut opacity = Opacity::new([16, 16]);
+        opacity.update(&tiles, &Region([0, 1, 0, 1]));
+        let block = |left| Rectangle { columns: [left, left + 2], lines: [0, 2] };
+        assert!(!is_opaque(&opacity, &block(0), true));
+        let mut thresholds = Thresholds::OPAQUE;
+        thresholds.set(1, 0.75);
+        opacity.set(thresholds);
+        assert!(is_opaque(&opacity, &block(0), true) && !is_opaque(&opacity, &block(2), true));
+    }
+}

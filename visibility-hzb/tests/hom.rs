@@ -1,0 +1,353 @@
+//! Hierarchical occlusion maps on random views of random occluders: nothing that a ray reaches is hidden at a threshold of 1, by any
+//! depth estimate; one pixel's hole is enough; the answers are the same on all instructions, and pinned.
+
+mod common;
+
+use common::{Occluder, Random, Ray, faces, occluder, view};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{
+    Aabb, Accuracy, Boxes64, Culler, OccluderMesh, Occlusion, Occlusion64, OcclusionCuller, OcclusionMap,
+    Pose, Scene, View, VisibleSet, Window,
+};
+use visibility_hzb::{Coverage, DepthEstimate, Hom, Hzb, Simd};
+
+const ESTIMATES: [DepthEstimate; 3] =
+    [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground];
+
+/// A finished map that answers 64 boxes at once as it answers each of them.
+struct Checked(Hom);
+
+impl OcclusionMap for Checked {
+    fn name(&self) -> &str {
+        "checked"
+    }
+    fn accuracy(&self) -> Accuracy {
+        self.0.accuracy()
+    }
+    fn begin(&mut self, _: &View, _: DVec3) {}
+    fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
+    fn flush(&mut self) {}
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        self.0.test(bounds)
+    }
+    fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
+        let answer = self.0.test_64(boxes, candidates);
+        for lane in (0..64).filter(|lane| candidates >> lane & 1 != 0) {
+            let own = match self.test(&boxes.get(lane)) {
+                Occlusion::Hidden => (1, 0),
+                Occlusion::Partial => (0, 0),
+                Occlusion::Visible => (0, 1),
+            };
+            assert_eq!((answer.hidden >> lane & 1, answer.visible >> lane & 1), own, "{:?}", boxes.get(lane));
+        }
+        answer
+    }
+}
+
+fn draw<M: OcclusionMap>(mut map: M, occluders: &[Occluder], view: &View) -> M {
+    map.begin(view, DVec3::ZERO);
+    for (i, o) in occluders.iter().enumerate() {
+        map.add(&o.mesh, &o.transform);
+        if i == 1 {
+            map.flush();
+        }
+    }
+    map.flush();
+    map
+}
+
+/// Huge or near-degenerate triangles, on which no ray can be trusted.
+fn extreme(random: &mut Random) -> Option<Occluder> {
+    let scale = [1e-20, 1e-6, 1e3, 1e6, 1e12, 1e30][random.below(6) as usize] as f32;
+    let a = random.vec(-1.0, 1.0) * scale;
+    let triangle = [a, random.vec(-1.0, 1.0) * scale, a + random.vec(-1.0, 1.0) * 1e-7 * scale];
+    let mesh = OccluderMesh::from_triangles(&[triangle]).ok()?;
+    Some(Occluder { mesh: mesh.with_two_sided(random.below(2) == 0), transform: Affine3A::IDENTITY })
+}
+
+fn random_box(random: &mut Random) -> Aabb {
+    let middle = random.vec(-9.0, 9.0);
+    let most = if random.below(4) == 0 { 3.0 } else { 0.4 };
+    let half = random.vec(0.0, most);
+    Aabb::new(middle - half, middle + half)
+}
+
+/// A few points of a box that its six faces are made of.
+fn points(random: &mut Random, bounds: &Aabb) -> Vec<DVec3> {
+    let mut points: Vec<Vec3> = bounds.corners().into();
+    for _ in 0..8 {
+        let mut p = bounds.min + (bounds.max - bounds.min) * random.vec(0.0, 1.0);
+        let axis = random.below(3) as usize;
+        p[axis] = if random.below(2) == 0 { bounds.min[axis] } else { bounds.max[axis] };
+        points.push(p);
+    }
+    points.into_iter().map(|p| p.as_dvec3()).collect()
+}
+
+fn run(views: u64, seed: u64) {
+    let mut random = Random(seed);
+    let (mut hidden, mut rays) = ([0u64; 3], 0u64);
+    for round in 0..views {
+        let size = [[40, 24], [17, 33], [64, 64], [130, 50]][random.below(4) as usize];
+        let view = view(&mut random);
+        let mut occluders: Vec<_> = (0..random.below(5) + 1).map(|_| occluder(&mut random)).collect();
+        let plain = occluders.len();
+        if random.below(4) == 0 {
+            occluders.extend(extreme(&mut random));
+        }
+        let coverage = if random.below(8) == 0 { Coverage::Sampled } else { Coverage::Conservative };
+        let hzb = draw(Hzb::new(size[0], size[1]).unwrap().with_coverage(coverage), &occluders, &view);
+        let boxes: Vec<_> = (0..40).map(|_| random_box(&mut random)).collect();
+        let mut scene = Scene::new();
+        scene.insert_batch(boxes.iter().copied());
+        let matrix = view.clip_from(DVec3::ZERO);
+        let all = faces(&occluders[..plain]);
+        for (estimate, hidden) in ESTIMATES.into_iter().zip(&mut hidden) {
+            let new = Hom::new(size[0], size[1]).unwrap();
+            let new = new.with_coverage(coverage).with_depth_estimate(estimate);
+            let maps: Vec<_> =
+                Simd::available().map(|s| draw(new.clone().with_simd(s), &occluders, &view)).collect();
+            for map in &maps {
+                let mut set = VisibleSet::new();
+                set.fill(&scene, &view);
+                OcclusionCuller::new(Checked(map.clone())).cull(&scene, &view, &mut set);
+            }
+            for bounds in &boxes {
+                let answer = maps[0].test(bounds);
+                for map in &maps[1..] {
+                    assert_eq!(map.test(bounds), answer, "round {round}, {bounds:?}");
+                }
+                if answer != Occlusion::Hidden {
+                    continue;
+                }
+                if estimate == DepthEstimate::NoBackground {
+                    assert_eq!(hzb.test(bounds), Occlusion::Hidden, "round {round}: the z-buffer shows it");
+                }
+                if coverage == Coverage::Sampled {
+                    continue;
+                }
+                let before = rays;
+                for p in points(&mut random, bounds) {
+                    let clip = matrix * p.extend(1.0);
+                    let (x, y) = (clip.x / clip.w, clip.y / clip.w);
+                    // What is not in the picture cannot be seen; nor can what extreme occluders may hide, which rays leave out.
+                    if clip.w <= 0.0 || x.abs() > 0.999_999 || y.abs() > 0.999_999 || occluders.len() > plain
+                    {
+                        continue;
+                    }
+                    let pixel = [(x + 1.0) * 0.5 * size[0] as f64, (1.0 - y) * 0.5 * size[1] as f64];
+                    let ray = Ray::new(&view, size, pixel[0], pixel[1]);
+                    if ray.is_before_near(p) {
+                        continue;
+                    }
+                    rays += 1;
+                    let (own, met) = (ray.nearness(p), ray.nearest(&all));
+                    assert!(
+                        met > own - 1e-6 * own.abs(),
+                        "round {round}, {estimate:?}: {bounds:?} seen at {p}: met {met}, own {own}, {view:?}"
+                    );
+                }
+                // Those that are in the picture.
+                *hidden += u64::from(rays > before);
+            }
+        }
+    }
+    println!("{views} views, {hidden:?} hidden boxes, {rays} rays");
+    assert!(
+        hidden.iter().all(|&hidden| hidden > views / 8),
+        "too little is hidden to prove anything: {hidden:?}"
+    );
+}
+
+#[test]
+fn nothing_that_a_ray_reaches_is_hidden_by_any_depth_estimate() {
+    run(6_000, 11);
+}
+
+/// Some minutes.
+#[test]
+#[ignore = "the long form of the test above"]
+fn nothing_that_a_ray_reaches_is_hidden_in_a_hundred_thousand_views() {
+    run(100_000, 12);
+}
+
+/// A parallel view along x in which a metre is a pixel.
+fn pixels_as_metres(size: [usize; 2]) -> View {
+    let half = size.map(|side| side as f64 / 2.0);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let window = Window { left: -half[0], right: half[0], bottom: -half[1], top: half[1] };
+    View::orthographic(pose, window, 1.0, 100.0).unwrap()
+}
+
+/// The wall between two pairs of numbers of pixels, from the upper left.
+fn wall(size: [usize; 2], columns: [f32; 2], lines: [f32; 2]) -> Option<OccluderMesh> {
+    let half = size.map(|side| side as f32 / 2.0);
+    // Columns run to the right, which is -y for who looks along x with z up.
+    let (low, high) =
+        ([10.0, half[0] - columns[1], half[1] - lines[1]], [11.0, half[0] - columns[0], half[1] - lines[0]]);
+    (columns[0] < columns[1] && lines[0] < lines[1])
+        .then(|| OccluderMesh::cuboid(&Aabb::from_arrays(low, high)).unwrap())
+}
+
+#[test]
+fn a_hole_of_one_pixel_in_a_wall_shows_what_is_behind() {
+    let mut random = Random(4);
+    let mut rounded_away = 0;
+    let sizes = [[16, 16], [17, 40], [64, 64], [256, 256], [320, 180], [512, 288], [1000, 700], [4096, 4096]];
+    for size in sizes {
+        let view = pixels_as_metres(size);
+        for estimate in ESTIMATES {
+            let mut hom = Hom::new(size[0], size[1]).unwrap().with_depth_estimate(estimate);
+            let [width, height] = size.map(|side| side as f32);
+            let (hole_x, hole_y) =
+                (random.below(size[0] as u64) as usize, random.below(size[1] as u64) as usize);
+            let (x, y) = (hole_x as f32, hole_y as f32);
+            // Above, below, to the left and to the right; beyond the picture, so that its border is covered too, and a little into the
+            // hole, so that rounding leaves no other pixel open.
+            let parts = [
+                ([-9.0, width + 9.0], [-9.0, y + 0.125]),
+                ([-9.0, width + 9.0], [y + 0.875, height + 9.0]),
+                ([-9.0, x + 0.125], [y - 1.0, y + 2.0]),
+                ([x + 0.875, width + 9.0], [y - 1.0, y + 2.0]),
+            ];
+            hom.begin(&view, DVec3::ZERO);
+            for mesh in parts.into_iter().filter_map(|(columns, lines)| wall(size, columns, lines)) {
+                hom.add(&mesh, &Affine3A::IDENTITY);
+            }
+            hom.flush();
+            assert_eq!(hom.opacity(0, hole_x, hole_y), Some(0.0), "{size:?}");
+            let top = hom.levels() - 1;
+            assert_eq!(hom.level_size(top), Some([1, 1]));
+            for level in 0..=top {
+                let opacity = hom.opacity(level, hole_x >> level, hole_y >> level).unwrap();
+                assert!(opacity < 1.0, "{size:?}, level {level}: {opacity}");
+                // What an average of eight bits would have made of it.
+                rounded_away += u32::from((opacity * 255.0).round() == 255.0);
+            }
+            // Of the whole picture, and of some pixels around the hole.
+            let (half_width, half_height) = (width / 2.0, height / 2.0);
+            for reach in [1.0, 3.0, 9.0, 40.0, 200.0, 9000.0f32] {
+                let (left, right) = ((x - reach).max(0.0), (x + 1.0 + reach).min(width));
+                let (upper, lower) = ((y - reach).max(0.0), (y + 1.0 + reach).min(height));
+                let behind = Aabb::from_arrays(
+                    [20.0, half_width - right, half_height - lower],
+                    [30.0, half_width - left, half_height - upper],
+                );
+                assert_ne!(hom.test(&behind), Occlusion::Hidden, "{size:?}, {estimate:?}, {reach}");
+            }
+            // Without the hole, all of it is hidden, or the test would prove nothing.
+            hom.add(&wall(size, [x - 1.0, x + 2.0], [y - 1.0, y + 2.0]).unwrap(), &Affine3A::IDENTITY);
+            hom.flush();
+            let all = Aabb::from_arrays(
+                [20.0, 2.0 - half_width, 2.0 - half_height],
+                [30.0, half_width - 2.0, half_height - 2.0],
+            );
+            let small = Aabb::from_arrays([20.0, -1.0, -1.0], [30.0, 1.0, 1.0]);
+            assert_eq!(hom.test(&small), Occlusion::Hidden, "{size:?}, {estimate:?}");
+            assert_eq!(hom.test(&all), Occlusion::Hidden, "{size:?}, {estimate:?}");
+        }
+    }
+    assert!(rounded_away > 50, "an average that rounds to one would have passed: {rounded_away}");
+}
+
+#[test]
+fn hidden_is_strictly_behind() {
+    let size = [64, 64];
+    let view = pixels_as_metres(size);
+    for estimate in ESTIMATES {
+        let new = Hom::new(64, 64).unwrap().with_depth_estimate(estimate);
+        let mesh = wall(size, [-9.0, 73.0], [-9.0, 73.0]).unwrap();
+        let hom = draw(new, &[Occluder { mesh, transform: Affine3A::IDENTITY }], &view);
+        let at = |x: f32| hom.test(&Aabb::from_arrays([x, -3.0, -3.0], [x + 1.0, 3.0, 3.0]));
+        // The wall reaches from 10 to 11; the first two estimates know no more of it than its back.
+        assert_eq!(at(8.0), Occlusion::Visible);
+        assert_ne!(at(10.0), Occlusion::Hidden);
+        assert_eq!(at(11.1), Occlusion::Hidden, "{estimate:?}");
+        assert_eq!(at(10.5) == Occlusion::Hidden, estimate == DepthEstimate::NoBackground);
+    }
+}
+
+#[test]
+fn what_is_promised_depends_on_the_dials() {
+    let accuracy = |map: Hom| map.accuracy();
+    assert_eq!(accuracy(Hom::default()), Accuracy::Conservative);
+    assert_eq!(accuracy(Hom::default().with_threshold(1.0)), Accuracy::Conservative);
+    assert_eq!(accuracy(Hom::default().with_threshold(0.99)), Accuracy::Approximate);
+    assert_eq!(accuracy(Hom::default().with_level_threshold(5, 0.99)), Accuracy::Approximate);
+    assert_eq!(accuracy(Hom::default().with_level_threshold(0, 0.1)), Accuracy::Conservative);
+    assert_eq!(accuracy(Hom::default().with_level_threshold(99, 0.1)), Accuracy::Conservative);
+    assert_eq!(accuracy(Hom::default().with_coverage(Coverage::Sampled)), Accuracy::Approximate);
+    assert!(Hom::new(15, 36).is_err() && Hom::new(64, 4097).is_err());
+}
+
+#[test]
+fn improper_boxes_are_visible_and_an_empty_map_hides_nothing() {
+    let mut random = Random(3);
+    let occluders: Vec<_> = (0..20).map(|_| occluder(&mut random)).collect();
+    let view = view(&mut random);
+    for threshold in [1.0, 0.0] {
+        let new = Hom::new(64, 36).unwrap().with_threshold(threshold);
+        let hom = draw(new.clone(), &occluders, &view);
+        for bounds in [Aabb::EMPTY, Aabb::new(Vec3::NAN, Vec3::NAN), Aabb::new(Vec3::ONE, Vec3::ZERO)] {
+            assert_eq!(hom.test(&bounds), Occlusion::Visible);
+        }
+        assert_ne!(hom.test(&Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY)), Occlusion::Hidden);
+        assert_ne!(new.test(&Aabb::from_arrays([1.0; 3], [2.0; 3])), Occlusion::Hidden);
+        let empty = draw(new, &[], &pixels_as_metres([64, 36]));
+        let before = Aabb::from_arrays([20.0, -3.0, -3.0], [30.0, 3.0, 3.0]);
+        assert_ne!(empty.test(&before), Occlusion::Hidden, "at {threshold}");
+    }
+}
+
+#[test]
+fn another_depth_estimate_counts_from_the_next_frame_on() {
+    let size = [64, 64];
+    let view = pixels_as_metres(size);
+    let mesh = wall(size, [-9.0, 73.0], [-9.0, 73.0]).unwrap();
+    let occluder = [Occluder { mesh, transform: Affine3A::IDENTITY }];
+    let (between, behind) = ([[2.0; 3], [3.0; 3]], [[20.0; 3], [21.0; 3]]);
+    for estimate in ESTIMATES {
+        let hom = draw(Hom::new(64, 64).unwrap(), &occluder, &view).with_depth_estimate(estimate);
+        assert_ne!(hom.test(&Aabb::from_arrays(between[0], between[1])), Occlusion::Hidden);
+        let hides = hom.test(&Aabb::from_arrays(behind[0], behind[1])) == Occlusion::Hidden;
+        assert!(!hides || estimate == DepthEstimate::NoBackground);
+        let hom = draw(hom, &occluder, &view);
+        assert_eq!(hom.test(&Aabb::from_arrays(behind[0], behind[1])), Occlusion::Hidden);
+    }
+}
+
+#[test]
+fn the_answers_are_pinned() {
+    let mut random = Random(21);
+    let mut hash = 0xcbf2_9ce4_8422_2325u64;
+    let mut hidden = 0;
+    for round in 0..300 {
+        let size = [[96, 54], [200, 120], [333, 77]][round % 3];
+        // Quarters of pixels, so that it does not matter how a rasterizer rounds.
+        let mut part = |side: usize| {
+            let (a, b) = (random.below(4 * side as u64) as f32, random.below(4 * side as u64) as f32);
+            [a.min(b) * 0.25 + 0.125, a.max(b) * 0.25 + 0.125]
+        };
+        let meshes: Vec<_> = (0..12).filter_map(|_| wall(size, part(size[0]), part(size[1]))).collect();
+        let shift =
+            |random: &mut Random| Affine3A::from_translation(Vec3::new(random.below(40) as f32, 0.0, 0.0));
+        let occluders: Vec<_> =
+            meshes.into_iter().map(|mesh| Occluder { mesh, transform: shift(&mut random) }).collect();
+        let new = Hom::new(size[0], size[1])
+            .unwrap()
+            .with_threshold([1.0, 0.9, 0.6][round / 3 % 3])
+            .with_depth_estimate(ESTIMATES[round / 9 % 3]);
+        let hom = draw(new, &occluders, &pixels_as_metres(size));
+        for _ in 0..40 {
+            let middle = random.vec(-1.0, 1.0) * Vec3::new(1.0, size[0] as f32, size[1] as f32) * 0.5;
+            let half = random.vec(0.0, 30.0) * Vec3::new(0.1, 1.0, 1.0);
+            let away = Vec3::X * (12 + random.below(60)) as f32;
+            let bounds = Aabb::new(middle - half + away, middle + half + away);
+            let answer = hom.test(&bounds) as u64;
+            hidden += u64::from(answer == Occlusion::Hidden as u64);
+            hash = (hash ^ answer).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+    // The same on every processor, with every set of instructions. It changes with the rule of what is hidden.
+    assert_eq!((hidden, hash), (1458, 0xbe07_3181_21a6_c0b6), "{hash:#x}");
+}
