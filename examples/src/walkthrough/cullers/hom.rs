@@ -8,7 +8,7 @@ pub(super) const KNOWN: &[Known] = &[
         name: "hom",
         what: "boxes behind the scene's own opaque triangles are hidden, by occlusion maps of 512x288 pixels; \
                hom:0.9 counts 8x8 pixels as opaque if 90% of them are covered",
-        dials: &["0.95", "0.9", "0.8", "0.7"],
+        dials: &["1", "0.95", "0.9", "0.8", "0.7"],
         make: |dial, _| made(dial, DepthEstimate::NoBackground),
     },
     Known {
