@@ -235,7 +235,7 @@ impl OcclusionMap for Hom {
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
         self.raster.add(occluder, transform);
-        if self.queue.push(occluder.bounds(), transform) {
+        if self.queue.push(occluder.bounds(), transform, true) {
             self.note_queue();
         }
     }
