@@ -46,6 +46,13 @@ pub enum BakeError {
         /// How many portals.
         portals: usize,
     },
+    /// A matrix of another number of cells than the graph has.
+    Cells {
+        /// Cells of the graph.
+        graph: usize,
+        /// Cells of the matrix.
+        matrix: usize,
+    },
 }
 
 impl fmt::Display for BakeError {
@@ -59,6 +66,9 @@ impl fmt::Display for BakeError {
             }
             Self::TooLarge { cells, portals } => {
                 write!(f, "{cells} cells and {portals} portals are more than {MOST} of either")
+            }
+            Self::Cells { graph, matrix } => {
+                write!(f, "a matrix of {matrix} cells, where the graph has {graph}")
             }
         }
     }
@@ -144,21 +154,28 @@ pub struct CellBake {
     total: u64,
 }
 
+/// The portals made ready, if they can be baked.
+pub(crate) fn prepare(graph: &CellGraph, settings: &Settings) -> Result<Portals, BakeError> {
+    let (cells, count) = (graph.cell_count(), graph.portals().len());
+    if cells > MOST || count > MOST {
+        return Err(BakeError::TooLarge { cells, portals: count });
+    }
+    let portals = Portals::new(graph, settings.clearance);
+    let least = portals.margins.noise * 65_536.0;
+    if !(settings.clearance > 0.0 && settings.clearance >= least && settings.clearance.is_finite()) {
+        return Err(BakeError::Clearance { clearance: settings.clearance, least });
+    }
+    Ok(portals)
+}
+
 impl CellBake {
     /// Prepares the portals and finds, for each, the others that can follow it by their planes alone.
     ///
     /// # Errors
     /// [`BakeError`].
     pub fn new(graph: &CellGraph, settings: Settings) -> Result<Self, BakeError> {
-        let (cells, count) = (graph.cell_count(), graph.portals().len());
-        if cells > MOST || count > MOST {
-            return Err(BakeError::TooLarge { cells, portals: count });
-        }
-        let portals = Portals::new(graph, settings.clearance);
-        let least = portals.margins.noise * 65_536.0;
-        if !(settings.clearance > 0.0 && settings.clearance >= least && settings.clearance.is_finite()) {
-            return Err(BakeError::Clearance { clearance: settings.clearance, least });
-        }
+        let cells = graph.cell_count();
+        let portals = prepare(graph, &settings)?;
         let directed = portals.all.len();
         let (stride, cell_stride) = (directed.div_ceil(64), cells.div_ceil(64));
         let mut bake = Self {

@@ -2,6 +2,7 @@
 //!
 //! - [`prt`] reads the portal files of map compilers into a [`CellGraph`](visibility_core::CellGraph).
 //! - [`CellBake`] computes which cells see which: the potentially visible set of each, as a [`CellMatrix`].
+//! - [`ObjectBake`] computes which objects each cell sees.
 //!
 //! # Promises
 //! - No two cells are called hidden from each other between which a straight line passes that stays clear of all portal edges by the
@@ -20,6 +21,7 @@ extern crate std;
 mod bake;
 mod flood;
 mod matrix;
+mod objects;
 mod polygon;
 mod portals;
 pub mod prt;
@@ -27,3 +29,4 @@ mod separators;
 
 pub use bake::{BakeError, CellBake, Fallback, Outcome, Progress, Settings};
 pub use matrix::CellMatrix;
+pub use objects::{ObjectBake, ObjectOutcome};

@@ -110,13 +110,7 @@ impl CellMatrix {
         let cells = (0..self.cells as u32).map(CellId);
         let rows: Vec<Vec<u32>> =
             cells.map(|cell| self.seen_from(cell).map(|seen| seen.0).collect()).collect();
-        Pvs::new(PvsTargets::Cells, self.cells, &rows, |cell| {
-            let portals = graph.portals_of(cell).iter().filter_map(|&id| graph.portal(id));
-            portals.map(move |portal| {
-                let [a, b] = portal.cells();
-                if a == cell { b } else { a }
-            })
-        })
+        Pvs::new(PvsTargets::Cells, self.cells, &rows, |cell| neighbours(graph, cell))
     }
 
     /// The bits of a row; empty for an unknown cell.
@@ -127,6 +121,15 @@ impl CellMatrix {
     pub(crate) fn set(&mut self, from: usize, to: usize) {
         self.words[from * self.stride + to / 64] |= 1 << (to % 64);
     }
+}
+
+/// The cells that share a portal with one.
+pub(crate) fn neighbours(graph: &CellGraph, cell: CellId) -> impl Iterator<Item = CellId> + '_ {
+    let portals = graph.portals_of(cell).iter().filter_map(|&id| graph.portal(id));
+    portals.map(move |portal| {
+        let [a, b] = portal.cells();
+        if a == cell { b } else { a }
+    })
 }
 
 /// The numbers of the bits that are set, ascending.
