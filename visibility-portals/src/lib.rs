@@ -1,5 +1,6 @@
 //! Architectural visibility: which cells of a building see which, through chains of portals.
 //!
+//! - [`from_geometry`] makes cells and portals from walls along the axes or from any polygons.
 //! - [`prt`] reads the portal files of map compilers into a [`CellGraph`](visibility_core::CellGraph).
 //! - [`CellBake`] computes which cells see which: the potentially visible set of each, as a [`CellMatrix`].
 //! - [`ObjectBake`] computes which objects each cell sees.
@@ -20,6 +21,7 @@ extern crate std;
 
 mod bake;
 mod flood;
+pub mod from_geometry;
 mod matrix;
 mod objects;
 mod polygon;

@@ -2,6 +2,7 @@
 
 pub mod maps;
 mod report;
+pub mod solids;
 pub mod stabs;
 
 pub use report::{Line, summary};

@@ -4,6 +4,7 @@
 //! [`eye_picture`] and [`map_picture`] draw it.
 
 pub mod canvas;
+pub mod cell_sets;
 pub mod cullers;
 pub mod explain;
 pub mod eye_picture;

@@ -10,9 +10,11 @@
 //! second of its two cells. Cells and portals are numbered from 0 in the order given.
 
 mod error;
+mod leak;
 mod validate;
 
 pub use error::CellGraphError;
+pub use leak::Leak;
 
 use crate::{ConvexPolygon, ObjectId, Plane};
 use alloc::vec::Vec;
@@ -56,6 +58,11 @@ impl Portal {
     /// The cells on both sides; the normal points into the second.
     pub fn cells(&self) -> [CellId; 2] {
         self.cells
+    }
+
+    /// The cell on the other side, seen from one of the two.
+    pub fn other(&self, cell: CellId) -> CellId {
+        if self.cells[0] == cell { self.cells[1] } else { self.cells[0] }
     }
 
     /// The plane fitted to the polygon, its unit normal pointing into the second cell.

@@ -1,0 +1,83 @@
+//! The axis-aligned boxes that a scene's opaque objects are made of: walls, slabs, much furniture.
+
+use crate::SceneSource;
+use glam::DVec3;
+use std::collections::BTreeSet;
+
+/// Triangles of a box.
+const FACES: usize = 12;
+
+/// The boxes among a scene's opaque triangles, as their least and greatest corners. Only runs of twelve triangles that follow one another
+/// and make up the surface of one box count.
+pub fn boxes(source: &SceneSource) -> Vec<[DVec3; 2]> {
+    let mut found = Vec::new();
+    for object in source.objects.iter().filter(|object| object.opaque && !object.door) {
+        let mut rest = object.triangles.as_slice();
+        while let Some(run) = rest.get(..FACES) {
+            let solid = as_box(run);
+            rest = &rest[if solid.is_some() { FACES } else { 1 }..];
+            found.extend(solid);
+        }
+    }
+    found
+}
+
+/// The box that twelve triangles are the surface of.
+fn as_box(triangles: &[[glam::Vec3; 3]]) -> Option<[DVec3; 2]> {
+    let points = || triangles.iter().flatten().map(|p| p.as_dvec3());
+    let min = points().fold(DVec3::INFINITY, DVec3::min);
+    let max = points().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let size = max - min;
+    if !size.is_finite() || size.min_element() <= 0.0 {
+        return None;
+    }
+    // Each triangle lies in a face and has three corners of it; no two of a face are the same.
+    let mut halves = BTreeSet::new();
+    for triangle in triangles {
+        let corners = triangle.map(|p| {
+            let p = p.as_dvec3();
+            let at = |i: usize| if p[i] == min[i] { Some(0) } else { (p[i] == max[i]).then_some(1 << i) };
+            Some(at(0)? | at(1)? | at(2)?)
+        });
+        let [Some(a), Some(b), Some(c)] = corners else { return None };
+        let (shared, any): (u8, u8) = (a & b & c, a | b | c);
+        // One coordinate is the same in all three corners, the others are not.
+        let face = (0..3usize).find(|i| (any ^ shared) == 7 ^ (1 << i))?;
+        if a == b || b == c || c == a {
+            return None;
+        }
+        let missing = a ^ b ^ c;
+        halves.insert((face, shared & 1 << face, missing));
+    }
+    // In order, the halves of a face follow one another: each lacks the corner across from that which the other lacks.
+    let halves: Vec<(usize, u8, u8)> = halves.into_iter().collect();
+    let whole = |pair: &[(usize, u8, u8)]| {
+        let [(face, side, a), (other, across, b)] = [pair[0], pair[1]];
+        (face, side) == (other, across) && a ^ b == 7 ^ (1 << face)
+    };
+    (halves.len() == FACES && halves.chunks_exact(2).all(whole)).then_some([min, max])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::built_in;
+
+    #[test]
+    fn walls_of_an_office_are_boxes_and_lamps_are_not() {
+        let source = built_in("office:1,1").unwrap();
+        let boxes = boxes(&source);
+        let has = |min: [f64; 3], max: [f64; 3]| {
+            boxes.iter().any(|[a, b]| a.distance(min.into()) < 1e-6 && b.distance(max.into()) < 1e-6)
+        };
+        // The slab, and what is above the door to the stair.
+        assert!(has([0.0, -5.0, -0.3], [4.0, 8.0, 0.0]));
+        assert!(has([-0.1, 1.0, 2.1], [0.1, 2.0, 3.2]));
+        assert!(boxes.len() * FACES < source.triangle_count());
+        // One triangle turned into another's half makes it no box.
+        let mut slab = source.objects[0].triangles.clone();
+        assert!(as_box(&slab).is_some());
+        slab[1] = slab[0];
+        assert!(as_box(&slab).is_none());
+    }
+}

@@ -1,0 +1,91 @@
+//! The potentially visible sets of a scene's cells, baked once however many cullers ask for them.
+
+use super::World;
+use std::sync::{Arc, Mutex, PoisonError};
+use visibility_core::glam::DVec3;
+use visibility_core::{CellGraph, CellId, ObjectId, Scene, ScenePvs, Viewcells};
+use visibility_portals::{CellBake, CellMatrix, ObjectBake, ObjectOutcome, Settings};
+
+/// What the targets of a set are.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Detail {
+    /// All objects in the cells that a cell sees.
+    Cells,
+    /// Those of them that lines through portals reach.
+    Objects,
+}
+
+/// The sets baked so far.
+#[derive(Default)]
+pub struct CellSets {
+    baked: Mutex<Vec<(Detail, Arc<ScenePvs>)>>,
+}
+
+impl CellSets {
+    /// The sets of the cells that a world comes with.
+    ///
+    /// # Errors
+    /// Says why the world has no cells or why they cannot be baked.
+    pub fn of(&self, world: &World, detail: Detail) -> Result<Arc<ScenePvs>, String> {
+        let mut baked = self.baked.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, sets)) = baked.iter().find(|(known, _)| *known == detail) {
+            return Ok(sets.clone());
+        }
+        let cells = world.cells()?;
+        let sets = Arc::new(bake(&world.scene, &cells.graph, &cells.viewcells, detail)?);
+        baked.push((detail, sets.clone()));
+        Ok(sets)
+    }
+}
+
+/// Bakes the sets of cells, on all threads, and makes them ready for a scene.
+///
+/// # Errors
+/// Cells that cannot be baked.
+pub fn bake(
+    scene: &Scene,
+    graph: &CellGraph,
+    viewcells: &Viewcells,
+    detail: Detail,
+) -> Result<ScenePvs, String> {
+    let matrix = matrix(graph)?;
+    let cells = || (0..graph.cell_count() as u32).map(CellId);
+    let pairs = cells().flat_map(|cell| graph.objects_in(cell).iter().map(move |&id| (cell, id)));
+    let (pvs, pairs): (_, Vec<(ObjectId, u32)>) = match detail {
+        Detail::Cells => (matrix.to_pvs(graph), pairs.map(|(cell, id)| (id, cell.0)).collect()),
+        Detail::Objects => {
+            let mut ids: Vec<ObjectId> = pairs.map(|(_, id)| id).collect();
+            ids.sort_unstable();
+            ids.dedup();
+            let pvs = objects(scene, graph, &matrix)?.to_pvs(graph, scene.index_limit());
+            (pvs, ids.into_iter().map(|id| (id, id.index() as u32)).collect())
+        }
+    };
+    let pvs = pvs.map_err(|error| error.to_string())?;
+    Ok(ScenePvs::new(scene, pvs, viewcells.clone(), pairs))
+}
+
+/// Which cells see which.
+///
+/// # Errors
+/// Cells that cannot be baked.
+pub fn matrix(graph: &CellGraph) -> Result<CellMatrix, String> {
+    let mut bake = CellBake::new(graph, Settings::default()).map_err(|error| error.to_string())?;
+    while bake.advance().is_some() {}
+    Ok(bake.finish().matrix)
+}
+
+/// Which objects are seen from which cells.
+///
+/// # Errors
+/// Cells that cannot be baked.
+pub fn objects(scene: &Scene, graph: &CellGraph, matrix: &CellMatrix) -> Result<ObjectOutcome, String> {
+    let bounds = |id| -> Option<[DVec3; 2]> {
+        let bounds = scene.bounds(id).ok().filter(|bounds| bounds.is_finite())?;
+        Some([bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin()))
+    };
+    let mut bake =
+        ObjectBake::new(graph, matrix, bounds, Settings::default()).map_err(|error| error.to_string())?;
+    while bake.advance().is_some() {}
+    Ok(bake.finish())
+}

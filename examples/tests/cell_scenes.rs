@@ -1,0 +1,113 @@
+//! Potentially visible sets of cells never miss an object that an item buffer sees from random eyes in the cells.
+//!
+//! `cargo test --release --test cell_scenes -- --ignored --nocapture` does it with 1,000 eyes in the largest office.
+#![allow(missing_docs)]
+
+use visibility_core::glam::DVec3;
+use visibility_core::{CellId, Pose, View, Viewcells};
+use visibility_examples::built_in;
+use visibility_examples::pvs::solids::boxes;
+use visibility_examples::pvs::stabs::Random;
+use visibility_examples::walkthrough::cell_sets::{Detail, matrix, objects};
+use visibility_examples::walkthrough::{World, cullers, judge, run};
+
+/// Views from random places in random cells, in random directions, but not from within walls or furniture.
+fn random_views(viewcells: &Viewcells, solids: &[[DVec3; 2]], count: usize, seed: u64) -> Vec<View> {
+    let solid = |p: DVec3| solids.iter().any(|[min, max]| min.cmple(p).all() && p.cmple(*max).all());
+    let mut random = Random(seed);
+    let mut views = Vec::new();
+    while views.len() < count {
+        let cell = &viewcells.cells()[random.below(viewcells.cells().len())];
+        let mut at = |i: usize| random.between(cell.min[i], cell.max[i]);
+        let eye = DVec3::new(at(0), at(1), at(2));
+        if !cell.contains(eye) || solid(eye) {
+            continue;
+        }
+        let direction = random.direction();
+        let up = if direction.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
+        let pose = Pose::look_at(eye, eye + direction, up);
+        // A near plane at 1 cm would cut openings into walls that an eye is close to.
+        views.push(View::perspective(pose, 1.6, 16.0 / 9.0, 1e-5, f64::INFINITY).unwrap());
+    }
+    views
+}
+
+fn check_office(sizes: &str, eyes: usize) {
+    let mut world = World::new(built_in(&format!("office:{sizes}")).unwrap(), (1280, 720), Some(1)).unwrap();
+    let viewcells = world.source.cells.as_ref().unwrap().viewcells.clone();
+    world.views = random_views(&viewcells, &boxes(&world.source), eyes, 11);
+    let trials: Vec<_> = cullers::parse("frustum,pvs:cells,pvs", &world)
+        .unwrap()
+        .into_iter()
+        .map(|(name, pipeline)| run(name, pipeline, &world))
+        .collect();
+    let judgement = judge(&world, &trials, || ()).unwrap();
+    println!("{} eyes, exact {:.1}", eyes, judgement.mean_exact());
+    for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
+        println!(
+            "{}: {:.1} objects, {} false hidden",
+            trial.name,
+            trial.mean_visible(),
+            verdict.false_hidden
+        );
+        for (view, hidden) in world.views.iter().zip(&verdict.hidden).filter(|(_, hidden)| !hidden.is_empty())
+        {
+            let names: Vec<_> = hidden.iter().map(|&i| &world.source.objects[i as usize].name).collect();
+            println!("  from {:?}: {names:?}", view.eye(DVec3::ZERO));
+        }
+        assert_eq!(verdict.false_hidden, 0, "{}", trial.name);
+    }
+    let [frustum, cells, objects] = [0, 1, 2].map(|i| trials[i].mean_visible());
+    assert!(objects < cells && cells < 0.8 * frustum, "{frustum} {cells} {objects}");
+}
+
+#[test]
+fn no_object_of_an_office_is_missed() {
+    check_office("2,8", 60);
+}
+
+#[test]
+#[ignore = "a minute in release, several in debug"]
+fn no_object_of_the_largest_office_is_missed() {
+    check_office("7,24", 1000);
+}
+
+#[test]
+fn objects_are_those_of_seen_cells_and_fewer() {
+    let world = World::new(built_in("office:2,8").unwrap(), (64, 36), Some(1)).unwrap();
+    let graph = &world.cells().unwrap().graph;
+    let matrix = matrix(graph).unwrap();
+    let outcome = objects(&world.scene, graph, &matrix).unwrap();
+    assert!(outcome.complete && outcome.fallbacks.is_empty());
+    let mut by_cells = 0;
+    for cell in (0..graph.cell_count() as u32).map(CellId) {
+        let row = &outcome.rows[cell.index()];
+        let mut all: Vec<u32> = matrix
+            .seen_from(cell)
+            .flat_map(|seen| graph.objects_in(seen))
+            .map(|id| id.index() as u32)
+            .collect();
+        all.sort_unstable();
+        all.dedup();
+        assert!(row.iter().all(|object| all.binary_search(object).is_ok()));
+        // What is in the cell itself is seen.
+        assert!(graph.objects_in(cell).iter().all(|id| row.binary_search(&(id.index() as u32)).is_ok()));
+        by_cells += all.len();
+    }
+    let mean = by_cells as f64 / graph.cell_count() as f64;
+    assert!(outcome.mean_visible() < 0.95 * mean, "{} of {mean}", outcome.mean_visible());
+    println!("{:.1} objects of {mean:.1} in the cells seen", outcome.mean_visible());
+}
+
+#[test]
+fn sets_are_baked_once_and_compose() {
+    let world = World::new(built_in("office:1,4").unwrap(), (64, 36), Some(3)).unwrap();
+    let [a, b] = [0, 1].map(|_| world.sets.of(&world, Detail::Objects).unwrap());
+    assert!(std::sync::Arc::ptr_eq(&a, &b));
+    let pipelines = cullers::parse("pvs,pvs+hzb,pvs:cells", &world).unwrap();
+    let reports: Vec<_> =
+        pipelines.into_iter().map(|(name, p)| run(name, p, &world).mean_visible()).collect();
+    assert!(reports[1] <= reports[0] && reports[0] <= reports[2], "{reports:?}");
+    let outdoors = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
+    assert!(cullers::parse("pvs", &outdoors).is_err() && cullers::parse("pvs:soon", &world).is_err());
+}

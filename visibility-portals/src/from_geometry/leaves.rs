@@ -1,0 +1,208 @@
+//! Portals from the leaves of a BSP tree: each node's plane, cut to the node's region, is handed down on both sides to the leaves that it
+//! bounds (Naylor, Amanatides and Thibault, "Merging BSP Trees Yields Polyhedral Set Operations", 1990, call it the sub-hyperplane); what two
+//! leaves share of it, less what is opaque, is a portal.
+
+use super::subtract::{Lengths, around, subtract, width};
+use crate::polygon::clip_into;
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+use visibility_core::{CellId, ConvexPolygon, Plane, Viewcell};
+
+/// What is on one side of a node: a node or a leaf, by its number.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Child {
+    Node(u32),
+    Leaf(u32),
+}
+
+/// A plane that divides the region of its node.
+#[derive(Clone, Debug)]
+pub(super) struct Node {
+    pub(super) plane: Plane,
+    /// The node above, and whether this one is in front of it.
+    pub(super) parent: Option<(u32, bool)>,
+    pub(super) front: Child,
+    pub(super) back: Child,
+    /// The opaque polygons in the plane, and whether each faces its front.
+    pub(super) covers: Vec<(Vec<DVec3>, bool)>,
+}
+
+/// A tree that divides a box.
+#[derive(Clone, Debug)]
+pub(super) struct Bsp {
+    pub(super) nodes: Vec<Node>,
+    pub(super) leaves: usize,
+    pub(super) min: DVec3,
+    pub(super) max: DVec3,
+}
+
+/// What is known of a leaf.
+#[derive(Clone, Debug)]
+pub(super) struct Leaf {
+    pub(super) body: Viewcell,
+    /// Whether it reaches to the boundary of the box.
+    pub(super) outside: bool,
+    /// Area of the fronts of polygons that it sees, and of backs.
+    pub(super) fronts: f64,
+    pub(super) backs: f64,
+}
+
+/// A portal between two leaves, whose normal points into the second.
+pub(super) type LeafPortal = (ConvexPolygon, [u32; 2]);
+
+/// The part of a plane in the box.
+pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Lengths) -> Vec<DVec3> {
+    let middle = (min + max) * 0.5;
+    let reach = (max - min).length();
+    let center = middle - plane.normal * plane.signed_distance(middle);
+    let u = plane.normal.any_orthonormal_vector() * reach;
+    let v = plane.normal.cross(u);
+    let mut polygon = alloc::vec![center - u - v, center + u - v, center + u + v, center - u + v];
+    for axis in DVec3::AXES {
+        cut(&mut polygon, &Plane::new(axis, -axis.dot(min)), lengths);
+        cut(&mut polygon, &Plane::new(-axis, axis.dot(max)), lengths);
+    }
+    polygon
+}
+
+/// Keeps what is on the inner side of a plane.
+pub(super) fn cut(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &Lengths) {
+    let mut inner = Vec::new();
+    clip_into(polygon, plane, lengths.merge, &mut inner);
+    *polygon = inner;
+}
+
+impl Bsp {
+    /// The part of a plane in the region of the child of a node on one side.
+    pub(super) fn section(
+        &self,
+        plane: &Plane,
+        mut at: Option<(u32, bool)>,
+        lengths: &Lengths,
+    ) -> Vec<DVec3> {
+        let mut polygon = section_of_box(plane, self.min, self.max, lengths);
+        while let Some((node, front)) = at.filter(|_| !polygon.is_empty()) {
+            let node = &self.nodes[node as usize];
+            let side = if front { node.plane } else { node.plane.flipped() };
+            cut(&mut polygon, &side, lengths);
+            at = node.parent;
+        }
+        polygon
+    }
+
+    /// The leaves and the portals between them.
+    pub(super) fn portals(&self, lengths: &Lengths) -> (Vec<Leaf>, Vec<LeafPortal>) {
+        let empty = Viewcell { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY, planes: Vec::new() };
+        let leaf = Leaf { body: empty, outside: false, fronts: 0.0, backs: 0.0 };
+        let mut leaves = alloc::vec![leaf; self.leaves];
+        let root = if self.nodes.is_empty() { Child::Leaf(0) } else { Child::Node(0) };
+        let (mut ahead, mut behind) = (Vec::new(), Vec::new());
+        for axis in DVec3::AXES {
+            for plane in [Plane::new(axis, -axis.dot(self.min)), Plane::new(-axis, axis.dot(self.max))] {
+                let face = section_of_box(&plane, self.min, self.max, lengths);
+                self.hand_down(face, root, lengths, &mut ahead);
+                for (leaf, piece) in ahead.drain(..) {
+                    leaves[leaf as usize].bound(&piece, None);
+                    leaves[leaf as usize].outside = true;
+                }
+            }
+        }
+        let (mut portals, mut planes) = (Vec::new(), Vec::new());
+        for node in &self.nodes {
+            let section = self.section(&node.plane, node.parent, lengths);
+            if section.is_empty() {
+                continue;
+            }
+            self.hand_down(section, node.front, lengths, &mut ahead);
+            for (front, piece) in ahead.drain(..) {
+                self.hand_down(piece, node.back, lengths, &mut behind);
+                for (back, piece) in behind.drain(..) {
+                    leaves[front as usize].bound(&piece, Some(node.plane));
+                    leaves[back as usize].bound(&piece, Some(node.plane.flipped()));
+                    let mut open = alloc::vec![piece];
+                    for (cover, faces_front) in &node.covers {
+                        around(cover, node.plane.normal, lengths.widen, &mut planes);
+                        let covered = subtract(&mut open, &planes, node.plane.normal, lengths);
+                        let (sees_front, sees_back) =
+                            if *faces_front { (front, back) } else { (back, front) };
+                        leaves[sees_front as usize].fronts += covered;
+                        leaves[sees_back as usize].backs += covered;
+                    }
+                    let wide =
+                        open.into_iter().filter(|piece| width(piece, node.plane.normal) > lengths.sliver);
+                    portals.extend(
+                        wide.filter_map(|piece| ConvexPolygon::new(piece).ok())
+                            .map(|polygon| (polygon, [back, front])),
+                    );
+                }
+            }
+        }
+        (leaves, portals)
+    }
+
+    /// Cuts a polygon to the leaves below a child. One that lies in the plane of a node goes to both sides.
+    fn hand_down(
+        &self,
+        polygon: Vec<DVec3>,
+        child: Child,
+        lengths: &Lengths,
+        out: &mut Vec<(u32, Vec<DVec3>)>,
+    ) {
+        let mut waiting = alloc::vec![(child, polygon)];
+        while let Some((child, polygon)) = waiting.pop() {
+            let node = match child {
+                Child::Leaf(leaf) => {
+                    out.push((leaf, polygon));
+                    continue;
+                }
+                Child::Node(node) => &self.nodes[node as usize],
+            };
+            let distances = || polygon.iter().map(|&p| node.plane.signed_distance(p));
+            let (least, most) = (distances().fold(0.0, f64::min), distances().fold(0.0, f64::max));
+            let (is_ahead, is_behind) = (most > lengths.merge, least < -lengths.merge);
+            if is_ahead && is_behind {
+                for (child, plane) in [(node.back, node.plane.flipped()), (node.front, node.plane)] {
+                    let mut part = polygon.clone();
+                    cut(&mut part, &plane, lengths);
+                    if !part.is_empty() {
+                        waiting.push((child, part));
+                    }
+                }
+                continue;
+            }
+            if !is_ahead {
+                waiting.push((node.back, polygon.clone()));
+            }
+            if !is_behind {
+                waiting.push((node.front, polygon));
+            }
+        }
+    }
+}
+
+impl Leaf {
+    fn bound(&mut self, face: &[DVec3], plane: Option<Plane>) {
+        let body = &mut self.body;
+        face.iter().for_each(|&p| (body.min, body.max) = (body.min.min(p), body.max.max(p)));
+        body.planes.extend(plane.filter(|plane| !body.planes.contains(plane)));
+    }
+}
+
+/// Numbers the leaves to be kept, and their portals with them.
+pub(super) fn numbered(
+    portals: Vec<LeafPortal>,
+    keep: &[bool],
+) -> (usize, Vec<(ConvexPolygon, [CellId; 2])>) {
+    let mut count = 0;
+    let numbers: Vec<Option<CellId>> = keep
+        .iter()
+        .map(|&keep| {
+            count += usize::from(keep);
+            keep.then(|| CellId(count as u32 - 1))
+        })
+        .collect();
+    let portals = portals
+        .into_iter()
+        .filter_map(|(polygon, [a, b])| Some((polygon, [numbers[a as usize]?, numbers[b as usize]?])));
+    (count, portals.collect())
+}
