@@ -455,3 +455,42 @@ fn a_set_of_another_scene_causes_no_panic_and_hides_nothing() {
         assert_eq!(read(second, &visible), read(second, &fresh));
     }
 }
+
+#[test]
+fn a_set_is_cut_down_to_a_list_and_keeps_its_order() {
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch((0..5000).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
+    let always = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
+    let mut visible = VisibleSet::new();
+    visible.retain(&scene, |id, _| id.index() % 2 == 0);
+    let list: Vec<_> = [4000, 7, 12, 4998, 12, 0].map(|i| ids[i]).to_vec();
+    visible.keep_in_order(&scene, &list);
+    let kept: Vec<_> = visible.iter(&scene).collect();
+    assert_eq!(kept, [always, ids[4000], ids[12], ids[4998], ids[0]]);
+    assert_eq!(visible.count(&scene), 5);
+    assert!(!visible.contains(&scene, ids[7]) && !visible.contains(&scene, ids[14]));
+    // Again, on a set that has been cut already.
+    visible.keep_in_order(&scene, &[ids[0], always, ids[14]]);
+    assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), [always, ids[0]]);
+    visible.keep_in_order(&scene, &[]);
+    assert_eq!(visible.count(&scene), 1);
+}
+
+#[test]
+fn some_are_put_first_and_none_is_lost() {
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch((0..300).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
+    let always = scene.insert(Aabb::EMPTY);
+    let mut visible = VisibleSet::new();
+    visible.retain(&scene, |id, _| id != ids[5]);
+    visible.put_first(&scene, &[ids[200], ids[5], ids[3], ids[200]]);
+    let order: Vec<_> = visible.iter(&scene).collect();
+    assert_eq!(order[..3], [always, ids[200], ids[3]]);
+    let mut sorted = order.clone();
+    sorted.sort_unstable();
+    sorted.dedup();
+    assert_eq!((order.len(), sorted.len()), (300, 300));
+    assert_eq!(scene.id_at(ids[5].index()), Some(ids[5]));
+    scene.remove(ids[5]).unwrap();
+    assert_eq!((scene.id_at(ids[5].index()), scene.id_at(9999)), (None, None));
+}

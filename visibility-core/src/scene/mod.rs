@@ -158,6 +158,13 @@ impl Scene {
         named.filter(|id| self.tree.slots[id.index()] != Slot::NONE)
     }
 
+    /// The object that has an index now, if any: for structures that keep four bytes an object. Whoever keeps an index past a
+    /// [change](Self::changes_since) of its object may find another one.
+    pub fn id_at(&self, index: usize) -> Option<ObjectId> {
+        let (&generation, &slot) = (self.generations.get(index)?, self.tree.slots.get(index)?);
+        (slot != Slot::NONE).then_some(ObjectId { index: index as u32, generation })
+    }
+
     fn slot(&self, id: ObjectId) -> Result<Slot, SceneError> {
         match (self.generations.get(id.index()), self.tree.slots.get(id.index())) {
             (Some(&generation), Some(&slot)) if generation == id.generation && slot != Slot::NONE => Ok(slot),

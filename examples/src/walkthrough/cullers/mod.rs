@@ -4,6 +4,7 @@
 mod bsp;
 mod hom;
 mod hzb;
+mod plp;
 mod pvs;
 
 use super::World;
@@ -26,7 +27,7 @@ type Made = Result<Box<dyn Culler + Send>, String>;
 
 /// All cullers that can be asked for, besides `frustum`, which every pipeline begins with.
 pub fn known() -> impl Iterator<Item = &'static Known> {
-    [hom::KNOWN, hzb::KNOWN, bsp::KNOWN, pvs::KNOWN].into_iter().flatten()
+    [hom::KNOWN, hzb::KNOWN, bsp::KNOWN, pvs::KNOWN, plp::KNOWN].into_iter().flatten()
 }
 
 /// Pipelines from a list such as `frustum,a,a+b:10%`: separated by commas; `a+b` runs `b` after `a`, and `b:10%` sets the dial of `b`.

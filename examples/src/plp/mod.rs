@@ -1,0 +1,9 @@
+//! Prioritized-layered projection held against the exact answer, as its paper does it: triangles as primitives, frustum and backface culling
+//! on, budgets in shares of all triangles, sorting by distance as the yardstick (Klosowski and Silva, "The Prioritized-Layered Projection
+//! Algorithm for Visible Set Estimation", 2000, section 5).
+
+mod coverage;
+mod triangles;
+
+pub use coverage::{BUDGETS, Coverage, Method, coverage};
+pub use triangles::{Seen, TriangleWorld};

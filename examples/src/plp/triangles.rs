@@ -1,0 +1,88 @@
+//! A scene whose objects are single triangles, and what is visible of it.
+
+use crate::walkthrough::World;
+use glam::DVec3;
+use visibility_core::measure::{ItemBuffer, MeasureError};
+use visibility_core::{Aabb, Containment, Eye, Object, ObjectId, Scene, Triangle, View};
+
+/// Every triangle of a world as an object of its own, with the same views.
+pub struct TriangleWorld {
+    /// What it is called.
+    pub name: String,
+    /// The triangles, in the order of the world's objects.
+    pub triangles: Vec<Triangle>,
+    /// The scene of them; triangle `i` has index `i`.
+    pub scene: Scene,
+    /// Their ids.
+    pub ids: Vec<ObjectId>,
+    /// The views of all frames.
+    pub views: Vec<View>,
+}
+
+/// What one view sees, and what it might.
+pub struct Seen {
+    /// Visible triangles, each with its pixels, by ascending index.
+    pub visible: Vec<(u32, u32)>,
+    /// Pixels of the picture.
+    pub pixels: u32,
+    /// Triangles that face the eye and meet the view volume, as far as their bounds tell, by ascending index.
+    pub candidates: Vec<u32>,
+}
+
+impl TriangleWorld {
+    /// Takes a world apart.
+    pub fn new(world: &World) -> Self {
+        let triangles: Vec<Triangle> =
+            world.source.objects.iter().flat_map(|object| object.triangles.iter().copied()).collect();
+        let mut scene = Scene::new();
+        let ids = scene.insert_batch(triangles.iter().map(|t| Object::new(Aabb::from_points(*t))));
+        for (&id, triangle) in ids.iter().zip(&triangles) {
+            scene.set_triangles(id, [*triangle]).expect("the object was just inserted");
+        }
+        Self { name: world.source.name.clone(), triangles, scene, ids, views: world.views.clone() }
+    }
+
+    /// What is visible in a view when only triangles that face the eye are drawn.
+    pub fn see(&self, view: &View, buffer: &mut ItemBuffer) -> Result<Seen, MeasureError> {
+        let eye = view.eye(DVec3::ZERO);
+        let planes = view.planes(DVec3::ZERO);
+        let in_view = |triangle: &Triangle| {
+            let bounds = Aabb::from_points(*triangle);
+            planes.as_slice().iter().all(|p| p.plane.classify_aabb(&bounds) != Containment::Outside)
+        };
+        let is_candidate = |&i: &u32| {
+            let triangle = &self.triangles[i as usize];
+            faces(triangle, &eye) && in_view(triangle)
+        };
+        let candidates: Vec<u32> = (0..self.triangles.len() as u32).filter(is_candidate).collect();
+        let items = candidates.iter().map(|&i| (i, std::slice::from_ref(&self.triangles[i as usize])));
+        let seen = buffer.draw(view, DVec3::ZERO, items)?;
+        let visible = seen.objects().iter().filter(|object| object.is_visible());
+        let visible = visible.map(|object| (object.key, object.pixels)).collect();
+        Ok(Seen { visible, pixels: buffer.width() * buffer.height(), candidates })
+    }
+
+    /// The candidates of a view by the distance of their centroids, nearest first.
+    pub fn by_distance(&self, view: &View, candidates: &[u32]) -> Vec<u32> {
+        let eye = view.eye(DVec3::ZERO);
+        let distance = |i: u32| {
+            let [a, b, c] = self.triangles[i as usize].map(|p| p.as_dvec3());
+            match eye {
+                Eye::Point(eye) => ((a + b + c) / 3.0).distance_squared(eye),
+                Eye::Direction(along) => (a + b + c).dot(along),
+            }
+        };
+        let mut order: Vec<(f64, u32)> = candidates.iter().map(|&i| (distance(i), i)).collect();
+        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        order.into_iter().map(|(_, i)| i).collect()
+    }
+}
+
+fn faces(triangle: &Triangle, eye: &Eye) -> bool {
+    let [a, b, c] = triangle.map(|p| p.as_dvec3());
+    let normal = (b - a).cross(c - a);
+    match eye {
+        Eye::Point(eye) => normal.dot(*eye - a) > 0.0,
+        Eye::Direction(along) => normal.dot(*along) < 0.0,
+    }
+}

@@ -1,0 +1,86 @@
+//! Prioritized-layered projection, its conservative form, and the order by distance that they are measured against.
+
+use super::{Known, World};
+use std::sync::Arc;
+use visibility_core::{Accuracy, CullStats, Culler, Eye, ObjectId, Scene, View, VisibleSet};
+use visibility_hzb::Hzb;
+use visibility_plp::{Budget, ConservativePlpCuller, OctreeTessellation, PlpCuller};
+
+pub(super) const KNOWN: &[Known] = &[
+    Known {
+        name: "plp",
+        what: "what is most likely visible, up to a share of all triangles (plp:10%)",
+        make: |dial, world| {
+            let cells = Arc::new(OctreeTessellation::new(&world.scene));
+            Ok(Box::new(PlpCuller::new(cells, budget(dial, world)?)))
+        },
+    },
+    Known {
+        name: "cplp",
+        what: "a share of all triangles as plp (cplp:10%), then all that a z-buffer of 512x288 of them does not hide",
+        make: |dial, world| {
+            let budget = budget(dial, world)?;
+            let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
+            let cells = Arc::new(OctreeTessellation::new(&world.scene));
+            Ok(Box::new(ConservativePlpCuller::new(cells, budget, map)))
+        },
+    },
+    Known {
+        name: "centroid",
+        what: "the nearest objects, up to a share of all triangles (centroid:10%)",
+        make: |dial, world| {
+            let Budget::Cost(budget) = budget(dial, world)? else { return Err("no budget".to_owned()) };
+            Ok(Box::new(Centroid { budget, order: Vec::new() }))
+        },
+    },
+];
+
+/// A share of all triangles, from a dial such as `10%`; without one, a tenth.
+fn budget(dial: Option<&str>, world: &World) -> Result<Budget, String> {
+    let dial = dial.unwrap_or("10%");
+    let share = dial.strip_suffix('%').and_then(|number| number.trim().parse::<f64>().ok());
+    let share = share.filter(|share| (0.0..=100.0).contains(share));
+    let share = share.ok_or_else(|| format!("`{dial}` is no share of all triangles, such as `10%`"))?;
+    Ok(Budget::Cost((world.source.triangle_count() as f64 * share / 100.0) as u64))
+}
+
+/// Keeps the nearest objects that a budget buys.
+struct Centroid {
+    budget: u64,
+    order: Vec<(f64, ObjectId)>,
+}
+
+impl Culler for Centroid {
+    fn name(&self) -> &str {
+        "centroid"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Approximate
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        let eye = view.eye(scene.origin());
+        let distance = |id| {
+            let center = scene.bounds(id).map_or(glam::DVec3::ZERO, |bounds| bounds.center().as_dvec3());
+            match eye {
+                Eye::Point(eye) => center.distance_squared(eye),
+                Eye::Direction(along) => center.dot(along),
+            }
+        };
+        self.order.clear();
+        self.order.extend(visible.iter(scene).map(|id| (distance(id), id)));
+        self.order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut left = self.budget;
+        let cost = |id| scene.object(id).map_or(0, |object| u64::from(object.cost));
+        let fits = |&(_, id): &(f64, ObjectId)| {
+            let cost = cost(id);
+            let fits = cost <= left;
+            left = if fits { left - cost } else { 0 };
+            fits
+        };
+        let kept: Vec<ObjectId> = self.order.iter().copied().take_while(fits).map(|(_, id)| id).collect();
+        visible.keep_in_order(scene, &kept);
+        CullStats { tests: self.order.len() as u64, visible: kept.len() as u64, ..CullStats::default() }
+    }
+}

@@ -1,0 +1,243 @@
+//! What the cells of a tessellation hold: the primitives that meet each, and how much of it they fill.
+
+use crate::grouped::Grouped;
+use alloc::vec::Vec;
+use visibility_core::{Changes, ObjectId, Scene};
+
+/// The primitives of each cell, and how densely they fill it.
+///
+/// A primitive is an object of the scene, known by its index; to have single triangles as primitives, as in the paper, fill a scene with
+/// objects of one triangle each. An object is in every cell that its triangles meet, or that its bounds meet if the scene has no triangles of
+/// it. What is in no cell (it has changed since, or was never placed) is a *stray*, and counts as visible.
+///
+/// Lists are kept as differences between ascending indices, mostly of one byte each.
+///
+/// ```
+/// use visibility_core::{Aabb, Scene};
+/// use visibility_plp::{OctreeTessellation, Tessellation};
+/// let mut scene = Scene::new();
+/// let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+/// let mut cells = OctreeTessellation::new(&scene);
+/// scene.set_bounds(id, Aabb::from_arrays([5.0; 3], [6.0; 3]))?;
+/// cells.sync(&scene);
+/// assert_eq!(cells.content().strays(), [id]);
+/// # Ok::<(), visibility_core::SceneError>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Content {
+    /// Where the list of each cell begins in `lists`, and where the last one ends.
+    pub(crate) starts: Vec<u32>,
+    pub(crate) lists: Vec<u8>,
+    pub(crate) counts: Vec<u32>,
+    /// For each cell, the share of rays along x, y and z that its content stops, of 255.
+    pub(crate) cover: Vec<[u8; 4]>,
+    pub(crate) max_count: u32,
+    /// How long an array by object index is.
+    pub(crate) index_limit: u32,
+    /// By index, a bit for each object that is in cells and has not changed since.
+    pub(crate) held: Vec<u64>,
+    strays: Vec<ObjectId>,
+    revision: u64,
+}
+
+/// Whether a bit is set; false beyond the end.
+pub(crate) fn bit(words: &[u64], index: usize) -> bool {
+    words.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 != 0)
+}
+
+impl Content {
+    /// From what each cell holds: pairs of a cell and an object's index, in ascending order of the index, and `cover`, for each cell the share
+    /// of rays along each axis that its content stops, of 255.
+    ///
+    /// # Panics
+    /// If a pair names a cell beyond `cover`.
+    pub fn new(scene: &Scene, pairs: &[(u32, u32)], cover: Vec<[u8; 4]>) -> Self {
+        let Grouped { mut starts, items } = Grouped::new(cover.len(), pairs);
+        let counts: Vec<u32> = starts.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let mut lists = Vec::new();
+        let mut held = alloc::vec![0u64; scene.index_limit().div_ceil(64)];
+        for cell in 0..cover.len() {
+            let list = &items[starts[cell] as usize..starts[cell + 1] as usize];
+            starts[cell] = lists.len() as u32;
+            let mut last = 0;
+            for &object in list {
+                push_number(&mut lists, object - last);
+                last = object;
+                held[object as usize / 64] |= 1 << (object % 64);
+            }
+        }
+        starts[cover.len()] = lists.len() as u32;
+        lists.shrink_to_fit();
+        let max_count = counts.iter().copied().max().unwrap_or(0);
+        let index_limit = scene.index_limit() as u32;
+        let mut content = Self {
+            starts,
+            lists,
+            counts,
+            cover,
+            max_count,
+            index_limit,
+            held,
+            strays: Vec::new(),
+            revision: scene.revision(),
+        };
+        content.find_strays(scene);
+        content
+    }
+
+    /// Belongs to a scene as it is now.
+    #[allow(dead_code)]
+    pub(crate) fn adopt(&mut self, scene: &Scene) {
+        self.revision = scene.revision();
+        self.find_strays(scene);
+    }
+
+    fn find_strays(&mut self, scene: &Scene) {
+        let held = &self.held;
+        self.strays = scene.ids().filter(|id| !bit(held, id.index())).collect();
+    }
+
+    /// How many cells there are.
+    pub fn cell_count(&self) -> usize {
+        self.counts.len()
+    }
+
+    /// The objects in a cell by ascending index; none for an unknown cell.
+    pub fn primitives(&self, cell: u32) -> Primitives<'_> {
+        let cell = cell as usize;
+        let range = self.starts.get(cell).zip(self.starts.get(cell + 1));
+        let bytes = range.and_then(|(&start, &end)| self.lists.get(start as usize..end as usize));
+        Primitives { bytes: bytes.unwrap_or(&[]), last: 0 }
+    }
+
+    /// How many objects are in a cell; 0 for an unknown one.
+    pub fn count(&self, cell: u32) -> u32 {
+        self.counts.get(cell as usize).copied().unwrap_or(0)
+    }
+
+    /// The most objects in any cell.
+    pub fn max_count(&self) -> u32 {
+        self.max_count
+    }
+
+    /// How many times objects are named by cells.
+    pub fn reference_count(&self) -> u64 {
+        self.counts.iter().map(|&count| u64::from(count)).sum()
+    }
+
+    /// The share of rays along each axis that the content of a cell stops, from 0 to 1; 0 for an unknown cell.
+    pub fn cover(&self, cell: u32) -> [f64; 3] {
+        let [x, y, z, _] = self.cover.get(cell as usize).copied().unwrap_or_default();
+        [x, y, z].map(|share| f64::from(share) * (1.0 / 255.0))
+    }
+
+    /// Objects that are in no cell, or have changed since they were placed: they count as visible.
+    pub fn strays(&self) -> &[ObjectId] {
+        &self.strays
+    }
+
+    /// Whether an object is in the cells that it meets now, as far as was told by [`sync`](crate::OctreeTessellation::sync).
+    pub fn holds(&self, id: ObjectId) -> bool {
+        bit(&self.held, id.index())
+    }
+
+    /// One more than the greatest index of an object when the cells were filled.
+    pub fn index_limit(&self) -> usize {
+        self.index_limit as usize
+    }
+
+    /// What has changed in the scene since the cells were last told.
+    pub(crate) fn changes<'a>(&self, scene: &'a Scene) -> Changes<'a> {
+        scene.changes_since(self.revision)
+    }
+
+    /// Takes in what has changed: changed objects become strays. False if that is everything, or more than an eighth of all objects, and the
+    /// tessellation is better built anew.
+    pub(crate) fn sync(&mut self, scene: &Scene) -> bool {
+        let Changes::Objects(changed) = self.changes(scene) else { return false };
+        for &id in changed {
+            if let Some(word) = self.held.get_mut(id.index() / 64) {
+                *word &= !(1 << (id.index() % 64));
+            }
+        }
+        self.strays.extend_from_slice(changed);
+        self.strays.retain(|&id| scene.contains(id));
+        self.strays.sort_unstable();
+        self.strays.dedup();
+        self.revision = scene.revision();
+        self.strays.len() <= scene.len() / 8
+    }
+
+    /// Bytes held.
+    pub(crate) fn memory(&self) -> usize {
+        size_of_val(&self.starts[..])
+            + size_of_val(&self.lists[..])
+            + size_of_val(&self.counts[..])
+            + size_of_val(&self.cover[..])
+            + size_of_val(&self.held[..])
+            + size_of_val(&self.strays[..])
+    }
+}
+
+/// The objects in a cell, by index.
+///
+/// ```
+/// use visibility_core::Scene;
+/// let content = visibility_plp::Content::new(&Scene::new(), &[], vec![[0; 4]]);
+/// assert_eq!(content.primitives(0).count(), 0);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Primitives<'a> {
+    bytes: &'a [u8],
+    last: u32,
+}
+
+impl Iterator for Primitives<'_> {
+    type Item = u32;
+
+    #[inline]
+    fn next(&mut self) -> Option<u32> {
+        let (&first, mut rest) = self.bytes.split_first()?;
+        let mut number = u32::from(first & 0x7f);
+        let mut byte = first;
+        let mut shift = 7;
+        while byte & 0x80 != 0 && shift < 32 {
+            let (&next, others) = rest.split_first()?;
+            number |= u32::from(next & 0x7f).wrapping_shl(shift);
+            shift += 7;
+            (byte, rest) = (next, others);
+        }
+        self.bytes = rest;
+        self.last = self.last.wrapping_add(number);
+        Some(self.last)
+    }
+}
+
+/// Seven bits a byte, the lowest first; the highest bit of a byte says that more follow.
+fn push_number(bytes: &mut Vec<u8>, mut number: u32) {
+    while number >= 0x80 {
+        bytes.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    bytes.push(number as u8);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Aabb;
+
+    #[test]
+    fn lists_of_any_numbers_come_back() {
+        let mut scene = Scene::new();
+        scene.insert_batch((0..70_000).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 1.0; 3])));
+        let objects = [0, 1, 127, 128, 255, 16_383, 16_384, 32_767, 69_999];
+        let pairs: Vec<_> = objects.iter().flat_map(|&o| [(1, o), (0, o)]).chain([]).collect();
+        let content = Content::new(&scene, &pairs, alloc::vec![[0; 4]; 3]);
+        assert_eq!(content.primitives(0).collect::<Vec<_>>(), objects);
+        assert_eq!(content.primitives(1).collect::<Vec<_>>(), objects);
+        assert_eq!((content.primitives(2).count(), content.primitives(9).count()), (0, 0));
+        assert_eq!((content.count(1), content.count(2), content.max_count()), (9, 0, 9));
+        assert_eq!(content.strays().len(), 70_000 - objects.len());
+    }
+}

@@ -1,0 +1,67 @@
+//! How much of a cell its content covers, seen along each axis: eight by eight rays through it, of which triangles stop some. Together they
+//! stop what any of them stops, so that a wall made of many triangles counts as one.
+
+use visibility_core::glam::DVec3;
+
+/// The rays along each axis that were stopped.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Cover([u64; 3]);
+
+impl Cover {
+    pub(crate) fn add(&mut self, stopped: [u64; 3]) {
+        for (mine, more) in self.0.iter_mut().zip(stopped) {
+            *mine |= more;
+        }
+    }
+
+    pub(crate) fn is_full(&self) -> bool {
+        self.0 == [u64::MAX; 3]
+    }
+
+    /// The share of stopped rays along each axis, of 255.
+    pub(crate) fn shares(&self) -> [u8; 4] {
+        let [x, y, z] = self.0.map(|mask| (mask.count_ones() * 255 / 64) as u8);
+        [x, y, z, 0]
+    }
+}
+
+/// Eight by eight rays along each axis through a box, of which a triangle within the box stops those whose bits are set.
+pub(crate) fn stopped_rays(triangle: &[DVec3; 3], center: DVec3, half: f64) -> [u64; 3] {
+    let corners = triangle.map(|p| (p - center) / half);
+    [0, 1, 2].map(|axis| stopped_along(&corners, axis))
+}
+
+/// Rays along one axis, with coordinates in which the box reaches from -1 to 1.
+fn stopped_along(corners: &[DVec3; 3], axis: usize) -> u64 {
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    let [a, b, c] = corners.map(|p| [p[u], p[v], p[axis]]);
+    let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    if area.is_nan() || area.abs() <= 1e-9 {
+        return 0;
+    }
+    // Ray i runs at (2i + 1) / 8 - 1.
+    let range = |of: usize| {
+        let least = a[of].min(b[of]).min(c[of]);
+        let most = a[of].max(b[of]).max(c[of]);
+        let first = ((least + 1.0) * 4.0 - 0.5).ceil().clamp(0.0, 8.0) as u32;
+        let last = ((most + 1.0) * 4.0 - 0.5).floor().clamp(-1.0, 7.0);
+        (first, (last + 1.0) as u32)
+    };
+    let (columns, rows) = (range(0), range(1));
+    let mut stopped = 0;
+    for row in rows.0..rows.1 {
+        let y = (2.0 * f64::from(row) + 1.0) / 8.0 - 1.0;
+        for column in columns.0..columns.1 {
+            let x = (2.0 * f64::from(column) + 1.0) / 8.0 - 1.0;
+            let to = |p: [f64; 3]| (p[0] - x, p[1] - y);
+            let (pa, pb, pc) = (to(a), to(b), to(c));
+            let cross = |p: (f64, f64), q: (f64, f64)| p.0 * q.1 - p.1 * q.0;
+            let (wa, wb, wc) = (cross(pb, pc) / area, cross(pc, pa) / area, cross(pa, pb) / area);
+            let depth = wa * a[2] + wb * b[2] + wc * c[2];
+            if wa >= 0.0 && wb >= 0.0 && wc >= 0.0 && depth.abs() <= 1.0 {
+                stopped |= 1 << (row * 8 + column);
+            }
+        }
+    }
+    stopped
+}

@@ -1,0 +1,139 @@
+//! What a view sees of cells and of single primitives.
+
+use visibility_core::glam::DVec3;
+use visibility_core::{Aabb, Eye, MAX_PLANES, Triangle, View};
+
+/// A plane with the bound on what rounding may do to distances from it.
+#[derive(Clone, Copy, Debug)]
+struct Bound {
+    normal: DVec3,
+    offset: f64,
+    slack: f64,
+}
+
+impl Bound {
+    fn distance(&self, p: DVec3) -> f64 {
+        self.normal.x * p.x + self.normal.y * p.y + self.normal.z * p.z + self.offset
+    }
+
+    /// How far a box reaches to either side of its centre.
+    fn reach(&self, half: DVec3) -> f64 {
+        let n = self.normal.abs();
+        n.x * half.x + n.y * half.y + n.z * half.z
+    }
+}
+
+/// Where a cell lies with respect to a view.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Place {
+    /// No line of sight to anything in view goes through it.
+    Outside,
+    /// All of it is in view.
+    Inside,
+    /// Anything else: also what lies before the near plane, between the eye and what is in view.
+    Crossing,
+}
+
+/// A view, for points relative to the origin of the scene.
+#[derive(Clone, Debug)]
+pub(crate) struct Sight {
+    pub(crate) eye: Eye,
+    planes: [Bound; MAX_PLANES],
+    count: usize,
+    /// The first so many planes have the eye on their inner side: what lies outside of them is not on the way to anything in view. The
+    /// others (the near plane, those of portals and mirrors) are crossed by lines of sight before they are in view.
+    sides: usize,
+}
+
+impl Sight {
+    /// For cells and primitives within a box.
+    pub(crate) fn new(view: &View, origin: DVec3, bounds: &Aabb) -> Self {
+        let reach = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
+        let eye = view.eye(origin);
+        let none = Bound { normal: DVec3::ZERO, offset: 0.0, slack: 0.0 };
+        let mut sight = Self { eye, planes: [none; MAX_PLANES], count: 0, sides: 0 };
+        for at_side in [true, false] {
+            for plane in view.planes(origin).as_slice() {
+                let (normal, offset) = (plane.plane.normal, plane.plane.offset);
+                // Centre and half size of a box, three products and sums of each: a dozen roundings by 2^-53 of no more than this.
+                let slack = plane.error + 1e-14 * (4.0 * reach + offset.abs());
+                let bound = Bound { normal, offset, slack };
+                let eye_is_inside = match eye {
+                    Eye::Point(eye) => {
+                        bound.distance(eye)
+                            >= -plane.error - 1e-15 * (4.0 * eye.abs().max_element() + offset.abs())
+                    }
+                    // An eye at infinity is outside of what lines of sight run into.
+                    Eye::Direction(along) => normal.dot(along) <= 1e-12,
+                };
+                if eye_is_inside == at_side {
+                    sight.planes[sight.count] = bound;
+                    sight.count += 1;
+                }
+            }
+            if at_side {
+                sight.sides = sight.count;
+            }
+        }
+        sight
+    }
+
+    /// Where a box lies.
+    #[inline]
+    pub(crate) fn place(&self, bounds: &Aabb) -> Place {
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
+        let mut inside = true;
+        for (i, plane) in self.planes[..self.count].iter().enumerate() {
+            let (distance, reach) = (plane.distance(center), plane.reach(half));
+            if distance + reach < -plane.slack && i < self.sides {
+                return Place::Outside;
+            }
+            inside &= distance - reach > plane.slack;
+        }
+        if inside { Place::Inside } else { Place::Crossing }
+    }
+
+    /// Whether a box lies surely beyond all planes that lines of sight cross on their way into view.
+    pub(crate) fn is_beyond_near(&self, bounds: &Aabb) -> bool {
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
+        self.planes[self.sides..self.count]
+            .iter()
+            .all(|plane| plane.distance(center) - plane.reach(half) > plane.slack)
+    }
+
+    /// Whether triangles lie all together outside one of the planes.
+    pub(crate) fn is_outside(&self, triangles: &[Triangle]) -> bool {
+        self.planes[..self.count]
+            .iter()
+            .any(|plane| triangles.iter().flatten().all(|p| plane.distance(p.as_dvec3()) < -plane.slack))
+    }
+
+    /// Whether triangles turn their backs to the eye, all of them and surely. False for those without a side, and for NaN.
+    #[inline]
+    pub(crate) fn sees_backs(&self, triangles: &[Triangle]) -> bool {
+        triangles.iter().all(|triangle| {
+            let [a, b, c] = triangle.map(|p| p.as_dvec3());
+            let (u, v) = (b - a, c - a);
+            let toward = match self.eye {
+                Eye::Point(eye) => eye - a,
+                Eye::Direction(along) => -along,
+            };
+            let normal = u.cross(v);
+            // Differences are rounded once, the products of three of them a few times more: 16 roundings of 2^-53 of the product of magnitudes
+            // are 2e-15 of it, and the sum of nine such products is no more than nine times that of the greatest.
+            let size = u.abs().max_element() * v.abs().max_element() * toward.abs().max_element();
+            normal.dot(toward) < -2e-14 * size
+        })
+    }
+
+    /// The unit direction of sight to a point; zero in the eye.
+    #[inline]
+    pub(crate) fn direction(&self, point: DVec3) -> DVec3 {
+        match self.eye {
+            Eye::Point(eye) => (point - eye).normalize_or_zero(),
+            Eye::Direction(along) => along,
+        }
+    }
+}

@@ -1,0 +1,340 @@
+//! The walk through the cells of a tessellation that both cullers share: the rendering loop of the paper's figure 4.
+
+use crate::content::bit;
+use crate::sight::{Place, Sight};
+use crate::solidity::{From, count_solidity, share, stopped, worth};
+use crate::{Face, Front, Solidity, Tessellation};
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+use visibility_core::{Changes, Eye, ObjectId, Scene, VisibleSet};
+
+/// How much may be projected in a frame.
+///
+/// ```
+/// use visibility_plp::Budget;
+/// assert_ne!(Budget::Objects(100), Budget::Cost(100));
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Budget {
+    /// So many objects.
+    Objects(usize),
+    /// Objects whose [costs](visibility_core::Object::cost) add up to no more than this: triangles, usually.
+    Cost(u64),
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum State {
+    /// In the front, or was, until it was found hidden.
+    Waiting,
+    /// Projected.
+    Done,
+    /// Not on the way to anything in view.
+    Outside,
+}
+
+/// What a frame knows of a cell.
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    /// The frame; what another frame knew is worth nothing.
+    frame: u32,
+    /// Its newest ticket in the front.
+    ticket: u32,
+    /// The light that reaches it, or its solidity.
+    value: f32,
+    worth: f32,
+    state: State,
+    inside: bool,
+}
+
+/// What is asked of the objects that are projected.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rules {
+    pub(crate) budget: Budget,
+    pub(crate) solidity: Solidity,
+    /// Whether objects that turn their backs are left out.
+    pub(crate) one_sided: bool,
+}
+
+/// One frame's view of what is walked through.
+pub(crate) struct Stage<'a, T: ?Sized> {
+    pub(crate) tessellation: &'a T,
+    pub(crate) scene: &'a Scene,
+    pub(crate) visible: &'a VisibleSet,
+    pub(crate) sight: Sight,
+    pub(crate) rules: Rules,
+}
+
+/// How a cell's projection ended.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Projected {
+    Whole,
+    /// The budget did not last for all of it.
+    Cut,
+}
+
+/// The memory of a walk, kept from frame to frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Walk {
+    cells: Vec<Cell>,
+    frame: u32,
+    pub(crate) front: Front,
+    /// By object index.
+    taken: Vec<u64>,
+    /// What was projected, in order.
+    pub(crate) order: Vec<ObjectId>,
+    /// What is left of the budget.
+    left: u64,
+    /// Cells that came to be in the front, and those that were projected.
+    pub(crate) reached: u64,
+    pub(crate) projected: u64,
+    /// Faces of the cell at hand.
+    faces: Vec<Face>,
+}
+
+/// More triangles than this are not looked at to find that an object turns its back or lies outside the view.
+const FEW: usize = 4;
+
+impl Walk {
+    /// Begins a frame: strays are projected, and the cells put into the front from which the walk begins. False if the tessellation is of another
+    /// scene, or of one of which too much has changed to tell what is where.
+    pub(crate) fn begin<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>) -> bool {
+        let content = stage.tessellation.content();
+        self.frame = self.frame.wrapping_add(1);
+        if self.frame == 0 || self.cells.len() != content.cell_count() {
+            let cell =
+                Cell { frame: 0, ticket: 0, value: 0.0, worth: 1.0, state: State::Outside, inside: false };
+            self.cells.clear();
+            self.cells.resize(content.cell_count(), cell);
+            self.frame = 1;
+        }
+        self.front.clear();
+        self.order.clear();
+        (self.reached, self.projected) = (0, 0);
+        self.taken.clear();
+        self.taken.resize(stage.scene.index_limit().max(content.index_limit()).div_ceil(64), 0);
+        self.left = match stage.rules.budget {
+            Budget::Objects(count) => count as u64,
+            Budget::Cost(cost) => cost,
+        };
+        let Changes::Objects(changed) = content.changes(stage.scene) else { return false };
+        for &id in content.strays().iter().chain(changed) {
+            if stage.scene.contains(id) && !bit(&self.taken, id.index()) {
+                self.taken[id.index() / 64] |= 1 << (id.index() % 64);
+                if stage.visible.contains(stage.scene, id) {
+                    self.order.push(id);
+                    self.left = self.left.saturating_sub(self.cost(stage, id));
+                }
+            }
+        }
+        self.seed(stage);
+        true
+    }
+
+    /// Puts the first cells into the front: the one that the eye is in, or, for an eye outside, those on the surface that are in view.
+    fn seed<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>) {
+        if let Eye::Point(eye) = stage.sight.eye
+            && let Some(cell) = stage.tessellation.locate(eye)
+        {
+            // Whatever the planes say: all lines of sight begin here.
+            self.enter(stage, cell, stage.tessellation.center(cell));
+            self.cells[cell as usize].state = State::Waiting;
+            let first = match stage.rules.solidity {
+                Solidity::Coverage => 1.0,
+                Solidity::Count => 0.0,
+            };
+            self.put(stage, cell, first);
+            return;
+        }
+        for &cell in stage.tessellation.boundary() {
+            let center = stage.tessellation.center(cell);
+            if self.enter(stage, cell, center) {
+                let value = match stage.rules.solidity {
+                    Solidity::Coverage => surface_light(stage, cell, center) as f32,
+                    Solidity::Count => 0.0,
+                };
+                self.put(stage, cell, value);
+            }
+        }
+    }
+
+    fn cost<T: ?Sized>(&self, stage: &Stage<'_, T>, id: ObjectId) -> u64 {
+        match stage.rules.budget {
+            Budget::Objects(_) => 1,
+            Budget::Cost(_) => stage.scene.object(id).map_or(0, |object| object.cost.into()),
+        }
+    }
+
+    /// Makes a cell known to the frame. Whether it may be on the way to something in view and is not projected yet.
+    #[inline]
+    fn enter<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32, center: DVec3) -> bool {
+        let known = &mut self.cells[cell as usize];
+        if known.frame == self.frame {
+            return known.state == State::Waiting;
+        }
+        let place = stage.sight.place(&stage.tessellation.cell_bounds(cell));
+        let state = if place == Place::Outside { State::Outside } else { State::Waiting };
+        let worth = match stage.rules.solidity {
+            Solidity::Coverage if state == State::Waiting => {
+                worth(stage.tessellation, &stage.sight, cell, center)
+            }
+            _ => 1.0,
+        };
+        let inside = place == Place::Inside;
+        *known = Cell { frame: self.frame, ticket: u32::MAX, value: 0.0, worth, state, inside };
+        state == State::Waiting
+    }
+
+    /// Puts a cell into the front, or again with another value.
+    #[inline]
+    fn put<T: ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32, value: f32) {
+        let known = &mut self.cells[cell as usize];
+        if known.ticket != u32::MAX && known.value == value {
+            return;
+        }
+        self.reached += u64::from(known.ticket == u32::MAX);
+        known.value = value;
+        let solidity = match stage.rules.solidity {
+            Solidity::Coverage => 1.0 - value * known.worth,
+            Solidity::Count => value,
+        };
+        known.ticket = self.front.push(solidity, cell);
+    }
+
+    /// Takes the least solid cell out of the front.
+    #[inline]
+    pub(crate) fn next(&mut self) -> Option<u32> {
+        while let Some(entry) = self.front.pop() {
+            let known = &self.cells[entry.cell as usize];
+            if known.ticket == entry.ticket && known.state == State::Waiting {
+                return Some(entry.cell);
+            }
+        }
+        None
+    }
+
+    /// Puts a cell back into the front as it was.
+    pub(crate) fn put_back<T: ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
+        let value = self.cells[cell as usize].value;
+        self.cells[cell as usize].ticket = u32::MAX;
+        self.reached -= 1;
+        self.put(stage, cell, value);
+    }
+
+    /// Takes all cells out of the front, in no order.
+    pub(crate) fn drain(&mut self, cells: &mut Vec<u32>) {
+        cells.clear();
+        for entry in self.front.entries() {
+            let known = &self.cells[entry.cell as usize];
+            if known.ticket == entry.ticket && known.state == State::Waiting {
+                cells.push(entry.cell);
+            }
+        }
+        self.front.clear();
+        // The order of a heap is nobody's business.
+        cells.sort_unstable();
+    }
+
+    /// Projects what a cell holds, each object once, as far as the budget lasts.
+    pub(crate) fn project<T: Tessellation + ?Sized>(
+        &mut self,
+        stage: &Stage<'_, T>,
+        cell: u32,
+        unlimited: bool,
+    ) -> Projected {
+        let content = stage.tessellation.content();
+        let inside = self.cells[cell as usize].inside;
+        for index in content.primitives(cell) {
+            let index = index as usize;
+            let Some(word) = self.taken.get_mut(index / 64) else { continue };
+            if *word >> (index % 64) & 1 != 0 {
+                continue;
+            }
+            *word |= 1 << (index % 64);
+            let Some(id) = stage.scene.id_at(index) else { continue };
+            if !stage.visible.contains(stage.scene, id) {
+                continue;
+            }
+            if (stage.rules.one_sided || !inside) && is_out_of_sight(stage, id, inside) {
+                continue;
+            }
+            if !unlimited {
+                let cost = self.cost(stage, id);
+                if cost > self.left {
+                    self.taken[index / 64] &= !(1 << (index % 64));
+                    return Projected::Cut;
+                }
+                self.left -= cost;
+            }
+            self.order.push(id);
+        }
+        self.cells[cell as usize].state = State::Done;
+        self.projected += 1;
+        Projected::Whole
+    }
+
+    /// Hands the solidity of a projected cell on to its neighbours, and puts those into the front that `admit` lets in, which is asked once
+    /// for each.
+    #[inline]
+    pub(crate) fn hand_on<T: Tessellation + ?Sized>(
+        &mut self,
+        stage: &Stage<'_, T>,
+        cell: u32,
+        mut admit: impl FnMut(u32) -> bool,
+    ) {
+        let tessellation = stage.tessellation;
+        let direction = stage.sight.direction(tessellation.center(cell));
+        let from = From {
+            cell,
+            direction,
+            value: self.cells[cell as usize].value,
+            stopped: stopped(tessellation.content().cover(cell), direction),
+        };
+        let mut faces = core::mem::take(&mut self.faces);
+        faces.clear();
+        tessellation.for_each_face(cell, &mut |face| faces.push(*face));
+        for face in &faces {
+            let neighbour = face.neighbour;
+            let center = tessellation.center(neighbour);
+            if !self.enter(stage, neighbour, center) {
+                continue;
+            }
+            let known = self.cells[neighbour as usize];
+            if known.ticket == u32::MAX && !admit(neighbour) {
+                self.cells[neighbour as usize].state = State::Outside;
+                continue;
+            }
+            let value = match stage.rules.solidity {
+                Solidity::Coverage => {
+                    let direction = stage.sight.direction(center);
+                    let through = share(tessellation, neighbour, direction, face) * (1.0 - from.stopped);
+                    (known.value + from.value * through as f32).min(1.0)
+                }
+                Solidity::Count => count_solidity(tessellation, &stage.sight, &from, face, center),
+            };
+            self.put(stage, neighbour, value);
+        }
+        self.faces = faces;
+    }
+}
+
+/// The share of a surface cell's light that comes from outside.
+fn surface_light<T: Tessellation + ?Sized>(stage: &Stage<'_, T>, cell: u32, center: DVec3) -> f64 {
+    let direction = stage.sight.direction(center);
+    let mut inner = 0.0;
+    stage.tessellation.for_each_face(cell, &mut |face| {
+        let opposite = Face { normal: -face.normal, ..*face };
+        inner += share(stage.tessellation, cell, direction, &opposite);
+    });
+    (1.0 - inner).max(0.0)
+}
+
+/// Whether an object of few triangles is surely out of sight.
+#[inline]
+fn is_out_of_sight<T: ?Sized>(stage: &Stage<'_, T>, id: ObjectId, inside: bool) -> bool {
+    let triangles = stage.scene.triangles(id).unwrap_or(&[]);
+    if triangles.is_empty() || triangles.len() > FEW {
+        return false;
+    }
+    (stage.rules.one_sided && stage.sight.sees_backs(triangles))
+        || (!inside && stage.sight.is_outside(triangles))
+}
