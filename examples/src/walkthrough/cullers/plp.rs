@@ -6,10 +6,14 @@ use visibility_core::{Accuracy, CullStats, Culler, Eye, ObjectId, Scene, View, V
 use visibility_hzb::Hzb;
 use visibility_plp::{Budget, ConservativePlpCuller, OctreeTessellation, PlpCuller};
 
+/// Budgets worth comparing.
+const SHARES: &[&str] = &["10%", "5%", "2%", "1%"];
+
 pub(super) const KNOWN: &[Known] = &[
     Known {
         name: "plp",
         what: "what is most likely visible, up to a share of all triangles (plp:10%)",
+        dials: SHARES,
         make: |dial, world| {
             let cells = Arc::new(OctreeTessellation::new(&world.scene));
             Ok(Box::new(PlpCuller::new(cells, budget(dial, world)?)))
@@ -18,6 +22,7 @@ pub(super) const KNOWN: &[Known] = &[
     Known {
         name: "cplp",
         what: "a share of all triangles as plp (cplp:10%), then all that a z-buffer of 512x288 of them does not hide",
+        dials: SHARES,
         make: |dial, world| {
             let budget = budget(dial, world)?;
             let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
@@ -28,6 +33,7 @@ pub(super) const KNOWN: &[Known] = &[
     Known {
         name: "centroid",
         what: "the nearest objects, up to a share of all triangles (centroid:10%)",
+        dials: SHARES,
         make: |dial, world| {
             let Budget::Cost(budget) = budget(dial, world)? else { return Err("no budget".to_owned()) };
             Ok(Box::new(Centroid { budget, order: Vec::new() }))
