@@ -2,10 +2,12 @@
 
 use crate::canvas::Cells;
 use crate::cuboid::{self, Made};
+use crate::fill;
 use crate::lens::{Lens, Placed};
 use crate::mesh::Setup;
-use crate::pyramid::{Pyramid, Rectangle};
-use crate::query::{Lens32, Query, test_one};
+use crate::pyramid::Pyramid;
+use crate::pyramid::Rectangle;
+use crate::query::{Footprints, Lens32, Query, project, test_one};
 use crate::queue::Queue;
 use crate::shape::{Coverage, Shape};
 use crate::solid::{self, Scratch};
@@ -15,6 +17,10 @@ use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
     Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, Plane, View,
 };
+
+/// Meshes of so few triangles are looked at for whether they are convex as seen: the outline of a house without a floor is found sooner than its
+/// triangles are drawn.
+const SMALL: usize = 24;
 
 /// A hierarchical z-buffer.
 ///
@@ -160,12 +166,11 @@ impl Hzb {
         }
     }
 
-    /// Whether the box around an occluder is in view and not hidden yet. Nothing else may wait.
-    fn may_be_around(&mut self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
-        self.queue.push(occluder.bounds(), transform, false);
-        self.queue.count = 0;
-        self.simd.footprints(&self.lens32, &self.queue.around, &mut self.queue.footprints);
-        self.may_be_seen(0)
+    /// Whether the box around an occluder is in view and not hidden yet.
+    fn may_be_around(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
+        let around = Queue::around(occluder.bounds(), transform);
+        let ([x0, y0, z0], [x1, y1, z1]) = (around.min.to_array(), around.max.to_array());
+        self.simd.box_seen(&self.lens32, &self.tiles, [x0, y0, z0, x1, y1, z1])
     }
 
     fn draw_occluder(&mut self, mesh: &OccluderMesh, transform: &Affine3A) {
@@ -178,24 +183,13 @@ impl Hzb {
         if count == 0 {
             return;
         }
-        self.simd.footprints(&self.lens32, &self.queue.around, &mut self.queue.footprints);
+        self.simd.footprints(&self.lens32, &self.queue.sides, &mut self.queue.footprints);
         for i in 0..count {
-            if self.may_be_seen(i) {
+            if self.simd.may_be_seen(&self.tiles, &self.queue.footprints, i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
                 self.draw_box(&bounds, &transform, self.queue.two_sided[i]);
             }
         }
-    }
-
-    /// Whether the box in a place of the queue is in view and not hidden yet, as far as its projection tells.
-    #[inline(always)]
-    fn may_be_seen(&self, i: usize) -> bool {
-        let seen = &self.queue.footprints;
-        let rectangle = Rectangle {
-            columns: [seen.sides[0][i] as u32, seen.sides[1][i] as u32],
-            lines: [seen.sides[2][i] as u32, seen.sides[3][i] as u32],
-        };
-        !seen.outside[i] && (!seen.known[i] || self.simd.still_seen(&self.tiles, &rectangle, seen.nearest[i]))
     }
 
     fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) {
@@ -213,8 +207,9 @@ impl Hzb {
     fn draw_mesh(&mut self, parts: &solid::Parts, bounds: &Aabb, transform: &Affine3A, convex: bool) {
         let Some((placed, facing)) = place(&self.lens, bounds, transform) else { return };
         let (lens, coverage, scratch) = (&self.lens, self.coverage, &mut self.scratch);
-        if convex || parts.triangles.len() <= 2 {
-            match solid::make(parts, &placed, lens, facing, coverage, scratch, &mut self.shape) {
+        let convex = convex || parts.triangles.len() == 1;
+        if convex || parts.triangles.len() <= SMALL {
+            match self.simd.solid(parts, &placed, lens, facing, coverage, convex, scratch, &mut self.shape) {
                 Made::Shape => return self.fill(),
                 Made::Nothing => return,
                 Made::Near => {}
@@ -320,6 +315,27 @@ impl OcclusionMap for Hzb {
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         self.simd.test(&self.query(), boxes.coordinates(), candidates)
     }
+}
+
+/// Whether a box is in view and not hidden yet, as far as its projection tells.
+#[inline(always)]
+pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &Footprints<N>, i: usize) -> bool {
+    let i = i % N;
+    let rectangle = Rectangle {
+        columns: [seen.sides[0][i] as u32, seen.sides[1][i] as u32],
+        lines: [seen.sides[2][i] as u32, seen.sides[3][i] as u32],
+    };
+    !seen.outside[i] && (!seen.known[i] || fill::still_seen(tiles, &rectangle, seen.nearest[i]))
+}
+
+/// The same, for a box that is not projected yet.
+#[inline(always)]
+pub(crate) fn box_seen(lens: &Lens32, tiles: &Tiles, sides: [f32; 6]) -> bool {
+    let mut boxes = [[0.0; 1]; 6];
+    for i in 0..6 {
+        boxes[i][0] = sides[i];
+    }
+    may_be_seen(tiles, &project(lens, &boxes), 0)
 }
 
 /// The shape of a box, from its place on.

@@ -141,8 +141,12 @@ pub(crate) fn draw(
 #[inline(always)]
 fn project(positions: &[Vec3], placed: &Placed, beyond: f64, setup: &mut Setup, reach: &mut Reach) {
     let Setup { corners, screen, .. } = setup;
-    corners.clear();
-    screen.clear();
+    // Memory is only ever added, and what is left from before is written over.
+    if corners.len() < positions.len() {
+        corners.resize(positions.len(), [0.0; 5]);
+        screen.resize(positions.len(), Corner::default());
+    }
+    let (mut corners, mut screen) = (&mut corners[..positions.len()], &mut screen[..positions.len()]);
     let mut rest = positions;
     while !rest.is_empty() {
         let count = rest.len().min(LANES);
@@ -163,20 +167,20 @@ fn project(positions: &[Vec3], placed: &Placed, beyond: f64, setup: &mut Setup, 
         }
         let [x, y, w, n, near] = &values;
         let [ex, ey, ew, en, _] = placed.error;
-        let (mut sx, mut sy, mut far) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let (mut sx, mut sy, mut far) = ([0.0; LANES], [0.0; LANES], [0.0f32; LANES]);
         let (mut error, mut most, mut nearest) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             let known = near[i] > beyond;
             // A corner at or behind the eye makes the error infinite.
             let over = 1.0 / if w[i] > 8.0 * ew { w[i] } else { 0.0 };
-            (sx[i], sy[i]) = (x[i] / w[i], y[i] / w[i]);
+            (sx[i], sy[i]) = (x[i] * over, y[i] * over);
             let size = greater(x[i].abs(), y[i].abs()) * over;
             let off = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
             // A NaN stays one.
             error[i] = if known { off } else { 0.0 };
             let nearness = n[i] * over;
             let margin = 2.0 * (en + nearness.abs() * ew) * over + 4.0 * f64::EPSILON * nearness.abs();
-            far[i] = nearness - margin;
+            far[i] = lower(nearness - margin);
             most[i] = if known { nearness + margin } else { f64::NEG_INFINITY };
             nearest[i] = near[i];
         }
@@ -186,10 +190,16 @@ fn project(positions: &[Vec3], placed: &Placed, beyond: f64, setup: &mut Setup, 
             reach.greatest = greater(most[i], reach.greatest);
             reach.nearest = if nearest[i] >= reach.nearest { reach.nearest } else { nearest[i] };
         }
-        for i in 0..count {
-            corners.push([x[i], y[i], w[i], n[i], near[i]]);
-            screen.push(Corner { x: sx[i], y: sy[i], far: lower(far[i]) });
+        let (these, others) = corners.split_at_mut(count);
+        for (i, corner) in these.iter_mut().enumerate() {
+            *corner = [x[i], y[i], w[i], n[i], near[i]];
         }
+        corners = others;
+        let (these, others) = screen.split_at_mut(count);
+        for (i, corner) in these.iter_mut().enumerate() {
+            *corner = Corner { x: sx[i], y: sy[i], far: far[i] };
+        }
+        screen = others;
     }
 }
 
@@ -209,7 +219,7 @@ fn on_screen(c: &[f64; 5], placed: &Placed, reach: &mut Reach) -> Corner {
     let nearness = c[3] * over;
     let margin = 2.0 * (en + nearness.abs() * ew) * over + 4.0 * f64::EPSILON * nearness.abs();
     reach.greatest = greater(nearness + margin, reach.greatest);
-    Corner { x: c[0] / c[2], y: c[1] / c[2], far: lower(nearness - margin) }
+    Corner { x: c[0] * over, y: c[1] * over, far: lower(nearness - margin) }
 }
 
 /// Decides which triangles are drawn: those that surely face the eye, and are not wholly before the near plane. With `slack`, all corners

@@ -12,7 +12,7 @@ pub(crate) struct Queue {
     pub(crate) transforms: [Affine3A; WIDTH],
     pub(crate) two_sided: [bool; WIDTH],
     /// The boxes around them along the axes of the scene.
-    pub(crate) around: [[f32; WIDTH]; 6],
+    pub(crate) sides: [[f32; WIDTH]; 6],
     pub(crate) footprints: Footprints<WIDTH>,
 }
 
@@ -22,9 +22,14 @@ impl Queue {
         bounds: [Aabb::EMPTY; WIDTH],
         transforms: [Affine3A::IDENTITY; WIDTH],
         two_sided: [false; WIDTH],
-        around: [[0.0; WIDTH]; 6],
+        sides: [[0.0; WIDTH]; 6],
         footprints: Footprints::NONE,
     };
+
+    /// A box along the axes of the scene around a box.
+    pub(crate) fn around(bounds: &Aabb, transform: &Affine3A) -> Aabb {
+        if *transform == Affine3A::IDENTITY { *bounds } else { moved(bounds, transform) }
+    }
 
     /// Adds a box; true if the queue is full now.
     pub(crate) fn push(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) -> bool {
@@ -32,10 +37,10 @@ impl Queue {
         self.bounds[i] = *bounds;
         self.transforms[i] = *transform;
         self.two_sided[i] = two_sided;
-        let around = if *transform == Affine3A::IDENTITY { *bounds } else { moved(bounds, transform) };
+        let around = Self::around(bounds, transform);
         for axis in 0..3 {
-            self.around[axis][i] = around.min[axis];
-            self.around[axis + 3][i] = around.max[axis];
+            self.sides[axis][i] = around.min[axis];
+            self.sides[axis + 3][i] = around.max[axis];
         }
         self.count = i + 1;
         self.count == WIDTH
