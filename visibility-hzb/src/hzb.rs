@@ -183,7 +183,7 @@ impl Hzb {
         if count == 0 {
             return;
         }
-        self.simd.footprints(&self.lens32, &self.queue.sides, &mut self.queue.footprints);
+        self.simd.footprints(&self.lens32, &self.queue.around, &mut self.queue.footprints);
         for i in 0..count {
             if self.simd.may_be_seen(&self.tiles, &self.queue.footprints, i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);

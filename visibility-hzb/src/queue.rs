@@ -12,7 +12,7 @@ pub(crate) struct Queue {
     pub(crate) transforms: [Affine3A; WIDTH],
     pub(crate) two_sided: [bool; WIDTH],
     /// The boxes around them along the axes of the scene.
-    pub(crate) sides: [[f32; WIDTH]; 6],
+    pub(crate) around: [[f32; WIDTH]; 6],
     pub(crate) footprints: Footprints<WIDTH>,
 }
 
@@ -22,7 +22,7 @@ impl Queue {
         bounds: [Aabb::EMPTY; WIDTH],
         transforms: [Affine3A::IDENTITY; WIDTH],
         two_sided: [false; WIDTH],
-        sides: [[0.0; WIDTH]; 6],
+        around: [[0.0; WIDTH]; 6],
         footprints: Footprints::NONE,
     };
 
@@ -39,8 +39,8 @@ impl Queue {
         self.two_sided[i] = two_sided;
         let around = Self::around(bounds, transform);
         for axis in 0..3 {
-            self.sides[axis][i] = around.min[axis];
-            self.sides[axis + 3][i] = around.max[axis];
+            self.around[axis][i] = around.min[axis];
+            self.around[axis + 3][i] = around.max[axis];
         }
         self.count = i + 1;
         self.count == WIDTH

@@ -10,6 +10,7 @@ use crate::canvas::Cells;
 use crate::cuboid::Made;
 use crate::lens::{Lens, Placed};
 use crate::mesh::Setup;
+use crate::pyramid::Rectangle;
 use crate::query::{Boxes, Footprints, Lens32, Query, WIDTH};
 use crate::shape::{Coverage, Shape};
 use crate::solid::{Parts, Scratch};
@@ -114,6 +115,8 @@ compiled! {
         (lens: &Lens32, boxes: &[[f32; WIDTH]; 6], out: &mut Footprints<WIDTH>) -> ();
     mesh / mesh_avx2 / mesh_avx512 = crate::mesh::draw,
         (mesh: &Parts, placed: &Placed, lens: &Lens, facing: f64, coverage: Coverage, setup: &mut Setup, cells: &mut Cells, tiles: &mut Tiles) -> f32;
+    still_seen / still_seen_avx2 / still_seen_avx512 = crate::fill::still_seen,
+        (tiles: &Tiles, rectangle: &Rectangle, nearness: f32) -> bool;
     may_be_seen / may_be_seen_avx2 / may_be_seen_avx512 = crate::hzb::may_be_seen,
         (tiles: &Tiles, seen: &Footprints<WIDTH>, i: usize) -> bool;
     box_seen / box_seen_avx2 / box_seen_avx512 = crate::hzb::box_seen,
