@@ -4,3 +4,11 @@
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
+
+mod occluders;
+mod occlusion_tree;
+mod shadow;
+mod sight;
+
+pub use occluders::Occluders;
+pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};

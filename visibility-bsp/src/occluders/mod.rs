@@ -1,0 +1,335 @@
+//! What hides: large convex polygons, made in advance from the occluder meshes of a scene.
+//!
+//! A wall of a model is many triangles, often of several objects; what it hides is best described by few large polygons. So triangles are
+//! joined wherever they surely lie in one plane and leave nothing open: along the axes into all the largest rectangles of
+//! which every point is covered (`rectangles`), in other directions across shared edges (`patches`). Faces of closed meshes count
+//! from outside only; their backs hide nothing that their fronts do not.
+
+mod patches;
+mod rectangles;
+mod select;
+
+pub(crate) use select::{Selector, angle_of, sides_of};
+
+use crate::shadow::{Plate, plane_of};
+use alloc::collections::BTreeMap;
+use alloc::vec::Vec;
+use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::{Changes, ObjectId, OccluderMesh, Scene};
+
+/// A triangle of an occluder, in scene coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Piece {
+    pub(crate) corners: [DVec3; 3],
+    /// Which of the objects looked at it comes from.
+    pub(crate) source: u32,
+    pub(crate) two_sided: bool,
+}
+
+/// An occluder polygon under construction.
+#[derive(Clone, Debug)]
+pub(crate) struct Outline {
+    pub(crate) vertices: Vec<DVec3>,
+    pub(crate) sources: Vec<u32>,
+    pub(crate) two_sided: bool,
+}
+
+/// One polygon.
+#[derive(Clone, Debug)]
+struct Polygon {
+    /// Where its vertices begin, and how many they are; none once it is dropped.
+    first: u32,
+    count: u32,
+    /// Where its sources begin, and how many they are.
+    first_source: u32,
+    sources: u32,
+    normal: DVec3,
+    reach: [f64; 2],
+    area: f64,
+    center: DVec3,
+    radius: f64,
+    two_sided: bool,
+}
+
+/// Polygons near one another.
+#[derive(Clone, Debug)]
+struct Block {
+    center: DVec3,
+    radius: f64,
+    /// The area of the largest.
+    area: f64,
+    first: u32,
+    count: u32,
+}
+
+/// So many polygons make a block.
+const BLOCK: usize = 32;
+
+/// Large convex occluder polygons of a scene, and the objects that each is made of.
+///
+/// Made when a scene is loaded, and shared by the cullers of all views. An occluder that is moved, removed, put on another layer or no
+/// longer flagged stops hiding at once, whether [`sync`](Self::sync) has been called or not; with `sync` it hides from where it is now.
+///
+/// Costs about 200 bytes a polygon; making them takes some microseconds a triangle.
+///
+/// ```
+/// use visibility_bsp::Occluders;
+/// use visibility_core::{Aabb, Object, Preparation, Scene, glam::Vec3};
+/// let mut scene = Scene::new();
+/// // Two slabs of a wall, side by side, become one wall.
+/// for y in [0.0, 4.0] {
+///     let bounds = Aabb::from_arrays([5.0, y, 0.0], [5.5, y + 4.0, 3.0]);
+///     let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+///     let corners = bounds.corners();
+///     let triangles: Vec<_> =
+///         visibility_core::OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect();
+///     scene.set_triangles(id, triangles)?;
+/// }
+/// scene.prepare_occluders(&Preparation::default());
+/// let occluders = Occluders::new(&scene);
+/// assert_eq!(occluders.largest_area(), 24.0);
+/// # Ok::<(), visibility_core::SceneError>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Occluders {
+    polygons: Vec<Polygon>,
+    blocks: Vec<Block>,
+    vertices: Vec<DVec3>,
+    sources: Vec<ObjectId>,
+    /// The polygons of an object, by its index.
+    of_object: BTreeMap<u32, Vec<u32>>,
+    revision: u64,
+}
+
+impl Occluders {
+    /// From the meshes of a scene's occluders as they are now.
+    pub fn new(scene: &Scene) -> Self {
+        let ids: Vec<ObjectId> = scene.ids().filter(|&id| scene.occluder(id).is_some()).collect();
+        let mut occluders = Self { revision: scene.revision(), ..Self::default() };
+        occluders.add_from(scene, &ids);
+        occluders
+    }
+
+    /// Takes in what has changed in the scene since: polygons of changed objects are dropped and made anew, object by object. Costs time in
+    /// proportion to the changed objects; [`new`](Self::new), which also joins polygons across objects, gives larger polygons.
+    pub fn sync(&mut self, scene: &Scene) {
+        let changes = scene.changes_since(self.revision);
+        let Changes::Objects(changed) = changes else {
+            *self = Self::new(scene);
+            return;
+        };
+        if changed.is_empty() {
+            return;
+        }
+        // Those that shared a polygon with a changed object lose it too, and bring in their own part again.
+        let mut affected: Vec<ObjectId> = changed.to_vec();
+        for id in changed {
+            for &polygon in self.of_object.get(&(id.index() as u32)).into_iter().flatten() {
+                let polygon = &mut self.polygons[polygon as usize];
+                let first = polygon.first_source as usize;
+                affected.extend(&self.sources[first..first + polygon.sources as usize]);
+                polygon.count = 0;
+            }
+        }
+        affected.sort_unstable();
+        affected.dedup();
+        for id in &affected {
+            for &number in self.of_object.get(&(id.index() as u32)).into_iter().flatten() {
+                let polygon = &mut self.polygons[number as usize];
+                if polygon.sources == 1 {
+                    polygon.count = 0;
+                }
+            }
+        }
+        let dropped = self.polygons.iter().filter(|polygon| polygon.count == 0).count();
+        self.revision = scene.revision();
+        if dropped > 64 && dropped * 2 > self.polygons.len() {
+            // More holes than polygons: time to begin anew, which costs as much as made the holes.
+            *self = Self::new(scene);
+            return;
+        }
+        for &id in affected.iter().filter(|&&id| scene.occluder(id).is_some()) {
+            self.add_from(scene, &[id]);
+        }
+    }
+
+    /// The revision of the scene that was last taken in.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// How many polygons there are.
+    pub fn len(&self) -> usize {
+        self.polygons.iter().filter(|polygon| polygon.count > 0).count()
+    }
+
+    /// Whether there is no polygon.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The area of the largest polygon, in square metres; zero without any.
+    pub fn largest_area(&self) -> f64 {
+        self.polygons.iter().filter(|p| p.count > 0).map(|p| p.area).fold(0.0, f64::max)
+    }
+
+    /// The corners of the polygons, each in order.
+    pub fn polygons(&self) -> impl Iterator<Item = &[DVec3]> {
+        self.polygons.iter().filter(|p| p.count > 0).map(|p| self.vertices_of(p))
+    }
+
+    fn vertices_of(&self, polygon: &Polygon) -> &[DVec3] {
+        &self.vertices[polygon.first as usize..(polygon.first + polygon.count) as usize]
+    }
+
+    /// The objects that a polygon is part of.
+    pub(crate) fn sources_of(&self, polygon: u32) -> &[ObjectId] {
+        let polygon = &self.polygons[polygon as usize];
+        &self.sources[polygon.first_source as usize..(polygon.first_source + polygon.sources) as usize]
+    }
+
+    /// A polygon as shadows are made of it.
+    pub(crate) fn plate(&self, polygon: u32) -> Plate<'_> {
+        let p = &self.polygons[polygon as usize];
+        Plate { vertices: self.vertices_of(p), normal: p.normal, reach: p.reach, two_sided: p.two_sided }
+    }
+
+    /// Adds the polygons of some objects, joined with one another.
+    fn add_from(&mut self, scene: &Scene, ids: &[ObjectId]) {
+        let mut pieces = Vec::new();
+        for (source, &id) in (0..).zip(ids) {
+            if let Some((mesh, transform)) = scene.occluder(id) {
+                take_apart(mesh, transform, source, is_closed(mesh.triangles()), &mut pieces);
+            }
+        }
+        let mut outlines = rectangles::join(&mut pieces);
+        outlines.extend(patches::join(&pieces));
+        let middle = |outline: &Outline| {
+            let mut center = DVec3::ZERO;
+            for v in &outline.vertices {
+                center += *v / outline.vertices.len() as f64;
+            }
+            center
+        };
+        let centers: Vec<DVec3> = outlines.iter().map(middle).collect();
+        let mut order: Vec<u32> = (0..outlines.len() as u32).collect();
+        halve(&mut order, &centers);
+        let start = self.polygons.len();
+        for &number in &order {
+            let outline = &outlines[number as usize];
+            let Some((normal, reach, area)) = plane_of(&outline.vertices) else { continue };
+            let center = centers[number as usize];
+            let radius = outline.vertices.iter().map(|v| v.distance(center)).fold(0.0, f64::max);
+            let number = self.polygons.len() as u32;
+            self.polygons.push(Polygon {
+                first: self.vertices.len() as u32,
+                count: outline.vertices.len() as u32,
+                first_source: self.sources.len() as u32,
+                sources: outline.sources.len() as u32,
+                normal,
+                reach,
+                area,
+                center,
+                radius,
+                two_sided: outline.two_sided,
+            });
+            self.vertices.extend_from_slice(&outline.vertices);
+            for &source in &outline.sources {
+                let id = ids[source as usize];
+                self.sources.push(id);
+                self.of_object.entry(id.index() as u32).or_default().push(number);
+            }
+        }
+        for (block, first) in self.polygons[start..].chunks(BLOCK).zip((start..).step_by(BLOCK)) {
+            let mut center = DVec3::ZERO;
+            for polygon in block {
+                center += polygon.center / block.len() as f64;
+            }
+            let radius = block.iter().map(|p| p.center.distance(center) + p.radius).fold(0.0, f64::max);
+            let area = block.iter().map(|p| p.area).fold(0.0, f64::max);
+            self.blocks.push(Block { center, radius, area, first: first as u32, count: block.len() as u32 });
+        }
+    }
+}
+
+/// Puts what is near in space near in order: halves at the middle of the longest side until a block is left.
+fn halve(order: &mut [u32], centers: &[DVec3]) {
+    if order.len() <= BLOCK {
+        return;
+    }
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for &i in order.iter() {
+        (min, max) = (min.min(centers[i as usize]), max.max(centers[i as usize]));
+    }
+    let size = max - min;
+    let axis = if size.x >= size.y && size.x >= size.z { 0 } else if size.y >= size.z { 1 } else { 2 };
+    // Whole blocks to the left, so that only the last is not full.
+    let half = (order.len() / 2).next_multiple_of(BLOCK).min(order.len() - 1);
+    order.select_nth_unstable_by(half, |&a, &b| {
+        centers[a as usize][axis].total_cmp(&centers[b as usize][axis]).then(a.cmp(&b))
+    });
+    let (left, right) = order.split_at_mut(half);
+    halve(left, centers);
+    halve(right, centers);
+}
+
+/// The triangles of a mesh where it is; whether it has an inside is for the caller to say. Whether they hide from behind as well: only if the mesh says so and has an inside that can be seen.
+pub(crate) fn take_apart(
+    mesh: &OccluderMesh,
+    transform: &Affine3A,
+    source: u32,
+    closed: bool,
+    pieces: &mut Vec<Piece>,
+) {
+    let place = placer(transform);
+    let at = |i: u32| place(mesh.positions()[i as usize].as_dvec3());
+    if (0..mesh.positions().len() as u32).any(|i| !at(i).is_finite()) {
+        return;
+    }
+    let mirrored = transform.matrix3.determinant() < 0.0;
+    let first = pieces.len();
+    let two_sided = mesh.is_two_sided() && !closed;
+    for t in mesh.triangles() {
+        let [a, b, c] = t.map(at);
+        let corners = if mirrored { [a, c, b] } else { [a, b, c] };
+        pieces.push(Piece { corners, source, two_sided });
+    }
+    if mesh.is_two_sided() && closed {
+        // Where the file turned the mesh inside out, its outside is what a two-sided one shows.
+        let origin = at(0);
+        let volume: f64 = pieces[first..]
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.corners.map(|p| p - origin);
+                a.dot(b.cross(c))
+            })
+            .sum();
+        for piece in &mut pieces[first..] {
+            if volume < 0.0 {
+                piece.corners.swap(1, 2);
+            }
+        }
+    }
+}
+
+/// Applies a transform in `f64`; the identity changes nothing, not even by rounding.
+fn placer(transform: &Affine3A) -> impl Fn(DVec3) -> DVec3 {
+    let identity = *transform == Affine3A::IDENTITY;
+    let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
+        .map(|axis| DVec3::from_array(axis.to_array().map(f64::from)));
+    let shift = DVec3::from_array(transform.translation.to_array().map(f64::from));
+    move |p| if identity { p } else { x * p.x + y * p.y + z * p.z + shift }
+}
+
+/// Whether every edge is gone through as often one way as the other: the mesh then has an inside, however its solids touch.
+fn is_closed(triangles: &[[u32; 3]]) -> bool {
+    let mut sides: Vec<(u32, u32, bool)> = Vec::with_capacity(triangles.len() * 3);
+    for t in triangles {
+        for i in 0..3 {
+            let (a, b) = (t[i], t[(i + 1) % 3]);
+            sides.push((a.min(b), a.max(b), a < b));
+        }
+    }
+    sides.sort_unstable();
+    sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).all(|same| same.iter().filter(|s| s.2).count() * 2 == same.len())
+}

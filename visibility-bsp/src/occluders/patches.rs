@@ -1,0 +1,158 @@
+//! Triangles in any direction, joined across shared edges into convex polygons.
+//!
+//! Two polygons are joined if they go through one edge in opposite directions, bit for bit the same ends, lie in one plane within what
+//! rounding of the vertices explains, and make a convex polygon. Whatever is left of flatness and convexity by rounding does no
+//! harm: see `shadow`.
+
+use super::{Outline, Piece};
+use crate::shadow::{MOST_EDGES, plane_of};
+use alloc::collections::BTreeMap;
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+/// How far vertices may be off the plane, relative to the size of what is joined.
+const FLAT: f64 = 1e-6;
+/// Polygons with more vertices are joined no further: each costs a plane.
+const MOST_VERTICES: usize = if MOST_EDGES < 10 { MOST_EDGES } else { 10 };
+
+struct Polygon {
+    vertices: Vec<u32>,
+    sources: Vec<u32>,
+    two_sided: bool,
+}
+
+/// Joins what can be joined.
+pub(super) fn join(pieces: &[Piece]) -> Vec<Outline> {
+    let (positions, corners) = weld(pieces);
+    let mut polygons: Vec<Option<Polygon>> = Vec::with_capacity(pieces.len());
+    let mut edges: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+    for ((piece, corners), number) in pieces.iter().zip(&corners).zip(0..) {
+        polygons.push(Some(Polygon {
+            vertices: corners.to_vec(),
+            sources: alloc::vec![piece.source],
+            two_sided: piece.two_sided,
+        }));
+        for i in 0..3 {
+            edges.insert((corners[i], corners[(i + 1) % 3]), number);
+        }
+    }
+    for number in 0..polygons.len() {
+        let Some(mut polygon) = polygons[number].take() else { continue };
+        let mut i = 0;
+        let mut tries = 0;
+        while i < polygon.vertices.len() && tries < 4 * MOST_VERTICES {
+            tries += 1;
+            let (a, b) = (polygon.vertices[i], polygon.vertices[(i + 1) % polygon.vertices.len()]);
+            let other = edges.get(&(b, a)).copied().filter(|&other| other as usize != number);
+            let joined = other.and_then(|other| {
+                let theirs = polygons[other as usize].as_ref()?;
+                Some((other, joined(&positions, &polygon, i, theirs)?))
+            });
+            if let Some((other, joined)) = joined {
+                polygons[other as usize] = None;
+                polygon = joined;
+                let count = polygon.vertices.len();
+                for k in 0..count {
+                    edges.insert((polygon.vertices[k], polygon.vertices[(k + 1) % count]), number as u32);
+                }
+                i = 0;
+            } else {
+                i += 1;
+            }
+        }
+        polygons[number] = Some(polygon);
+    }
+    let place = |v: u32| positions[v as usize];
+    polygons
+        .into_iter()
+        .flatten()
+        .map(|polygon| Outline {
+            vertices: polygon.vertices.into_iter().map(place).collect(),
+            sources: polygon.sources,
+            two_sided: polygon.two_sided,
+        })
+        .collect()
+}
+
+/// Each place once, and the corners of the pieces by place.
+fn weld(pieces: &[Piece]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let mut places: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+    let mut positions = Vec::new();
+    let mut corners = Vec::with_capacity(pieces.len());
+    for piece in pieces {
+        corners.push(piece.corners.map(|p| {
+            *places.entry((p + 0.0).to_array().map(f64::to_bits)).or_insert_with(|| {
+                positions.push(p);
+                positions.len() as u32 - 1
+            })
+        }));
+    }
+    (positions, corners)
+}
+
+/// Two polygons as one, if they share the edge from vertex `i` of the first and make a flat convex one.
+fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Option<Polygon> {
+    let (n, m) = (ours.vertices.len(), theirs.vertices.len());
+    if ours.two_sided != theirs.two_sided {
+        return None;
+    }
+    let (a, b) = (ours.vertices[i], ours.vertices[(i + 1) % n]);
+    let j = (0..m).find(|&j| theirs.vertices[j] == b && theirs.vertices[(j + 1) % m] == a)?;
+    // From b around ours to a, then from what follows a around theirs to what comes before b.
+    let mut vertices: Vec<u32> = (0..n).map(|k| ours.vertices[(i + 1 + k) % n]).collect();
+    vertices.extend((0..m - 2).map(|k| theirs.vertices[(j + 2 + k) % m]));
+    // Where they share more than one edge, the loop runs there and back.
+    while vertices.len() > 3 {
+        let count = vertices.len();
+        let Some(k) = (0..count).find(|&k| vertices[k] == vertices[(k + 2) % count]) else { break };
+        let (one, two) = ((k + 1) % count, (k + 2) % count);
+        vertices.remove(one.max(two));
+        vertices.remove(one.min(two));
+    }
+    let mut sorted = vertices.clone();
+    sorted.sort_unstable();
+    sorted.dedup();
+    if vertices.len() < 3 || vertices.len() > MOST_VERTICES || sorted.len() != vertices.len() {
+        return None;
+    }
+    let points: Vec<DVec3> = vertices.iter().map(|&v| positions[v as usize]).collect();
+    is_flat_and_convex(&points).then(|| {
+        let mut sources: Vec<u32> = ours.sources.iter().chain(&theirs.sources).copied().collect();
+        sources.sort_unstable();
+        sources.dedup();
+        Polygon { vertices, sources, two_sided: ours.two_sided }
+    })
+}
+
+fn is_flat_and_convex(points: &[DVec3]) -> bool {
+    let Some((normal, reach, _)) = plane_of(points) else { return false };
+    let size = points.iter().map(|p| p.distance(points[0])).fold(0.0, f64::max);
+    if reach[1] - reach[0] > FLAT * size {
+        return false;
+    }
+    let count = points.len();
+    (0..count).all(|i| {
+        let (a, b) = (points[i], points[(i + 1) % count]);
+        let inwards = normal.cross(b - a);
+        points.iter().all(|p| inwards.dot(*p - a) >= -1e-9 * size * size)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slanted_fan_becomes_one_polygon_and_a_step_does_not() {
+        let around = [[0.0, 0.0], [2.0, 0.0], [3.0, 1.0], [2.0, 2.0], [0.0, 2.0]];
+        let p = |k: usize| DVec3::new(around[k][0], around[k][1], around[k][0] * 0.5);
+        let piece = |a, b, c, source| Piece { corners: [p(a), p(b), p(c)], source, two_sided: false };
+        let flat = [piece(0, 1, 2, 0), piece(0, 2, 3, 1), piece(0, 3, 4, 2)];
+        let outlines = join(&flat);
+        assert_eq!(outlines.len(), 1);
+        assert_eq!((outlines[0].vertices.len(), &outlines[0].sources[..]), (5, &[0, 1, 2][..]));
+        let mut bent = flat;
+        bent[2].corners[2].z += 0.1;
+        assert_eq!(join(&bent).len(), 2);
+    }
+}

@@ -1,0 +1,334 @@
+//! Faces along the axes, joined into the largest rectangles of which no point is open.
+//!
+//! Pairs of triangles that make a rectangle along the axes are taken as one; rectangles that lie in exactly the same plane, bit for bit, and
+//! touch, are laid out on the grid of their sides; and of the grid's cells all the largest rectangles without a gap are
+//! found. Everything is compared, nothing computed, so that what is joined covers exactly what its parts cover. The
+//! rectangles may overlap one another: fewer are then needed, and no crack runs between them.
+
+use super::{Outline, Piece};
+use alloc::collections::BTreeMap;
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+/// A rectangle of a plane along the axes.
+#[derive(Clone, Debug)]
+struct Rectangle {
+    low: [f64; 2],
+    high: [f64; 2],
+    source: u32,
+}
+
+/// Planes along the axes: which axis they are across, where on it (as ordered bits), and which way they face (0 down, 1 up, 2 both).
+type Level = (usize, u64, u8);
+
+/// Cells of a grid beyond which a group is joined no further.
+const MOST_CELLS: usize = 1 << 14;
+/// No more rectangles than this from one group.
+const MOST_PICKS: usize = 64;
+
+/// Takes the rectangles out of the pieces, and joins them.
+pub(super) fn join(pieces: &mut Vec<Piece>) -> Vec<Outline> {
+    let mut levels: BTreeMap<Level, Vec<Rectangle>> = BTreeMap::new();
+    take_rectangles(pieces, &mut levels);
+    let mut outlines = Vec::new();
+    for (&(axis, bits, facing), rectangles) in &levels {
+        let at = from_ordered(bits);
+        for group in groups(rectangles) {
+            join_group(&group, |low, high, sources| {
+                outlines.push(Outline { vertices: corners(axis, at, low, high, facing == 0), sources, two_sided: facing == 2 });
+            });
+        }
+    }
+    outlines
+}
+
+/// Bits in the order of the numbers; zeros of either sign are one.
+fn ordered(x: f64) -> u64 {
+    let bits = (x + 0.0).to_bits();
+    if bits >> 63 != 0 { !bits } else { bits | 1 << 63 }
+}
+
+fn from_ordered(bits: u64) -> f64 {
+    f64::from_bits(if bits >> 63 != 0 { bits & !(1 << 63) } else { !bits })
+}
+
+/// The corners of a rectangle, counter-clockwise as seen from the side that it faces.
+fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down: bool) -> Vec<DVec3> {
+    let mut around = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
+    if down {
+        around.reverse();
+    }
+    around
+        .map(|p| {
+            let mut v = DVec3::ZERO;
+            v[axis] = at;
+            v[(axis + 1) % 3] = p[0];
+            v[(axis + 2) % 3] = p[1];
+            v
+        })
+        .into()
+}
+
+/// Moves pairs of triangles that make up a rectangle from the pieces to the levels.
+fn take_rectangles(pieces: &mut Vec<Piece>, levels: &mut BTreeMap<Level, Vec<Rectangle>>) {
+    // Halves that wait for their other half: by level, rectangle and source, the piece with each corner missing.
+    type Key = (Level, [u64; 4], u32);
+    let mut halves: BTreeMap<Key, [Option<usize>; 4]> = BTreeMap::new();
+    let mut taken = alloc::vec![false; pieces.len()];
+    for (number, piece) in pieces.iter().enumerate() {
+        let [a, b, c] = piece.corners;
+        let Some(axis) = (0..3).find(|&axis| a[axis] == b[axis] && b[axis] == c[axis]) else { continue };
+        let flat = piece.corners.map(|p| [p[(axis + 1) % 3], p[(axis + 2) % 3]]);
+        let low = [0, 1].map(|i| flat[0][i].min(flat[1][i]).min(flat[2][i]));
+        let high = [0, 1].map(|i| flat[0][i].max(flat[1][i]).max(flat[2][i]));
+        if low[0] >= high[0] || low[1] >= high[1] {
+            continue;
+        }
+        // Each vertex must be at a corner, each corner but one be taken.
+        let mut missing = 0b1111u32;
+        for p in flat {
+            let at = [0, 1].map(|i| (p[i] == low[i], p[i] == high[i]));
+            if (at[0].0 || at[0].1) && (at[1].0 || at[1].1) {
+                missing &= !(1 << (usize::from(at[0].1) + 2 * usize::from(at[1].1)));
+            }
+        }
+        if missing.count_ones() != 1 {
+            continue;
+        }
+        let missing = missing.trailing_zeros() as usize;
+        let turn = (flat[1][0] - flat[0][0]) * (flat[2][1] - flat[0][1])
+            - (flat[1][1] - flat[0][1]) * (flat[2][0] - flat[0][0]);
+        let facing = if piece.two_sided { 2 } else { u8::from(turn > 0.0) };
+        let level = (axis, ordered(a[axis]), facing);
+        let key = (level, [low[0], low[1], high[0], high[1]].map(ordered), piece.source);
+        let waiting = halves.entry(key).or_default();
+        if let Some(other) = waiting[3 - missing].take() {
+            (taken[number], taken[other]) = (true, true);
+            levels.entry(level).or_default().push(Rectangle { low, high, source: piece.source });
+        } else {
+            waiting[missing] = Some(number);
+        }
+    }
+    let mut taken = taken.iter();
+    pieces.retain(|_| !taken.next().copied().unwrap_or(false));
+}
+
+/// Rectangles that touch one another along a side or overlap, directly or by way of others.
+fn groups(rectangles: &[Rectangle]) -> Vec<Vec<&Rectangle>> {
+    let mut order: Vec<usize> = (0..rectangles.len()).collect();
+    order.sort_unstable_by(|&a, &b| rectangles[a].low[0].total_cmp(&rectangles[b].low[0]).then(a.cmp(&b)));
+    let mut leader: Vec<usize> = (0..rectangles.len()).collect();
+    fn find(leader: &mut [usize], mut i: usize) -> usize {
+        while leader[i] != i {
+            leader[i] = leader[leader[i]];
+            i = leader[i];
+        }
+        i
+    }
+    // Those that still reach to where the sweep is.
+    let mut open: Vec<usize> = Vec::new();
+    for &i in &order {
+        let a = &rectangles[i];
+        open.retain(|&j| rectangles[j].high[0] >= a.low[0]);
+        for &j in &open {
+            let b = &rectangles[j];
+            let overlap = [0, 1].map(|k| a.high[k].min(b.high[k]) - a.low[k].max(b.low[k]));
+            if overlap[0] >= 0.0 && overlap[1] >= 0.0 && (overlap[0] > 0.0 || overlap[1] > 0.0) {
+                let (x, y) = (find(&mut leader, i), find(&mut leader, j));
+                leader[x.max(y)] = x.min(y);
+            }
+        }
+        open.push(i);
+    }
+    let mut groups: BTreeMap<usize, Vec<&Rectangle>> = BTreeMap::new();
+    for i in 0..rectangles.len() {
+        let leader = find(&mut leader, i);
+        groups.entry(leader).or_default().push(&rectangles[i]);
+    }
+    groups.into_values().collect()
+}
+
+/// The cells that a group covers: columns and rows are the sides of its rectangles.
+struct Grid {
+    lines: [Vec<f64>; 2],
+    filled: Vec<bool>,
+}
+
+impl Grid {
+    fn new(group: &[&Rectangle]) -> Option<Self> {
+        let lines = [0, 1].map(|i| {
+            let mut lines: Vec<f64> = group.iter().flat_map(|r| [r.low[i], r.high[i]]).collect();
+            lines.sort_unstable_by(f64::total_cmp);
+            lines.dedup();
+            lines
+        });
+        let cells = (lines[0].len() - 1).checked_mul(lines[1].len() - 1)?;
+        if cells > MOST_CELLS {
+            return None;
+        }
+        let mut grid = Self { lines, filled: alloc::vec![false; cells] };
+        for rectangle in group {
+            let [columns, rows] = grid.range(rectangle.low, rectangle.high);
+            for row in rows {
+                for column in columns.clone() {
+                    let cell = grid.cell(column, row);
+                    grid.filled[cell] = true;
+                }
+            }
+        }
+        Some(grid)
+    }
+
+    fn columns(&self) -> usize {
+        self.lines[0].len() - 1
+    }
+
+    fn rows(&self) -> usize {
+        self.lines[1].len() - 1
+    }
+
+    fn cell(&self, column: usize, row: usize) -> usize {
+        row * self.columns() + column
+    }
+
+    fn range(&self, low: [f64; 2], high: [f64; 2]) -> [core::ops::Range<usize>; 2] {
+        [0, 1].map(|i| {
+            let place = |x: f64| self.lines[i].partition_point(|&line| line < x);
+            place(low[i])..place(high[i])
+        })
+    }
+
+    /// Every rectangle of filled cells that no larger one contains, as columns and rows from and to.
+    fn largest(&self) -> Vec<[usize; 4]> {
+        let (columns, rows) = (self.columns(), self.rows());
+        let mut found = Vec::new();
+        let mut column_filled = alloc::vec![false; columns];
+        for from in 0..rows {
+            column_filled.fill(true);
+            for to in from..rows {
+                for (column, filled) in column_filled.iter_mut().enumerate() {
+                    *filled &= self.filled[to * columns + column];
+                }
+                let mut start = 0;
+                while start < columns {
+                    if !column_filled[start] {
+                        start += 1;
+                        continue;
+                    }
+                    let end = (start..columns).find(|&c| !column_filled[c]).unwrap_or(columns);
+                    let full = |row: usize| (start..end).all(|c| self.filled[row * columns + c]);
+                    if !(from > 0 && full(from - 1)) && !(to + 1 < rows && full(to + 1)) {
+                        found.push([start, end, from, to + 1]);
+                    }
+                    start = end;
+                }
+            }
+        }
+        found
+    }
+
+    fn size(&self, axis: usize, index: usize) -> f64 {
+        self.lines[axis][index + 1] - self.lines[axis][index]
+    }
+}
+
+/// Hands over rectangles that cover all that a group covers, those that add most first.
+fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f64; 2], Vec<u32>)) {
+    let grid = if group.len() > 1 { Grid::new(group) } else { None };
+    let Some(grid) = grid else {
+        for r in group {
+            each(r.low, r.high, alloc::vec![r.source]);
+        }
+        return;
+    };
+    let candidates = grid.largest();
+    let mut open = grid.filled.clone();
+    for _ in 0..MOST_PICKS {
+        let mut best: Option<(f64, f64, usize)> = None;
+        for (number, &[from, to, low, high]) in candidates.iter().enumerate() {
+            let (mut new, mut all) = (0.0, 0.0);
+            for row in low..high {
+                for column in from..to {
+                    let area = grid.size(0, column) * grid.size(1, row);
+                    all += area;
+                    if open[grid.cell(column, row)] {
+                        new += area;
+                    }
+                }
+            }
+            if new > 0.0 && best.is_none_or(|(n, a, _)| new > n || (new == n && all > a)) {
+                best = Some((new, all, number));
+            }
+        }
+        let Some((_, _, number)) = best else { break };
+        let [from, to, low, high] = candidates[number];
+        for row in low..high {
+            for column in from..to {
+                open[grid.cell(column, row)] = false;
+            }
+        }
+        let min = [grid.lines[0][from], grid.lines[1][low]];
+        let max = [grid.lines[0][to], grid.lines[1][high]];
+        let meets = |r: &&&Rectangle| {
+            (0..2).all(|i| r.low[i] < max[i] && r.high[i] > min[i])
+        };
+        let mut sources: Vec<u32> = group.iter().filter(meets).map(|r| r.source).collect();
+        sources.sort_unstable();
+        sources.dedup();
+        each(min, max, sources);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A quad in the plane x = 1, facing +x.
+    fn quad(low: [f64; 2], high: [f64; 2], source: u32) -> [Piece; 2] {
+        let p = |y: f64, z: f64| DVec3::new(1.0, y, z);
+        let [a, b, c, d] = [p(low[0], low[1]), p(high[0], low[1]), p(high[0], high[1]), p(low[0], high[1])];
+        [[a, b, c], [a, c, d]].map(|corners| Piece { corners, source, two_sided: false })
+    }
+
+    #[test]
+    fn a_wall_with_a_window_becomes_the_four_strips_around_it() {
+        // Full-height strips beside the window, a piece below and one above it.
+        let parts = [([0.0, 0.0], [2.0, 3.0]), ([2.0, 0.0], [3.0, 1.0]), ([2.0, 2.0], [3.0, 3.0]), ([3.0, 0.0], [5.0, 3.0])];
+        let mut pieces: Vec<Piece> =
+            parts.iter().zip(0..).flat_map(|(&(low, high), source)| quad(low, high, source)).collect();
+        let outlines = join(&mut pieces);
+        assert!(pieces.is_empty());
+        let mut boxes: Vec<_> = outlines.iter().map(|o| (o.vertices[0].truncate(), o.vertices[2])).collect();
+        boxes.sort_by(|a, b| (a.0.y, a.1.z).partial_cmp(&(b.0.y, b.1.z)).unwrap());
+        assert_eq!(outlines.len(), 4);
+        let open = |y: f64, z: f64| (2.0..3.0).contains(&y) && (1.0..2.0).contains(&z);
+        for o in &outlines {
+            let (low, high) = (o.vertices[0], o.vertices[2]);
+            assert!(low.y < high.y && low.z < high.z && low.x == 1.0);
+            let middle = (low + high) * 0.5;
+            assert!(!open(middle.y, middle.z));
+            assert!(!(low.y < 3.0 && high.y > 2.0 && low.z < 2.0 && high.z > 1.0), "{o:?} covers the window");
+        }
+        let widest = outlines.iter().find(|o| o.sources.len() == 3).expect("below the window, all along");
+        assert!(widest.vertices.iter().any(|v| v.y == 5.0) && widest.vertices.iter().any(|v| v.y == 0.0));
+    }
+
+    #[test]
+    fn what_lies_in_another_plane_or_only_touches_a_corner_is_not_joined() {
+        let mut pieces: Vec<Piece> = quad([0.0, 0.0], [1.0, 1.0], 0).into();
+        pieces.extend(quad([1.0, 1.0], [2.0, 2.0], 1));
+        let mut shifted = quad([1.0, 0.0], [2.0, 1.0], 2);
+        shifted.iter_mut().flat_map(|p| &mut p.corners).for_each(|p| p.x = 1.0 + f64::EPSILON);
+        pieces.extend(shifted);
+        assert_eq!(join(&mut pieces).len(), 3);
+    }
+
+    #[test]
+    fn numbers_keep_their_order_as_bits() {
+        for pair in [-1e30, -2.0, -1e-30, 0.0, 1e-30, 5.0, 1e30].windows(2) {
+            assert!(ordered(pair[0]) < ordered(pair[1]));
+            assert_eq!(from_ordered(ordered(pair[0])), pair[0]);
+        }
+        assert_eq!(ordered(-0.0), ordered(0.0));
+    }
+}

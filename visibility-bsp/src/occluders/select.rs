@@ -1,0 +1,252 @@
+//! Which polygons hide most from where the eye is, by solid angle (Coorg and Teller, "Real-Time Occlusion Culling for Models with Large
+//! Occluders", 1997): first by a bound that costs a few operations, then, of the best, by what is in the picture.
+
+use super::{Block, Occluders, Polygon};
+use crate::shadow::Corner;
+use crate::sight::Sight;
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+use visibility_core::{Changes, Eye, ObjectId, Plane, Scene, View, VisibleSet};
+
+/// A half of all directions, in steradians.
+const MOST_ANGLE: f32 = core::f32::consts::TAU;
+
+/// A polygon that may be used this frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Chosen {
+    pub(crate) polygon: u32,
+    /// No less than its solid angle, in steradians.
+    pub(crate) bound: f32,
+}
+
+/// Chooses polygons for one view, and remembers which objects have changed since the polygons were made.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Selector {
+    pub(crate) chosen: Vec<Chosen>,
+    blocks: Vec<(f32, u32)>,
+    /// The revision of the polygons that the rest is about.
+    base: Option<u64>,
+    seen: u64,
+    /// By object index, a bit for those that have changed since.
+    stale: Vec<u64>,
+    /// More has changed than was listed: no polygon can be trusted.
+    lost: bool,
+}
+
+impl Selector {
+    /// Notes what has changed in the scene. Whether any polygon has become useless or useful again since the last call.
+    pub(crate) fn follow(&mut self, occluders: &Occluders, scene: &Scene) -> bool {
+        let mut news = false;
+        if self.base != Some(occluders.revision) {
+            self.base = Some(occluders.revision);
+            self.seen = occluders.revision;
+            self.stale.clear();
+            self.lost = false;
+            news = true;
+        }
+        if self.stale.len() * 64 < scene.index_limit() {
+            self.stale.resize(scene.index_limit().div_ceil(64), 0);
+        }
+        match scene.changes_since(self.seen) {
+            Changes::Everything => {
+                news |= !self.lost;
+                self.lost = true;
+            }
+            Changes::Objects(changed) => {
+                for id in changed {
+                    if occluders.of_object.contains_key(&(id.index() as u32)) {
+                        news = true;
+                        self.stale[id.index() / 64] |= 1 << (id.index() % 64);
+                    }
+                }
+                self.seen = scene.revision();
+            }
+        }
+        news
+    }
+
+    pub(crate) fn reset(&mut self) {
+        self.base = None;
+    }
+
+    /// Whether an object is as it was when the polygons were made.
+    fn is_fresh(&self, scene: &Scene, id: ObjectId) -> bool {
+        let stale = self.stale.get(id.index() / 64).is_none_or(|word| word >> (id.index() % 64) & 1 != 0);
+        !stale && !self.lost && scene.contains(id)
+    }
+
+    /// Whether the objects of a polygon are as they were, and on the view's layers.
+    pub(crate) fn is_usable(&self, occluders: &Occluders, polygon: u32, scene: &Scene, view: &View) -> bool {
+        occluders.sources_of(polygon).iter().all(|&id| {
+            self.is_fresh(scene, id)
+                && scene.object(id).is_ok_and(|o| o.occluder && o.layers & view.layers() != 0)
+        })
+    }
+
+    /// Chooses up to `count` polygons by the bound on their solid angle, of those that may be in the picture, or all around.
+    pub(crate) fn choose(
+        &mut self,
+        occluders: &Occluders,
+        sight: &Sight,
+        sides: Option<&[Plane]>,
+        count: usize,
+    ) {
+        self.chosen.clear();
+        self.blocks.clear();
+        if self.lost || count == 0 {
+            return;
+        }
+        // Only a choice: rounding does no harm.
+        let is_in = |center: DVec3, radius: f64| {
+            sides.is_none_or(|sides| sides.iter().all(|side| side.signed_distance(center) > -radius))
+        };
+        for (block, number) in occluders.blocks.iter().zip(0..) {
+            if is_in(block.center, block.radius) {
+                self.blocks.push((block.bound(&sight.eye), number));
+            }
+        }
+        self.blocks.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let by_angle = |a: &Chosen, b: &Chosen| b.bound.total_cmp(&a.bound).then(a.polygon.cmp(&b.polygon));
+        let mut least = 0.0;
+        for &(most, block) in &self.blocks {
+            if most <= least {
+                break;
+            }
+            let block = &occluders.blocks[block as usize];
+            for number in block.first..block.first + block.count {
+                let polygon = &occluders.polygons[number as usize];
+                let bound = bound(polygon, &sight.eye);
+                if bound > least && polygon.count > 0 && is_in(polygon.center, polygon.radius) {
+                    self.chosen.push(Chosen { polygon: number, bound });
+                }
+            }
+            if self.chosen.len() >= 2 * count {
+                self.chosen.select_nth_unstable_by(count - 1, by_angle);
+                self.chosen.truncate(count);
+                least = self.chosen[count - 1].bound;
+            }
+        }
+        self.chosen.sort_unstable_by(by_angle);
+        self.chosen.truncate(count);
+    }
+
+    /// Of the chosen, keeps those that may hide in this frame: unchanged, drawn in this view, and on the inner side of its clip planes.
+    pub(crate) fn keep_usable(
+        &mut self,
+        occluders: &Occluders,
+        scene: &Scene,
+        view: &View,
+        visible: &VisibleSet,
+        sides: &[Plane],
+    ) {
+        let mut chosen = core::mem::take(&mut self.chosen);
+        let shift = scene.origin() - view.origin();
+        chosen.retain(|chosen| {
+            let within = occluders.plate(chosen.polygon).vertices.iter().all(|&v| {
+                view.clip_planes().iter().all(|plane| {
+                    let p = v + shift;
+                    let size = plane.normal.abs().dot(v.abs() + shift.abs()) + plane.offset.abs();
+                    plane.signed_distance(p) > 1e-9 * size
+                })
+            });
+            // What an earlier culler took out for another reason than not being in view is not drawn, so it must not hide.
+            let drawn = |id: ObjectId| {
+                visible.contains(scene, id)
+                    || scene.bounds(id).is_ok_and(|bounds| {
+                        sides.iter().any(|s| s.classify_aabb(&bounds) == visibility_core::Containment::Outside)
+                    })
+            };
+            within
+                && self.is_usable(occluders, chosen.polygon, scene, view)
+                && occluders.sources_of(chosen.polygon).iter().all(|&id| drawn(id))
+        });
+        self.chosen = chosen;
+    }
+}
+
+/// The sides of a view, with what rounding may have moved them taken off, into a buffer of the caller's.
+pub(crate) fn sides_of(view: &View, scene: &Scene, out: &mut [Plane; visibility_core::MAX_PLANES]) -> usize {
+    let planes = view.planes(scene.origin());
+    for (out, side) in out.iter_mut().zip(planes.as_slice()) {
+        *out = Plane::new(side.plane.normal, side.plane.offset + side.error);
+    }
+    planes.as_slice().len()
+}
+
+impl Block {
+    /// No less than the bound of any polygon in it.
+    fn bound(&self, eye: &Eye) -> f32 {
+        match eye {
+            Eye::Point(eye) => {
+                let nearest = (eye.distance(self.center) - self.radius).max(0.0);
+                ((self.area / (nearest * nearest)) as f32).min(MOST_ANGLE)
+            }
+            Eye::Direction(_) => self.area as f32,
+        }
+    }
+}
+
+/// No less than the solid angle of a polygon, if it is before the eye: its height over the eye times its area over the cube of the least distance.
+fn bound(polygon: &Polygon, eye: &Eye) -> f32 {
+    match eye {
+        Eye::Point(eye) => {
+            let to_eye = *eye - polygon.center;
+            let height = polygon.normal.dot(to_eye);
+            let shown = if polygon.two_sided { height.abs() } else { height };
+            let least = (to_eye.length() - polygon.radius).max(height.abs());
+            let angle = shown * polygon.area / (least * least * least);
+            // A half-space at most. NaN, of an eye in the plane, is no candidate.
+            (angle as f32).min(MOST_ANGLE)
+        }
+        Eye::Direction(along) => {
+            let shown = -polygon.normal.dot(*along);
+            ((if polygon.two_sided { shown.abs() } else { shown }) * polygon.area) as f32
+        }
+    }
+}
+
+/// The solid angle of a convex polygon, in steradians; for parallel views its share of the picture, four for all of it. Good to a few
+/// percent, which is enough to choose by.
+pub(crate) fn angle_of(sight: &Sight, corners: &[Corner]) -> f32 {
+    let Some((first, rest)) = corners.split_first() else { return 0.0 };
+    let mut sum = 0.0;
+    match sight.eye {
+        Eye::Point(_) => {
+            let unit = |v: [f64; 3]| sight.in_space(v).normalize_or_zero();
+            let a = unit(first.v);
+            let mut b = DVec3::ZERO;
+            for (i, corner) in rest.iter().enumerate() {
+                let c = unit(corner.v);
+                if i > 0 {
+                    sum += solid_angle(a, b, c);
+                }
+                b = c;
+            }
+        }
+        Eye::Direction(_) => {
+            let flat = |v: [f64; 3]| [v[0] / v[2], v[1] / v[2]];
+            let a = flat(first.v);
+            for pair in rest.windows(2) {
+                let (b, c) = (flat(pair[0].v), flat(pair[1].v));
+                sum += 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
+            }
+        }
+    }
+    sum as f32
+}
+
+/// Of a triangle of unit vectors (Van Oosterom and Strackee, "The Solid Angle of a Plane Triangle", 1983).
+fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
+    let y = a.dot(b.cross(c)).abs();
+    let x = 1.0 + a.dot(b) + b.dot(c) + c.dot(a);
+    // The arc tangent to a few thousandths: t (1.0584 - 0.273 t) between 0 and 1.
+    let arc = |t: f64| t * (core::f64::consts::FRAC_PI_4 + 0.273 * (1.0 - t));
+    let angle = if x >= y {
+        arc(y / x)
+    } else if x >= -y {
+        core::f64::consts::FRAC_PI_2 - (if x >= 0.0 { arc(x / y) } else { -arc(-x / y) })
+    } else {
+        core::f64::consts::PI - arc(-y / x)
+    };
+    if angle.is_finite() { 2.0 * angle } else { 0.0 }
+}

@@ -1,0 +1,307 @@
+//! The tree itself: planes through the eye that part lit directions from shadowed ones, and how shadows are added.
+
+use crate::occluders::angle_of;
+use crate::shadow::{BackPlane, Corner, Shadow, Shadows};
+use crate::sight::{Approach, Line, Sight, U, slack_of};
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+/// Below a node: another node by its number, or one of the leaves below.
+pub(crate) type Child = u32;
+/// A leaf of directions in which nothing hides.
+pub(crate) const LIT: Child = u32::MAX;
+/// A leaf of directions that are not in the picture.
+pub(crate) const AWAY: Child = u32::MAX - 1;
+/// With a number below: a leaf of directions in which everything behind that back plane is hidden.
+pub(crate) const HIDDEN: Child = 1 << 31;
+
+/// No more nodes than this: a bound on time and memory for hostile occluders.
+const MOST_NODES: usize = 1 << 16;
+/// No path is longer than this, which bounds the stack that tests take.
+const DEEPEST: u16 = 480;
+
+/// A plane through the eye.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Node {
+    pub(crate) line: Line,
+    /// Below it: outside and inside.
+    pub(crate) children: [Child; 2],
+    /// The node above, doubled, plus which of its children this is.
+    parent: u32,
+    depth: u16,
+    ends: [DVec3; 2],
+}
+
+/// A fragment on its way down: which child of which node it is for, and its corners.
+#[derive(Clone, Copy, Debug)]
+struct Task {
+    parent: u32,
+    first: u32,
+    count: u32,
+}
+
+/// The planes of a frame, in memory that is kept from frame to frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Nodes {
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) planes: Vec<BackPlane>,
+    /// The same as directions meet them.
+    pub(crate) approaches: Vec<Option<Approach>>,
+    pub(crate) root: Child,
+    corners: Vec<Corner>,
+    tasks: Vec<Task>,
+    /// Where the polygon that was last taken down came to.
+    arrivals: Vec<Task>,
+}
+
+const NO_PARENT: u32 = u32::MAX;
+
+impl Nodes {
+    /// One lit leaf, within the sides of the picture.
+    pub(crate) fn clear(&mut self) {
+        self.nodes.clear();
+        self.planes.clear();
+        self.approaches.clear();
+        self.root = LIT;
+        // -w <= x <= w and -w <= y <= w: what violates one of them is not in view, and these numbers are exact.
+        let mut parent = NO_PARENT;
+        for n in [[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]] {
+            let line = Line { n, slack: 16.0 * U };
+            parent = self.add_node(parent, line, AWAY, [DVec3::NAN; 2]) << 1 | 1;
+        }
+    }
+
+    /// Puts a node in the place of a leaf, with a lit leaf inside.
+    fn add_node(&mut self, parent: u32, line: Line, outside: Child, ends: [DVec3; 2]) -> u32 {
+        let number = self.nodes.len() as u32;
+        let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth + 1 };
+        self.nodes.push(Node { line, children: [outside, LIT], parent, depth, ends });
+        self.set_child(parent, number);
+        number
+    }
+
+    fn set_child(&mut self, parent: u32, child: Child) {
+        match parent {
+            NO_PARENT => self.root = child,
+            _ => self.nodes[(parent >> 1) as usize].children[(parent & 1) as usize] = child,
+        }
+    }
+
+    /// Takes a shadow's polygon down to the leaves that it reaches, and says how much of the picture it would put in shadow: what of it comes to
+    /// lit leaves, and a quarter of what comes to shadows of what is farther, since only what is between is gained there.
+    pub(crate) fn reach(&mut self, sight: &Sight, shadows: &Shadows, shadow: &Shadow) -> f32 {
+        self.corners.clear();
+        self.corners.extend_from_slice(&shadows.corners[shadow.corners.clone()]);
+        self.tasks.clear();
+        self.arrivals.clear();
+        self.tasks.push(Task { parent: NO_PARENT, first: 0, count: self.corners.len() as u32 });
+        let mut gain = 0.0;
+        while let Some(mut task) = self.tasks.pop() {
+            let leaf = loop {
+                let child = self.child(task.parent);
+                let Some(node) = self.nodes.get(child as usize).copied() else { break child };
+                match self.part(sight, &task, &node.line) {
+                    Parted::Side(side) => task.parent = child << 1 | side,
+                    Parted::Both(outside, inside) => {
+                        self.tasks.push(Task { parent: child << 1, ..outside });
+                        task = Task { parent: child << 1 | 1, ..inside };
+                    }
+                }
+            };
+            let corners = &self.corners[task.first as usize..(task.first + task.count) as usize];
+            let weight = match leaf {
+                AWAY => continue,
+                LIT => 1.0,
+                // Order is approximate, so something nearer may come late; it then takes over, within its edges, if all of it is nearer.
+                _ => {
+                    let there = &self.planes[(leaf & !HIDDEN) as usize];
+                    let size = there.offset.abs() * 1e-12;
+                    if corners.iter().any(|c| there.at(c.p) < -size) || corners.iter().all(|c| there.at(c.p) <= size) {
+                        continue;
+                    }
+                    0.25
+                }
+            };
+            gain += weight * angle_of(sight, corners);
+            self.arrivals.push(task);
+        }
+        gain
+    }
+
+    /// Adds the shadow that was last taken down: the leaves that are lit, or hidden by something farther, are parted by its edges.
+    pub(crate) fn add(&mut self, sight: &Sight, shadows: &Shadows, shadow: &Shadow) {
+        let plane = self.planes.len() as u32;
+        self.planes.push(shadow.back);
+        self.approaches.push(sight.approach(shadow.back.normal, shadow.back.offset));
+        let arrivals = core::mem::take(&mut self.arrivals);
+        for task in &arrivals {
+            self.augment(shadows, shadow, task, task.parent, self.child(task.parent), plane);
+        }
+        self.arrivals = arrivals;
+    }
+
+    fn child(&self, parent: u32) -> Child {
+        match parent {
+            NO_PARENT => self.root,
+            _ => self.nodes[(parent >> 1) as usize].children[(parent & 1) as usize],
+        }
+    }
+
+    /// On which side of a plane a fragment is; where on both, its two parts. Nothing depends on these being exact: what is hidden is decided by
+    /// the planes above a leaf, and the fragments only choose which to add.
+    fn part(&mut self, sight: &Sight, task: &Task, line: &Line) -> Parted {
+        let range = task.first as usize..(task.first + task.count) as usize;
+        let slack = 4.0 * line.slack + 64.0 * U;
+        let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
+        for corner in &self.corners[range.clone()] {
+            let at = line.at(corner.v);
+            least = least.min(at);
+            greatest = greatest.max(at);
+        }
+        if greatest <= slack {
+            return Parted::Side(0);
+        }
+        if least >= -slack {
+            return Parted::Side(1);
+        }
+        let mut parts = [Task { parent: 0, first: 0, count: 0 }; 2];
+        for (side, sign) in [(0, -1.0), (1, 1.0)] {
+            let first = self.corners.len();
+            for i in range.clone() {
+                let next = if i + 1 == range.end { range.start } else { i + 1 };
+                let (a, b) = (self.corners[i], self.corners[next]);
+                let (sa, sb) = (line.at(a.v) * sign, line.at(b.v) * sign);
+                let (in_a, in_b) = (sa > -slack, sb > -slack);
+                if in_a {
+                    // An edge that leads from the plane itself away from here is none of this part's.
+                    let edge = if !in_b && sa <= slack { u8::MAX } else { a.edge };
+                    self.corners.push(Corner { edge, ..a });
+                }
+                let crosses = (in_a && sa > slack && !in_b) || (in_b && sb > slack && !in_a);
+                if crosses && let Some(p) = cross_point(sight, line, a.p, b.p)
+                    && let Some(direction) = sight.direction(p)
+                {
+                    let edge = if in_a { u8::MAX } else { a.edge };
+                    self.corners.push(Corner { p, v: direction.v, edge });
+                }
+            }
+            let count = self.corners.len() - first;
+            parts[side] = Task { parent: 0, first: first as u32, count: count as u32 };
+        }
+        Parted::Both(parts[0], parts[1])
+    }
+
+    /// Puts the edges of a shadow below a leaf, so that what is inside all of them is hidden behind its plane; outside, the leaf stays what it
+    /// was. Edges that surely do not reach into the leaf are left out.
+    fn augment(
+        &mut self,
+        shadows: &Shadows,
+        shadow: &Shadow,
+        task: &Task,
+        parent: u32,
+        old: Child,
+        plane: u32,
+    ) {
+        let corners = &self.corners[task.first as usize..(task.first + task.count) as usize];
+        let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth };
+        let edges = shadows.edges_of(shadow);
+        if corners.len() < 3
+            || self.nodes.len() + edges.len() > MOST_NODES
+            || usize::from(depth) + edges.len() > usize::from(DEEPEST)
+        {
+            return;
+        }
+        let mut present = 0u32;
+        let mut middle = [0.0; 3];
+        for corner in corners {
+            if corner.edge != u8::MAX {
+                present |= 1 << corner.edge;
+            }
+            for i in 0..3 {
+                middle[i] += corner.v[i] / corners.len() as f64;
+            }
+        }
+        let wanted = !self.needless(edges, middle, present, parent);
+        let mut parent = parent;
+        for (i, edge) in edges.iter().enumerate() {
+            if wanted >> i & 1 != 0 {
+                parent = self.add_node(parent, edge.line, old, edge.ends) << 1 | 1;
+            }
+        }
+        // With no edge at all the whole leaf is in shadow.
+        self.set_child(parent, HIDDEN | plane);
+    }
+
+    /// The edges, as a mask, without which the rest of a leaf's directions still are in the shadow.
+    ///
+    /// Let a direction be surely inside all edges and all planes above the leaf: the leaf and the shadow meet. If the leaf also reached
+    /// beyond an edge (and not beyond another), the way there from that direction would cross the edge itself, between its ends, within the leaf.
+    /// So an edge is needless if no point of it can be in the leaf; and also if a plane above is that very edge, of
+    /// a neighbour or of another part of the polygon.
+    fn needless(
+        &self,
+        edges: &[crate::shadow::ShadowEdge],
+        middle: [f64; 3],
+        present: u32,
+        parent: u32,
+    ) -> u32 {
+        let sure = slack_of(64.0 * U);
+        if edges.iter().any(|edge| !(edge.line.at(middle) > edge.line.slack + sure)) {
+            return 0;
+        }
+        let mut spans = [[0.0f64, 1.0]; crate::shadow::MOST_EDGES + 1];
+        let mut needless = 0u32;
+        let mut up = parent;
+        while up != NO_PARENT {
+            let node = &self.nodes[(up >> 1) as usize];
+            let sign = if up & 1 != 0 { 1.0 } else { -1.0 };
+            if !(node.line.at(middle) * sign > node.line.slack + sure) {
+                return 0;
+            }
+            for (i, edge) in edges.iter().enumerate() {
+                let same = edge.ends == node.ends || (edge.ends[0] == node.ends[1] && edge.ends[1] == node.ends[0]);
+                if same {
+                    // Its inner side is the leaf's: the middle says so, of both.
+                    needless |= 1 << i;
+                    continue;
+                }
+                if present >> i & 1 != 0 {
+                    continue;
+                }
+                let [a, b] = &edge.directions;
+                let slack = node.line.slack + slack_of(a.error.max(b.error)) + 8.0 * U;
+                let (sa, sb) = (node.line.at(a.v) * sign + slack, node.line.at(b.v) * sign + slack);
+                let span = &mut spans[i];
+                // Directions between the ends are a.v + t (b.v - a.v) up to a factor: where that is below zero they are outside.
+                if sa < 0.0 && sb < 0.0 {
+                    *span = [1.0, 0.0];
+                } else if sa < 0.0 {
+                    span[0] = span[0].max(sa / (sa - sb) - 1e-9);
+                } else if sb < 0.0 {
+                    span[1] = span[1].min(sa / (sa - sb) + 1e-9);
+                }
+                if span[0] > span[1] {
+                    needless |= 1 << i;
+                }
+            }
+            up = node.parent;
+        }
+        needless
+    }
+}
+
+/// Where a fragment is.
+enum Parted {
+    /// On one side: 0 outside, 1 inside.
+    Side(u32),
+    /// Its parts outside and inside.
+    Both(Task, Task),
+}
+
+/// Where a segment meets a plane through the eye. Directions are scaled one by one, points are not: so the plane's value is taken at
+/// the points, up to a common factor.
+fn cross_point(sight: &Sight, line: &Line, a: DVec3, b: DVec3) -> Option<DVec3> {
+    let (sa, sb) = (sight.value(line.n, a), sight.value(line.n, b));
+    let t = sa / (sa - sb);
+    (0.0..=1.0).contains(&t).then(|| a + (b - a) * t)
+}

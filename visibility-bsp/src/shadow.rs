@@ -1,0 +1,247 @@
+//! The shadow that a convex polygon casts from the eye: the planes through the eye and its edges, and the polygon's own plane
+//! (Crow, "Shadow Algorithms for Computer Graphics", 1977; Chin and Feiner, "Near Real-Time Shadow Generation Using BSP Trees", 1989).
+//!
+//! # Why it is sound, also for polygons that are not quite flat
+//! An occluder is a patch of triangles whose boundary is one closed loop. A line of sight that has every edge of the loop on its left is
+//! gone round by the loop, and so meets the patch. All vertices lie on the eye's side of the *back plane*, which is pushed away from the eye
+//! until they do; so whatever lies strictly beyond that plane on such a line lies beyond the patch. Neither argument asks for flatness,
+//! or for rounding to be kind: edges are those between the exact vertices.
+//!
+//! # The near plane
+//! What lies before it is not drawn and must not hide. A patch that crosses it is cut a little beyond it; edges keep their own exact ends,
+//! and the cut becomes an edge of its own.
+
+use crate::sight::{Direction, Line, Sight, U, slack_of};
+use alloc::vec::Vec;
+use core::ops::Range;
+use visibility_core::glam::DVec3;
+
+/// The most edges that an occluder polygon may have.
+pub(crate) const MOST_EDGES: usize = 16;
+
+/// One edge of a shadow.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ShadowEdge {
+    pub(crate) line: Line,
+    /// The ends of the edge, in space: a line through the same ends is the same line. NaN where the near plane cuts.
+    pub(crate) ends: [DVec3; 2],
+    pub(crate) directions: [Direction; 2],
+}
+
+/// A corner of what is seen of a polygon.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Corner {
+    pub(crate) p: DVec3,
+    pub(crate) v: [f64; 3],
+    /// Which edge of the shadow leads to the next corner.
+    pub(crate) edge: u8,
+}
+
+/// The shadow of one polygon, its parts in [`Shadows`].
+#[derive(Clone, Debug)]
+pub(crate) struct Shadow {
+    pub(crate) edges: Range<usize>,
+    pub(crate) corners: Range<usize>,
+    pub(crate) back: BackPlane,
+}
+
+/// The plane behind a polygon: what lies surely behind it can be hidden by the polygon.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BackPlane {
+    /// Unit normal, towards the eye.
+    pub(crate) normal: DVec3,
+    pub(crate) offset: f64,
+}
+
+impl BackPlane {
+    /// Whether all of a box is surely behind (`-1`), surely before (`1`) or neither.
+    #[inline]
+    pub(crate) fn side(&self, min: DVec3, max: DVec3) -> i32 {
+        let n = self.normal;
+        let (far, near) = (
+            DVec3::select(n.cmpge(DVec3::ZERO), max, min),
+            DVec3::select(n.cmpge(DVec3::ZERO), min, max),
+        );
+        let greatest = n.x * far.x + n.y * far.y + n.z * far.z + self.offset;
+        let least = n.x * near.x + n.y * near.y + n.z * near.z + self.offset;
+        // As in `Plane::error_bound`: three products, three sums.
+        let size = n.abs().dot(min.abs().max(max.abs())) + self.offset.abs();
+        let error = 6.0 * U * size + f64::MIN_POSITIVE;
+        i32::from(least > error) - i32::from(greatest < -error)
+    }
+
+    /// The signed distance of a point.
+    pub(crate) fn at(&self, p: DVec3) -> f64 {
+        self.normal.dot(p) + self.offset
+    }
+}
+
+/// A polygon of which shadows are made: its vertices, and how it lies.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plate<'a> {
+    pub(crate) vertices: &'a [DVec3],
+    /// Unit normal on the side from which the vertices run counter-clockwise.
+    pub(crate) normal: DVec3,
+    /// Bounds on `normal . v` over the vertices, rounding included.
+    pub(crate) reach: [f64; 2],
+    pub(crate) two_sided: bool,
+}
+
+/// The normal of a loop of vertices and how far they reach along it, or nothing without area.
+pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
+    let (&first, rest) = vertices.split_first()?;
+    let mut sum = DVec3::ZERO;
+    for pair in rest.windows(2) {
+        sum += (pair[0] - first).cross(pair[1] - first);
+    }
+    let scale = sum.abs().max_element();
+    if !(scale > 0.0 && scale.is_finite()) {
+        return None;
+    }
+    let area = 0.5 * scale * (sum / scale).length();
+    let normal = (sum / scale).normalize();
+    let mut reach = [f64::INFINITY, f64::NEG_INFINITY];
+    for v in vertices {
+        let along = normal.dot(*v);
+        let error = 8.0 * U * normal.abs().dot(v.abs()) + f64::MIN_POSITIVE;
+        reach = [reach[0].min(along - error), reach[1].max(along + error)];
+    }
+    (reach[0].is_finite() && reach[1].is_finite()).then_some((normal, reach, area))
+}
+
+/// Shadows of one frame, in memory that is kept from frame to frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Shadows {
+    pub(crate) list: Vec<Shadow>,
+    pub(crate) edges: Vec<ShadowEdge>,
+    pub(crate) corners: Vec<Corner>,
+    /// Values beyond the near plane.
+    near: Vec<f64>,
+    directions: Vec<Option<Direction>>,
+}
+
+impl Shadows {
+    pub(crate) fn clear(&mut self) {
+        self.list.clear();
+        self.edges.clear();
+        self.corners.clear();
+    }
+
+    pub(crate) fn edges_of(&self, shadow: &Shadow) -> &[ShadowEdge] {
+        &self.edges[shadow.edges.clone()]
+    }
+
+    /// Adds the shadow of a polygon; false if it casts none that can be relied on.
+    pub(crate) fn cast(&mut self, sight: &Sight, plate: &Plate<'_>) -> bool {
+        let (edges, corners) = (self.edges.len(), self.corners.len());
+        let cast = self.try_cast(sight, plate);
+        match cast {
+            Some(back) => self.list.push(Shadow {
+                edges: edges..self.edges.len(),
+                corners: corners..self.corners.len(),
+                back,
+            }),
+            None => {
+                self.edges.truncate(edges);
+                self.corners.truncate(corners);
+            }
+        }
+        cast.is_some()
+    }
+
+    fn try_cast(&mut self, sight: &Sight, plate: &Plate<'_>) -> Option<BackPlane> {
+        let count = plate.vertices.len();
+        if !(3..=MOST_EDGES).contains(&count) {
+            return None;
+        }
+        let front = sight.is_before(plate.normal, -plate.reach[1]);
+        let (normal, offset) = if front {
+            (plate.normal, -plate.reach[0])
+        } else if plate.two_sided && sight.is_before(-plate.normal, plate.reach[0]) {
+            (-plate.normal, plate.reach[1])
+        } else {
+            return None;
+        };
+
+        // The near plane first: what is before it may be anywhere on the picture.
+        self.near.clear();
+        let (mut farthest, mut nearest, mut doubt) = (f64::NEG_INFINITY, f64::INFINITY, 0.0f64);
+        for &p in plate.vertices {
+            let (value, error) = sight.beyond_near(p);
+            self.near.push(value);
+            farthest = farthest.max(value);
+            nearest = nearest.min(value);
+            doubt = doubt.max(error);
+        }
+        // Where the cut is made: beyond the plane by far more than rounding, or the unevenness of a patch, can take back.
+        let limit = (farthest * 1e-4).max(1024.0 * doubt);
+        if !(farthest > limit) {
+            return None;
+        }
+        self.directions.clear();
+        self.directions.extend(plate.vertices.iter().map(|&p| sight.direction(p)));
+        let whole = nearest > doubt;
+        let first_edge = self.edges.len();
+        let first_corner = self.corners.len();
+        for i in 0..count {
+            let j = (i + 1) % count;
+            let (a, b) = (plate.vertices[i], plate.vertices[j]);
+            let (na, nb) = (self.near[i], self.near[j]);
+            let (keeps_a, keeps_b) = (whole || na > limit, whole || nb > limit);
+            let number = (self.edges.len() - first_edge) as u8;
+            if keeps_a || keeps_b {
+                let (da, db) = (self.directions[i]?, self.directions[j]?);
+                let line = Line::through(&da, &db)?;
+                self.edges.push(ShadowEdge { line, ends: [a, b], directions: [da, db] });
+            }
+            if keeps_a {
+                self.corners.push(Corner { p: a, v: self.directions[i]?.v, edge: number });
+            }
+            if keeps_a != keeps_b {
+                let (inner, outer, ni, no) = if keeps_a { (a, b, na, nb) } else { (b, a, nb, na) };
+                let p = inner + (outer - inner) * ((ni - limit) / (ni - no));
+                let v = sight.direction(p)?.v;
+                // Where it leaves, the cut begins, whose edge comes when all is known.
+                self.corners.push(Corner { p, v, edge: if keeps_a { u8::MAX } else { number } });
+            }
+        }
+        if !whole {
+            // A convex loop is cut once or not at all.
+            let corners = &self.corners[first_corner..];
+            if let Some(out) = corners.iter().position(|c| c.edge == u8::MAX) {
+                let (a, b) = (corners[out].p, corners[(out + 1) % corners.len()].p);
+                let (da, db) = (sight.direction(a)?, sight.direction(b)?);
+                let line = Line::through(&da, &db)?;
+                let number = (self.edges.len() - first_edge) as u8;
+                self.edges.push(ShadowEdge { line, ends: [DVec3::NAN; 2], directions: [da, db] });
+                self.corners[first_corner + out].edge = number;
+                if self.corners[first_corner..].iter().any(|c| c.edge == u8::MAX) {
+                    return None;
+                }
+            }
+        }
+        let corners = &self.corners[first_corner..];
+        if corners.len() < 3 {
+            return None;
+        }
+
+        // Inwards is where the middle is, for all edges alike, and for a polygon seen from its front always to the same hand.
+        let mut middle = [0.0; 3];
+        for corner in corners {
+            for i in 0..3 {
+                middle[i] += corner.v[i] / corners.len() as f64;
+            }
+        }
+        let certain = |line: &Line| line.slack + slack_of(64.0 * U);
+        let turn = sight.turn() * if front { -1.0 } else { 1.0 };
+        for edge in &mut self.edges[first_edge..] {
+            if turn < 0.0 {
+                edge.line = edge.line.flipped();
+            }
+            if !(edge.line.at(middle) > certain(&edge.line)) || turn == 0.0 {
+                return None;
+            }
+        }
+        Some(BackPlane { normal, offset })
+    }
+}

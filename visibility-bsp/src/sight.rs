@@ -1,0 +1,355 @@
+//! The camera as object space needs it: directions from the eye with bounds on their rounding, and planes through the eye.
+//!
+//! # Directions
+//! A point `p` of the scene becomes the three numbers `(x, y, w)` of clip space, linear in `p`. Up to a positive factor they name the line
+//! of sight through `p`, for perspective and parallel views alike: a plane through the eye (or along the direction of sight) is one linear
+//! function of them, and the convex hull of points spans the cone of sight of their hull. So the tests below need no eye, only the matrix
+//! that the engine draws with, and a shadow frustum of a parallel view, a prism, is no special case.
+//!
+//! # Bounds
+//! Every direction is scaled so that its largest number is 1, and carries `error`, a bound on how far any of its numbers is off. The
+//! bounds are relative, so they hold at any magnitude; what underflows loses at most the least normal number, which is added.
+
+use visibility_core::glam::{DMat3, DVec3, DVec4};
+use visibility_core::{Aabb, Depth, Eye, View};
+
+/// Unit round-off of `f64`.
+pub(crate) const U: f64 = f64::EPSILON / 2.0;
+
+/// Directions and planes that are off by more than this are of no use.
+const TOO_WRONG: f64 = 1.0 / (1u64 << 24) as f64;
+
+/// One linear function of points.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Row {
+    /// Applied to a point less the anchor.
+    linear: DVec3,
+    constant: f64,
+    /// How far rounding may have moved the constant, with what rounding of the anchor does.
+    error: f64,
+}
+
+impl Row {
+    /// The value at a point less the anchor, and a bound on its error: three products, three sums, and the difference that made `q`, so
+    /// at most five roundings for any term.
+    fn at(&self, q: DVec3) -> (f64, f64) {
+        let l = self.linear;
+        let value = l.x * q.x + l.y * q.y + l.z * q.z + self.constant;
+        let size = l.x.abs() * q.x.abs() + l.y.abs() * q.y.abs() + l.z.abs() * q.z.abs() + self.constant.abs();
+        (value, 8.0 * U * size + self.error)
+    }
+}
+
+/// A line of sight, its largest number 1 in magnitude.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Direction {
+    pub(crate) v: [f64; 3],
+    pub(crate) error: f64,
+}
+
+/// A plane through the eye: `n . v` is positive on the inner side, and its sign is certain for an exact direction of numbers up to 1
+/// where it is beyond `slack`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line {
+    pub(crate) n: [f64; 3],
+    pub(crate) slack: f64,
+}
+
+/// `n . v` of a direction that is off by `error` is off by at most `slack` of the line and this: three numbers of at most 1 times it,
+/// and a little for the error's own rounding and its product with that of the line.
+pub(crate) fn slack_of(error: f64) -> f64 {
+    3.125 * error
+}
+
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Line {
+    /// The plane through the eye and two lines of sight, if they are far enough apart to tell it.
+    pub(crate) fn through(a: &Direction, b: &Direction) -> Option<Self> {
+        let (p, q) = (a.v, b.v);
+        let n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+        // Each number: two products of factors up to 1, off by the errors of both, and three roundings of numbers up to 2.
+        let error = 2.0 * (a.error + b.error) + 8.0 * U;
+        Self::scaled(n, error)
+    }
+
+    fn scaled(n: [f64; 3], error: f64) -> Option<Self> {
+        let size = n[0].abs().max(n[1].abs()).max(n[2].abs());
+        let error = error / size + 2.0 * U;
+        // Also refuses NaN. `n . v` itself: three products and two sums of numbers up to 3.
+        (error < TOO_WRONG)
+            .then(|| Self { n: n.map(|x| x / size), slack: slack_of(error) + 16.0 * U })
+    }
+
+    pub(crate) fn flipped(&self) -> Self {
+        Self { n: self.n.map(|x| -x), ..*self }
+    }
+
+    pub(crate) fn at(&self, v: [f64; 3]) -> f64 {
+        dot(self.n, v)
+    }
+}
+
+/// A box as seen: the direction of its least corner, what its sides add to that, and a bound on the error of `n . v` for any corner.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cone {
+    pub(crate) base: [f64; 3],
+    pub(crate) sides: [[f64; 3]; 3],
+    pub(crate) slack: f64,
+}
+
+impl Cone {
+    /// The least and greatest `n . v` over the box.
+    #[inline]
+    pub(crate) fn span(&self, n: [f64; 3]) -> (f64, f64) {
+        let base = dot(n, self.base);
+        let [x, y, z] = [dot(n, self.sides[0]), dot(n, self.sides[1]), dot(n, self.sides[2])];
+        (base + x.min(0.0) + y.min(0.0) + z.min(0.0), base + x.max(0.0) + y.max(0.0) + z.max(0.0))
+    }
+
+    /// A corner, numbered as [`Aabb::corners`] does.
+    pub(crate) fn corner(&self, number: usize) -> [f64; 3] {
+        let mut v = self.base;
+        for (axis, side) in self.sides.iter().enumerate() {
+            if number >> axis & 1 != 0 {
+                v = [v[0] + side[0], v[1] + side[1], v[2] + side[2]];
+            }
+        }
+        v
+    }
+}
+
+/// A view made ready for one frame.
+#[derive(Clone, Debug)]
+pub(crate) struct Sight {
+    rows: [Row; 3],
+    /// Positive beyond the near plane.
+    near: Row,
+    /// What all is relative to, in scene coordinates: the eye of a perspective view.
+    anchor: DVec3,
+    pub(crate) eye: Eye,
+    /// How far the true eye may be from the one above, in metres (its direction, from the one above).
+    pub(crate) eye_error: f64,
+    /// Takes directions back to space, for perspective views.
+    back: DMat3,
+    /// How large a number of a direction taken back can be, and how far off.
+    back_size: f64,
+    back_error: f64,
+    /// The sign of the determinant of three points' directions where that of the points, seen from the eye, is positive.
+    turn: f64,
+}
+
+impl Sight {
+    /// A view in which nothing is hidden.
+    pub(crate) const BLIND: Self = Self {
+        rows: [Row { linear: DVec3::ZERO, constant: 0.0, error: 0.0 }; 3],
+        near: Row { linear: DVec3::ZERO, constant: 0.0, error: 0.0 },
+        anchor: DVec3::ZERO,
+        eye: Eye::Point(DVec3::ZERO),
+        eye_error: f64::INFINITY,
+        back: DMat3::ZERO,
+        back_size: 0.0,
+        back_error: f64::INFINITY,
+        turn: 0.0,
+    };
+
+    /// For points relative to `origin`.
+    pub(crate) fn new(view: &View, origin: DVec3) -> Self {
+        // The view's own matrix and eye: subtracting origins later keeps the precision of a camera far from the scene's origin.
+        let matrix = view.clip_from(view.origin());
+        let [x, y, z, w] = [0, 1, 2, 3].map(|i| matrix.row(i));
+        let offset = view.origin() - origin;
+        let (local, along) = match view.eye(view.origin()) {
+            Eye::Point(eye) => (eye, None),
+            Eye::Direction(along) => (DVec3::ZERO, Some(along)),
+        };
+        let anchor = local + offset;
+        let row = |r: DVec4| {
+            let linear = r.truncate();
+            let size = linear.abs().dot(local.abs()) + r.w.abs();
+            let moved = linear.abs().dot(anchor.abs() + offset.abs());
+            // The row is at most one sum of two numbers; the constant has three products and sums. The anchor is off by u of its own size and
+            // the offset by u of its own.
+            let error = 16.0 * U * size + 4.0 * U * moved + f64::MIN_POSITIVE;
+            Row { linear, constant: linear.dot(local) + r.w, error }
+        };
+        let rows = [row(x), row(y), row(w)];
+        let near = row(match view.depth() {
+            Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => w + z,
+            Depth::ZeroToOne | Depth::Infinite => z,
+            Depth::Reversed | Depth::ReversedInfinite => w - z,
+        });
+        let forth = DMat3::from_cols(rows[0].linear, rows[1].linear, rows[2].linear).transpose();
+        let (back, eye, eye_error) = match along {
+            None => {
+                // The true eye is where the three functions vanish; the anchor misses that by what they are there.
+                let back = forth.inverse();
+                let miss = DVec3::from_array(rows.map(|r| r.constant.abs() + r.error));
+                let [a, b, c] = [back.x_axis.abs(), back.y_axis.abs(), back.z_axis.abs()];
+                let error = (a * miss.x + b * miss.y + c * miss.z).max_element() * 8.0;
+                (back, Eye::Point(anchor), error + 4.0 * U * anchor.abs().max_element())
+            }
+            Some(along) => {
+                // The true direction is that in which neither x nor y changes.
+                let size = rows[0].linear.abs().max_element().max(rows[1].linear.abs().max_element());
+                let across = rows[0].linear.cross(rows[1].linear).length();
+                (DMat3::ZERO, Eye::Direction(along), 64.0 * U * size * size / across)
+            }
+        };
+        let turn = match along {
+            None => rows[0].linear.cross(rows[1].linear).dot(rows[2].linear),
+            // Lines of sight run along, so that a triangle is seen counter-clockwise where its normal is against them; `w` is constant.
+            Some(along) => rows[0].linear.cross(rows[1].linear).dot(along) * rows[2].constant,
+        };
+        let turn = if turn.is_nan() || turn == 0.0 { 0.0 } else { turn.signum() };
+        let (back_size, back_error) = wrong_by(forth, back);
+        Self { rows, near, anchor, eye, eye_error, back, back_size, back_error, turn }
+    }
+
+    /// The line of sight through a point; none if it is too close to the eye to tell.
+    pub(crate) fn direction(&self, p: DVec3) -> Option<Direction> {
+        let q = p - self.anchor;
+        let [(x, ex), (y, ey), (w, ew)] = [self.rows[0].at(q), self.rows[1].at(q), self.rows[2].at(q)];
+        let size = x.abs().max(y.abs()).max(w.abs());
+        let error = ex.max(ey).max(ew) / size + 2.0 * U;
+        (error < TOO_WRONG).then(|| Direction { v: [x / size, y / size, w / size], error })
+    }
+
+    /// `n . v` at a point whose direction is not scaled.
+    pub(crate) fn value(&self, n: [f64; 3], p: DVec3) -> f64 {
+        let q = p - self.anchor;
+        dot(n, self.rows.map(|row| row.at(q).0))
+    }
+
+    /// How far beyond the near plane a point is, and the bound on its error.
+    pub(crate) fn beyond_near(&self, p: DVec3) -> (f64, f64) {
+        self.near.at(p - self.anchor)
+    }
+
+    /// Whether a box lies surely beyond the near plane.
+    pub(crate) fn is_beyond_near(&self, bounds: &Aabb) -> bool {
+        let (min, max) = (bounds.min.as_dvec3() - self.anchor, bounds.max.as_dvec3() - self.anchor);
+        let nearest = DVec3::select(self.near.linear.cmpge(DVec3::ZERO), min, max);
+        let (value, error) = self.near.at(nearest);
+        value > error
+    }
+
+    /// A box as seen.
+    pub(crate) fn cone(&self, bounds: &Aabb) -> Option<Cone> {
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let (q, size) = (min - self.anchor, max - min);
+        // Each corner is a value at the least corner and up to three products, summed: any term passes at most eight roundings.
+        let reach = q.abs() + size;
+        let (mut base, mut sides, mut error) = ([0.0; 3], [[0.0; 3]; 3], 0.0f64);
+        let mut largest = 0.0f64;
+        for i in 0..3 {
+            let row = &self.rows[i];
+            let l = row.linear;
+            base[i] = l.x * q.x + l.y * q.y + l.z * q.z + row.constant;
+            sides[0][i] = l.x * size.x;
+            sides[1][i] = l.y * size.y;
+            sides[2][i] = l.z * size.z;
+            let sum = l.x.abs() * reach.x + l.y.abs() * reach.y + l.z.abs() * reach.z + row.constant.abs();
+            error = error.max(16.0 * U * sum + row.error);
+            // Larger than any corner.
+            largest = largest.max(sum);
+        }
+        let error = error / largest + 2.0 * U;
+        let scale = 1.0 / largest;
+        let scaled = |v: [f64; 3]| [v[0] * scale, v[1] * scale, v[2] * scale];
+        // Spans add up four numbers instead of one: a few roundings more.
+        let slack = slack_of(error) + 32.0 * U;
+        (error < TOO_WRONG).then(|| Cone { base: scaled(base), sides: sides.map(scaled), slack })
+    }
+
+    /// How far a point is from the eye, along the direction of sight where that is all there is: an order.
+    pub(crate) fn distance(&self, p: DVec3) -> f64 {
+        match self.eye {
+            Eye::Point(eye) => p.distance(eye),
+            Eye::Direction(along) => p.dot(along),
+        }
+    }
+
+    /// 1 or -1: the sign of the determinant of the directions of three points whose normal points away from the eye; 0 if unknown.
+    pub(crate) fn turn(&self) -> f64 {
+        self.turn
+    }
+
+    /// The direction in space of a line of sight, of any length; for perspective views.
+    pub(crate) fn in_space(&self, v: [f64; 3]) -> DVec3 {
+        self.back * DVec3::from_array(v)
+    }
+
+    /// A plane as directions meet it: how far before it the eye is, and how fast a direction comes nearer to it, as a function of the
+    /// direction. None for parallel views.
+    pub(crate) fn approach(&self, normal: DVec3, offset: f64) -> Option<Approach> {
+        let Eye::Point(eye) = self.eye else { return None };
+        let [x, y, z] = [self.back.x_axis, self.back.y_axis, self.back.z_axis];
+        let height = normal.dot(eye) + offset;
+        let size = normal.abs().dot(eye.abs()) + offset.abs();
+        let height_error = 8.0 * U * size + 2.0 * self.eye_error;
+        Some(Approach { height, height_error, speed: [-normal.dot(x), -normal.dot(y), -normal.dot(z)] })
+    }
+
+    /// Whether of all directions of a convex part, given by its corners, each comes through one plane before it comes to another.
+    ///
+    /// At direction `v` a plane is met after `height / speed . v`; the first is met earlier if `height' (speed . v) > height (speed' . v)`,
+    /// which is linear in `v`, so that the corners decide. The second plane is surely met by the directions that count, from before:
+    /// `speed' . v > 0`; then the first one is, too. Heights are off by `height_error`; `speed . v` for unit normals by no more than three
+    /// times the error of the direction taken back, and what that of `v` makes of it.
+    pub(crate) fn is_met_first(&self, first: &Approach, second: &Approach, part: &[[f64; 3]], error: f64) -> bool {
+        if !(second.height > second.height_error && first.height > first.height_error) {
+            return false;
+        }
+        let size = 3.0 * self.back_size;
+        let slow = 3.0 * (self.back_error + self.back_size * (error + 16.0 * U));
+        let slack = 2.0
+            * ((first.height + second.height) * slow + (first.height_error + second.height_error) * (size + slow));
+        let (a, b) = (second.height, first.height);
+        let speed = [0, 1, 2].map(|i| a * first.speed[i] - b * second.speed[i]);
+        part.iter().all(|&v| dot(speed, v) > slack)
+    }
+
+    /// Whether the eye is surely on the side of a plane that its unit normal points to.
+    pub(crate) fn is_before(&self, normal: DVec3, offset: f64) -> bool {
+        match self.eye {
+            Eye::Point(eye) => {
+                let distance = normal.dot(eye) + offset;
+                let size = normal.abs().dot(eye.abs()) + offset.abs();
+                distance > 8.0 * U * size + 2.0 * self.eye_error + f64::MIN_POSITIVE
+            }
+            Eye::Direction(along) => normal.dot(along) < -(8.0 * U + 2.0 * self.eye_error),
+        }
+    }
+}
+
+/// A plane as directions meet it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Approach {
+    height: f64,
+    height_error: f64,
+    speed: [f64; 3],
+}
+
+/// How large what an inverse makes of a direction is at most, and by how much that may be off.
+///
+/// `back . forth` is `1 + R`; so what it makes of a direction is off by at most `R` times the truth. `R` is computed with three products and sums,
+/// and a difference.
+fn wrong_by(forth: DMat3, back: DMat3) -> (f64, f64) {
+    let (mut size, mut residue) = (0.0f64, 0.0f64);
+    for row in 0..3 {
+        let b = back.row(row).abs();
+        size = size.max(b.x + b.y + b.z);
+        let mut sum = 0.0;
+        for column in 0..3 {
+            let (r, c) = (back.row(row), forth.col(column));
+            let one = if row == column { 1.0 } else { 0.0 };
+            sum += (r.dot(c) - one).abs() + 8.0 * U * (r.abs().dot(c.abs()) + one);
+        }
+        residue = residue.max(sum);
+    }
+    // The true one is at most size / (1 - R).
+    if residue < 0.5 { (2.0 * size, 2.0 * size * residue) } else { (size, f64::INFINITY) }
+}

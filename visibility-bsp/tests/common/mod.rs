@@ -1,0 +1,134 @@
+//! Random scenes, and rays that judge what was hidden.
+#![allow(dead_code, missing_docs, unreachable_pub)]
+
+pub mod exact;
+
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, Object, Pose, Preparation, Scene, Triangle, View, Window};
+
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 33) as f64 / (1u64 << 31) as f64
+    }
+
+    pub fn within(&mut self, from: f64, to: f64) -> f64 {
+        from + (to - from) * self.unit()
+    }
+
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.unit() * count as f64) as usize
+    }
+
+    pub fn point(&mut self, reach: f64) -> DVec3 {
+        DVec3::new(self.within(-reach, reach), self.within(-reach, reach), self.within(-reach, reach))
+    }
+}
+
+pub fn triangles_of(bounds: &Aabb) -> Vec<Triangle> {
+    let corners = bounds.corners();
+    visibility_core::OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect()
+}
+
+/// A scene of solid boxes, walls, slanted and sliver triangles, all of them occluders, among small boxes that are not.
+pub struct Soup {
+    pub scene: Scene,
+    /// The triangles of all occluders.
+    pub solid: Vec<Triangle>,
+}
+
+impl Soup {
+    pub fn new(random: &mut Random, scale: f32, occluders: usize) -> Self {
+        let mut scene = Scene::new();
+        let mut solid = Vec::new();
+        let whole = |random: &mut Random, reach: f64| random.point(reach).round().as_vec3();
+        for i in 0..occluders {
+            let at = whole(random, 12.0);
+            let triangles = match i % 6 {
+                // Walls and slabs that touch one another, since corners are whole.
+                0 | 1 => {
+                    let mut size = Vec3::new(1.0, 1.0, 1.0) + whole(random, 4.0).abs();
+                    size[random.below(3)] = 0.25;
+                    triangles_of(&Aabb::new(at * scale, (at + size) * scale))
+                }
+                // Two slabs side by side, which are one.
+                2 => {
+                    let (mut size, axis) = (Vec3::splat(0.5), random.below(3));
+                    size[(axis + 1) % 3] = 3.0;
+                    size[(axis + 2) % 3] = 4.0;
+                    let mut next = at;
+                    next[(axis + 1) % 3] += 3.0;
+                    let mut both = triangles_of(&Aabb::new(at * scale, (at + size) * scale));
+                    both.extend(triangles_of(&Aabb::new(next * scale, (next + size) * scale)));
+                    both
+                }
+                // A slanted quadrilateral, a loose triangle.
+                3 => {
+                    let (u, v) = (random.point(6.0).as_vec3(), random.point(6.0).as_vec3());
+                    let [a, b, c, d] = [at, at + u, at + u + v, at + v].map(|p| p * scale);
+                    vec![[a, b, c], [a, c, d]]
+                }
+                4 => vec![[at * scale, (at + whole(random, 6.0)) * scale, (at + whole(random, 6.0)) * scale]],
+                // A sliver, nothing, and a point.
+                _ => {
+                    let u = random.point(8.0).as_vec3();
+                    let v = u + random.point(1e-4).as_vec3();
+                    vec![[at * scale, (at + u) * scale, (at + v) * scale], [at * scale; 3]]
+                }
+            };
+            let bounds = Aabb::from_points(triangles.iter().flatten().copied());
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_triangles(id, triangles.as_slice()).unwrap();
+            solid.extend(triangles);
+        }
+        for _ in 0..600 {
+            let min = random.point(16.0).as_vec3() * scale;
+            let size = random.point(0.6).abs().as_vec3() * scale;
+            scene.insert(Aabb::new(min, min + size));
+        }
+        scene.prepare_occluders(&Preparation { sliver: 0.0, two_sided: true, ..Preparation::default() });
+        scene.rebuild();
+        Self { scene, solid }
+    }
+
+    /// An eye anywhere, on the plane of a triangle, at a vertex, or in a box, and a view from there.
+    pub fn view(&self, random: &mut Random, scale: f64) -> View {
+        let triangle = self.solid[random.below(self.solid.len())].map(|p| p.as_dvec3());
+        let eye = match random.below(8) {
+            0 => triangle[0],
+            1 => triangle[0] + (triangle[1] - triangle[0]) * random.within(-2.0, 2.0) + (triangle[2] - triangle[0]) * random.within(-2.0, 2.0),
+            2 => triangle[0] * 0.5 + triangle[1] * 0.5 + random.point(1e-9 * scale),
+            _ => random.point(14.0 * scale),
+        };
+        let target = eye + random.point(1.0) * scale;
+        let pose = Pose::look_at(eye, target, DVec3::new(0.1, 0.2, 1.0));
+        let near = [0.01, 0.1, 1.0][random.below(3)] * scale;
+        let far = if random.below(2) == 0 { f64::INFINITY } else { 60.0 * scale };
+        if random.below(3) == 0 {
+            let size = random.within(4.0, 30.0) * scale;
+            View::orthographic(pose, Window::centered(size, size), near, 80.0 * scale).unwrap()
+        } else {
+            View::perspective(pose, random.within(0.4, 2.2), random.within(0.6, 1.8), near, far).unwrap()
+        }
+    }
+}
+
+/// Where a segment first meets a triangle, as a share of it, with both sides counted and the rim widened by a little: that much is the oracle's own
+/// rounding.
+pub fn meets(from: DVec3, to: DVec3, triangle: &Triangle) -> Option<f64> {
+    let [a, b, c] = triangle.map(|p| p.as_dvec3());
+    let (u, v, along) = (b - a, c - a, to - from);
+    let normal = u.cross(v);
+    let rate = normal.dot(along);
+    if rate == 0.0 {
+        return None;
+    }
+    let t = normal.dot(a - from) / rate;
+    let p = from + along * t - a;
+    let area = normal.length_squared();
+    let (s, r) = (p.cross(v).dot(normal) / area, u.cross(p).dot(normal) / area);
+    let rim = 1e-9;
+    (s >= -rim && r >= -rim && s + r <= 1.0 + rim).then_some(t)
+}

@@ -1,0 +1,178 @@
+//! Nothing visible is hidden: segments from the eye to points of hidden boxes must all be blocked, on random soups with eyes at the worst places.
+#![allow(missing_docs)]
+
+mod common;
+
+use common::{Random, Soup, meets};
+use std::sync::Arc;
+use visibility_bsp::{Occluders, OcclusionTree, OcclusionTreeCuller};
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, Culler, Eye, FrustumCuller, OcclusionCuller, Scene, View, VisibleSet};
+
+/// Segments that must be blocked, and how many were tried.
+#[derive(Default)]
+struct Judge {
+    rays: usize,
+    hidden: usize,
+}
+
+impl Judge {
+    /// Points of a box that are in view must be behind something.
+    fn check(&mut self, random: &mut Random, soup: &Soup, view: &View, bounds: &Aabb, what: &str) {
+        let planes = view.planes(soup.scene.origin());
+        self.hidden += 1;
+        for i in 0..14 {
+            let share = match i {
+                0..8 => DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64),
+                8..11 => {
+                    let mut p = DVec3::new(random.unit(), random.unit(), random.unit());
+                    p[i - 8] = p[i - 8].round();
+                    p
+                }
+                _ => DVec3::new(random.unit(), random.unit(), random.unit()),
+            };
+            let p = bounds.min.as_dvec3() + (bounds.max - bounds.min).as_dvec3() * share;
+            // Only what is well in view counts, and occluders count from the near plane on.
+            let inside = |p: DVec3| planes.as_slice().iter().map(|q| q.plane.signed_distance(p)).fold(f64::INFINITY, f64::min);
+            if inside(p) < 1e-9 * p.length() {
+                continue;
+            }
+            self.rays += 1;
+            let from = match view.eye(soup.scene.origin()) {
+                Eye::Point(eye) => eye,
+                Eye::Direction(along) => p - along * 200.0 * p.length(),
+            };
+            let near = planes.as_slice()[4].plane;
+            let blocked = soup.solid.iter().any(|t| {
+                meets(from, p, t).is_some_and(|t| {
+                    (0.0..=1.0 + 1e-9).contains(&t) && near.signed_distance(from + (p - from) * t) >= -1e-9 * p.length()
+                })
+            });
+            assert!(blocked, "{what}: {p} of {bounds:?} is seen from {from} in {view:?}");
+        }
+    }
+}
+
+fn hidden_boxes(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<Aabb> {
+    let mut visible = VisibleSet::new();
+    visible.fill(scene, view);
+    FrustumCuller::new().cull(scene, view, &mut visible);
+    let before: Vec<_> = visible.iter(scene).collect();
+    culler.cull(scene, view, &mut visible);
+    before.into_iter().filter(|&id| !visible.contains(scene, id)).map(|id| scene.bounds(id).unwrap()).collect()
+}
+
+/// The cullers under test, made for a scene.
+fn cullers(scene: &Scene) -> Vec<(&'static str, Box<dyn Culler>)> {
+    let occluders = Arc::new(Occluders::new(scene));
+    vec![
+        ("occlusion-tree", Box::new(OcclusionTreeCuller::new(occluders.clone()))),
+        ("occlusion-tree:400", Box::new(OcclusionTreeCuller::new(occluders).with_polygons(400))),
+        ("occlusion-tree of meshes", Box::new(OcclusionCuller::new(OcclusionTree::new().with_polygons(300)))),
+    ]
+}
+
+fn fuzz(seed: u64, soups: usize, occluders: usize, scale: f32) -> Judge {
+    let mut random = Random(seed);
+    let mut judge = Judge::default();
+    for _ in 0..soups {
+        let soup = Soup::new(&mut random, scale, occluders);
+        let mut cullers = cullers(&soup.scene);
+        for _ in 0..12 {
+            let view = soup.view(&mut random, f64::from(scale));
+            for (name, culler) in &mut cullers {
+                for bounds in hidden_boxes(&soup.scene, &view, &mut **culler) {
+                    judge.check(&mut random, &soup, &view, &bounds, name);
+                }
+            }
+        }
+    }
+    println!("{} hidden boxes, {} rays", judge.hidden, judge.rays);
+    judge
+}
+
+#[test]
+fn hidden_boxes_of_sparse_soups_cannot_be_seen() {
+    assert!(fuzz(1, 24, 40, 1.0).rays > 100_000);
+}
+
+#[test]
+fn hidden_boxes_of_dense_soups_cannot_be_seen() {
+    assert!(fuzz(2, 10, 160, 1.0).rays > 150_000);
+}
+
+#[test]
+fn nor_at_other_magnitudes() {
+    for scale in [1e-15, 1e-6, 1e6, 1e15] {
+        assert!(fuzz(3, 3, 60, scale).rays > 5_000, "{scale}");
+    }
+}
+
+/// A wall of two slabs before a box, scaled: clear by far, so the answer is known at any magnitude.
+#[test]
+fn clear_cases_are_decided_at_any_magnitude() {
+    for exponent in -15..=15 {
+        let scale = 10f64.powi(exponent);
+        let at = |low: [f64; 3], high: [f64; 3]| {
+            Aabb::new((DVec3::from(low) * scale).as_vec3(), (DVec3::from(high) * scale).as_vec3())
+        };
+        let mut scene = Scene::new();
+        let boxes = [
+            (true, at([4.0, -3.0, -3.0], [4.5, 0.0, 3.0])),
+            (true, at([4.0, 0.0, -3.0], [4.5, 3.0, 3.0])),
+            (false, at([8.0, -1.0, -1.0], [9.0, 1.0, 1.0])),
+            (false, at([4.5000001, -2.9, -2.9], [4.6, 2.9, 2.9])),
+            (false, at([2.0, -1.0, -1.0], [3.0, 1.0, 1.0])),
+            (false, at([8.0, 5.0, -1.0], [9.0, 6.5, 1.0])),
+        ];
+        let ids: Vec<_> = boxes
+            .iter()
+            .map(|&(occluder, bounds)| {
+                let id = scene.insert(visibility_core::Object { occluder, ..visibility_core::Object::new(bounds) });
+                scene.set_triangles(id, common::triangles_of(&bounds)).unwrap();
+                id
+            })
+            .collect();
+        scene.prepare_occluders(&visibility_core::Preparation::default());
+        let pose = visibility_core::Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let perspective = View::perspective(pose, 2.0, 1.5, 0.1 * scale, f64::INFINITY).unwrap();
+        let window = visibility_core::Window::centered(20.0 * scale, 20.0 * scale);
+        let parallel =
+            View::orthographic(pose, window, 0.1 * scale, 50.0 * scale).unwrap();
+        for view in [perspective, parallel] {
+            for (name, mut culler) in cullers(&scene) {
+                let mut visible = VisibleSet::new();
+                visible.fill(&scene, &view);
+                culler.cull(&scene, &view, &mut visible);
+                let kept: Vec<bool> = ids.iter().map(|&id| visible.contains(&scene, id)).collect();
+                assert_eq!(kept, [true, true, false, false, true, true], "{name} at {scale:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn hostile_boxes_and_views_do_no_harm() {
+    let mut random = Random(7);
+    let soup = Soup::new(&mut random, 1.0, 60);
+    let mut scene = soup.scene.clone();
+    let odd = [f32::NAN, f32::INFINITY, -1e30, 1e30, 0.0, 1e-40];
+    for i in 0..40 {
+        let pick = |k: usize| odd[(i * 7 + k * 5) % odd.len()];
+        let bounds = Aabb::new(Vec3::new(pick(0), pick(1), pick(2)), Vec3::new(pick(3), pick(4), pick(5)));
+        let id = scene.insert(visibility_core::Object { occluder: true, ..visibility_core::Object::new(bounds) });
+        scene.set_triangles(id, common::triangles_of(&bounds)).unwrap();
+    }
+    scene.prepare_occluders(&Default::default());
+    for (_, mut culler) in cullers(&scene) {
+        for _ in 0..20 {
+            let view = soup.view(&mut random, 1.0);
+            let mut visible = VisibleSet::new();
+            visible.fill(&scene, &view);
+            culler.cull(&scene, &view, &mut visible);
+            for id in scene.ids().filter(|&id| !scene.bounds(id).unwrap().is_finite()) {
+                assert!(visible.contains(&scene, id));
+            }
+        }
+    }
+}
