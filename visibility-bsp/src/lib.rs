@@ -1,6 +1,8 @@
 //! Object-space visibility: BSP trees, occlusion trees, shadow frusta and large occluders.
 #![no_std]
 #![forbid(unsafe_code)]
+// `!(a > b)` is meant: it also holds where one is not a number.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;

@@ -58,10 +58,8 @@ impl BackPlane {
     #[inline]
     pub(crate) fn side(&self, min: DVec3, max: DVec3) -> i32 {
         let n = self.normal;
-        let (far, near) = (
-            DVec3::select(n.cmpge(DVec3::ZERO), max, min),
-            DVec3::select(n.cmpge(DVec3::ZERO), min, max),
-        );
+        let (far, near) =
+            (DVec3::select(n.cmpge(DVec3::ZERO), max, min), DVec3::select(n.cmpge(DVec3::ZERO), min, max));
         let greatest = n.x * far.x + n.y * far.y + n.z * far.z + self.offset;
         let least = n.x * near.x + n.y * near.y + n.z * near.z + self.offset;
         // As in `Plane::error_bound`: three products, three sums.
@@ -228,8 +226,8 @@ impl Shadows {
         // Inwards is where the middle is, for all edges alike, and for a polygon seen from its front always to the same hand.
         let mut middle = [0.0; 3];
         for corner in corners {
-            for i in 0..3 {
-                middle[i] += corner.v[i] / corners.len() as f64;
+            for (sum, v) in middle.iter_mut().zip(corner.v) {
+                *sum += v / corners.len() as f64;
             }
         }
         let certain = |line: &Line| line.slack + slack_of(64.0 * U);

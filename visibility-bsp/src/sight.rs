@@ -35,7 +35,8 @@ impl Row {
     fn at(&self, q: DVec3) -> (f64, f64) {
         let l = self.linear;
         let value = l.x * q.x + l.y * q.y + l.z * q.z + self.constant;
-        let size = l.x.abs() * q.x.abs() + l.y.abs() * q.y.abs() + l.z.abs() * q.z.abs() + self.constant.abs();
+        let size =
+            l.x.abs() * q.x.abs() + l.y.abs() * q.y.abs() + l.z.abs() * q.z.abs() + self.constant.abs();
         (value, 8.0 * U * size + self.error)
     }
 }
@@ -79,8 +80,7 @@ impl Line {
         let size = n[0].abs().max(n[1].abs()).max(n[2].abs());
         let error = error / size + 2.0 * U;
         // Also refuses NaN. `n . v` itself: three products and two sums of numbers up to 3.
-        (error < TOO_WRONG)
-            .then(|| Self { n: n.map(|x| x / size), slack: slack_of(error) + 16.0 * U })
+        (error < TOO_WRONG).then(|| Self { n: n.map(|x| x / size), slack: slack_of(error) + 16.0 * U })
     }
 
     pub(crate) fn flipped(&self) -> Self {
@@ -264,14 +264,6 @@ impl Sight {
         (error < TOO_WRONG).then(|| Cone { base: scaled(base), sides: sides.map(scaled), slack })
     }
 
-    /// How far a point is from the eye, along the direction of sight where that is all there is: an order.
-    pub(crate) fn distance(&self, p: DVec3) -> f64 {
-        match self.eye {
-            Eye::Point(eye) => p.distance(eye),
-            Eye::Direction(along) => p.dot(along),
-        }
-    }
-
     /// 1 or -1: the sign of the determinant of the directions of three points whose normal points away from the eye; 0 if unknown.
     pub(crate) fn turn(&self) -> f64 {
         self.turn
@@ -299,14 +291,21 @@ impl Sight {
     /// which is linear in `v`, so that the corners decide. The second plane is surely met by the directions that count, from before:
     /// `speed' . v > 0`; then the first one is, too. Heights are off by `height_error`; `speed . v` for unit normals by no more than three
     /// times the error of the direction taken back, and what that of `v` makes of it.
-    pub(crate) fn is_met_first(&self, first: &Approach, second: &Approach, part: &[[f64; 3]], error: f64) -> bool {
+    pub(crate) fn is_met_first(
+        &self,
+        first: &Approach,
+        second: &Approach,
+        part: &[[f64; 3]],
+        error: f64,
+    ) -> bool {
         if !(second.height > second.height_error && first.height > first.height_error) {
             return false;
         }
         let size = 3.0 * self.back_size;
         let slow = 3.0 * (self.back_error + self.back_size * (error + 16.0 * U));
         let slack = 2.0
-            * ((first.height + second.height) * slow + (first.height_error + second.height_error) * (size + slow));
+            * ((first.height + second.height) * slow
+                + (first.height_error + second.height_error) * (size + slow));
         let (a, b) = (second.height, first.height);
         let speed = [0, 1, 2].map(|i| a * first.speed[i] - b * second.speed[i]);
         part.iter().all(|&v| dot(speed, v) > slack)

@@ -33,7 +33,9 @@ impl Judge {
             };
             let p = bounds.min.as_dvec3() + (bounds.max - bounds.min).as_dvec3() * share;
             // Only what is well in view counts, and occluders count from the near plane on.
-            let inside = |p: DVec3| planes.as_slice().iter().map(|q| q.plane.signed_distance(p)).fold(f64::INFINITY, f64::min);
+            let inside = |p: DVec3| {
+                planes.as_slice().iter().map(|q| q.plane.signed_distance(p)).fold(f64::INFINITY, f64::min)
+            };
             if inside(p) < 1e-9 * p.length() {
                 continue;
             }
@@ -45,7 +47,8 @@ impl Judge {
             let near = planes.as_slice()[4].plane;
             let blocked = soup.solid.iter().any(|t| {
                 meets(from, p, t).is_some_and(|t| {
-                    (0.0..=1.0 + 1e-9).contains(&t) && near.signed_distance(from + (p - from) * t) >= -1e-9 * p.length()
+                    (0.0..=1.0 + 1e-9).contains(&t)
+                        && near.signed_distance(from + (p - from) * t) >= -1e-9 * p.length()
                 })
             });
             assert!(blocked, "{what}: {p} of {bounds:?} is seen from {from} in {view:?}");
@@ -59,7 +62,11 @@ fn hidden_boxes(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<Aabb
     FrustumCuller::new().cull(scene, view, &mut visible);
     let before: Vec<_> = visible.iter(scene).collect();
     culler.cull(scene, view, &mut visible);
-    before.into_iter().filter(|&id| !visible.contains(scene, id)).map(|id| scene.bounds(id).unwrap()).collect()
+    before
+        .into_iter()
+        .filter(|&id| !visible.contains(scene, id))
+        .map(|id| scene.bounds(id).unwrap())
+        .collect()
 }
 
 /// The cullers under test, made for a scene.
@@ -128,7 +135,8 @@ fn clear_cases_are_decided_at_any_magnitude() {
         let ids: Vec<_> = boxes
             .iter()
             .map(|&(occluder, bounds)| {
-                let id = scene.insert(visibility_core::Object { occluder, ..visibility_core::Object::new(bounds) });
+                let id = scene
+                    .insert(visibility_core::Object { occluder, ..visibility_core::Object::new(bounds) });
                 scene.set_triangles(id, common::triangles_of(&bounds)).unwrap();
                 id
             })
@@ -137,8 +145,7 @@ fn clear_cases_are_decided_at_any_magnitude() {
         let pose = visibility_core::Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
         let perspective = View::perspective(pose, 2.0, 1.5, 0.1 * scale, f64::INFINITY).unwrap();
         let window = visibility_core::Window::centered(20.0 * scale, 20.0 * scale);
-        let parallel =
-            View::orthographic(pose, window, 0.1 * scale, 50.0 * scale).unwrap();
+        let parallel = View::orthographic(pose, window, 0.1 * scale, 50.0 * scale).unwrap();
         for view in [perspective, parallel] {
             for (name, mut culler) in cullers(&scene) {
                 let mut visible = VisibleSet::new();
@@ -160,7 +167,8 @@ fn hostile_boxes_and_views_do_no_harm() {
     for i in 0..40 {
         let pick = |k: usize| odd[(i * 7 + k * 5) % odd.len()];
         let bounds = Aabb::new(Vec3::new(pick(0), pick(1), pick(2)), Vec3::new(pick(3), pick(4), pick(5)));
-        let id = scene.insert(visibility_core::Object { occluder: true, ..visibility_core::Object::new(bounds) });
+        let id =
+            scene.insert(visibility_core::Object { occluder: true, ..visibility_core::Object::new(bounds) });
         scene.set_triangles(id, common::triangles_of(&bounds)).unwrap();
     }
     scene.prepare_occluders(&Default::default());

@@ -262,7 +262,13 @@ fn halve(order: &mut [u32], centers: &[DVec3]) {
         (min, max) = (min.min(centers[i as usize]), max.max(centers[i as usize]));
     }
     let size = max - min;
-    let axis = if size.x >= size.y && size.x >= size.z { 0 } else if size.y >= size.z { 1 } else { 2 };
+    let axis = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
     // Whole blocks to the left, so that only the last is not full.
     let half = (order.len() / 2).next_multiple_of(BLOCK).min(order.len() - 1);
     order.select_nth_unstable_by(half, |&a, &b| {
@@ -331,5 +337,7 @@ fn is_closed(triangles: &[[u32; 3]]) -> bool {
         }
     }
     sides.sort_unstable();
-    sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).all(|same| same.iter().filter(|s| s.2).count() * 2 == same.len())
+    sides
+        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+        .all(|same| same.iter().filter(|s| s.2).count() * 2 == same.len())
 }

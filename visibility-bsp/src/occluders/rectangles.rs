@@ -35,7 +35,11 @@ pub(super) fn join(pieces: &mut Vec<Piece>) -> Vec<Outline> {
         let at = from_ordered(bits);
         for group in groups(rectangles) {
             join_group(&group, |low, high, sources| {
-                outlines.push(Outline { vertices: corners(axis, at, low, high, facing == 0), sources, two_sided: facing == 2 });
+                outlines.push(Outline {
+                    vertices: corners(axis, at, low, high, facing == 0),
+                    sources,
+                    two_sided: facing == 2,
+                });
             });
         }
     }
@@ -141,9 +145,9 @@ fn groups(rectangles: &[Rectangle]) -> Vec<Vec<&Rectangle>> {
         open.push(i);
     }
     let mut groups: BTreeMap<usize, Vec<&Rectangle>> = BTreeMap::new();
-    for i in 0..rectangles.len() {
+    for (i, rectangle) in rectangles.iter().enumerate() {
         let leader = find(&mut leader, i);
-        groups.entry(leader).or_default().push(&rectangles[i]);
+        groups.entry(leader).or_default().push(rectangle);
     }
     groups.into_values().collect()
 }
@@ -217,7 +221,8 @@ impl Grid {
                     }
                     let end = (start..columns).find(|&c| !column_filled[c]).unwrap_or(columns);
                     let full = |row: usize| (start..end).all(|c| self.filled[row * columns + c]);
-                    if !(from > 0 && full(from - 1)) && !(to + 1 < rows && full(to + 1)) {
+                    let grows = from > 0 && full(from - 1) || to + 1 < rows && full(to + 1);
+                    if !grows {
                         found.push([start, end, from, to + 1]);
                     }
                     start = end;
@@ -269,9 +274,7 @@ fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f64; 2], Vec
         }
         let min = [grid.lines[0][from], grid.lines[1][low]];
         let max = [grid.lines[0][to], grid.lines[1][high]];
-        let meets = |r: &&&Rectangle| {
-            (0..2).all(|i| r.low[i] < max[i] && r.high[i] > min[i])
-        };
+        let meets = |r: &&&Rectangle| (0..2).all(|i| r.low[i] < max[i] && r.high[i] > min[i]);
         let mut sources: Vec<u32> = group.iter().filter(meets).map(|r| r.source).collect();
         sources.sort_unstable();
         sources.dedup();
@@ -293,7 +296,12 @@ mod tests {
     #[test]
     fn a_wall_with_a_window_becomes_the_four_strips_around_it() {
         // Full-height strips beside the window, a piece below and one above it.
-        let parts = [([0.0, 0.0], [2.0, 3.0]), ([2.0, 0.0], [3.0, 1.0]), ([2.0, 2.0], [3.0, 3.0]), ([3.0, 0.0], [5.0, 3.0])];
+        let parts = [
+            ([0.0, 0.0], [2.0, 3.0]),
+            ([2.0, 0.0], [3.0, 1.0]),
+            ([2.0, 2.0], [3.0, 3.0]),
+            ([3.0, 0.0], [5.0, 3.0]),
+        ];
         let mut pieces: Vec<Piece> =
             parts.iter().zip(0..).flat_map(|(&(low, high), source)| quad(low, high, source)).collect();
         let outlines = join(&mut pieces);

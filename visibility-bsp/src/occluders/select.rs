@@ -153,7 +153,9 @@ impl Selector {
             let drawn = |id: ObjectId| {
                 visible.contains(scene, id)
                     || scene.bounds(id).is_ok_and(|bounds| {
-                        sides.iter().any(|s| s.classify_aabb(&bounds) == visibility_core::Containment::Outside)
+                        sides
+                            .iter()
+                            .any(|s| s.classify_aabb(&bounds) == visibility_core::Containment::Outside)
                     })
             };
             within

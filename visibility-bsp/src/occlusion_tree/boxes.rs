@@ -247,8 +247,7 @@ impl Part {
             if (da >= 0.0) != (db >= 0.0) {
                 let t = da / (da - db);
                 let s = 1.0 - t;
-                out.corners[out.count] =
-                    [a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t];
+                out.corners[out.count] = [a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t];
                 out.count += 1;
             }
         }
@@ -288,12 +287,11 @@ fn faces_before(sight: &Sight, min: DVec3, max: DVec3) -> Option<usize> {
 fn may_be_before(sight: &Sight, face: usize, min: DVec3, max: DVec3) -> bool {
     let axis = face / 2;
     match sight.eye {
-        Eye::Point(eye) if face % 2 == 0 => !(eye[axis] - min[axis] > 2.0 * sight.eye_error),
+        Eye::Point(eye) if face.is_multiple_of(2) => !(eye[axis] - min[axis] > 2.0 * sight.eye_error),
         Eye::Point(eye) => !(max[axis] - eye[axis] > 2.0 * sight.eye_error),
         Eye::Direction(along) => {
-            let along = if face % 2 == 0 { along[axis] } else { -along[axis] };
+            let along = if face.is_multiple_of(2) { along[axis] } else { -along[axis] };
             !(along < -(2.0 * sight.eye_error + 8.0 * U))
         }
     }
 }
-

@@ -5,7 +5,8 @@ use crate::occluders::{Occluders, Selector, sides_of};
 use crate::sight::Sight;
 use alloc::sync::Arc;
 use visibility_core::{
-    Accuracy, CullStats, Culler, MAX_PLANES, OcclusionCuller, Plane, Scene, Selection, View, VisibleSet, glam::DVec3,
+    Accuracy, CullStats, Culler, MAX_PLANES, OcclusionCuller, Plane, Scene, Selection, View, VisibleSet,
+    glam::DVec3,
 };
 
 /// Culls what is behind the large polygons of a scene, by an [`OcclusionTree`] that is built anew each frame.

@@ -116,7 +116,9 @@ impl Nodes {
                 _ => {
                     let there = &self.planes[(leaf & !HIDDEN) as usize];
                     let size = there.offset.abs() * 1e-12;
-                    if corners.iter().any(|c| there.at(c.p) < -size) || corners.iter().all(|c| there.at(c.p) <= size) {
+                    if corners.iter().any(|c| there.at(c.p) < -size)
+                        || corners.iter().all(|c| there.at(c.p) <= size)
+                    {
                         continue;
                     }
                     0.25
@@ -178,7 +180,8 @@ impl Nodes {
                     self.corners.push(Corner { edge, ..a });
                 }
                 let crosses = (in_a && sa > slack && !in_b) || (in_b && sb > slack && !in_a);
-                if crosses && let Some(p) = cross_point(sight, line, a.p, b.p)
+                if crosses
+                    && let Some(p) = cross_point(sight, line, a.p, b.p)
                     && let Some(direction) = sight.direction(p)
                 {
                     let edge = if in_a { u8::MAX } else { a.edge };
@@ -217,8 +220,8 @@ impl Nodes {
             if corner.edge != u8::MAX {
                 present |= 1 << corner.edge;
             }
-            for i in 0..3 {
-                middle[i] += corner.v[i] / corners.len() as f64;
+            for (sum, v) in middle.iter_mut().zip(corner.v) {
+                *sum += v / corners.len() as f64;
             }
         }
         let wanted = !self.needless(edges, middle, present, parent);
@@ -259,7 +262,8 @@ impl Nodes {
                 return 0;
             }
             for (i, edge) in edges.iter().enumerate() {
-                let same = edge.ends == node.ends || (edge.ends[0] == node.ends[1] && edge.ends[1] == node.ends[0]);
+                let same =
+                    edge.ends == node.ends || (edge.ends[0] == node.ends[1] && edge.ends[1] == node.ends[0]);
                 if same {
                     // Its inner side is the leaf's: the middle says so, of both.
                     needless |= 1 << i;

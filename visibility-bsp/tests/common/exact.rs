@@ -12,7 +12,8 @@ impl Whole {
     pub fn of(x: f64, scale: i32) -> Self {
         let bits = x.to_bits();
         let exponent = (bits >> 52 & 0x7ff) as i32;
-        let mantissa = if exponent == 0 { (bits & ((1 << 52) - 1)) << 1 } else { bits & ((1 << 52) - 1) | 1 << 52 };
+        let mantissa =
+            if exponent == 0 { (bits & ((1 << 52) - 1)) << 1 } else { bits & ((1 << 52) - 1) | 1 << 52 };
         let shift = if mantissa == 0 { 0 } else { exponent - 1075 + scale };
         assert!(mantissa == 0 || shift >= 0 || mantissa.trailing_zeros() as i32 >= -shift, "{x} at {scale}");
         let (mantissa, shift) = if shift < 0 { (mantissa >> -shift, 0) } else { (mantissa, shift as usize) };
@@ -89,5 +90,8 @@ fn signs_of_whole_numbers() {
     assert_eq!(w(3.5).minus(&w(3.5)).sign(), 0);
     assert_eq!(w(-3.5).plus(&w(3.25)).sign(), -1);
     assert_eq!(w(1024.0).times(&w(-1.0 / 1024.0)).plus(&Whole::of(1.0, 120)).sign(), 0);
-    assert_eq!(determinant(&[[w(1.0), w(0.0), w(0.0)], [w(0.0), w(2.0), w(0.0)], [w(0.0), w(0.0), w(0.5)]]), 1);
+    assert_eq!(
+        determinant(&[[w(1.0), w(0.0), w(0.0)], [w(0.0), w(2.0), w(0.0)], [w(0.0), w(0.0), w(0.5)]]),
+        1
+    );
 }

@@ -98,7 +98,11 @@ impl Soup {
         let triangle = self.solid[random.below(self.solid.len())].map(|p| p.as_dvec3());
         let eye = match random.below(8) {
             0 => triangle[0],
-            1 => triangle[0] + (triangle[1] - triangle[0]) * random.within(-2.0, 2.0) + (triangle[2] - triangle[0]) * random.within(-2.0, 2.0),
+            1 => {
+                triangle[0]
+                    + (triangle[1] - triangle[0]) * random.within(-2.0, 2.0)
+                    + (triangle[2] - triangle[0]) * random.within(-2.0, 2.0)
+            }
             2 => triangle[0] * 0.5 + triangle[1] * 0.5 + random.point(1e-9 * scale),
             _ => random.point(14.0 * scale),
         };
