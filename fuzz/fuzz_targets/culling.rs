@@ -1,0 +1,88 @@
+//! Any bytes as a scene and its cameras, culled by every culler there is: no panic, and a box that is none is never culled by one that
+//! keeps what is visible.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use visibility_core::{Depth, View, VisibleSet};
+use visibility_examples::walkthrough::{World, cullers};
+use visibility_examples::{SceneSource, SourceObject};
+
+const DEPTHS: [Depth; 6] = [
+    Depth::NegativeOneToOne,
+    Depth::NegativeOneToOneInfinite,
+    Depth::ZeroToOne,
+    Depth::Infinite,
+    Depth::Reversed,
+    Depth::ReversedInfinite,
+];
+
+/// Takes numbers off the front of the bytes.
+struct Bytes<'a>(&'a [u8]);
+
+impl Bytes<'_> {
+    fn byte(&mut self) -> Option<u8> {
+        let (&first, rest) = self.0.split_first()?;
+        self.0 = rest;
+        Some(first)
+    }
+
+    /// A number of any bits, or a small one, so that some scenes have something in view.
+    fn number(&mut self) -> Option<f32> {
+        Some(match self.byte()? {
+            0 => f32::from_le_bytes([self.byte()?, self.byte()?, self.byte()?, self.byte()?]),
+            small => (f32::from(small) - 128.0) / 16.0,
+        })
+    }
+
+    fn numbers<const N: usize>(&mut self) -> Option<[f32; N]> {
+        let mut numbers = [0.0; N];
+        for number in &mut numbers {
+            *number = self.number()?;
+        }
+        Some(numbers)
+    }
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let mut bytes = Bytes(bytes);
+    let Some(culler) = bytes.byte() else { return };
+    let mut views = Vec::new();
+    for _ in 0..2 {
+        let (Some(depth), Some(matrix)) = (bytes.byte(), bytes.numbers::<16>()) else { return };
+        if let Ok(view) = View::from_clip_from_world(matrix, DEPTHS[usize::from(depth) % 6]) {
+            views.push(view);
+        }
+    }
+    let mut objects = vec![SourceObject::new("0", Vec::new())];
+    while let Some(triangle) = bytes.numbers::<9>() {
+        let corner = |i: usize| triangle[i..i + 3].try_into().map(glam_point).expect("three numbers");
+        if bytes.0.first().is_some_and(|byte| byte % 4 == 0) {
+            objects.push(SourceObject::new("another", Vec::new()));
+        }
+        let last = objects.len() - 1;
+        objects[last].triangles.push([corner(0), corner(3), corner(6)]);
+    }
+    let source = SceneSource {
+        name: "fuzz".into(),
+        up: glam_point([0.0, 0.0, 1.0]),
+        near: 0.1,
+        objects,
+        walks: Vec::new(),
+        cells: None,
+    };
+    let world = World::with_views(source, views, Vec::new(), (64, 64));
+    let names: Vec<_> = cullers::known().collect();
+    let known = names[usize::from(culler) % names.len()];
+    let dial = known.dials.first().map_or_else(String::new, |dial| format!(":{dial}"));
+    let Ok(mut made) = cullers::parse(&format!("{}{dial}", known.name), &world) else { return };
+    let mut pipeline = made.remove(0).1;
+    let mut visible = VisibleSet::new();
+    for view in &world.views {
+        pipeline.cull(&world.scene, view, &mut visible);
+        assert!(visible.iter(&world.scene).count() <= world.source.objects.len());
+    }
+});
+
+fn glam_point(point: [f32; 3]) -> visibility_core::glam::Vec3 {
+    point.into()
+}

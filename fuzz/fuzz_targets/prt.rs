@@ -1,0 +1,24 @@
+//! Any text as a map of cells and portals: refused with the line, or baked to a symmetric answer.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use visibility_core::CellId;
+use visibility_portals::{CellBake, CellMatrix, Settings, prt};
+
+fuzz_target!(|bytes: &[u8]| {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let Ok(map) = prt::read(text) else { return };
+    let cells = map.graph.cell_count();
+    if cells > 300 {
+        return;
+    }
+    let _ = CellMatrix::from_bytes(cells, bytes);
+    let settings = Settings { steps_per_cell: 2_000, ..Settings::default() };
+    let Ok(mut bake) = CellBake::new(&map.graph, settings) else { return };
+    while bake.advance().is_some() {}
+    let matrix = bake.finish().matrix;
+    let cell = |index: usize| CellId(index as u32);
+    for (a, b) in (0..cells).flat_map(|a| (0..a).map(move |b| (cell(a), cell(b)))) {
+        assert_eq!(matrix.sees(a, b), matrix.sees(b, a));
+    }
+});

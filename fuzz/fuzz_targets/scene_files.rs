@@ -1,0 +1,20 @@
+//! Any bytes as each of the files that the programs read: scenes, their descriptions, occlusion queries and answers.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use std::path::Path;
+use visibility_examples::description::Description;
+use visibility_examples::occlusion::{visb, visc};
+use visibility_examples::{gltf_file, vscn};
+
+fuzz_target!(|bytes: &[u8]| {
+    let Some((&which, bytes)) = bytes.split_first() else { return };
+    let path = Path::new("fuzz");
+    match which % 5 {
+        0 => drop(vscn::parse(bytes, path)),
+        1 => drop(visc::parse(bytes, path)),
+        2 => drop(visb::parse(bytes, path)),
+        3 => drop(gltf_file::parse(bytes, path)),
+        _ => drop(Description::parse(bytes, path)),
+    }
+});
