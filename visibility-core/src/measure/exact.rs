@@ -51,6 +51,7 @@ pub struct ExactVisibility {
     pub(super) visible_objects: u32,
     pub(super) visible_triangles: u32,
     pub(super) covered_pixels: u32,
+    pub(super) layers: u64,
 }
 
 impl ExactVisibility {
@@ -79,6 +80,11 @@ impl ExactVisibility {
         self.covered_pixels
     }
 
+    /// How many triangles lie behind each other in a covered pixel, on average; zero if none is covered.
+    pub fn depth_complexity(&self) -> f64 {
+        self.layers as f64 / f64::from(self.covered_pixels.max(1))
+    }
+
     /// The index in [`objects`](Self::objects) of the object that a triangle belongs to; `None` if there is no such
     /// triangle, as for [`NONE`](super::NONE). Logarithmic in the number of objects.
     pub fn object_of(&self, triangle: u32) -> Option<usize> {
@@ -93,6 +99,7 @@ impl ExactVisibility {
         self.objects.clear();
         self.triangle_pixels.clear();
         (self.visible_objects, self.visible_triangles, self.covered_pixels) = (0, 0, 0);
+        self.layers = 0;
     }
 
     /// Takes in one more object; its number of triangles must still fit. Returns the number of its first.

@@ -53,7 +53,7 @@ impl ItemBuffer {
         nearness.try_reserve_exact(width * height).map_err(|_| error)?;
         items.resize(width * height, NONE);
         nearness.resize(width * height, f64::NEG_INFINITY);
-        let image = Image { width, height, items, nearness };
+        let image = Image { width, height, items, nearness, layers: 0 };
         Ok(Self { image, exact: ExactVisibility::default() })
     }
 
@@ -85,12 +85,14 @@ impl ItemBuffer {
             }
         }
         self.exact.count(&self.image.items);
+        self.exact.layers = self.image.layers;
         Ok(&self.exact)
     }
 
     fn clear(&mut self) {
         self.image.items.fill(NONE);
         self.image.nearness.fill(f64::NEG_INFINITY);
+        self.image.layers = 0;
         self.exact.clear();
     }
 

@@ -50,12 +50,14 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod advisor;
 mod clip;
 mod compare;
 mod exact;
 mod item_buffer;
 mod raster;
 
+pub use advisor::{Advisor, CullerTrial, DrawCost, SceneFacts};
 pub use compare::Comparison;
 pub use exact::{ExactVisibility, ObjectPixels};
 pub use item_buffer::{ItemBuffer, MAX_SIDE, NONE};

@@ -38,6 +38,8 @@ pub(super) struct Image {
     pub(super) height: usize,
     pub(super) items: Vec<u32>,
     pub(super) nearness: Vec<f64>,
+    /// Pixels covered so far, each as often as a triangle covers it.
+    pub(super) layers: u64,
 }
 
 impl Image {
@@ -69,6 +71,7 @@ impl Image {
     #[inline]
     fn fill_span(&mut self, row: usize, first: usize, end: usize, plane: &NearnessPlane, item: u32) {
         let span = row * self.width + first..row * self.width + end;
+        self.layers += (end - first) as u64;
         let in_row = plane.slope_y * (row as f64 + 0.5 - plane.reference.y);
         let mut x = first as f64 + 0.5;
         let (items, nearness) = (&mut self.items[span.clone()], &mut self.nearness[span]);
@@ -179,7 +182,7 @@ mod tests {
 
     fn image() -> Image {
         let nearness = [f64::NEG_INFINITY; 1024].into();
-        Image { width: 32, height: 32, items: [9; 1024].into(), nearness }
+        Image { width: 32, height: 32, items: [9; 1024].into(), nearness, layers: 0 }
     }
 
     fn at(x: f64, y: f64, nearness: f64) -> Corner {
