@@ -8,8 +8,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::open;
-use visibility_examples::tradeoff::{Effort, output, plot, sweep, sweep::entries};
+use visibility_examples::tradeoff::{Effort, output, plot, sweep};
 use visibility_examples::walkthrough::World;
+use visibility_examples::walkthrough::auto::advise;
+use visibility_examples::walkthrough::cullers::entries;
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -69,6 +71,10 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         eprint!("\r\x1b[2K");
         println!("{name}: {} objects, {} triangles", world.scene.len(), world.source.triangle_count());
         println!("{}", output::table(&swept.points));
+        println!("{}", advise(&world)?);
+        if let Some(best) = output::best_sound(&swept.points) {
+            println!("least in all here: {}, {:.0} us", best.culler, best.total_us());
+        }
         for (entry, why) in &swept.left_out {
             println!("left out: {entry}: {why}");
         }

@@ -13,7 +13,7 @@ use visibility_examples::picture_size::parse_size;
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
-    Trial, World, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
+    Trial, World, auto, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
 };
 use visibility_examples::{SceneSource, SourceError, load, load_walks, open};
 
@@ -38,7 +38,8 @@ struct Arguments {
     #[arg(long, value_name = "FILE.json")]
     cameras: Option<PathBuf>,
 
-    /// Cullers to compare, separated by commas; a+b runs b after a. All but `frustum` itself run after the frustum.
+    /// Cullers to compare, separated by commas; a+b runs b after a, and `auto` is the best of all for the scene. All but `frustum`
+    /// itself run after the frustum.
     #[arg(long, default_value = "frustum", value_name = "LIST")]
     cullers: String,
 
@@ -109,7 +110,11 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         return Err(format!("there is no frame {frame} to freeze, only {}", world.views.len()).into());
     }
 
-    let pipelines = cullers::parse(&arguments.cullers, &world)?;
+    let (list, advice) = auto::resolve(&arguments.cullers, &world)?;
+    if let Some(advice) = advice {
+        println!("{advice}");
+    }
+    let pipelines = cullers::parse(&list, &world)?;
     let bar = progress("culling", pipelines.len());
     let mut trials = Vec::new();
     for (name, pipeline) in pipelines {
@@ -131,14 +136,14 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     if let Some(object) = marked {
         println!("object {object}, {}:", world.source.objects[object as usize].name);
-        for (name, mut pipeline) in cullers::parse(&arguments.cullers, &world)? {
+        for (name, mut pipeline) in cullers::parse(&list, &world)? {
             print!(" {name}\n{}", explain::explain(&world, &mut pipeline, object));
         }
     }
     let album = Album { folder: &arguments.pictures, world: &world, marked };
     album.walks(&trials, &judgement)?;
     if let Some(frame) = arguments.freeze {
-        for (name, mut pipeline) in cullers::parse(&arguments.cullers, &world)? {
+        for (name, mut pipeline) in cullers::parse(&list, &world)? {
             for (what, canvas) in freeze::draw(&world, &mut pipeline, frame)? {
                 album.save(&canvas, &format!("{frame:04}-frozen-{name}-{what}"))?;
             }

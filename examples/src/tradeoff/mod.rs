@@ -12,6 +12,7 @@ pub use pareto::best;
 pub use sweep::{Effort, Sweep, sweep};
 
 use serde::Serialize;
+use visibility_core::measure::DrawCost;
 
 /// One culler with one setting on one scene. Counts are means over the frames.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -45,6 +46,11 @@ pub struct Point {
 }
 
 impl Point {
+    /// Time to cull a frame and to draw what is reported, by [`DrawCost`]'s default.
+    pub fn total_us(&self) -> f64 {
+        self.frame_us + DrawCost::default().of(self.objects, self.triangles)
+    }
+
     /// How many times more triangles are drawn than show.
     pub fn overdraw(&self) -> f64 {
         self.triangles / self.visible_triangles.max(1.0)

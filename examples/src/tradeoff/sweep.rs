@@ -1,13 +1,10 @@
 //! Measures every culler with every setting of its dial, and some pipelines of several stages.
 
 use super::Point;
-use crate::walkthrough::cullers::{CullerError, known, parse};
+use crate::walkthrough::cullers::{CullerError, parse};
 use crate::walkthrough::{World, judge, run_for};
 use std::time::{Duration, Instant};
 use visibility_core::measure::MeasureError;
-
-/// Pipelines of two and three stages that are worth comparing; those whose stages do not go with a scene are left out there.
-const PIPELINES: &[&str] = &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb"];
 
 /// How long to measure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,19 +24,6 @@ impl Effort {
     /// For a look.
     pub const QUICK: Self =
         Self { frames: 6, measure: Duration::from_millis(20), patience: Duration::from_secs(2) };
-}
-
-/// All names to measure: each culler at each setting of its dial, then the pipelines.
-pub fn entries() -> Vec<String> {
-    let mut entries = vec!["frustum".to_owned()];
-    for culler in known() {
-        if culler.dials.is_empty() {
-            entries.push(culler.name.to_owned());
-        }
-        entries.extend(culler.dials.iter().map(|dial| format!("{}:{dial}", culler.name)));
-    }
-    entries.extend(PIPELINES.iter().map(|&pipeline| pipeline.to_owned()));
-    entries
 }
 
 /// What became of a scene's entries.

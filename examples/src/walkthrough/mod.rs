@@ -3,6 +3,7 @@
 //! [`trial`] runs the cullers and keeps what they report, [`judge`](mod@judge) holds that against the exact answer, [`output`] prints it, and
 //! [`eye_picture`] and [`map_picture`] draw it.
 
+pub mod auto;
 pub mod canvas;
 pub mod cell_sets;
 pub mod cullers;

@@ -30,6 +30,22 @@ pub fn known() -> impl Iterator<Item = &'static Known> {
     [hom::KNOWN, hzb::KNOWN, bsp::KNOWN, pvs::KNOWN, plp::KNOWN].into_iter().flatten()
 }
 
+/// Pipelines of two and three stages that are worth comparing; those whose stages do not go with a scene are left out there.
+const PIPELINES: &[&str] = &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb"];
+
+/// What is worth comparing: each culler at each setting of its dial, then the pipelines.
+pub fn entries() -> Vec<String> {
+    let mut entries = vec!["frustum".to_owned()];
+    for culler in known() {
+        if culler.dials.is_empty() {
+            entries.push(culler.name.to_owned());
+        }
+        entries.extend(culler.dials.iter().map(|dial| format!("{}:{dial}", culler.name)));
+    }
+    entries.extend(PIPELINES.iter().map(|&pipeline| pipeline.to_owned()));
+    entries
+}
+
 /// Pipelines from a list such as `frustum,a,a+b:10%`: separated by commas; `a+b` runs `b` after `a`, and `b:10%` sets the dial of `b`.
 /// Every one but `frustum` itself runs after the frustum. Yields each entry with its pipeline.
 pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Pipeline)>, CullerError> {

@@ -1,0 +1,110 @@
+//! The choice made easy: tries every culler that goes with a world on a few of its views, and says which to take and why.
+
+use super::{World, cullers};
+use std::fmt;
+use std::time::Instant;
+use visibility_core::View;
+use visibility_core::measure::{Advisor, CullerTrial, DrawCost, MeasureError, SceneFacts};
+
+/// Views that are probed, spread evenly over the walks.
+const VIEWS: usize = 12;
+
+/// Which culler, and the measured reason.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Advice {
+    /// The culler, as `--cullers` takes it.
+    pub entry: String,
+    /// What the probes found of the scene.
+    pub facts: SceneFacts,
+    /// What it did.
+    pub chosen: CullerTrial,
+    /// What culling by the frustum alone did.
+    pub frustum: CullerTrial,
+    /// What an answer without error and without cost would take.
+    pub least_us: f64,
+    /// How many cullers were tried.
+    pub tried: usize,
+    /// Whether the scene has cells.
+    pub cells: bool,
+}
+
+/// Tries all cullers that promise to hide nothing visible.
+///
+/// # Errors
+/// [`MeasureError`], if the scene has too many triangles to number.
+pub fn advise(world: &World) -> Result<Advice, MeasureError> {
+    let step = world.views.len().div_ceil(VIEWS).max(1);
+    let views: Vec<View> = world.views.iter().step_by(step).cloned().collect();
+    let advisor = Advisor::new(&world.scene, &views, DrawCost::default())?;
+    let clock = Instant::now();
+    let now = || clock.elapsed().as_secs_f64();
+    let mut best: Option<(String, CullerTrial)> = None;
+    let (mut frustum, mut tried) = (CullerTrial::default(), 0);
+    for entry in cullers::entries() {
+        // Those that do not go with the scene say so when they are made.
+        let Ok(mut made) = cullers::parse(&entry, world) else { continue };
+        let limit = best.as_ref().map_or(f64::INFINITY, |(_, trial)| trial.total_us);
+        tried += 1;
+        let Some((_, trial)) = advisor.best([&mut made[0].1], now) else { continue };
+        if tried == 1 {
+            frustum = trial;
+        }
+        if trial.total_us < limit {
+            best = Some((entry, trial));
+        }
+    }
+    let (entry, chosen) = best.unwrap_or(("frustum".to_owned(), frustum));
+    let (facts, least_us) = (*advisor.facts(), advisor.least_us());
+    Ok(Advice { entry, facts, chosen, frustum, least_us, tried, cells: world.source.cells.is_some() })
+}
+
+/// A list of cullers with `auto` replaced by what is advised, and the advice if it was asked for.
+///
+/// # Errors
+/// As for [`advise`].
+pub fn resolve(list: &str, world: &World) -> Result<(String, Option<Advice>), MeasureError> {
+    if !list.split(',').any(|entry| entry.trim() == "auto") {
+        return Ok((list.to_owned(), None));
+    }
+    let advice = advise(world)?;
+    let resolved = list.split(',').map(|entry| if entry.trim() == "auto" { &advice.entry } else { entry });
+    Ok((resolved.collect::<Vec<_>>().join(","), Some(advice)))
+}
+
+impl fmt::Display for Advice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { entry, facts, chosen, frustum, least_us, tried, cells } = self;
+        let with = if *cells { "with" } else { "without" };
+        writeln!(f, "{facts}, {with} cells")?;
+        writeln!(
+            f,
+            "advice: {entry}, the best of {tried} tried: {:.0} us a view to cull and {:.0} us to draw {:.0} objects, {:.0} us in all",
+            chosen.cull_us,
+            chosen.total_us - chosen.cull_us,
+            chosen.objects,
+            chosen.total_us
+        )?;
+        write!(
+            f,
+            "by the frustum alone {:.0} us for {:.0} objects; without error and cost {least_us:.0} us",
+            frustum.total_us, frustum.objects
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::built_in;
+
+    #[test]
+    fn auto_becomes_a_culler_that_hides_nothing_visible_and_is_worth_it() {
+        let world = World::new(built_in("office:1,2").unwrap(), (64, 36), Some(3)).unwrap();
+        assert_eq!(resolve("frustum,hzb", &world).unwrap(), ("frustum,hzb".to_owned(), None));
+        let (list, advice) = resolve("frustum, auto", &world).unwrap();
+        let advice = advice.unwrap();
+        assert_eq!(list, format!("frustum,{}", advice.entry));
+        assert!(advice.chosen.is_sound() && advice.chosen.total_us <= advice.frustum.total_us);
+        assert!(advice.tried > 1 && cullers::parse(&list, &world).is_ok());
+    }
+}
