@@ -20,11 +20,14 @@ pub struct Settings {
     pub clearance: f64,
     /// The most chains of portals to look at for one cell. When it is reached, the cell sees all that is still possible.
     pub steps_per_cell: u64,
+    /// Whether chains of portals through which separating planes leave a way are tested in Pluecker space too, where that decides whether
+    /// a cell is seen: fewer cells, for somewhat more time.
+    pub exact: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { clearance: 1e-6, steps_per_cell: u64::MAX }
+        Self { clearance: 1e-6, steps_per_cell: u64::MAX, exact: false }
     }
 }
 
@@ -111,6 +114,8 @@ pub struct Outcome {
     pub fallbacks: Vec<Fallback>,
     /// Chains of portals looked at, by cell: what the cell cost.
     pub steps: Vec<u64>,
+    /// Chains that were tested in Pluecker space and rejected, each with a certificate.
+    pub rejected: u64,
     /// Whether the bake went to its end; otherwise cells see all that was still possible.
     pub complete: bool,
 }
@@ -152,6 +157,7 @@ pub struct CellBake {
     steps: Vec<u64>,
     fallbacks: Vec<u32>,
     total: u64,
+    rejected: u64,
 }
 
 /// The portals made ready, if they can be baked.
@@ -189,6 +195,7 @@ impl CellBake {
             steps: alloc::vec![0; cells],
             fallbacks: alloc::vec![0; cells],
             total: 0,
+            rejected: 0,
             portals,
             cells,
             settings,
@@ -266,6 +273,7 @@ impl CellBake {
             stride: self.stride,
             seen: &self.seen,
             cell_stride: self.cell_stride,
+            exact: self.settings.exact.then_some(self.settings.clearance),
         };
         let one = |scratch: &mut Scratch, &source: &u32| {
             let spent = self.steps[self.portals.all[source as usize].from as usize];
@@ -306,6 +314,7 @@ impl CellBake {
         };
         self.steps[from] += found.steps;
         self.total += found.steps;
+        self.rejected += found.rejected;
         self.fallbacks[from] += u32::from(found.gave_up);
         for portal in found.hidden {
             let other = self.portals.all[portal as usize].reverse;
@@ -356,6 +365,6 @@ impl CellBake {
         let fallbacks = self.fallbacks.iter().enumerate().filter(|(_, portals)| **portals > 0);
         let fallbacks =
             fallbacks.map(|(cell, &portals)| Fallback { cell: CellId(cell as u32), portals }).collect();
-        Outcome { matrix, fallbacks, steps: self.steps, complete }
+        Outcome { matrix, fallbacks, steps: self.steps, rejected: self.rejected, complete }
     }
 }

@@ -4,6 +4,8 @@
 //! - [`prt`] reads the portal files of map compilers into a [`CellGraph`](visibility_core::CellGraph).
 //! - [`CellBake`] computes which cells see which: the potentially visible set of each, as a [`CellMatrix`].
 //! - [`ObjectBake`] computes which objects each cell sees.
+//! - [`stabbing`] answers whether a line passes through a sequence of openings, in a floor plan or in space, and [`lp`] is the solver of small
+//!   linear programs below it; both with certificates.
 //!
 //! # Promises
 //! - No two cells are called hidden from each other between which a straight line passes that stays clear of all portal edges by the
@@ -22,12 +24,14 @@ extern crate std;
 mod bake;
 mod flood;
 pub mod from_geometry;
+pub mod lp;
 mod matrix;
 mod objects;
 mod polygon;
 mod portals;
 pub mod prt;
 mod separators;
+pub mod stabbing;
 
 pub use bake::{BakeError, CellBake, Fallback, Outcome, Progress, Settings};
 pub use matrix::CellMatrix;

@@ -7,6 +7,7 @@
 //! room pays for rounding: planes that clip keep what is [`keep`](Margins::keep) beyond them, and vertices nearer to each other than
 //! [`merge`](Margins::merge) become one, since the direction between them means nothing.
 
+use crate::stabbing::pluecker::{Edge, Opening, edges_of};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, Plane};
@@ -56,6 +57,9 @@ pub(crate) struct Directed {
     pub(crate) to: u32,
     /// The same portal the other way.
     pub(crate) reverse: u32,
+    /// Its edges as they were given, counter-clockwise around the normal or, if `against`, clockwise.
+    pub(crate) edges: (u32, u32),
+    pub(crate) against: bool,
 }
 
 /// All portals in both directions, in the order of the cells that they lead from.
@@ -63,6 +67,7 @@ pub(crate) struct Directed {
 pub(crate) struct Portals {
     pub(crate) all: Vec<Directed>,
     pub(crate) vertices: Vec<DVec3>,
+    pub(crate) edges: Vec<Edge>,
     /// Where each cell's portals begin, and at the end where the last ones stop.
     pub(crate) first: Vec<u32>,
     pub(crate) margins: Margins,
@@ -75,7 +80,7 @@ impl Portals {
         let extent = positions.fold(0.0, |extent: f64, v| extent.max(v.abs().max_element()));
         let margins = Margins::new(clearance, extent);
         let mut insets = alloc::vec![None; graph.portals().len()];
-        let mut vertices = Vec::new();
+        let (mut vertices, mut edges) = (Vec::new(), Vec::new());
         for (portal, inset) in graph.portals().iter().zip(&mut insets) {
             let plane = portal.plane();
             let on_plane: Vec<DVec3> = portal
@@ -90,7 +95,10 @@ impl Portals {
                 vertices.extend_from_slice(&drawn_in);
                 let middle = vertices.len() as u32;
                 vertices.extend(drawn_in.iter().rev());
-                *inset = Some([start, middle, vertices.len() as u32]);
+                let first_edge = edges.len() as u32;
+                let given = portal.polygon().vertices().iter().copied();
+                edges_of(given, plane.normal, margins.inset, &mut edges);
+                *inset = Some(([start, middle, vertices.len() as u32], (first_edge, edges.len() as u32)));
             }
         }
         let mut all: Vec<Directed> = Vec::new();
@@ -99,7 +107,7 @@ impl Portals {
         for cell in (0..graph.cell_count() as u32).map(visibility_core::CellId) {
             first.push(all.len() as u32);
             for &id in graph.portals_of(cell) {
-                let Some([start, middle, end]) = insets[id.index()] else { continue };
+                let Some(([start, middle, end], edges)) = insets[id.index()] else { continue };
                 let portal = &graph.portals()[id.index()];
                 let backward = usize::from(portal.cells()[0] != cell);
                 halves[id.index()][backward] = all.len() as u32;
@@ -107,7 +115,9 @@ impl Portals {
                 let plane = if backward == 0 { portal.plane() } else { portal.plane().flipped() };
                 let (center, radius) = ball(&vertices[start as usize..end as usize]);
                 let to = portal.cells()[1 - backward].0;
-                all.push(Directed { plane, center, radius, start, end, from: cell.0, to, reverse: 0 });
+                let (from, against) = (cell.0, backward == 1);
+                let reverse = 0;
+                all.push(Directed { plane, center, radius, start, end, from, to, reverse, edges, against });
             }
         }
         first.push(all.len() as u32);
@@ -115,11 +125,17 @@ impl Portals {
             all[a as usize].reverse = b;
             all[b as usize].reverse = a;
         }
-        Self { all, vertices, first, margins }
+        Self { all, vertices, edges, first, margins }
     }
 
     pub(crate) fn vertices_of(&self, portal: &Directed) -> &[DVec3] {
         &self.vertices[portal.start as usize..portal.end as usize]
+    }
+
+    /// The portal as it was given.
+    pub(crate) fn opening(&self, portal: &Directed) -> Opening<'_> {
+        let edges = &self.edges[portal.edges.0 as usize..portal.edges.1 as usize];
+        Opening { edges, against: portal.against, normal: portal.plane.normal }
     }
 
     /// The portals that lead from a cell.

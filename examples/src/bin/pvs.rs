@@ -14,6 +14,10 @@ struct Arguments {
     /// The map: a `.prt` file, as map compilers write them.
     map: PathBuf,
 
+    /// Test in Pluecker space, too, what separating planes call visible: fewer pairs, every one less with a certificate.
+    #[arg(long)]
+    exact: bool,
+
     /// Threads; 0 for as many as there are. The answer is the same for any number.
     #[arg(long, default_value_t = 0)]
     threads: usize,
@@ -62,6 +66,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     let settings = Settings {
         clearance: arguments.clearance,
         steps_per_cell: arguments.limit.unwrap_or(Settings::default().steps_per_cell),
+        exact: arguments.exact,
     };
     let threads = match arguments.threads {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
@@ -90,7 +95,8 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         write(path, pvs.as_bytes())?;
     }
     if arguments.json {
-        let line = Line::new(&map, &baked, "separators", threads);
+        let mode = if arguments.exact { "exact" } else { "separators" };
+        let line = Line::new(&map, &baked, mode, threads);
         println!("{}", serde_json::to_string(&line).map_err(|error| error.to_string())?);
     } else {
         print!("{}", summary(&map, &baked, arguments.slowest));

@@ -48,6 +48,10 @@ pub fn summary(map: &Map, baked: &Baked, slowest: usize) -> String {
         outcome.matrix.mean_visible(),
         baked.seconds,
     );
+    if outcome.rejected > 0 {
+        let _ =
+            writeln!(text, "{} chains rejected in Pluecker space, each with a certificate", outcome.rejected);
+    }
     for fallback in &outcome.fallbacks {
         let _ = writeln!(
             text,

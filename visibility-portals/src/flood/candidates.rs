@@ -3,6 +3,7 @@
 use super::Known;
 use super::frame::Frame;
 use crate::matrix::bits;
+use crate::stabbing::pluecker::Pluecker;
 use alloc::vec::Vec;
 use visibility_core::Plane;
 use visibility_core::glam::DVec3;
@@ -40,6 +41,7 @@ pub(crate) struct Scratch {
     pub(crate) stamps: Vec<u32>,
     pub(crate) stamp: u32,
     pub(crate) queue: Vec<u32>,
+    pub(crate) pluecker: Pluecker,
 }
 
 const NO_ROW: u32 = u32::MAX;

@@ -92,10 +92,19 @@ impl Scratch {
             self.points.truncate(points);
             return;
         };
-        self.reached[child / 64] |= 1 << (child % 64);
         let cell = self.to[child];
+        let mut proven = false;
         if is_goal {
-            let proven = self.witness(known, number, &source, &pass);
+            let line = self.middle_line(&source, &pass);
+            proven = self.witness(known, number, line);
+            if !proven && self.is_excluded(known, number, line) {
+                found.rejected += 1;
+                self.points.truncate(points);
+                return;
+            }
+        }
+        self.reached[child / 64] |= 1 << (child % 64);
+        if is_goal {
             found.cells.push((cell, proven));
             self.drop_goals(cell);
         }

@@ -27,6 +27,8 @@ pub(crate) struct Known<'a> {
     /// For each cell, the cells that need not be shown to be seen from it: rows of `cell_stride` words.
     pub(crate) seen: &'a [u64],
     pub(crate) cell_stride: usize,
+    /// Whether chains that lead to a cell not yet known to be seen are tested in Pluecker space, for lines clear of edges by so much.
+    pub(crate) exact: Option<f64>,
 }
 
 /// What one flood found.
@@ -38,6 +40,8 @@ pub(crate) struct Found {
     pub(crate) cells: Vec<(u32, bool)>,
     /// Chains looked at.
     pub(crate) steps: u64,
+    /// Chains on which the separating planes leave something, and a certificate says that no line goes through.
+    pub(crate) rejected: u64,
     /// Whether the limit of steps was reached, and everything possible is called visible.
     pub(crate) gave_up: bool,
 }

@@ -2,25 +2,35 @@
 
 use super::{Known, Scratch};
 use crate::portals::Directed;
+use crate::stabbing::pluecker::Polytope;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
 impl Scratch {
-    /// Whether the line from the middle of the source's part to the middle of the target's passes through all portals between, which
-    /// proves that the cells at both ends see each other.
-    pub(crate) fn witness(
-        &self,
-        known: &Known,
-        target: u32,
-        source: &Range<usize>,
-        pass: &Range<usize>,
-    ) -> bool {
-        let [a, b] = [source, pass].map(|place| {
+    /// The line from the middle of the source's part to the middle of the target's, by two points.
+    pub(crate) fn middle_line(&self, source: &Range<usize>, pass: &Range<usize>) -> [DVec3; 2] {
+        [source, pass].map(|place| {
             let points = &self.points[place.clone()];
             points.iter().fold(DVec3::ZERO, |sum, &p| sum + p) / points.len() as f64
-        });
+        })
+    }
+
+    /// Whether a line passes through all portals of the chain and a last one, which proves that the cells at both ends see each other.
+    pub(crate) fn witness(&self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let chain = self.frames.iter().map(|frame| frame.portal).chain([target]);
         chain.into_iter().all(|portal| passes(known, &known.portals.all[portal as usize], a, b))
+    }
+
+    /// Whether it is certain, and wanted to be known, that no line goes through all portals of the chain and a last one.
+    pub(crate) fn is_excluded(&mut self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
+        let (Some(clearance), Some(direction)) = (known.exact, (b - a).try_normalize()) else { return false };
+        let frames = &self.frames;
+        let opening = |i: usize| {
+            let portal = frames.get(i).map_or(target, |frame| frame.portal);
+            known.portals.opening(&known.portals.all[portal as usize])
+        };
+        let line = (a, direction);
+        matches!(self.pluecker.test(opening, frames.len() + 1, line, clearance), Polytope::Empty(_))
     }
 }
 

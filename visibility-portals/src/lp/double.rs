@@ -1,0 +1,122 @@
+//! Numbers of twice the length: the unevaluated sum of two `f64`, so that certificates can be checked where `f64` has no digits left.
+//!
+//! This work is based on: T. J. Dekker, "A Floating-Point Technique for Extending the Available Precision", 1971, and M. Joldes,
+//! J.-M. Muller and V. Popescu, "Tight and Rigorous Error Bounds for Basic Building Blocks of Double-Word Arithmetic", 2017, who prove that
+//! a sum is wrong by at most 3 u^2 and a product by at most 8 u^2 of its value, u = 2^-53, if nothing underflows or overflows.
+
+/// `hi + lo`, `hi` being the sum rounded to nearest.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct Double {
+    pub(crate) hi: f64,
+    pub(crate) lo: f64,
+}
+
+impl Double {
+    pub(crate) const ZERO: Self = Self { hi: 0.0, lo: 0.0 };
+
+    /// How wrong a product or sum of two is at most, relative to it: 16 u^2.
+    pub(crate) const ERROR: f64 = 1.0 / (1u128 << 102) as f64;
+
+    /// `a + b`, exactly.
+    pub(crate) fn sum(a: f64, b: f64) -> Self {
+        let hi = a + b;
+        let of_b = hi - a;
+        Self { hi, lo: (a - (hi - of_b)) + (b - of_b) }
+    }
+
+    /// `a - b`, exactly.
+    pub(crate) fn difference(a: f64, b: f64) -> Self {
+        Self::sum(a, -b)
+    }
+
+    /// `a + b`, exactly, if `a` is not the smaller one.
+    fn sum_ordered(a: f64, b: f64) -> Self {
+        let hi = a + b;
+        Self { hi, lo: b - (hi - a) }
+    }
+
+    /// `a * b`, exactly.
+    pub(crate) fn product(a: f64, b: f64) -> Self {
+        let hi = a * b;
+        let [(a1, a2), (b1, b2)] = [halves(a), halves(b)];
+        Self { hi, lo: ((a1 * b1 - hi) + a1 * b2 + a2 * b1) + a2 * b2 }
+    }
+
+    pub(crate) fn plus(self, other: Self) -> Self {
+        let (s, t) = (Self::sum(self.hi, other.hi), Self::sum(self.lo, other.lo));
+        let v = Self::sum_ordered(s.hi, s.lo + t.hi);
+        Self::sum_ordered(v.hi, t.lo + v.lo)
+    }
+
+    pub(crate) fn negated(self) -> Self {
+        Self { hi: -self.hi, lo: -self.lo }
+    }
+
+    pub(crate) fn times(self, other: Self) -> Self {
+        let p = Self::product(self.hi, other.hi);
+        Self::sum_ordered(p.hi, p.lo + (self.hi * other.lo + self.lo * other.hi))
+    }
+
+    /// Times a power of two, exactly.
+    pub(crate) fn scaled(self, power: f64) -> Self {
+        Self { hi: self.hi * power, lo: self.lo * power }
+    }
+}
+
+impl From<f64> for Double {
+    fn from(hi: f64) -> Self {
+        Self { hi, lo: 0.0 }
+    }
+}
+
+/// Two numbers of at most 26 bits whose sum it is (Veltkamp, 1968).
+fn halves(a: f64) -> (f64, f64) {
+    let c = a * 134_217_729.0;
+    let high = c - (c - a);
+    (high, a - high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// In units of 2^-80, so that products of the numbers below are integers.
+    fn exact(a: Double) -> i128 {
+        let scaled = |v: f64| {
+            let v = v * (1u128 << 80) as f64;
+            assert_eq!(v, v.trunc());
+            v as i128
+        };
+        scaled(a.hi) + scaled(a.lo)
+    }
+
+    #[test]
+    fn sums_and_products_of_two_numbers_are_exact() {
+        let mut state = 1u64;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            // Up to 2^20 in units of 2^-26: 46 bits, so that a product has 92.
+            ((state >> 17) as i64 - (1 << 46)) >> (state % 40)
+        };
+        for _ in 0..10_000 {
+            let (a, b) = (random(), random());
+            let [x, y] = [a, b].map(|v| v as f64 / (1 << 26) as f64);
+            assert_eq!(exact(Double::difference(x, y)), i128::from(a - b) << 54);
+            // The product in units of 2^-52.
+            assert_eq!(exact(Double::product(x, y)), (i128::from(a) * i128::from(b)) << 28);
+            let sum = Double::product(x, y).plus(Double::product(y, y)).plus(Double::product(x, -y));
+            let error = exact(sum) - ((i128::from(b) * i128::from(b)) << 28);
+            assert!(error.abs() <= 1 << 26, "{error}");
+        }
+    }
+
+    #[test]
+    fn products_of_long_numbers_keep_their_digits() {
+        // (1 + 2^-60) (1 - 2^-60) = 1 - 2^-120.
+        let tiny = 2f64.powi(-60);
+        let p = Double { hi: 1.0, lo: tiny }.times(Double { hi: 1.0, lo: -tiny });
+        assert_eq!((p.hi, p.lo), (1.0, 0.0));
+        let p = Double { hi: 1.0, lo: tiny }.times(Double { hi: 1.0, lo: tiny });
+        assert_eq!((p.hi, p.lo), (1.0, 2.0 * tiny));
+    }
+}

@@ -1,0 +1,229 @@
+//! Does a line pass through all these portals?
+//!
+//! [`Stabber`] answers for segments of a floor plan, for axis-aligned rectangles and for convex polygons in space, each time with a line that
+//! does, a certificate that none does, or *maybe*; rounding never makes one of the first two out of the third. The planes that separate portals
+//! answer a part of the same question faster, as the floods of a [`CellBake`](crate::CellBake) do: [`antipenumbra`].
+
+mod plan;
+pub(crate) mod pluecker;
+
+use crate::lp::Certificate;
+use crate::{BakeError, CellBake, Settings};
+use alloc::vec::Vec;
+use pluecker::{Edge, Opening, Pluecker, Polytope, edges_of};
+use visibility_core::glam::{DVec2, DVec3};
+use visibility_core::{CellGraph, CellId, ConvexPolygon};
+
+/// Whether a line passes through a sequence; `L` is the line, by a point and a direction.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Stab<L> {
+    /// This one does, surely, and stays clear of all edges by the clearance.
+    Line(L),
+    /// None does that stays clear of all edges by the clearance. The certificate names a few ends of segments or edges of polygons, counted
+    /// through the sequence: no line passes even these.
+    No(Certificate),
+    /// Neither was shown.
+    Maybe,
+}
+
+impl<L> Stab<L> {
+    /// Whether it is certain that no line passes.
+    pub fn is_no(&self) -> bool {
+        matches!(self, Self::No(_))
+    }
+}
+
+/// An opening in a wall at right angles to an axis.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Rectangle {
+    /// The corner with the least coordinates.
+    pub min: DVec3,
+    /// The one with the greatest; the same as `min` along the axis.
+    pub max: DVec3,
+    /// The axis, 0, 1 or 2, along which lines go through.
+    pub axis: usize,
+    /// Whether they go towards greater coordinates.
+    pub forward: bool,
+}
+
+impl Rectangle {
+    /// As seen along an axis: its left and its right end, in the plane of the two axes that follow. `None` if it is seen as a whole.
+    fn seen_along(&self, axis: usize) -> Option<[DVec2; 2]> {
+        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+        // Towards the second axis, the third is to the left; towards the third, the second is to the right.
+        let [left, right] = match self.axis {
+            a if a == i => [DVec2::new(self.min[i], self.max[j]), DVec2::new(self.min[i], self.min[j])],
+            a if a == j => [DVec2::new(self.min[i], self.min[j]), DVec2::new(self.max[i], self.min[j])],
+            _ => return None,
+        };
+        Some(if self.forward { [left, right] } else { [right, left] })
+    }
+
+    /// Counter-clockwise around the way that lines take.
+    fn corners(&self) -> [DVec3; 4] {
+        let (i, j) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
+        let corner = |at_i: f64, at_j: f64| {
+            let mut p = self.min;
+            p[i] = at_i;
+            p[j] = at_j;
+            p
+        };
+        let (a, b) = (self.min, self.max);
+        let mut corners = [corner(a[i], a[j]), corner(b[i], a[j]), corner(b[i], b[j]), corner(a[i], b[j])];
+        if !self.forward {
+            corners.reverse();
+        }
+        corners
+    }
+}
+
+/// Looks for lines through sequences. Its memory serves one sequence after another.
+///
+/// ```
+/// use visibility_core::glam::DVec2;
+/// use visibility_portals::stabbing::{Stab, Stabber};
+/// let mut stabber = Stabber::new(1e-6);
+/// // Three doors on the way along x, the left end of each first: the last one is to the left of where the others let one look.
+/// let door = |x, from: f64| [DVec2::new(x, from + 1.0), DVec2::new(x, from)];
+/// assert!(matches!(stabber.segments(&[door(0.0, 0.0), door(1.0, 0.5), door(2.0, 1.5)]), Stab::Line(_)));
+/// assert!(stabber.segments(&[door(0.0, 0.0), door(1.0, 0.5), door(2.0, 3.5)]).is_no());
+/// ```
+#[derive(Clone, Debug)]
+pub struct Stabber {
+    clearance: f64,
+    plan: plan::Plan,
+    pluecker: Pluecker,
+    edges: Vec<Edge>,
+    /// Where the edges of each polygon end, and its normal.
+    ends: Vec<(usize, DVec3)>,
+}
+
+impl Stabber {
+    /// For lines that stay clear of all edges by a distance, in the unit of the coordinates.
+    pub fn new(clearance: f64) -> Self {
+        let (plan, pluecker) = (plan::Plan::default(), Pluecker::default());
+        Self { clearance, plan, pluecker, edges: Vec::new(), ends: Vec::new() }
+    }
+
+    /// A line in the plane through segments, each given by the end that it passes on its left and the one on its right.
+    ///
+    /// As a linear program in two variables, solved in time linear in the segments (Seth Teller and Carlo Sequin, "Visibility Preprocessing for
+    /// Interactive Walkthroughs", 1991).
+    pub fn segments(&mut self, segments: &[[DVec2; 2]]) -> Stab<[DVec2; 2]> {
+        self.plan.stab(segments, self.clearance)
+    }
+
+    /// A line through axis-aligned rectangles. Seen along each of the axes, the line passes through segments; where the [`segments`]
+    /// (Self::segments) of one axis exclude it there is none (Teller and Sequin, 1991). Otherwise it is looked for as in
+    /// [`polygons`](Self::polygons).
+    pub fn rectangles(&mut self, rectangles: &[Rectangle]) -> Stab<[DVec3; 2]> {
+        let mut seen = Vec::with_capacity(rectangles.len());
+        let mut of = Vec::with_capacity(rectangles.len());
+        for axis in 0..3 {
+            seen.clear();
+            of.clear();
+            for (i, rectangle) in rectangles.iter().enumerate() {
+                if let Some(ends) = rectangle.seen_along(axis) {
+                    seen.push(ends);
+                    of.push(i);
+                }
+            }
+            if let Stab::No(certificate) = self.segments(&seen) {
+                // The ends are edges along the axis: named by what they are of, two for each rectangle.
+                let ends = certificate.renumbered(|end| 2 * of[end as usize / 2] as u32 + end % 2);
+                return Stab::No(ends);
+            }
+        }
+        let corners: Vec<_> = rectangles.iter().map(Rectangle::corners).collect();
+        self.polygons(&corners)
+    }
+
+    /// A line through planar convex polygons, each given by its vertices, counter-clockwise around the way that the line takes.
+    ///
+    /// By a linear program in five dimensions, in time linear in the edges: see Durand's survey, chapter 8, section 3. `No` is certain;
+    /// lines are tried only a few, so that `Maybe` can be said of a sequence that has one, and of a sequence that has none although lines pass
+    /// any few of its edges.
+    pub fn polygons<P: AsRef<[DVec3]>>(&mut self, polygons: &[P]) -> Stab<[DVec3; 2]> {
+        self.edges.clear();
+        self.ends.clear();
+        let inset = 0.4 * self.clearance;
+        for polygon in polygons {
+            let vertices = polygon.as_ref();
+            let Some(plane) = ConvexPolygon::new(vertices.iter().copied()).ok().and_then(|p| p.plane())
+            else {
+                return Stab::Maybe;
+            };
+            edges_of(vertices.iter().copied(), plane.normal, inset, &mut self.edges);
+            self.ends.push((self.edges.len(), plane.normal));
+        }
+        let (Some(first), Some(last)) = (polygons.first(), polygons.last()) else { return Stab::Maybe };
+        let middle = |polygon: &P| {
+            let vertices = polygon.as_ref();
+            vertices.iter().fold(DVec3::ZERO, |sum, &v| sum + v) / vertices.len() as f64
+        };
+        let from = middle(first);
+        let direction = (middle(last) - from).try_normalize().unwrap_or(self.ends[0].1);
+        if self.is_clear(from, direction) {
+            return Stab::Line([from, direction]);
+        }
+        let Self { pluecker, edges, ends, clearance, .. } = self;
+        let opening = |i: usize| {
+            let start = if i == 0 { 0 } else { ends[i - 1].0 };
+            Opening { edges: &edges[start..ends[i].0], against: false, normal: ends[i].1 }
+        };
+        let polytope = pluecker.test(opening, ends.len(), (from, direction), *clearance);
+        match polytope {
+            Polytope::Empty(certificate) => Stab::No(certificate),
+            Polytope::Open => {
+                let lines = INSIDE.map(|inside| self.pluecker.line(from, inside));
+                let mut clear = lines.into_iter().flatten().filter(|[p, d]| self.is_clear(*p, *d));
+                clear.next().map_or(Stab::Maybe, Stab::Line)
+            }
+        }
+    }
+
+    /// Whether a line surely passes all edges, as far from them as it has to be.
+    fn is_clear(&self, point: DVec3, direction: DVec3) -> bool {
+        self.edges.iter().filter(|edge| edge.a != edge.b).all(|edge| {
+            let (e, from) = (edge.b - edge.a, point - edge.a);
+            let across = direction.cross(e);
+            // The product of three vectors, each rounded, is wrong by less than 32 times 2^-52 of the product of their lengths, or
+            // of what they were subtracted from.
+            let sizes =
+                (point.length() + edge.a.length()) * (edge.a.length() + edge.b.length()) * direction.length();
+            across.dot(from) >= self.clearance * across.length() * (1.0 + 1e-12) + 32.0 * f64::EPSILON * sizes
+        })
+    }
+}
+
+/// By how much, relative to the size of things, a line is first looked for inside of all edges.
+const INSIDE: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
+
+/// Whether the planes that separate the polygons of a sequence leave a way through all of them: each polygon clips what is seen of the first one
+/// through those before it, and the other way round (Seth Teller and Pat Hanrahan, "Global Visibility Algorithms for Illumination Computations",
+/// 1993). `false` is certain for lines that stay clear of all edges by the clearance.
+///
+/// # Errors
+/// As [`CellBake::new`].
+///
+/// ```
+/// use visibility_core::{ConvexPolygon, glam::DVec3};
+/// use visibility_portals::stabbing::antipenumbra;
+/// let door = |x: f64, y: f64| ConvexPolygon::new(
+///     [[y, 0.0], [y + 1.0, 0.0], [y + 1.0, 2.0], [y, 2.0]].map(|[y, z]| DVec3::new(x, y, z)));
+/// assert!(antipenumbra(&[door(0.0, 0.0)?, door(1.0, 0.5)?, door(2.0, 1.5)?], 1e-6)?);
+/// assert!(!antipenumbra(&[door(0.0, 0.0)?, door(1.0, 0.5)?, door(2.0, 3.5)?], 1e-6)?);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn antipenumbra(polygons: &[ConvexPolygon], clearance: f64) -> Result<bool, BakeError> {
+    // A chain of cells is a map like any other.
+    let cells = |i: usize| [CellId(i as u32), CellId(i as u32 + 1)];
+    let portals = polygons.iter().enumerate().map(|(i, polygon)| (polygon.clone(), cells(i)));
+    let Ok(graph) = CellGraph::new(polygons.len() + 1, portals) else {
+        let (cells, portals) = (polygons.len() + 1, polygons.len());
+        return Err(BakeError::TooLarge { cells, portals });
+    };
+    let mut bake = CellBake::new(&graph, Settings { clearance, ..Settings::default() })?;
+    while bake.advance().is_some() {}
+    Ok(bake.finish().matrix.sees(CellId(0), CellId(polygons.len() as u32)))
+}

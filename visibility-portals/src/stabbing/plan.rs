@@ -1,0 +1,128 @@
+//! Lines through segments of a floor plan.
+//!
+//! A directed line is `n . p + c = 0`, positive on its left. It passes a segment from its left to its right end, clear of both by `r`, if
+//!
+//! ```text
+//! n . left + c >= r |n|,    -(n . right + c) >= r |n|
+//! ```
+//!
+//! Scaled so that `n . (left - right) = 1` for one of the segments, that is a linear program in two variables. What is certified is in three, with
+//! `n` of unit length: these inequalities, `|c| <= radius` since the line passes that segment, and `n . (left - right) >= 2 r` for it.
+
+use super::Stab;
+use crate::lp::{BOX, Certificate, Double, Levels, Row, Stop, find};
+use alloc::vec::Vec;
+use visibility_core::glam::DVec2;
+
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Plan {
+    levels: Levels,
+    rows: Vec<([f64; 2], f64)>,
+}
+
+/// By how much, relative to the size of things, a line is looked for inside of all ends.
+const INSIDE: [f64; 4] = [1e-2, 1e-4, 1e-6, 0.0];
+
+/// How far the program looks.
+const FAR: f64 = 1e6;
+
+impl Plan {
+    pub(crate) fn stab(&mut self, segments: &[[DVec2; 2]], clearance: f64) -> Stab<[DVec2; 2]> {
+        let (Some(first), Some(last)) = (segments.first(), segments.last()) else { return Stab::Maybe };
+        let sensible = clearance > 0.0 && segments.iter().flatten().all(|p| p.is_finite());
+        if !sensible {
+            return Stab::Maybe;
+        }
+        let origin = (first[0] + first[1]) * 0.5;
+        let across = |s: &[DVec2; 2]| s[0] - s[1];
+        let along = (last[0] + last[1]) * 0.5 - origin;
+        let along = along.try_normalize().unwrap_or(-across(first).perp().normalize_or_zero());
+        // The segment that this line, about right, crosses most squarely.
+        let square = segments.iter().max_by(|a, b| {
+            let sine = |s: &[DVec2; 2]| across(s).normalize_or_zero().dot(along.perp());
+            sine(a).total_cmp(&sine(b))
+        });
+        let square = square.unwrap_or(first);
+        let width = across(square);
+        let start = along.perp() / width.dot(along.perp());
+        // No line that is about right: start from one that is not.
+        let start = if width.dot(along.perp()) > 0.0 { start } else { width / width.length_squared() };
+        let turn = width.perp() / width.length_squared();
+        let size =
+            segments.iter().flatten().fold(0.0, |size: f64, p| size.max((*p - origin).abs().max_element()));
+        self.rows.clear();
+        for p in segments.iter().flatten().enumerate() {
+            let (sign, p) = (if p.0 % 2 == 0 { 1.0 } else { -1.0 }, *p.1 - origin);
+            self.rows.push(([sign * turn.dot(p), sign * size * turn.length()], sign * start.dot(p)));
+        }
+        for inside in INSIDE {
+            let rows = &self.rows;
+            let inside = |i: usize| {
+                let ([a, b], c) = rows[i];
+                ([a, b], c - inside * a.abs().max(b.abs()).max(c.abs()))
+            };
+            match self.levels.solve(rows.len(), inside, [0.0; 2], [FAR; 2]) {
+                Ok([t, c]) => {
+                    let (n, c) = (start + turn * t, c * size * turn.length());
+                    let line = [origin - n * (c / n.length_squared()), -n.perp()];
+                    if is_clear(segments, line, clearance) {
+                        return Stab::Line(line);
+                    }
+                }
+                Err(Stop::Conflict) => {
+                    if let Some(certificate) = self.certificate(segments, square, origin, clearance) {
+                        return Stab::No(certificate);
+                    }
+                }
+                Err(Stop::GaveUp) => {}
+            }
+        }
+        Stab::Maybe
+    }
+
+    fn certificate(
+        &self,
+        segments: &[[DVec2; 2]],
+        square: &[DVec2; 2],
+        origin: DVec2,
+        clearance: f64,
+    ) -> Option<Certificate> {
+        let radius = square.iter().fold(0.0, |radius: f64, p| radius.max((*p - origin).length()));
+        let radius = radius * (1.0 + 1e-12) + f64::MIN_POSITIVE;
+        let mut unit = 1.0;
+        while unit < radius {
+            unit *= 2.0;
+        }
+        let difference = |a: DVec2, b: DVec2| [Double::difference(a.x, b.x), Double::difference(a.y, b.y)];
+        let [x, y] = difference(square[0], square[1]);
+        // Rounded down; differences of coordinates are exact.
+        let least = 2.0 * clearance * (1.0 - 1e-12);
+        let mut rows = [Row { normal: [x, y, Double::ZERO], error: 0.0, least }; 4];
+        let mut count = 1;
+        let conflict = self.levels.conflict();
+        for &tag in conflict.iter().filter(|tag| **tag < BOX) {
+            let (p, is_left) = (segments[tag as usize / 2][tag as usize % 2], tag % 2 == 0);
+            let [x, y] = difference(p, origin);
+            let mut normal = [x, y, Double::from(unit)];
+            if !is_left {
+                normal = normal.map(Double::negated);
+            }
+            rows[count] = Row { normal, error: 0.0, least: clearance };
+            count += 1;
+        }
+        let multipliers = find(&rows[..count], &[1.0, 1.0, radius / unit])?;
+        let ends = conflict.iter().copied().filter(|tag| *tag < BOX);
+        Some(Certificate::new(ends.zip(multipliers[1..].iter().copied())))
+    }
+}
+
+/// Whether a line surely passes all ends as far off as it has to.
+fn is_clear(segments: &[[DVec2; 2]], [point, direction]: [DVec2; 2], clearance: f64) -> bool {
+    let length = direction.length();
+    segments.iter().flatten().enumerate().all(|(i, &p)| {
+        let side = direction.perp_dot(p - point) * if i % 2 == 0 { 1.0 } else { -1.0 };
+        // Two products and a difference of differences, each rounded.
+        let sizes = (p.length() + point.length()) * length;
+        side >= clearance * length * (1.0 + 1e-12) + 16.0 * f64::EPSILON * sizes
+    })
+}

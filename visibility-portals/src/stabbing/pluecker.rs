@@ -1,0 +1,268 @@
+//! Whether the edges of portals leave any line, by a linear program in Pluecker space.
+//!
+//! This work is based on: Seth Teller, "Computing the Antipenumbra of an Area Light Source", 1992; Seth Teller and Michael Hohmeyer,
+//! "Determining the Lines Through Four Lines", 1999; Durand's survey, chapter 8, section 3. A directed line through the point `p` along
+//! `d` has the six coordinates `(d, m)`, `m = p x d`. It passes an edge from `a` to `b` on its left side if
+//!
+//! ```text
+//! h . (d, m) > 0,    h = (a x b, b - a)
+//! ```
+//!
+//! and goes through a polygon if it passes all its edges so. These are half-spaces through the origin of six dimensions. Where they have
+//! nothing in common, no line goes through all polygons. (Where they do, none need to either: lines have `d . m = 0`, the Pluecker
+//! quadric, which a polytope can miss. That is not asked here: such a sequence is a *maybe*.)
+//!
+//! # What is certified
+//! A line that stays clear of all edges by a distance `c` passes them on the same side after each has been moved by less than `c`, any way:
+//! here into the polygon, by the [`inset`](Edge::shift), which adds `shift x (b - a)` to the first half of `h`. With `d` of unit length, lengths
+//! about an origin `o`, and a polygon of the sequence all of whose vertices are within a radius of `o`:
+//! - `|d_k| <= 1`, and `|m_k| <= radius`, since the line meets the polygon;
+//! - `N . d >= 6 c^2`, where `N` is the sum of `a x b` around that polygon, twice its area along its normal: seen along the line, it is a
+//!   polygon of area `N . d / 2` that contains a disc with radius `c`.
+//!
+//! A certificate is a set of edges with multipliers `l_i > 0`: `N + sum l_i h_i = r`, where `r` is so small that the bounds on `d` and `m` leave it
+//! no room to reach `6 c^2`. Everything in it is evaluated from the vertices as they were given, in numbers of twice the length with
+//! every rounding counted (see [`crate::lp`]). The program that proposes which edges to take is solved in plain `f64`, in the five dimensions that
+//! are left when lines are scaled to `n . d = 1`.
+
+use crate::lp::{BOX, Certificate, Double, Levels, MOST, Row, Stop, find};
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+/// An edge of a portal, which lies to the left of it as seen along lines that pass.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Edge {
+    pub(crate) a: DVec3,
+    pub(crate) b: DVec3,
+    /// By how much it is moved.
+    pub(crate) shift: DVec3,
+    /// Whether it bounds the portal: not if it is a point, or if rounding has put other vertices on its wrong side.
+    pub(crate) bounds: bool,
+}
+
+impl Edge {
+    fn reversed(&self) -> Self {
+        Self { a: self.b, b: self.a, ..*self }
+    }
+}
+
+/// A portal of a sequence.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Opening<'a> {
+    /// Its vertices, around the way that lines take.
+    pub(crate) edges: &'a [Edge],
+    /// Whether the edges are given the other way round.
+    pub(crate) against: bool,
+    /// The unit normal of its plane, along the way.
+    pub(crate) normal: DVec3,
+}
+
+impl Opening<'_> {
+    fn edge(&self, i: usize) -> Edge {
+        if self.against { self.edges[i].reversed() } else { self.edges[i] }
+    }
+}
+
+/// Appends the edges of a polygon, counter-clockwise about a unit normal, each with the shift that draws it in by `inset`.
+pub(crate) fn edges_of(
+    vertices: impl Iterator<Item = DVec3> + Clone,
+    normal: DVec3,
+    inset: f64,
+    edges: &mut Vec<Edge>,
+) {
+    let Some(mut a) = vertices.clone().last() else { return };
+    for b in vertices.clone() {
+        let inward = normal.cross(b - a).normalize_or_zero();
+        // Vertices on the wrong side, as rounding puts them, are cut off by no more than the inset, or not at all.
+        let least = vertices.clone().fold(0.0, |least: f64, v| least.min(inward.dot(v - a)));
+        let bounds = inward != DVec3::ZERO && -least <= inset;
+        edges.push(Edge { a, b, shift: inward * (inset + least), bounds });
+        a = b;
+    }
+}
+
+/// What the test works with; its memory serves one after another.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pluecker {
+    levels: Levels,
+    /// Half-spaces in the five coordinates.
+    rows: Vec<([f64; 5], f64)>,
+    /// Which opening and which of its edges each row is of, and the number of the edge among all.
+    of: Vec<(u32, u32, u32)>,
+    /// The coordinates: `d = start + x u + y v`, and lengths.
+    frame: [DVec3; 3],
+    size: f64,
+}
+
+/// How far the program looks, in units of the size of things; lines farther off are not excluded by that.
+const FAR: f64 = 1e6;
+
+/// What a sequence came to.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) enum Polytope {
+    /// It is empty.
+    Empty(Certificate),
+    /// It is not, as far as is known.
+    Open,
+}
+
+impl Pluecker {
+    /// Whether surely no line stays clear of all edges by `clearance`. The program starts from a line that is about right, through `origin`.
+    pub(crate) fn test<'a>(
+        &mut self,
+        opening: impl Fn(usize) -> Opening<'a>,
+        count: usize,
+        (origin, direction): (DVec3, DVec3),
+        clearance: f64,
+    ) -> Polytope {
+        // Lines are scaled by the portal that they go through most squarely.
+        let Some(square) = (0..count).max_by(|&i, &j| {
+            let along = |i: usize| opening(i).normal.dot(direction);
+            along(i).total_cmp(&along(j))
+        }) else {
+            return Polytope::Open;
+        };
+        let normal = opening(square).normal;
+        let along = normal.dot(direction);
+        let is_square = along > 1e-9;
+        if !is_square {
+            return Polytope::Open;
+        }
+        let start = direction / along;
+        let u = normal.any_orthonormal_vector();
+        let v = normal.cross(u);
+        self.rows.clear();
+        self.of.clear();
+        let mut size = 0.0;
+        for i in 0..count {
+            for edge in opening(i).edges {
+                let from = (edge.a - origin).abs().max_element();
+                size = if from > size { from } else { size };
+            }
+        }
+        (self.frame, self.size) = ([start, u, v], size);
+        let mut number = 0;
+        for i in 0..count {
+            let opening = opening(i);
+            for j in 0..opening.edges.len() {
+                number += 1;
+                let edge = opening.edge(j);
+                let (a, e) = (edge.a - origin, edge.b - edge.a);
+                if !edge.bounds {
+                    continue;
+                }
+                let h = a.cross(e) + edge.shift.cross(e);
+                let m = e * size;
+                self.rows.push(([h.dot(u), h.dot(v), m.x, m.y, m.z], h.dot(start)));
+                self.of.push((i as u32, j as u32, number - 1));
+            }
+        }
+        let rows = &self.rows;
+        match self.levels.solve(rows.len(), |i| rows[i], [0.0; 5], [FAR; 5]) {
+            Ok(_) | Err(Stop::GaveUp) => Polytope::Open,
+            Err(Stop::Conflict) => {
+                self.certificate(&opening, square, origin, clearance).map_or(Polytope::Open, Polytope::Empty)
+            }
+        }
+    }
+
+    /// After a test: a line, by a point and a direction, near a point of the polytope that is inside of all edges by so much, relative
+    /// to the size of things.
+    pub(crate) fn line(&mut self, origin: DVec3, inside: f64) -> Option<[DVec3; 2]> {
+        let rows = &self.rows;
+        let inside = |i: usize| {
+            let (a, b) = rows[i];
+            (a, b - inside * a.iter().fold(b.abs(), |size, a| size.max(a.abs())))
+        };
+        let x = self.levels.solve(rows.len(), inside, [0.0; 5], [FAR; 5]).ok()?;
+        let [start, u, v] = self.frame;
+        let d = start + u * x[0] + v * x[1];
+        // The moment of a line is at right angles to it: the nearest such. The point of the line next to the origin is then d x m / d^2.
+        let m = DVec3::new(x[2], x[3], x[4]) * self.size;
+        Some([origin + d.cross(m) / d.length_squared(), d])
+    }
+
+    /// The proof that the conflict come upon is one.
+    fn certificate<'a>(
+        &self,
+        opening: &impl Fn(usize) -> Opening<'a>,
+        square: usize,
+        origin: DVec3,
+        clearance: f64,
+    ) -> Option<Certificate> {
+        let square = opening(square);
+        let radius =
+            square.edges.iter().fold(0.0, |radius: f64, edge| radius.max((edge.a - origin).length()));
+        // Rounded up; in units of a power of two, so that both halves of the rows are of one size.
+        let radius = radius * (1.0 + 1e-12) + f64::MIN_POSITIVE;
+        let mut unit = 1.0;
+        while unit < radius {
+            unit *= 2.0;
+        }
+        let mut rows = [Row { normal: [Double::ZERO; 6], error: 0.0, least: 0.0 }; MOST];
+        rows[0] = area(&square, origin, clearance);
+        let mut count = 1;
+        let conflict = self.levels.conflict();
+        for &tag in conflict.iter().filter(|tag| **tag < BOX) {
+            let (i, j, _) = self.of[tag as usize];
+            rows[count] = halfspace(&opening(i as usize).edge(j as usize), origin, unit);
+            count += 1;
+        }
+        let bounds = [1.0, 1.0, 1.0, radius / unit, radius / unit, radius / unit];
+        let multipliers = find(&rows[..count], &bounds)?;
+        let edges = conflict.iter().filter(|tag| **tag < BOX).map(|tag| self.of[*tag as usize].2);
+        Some(Certificate::new(edges.zip(multipliers[1..].iter().copied())))
+    }
+}
+
+/// A vector in numbers of twice the length.
+type Long = [Double; 3];
+
+fn difference(a: DVec3, b: DVec3) -> Long {
+    [0, 1, 2].map(|k| Double::difference(a[k], b[k]))
+}
+
+fn cross(a: &Long, b: &Long) -> Long {
+    [0, 1, 2].map(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        a[i].times(b[j]).plus(a[j].times(b[i]).negated())
+    })
+}
+
+/// A bound on the error of each coordinate of a cross product of vectors of at most these sizes: two products and a difference, each wrong by at
+/// most `ERROR` of the product of the sizes or of the sum of two of them.
+fn error_of_cross(a: &Long, b: &Long) -> f64 {
+    let size = |a: &Long| a.iter().fold(0.0, |size: f64, a| size.max(a.hi.abs()));
+    8.0 * Double::ERROR * size(a) * size(b)
+}
+
+/// The row of an edge: `h`, with the edge moved, about an origin, `m` being measured in a unit.
+fn halfspace(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
+    // a x b = a x (b - a).
+    let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));
+    let shift = [0, 1, 2].map(|k| Double::from(edge.shift[k]));
+    let (turn, moved) = (cross(&a, &e), cross(&shift, &e));
+    let d = [0, 1, 2].map(|k| turn[k].plus(moved[k]));
+    let m = e.map(|e| e.scaled(unit));
+    // Each sum once more.
+    let error = 2.0 * (error_of_cross(&a, &e) + error_of_cross(&shift, &e)) + f64::MIN_POSITIVE;
+    Row { normal: [d[0], d[1], d[2], m[0], m[1], m[2]], error, least: 0.0 }
+}
+
+/// The row that says that a portal is not seen from its edge.
+fn area(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
+    let (mut sum, mut error) = ([Double::ZERO; 3], f64::MIN_POSITIVE);
+    for i in 0..opening.edges.len() {
+        let edge = opening.edge(i);
+        let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));
+        let part = cross(&a, &e);
+        error += 2.0 * error_of_cross(&a, &e);
+        for (sum, part) in sum.iter_mut().zip(part) {
+            *sum = sum.plus(part);
+            error += Double::ERROR * (sum.hi.abs() + part.hi.abs());
+        }
+    }
+    let zero = Double::ZERO;
+    // 2 pi c^2, rounded down.
+    Row { normal: [sum[0], sum[1], sum[2], zero, zero, zero], error, least: 6.0 * clearance * clearance }
+}
