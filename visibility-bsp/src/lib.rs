@@ -7,10 +7,19 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod naylor;
 mod occluders;
 mod occlusion_tree;
+mod order_culler;
+mod scene_tree;
 mod shadow;
 mod sight;
+pub mod tree;
+mod volume;
 
+pub use naylor::{Naylor, Witness};
 pub use occluders::Occluders;
 pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};
+pub use order_culler::BspOrder;
+pub use scene_tree::SceneTree;
+pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Order, Walk};

@@ -1,0 +1,377 @@
+//! The beam tree: a binary partition of the picture into what is covered already and what is still open.
+//!
+//! Each line is the image of a plane through the eye and an edge, each leaf a beam of lines of sight. Polygons come nearest first. One
+//! that reaches an open leaf is seen there, and closes the part of the leaf that it covers; one that reaches only closed leaves is hidden. A
+//! node both of whose sides are closed is closed itself, so that the tree shrinks to one leaf as the picture fills.
+//!
+//! # Rounding
+//! Corners are known up to an error `d`, for which whoever draws them answers. The line of an edge is taken from its two ends as they were drawn,
+//! never from what cuts have left of it, so that two polygons that share an edge have the same line for it, to the last bit. Where one has only
+//! a part of the edge, of length `s`, the two lines differ by up to `d (1 + 2 r / s)` at a distance of `r`, and the picture is at most 2.9 wide. A
+//! point within 4 times that of a line is *on* it: once for the point, once for the line, and as much again for points that were cut along another such
+//! line. An edge on a line of the tree divides nothing again.
+//!
+//! So a polygon may fail to cover a strip as wide as the margin of a line, and what lies behind it reaches an open leaf there. Margins are at
+//! most a quarter of [`NARROWEST`], and parts narrower than that are not seen.
+
+use alloc::vec::Vec;
+use visibility_core::Side;
+
+/// A leaf through which nothing is seen yet.
+const OPEN: u32 = u32::MAX;
+/// A leaf that is covered.
+const CLOSED: u32 = u32::MAX - 1;
+
+/// A vertex in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Corner {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    /// Whether the edge from here to the next corner lies on a line above in the tree.
+    pub(super) on_line: bool,
+    /// Which edge of the polygon it is a part of.
+    edge: u32,
+}
+
+impl Corner {
+    pub(super) fn new(x: f64, y: f64) -> Self {
+        Self { x, y, on_line: false, edge: 0 }
+    }
+}
+
+/// `a x + b y + c`, with `a` and `b` of unit length together.
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    a: f64,
+    b: f64,
+    c: f64,
+    margin: f64,
+}
+
+impl Line {
+    fn new(a: f64, b: f64, c: f64, error: f64) -> Self {
+        Self { a, b, c, margin: 4.0 * error }
+    }
+
+    /// The line from one corner to another, in front on its left, and whether it is certain far from them too; `None` if they are so close
+    /// that it could be any.
+    fn through(p: Corner, q: Corner, error: f64) -> Option<(Self, bool)> {
+        let (dx, dy) = (q.x - p.x, q.y - p.y);
+        let length = visibility_core::glam::DVec2::new(dx, dy).length();
+        if length.is_nan() || length < 64.0 * error {
+            return None;
+        }
+        let margin = 4.0 * error * (1.0 + 5.8 / length);
+        // From the end that comes first, whichever that is, so that both neighbours get the same.
+        let (at, sign) = if (p.x, p.y) <= (q.x, q.y) { (p, 1.0) } else { (q, -1.0) };
+        let (a, b) = (sign * -dy / length, sign * dx / length);
+        let c = -(a * at.x + b * at.y);
+        let widest = 0.25 * NARROWEST;
+        let line = Self { a: sign * a, b: sign * b, c: sign * c, margin: margin.min(widest) };
+        Some((line, margin <= widest))
+    }
+
+    #[inline]
+    fn distance(&self, p: Corner) -> f64 {
+        self.a * p.x + self.b * p.y + self.c
+    }
+}
+
+/// What is narrower, in units of half the picture, is neither seen nor hidden by: at 2560 columns the 8000th part of a pixel.
+const NARROWEST: f64 = 1e-7;
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    line: Line,
+    /// Behind the line, and in front.
+    children: [u32; 2],
+    parent: u32,
+}
+
+/// A part of the polygon at hand, on its way into a side of a node.
+#[derive(Clone, Copy, Debug)]
+struct Task {
+    parent: u32,
+    side: u8,
+    /// Whether it was once too thin to tell which side of a line it is on. It is then in the right place, up to rounding, but has no area to cover.
+    thin: bool,
+    /// Its corners are those from here to the end of the stack.
+    begin: usize,
+}
+
+/// Where in the picture something was seen: the middle of a part that nothing nearer covers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Witness {
+    /// From -1 on the left to 1 on the right.
+    pub x: f64,
+    /// From -1 at the bottom to 1 at the top.
+    pub y: f64,
+    /// How wide the part is, about, across its narrowest direction, in the same units.
+    pub width: f64,
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug, Default)]
+pub(super) struct Beams {
+    nodes: Vec<Node>,
+    root: u32,
+    error: f64,
+    tasks: Vec<Task>,
+    /// All parts under way: a stack whose top belongs to the topmost task.
+    corners: Vec<Corner>,
+    /// Those of the edges of the polygon at hand, each with whether it is certain; none for edges too short to divide anything.
+    lines: Vec<Option<(Line, bool)>>,
+    part: Vec<Corner>,
+    sides: Vec<f64>,
+    witness: Witness,
+}
+
+const NO_PARENT: u32 = u32::MAX;
+
+/// Lines that divide the picture to begin with, on each axis a power of two less one: whatever comes first, the tree is no list.
+const GRID: u32 = 3;
+
+impl Beams {
+    /// Opens the whole picture. `error` bounds that of the points to come.
+    pub(super) fn begin(&mut self, error: f64) {
+        self.error = error;
+        self.nodes.clear();
+        self.root = OPEN;
+        let mut slot = (NO_PARENT, 0);
+        // Outside the picture nothing is seen.
+        for (a, b) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)] {
+            let node = self.push(slot, Line::new(a, b, 1.0, error), [CLOSED, OPEN]);
+            slot = (node, 1);
+        }
+        self.divide(slot, [-1.0, -1.0], [2.0, 2.0], 2 * GRID);
+    }
+
+    /// A balanced tree over a rectangle.
+    fn divide(&mut self, slot: (u32, u8), least: [f64; 2], size: [f64; 2], levels: u32) {
+        if levels == 0 {
+            return;
+        }
+        let axis = (levels % 2) as usize;
+        let (mut half, mut upper) = (size, least);
+        half[axis] *= 0.5;
+        upper[axis] += half[axis];
+        let [a, b] = if axis == 0 { [1.0, 0.0] } else { [0.0, 1.0] };
+        let node = self.push(slot, Line::new(a, b, -upper[axis], self.error), [OPEN, OPEN]);
+        self.divide((node, 0), least, half, levels - 1);
+        self.divide((node, 1), upper, half, levels - 1);
+    }
+
+    fn push(&mut self, (parent, side): (u32, u8), line: Line, children: [u32; 2]) -> u32 {
+        let node = self.nodes.len() as u32;
+        self.nodes.push(Node { line, children, parent });
+        self.set(parent, side, node);
+        node
+    }
+
+    fn set(&mut self, parent: u32, side: u8, child: u32) {
+        if parent == NO_PARENT {
+            self.root = child;
+        } else {
+            self.nodes[parent as usize].children[usize::from(side)] = child;
+        }
+    }
+
+    /// Whether nothing can be seen any more.
+    pub(super) fn is_closed(&self) -> bool {
+        self.root == CLOSED
+    }
+
+    /// Whether anything of a convex polygon, counter-clockwise in the picture, is seen.
+    pub(super) fn is_seen(&mut self, polygon: &[Corner]) -> bool {
+        self.run(polygon, false)
+    }
+
+    /// The same, after which what lies behind the polygon is not seen any more. `error` bounds that of its corners.
+    pub(super) fn add(&mut self, polygon: &[Corner], error: f64) -> bool {
+        self.lines.clear();
+        for (i, &p) in polygon.iter().enumerate() {
+            self.lines.push(Line::through(p, polygon[(i + 1) % polygon.len()], error));
+        }
+        // A polygon with an area has two edges at least; one that is hardly more than a point covers nothing.
+        let closing = self.lines.iter().flatten().count() >= 2;
+        self.run(polygon, closing)
+    }
+
+    fn run(&mut self, polygon: &[Corner], closing: bool) -> bool {
+        self.witness.width = -1.0;
+        self.tasks.clear();
+        self.corners.clear();
+        if self.root == CLOSED {
+            return false;
+        }
+        for (edge, &corner) in (0..).zip(polygon) {
+            self.corners.push(Corner { edge, ..corner });
+        }
+        self.tasks.push(Task { parent: NO_PARENT, side: 0, thin: false, begin: 0 });
+        let mut seen = false;
+        while let Some(task) = self.tasks.pop() {
+            let child = match task.parent {
+                NO_PARENT => self.root,
+                parent => self.nodes[parent as usize].children[usize::from(task.side)],
+            };
+            match child {
+                CLOSED => self.corners.truncate(task.begin),
+                OPEN => {
+                    let witness = witness(&self.corners[task.begin..]);
+                    seen |= !task.thin && witness.width > NARROWEST;
+                    if witness.width > self.witness.width {
+                        self.witness = witness;
+                    }
+                    if seen && !closing {
+                        return true;
+                    }
+                    if closing && !task.thin {
+                        self.close(task);
+                    }
+                    self.corners.truncate(task.begin);
+                }
+                node => self.pass(node, task),
+            }
+        }
+        seen
+    }
+
+    /// The widest place where the polygon at hand was seen.
+    pub(super) fn witness(&self) -> Witness {
+        self.witness
+    }
+
+    /// Sends the topmost part to the sides of a node.
+    fn pass(&mut self, id: u32, task: Task) {
+        let Node { line, children, .. } = self.nodes[id as usize];
+        let (mut least, mut greatest, mut sum) = (0.0f64, 0.0f64, 0.0);
+        self.sides.clear();
+        for &corner in &self.corners[task.begin..] {
+            let distance = line.distance(corner);
+            least = if distance < least { distance } else { least };
+            greatest = if distance > greatest { distance } else { greatest };
+            sum += distance;
+            self.sides.push(distance);
+        }
+        let (front, back) = (greatest > line.margin, least < -line.margin);
+        if !(front && back) {
+            let side = u8::from(if front || back { front } else { sum > 0.0 });
+            if children[usize::from(side)] == CLOSED {
+                self.corners.truncate(task.begin);
+                return;
+            }
+            let count = self.sides.len();
+            for i in 0..count {
+                let j = if i + 1 == count { 0 } else { i + 1 };
+                if self.sides[i].abs().max(self.sides[j].abs()) <= line.margin {
+                    // Not so short that it could lie across: a leaf that is wider than the part would be closed whole.
+                    let (p, q) = (self.corners[task.begin + i], self.corners[task.begin + j]);
+                    let length = (q.x - p.x).abs().max((q.y - p.y).abs());
+                    self.corners[task.begin + i].on_line |= length > 32.0 * line.margin;
+                }
+            }
+            self.tasks.push(Task {
+                parent: id,
+                side,
+                thin: task.thin || !(front || back),
+                begin: task.begin,
+            });
+            return;
+        }
+        self.part.clear();
+        self.part.extend_from_slice(&self.corners[task.begin..]);
+        self.corners.truncate(task.begin);
+        for side in [0u8, 1] {
+            if children[usize::from(side)] == CLOSED {
+                continue;
+            }
+            let begin = self.corners.len();
+            let sign = if side == 1 { 1.0 } else { -1.0 };
+            let margin = line.margin;
+            let side_of = |i: usize| Side::of(sign * self.sides[i], margin);
+            for i in 0..self.part.len() {
+                let j = if i + 1 == self.part.len() { 0 } else { i + 1 };
+                let (p, q) = (self.part[i], self.part[j]);
+                let along = Corner { on_line: true, ..p };
+                match (side_of(i), side_of(j)) {
+                    (Side::Front, Side::Front | Side::On) | (Side::On, Side::Front) => self.corners.push(p),
+                    (Side::On, Side::On | Side::Back) => self.corners.push(along),
+                    (Side::Front, Side::Back) => {
+                        self.corners.push(p);
+                        let cut = crossing(p, q, self.sides[i], self.sides[j]);
+                        self.corners.push(Corner { on_line: true, ..cut });
+                    }
+                    (Side::Back, Side::Front) => {
+                        let cut = crossing(p, q, self.sides[i], self.sides[j]);
+                        self.corners.push(Corner { on_line: p.on_line, edge: p.edge, ..cut });
+                    }
+                    (Side::Back, Side::On | Side::Back) => {}
+                }
+            }
+            self.tasks.push(Task { parent: id, side, begin, ..task });
+        }
+    }
+
+    /// Closes the part of an open leaf that the topmost corners cover.
+    fn close(&mut self, task: Task) {
+        let mut slot = (task.parent, task.side);
+        let mut divided = false;
+        // Uncertain lines come last: they divide no more than the strip that the others leave, where they are close to their edge.
+        for certain in [true, false] {
+            for i in task.begin..self.corners.len() {
+                let Corner { on_line, edge, .. } = self.corners[i];
+                match self.lines[edge as usize] {
+                    Some((line, sure)) if !on_line && sure == certain => {
+                        let node = self.push(slot, line, [OPEN, OPEN]);
+                        slot = (node, 1);
+                        divided = true;
+                    }
+                    _ => {}
+                }
+            }
+        }
+        self.set(slot.0, slot.1, CLOSED);
+        if !divided {
+            self.close_above(task.parent);
+        }
+    }
+
+    /// Closes nodes both of whose sides are closed.
+    fn close_above(&mut self, mut id: u32) {
+        while id != NO_PARENT {
+            let Node { children, parent, .. } = self.nodes[id as usize];
+            if children != [CLOSED; 2] {
+                return;
+            }
+            match parent {
+                NO_PARENT => self.root = CLOSED,
+                above => {
+                    let of = &mut self.nodes[above as usize].children;
+                    of[usize::from(of[1] == id)] = CLOSED;
+                }
+            }
+            id = parent;
+        }
+    }
+}
+
+/// The middle of a part, and its area by its longest side.
+fn witness(part: &[Corner]) -> Witness {
+    let (mut x, mut y, mut area, mut longest) = (0.0, 0.0, 0.0f64, 0.0f64);
+    let first = part[0];
+    for (i, p) in part.iter().enumerate() {
+        let q = part[(i + 1) % part.len()];
+        x += p.x / part.len() as f64;
+        y += p.y / part.len() as f64;
+        area += (p.x - first.x) * (q.y - first.y) - (p.y - first.y) * (q.x - first.x);
+        longest = longest.max((q.x - p.x).abs().max((q.y - p.y).abs()));
+    }
+    Witness { x, y, width: if longest > 0.0 { 0.5 * area.abs() / longest } else { 0.0 } }
+}
+
+/// Where an edge meets a line, the same from both ends.
+fn crossing(p: Corner, q: Corner, dp: f64, dq: f64) -> Corner {
+    let (p, q, dp, dq) = if (p.x, p.y) <= (q.x, q.y) { (p, q, dp, dq) } else { (q, p, dq, dp) };
+    let t = dp / (dp - dq);
+    Corner::new(p.x + (q.x - p.x) * t, p.y + (q.y - p.y) * t)
+}

@@ -1,0 +1,148 @@
+//! The tree of all triangles of a scene, kept up to date, for any number of views.
+
+use crate::tree::{BspError, BspTree};
+use alloc::vec::Vec;
+use visibility_core::{Changes, ObjectId, Scene};
+
+/// A [`BspTree`] of the triangles of a [`Scene`], in scene coordinates; each fragment's owner is the index of its object.
+///
+/// Built once and shared by the cullers of all views. When the scene has changed, [`sync`](Self::sync) brings it up to date in time
+/// proportional to what changed; an object whose change it has not taken in is never hidden, and hides nothing.
+///
+/// ```
+/// use visibility_bsp::SceneTree;
+/// use visibility_core::{Aabb, Scene, glam::Vec3};
+/// let mut scene = Scene::new();
+/// let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+/// scene.set_triangles(id, [[Vec3::ZERO, Vec3::X, Vec3::ONE]])?;
+/// let mut tree = SceneTree::new(&scene)?;
+/// assert_eq!(tree.tree().fragment_count(), 1);
+/// scene.remove(id)?;
+/// tree.sync(&scene)?;
+/// assert!(tree.tree().is_empty());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct SceneTree {
+    tree: BspTree,
+    /// By index: the object whose triangles are all in the tree.
+    whole: Vec<Option<ObjectId>>,
+    revision: u64,
+}
+
+impl SceneTree {
+    /// The tree of a scene as it is now.
+    ///
+    /// An object without triangles, or with one that is not finite or has no area, counts as visible always: nothing is known of it.
+    ///
+    /// # Errors
+    /// [`BspError::TooManyFragments`].
+    pub fn new(scene: &Scene) -> Result<Self, BspError> {
+        let mut whole = alloc::vec![None; scene.index_limit()];
+        for id in scene.ids() {
+            whole[id.index()] = Some(id).filter(|&id| is_whole(scene, id));
+        }
+        let tree =
+            BspTree::build(scene.ids().flat_map(|id| corners(scene, id).map(move |t| (index(id), t))))?;
+        Ok(Self { tree, whole, revision: scene.revision() })
+    }
+
+    /// Takes in what has changed in the scene.
+    ///
+    /// # Errors
+    /// [`BspError::TooManyFragments`]; what could not be taken in is never hidden.
+    pub fn sync(&mut self, scene: &Scene) -> Result<(), BspError> {
+        match scene.changes_since(self.revision) {
+            Changes::Everything => *self = Self::new(scene)?,
+            Changes::Objects(ids) => {
+                self.whole.resize(scene.index_limit(), None);
+                self.revision = scene.revision();
+                for &id in ids {
+                    self.tree.remove(index(id));
+                    self.whole[id.index()] = None;
+                }
+                for &id in ids {
+                    // Listed more than once, it is in the tree already; removed, its index may be another's, which is listed too.
+                    if self.whole[id.index()].is_some() || !scene.contains(id) || self.has(id) {
+                        continue;
+                    }
+                    self.tree.insert(index(id), corners(scene, id))?;
+                    self.whole[id.index()] = Some(id).filter(|&id| is_whole(scene, id));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The object with this index, if all of it is in the tree.
+    pub(crate) fn object(&self, index: u32) -> Option<ObjectId> {
+        self.whole.get(index as usize).copied().flatten()
+    }
+
+    fn has(&self, id: ObjectId) -> bool {
+        let mut any = false;
+        self.tree.for_each_fragment(index(id), |_| any = true);
+        any
+    }
+
+    /// The tree itself.
+    pub fn tree(&self) -> &BspTree {
+        &self.tree
+    }
+}
+
+fn index(id: ObjectId) -> u32 {
+    id.index() as u32
+}
+
+fn corners(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [visibility_core::glam::DVec3; 3]> + '_ {
+    let triangles = scene.triangles(id).unwrap_or_default();
+    triangles.iter().map(|triangle| triangle.map(|corner| corner.as_dvec3()))
+}
+
+/// Whether there is something of the object in the tree, and nothing missing.
+fn is_whole(scene: &Scene, id: ObjectId) -> bool {
+    let mut triangles = corners(scene, id).peekable();
+    triangles.peek().is_some() && triangles.all(|triangle| BspTree::accepts(&triangle))
+}
+
+/// What a view makes of the objects of a shared tree in one frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Standing {
+    /// By index; `frame` if the object has changed since the tree was brought up to date.
+    changed: Vec<u32>,
+    frame: u32,
+    lost: bool,
+}
+
+impl Standing {
+    /// To be called first in a frame.
+    pub(crate) fn begin(&mut self, shared: &SceneTree, scene: &Scene) {
+        self.frame = self.frame.wrapping_add(1);
+        if self.frame == 0 || self.changed.len() != scene.index_limit() {
+            self.changed.clear();
+            self.changed.resize(scene.index_limit(), 0);
+            self.frame = 1;
+        }
+        self.lost = false;
+        match scene.changes_since(shared.revision) {
+            Changes::Everything => self.lost = true,
+            Changes::Objects(ids) => {
+                for id in ids {
+                    self.changed[id.index()] = self.frame;
+                }
+            }
+        }
+    }
+
+    /// Whether the object with this index is in the tree as it is in the scene.
+    #[inline]
+    pub(crate) fn is_current(&self, index: u32) -> bool {
+        !self.lost && self.changed.get(index as usize).is_some_and(|&frame| frame != self.frame)
+    }
+
+    /// Whether all of an object is in the tree as it is in the scene.
+    pub(crate) fn is_known(&self, shared: &SceneTree, id: ObjectId) -> bool {
+        self.is_current(index(id)) && shared.whole.get(id.index()) == Some(&Some(id))
+    }
+}

@@ -1,0 +1,149 @@
+//! The order of depth, from eyes anywhere: checked by rays against the fragments.
+#![allow(missing_docs)]
+
+mod shapes;
+
+use shapes::{Random, hit, polygons};
+use visibility_bsp::{BspTree, Order};
+use visibility_core::{Eye, glam::DVec3};
+
+/// The fragments in the order in which they are visited, each with the number of its node.
+fn visited(tree: &BspTree, eye: Eye, back: bool, order: &mut Order, out: &mut Vec<(usize, Vec<DVec3>)>) {
+    out.clear();
+    let mut node = 0;
+    let visit = |fragments: visibility_bsp::Fragments<'_>| {
+        out.extend(fragments.map(|fragment| (node, fragment.vertices().to_vec())));
+        node += 1;
+    };
+    if back { tree.back_to_front(eye, order, visit) } else { tree.front_to_back(eye, order, visit) }
+}
+
+/// Rays through points of fragments: along each, what is nearer must not come after what is farther. Returns how many pairs were compared.
+fn check(random: &mut Random, fragments: &[(usize, Vec<DVec3>)], eye: Eye, rays: usize) -> usize {
+    let mut pairs = 0;
+    let mut hits = Vec::new();
+    for _ in 0..rays {
+        let (_, polygon) = &fragments[random.index(fragments.len())];
+        let [s, t] = [random.range(0.0, 1.0), random.range(0.0, 1.0)];
+        let k = 1 + random.index(polygon.len() - 2);
+        let target = polygon[0] + (polygon[k] - polygon[0]) * s + (polygon[k + 1] - polygon[k]) * (s * t);
+        let (start, direction) = match eye {
+            Eye::Point(eye) => (eye, target - eye),
+            Eye::Direction(direction) => (target - direction * 100.0, direction),
+        };
+        hits.clear();
+        hits.extend(fragments.iter().filter_map(|(node, f)| Some((hit(start, direction, f)?, *node))));
+        for (i, &(t, node)) in hits.iter().enumerate() {
+            for &(later_t, later) in &hits[i + 1..] {
+                // In the list, `later` comes after. It must not be nearer, by more than rounding.
+                let allowed = 1e-7 * t.max(1.0);
+                assert!(later_t > t - allowed || later == node, "{later_t} after {t}, from {eye:?}");
+                pairs += 1;
+            }
+        }
+    }
+    pairs
+}
+
+fn eye(random: &mut Random, polygons: &[Vec<DVec3>]) -> Eye {
+    let polygon = &polygons[random.index(polygons.len())];
+    Eye::Point(match random.index(6) {
+        0 => random.grid_point(9.0),
+        1 => polygon[0],
+        2 => polygon[0] + (polygon[1] - polygon[0]) * random.range(0.0, 1.0),
+        // In the plane of the polygon, inside it and beyond.
+        3 => {
+            let [s, t] = [random.range(-2.0, 2.0), random.range(-2.0, 2.0)];
+            polygon[0] + (polygon[1] - polygon[0]) * s + (polygon[2] - polygon[0]) * t
+        }
+        4 => return Eye::Direction(random.point(1.0).normalize()),
+        _ => random.point(12.0),
+    })
+}
+
+fn eyes(scenes: usize, of_each: usize) {
+    let mut random = Random(1);
+    let (mut order, mut list, mut pairs, mut fragments) = (Order::new(), Vec::new(), 0, 0);
+    for scene in 0..scenes {
+        let polygons = polygons(&mut random, 4 + scene % 40);
+        let tree = BspTree::build((0..).zip(polygons.iter().map(|p| &p[..]))).unwrap();
+        fragments += tree.fragment_count();
+        for _ in 0..of_each {
+            let eye = eye(&mut random, &polygons);
+            visited(&tree, eye, false, &mut order, &mut list);
+            assert_eq!(list.len(), tree.fragment_count());
+            pairs += check(&mut random, &list, eye, 2);
+        }
+        let eye = eye(&mut random, &polygons);
+        visited(&tree, eye, true, &mut order, &mut list);
+        list.reverse();
+        pairs += check(&mut random, &list, eye, 2);
+    }
+    println!("{} eyes, {fragments} fragments in {scenes} scenes, {pairs} pairs along rays", scenes * of_each);
+    assert!(pairs > scenes * of_each);
+}
+
+#[test]
+fn the_order_is_that_of_depth_from_any_eye() {
+    eyes(400, 50);
+}
+
+#[test]
+#[ignore = "a million eyes: minutes"]
+fn the_order_is_that_of_depth_from_a_million_eyes() {
+    eyes(4000, 250);
+}
+
+#[test]
+fn owners_that_come_and_go_leave_the_order_right() {
+    let mut random = Random(2);
+    let (mut order, mut list) = (Order::new(), Vec::new());
+    for _ in 0..40 {
+        let polygons = polygons(&mut random, 40);
+        let mut tree = BspTree::build((0..20).zip(polygons.iter().map(|p| &p[..]))).unwrap();
+        let (nodes, fragments) = (tree.node_count(), tree.fragment_count());
+        let mut there: Vec<usize> = (0..20).collect();
+        for _ in 0..60 {
+            let owner = random.index(40);
+            if let Some(at) = there.iter().position(|&o| o == owner) {
+                there.swap_remove(at);
+                assert!(tree.remove(owner as u32));
+                assert!(!tree.remove(owner as u32));
+            } else {
+                there.push(owner);
+                assert_eq!(tree.insert(owner as u32, [&polygons[owner][..]]), Ok(1));
+            }
+            assert!(tree.node_count() < 2 * tree.fragment_count().max(1), "planes that divide nothing stay");
+            let eye = eye(&mut random, &polygons);
+            visited(&tree, eye, false, &mut order, &mut list);
+            assert_eq!(list.len(), tree.fragment_count());
+            if !list.is_empty() {
+                check(&mut random, &list, eye, 4);
+            }
+            for &owner in &there {
+                let mut area = 0.0;
+                tree.for_each_fragment(owner as u32, |f| {
+                    area += area_of(f.vertices());
+                    let bounds = tree.bounds();
+                    assert!(f.vertices().iter().all(|v| bounds.contains_point(v.as_vec3())));
+                });
+                assert!((area - area_of(&polygons[owner])).abs() < 1e-9, "parts of {owner} are missing");
+            }
+        }
+        // Guests alone leave the tree as it was.
+        let mut tree = BspTree::build((0..20).zip(polygons.iter().map(|p| &p[..]))).unwrap();
+        for owner in 20..40 {
+            tree.insert(owner, [&polygons[owner as usize][..]]).unwrap();
+        }
+        (20..40).for_each(|owner| assert!(tree.remove(owner)));
+        assert_eq!((tree.node_count(), tree.fragment_count()), (nodes, fragments));
+        (0..20).for_each(|owner| assert!(tree.remove(owner)));
+        assert!(tree.is_empty() && tree.node_count() == 0 && tree.depth() == 0);
+    }
+}
+
+fn area_of(polygon: &[DVec3]) -> f64 {
+    let sum: DVec3 =
+        (2..polygon.len()).map(|i| (polygon[i - 1] - polygon[0]).cross(polygon[i] - polygon[0])).sum();
+    sum.length() * 0.5
+}

@@ -1,0 +1,86 @@
+//! Random scenes for tests of trees.
+#![allow(dead_code)]
+
+use visibility_core::glam::DVec3;
+
+/// A 64-bit linear congruence.
+pub(crate) struct Random(pub(crate) u64);
+
+impl Random {
+    pub(crate) fn range(&mut self, least: f64, greatest: f64) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        least + (greatest - least) * ((self.0 >> 33) as f64 / (1u64 << 31) as f64)
+    }
+
+    pub(crate) fn index(&mut self, len: usize) -> usize {
+        (self.range(0.0, len as f64) as usize).min(len - 1)
+    }
+
+    pub(crate) fn point(&mut self, reach: f64) -> DVec3 {
+        DVec3::from_array(core::array::from_fn(|_| self.range(-reach, reach)))
+    }
+
+    /// Whole numbers, so that polygons touch, coincide and lie in common planes.
+    pub(crate) fn grid_point(&mut self, reach: f64) -> DVec3 {
+        self.point(reach).round()
+    }
+}
+
+/// Triangles that cross each other, and rectangles on a grid that touch and coincide.
+pub(crate) fn polygons(random: &mut Random, count: usize) -> Vec<Vec<DVec3>> {
+    let mut polygons = Vec::new();
+    while polygons.len() < count {
+        let polygon = match random.index(4) {
+            0 => (0..3).map(|_| random.point(8.0)).collect(),
+            1 => (0..3).map(|_| random.grid_point(8.0)).collect(),
+            2 => {
+                let center = random.point(8.0);
+                (0..3).map(|_| center + random.point(2.0)).collect()
+            }
+            _ => {
+                let (corner, size) = (random.grid_point(8.0), random.grid_point(5.0));
+                let axis = random.index(3);
+                let [u, v] = [DVec3::AXES[(axis + 1) % 3], DVec3::AXES[(axis + 2) % 3]];
+                let [u, v] = [u * size.dot(u), v * size.dot(v)];
+                vec![corner, corner + u, corner + u + v, corner + v]
+            }
+        };
+        if visibility_bsp::BspTree::accepts(&polygon) {
+            polygons.push(polygon);
+        }
+    }
+    polygons
+}
+
+/// The boundary of a box, counter-clockwise as seen from outside.
+pub(crate) fn box_faces(min: DVec3, max: DVec3) -> Vec<Vec<DVec3>> {
+    let corner = |i: usize| {
+        DVec3::new(
+            if i & 1 == 0 { min.x } else { max.x },
+            if i & 2 == 0 { min.y } else { max.y },
+            if i & 4 == 0 { min.z } else { max.z },
+        )
+    };
+    let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    faces.iter().map(|face| face.iter().map(|&i| corner(i)).collect()).collect()
+}
+
+/// Where a ray meets a convex polygon, if clearly inside it; as a multiple of `direction`.
+pub(crate) fn hit(eye: DVec3, direction: DVec3, polygon: &[DVec3]) -> Option<f64> {
+    let normal = (2..polygon.len())
+        .map(|i| (polygon[i - 1] - polygon[0]).cross(polygon[i] - polygon[0]))
+        .sum::<DVec3>()
+        .try_normalize()?;
+    let slope = normal.dot(direction);
+    if slope.abs() < 1e-7 * direction.length() {
+        return None;
+    }
+    let t = normal.dot(polygon[0] - eye) / slope;
+    let p = eye + direction * t;
+    let inside = (0..polygon.len()).all(|i| {
+        let (a, b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
+        // A ray within a node's plane runs along the edges of what that plane has cut.
+        (b - a).cross(p - a).dot(normal) > 1e-7 * (b - a).length()
+    });
+    (t > 1e-9 && inside).then_some(t)
+}

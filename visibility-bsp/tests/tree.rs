@@ -1,0 +1,222 @@
+//! What is in a tree: fragments that add up to the polygons, shared nodes, solid and empty leaves, hostile input.
+#![allow(missing_docs)]
+
+mod shapes;
+
+use shapes::{Random, box_faces, polygons};
+use std::collections::HashSet;
+use visibility_bsp::{BspError, BspTree, Fragments, Leaf, Order, Walk};
+use visibility_core::{Aabb, Eye, glam::DVec3};
+
+fn build(polygons: &[Vec<DVec3>]) -> BspTree {
+    BspTree::build((0..).zip(polygons.iter().map(|p| &p[..]))).unwrap()
+}
+
+#[test]
+fn fragments_add_up_to_their_polygons_and_keep_their_orientation() {
+    let mut random = Random(3);
+    for _ in 0..100 {
+        let polygons = polygons(&mut random, 60);
+        let tree = build(&polygons);
+        for (owner, polygon) in polygons.iter().enumerate() {
+            let area = |v: &[DVec3]| -> DVec3 {
+                (2..v.len()).map(|i| (v[i - 1] - v[0]).cross(v[i] - v[0])).sum::<DVec3>()
+            };
+            let mut sum = DVec3::ZERO;
+            tree.for_each_fragment(owner as u32, |fragment| {
+                sum += area(fragment.vertices());
+                assert!(fragment.plane().normal.dot(area(polygon)) > 0.0 || area(polygon).length() < 1e-9);
+            });
+            assert!((sum - area(polygon)).length() < 1e-9, "polygon {owner}");
+        }
+    }
+}
+
+#[test]
+fn polygons_in_one_plane_share_a_node_and_are_not_cut_by_each_other() {
+    // A floor of tiles, half of them turned over, some overlapping.
+    let tile = |x: f64, y: f64| {
+        let mut tile: Vec<_> = [(0.0, 0.0), (1.5, 0.0), (1.5, 1.0), (0.0, 1.0)]
+            .map(|(u, v)| DVec3::new(x + u, y + v, 7.0))
+            .into();
+        if (x + y) % 2.0 == 0.0 {
+            tile.reverse();
+        }
+        tile
+    };
+    let tiles: Vec<_> = (0..10).map(|i| tile(f64::from(i % 4), f64::from(i / 4))).collect();
+    let tree = build(&tiles);
+    assert_eq!((tree.node_count(), tree.fragment_count(), tree.depth()), (1, 10, 1));
+    // The same where no coordinate is exact.
+    let turn = |v: DVec3| DVec3::new(v.x * 0.6 - v.z * 0.8, v.y, v.x * 0.8 + v.z * 0.6) * 0.1;
+    let turned: Vec<Vec<_>> = tiles.iter().map(|tile| tile.iter().map(|&v| turn(v)).collect()).collect();
+    assert_eq!(build(&turned).node_count(), 1);
+}
+
+#[test]
+fn a_shared_edge_is_cut_in_the_same_points_to_the_last_bit() {
+    let mut random = Random(4);
+    let mut cut = 0;
+    for _ in 0..500 {
+        // Two triangles with an edge in common, and a knife through both.
+        let [a, b, c, d] = core::array::from_fn(|_| random.point(8.0));
+        let middle = (a + b) * 0.5;
+        let knife = vec![middle, middle + random.point(1000.0), middle + random.point(1000.0)];
+        let mut tree = build(&[knife]);
+        tree.insert(1, [&[a, b, c][..]]).unwrap();
+        tree.insert(2, [&[b, a, d][..]]).unwrap();
+        let corners: HashSet<[u64; 3]> = [a, b, c, d].map(bits).into();
+        let points = |owner| {
+            let mut points = HashSet::new();
+            tree.for_each_fragment(owner, |f| {
+                points.extend(f.vertices().iter().filter(|&&p| on_segment(p, a, b)).map(|&p| bits(p)));
+            });
+            points
+        };
+        // The plane of the first may cut the second, but not in the edge that they share.
+        let (one, two) = (points(1), points(2));
+        assert_eq!(one, two);
+        cut += one.difference(&corners).count();
+    }
+    assert!(cut > 30, "{cut}");
+}
+
+fn bits(p: DVec3) -> [u64; 3] {
+    p.to_array().map(f64::to_bits)
+}
+
+fn on_segment(p: DVec3, a: DVec3, b: DVec3) -> bool {
+    let (ab, ap) = (b - a, p - a);
+    let t = ap.dot(ab) / ab.length_squared();
+    (-1e-9..=1.0 + 1e-9).contains(&t) && (ap - ab * t).length() < 1e-9
+}
+
+#[test]
+fn leaves_inside_solids_are_solid() {
+    let mut random = Random(5);
+    for count in [1, 5, 40] {
+        // Boxes on a grid, apart from each other.
+        let boxes: Vec<[DVec3; 2]> = (0..count)
+            .map(|i| {
+                let corner = DVec3::new(f64::from(i % 4), f64::from(i / 4 % 4), f64::from(i / 16)) * 3.0;
+                [corner + random.point(0.4), corner + 2.0 + random.point(0.4)]
+            })
+            .collect();
+        let faces: Vec<_> = boxes.iter().flat_map(|&[min, max]| box_faces(min, max)).collect();
+        let tree = BspTree::build_solid((0..).zip(faces.iter().map(|f| &f[..]))).unwrap();
+        let mut inside = 0;
+        for _ in 0..20_000 {
+            let p = DVec3::splat(5.5) + random.point(8.0);
+            let solid = boxes.iter().any(|[min, max]| p.cmpgt(*min).all() && p.cmplt(*max).all());
+            inside += usize::from(solid);
+            assert_eq!(tree.locate(p), if solid { Leaf::Solid } else { Leaf::Empty }, "{p}");
+        }
+        assert!(inside > 20);
+    }
+}
+
+#[test]
+fn walks_enter_only_what_they_want() {
+    struct Counting(usize, Aabb);
+    impl Walk for Counting {
+        fn enter(&mut self, bounds: &Aabb) -> bool {
+            self.1.classify_aabb(bounds) != visibility_core::Containment::Outside
+        }
+        fn visit(&mut self, fragments: Fragments<'_>) {
+            self.0 += fragments.count();
+        }
+    }
+    let mut random = Random(6);
+    let polygons: Vec<Vec<_>> = (0..3000)
+        .map(|_| {
+            let center = random.point(100.0);
+            (0..3).map(|_| center + random.point(1.0)).collect()
+        })
+        .collect();
+    let tree = build(&polygons);
+    let mut order = Order::new();
+    let mut all = Counting(0, tree.bounds());
+    tree.walk(Eye::Point(DVec3::ZERO), &mut order, &mut all);
+    assert_eq!(all.0, tree.fragment_count());
+    let corner = Aabb::from_arrays([0.0; 3], [30.0; 3]);
+    let mut some = Counting(0, corner);
+    tree.walk(Eye::Point(DVec3::ZERO), &mut order, &mut some);
+    let inside = polygons.iter().filter(|p| p.iter().all(|v| corner.contains_point(v.as_vec3()))).count();
+    assert!(some.0 >= inside && some.0 < all.0 / 10, "{} of {}, {inside} inside", some.0, all.0);
+}
+
+#[test]
+fn few_planes_cut_much() {
+    // A town of boxes: planes of their faces would cut all others, planes between them cut none.
+    let boxes = (0..400).map(|i| {
+        let corner = DVec3::new(f64::from(i % 20), f64::from(i / 20), 0.0) * 10.0;
+        box_faces(corner, corner + DVec3::new(6.0, 7.0, 3.0 + f64::from(i % 7)))
+    });
+    let faces: Vec<_> = boxes.flatten().collect();
+    let tree = build(&faces);
+    assert!(tree.fragment_count() < faces.len() * 5 / 4, "{}", tree.fragment_count());
+    assert!(tree.depth() < 40, "{}", tree.depth());
+}
+
+#[test]
+fn hostile_polygons_are_left_out_or_survive() {
+    let bad = [f64::NAN, f64::INFINITY, -f64::INFINITY];
+    for value in bad {
+        let polygon = [DVec3::ZERO, DVec3::X, DVec3::new(0.0, 1.0, value)];
+        assert!(!BspTree::accepts(&polygon));
+        assert!(build(&[polygon.into()]).is_empty());
+    }
+    for degenerate in
+        [vec![], vec![DVec3::ZERO; 2], vec![DVec3::ONE; 9], vec![DVec3::ZERO, DVec3::ONE, DVec3::splat(0.5)]]
+    {
+        assert!(!BspTree::accepts(&degenerate));
+    }
+    let mut random = Random(7);
+    let values = [0.0, -0.0, 1.0, -1.0, 1e-30, 1e30, -1e30, 3.4e38, 5e-324, 1e150, -1e300];
+    let mut order = Order::new();
+    for _ in 0..300 {
+        let value = |random: &mut Random| values[random.index(values.len())];
+        let polygons: Vec<Vec<DVec3>> = (0..20)
+            .map(|_| {
+                (0..3 + random.index(3))
+                    .map(|_| DVec3::from_array([(); 3].map(|()| value(&mut random))))
+                    .collect()
+            })
+            .collect();
+        let mut tree = build(&polygons);
+        let mut count = 0;
+        let eye = DVec3::from_array([(); 3].map(|()| value(&mut random)));
+        tree.front_to_back(Eye::Point(eye), &mut order, |f| count += f.count());
+        assert_eq!(count, tree.fragment_count());
+        tree.front_to_back(Eye::Point(DVec3::NAN), &mut order, |_| ());
+        tree.front_to_back(Eye::Direction(DVec3::NAN), &mut order, |_| ());
+        tree.locate(DVec3::NAN);
+        tree.insert(5, polygons.iter().map(|p| &p[..])).unwrap();
+        tree.remove(5);
+    }
+}
+
+#[test]
+fn polygons_that_cut_each_other_without_end_are_refused() {
+    // Slats across slats across slats: every plane cuts all of the other two kinds.
+    let n = 40;
+    let mut polygons = Vec::new();
+    for axis in 0..3 {
+        for i in 0..n {
+            let at = f64::from(i) - 0.013 * f64::from(axis);
+            // A little askew, so that no plane is shared.
+            let skew = 1e-4 * f64::from(i);
+            let [u, v, w] = [axis, (axis + 1) % 3, (axis + 2) % 3].map(|a| DVec3::AXES[a as usize]);
+            let corner = |s: f64, t: f64| u * (at + skew * s) + v * (s * 50.0) + w * (t * 50.0);
+            polygons.push(vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
+        }
+    }
+    // 3 n^3 at the worst, which is what it takes: allowed here, refused where it is more than 256 a polygon.
+    let tree = BspTree::build((0..).zip(polygons.iter().map(|p| &p[..])));
+    match tree {
+        Ok(tree) => assert!(tree.fragment_count() < 256 * polygons.len() + 4096),
+        Err(BspError::TooManyFragments { polygons: count, limit }) => {
+            assert!(count == polygons.len() && limit > count)
+        }
+    }
+}
