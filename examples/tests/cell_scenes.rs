@@ -3,13 +3,17 @@
 //! `cargo test --release --test cell_scenes -- --ignored --nocapture` does it with 1,000 eyes in the largest office.
 #![allow(missing_docs)]
 
+mod shared_scenes;
+
+use shared_scenes::stored;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellId, Pose, View, Viewcells};
-use visibility_examples::built_in;
+use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::pvs::solids::boxes;
 use visibility_examples::pvs::stabs::Random;
 use visibility_examples::walkthrough::cell_sets::{Detail, matrix, objects};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
+use visibility_examples::{built_in, load};
 
 /// Views from random places in random cells, in random directions, but not from within walls or furniture.
 fn random_views(viewcells: &Viewcells, solids: &[[DVec3; 2]], count: usize, seed: u64) -> Vec<View> {
@@ -32,17 +36,16 @@ fn random_views(viewcells: &Viewcells, solids: &[[DVec3; 2]], count: usize, seed
     views
 }
 
-fn check_office(sizes: &str, eyes: usize) {
-    let mut world = World::new(built_in(&format!("office:{sizes}")).unwrap(), (1280, 720), Some(1)).unwrap();
-    let viewcells = world.source.cells.as_ref().unwrap().viewcells.clone();
-    world.views = random_views(&viewcells, &boxes(&world.source), eyes, 11);
-    let trials: Vec<_> = cullers::parse("frustum,pvs:cells,pvs", &world)
+/// Runs cullers from random eyes and holds them against an item buffer; the mean number of objects that each reports.
+fn check(mut world: World, viewcells: &Viewcells, list: &str, eyes: usize) -> Vec<f64> {
+    world.views = random_views(viewcells, &boxes(&world.source), eyes, 11);
+    let trials: Vec<_> = cullers::parse(list, &world)
         .unwrap()
         .into_iter()
         .map(|(name, pipeline)| run(name, pipeline, &world))
         .collect();
     let judgement = judge(&world, &trials, || ()).unwrap();
-    println!("{} eyes, exact {:.1}", eyes, judgement.mean_exact());
+    println!("{}: {eyes} eyes, exact {:.1}", world.source.name, judgement.mean_exact());
     for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
         println!(
             "{}: {:.1} objects, {} false hidden",
@@ -57,8 +60,17 @@ fn check_office(sizes: &str, eyes: usize) {
         }
         assert_eq!(verdict.false_hidden, 0, "{}", trial.name);
     }
-    let [frustum, cells, objects] = [0, 1, 2].map(|i| trials[i].mean_visible());
-    assert!(objects < cells && cells < 0.8 * frustum, "{frustum} {cells} {objects}");
+    trials.iter().map(visibility_examples::walkthrough::Trial::mean_visible).collect()
+}
+
+fn check_office(sizes: &str, eyes: usize) {
+    let world = World::new(built_in(&format!("office:{sizes}")).unwrap(), (1280, 720), Some(1)).unwrap();
+    let viewcells = world.source.cells.as_ref().unwrap().viewcells.clone();
+    let means = check(world, &viewcells, "frustum,pvs:cells,pvs,pvs:walls,pvs:bsp", eyes);
+    let [frustum, cells, objects, walls, polygons] = means[..] else { panic!("{means:?}") };
+    assert!(objects < cells && cells < 0.8 * frustum, "{means:?}");
+    // Cells from geometry know furniture and windows, and are smaller.
+    assert!(walls < 1.2 * objects && polygons < 1.2 * objects, "{means:?}");
 }
 
 #[test]
@@ -67,9 +79,19 @@ fn no_object_of_an_office_is_missed() {
 }
 
 #[test]
-#[ignore = "a minute in release, several in debug"]
+#[ignore = "minutes"]
 fn no_object_of_the_largest_office_is_missed() {
     check_office("7,24", 1000);
+}
+
+#[test]
+#[ignore = "a minute"]
+fn no_object_of_an_arena_is_missed() {
+    let Some(path) = stored("oa_dm2.vscn") else { return };
+    let world = World::new(load(&path).unwrap(), (1280, 720), Some(1)).unwrap();
+    let made = cells(&world.source, Origin::Polygons).unwrap();
+    let means = check(world, &made.viewcells, "frustum,pvs:bsp", 1000);
+    assert!(means[1] < 0.7 * means[0], "{means:?}");
 }
 
 #[test]
@@ -102,7 +124,7 @@ fn objects_are_those_of_seen_cells_and_fewer() {
 #[test]
 fn sets_are_baked_once_and_compose() {
     let world = World::new(built_in("office:1,4").unwrap(), (64, 36), Some(3)).unwrap();
-    let [a, b] = [0, 1].map(|_| world.sets.of(&world, Detail::Objects).unwrap());
+    let [a, b] = [0, 1].map(|_| world.sets.of(&world, Origin::Given, Detail::Objects).unwrap());
     assert!(std::sync::Arc::ptr_eq(&a, &b));
     let pipelines = cullers::parse("pvs,pvs+hzb,pvs:cells", &world).unwrap();
     let reports: Vec<_> =

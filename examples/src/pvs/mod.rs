@@ -1,5 +1,6 @@
 //! What the program `pvs` does: reads a map of cells and portals, bakes which cells see which, and says what came of it.
 
+pub mod built;
 pub mod maps;
 mod report;
 pub mod solids;

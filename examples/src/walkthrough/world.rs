@@ -4,7 +4,7 @@ use super::cell_sets::CellSets;
 use crate::source::SourceCells;
 use crate::{SceneSource, SourceError, frames};
 use glam::DVec3;
-use visibility_core::{Aabb, CellId, Object, ObjectId, Pose, Preparation, Scene, View, ViewError};
+use visibility_core::{Aabb, CellId, Object, ObjectId, Pose, Preparation, Scene, View, ViewError, Viewcells};
 
 /// A scene ready to be walked through.
 pub struct World {
@@ -60,7 +60,7 @@ impl World {
             ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
         }));
         if let Some(cells) = &mut source.cells {
-            let pairs = objects_in_cells(&scene, &ids, cells);
+            let pairs = objects_in_cells(&scene, &ids, &cells.viewcells);
             cells.graph.set_objects(pairs).expect("the cells are those of the graph");
         }
         for (id, object) in ids.into_iter().zip(&source.objects) {
@@ -90,14 +90,20 @@ impl World {
     }
 }
 
-/// Each object with every cell whose box its own box meets, touching included: a wall between two rooms is in both.
-fn objects_in_cells(scene: &Scene, ids: &[ObjectId], cells: &SourceCells) -> Vec<(CellId, ObjectId)> {
+/// Each object with every cell that its box meets, touching included: a wall between two rooms is in both.
+pub fn objects_in_cells(scene: &Scene, ids: &[ObjectId], viewcells: &Viewcells) -> Vec<(CellId, ObjectId)> {
     let mut pairs = Vec::new();
     for &id in ids {
         let Ok(bounds) = scene.bounds(id) else { continue };
-        let (min, max) = (bounds.min.as_dvec3() + scene.origin(), bounds.max.as_dvec3() + scene.origin());
-        for (number, cell) in (0..).zip(cells.viewcells.cells()) {
-            if cell.min.cmple(max).all() && min.cmple(cell.max).all() {
+        let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
+        // Cells are made from coordinates of more digits than boxes have.
+        let slack = 1e-6 * min.abs().max(max.abs()).max_element();
+        let (middle, half) = ((min + max) * 0.5, (max - min) * 0.5 + slack);
+        for (number, cell) in (0..).zip(viewcells.cells()) {
+            let meets = cell.min.cmple(middle + half).all()
+                && (middle - half).cmple(cell.max).all()
+                && cell.planes.iter().all(|p| p.signed_distance(middle) + p.normal.abs().dot(half) >= 0.0);
+            if meets {
                 pairs.push((CellId(number), id));
             }
         }

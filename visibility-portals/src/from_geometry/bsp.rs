@@ -30,9 +30,10 @@ pub struct PolygonSettings<'a> {
     /// Lines that stay farther than this from all polygons are never stopped. `None`: 2^-20 of the greatest coordinate, which is well
     /// above the rounding of `f32`.
     pub tolerance: Option<f64>,
-    /// A region is split along a plane where polygons cover at least this share of its section ...
+    /// A region is split along a plane where polygons cover at least this share of its section, or a 512th of the largest side of the whole,
+    /// squared: of a large region even large walls cover little.
     pub least_share: f64,
-    /// ... and at least this area. `None`: 2^-16 of the largest side of the whole, squared.
+    /// Never along one where they cover less than this area. `None`: 2^-13 of the largest side of the whole, squared.
     pub least_area: Option<f64>,
     /// How far the outermost cells reach beyond the polygons.
     pub margin: f64,
@@ -118,7 +119,8 @@ pub fn from_polygons(
     let limits = Limits {
         lengths: Lengths::new(tolerance, extent),
         share: checked("the least share", settings.least_share)?,
-        area: checked("the least area", settings.least_area.unwrap_or(side * side * 2f64.powi(-16)))?,
+        area: checked("the least area", settings.least_area.unwrap_or(side * side * 2f64.powi(-13)))?,
+        large: side * side / 512.0,
         leaves: settings.most_cells.clamp(1, CellGraph::LIMIT),
     };
     let (fragments, planes) = fragments(polygons, &limits.lengths);
@@ -152,6 +154,7 @@ struct Limits {
     lengths: Lengths,
     share: f64,
     area: f64,
+    large: f64,
     leaves: usize,
 }
 
@@ -244,7 +247,7 @@ fn best_plane(
         let section = bsp.section(&plane, parent, &limits.lengths);
         let share = (covered / area(&section, plane.normal)).min(1.0);
         // Where nothing of the plane is left, polygons lie beside the region by less than the tolerance.
-        if section.is_empty() || share < limits.share {
+        if section.is_empty() || share < limits.share && covered < limits.large {
             continue;
         }
         let (mut front, mut back) = (0, 0);

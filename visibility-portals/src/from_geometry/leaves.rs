@@ -2,6 +2,7 @@
 //! bounds (Naylor, Amanatides and Thibault, "Merging BSP Trees Yields Polyhedral Set Operations", 1990, call it the sub-hyperplane); what two
 //! leaves share of it, less what is opaque, is a portal.
 
+use super::join::join;
 use super::subtract::{Lengths, around, subtract, width};
 use crate::polygon::clip_into;
 use alloc::vec::Vec;
@@ -25,6 +26,30 @@ pub(super) struct Node {
     pub(super) back: Child,
     /// The opaque polygons in the plane, and whether each faces its front.
     pub(super) covers: Vec<(Vec<DVec3>, bool)>,
+}
+
+/// An opaque polygon made ready to be taken away.
+struct Cover {
+    planes: Vec<Plane>,
+    min: DVec3,
+    max: DVec3,
+    faces_front: bool,
+}
+
+impl Cover {
+    fn new(polygon: &[DVec3], faces_front: bool, node: &Node, lengths: &Lengths) -> Self {
+        let mut planes = Vec::new();
+        around(polygon, node.plane.normal, lengths.widen, &mut planes);
+        let (min, max) = bounds(polygon);
+        // Widened, and off the plane.
+        let slack = 2.0 * (lengths.widen + lengths.plane);
+        Self { planes, min: min - slack, max: max + slack, faces_front }
+    }
+}
+
+fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
+    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    points.iter().fold(empty, |(min, max), &p| (min.min(p), max.max(p)))
 }
 
 /// A tree that divides a box.
@@ -107,33 +132,36 @@ impl Bsp {
                 }
             }
         }
-        let (mut portals, mut planes) = (Vec::new(), Vec::new());
+        let mut portals = Vec::new();
         for node in &self.nodes {
             let section = self.section(&node.plane, node.parent, lengths);
             if section.is_empty() {
                 continue;
             }
+            let covers: Vec<Cover> =
+                node.covers.iter().map(|(cover, front)| Cover::new(cover, *front, node, lengths)).collect();
             self.hand_down(section, node.front, lengths, &mut ahead);
             for (front, piece) in ahead.drain(..) {
                 self.hand_down(piece, node.back, lengths, &mut behind);
                 for (back, piece) in behind.drain(..) {
                     leaves[front as usize].bound(&piece, Some(node.plane));
                     leaves[back as usize].bound(&piece, Some(node.plane.flipped()));
+                    let (min, max) = bounds(&piece);
                     let mut open = alloc::vec![piece];
-                    for (cover, faces_front) in &node.covers {
-                        around(cover, node.plane.normal, lengths.widen, &mut planes);
-                        let covered = subtract(&mut open, &planes, node.plane.normal, lengths);
+                    for cover in &covers {
+                        if !(cover.min.cmple(max).all() && min.cmple(cover.max).all()) {
+                            continue;
+                        }
+                        let covered = subtract(&mut open, &cover.planes, node.plane.normal, lengths);
                         let (sees_front, sees_back) =
-                            if *faces_front { (front, back) } else { (back, front) };
+                            if cover.faces_front { (front, back) } else { (back, front) };
                         leaves[sees_front as usize].fronts += covered;
                         leaves[sees_back as usize].backs += covered;
                     }
-                    let wide =
-                        open.into_iter().filter(|piece| width(piece, node.plane.normal) > lengths.sliver);
-                    portals.extend(
-                        wide.filter_map(|piece| ConvexPolygon::new(piece).ok())
-                            .map(|polygon| (polygon, [back, front])),
-                    );
+                    open.retain(|piece| width(piece, node.plane.normal) > lengths.sliver);
+                    join(&mut open, node.plane.normal);
+                    let polygons = open.into_iter().filter_map(|piece| ConvexPolygon::new(piece).ok());
+                    portals.extend(polygons.map(|polygon| (polygon, [back, front])));
                 }
             }
         }

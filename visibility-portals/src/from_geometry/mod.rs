@@ -11,6 +11,7 @@
 //! Portals narrower than the tolerance are left out: a line through one passes within the tolerance of the portal's edges.
 
 mod bsp;
+mod join;
 mod kd;
 mod leaves;
 mod subtract;

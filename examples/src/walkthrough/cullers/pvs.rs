@@ -1,22 +1,28 @@
 //! Potentially visible sets of cells, baked when they are first asked for.
 
 use super::{Known, Made};
+use crate::pvs::built::Origin;
 use crate::walkthrough::World;
 use crate::walkthrough::cell_sets::Detail;
 use visibility_core::PvsCuller;
 
 pub(super) const KNOWN: &[Known] = &[Known {
     name: "pvs",
-    what: "what no line through portals from the eye's cell reaches is hidden; `pvs:cells` goes by whole cells instead of objects",
+    what: "what no line through portals from the eye's cell reaches is hidden; `pvs:cells` goes by whole cells instead of objects, \
+           `pvs:walls` and `pvs:bsp` make the cells from the scene's boxes or triangles",
     dials: &["objects", "cells"],
     make,
 }];
 
 fn make(dial: Option<&str>, world: &World) -> Made {
-    let detail = match dial {
-        None | Some("objects") => Detail::Objects,
-        Some("cells") => Detail::Cells,
-        Some(other) => return Err(format!("its dial is `objects` or `cells`, not `{other}`")),
+    let (origin, detail) = match dial {
+        None | Some("objects") => (Origin::Given, Detail::Objects),
+        Some("cells") => (Origin::Given, Detail::Cells),
+        Some("walls") => (Origin::Walls, Detail::Objects),
+        Some("bsp") => (Origin::Polygons, Detail::Objects),
+        Some(other) => {
+            return Err(format!("its dial is `objects`, `cells`, `walls` or `bsp`, not `{other}`"));
+        }
     };
-    Ok(Box::new(PvsCuller::new(world.sets.of(world, detail)?)))
+    Ok(Box::new(PvsCuller::new(world.sets.of(world, origin, detail)?)))
 }

@@ -1,0 +1,96 @@
+//! Makes cells and portals from the geometry of a scene, bakes them, and says what came of it.
+
+use clap::{Parser, ValueEnum};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+use visibility_examples::pvs::built::{Origin, cells};
+use visibility_examples::walkthrough::cell_sets::{matrix, objects};
+use visibility_examples::walkthrough::{World, world::objects_in_cells};
+use visibility_examples::{built_in, load};
+use visibility_portals::prt;
+
+/// Make cells and portals from a scene, and compute what they see.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// A recipe such as `office:2,16`, or a file.
+    scene: String,
+
+    /// Where the cells come from.
+    #[arg(long, value_enum, default_value = "polygons")]
+    from: From,
+
+    /// Write the cells and portals as a portal file.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum From {
+    /// The scene itself.
+    Given,
+    /// Its boxes, by a kd-tree.
+    Walls,
+    /// Its triangles, by a BSP tree.
+    Polygons,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), String> {
+    let origin = match arguments.from {
+        From::Given => Origin::Given,
+        From::Walls => Origin::Walls,
+        From::Polygons => Origin::Polygons,
+    };
+    let path = Path::new(&arguments.scene);
+    let source = if path.is_file() { load(path) } else { built_in(&arguments.scene) };
+    let world = World::new(source.map_err(|error| error.to_string())?, (64, 36), Some(1))
+        .map_err(|error| error.to_string())?;
+    let start = Instant::now();
+    let mut cells = cells(&world.source, origin)?;
+    let made = start.elapsed().as_secs_f64();
+    let ids: Vec<_> = world.scene.ids().collect();
+    let pairs = objects_in_cells(&world.scene, &ids, &cells.viewcells);
+    cells.graph.set_objects(pairs).map_err(|error| error.to_string())?;
+    println!(
+        "{}: {} cells, {} portals, made in {made:.2} s",
+        world.source.name,
+        cells.graph.cell_count(),
+        cells.graph.portals().len()
+    );
+    let leaks = cells.names.iter().filter(|name| name.ends_with("outside")).count();
+    println!("{leaks} of the cells are outside");
+    if let Err(error) = cells.graph.validate(1e-6) {
+        println!("not as it should be: {error}");
+    }
+    if let Some(path) = &arguments.out {
+        std::fs::write(path, prt::write(&cells.graph))
+            .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+    }
+    let start = Instant::now();
+    let matrix = matrix(&cells.graph)?;
+    println!(
+        "{:.2} cells seen in the mean, in {:.2} s",
+        matrix.mean_visible(),
+        start.elapsed().as_secs_f64()
+    );
+    let start = Instant::now();
+    let objects = objects(&world.scene, &cells.graph, &matrix)?;
+    println!(
+        "{:.1} of {} objects seen in the mean, in {:.2} s",
+        objects.mean_visible(),
+        ids.len(),
+        start.elapsed().as_secs_f64()
+    );
+    Ok(())
+}

@@ -1,0 +1,55 @@
+//! Cells and portals of a scene: those that it comes with, or made from its opaque triangles.
+
+use super::solids::boxes;
+use crate::SceneSource;
+use crate::source::SourceCells;
+use glam::DVec3;
+use visibility_core::{ConvexPolygon, Viewcells};
+use visibility_portals::from_geometry::{
+    PolygonSettings, Solid, Subdivision, WallSettings, from_polygons, from_walls,
+};
+
+/// Where cells come from.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Origin {
+    /// The scene brings them.
+    Given,
+    /// From the boxes among its opaque objects, by a kd-tree.
+    Walls,
+    /// From its opaque triangles, by a BSP tree.
+    Polygons,
+}
+
+/// The cells and portals of a scene.
+///
+/// # Errors
+/// There are none, or they cannot be made.
+pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String> {
+    let made = match origin {
+        Origin::Given => {
+            return source.cells.clone().ok_or_else(|| "this scene has no cells and portals".to_owned());
+        }
+        Origin::Walls => from_walls(&boxes(source), &WallSettings::default()),
+        Origin::Polygons => {
+            // What no camera of the walks can reach is solid.
+            let eyes: Vec<DVec3> =
+                source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye).collect();
+            let settings = PolygonSettings { solid: Solid::Unreached(&eyes), ..PolygonSettings::default() };
+            from_polygons(&polygons(source), &settings)
+        }
+    };
+    let Subdivision { graph, viewcells, outside } = made.map_err(|error| error.to_string())?;
+    let name = |i: usize| {
+        let cell = visibility_core::CellId(i as u32);
+        format!("cell {i}{}", if outside.binary_search(&cell).is_ok() { ", outside" } else { "" })
+    };
+    let names = (0..viewcells.len()).map(name).collect();
+    Ok(SourceCells { graph, viewcells: Viewcells::new(viewcells), names })
+}
+
+/// The opaque triangles of a scene that have an area; doors are open.
+pub fn polygons(source: &SceneSource) -> Vec<ConvexPolygon> {
+    let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
+    let triangles = opaque.flat_map(|object| &object.triangles);
+    triangles.filter_map(|triangle| ConvexPolygon::new(triangle.map(|p| p.as_dvec3())).ok()).collect()
+}

@@ -1,0 +1,315 @@
+//! Cells made from geometry: whoever walks along a clear line gets through portals from the one end's cell to the other's; walls stop.
+
+use visibility_core::glam::{DMat3, DQuat, DVec2, DVec3};
+use visibility_core::{CellId, ConvexPolygon, Viewcells};
+use visibility_portals::from_geometry::{
+    GeometryError, PolygonSettings, Solid, Subdivision, WallSettings, floor_plan, from_polygons, from_walls,
+};
+
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 * 2f64.powi(-53)
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+}
+
+/// Boxes along the axes of a house of rooms: walls of some thickness with doors left out, slabs, and a few loose blocks.
+fn house(random: &mut Random) -> Vec<[DVec3; 2]> {
+    let mut boxes = Vec::new();
+    let mut add = |min: [f64; 3], max: [f64; 3]| boxes.push([DVec3::from(min), DVec3::from(max)]);
+    add([0.0, 0.0, -0.3], [16.0, 12.0, 0.0]);
+    add([0.0, 0.0, 3.0], [16.0, 12.0, 3.3]);
+    for x in 0..5 {
+        for y in 0..3 {
+            let (x, y) = (4.0 * f64::from(x), 4.0 * f64::from(y));
+            let door = random.between(0.4, 2.6);
+            let thick = [0.0, 0.15][(random.unit() * 2.0) as usize];
+            add([x, y, 0.0], [x + thick, y + door, 3.0]);
+            add([x, y + door + 0.9, 0.0], [x + thick, y + 4.0, 3.0]);
+            if random.unit() < 0.7 {
+                add([x, y + door, 2.0], [x + thick, y + door + 0.9, 3.0]);
+            }
+        }
+    }
+    for y in 0..4 {
+        for x in 0..4 {
+            let (x, y) = (4.0 * f64::from(x), 4.0 * f64::from(y));
+            let window = random.between(0.4, 2.4);
+            add([x, y - 0.1, 0.0], [x + window, y, 3.0]);
+            add([x + window + 1.2, y - 0.1, 0.0], [x + 4.0, y, 3.0]);
+            add([x + window, y - 0.1, 0.0], [x + window + 1.2, y, 0.9]);
+        }
+    }
+    for _ in 0..6 {
+        let p = [random.between(1.0, 14.0), random.between(1.0, 10.0), 0.0];
+        add(p, [p[0] + random.between(0.2, 2.0), p[1] + random.between(0.2, 2.0), random.between(0.4, 2.0)]);
+    }
+    boxes
+}
+
+/// The faces of boxes as triangles, turned in space.
+fn triangles(boxes: &[[DVec3; 2]], turn: DMat3) -> Vec<ConvexPolygon> {
+    let mut out = Vec::new();
+    for [min, max] in boxes {
+        for axis in 0..3 {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            for side in [min, max] {
+                let corner = |a: f64, b: f64| {
+                    let mut p = *side;
+                    (p[u], p[v]) = (a, b);
+                    turn * p
+                };
+                let quad = [
+                    corner(min[u], min[v]),
+                    corner(max[u], min[v]),
+                    corner(max[u], max[v]),
+                    corner(min[u], max[v]),
+                ];
+                let quad = if side == min { [quad[3], quad[2], quad[1], quad[0]] } else { quad };
+                for half in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
+                    out.extend(ConvexPolygon::new(half));
+                }
+            }
+        }
+    }
+    out
+}
+
+/// How near to a box a segment comes is at least what it misses the widened box by.
+fn blocked(boxes: &[[DVec3; 2]], a: DVec3, b: DVec3, widen: f64) -> bool {
+    boxes.iter().any(|[min, max]| {
+        let (mut enter, mut leave) = (0.0f64, 1.0f64);
+        for i in 0..3 {
+            let d = b[i] - a[i];
+            let (near, far) = ((min[i] - widen - a[i]) / d, (max[i] + widen - a[i]) / d);
+            enter = enter.max(near.min(far));
+            leave = leave.min(near.max(far));
+        }
+        enter <= leave
+    })
+}
+
+/// Goes along a segment from portal to portal: the cell that it ends in. `None` if it comes too near to an edge of a portal to tell.
+fn walk(cells: &Subdivision, from: CellId, a: DVec3, b: DVec3) -> Option<CellId> {
+    let mut hits = Vec::new();
+    for portal in cells.graph.portals() {
+        let plane = portal.plane();
+        let (da, db) = (plane.signed_distance(a), plane.signed_distance(b));
+        if da * db > 0.0 || da == db {
+            continue;
+        }
+        let t = da / (da - db);
+        let p = a + (b - a) * t;
+        let vertices = portal.polygon().vertices();
+        let inside = (0..vertices.len()).map(|i| {
+            let (v, w) = (vertices[i], vertices[(i + 1) % vertices.len()]);
+            plane.normal.cross(w - v).normalize_or_zero().dot(p - v)
+        });
+        let least = inside.fold(f64::INFINITY, f64::min);
+        if least.abs() < 1e-3 {
+            return None;
+        }
+        if least > 0.0 {
+            hits.push((t, portal));
+        }
+    }
+    hits.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut cell, mut at) = (from, -1.0);
+    for (t, portal) in hits {
+        // Portals joined to hulls may overlap: through one of them.
+        if portal.cells().contains(&cell) && t > at + 1e-9 {
+            (cell, at) = (portal.other(cell), t);
+        }
+    }
+    Some(cell)
+}
+
+/// Random clear segments lead from cell to cell; returns how many, and the share of blocked ones that lead elsewhere.
+fn check(
+    cells: &Subdivision,
+    boxes: &[[DVec3; 2]],
+    turn: DMat3,
+    tolerance: f64,
+    random: &mut Random,
+) -> (u32, f64) {
+    cells.graph.validate(1e-6).unwrap();
+    let bodies = Viewcells::new(cells.viewcells.iter().cloned());
+    let (mut clear, mut stopped, mut all) = (0, 0, 0);
+    for _ in 0..8000 {
+        let mut point =
+            || DVec3::new(random.between(-0.9, 16.9), random.between(-0.9, 12.9), random.between(-0.6, 3.9));
+        let (a, b) = (point(), point());
+        let Some([from, to]) = bodies.locate(turn * a).zip(bodies.locate(turn * b)).map(|(a, b)| [a, b])
+        else {
+            // In a wall, which is no cell.
+            continue;
+        };
+        let Some(end) = walk(cells, from, turn * a, turn * b) else { continue };
+        if !blocked(boxes, a, b, tolerance) {
+            clear += 1;
+            assert_eq!(end, to, "from {a} to {b}");
+        } else if blocked(boxes, a, b, -1e-3) {
+            all += 1;
+            stopped += u32::from(end != to);
+        }
+    }
+    (clear, f64::from(stopped) / f64::from(all))
+}
+
+#[test]
+fn clear_lines_pass_the_cells_of_walls() {
+    let mut random = Random(3);
+    for _ in 0..4 {
+        let boxes = house(&mut random);
+        let cells = from_walls(&boxes, &WallSettings::default()).unwrap();
+        assert!(cells.graph.cell_count() > 20);
+        let (clear, stopped) = check(&cells, &boxes, DMat3::IDENTITY, 1e-4, &mut random);
+        println!(
+            "{} cells, {} portals: {clear} clear, {stopped} of the others stopped",
+            cells.graph.cell_count(),
+            cells.graph.portals().len()
+        );
+        assert!(clear > 500 && stopped > 0.8, "{clear} {stopped}");
+    }
+}
+
+#[test]
+fn clear_lines_pass_the_cells_of_polygons() {
+    let mut random = Random(4);
+    let turn = DQuat::from_axis_angle(DVec3::new(0.3, -0.7, 0.4).normalize(), 0.77);
+    for (turn, solid) in [
+        (DMat3::IDENTITY, Solid::Nothing),
+        (DMat3::from_quat(turn), Solid::Nothing),
+        (DMat3::IDENTITY, Solid::Backs),
+        (DMat3::from_quat(turn), Solid::Unreached(&[DVec3::new(-0.5, -0.5, 0.5)])),
+    ] {
+        let boxes = house(&mut random);
+        let settings = PolygonSettings { solid, ..PolygonSettings::default() };
+        let cells = from_polygons(&triangles(&boxes, turn), &settings).unwrap();
+        assert!(cells.graph.cell_count() > 20);
+        let (clear, stopped) = check(&cells, &boxes, turn, 2e-5, &mut random);
+        println!(
+            "{} cells, {} portals: {clear} clear, {stopped} of the others stopped",
+            cells.graph.cell_count(),
+            cells.graph.portals().len()
+        );
+        assert!(clear > 300 && stopped > 0.7, "{clear} {stopped}");
+    }
+}
+
+#[test]
+fn solid_leaves_are_no_cells() {
+    // A block in a room: by backs of polygons, its inside goes, and the room stays.
+    let solids = [[DVec3::ZERO, DVec3::splat(4.0)]];
+    let soup = triangles(&solids, DMat3::IDENTITY);
+    let (around, within) = ([DVec3::splat(-0.5)], [DVec3::splat(2.0)]);
+    let count = |solid| {
+        let settings = PolygonSettings { solid, ..PolygonSettings::default() };
+        let cells = from_polygons(&soup, &settings).unwrap();
+        let inside = Viewcells::new(cells.viewcells.iter().cloned()).locate(DVec3::splat(2.0));
+        assert!(cells.outside.len() == cells.graph.cell_count() - usize::from(inside.is_some()));
+        (cells.graph.cell_count(), inside.is_some())
+    };
+    assert_eq!(count(Solid::Nothing), (7, true));
+    assert_eq!(count(Solid::Backs), (6, false));
+    assert_eq!(count(Solid::Unreached(&around)), (6, false));
+    assert_eq!(count(Solid::Unreached(&within)), (1, true));
+    // Boxes given as boxes are solid.
+    let cells = from_walls(&solids, &WallSettings::default()).unwrap();
+    assert_eq!(cells.graph.cell_count(), 6);
+}
+
+#[test]
+fn leaks_are_named_by_their_portals() {
+    let plan = |gap: f64| {
+        let wall = |a: [f64; 2], b: [f64; 2]| [DVec2::from(a), DVec2::from(b)];
+        let segments = [
+            wall([0.0, 0.0], [8.0, 0.0]),
+            wall([0.0, 4.0], [8.0, 4.0]),
+            wall([0.0, 0.0], [0.0, 4.0]),
+            wall([8.0, 0.0], [8.0, 4.0 - gap]),
+            wall([4.0, 0.0], [4.0, 3.0]),
+        ];
+        from_walls(&floor_plan(&segments, 0.0, 3.0).unwrap(), &WallSettings::default()).unwrap()
+    };
+    let closed = plan(0.0);
+    assert_eq!(closed.leak(DVec3::ONE), None);
+    assert_eq!(closed.leak(DVec3::splat(100.0)), None);
+    let leak = plan(0.5).leak(DVec3::ONE).unwrap();
+    assert_eq!(leak.portals.len(), 2);
+    assert!(leak.to_string().contains("leaks to cell"));
+    // The gap itself is the last portal.
+    let portal = plan(0.5).graph.portals()[leak.portals[1].index()].polygon().area();
+    assert!((portal - 1.5).abs() < 1e-9, "{portal}");
+}
+
+#[test]
+fn gaps_thinner_than_the_tolerance_close_and_wider_ones_stay() {
+    for (gap, portals) in [(1e-6, 0), (1e-2, 1)] {
+        let wall = |y: [f64; 2]| {
+            let quad = [[y[0], -9.0], [y[1], -9.0], [y[1], 9.0], [y[0], 9.0]];
+            ConvexPolygon::new(quad.map(|[y, z]| DVec3::new(0.0, y, z))).unwrap()
+        };
+        // Twice, a little off the plane, with a sliver that is thinner than anything.
+        let needle = [[0.0, 0.0], [0.0, 1e-9], [9.0, 0.0]].map(|[y, z]| DVec3::new(0.0, y, z));
+        let mut soup = vec![wall([-9.0, 0.0]), wall([gap, 9.0]), wall([-9.0, -3.0])];
+        soup.extend(ConvexPolygon::new(needle));
+        let offset = wall([-5.0, -1.0]).vertices().iter().map(|&v| v + DVec3::X * 1e-6).collect::<Vec<_>>();
+        soup.extend(ConvexPolygon::new(offset));
+        let settings = PolygonSettings { margin: 0.0, tolerance: Some(1e-4), ..PolygonSettings::default() };
+        let mut wide = soup.clone();
+        wide.push(
+            ConvexPolygon::new([[9.0, 0.0], [9.0, 1.0], [8.0, 0.0]].map(|[x, z]| DVec3::new(x, 9.0, z)))
+                .unwrap(),
+        );
+        wide.push(
+            ConvexPolygon::new([[-9.0, 0.0], [-9.0, 1.0], [-8.0, 0.0]].map(|[x, z]| DVec3::new(x, 9.0, z)))
+                .unwrap(),
+        );
+        let cells = from_polygons(&wide, &settings).unwrap();
+        assert_eq!((cells.graph.cell_count(), cells.graph.portals().len()), (2, portals), "{gap}");
+    }
+}
+
+#[test]
+fn odd_input_gives_an_error_or_an_answer() {
+    let walls = WallSettings::default();
+    let polygons = PolygonSettings::default();
+    assert_eq!(from_walls(&[], &walls).unwrap(), Subdivision::default());
+    assert_eq!(from_polygons(&[], &polygons).unwrap(), Subdivision::default());
+    let unit = [DVec3::ZERO, DVec3::ONE];
+    assert_eq!(
+        from_walls(&[unit, [DVec3::NAN, DVec3::ONE]], &walls),
+        Err(GeometryError::NonFinite { index: 1 })
+    );
+    assert_eq!(from_walls(&[[DVec3::ONE, DVec3::ZERO]], &walls), Err(GeometryError::NotAWall { index: 0 }));
+    let slanted = [[DVec2::ZERO, DVec2::ONE]];
+    assert_eq!(floor_plan(&slanted, 0.0, 3.0), Err(GeometryError::NotAWall { index: 0 }));
+    let bad = WallSettings { margin: f64::NAN, ..walls };
+    assert!(matches!(from_walls(&[unit], &bad), Err(GeometryError::Setting { .. })));
+    let fine = PolygonSettings { tolerance: Some(1e-30), ..polygons };
+    let soup = triangles(&[unit], DMat3::IDENTITY);
+    assert!(matches!(from_polygons(&soup, &fine), Err(GeometryError::Setting { .. })));
+    for scale in [1e-30, 1e-9, 1e9, 1e30, 1e300] {
+        let scaled = [unit.map(|p| p * scale), [DVec3::splat(scale * 2.0), DVec3::splat(scale * 3.0)]];
+        let settings = WallSettings { margin: scale, tolerance: scale * 1e-6, ..walls };
+        assert!(from_walls(&scaled, &settings).unwrap().graph.cell_count() > 1);
+        let settings = PolygonSettings { margin: scale, ..polygons };
+        let cells = from_polygons(&triangles(&scaled, DMat3::IDENTITY), &settings);
+        assert!(cells.is_ok_and(|cells| scale > 1e100 || cells.graph.cell_count() > 1), "{scale}");
+    }
+    // Everything through everything: a limit on cells holds.
+    let mut random = Random(9);
+    let mut point = || DVec3::new(random.unit(), random.unit(), random.unit()) * 10.0;
+    let soup: Vec<_> =
+        (0..150).filter_map(|_| ConvexPolygon::new([point(), point(), point()]).ok()).collect();
+    let settings = PolygonSettings { most_cells: 200, least_share: 0.0, least_area: Some(0.0), ..polygons };
+    let cells = from_polygons(&soup, &settings).unwrap();
+    assert!(cells.graph.cell_count() <= 200 && cells.graph.portals().len() > 200);
+}
