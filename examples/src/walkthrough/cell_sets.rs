@@ -17,10 +17,12 @@ pub enum Detail {
     Objects,
 }
 
+type Kind = (Origin, Detail);
+
 /// The sets baked so far.
 #[derive(Default)]
 pub struct CellSets {
-    baked: Mutex<Vec<((Origin, Detail), Arc<ScenePvs>)>>,
+    baked: Mutex<Vec<(Kind, Arc<ScenePvs>)>>,
 }
 
 impl CellSets {
