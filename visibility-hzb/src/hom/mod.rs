@@ -154,6 +154,13 @@ impl Hom {
         Some(f64::from(count) / f64::from(area))
     }
 
+    /// Lets the box around an occluder, or a part of one, wait to be taken note of.
+    fn note(&mut self, bounds: &Aabb, transform: &Affine3A) {
+        if self.queue.push(bounds, transform, true) {
+            self.note_queue();
+        }
+    }
+
     /// Takes note of where the occluders that wait are, and how far back.
     fn note_queue(&mut self) {
         let count = core::mem::take(&mut self.queue.count);
@@ -235,8 +242,12 @@ impl OcclusionMap for Hom {
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
         self.raster.add(occluder, transform);
-        if self.queue.push(occluder.bounds(), transform, true) {
-            self.note_queue();
+        // Where it is drawn, one box around all of it tells; how far back, the boxes around its parts tell better.
+        if self.boundary.estimate == DepthEstimate::NoBackground || occluder.parts().is_empty() {
+            return self.note(occluder.bounds(), transform);
+        }
+        for part in occluder.parts() {
+            self.note(part.bounds(), transform);
         }
     }
 

@@ -1,0 +1,136 @@
+//! Hierarchical occlusion maps: bringing the pyramid up to date, the overlap test by outcome and size, and a frame of a made-up town beside
+//! the z-buffer's.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::time::Duration;
+use visibility_benches::workload::Random;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{
+    Aabb, FrustumCuller, Object, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Pipeline, Pose,
+    Scene, View, VisibleSet,
+};
+use visibility_hzb::{DepthEstimate, Hom, Hzb};
+
+const ESTIMATES: [DepthEstimate; 3] =
+    [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground];
+
+/// 90 degrees wide, so that at a distance of 960 m a metre is a pixel of 1920.
+fn view() -> View {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let fov_y = 2.0 * (9.0f64 / 16.0).atan();
+    View::perspective(pose, fov_y, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book")
+}
+
+fn wall(low: [f32; 3], high: [f32; 3]) -> OccluderMesh {
+    OccluderMesh::cuboid(&Aabb::from_arrays(low, high)).expect("a box")
+}
+
+/// A frame of one occluder, small or as large as the picture: all of it is drawing that, and counting above it.
+fn pyramid(c: &mut Criterion) {
+    let mut group = c.benchmark_group("hom/pyramid");
+    let small = wall([500.0, -10.0, -10.0], [501.0, 10.0, 10.0]);
+    let large = wall([500.0, -900.0, -900.0], [501.0, 900.0, 900.0]);
+    for size in [[512, 288], [1920, 1080]] {
+        for (name, mesh) in [("small", &small), ("large", &large)] {
+            let mut hom = Hom::new(size[0], size[1]).expect("a size in range");
+            let mut hzb = Hzb::new(size[0], size[1]).expect("a size in range");
+            let mut frame = |map: &mut dyn OcclusionMap| {
+                map.begin(&view(), DVec3::ZERO);
+                map.add(mesh, &Affine3A::IDENTITY);
+                map.flush();
+            };
+            group.bench_function(BenchmarkId::new(format!("hom, {name}"), size[0]), |b| {
+                b.iter(|| frame(&mut hom));
+            });
+            group.bench_function(BenchmarkId::new(format!("hzb, {name}"), size[0]), |b| {
+                b.iter(|| frame(&mut hzb));
+            });
+        }
+    }
+    group.finish();
+}
+
+/// Cubes of some pixels before a wall, behind it, and behind a wall riddled with holes.
+fn overlap(c: &mut Criterion) {
+    let mut group = c.benchmark_group("hom/test a box");
+    group.throughput(Throughput::Elements(256)).measurement_time(Duration::from_secs(2));
+    let whole = [wall([500.0, -900.0, -900.0], [501.0, 900.0, 900.0])];
+    let riddled: Vec<_> = (-60..60)
+        .map(|i| i as f32 * 10.0)
+        .map(|y| wall([500.0, y, -900.0], [501.0, y + 9.0, 900.0]))
+        .collect();
+    for (name, walls, near) in
+        [("before", &whole[..], 0.4), ("hidden", &whole[..], 1.0), ("behind holes", &riddled[..], 1.0)]
+    {
+        for estimate in ESTIMATES {
+            let mut hom = Hom::new(1920, 1080).expect("a size in range").with_depth_estimate(estimate);
+            hom.begin(&view(), DVec3::ZERO);
+            for mesh in walls {
+                hom.add(mesh, &Affine3A::IDENTITY);
+            }
+            hom.flush();
+            for pixels in [2.0, 16.0, 128.0] {
+                let mut random = Random(2);
+                let boxes: Vec<_> = (0..256)
+                    .map(|_| {
+                        let middle =
+                            Vec3::new(960.0, random.within(-700.0, 700.0), random.within(-350.0, 350.0));
+                        Aabb::new((middle - 0.5 * pixels) * near, (middle + 0.5 * pixels) * near)
+                    })
+                    .collect();
+                group.bench_function(BenchmarkId::new(format!("{name}, {estimate:?}"), pixels), |b| {
+                    b.iter(|| {
+                        boxes.iter().filter(|bounds| hom.test(black_box(bounds)) != Occlusion::Hidden).count()
+                    });
+                });
+            }
+        }
+    }
+    group.finish();
+}
+
+/// A town of 2,500 houses and 20,000 things among them, seen from a street: the whole frame through the pipeline.
+fn frame(c: &mut Criterion) {
+    let mut random = Random(3);
+    let mut scene = Scene::new();
+    for i in 0..2500 {
+        let (x, y) = ((i % 50) as f32 * 30.0 - 750.0, (i / 50) as f32 * 30.0 - 750.0);
+        let house =
+            Aabb::from_arrays([x + 5.0, y + 5.0, 0.0], [x + 25.0, y + 25.0, random.within(8.0, 60.0)]);
+        let id = scene.insert(Object { occluder: true, ..Object::new(house) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&house).expect("a box"));
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).expect("it was just inserted");
+    }
+    for _ in 0..20_000 {
+        let p =
+            Vec3::new(random.within(-750.0, 750.0), random.within(-750.0, 750.0), random.within(0.0, 3.0));
+        scene.insert(Aabb::new(p - 0.5, p + 0.5));
+    }
+    scene.rebuild();
+    let pose = Pose::look_at(DVec3::new(0.0, 0.0, 1.7), DVec3::new(100.0, 40.0, 5.0), DVec3::Z);
+    let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book");
+    let mut group = c.benchmark_group("hom/frame of a town");
+    for size in [[512, 288], [1920, 1080]] {
+        let hom = Hom::new(size[0], size[1]).expect("a size in range");
+        let mut maps: Vec<(String, Box<dyn OcclusionMap>)> = vec![
+            ("hzb".into(), Box::new(Hzb::new(size[0], size[1]).expect("a size in range"))),
+            ("hom, threshold 0.9".into(), Box::new(hom.clone().with_threshold(0.9))),
+        ];
+        for estimate in ESTIMATES {
+            maps.push((format!("hom, {estimate:?}"), Box::new(hom.clone().with_depth_estimate(estimate))));
+        }
+        for (name, map) in maps {
+            let culler = OcclusionCuller::new(map).with_budget(100_000);
+            let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+            let mut visible = VisibleSet::new();
+            group.bench_function(BenchmarkId::new(name, size[0]), |b| {
+                b.iter(|| pipeline.cull(&scene, &view, &mut visible));
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, pyramid, overlap, frame);
+criterion_main!(benches);
