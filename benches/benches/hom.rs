@@ -7,10 +7,10 @@ use std::time::Duration;
 use visibility_benches::workload::Random;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, FrustumCuller, Object, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Pipeline, Pose,
-    Scene, View, VisibleSet,
+    Aabb, Culler, FrustumCuller, Object, OccluderMesh, Occlusion, OcclusionMap, Pipeline, Pose, Scene, View,
+    VisibleSet,
 };
-use visibility_hzb::{DepthEstimate, Hom, Hzb};
+use visibility_hzb::{DepthEstimate, Hom, HomCuller, Hzb, HzbCuller};
 
 const ESTIMATES: [DepthEstimate; 3] =
     [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground];
@@ -113,20 +113,21 @@ fn frame(c: &mut Criterion) {
     let mut group = c.benchmark_group("hom/frame of a town");
     for size in [[512, 288], [1920, 1080]] {
         let hom = Hom::new(size[0], size[1]).expect("a size in range");
-        let mut maps: Vec<(String, Box<dyn OcclusionMap>)> = vec![
-            ("hzb".into(), Box::new(Hzb::new(size[0], size[1]).expect("a size in range"))),
-            ("hom, threshold 0.9".into(), Box::new(hom.clone().with_threshold(0.9))),
-        ];
-        for estimate in ESTIMATES {
-            maps.push((format!("hom, {estimate:?}"), Box::new(hom.clone().with_depth_estimate(estimate))));
-        }
-        for (name, map) in maps {
-            let culler = OcclusionCuller::new(map).with_budget(100_000);
-            let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+        let hzb = Hzb::new(size[0], size[1]).expect("a size in range");
+        let mut bench = |name: &str, culler: Box<dyn Culler + Send>| {
+            let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+            pipeline.push(culler);
             let mut visible = VisibleSet::new();
             group.bench_function(BenchmarkId::new(name, size[0]), |b| {
                 b.iter(|| pipeline.cull(&scene, &view, &mut visible));
             });
+        };
+        bench("hzb", Box::new(HzbCuller::new(hzb).with_budget(100_000)));
+        let dialled = hom.clone().with_threshold(0.9);
+        bench("hom, threshold 0.9", Box::new(HomCuller::new(dialled).with_budget(100_000)));
+        for estimate in ESTIMATES {
+            let map = hom.clone().with_depth_estimate(estimate);
+            bench(&format!("hom, {estimate:?}"), Box::new(HomCuller::new(map).with_budget(100_000)));
         }
     }
     group.finish();

@@ -63,7 +63,7 @@ mod simd;
 mod solid;
 mod tiles;
 
-pub use hom::{DepthEstimate, Hom};
+pub use hom::{DepthEstimate, Hom, OccluderCriteria, OccluderDatabase};
 pub use hzb::Hzb;
 pub use shape::Coverage;
 pub use simd::Simd;

@@ -3,11 +3,13 @@
 use clap::Parser;
 use std::error::Error;
 use std::process::ExitCode;
-use visibility_core::{FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline};
+use visibility_core::{
+    Culler, FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline, Selection, VisibleSet,
+};
 use visibility_examples::picture_size::parse_size;
-use visibility_examples::walkthrough::{World, judge, run};
+use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{built_in, load};
-use visibility_hzb::{DepthEstimate, Hom, Hzb};
+use visibility_hzb::{DepthEstimate, Hom, Hzb, OccluderCriteria, OccluderDatabase};
 
 /// Sweep the opacity threshold of hierarchical occlusion maps, and print a table in Markdown.
 #[derive(Parser)]
@@ -24,6 +26,10 @@ struct Arguments {
     /// Frames of each scene, spread evenly over its walks.
     #[arg(long, default_value_t = 60, value_name = "N")]
     frames: usize,
+
+    /// Budget of triangles for the rows that take the nearest occluders.
+    #[arg(long, default_value_t = 500, value_name = "N")]
+    few: usize,
 
     /// Size of the finest map.
     #[arg(long, default_value = "512x288", value_name = "WxH", value_parser = parse_size::<usize>)]
@@ -46,52 +52,73 @@ fn main() -> ExitCode {
 
 fn sweep(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let [width, height] = arguments.map;
-    println!("| scene | map | us a frame | reported | visible | false hidden | wrong pixels |");
-    println!("|---|---|---:|---:|---:|---:|---:|");
+    println!("| scene | map | us a frame | tests | reported | triangles | false hidden | wrong pixels |");
+    println!("|---|---|---:|---:|---:|---:|---:|---:|");
     for scene in &arguments.scenes {
         let source = if scene.contains('.') { load(scene.as_ref())? } else { built_in(scene)? };
-        let world = World::new(source, arguments.size.into(), Some(arguments.frames))?;
+        let mut world = World::new(source, arguments.size.into(), Some(arguments.frames))?;
         let hom = Hom::new(width, height)?;
-        let mut trials = vec![
-            run("hzb".into(), pipeline(Hzb::new(width, height)?), &world),
-            run(
-                "hom:1, plane".into(),
-                pipeline(hom.clone().with_depth_estimate(DepthEstimate::Plane)),
-                &world,
-            ),
-            run(
-                "hom:1, buffer".into(),
-                pipeline(hom.clone().with_depth_estimate(DepthEstimate::Buffer)),
-                &world,
-            ),
+        let plane = || hom.clone().with_depth_estimate(DepthEstimate::Plane);
+        let buffer = || hom.clone().with_depth_estimate(DepthEstimate::Buffer);
+        let nearest = |map| culler(map).with_selection(Selection::Nearest).with_budget(arguments.few);
+        let mut cullers: Vec<(String, Box<dyn Culler + Send>)> = vec![
+            ("hzb".into(), Box::new(culler(Hzb::new(width, height)?))),
+            ("hom:1, plane".into(), Box::new(culler(plane()))),
+            ("hom:1, plane, nearest few".into(), Box::new(nearest(plane()))),
+            ("hom:1, buffer".into(), Box::new(culler(buffer()))),
+            ("hom:1, buffer, nearest few".into(), Box::new(nearest(buffer()))),
         ];
         for threshold in &arguments.thresholds {
             let map = hom.clone().with_threshold(*threshold);
-            trials.push(run(format!("hom:{threshold}"), pipeline(map), &world));
+            cullers.push((format!("hom:{threshold}"), Box::new(culler(map))));
         }
+        let mut rows: Vec<_> = cullers.into_iter().map(|(name, culler)| row(name, culler, &world)).collect();
+        let database = OccluderDatabase::new(&world.scene, &OccluderCriteria::default());
+        database.apply(&mut world.scene)?;
+        let name = format!("hom:1, database of {}", database.occluders().len());
+        rows.push(row(name, Box::new(culler(hom.clone())), &world));
+
+        let (trials, counts): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
         let judgement = judge(&world, &trials, || ())?;
-        for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
-            let frames = trial.reported.len() as f64;
+        let frames = world.views.len() as f64;
+        for ((trial, [tests, triangles]), verdict) in trials.iter().zip(counts).zip(&judgement.verdicts) {
             println!(
-                "| {} | {} | {:.0} | {:.1} | {:.1} | {:.2} | {:.1} |",
+                "| {} | {} | {:.0} | {:.0} | {:.1} | {:.0} | {:.2} | {:.1} |",
                 world.source.name,
                 trial.name,
                 trial.quantile(0.5),
+                tests as f64 / frames,
                 trial.mean_visible(),
-                judgement.mean_exact(),
+                triangles as f64 / frames,
                 verdict.false_hidden as f64 / frames,
                 verdict.wrong_pixels as f64 / frames,
             );
         }
+        println!("| {} | (visible) | | | {:.1} | | | |", world.source.name, judgement.mean_exact());
     }
     println!(
-        "\nObjects and pixels a frame, on average; the median time to cull one, one thread; maps of {width}x{height}, errors as an \
-         item buffer of {}x{} sees them.",
-        arguments.size[0], arguments.size[1]
+        "\nFor one frame: the median time to cull it on one thread, and on average boxes tested, objects and triangles reported, visible \
+         objects hidden, pixels that are wrong then. Maps of {width}x{height}; errors as an item buffer of {}x{} sees them; \
+         occluders by solid angle, 8192 triangles at most, or the nearest {}.",
+        arguments.size[0], arguments.size[1], arguments.few
     );
     Ok(())
 }
 
-fn pipeline(map: impl OcclusionMap + Send + 'static) -> Pipeline {
-    Pipeline::new().with(FrustumCuller::new()).with(OcclusionCuller::new(map))
+fn culler<M: OcclusionMap>(map: M) -> OcclusionCuller<M> {
+    OcclusionCuller::new(map)
+}
+
+/// One map on one scene: what it reported, how many boxes it tested, and how many triangles are left.
+fn row(name: String, culler: Box<dyn Culler + Send>, world: &World) -> (Trial, [u64; 2]) {
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+    pipeline.push(culler);
+    let (mut visible, mut tests, mut triangles) = (VisibleSet::new(), 0, 0);
+    for view in &world.views {
+        pipeline.cull(&world.scene, view, &mut visible);
+        tests += pipeline.stages().last().map_or(0, |(_, stats)| stats.tests);
+        let cost = |id| world.scene.object(id).map_or(0, |object| u64::from(object.cost));
+        triangles += visible.iter(&world.scene).map(cost).sum::<u64>();
+    }
+    (run(name, pipeline, world), [tests, triangles])
 }

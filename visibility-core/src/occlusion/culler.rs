@@ -102,7 +102,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             self.candidates
                 .extend(candidate.map(|c| Candidate { seen: self.last.binary_search(&id).is_ok(), ..c }));
         });
-        choose(&mut self.candidates, self.budget);
+        choose(&mut self.candidates, self.budget, self.selection == Selection::Nearest);
         for candidate in &self.candidates {
             if let Some((mesh, transform)) = scene.occluder(candidate.id) {
                 self.map.add(mesh, transform);
@@ -256,7 +256,7 @@ fn nearest_first(eye: &Eye, boxes: &Boxes64, mask: u64) -> SmallVec<[u8; 64]> {
 }
 
 /// Grows with the distance of a box from the eye. Only an order: rounding does no harm.
-fn nearness(eye: &Eye, bounds: &Aabb) -> f32 {
+pub(super) fn nearness(eye: &Eye, bounds: &Aabb) -> f32 {
     match eye {
         Eye::Point(eye) => {
             let eye = eye.as_vec3();

@@ -1,5 +1,6 @@
 //! Which occluders are worth their cost from where the eye is.
 
+use super::culler::nearness;
 use crate::{Eye, ObjectId, OccluderMesh, Scene, ViewPlanes};
 use alloc::vec::Vec;
 use glam::{Affine3A, Vec3};
@@ -19,6 +20,9 @@ pub enum Selection {
     /// First those that were visible in the frame before, since what hides now most likely hid then, and as far as the budget lasts the
     /// others; both by solid angle.
     LastVisible,
+    /// The nearest, whatever their size (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997): for
+    /// small budgets, and for maps whose estimate of depth suffers from occluders far away.
+    Nearest,
     /// Each occluder as it is found visible on the way from front to back (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility",
     /// 1993): nothing hidden is ever added, and all that could be is, up to the budget.
     Interleaved,
@@ -62,6 +66,8 @@ pub(super) struct Candidate {
     pub(super) id: ObjectId,
     pub(super) angle: f32,
     pub(super) distance: f32,
+    /// Grows with the distance of its nearest point.
+    pub(super) gap: f32,
     pub(super) triangles: usize,
     /// Whether it is to be preferred.
     pub(super) seen: bool,
@@ -71,21 +77,32 @@ impl Candidate {
     pub(super) fn new(scene: &Scene, id: ObjectId, eye: &Eye, cuts: &ViewPlanes) -> Option<Self> {
         let (mesh, transform) =
             scene.occluder(id).filter(|(mesh, transform)| is_whole(mesh, transform, cuts))?;
-        let center = scene.bounds(id).ok()?.center().as_dvec3();
+        let bounds = scene.bounds(id).ok()?;
+        let center = bounds.center().as_dvec3();
         let distance = match eye {
             Eye::Point(eye) => center.distance_squared(*eye),
             Eye::Direction(along) => center.dot(*along),
         };
         let angle = solid_angle(mesh, transform, eye);
-        Some(Self { id, angle, distance: distance as f32, triangles: mesh.triangles().len(), seen: false })
+        Some(Self {
+            id,
+            angle,
+            distance: distance as f32,
+            gap: nearness(eye, &bounds),
+            triangles: mesh.triangles().len(),
+            seen: false,
+        })
     }
 }
 
-/// Keeps those that were seen and then those that cover most, within a budget of triangles, nearest first. One that does not fit is passed
-/// over, since a smaller one behind it may.
-pub(super) fn choose(candidates: &mut Vec<Candidate>, budget: usize) {
-    candidates
-        .sort_unstable_by(|a, b| b.seen.cmp(&a.seen).then(b.angle.total_cmp(&a.angle)).then(a.id.cmp(&b.id)));
+/// Keeps those that were seen and then those that cover most, or the nearest, within a budget of triangles, nearest first. One that does
+/// not fit is passed over, since a smaller one behind it may.
+pub(super) fn choose(candidates: &mut Vec<Candidate>, budget: usize, nearest: bool) {
+    candidates.sort_unstable_by(|a, b| {
+        let by_gap = if nearest { a.gap.total_cmp(&b.gap) } else { core::cmp::Ordering::Equal };
+        let by_angle = b.angle.total_cmp(&a.angle);
+        b.seen.cmp(&a.seen).then(by_gap).then(by_angle).then(a.id.cmp(&b.id))
+    });
     let mut left = budget;
     candidates.retain(|candidate| {
         let fits = candidate.triangles <= left && candidate.angle > 0.0;

@@ -5,11 +5,13 @@
 //! Occluders are drawn by the rasterizer of the z-buffer. A box is hidden if its rectangle is opaque and the box behind what makes it
 //! so: the first is [`overlap`], over the counts of [`opacity`] and with [`threshold`]; the second is [`depth`].
 
+mod database;
 mod depth;
 mod opacity;
 mod overlap;
 mod threshold;
 
+pub use database::{OccluderCriteria, OccluderDatabase};
 pub use depth::DepthEstimate;
 
 use crate::pyramid::Rectangle;
