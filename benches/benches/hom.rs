@@ -35,7 +35,7 @@ fn pyramid(c: &mut Criterion) {
         for (name, mesh) in [("small", &small), ("large", &large)] {
             let mut hom = Hom::new(size[0], size[1]).expect("a size in range");
             let mut hzb = Hzb::new(size[0], size[1]).expect("a size in range");
-            let mut frame = |map: &mut dyn OcclusionMap| {
+            let frame = |map: &mut dyn OcclusionMap| {
                 map.begin(&view(), DVec3::ZERO);
                 map.add(mesh, &Affine3A::IDENTITY);
                 map.flush();
