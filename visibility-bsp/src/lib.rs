@@ -7,6 +7,8 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod cut;
+mod merge;
 mod naylor;
 mod occluders;
 mod occlusion_tree;
@@ -17,6 +19,7 @@ mod sight;
 pub mod tree;
 mod volume;
 
+pub use merge::{Solid, SolidError};
 pub use naylor::{Naylor, Witness};
 pub use occluders::Occluders;
 pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};

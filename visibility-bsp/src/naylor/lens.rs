@@ -1,6 +1,7 @@
 //! From polygons and boxes of the scene to polygons of the picture.
 
 use super::beams::Corner;
+use crate::cut::cut;
 use crate::volume::Volume;
 use alloc::vec::Vec;
 use visibility_core::glam::{DMat4, DVec3, DVec4};
@@ -9,7 +10,7 @@ use visibility_core::{Aabb, MAX_PLANES, Plane, Scene, Side, SidePlane, View};
 /// The memory of what is drawn.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Image {
-    space: [Vec<DVec3>; 2],
+    space: [Vec<DVec3>; 3],
     polygon: Vec<Corner>,
     error: f64,
 }
@@ -98,7 +99,7 @@ impl Lens {
 
     /// Draws what is in view of a polygon. False if there is nothing.
     pub(super) fn draw(&self, vertices: &[DVec3], image: &mut Image) -> bool {
-        let [polygon, cut] = &mut image.space;
+        let [polygon, inner, outer] = &mut image.space;
         polygon.clear();
         polygon.extend_from_slice(vertices);
         for plane in &self.planes[..self.count] {
@@ -116,8 +117,8 @@ impl Lens {
             if !inside {
                 return false;
             }
-            clip_polygon(polygon, plane, cut);
-            core::mem::swap(polygon, cut);
+            cut(polygon, plane, inner, outer);
+            core::mem::swap(polygon, inner);
         }
         image.polygon.clear();
         let mut nearest = f64::INFINITY;
@@ -186,20 +187,4 @@ fn area(polygon: &[Corner]) -> f64 {
         .windows(2)
         .map(|p| (p[0].x - first.x) * (p[1].y - first.y) - (p[0].y - first.y) * (p[1].x - first.x))
         .sum()
-}
-
-fn clip_polygon(polygon: &[DVec3], plane: &SidePlane, out: &mut Vec<DVec3>) {
-    out.clear();
-    let Some(&(mut a)) = polygon.last() else { return };
-    let mut a_side = plane.side(a);
-    for &b in polygon {
-        let b_side = plane.side(b);
-        if matches!((a_side, b_side), (Side::Front, Side::Back) | (Side::Back, Side::Front)) {
-            out.push(plane.crossing(a, b));
-        }
-        if b_side != Side::Back {
-            out.push(b);
-        }
-        (a, a_side) = (b, b_side);
-    }
 }

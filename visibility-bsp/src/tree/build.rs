@@ -3,7 +3,7 @@
 use super::fragments::Record;
 use super::{BspError, BspTree, EMPTY, NONE, Node, SOLID, bounds_of, is_leaf, splitter};
 use alloc::vec::Vec;
-use visibility_core::{Aabb, Plane, PolygonSide, Side, SidePlane, glam::DVec3};
+use visibility_core::{Aabb, Plane, PolygonSide, SidePlane, glam::DVec3};
 
 /// A polygon that is being sorted in.
 #[derive(Clone, Debug)]
@@ -241,7 +241,7 @@ impl BspTree {
                     let [whole, ahead, behind] = &mut *cut;
                     whole.clear();
                     whole.extend_from_slice(self.store.vertices_at(piece.start, piece.len));
-                    cut_polygon(whole, &plane, ahead, behind);
+                    crate::cut::cut(whole, &plane, ahead, behind);
                     self.store.give_back(piece.start, piece.len);
                     for (half, list) in [(&*ahead, &mut *front), (&*behind, &mut *back)] {
                         if half.len() >= 3 {
@@ -299,27 +299,4 @@ fn plane_of(vertices: &[DVec3]) -> Option<Plane> {
     };
     let plane = Plane::through(vertices[0], normal.try_normalize()?);
     plane.offset.is_finite().then_some(plane)
-}
-
-/// Cuts a polygon that lies across a plane.
-fn cut_polygon(polygon: &[DVec3], plane: &SidePlane, front: &mut Vec<DVec3>, back: &mut Vec<DVec3>) {
-    front.clear();
-    back.clear();
-    let Some(&(mut a)) = polygon.last() else { return };
-    let mut a_side = plane.side(a);
-    for &b in polygon {
-        let b_side = plane.side(b);
-        if matches!((a_side, b_side), (Side::Front, Side::Back) | (Side::Back, Side::Front)) {
-            let point = plane.crossing(a, b);
-            front.push(point);
-            back.push(point);
-        }
-        if b_side != Side::Back {
-            front.push(b);
-        }
-        if b_side != Side::Front {
-            back.push(b);
-        }
-        (a, a_side) = (b, b_side);
-    }
 }

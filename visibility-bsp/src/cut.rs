@@ -1,0 +1,28 @@
+//! Cutting a convex polygon in two by a plane.
+
+use alloc::vec::Vec;
+use visibility_core::{Side, SidePlane, glam::DVec3};
+
+/// The parts of a polygon in front of a plane and behind it; what lies on the plane belongs to both. The points of the cut are the same
+/// for every polygon that shares the edge.
+pub(crate) fn cut(polygon: &[DVec3], plane: &SidePlane, front: &mut Vec<DVec3>, back: &mut Vec<DVec3>) {
+    front.clear();
+    back.clear();
+    let Some(&(mut a)) = polygon.last() else { return };
+    let mut a_side = plane.side(a);
+    for &b in polygon {
+        let b_side = plane.side(b);
+        if matches!((a_side, b_side), (Side::Front, Side::Back) | (Side::Back, Side::Front)) {
+            let point = plane.crossing(a, b);
+            front.push(point);
+            back.push(point);
+        }
+        if b_side != Side::Back {
+            front.push(b);
+        }
+        if b_side != Side::Front {
+            back.push(b);
+        }
+        (a, a_side) = (b, b_side);
+    }
+}

@@ -1,0 +1,285 @@
+//! Naylor's exact culling against an item buffer: nothing that has a pixel is hidden, and what is reported without one is seen when one
+//! looks closely at where it says.
+#![allow(missing_docs)]
+
+mod shapes;
+
+use shapes::Random;
+use std::collections::HashSet;
+use visibility_bsp::{BspOrder, Naylor, SceneTree, Witness};
+use visibility_core::glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
+use visibility_core::measure::ItemBuffer;
+use visibility_core::{
+    Aabb, Culler, Depth, Object, ObjectId, Pipeline, Pose, Scene, Triangle, View, VisibleSet, Window,
+};
+
+/// Objects of a few triangles each: scraps, boxes on the grid, walls.
+fn scene(random: &mut Random, count: usize) -> Scene {
+    let mut scene = Scene::new();
+    for _ in 0..count {
+        let triangles: Vec<Triangle> = match random.index(3) {
+            0 => {
+                let center = random.point(9.0);
+                let reach = random.range(0.05, 3.0);
+                (0..2).map(|_| [(); 3].map(|()| (center + random.point(reach)).as_vec3())).collect()
+            }
+            1 => {
+                let min = random.grid_point(8.0);
+                let max = min + random.grid_point(2.0).abs() + 1.0;
+                let faces = shapes::box_faces(min, max);
+                faces.iter().flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]]).map(corners).collect()
+            }
+            _ => {
+                let [p, u, v] = [random.grid_point(8.0), random.point(4.0), random.point(4.0)];
+                [[p, p + u, p + u + v], [p, p + u + v, p + v]].map(corners).into()
+            }
+        };
+        add(&mut scene, &triangles, random.index(5) > 0);
+    }
+    scene
+}
+
+fn corners(t: [DVec3; 3]) -> Triangle {
+    t.map(|v| v.as_vec3())
+}
+
+fn add(scene: &mut Scene, triangles: &[Triangle], occluder: bool) -> ObjectId {
+    let bounds = Aabb::from_points(triangles.iter().flatten().copied());
+    let id = scene.insert(Object { occluder, ..Object::new(bounds) });
+    scene.set_triangles(id, triangles).unwrap();
+    id
+}
+
+fn square(x: f32, r: f32) -> [Triangle; 2] {
+    let [a, b, c, d] = [(-r, -r), (r, -r), (r, r), (-r, r)].map(|(y, z)| Vec3::new(x, y, z));
+    [[a, b, c], [a, c, d]]
+}
+
+fn view(random: &mut Random) -> View {
+    let pose = Pose::look_at(random.point(12.0), random.point(6.0), DVec3::Z);
+    match random.index(3) {
+        0 => View::orthographic(pose, Window { left: -8.0, right: 8.0, bottom: -8.0, top: 8.0 }, 0.0, 40.0)
+            .unwrap(),
+        1 => View::perspective(pose, 1.2, 1.0, 0.01, 30.0).unwrap(),
+        _ => View::perspective(pose, 0.8, 1.0, 0.1, f64::INFINITY).unwrap(),
+    }
+}
+
+fn reported(culler: &mut impl Culler, scene: &Scene, view: &View) -> HashSet<u32> {
+    let mut set = VisibleSet::new();
+    set.fill(scene, view);
+    culler.cull(scene, view, &mut set);
+    set.iter(scene).map(|id| id.index() as u32).collect()
+}
+
+/// Objects with a pixel. Glass is drawn where nothing opaque is before it: each alone with all that is opaque.
+fn pixels(buffer: &mut ItemBuffer, scene: &Scene, view: &View) -> HashSet<u32> {
+    let opaque = |id: &ObjectId| scene.object(*id).unwrap().occluder;
+    let item = |id: ObjectId| (id.index() as u32, scene.triangles(id).unwrap());
+    let walls: Vec<_> = scene.ids().filter(opaque).map(item).collect();
+    let mut seen = HashSet::new();
+    let mut draw = |glass: Option<ObjectId>| {
+        let items = glass.map(item).into_iter().chain(walls.iter().copied());
+        let exact = buffer.draw(view, scene.origin(), items).unwrap();
+        seen.extend(exact.objects().iter().filter(|o| o.pixels > 0).map(|o| o.key));
+    };
+    draw(None);
+    scene.ids().filter(|id| !opaque(id)).for_each(|id| draw(Some(id)));
+    seen
+}
+
+/// Whether an object is seen in a picture of nothing but the witness.
+fn is_confirmed(scene: &Scene, view: &View, id: ObjectId, witness: Witness) -> bool {
+    let scale = 0.3 / witness.width;
+    let zoom = DMat4::from_scale_rotation_translation(
+        DVec3::new(scale, scale, 1.0),
+        DQuat::IDENTITY,
+        DVec3::new(-witness.x * scale, -witness.y * scale, 0.0),
+    );
+    let close = View::from_clip_from_world(zoom * view.clip_from(scene.origin()), view.depth()).unwrap();
+    let mut crop = ItemBuffer::new(63, 63).unwrap();
+    let others = scene.ids().filter(|&o| o != id && scene.object(o).unwrap().occluder);
+    let items =
+        core::iter::once(id).chain(others).map(|id| (id.index() as u32, scene.triangles(id).unwrap()));
+    let exact = crop.draw(&close, DVec3::ZERO, items).unwrap();
+    exact.objects()[0].pixels > 0
+}
+
+#[test]
+fn what_is_reported_is_what_is_seen() {
+    let mut random = Random(21);
+    let mut buffer = ItemBuffer::new(512, 512).unwrap();
+    let (mut hidden, mut beyond_pixels, mut disputed) = (0, 0, 0);
+    for _ in 0..20 {
+        let scene = scene(&mut random, 60);
+        let tree = SceneTree::new(&scene).unwrap();
+        let mut culler = Naylor::new(&tree);
+        for _ in 0..4 {
+            let view = view(&mut random);
+            let reported = reported(&mut culler, &scene, &view);
+            let seen = pixels(&mut buffer, &scene, &view);
+            let missing: Vec<_> = seen.difference(&reported).collect();
+            assert!(missing.is_empty(), "hidden: {missing:?} from {:?}", view.eye(DVec3::ZERO));
+            hidden += scene.len() - reported.len();
+            for id in scene.ids().filter(|id| reported.contains(&(id.index() as u32))) {
+                if !seen.contains(&(id.index() as u32)) {
+                    let witness = culler.witness(id).unwrap();
+                    beyond_pixels += 1;
+                    disputed += usize::from(!is_confirmed(&scene, &view, id, witness));
+                }
+            }
+        }
+    }
+    println!("{hidden} hidden, {beyond_pixels} seen without a pixel, {disputed} of them not confirmed");
+    assert!(hidden > 1500);
+    assert_eq!(disputed, 0, "of {beyond_pixels}");
+}
+
+#[test]
+fn glass_hides_nothing_and_what_is_not_known_is_visible() {
+    let mut scene = Scene::new();
+    let glass = add(&mut scene, &square(2.0, 3.0), false);
+    let wall = add(&mut scene, &square(4.0, 3.0), true);
+    let behind = add(&mut scene, &square(6.0, 2.0), true);
+    let empty = scene.insert(Aabb::from_arrays([7.0, 0.0, 0.0], [7.1, 0.1, 0.1]));
+    let broken = add(&mut scene, &[[Vec3::NAN; 3], square(6.0, 1.0)[0]], true);
+    scene.set_bounds(broken, Aabb::from_arrays([6.0, -1.0, -1.0], [6.0, 1.0, 1.0])).unwrap();
+    let beside = add(&mut scene, &square(-6.0, 1.0), true);
+    let tree = SceneTree::new(&scene).unwrap();
+    let mut culler = Naylor::new(&tree);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    let ids = |ids: &[ObjectId]| ids.iter().map(|id| id.index() as u32).collect::<HashSet<_>>();
+    assert_eq!(reported(&mut culler, &scene, &view), ids(&[glass, wall, empty, broken]));
+    assert!(
+        culler.witness(glass).is_some()
+            && culler.witness(behind).is_none()
+            && culler.witness(empty).is_none()
+    );
+    // Two in one plane: neither hides the other.
+    let twin = add(&mut scene, &square(4.0, 3.0), true);
+    let tree = SceneTree::new(&scene).unwrap();
+    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), ids(&[glass, wall, empty, broken, twin]));
+    // What a view does not show hides nothing in it.
+    scene.set_layers(wall, 2).unwrap();
+    scene.set_layers(twin, 2).unwrap();
+    let tree = SceneTree::new(&scene).unwrap();
+    let reported = reported(&mut Naylor::new(&tree), &scene, &view.with_layers(1));
+    assert_eq!(reported, ids(&[glass, behind, empty, broken]));
+    assert!(!reported.contains(&(beside.index() as u32)));
+}
+
+#[test]
+fn changes_count_once_they_are_taken_in() {
+    let mut scene = Scene::new();
+    let wall = add(&mut scene, &square(4.0, 3.0), true);
+    let behind = add(&mut scene, &square(6.0, 2.0), true);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    let mut tree = SceneTree::new(&scene).unwrap();
+    let both = HashSet::from([wall.index() as u32, behind.index() as u32]);
+    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view).len(), 1);
+    // The wall goes away: at once it hides nothing, where the tree still has it.
+    let away = square(20.0, 30.0);
+    scene.set_triangles(wall, away).unwrap();
+    scene.set_bounds(wall, Aabb::from_points(away.iter().flatten().copied())).unwrap();
+    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), both);
+    tree.sync(&scene).unwrap();
+    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), both);
+    // And comes back.
+    scene.set_triangles(wall, square(4.0, 3.0)).unwrap();
+    scene.set_bounds(wall, Aabb::from_points(square(4.0, 3.0).iter().flatten().copied())).unwrap();
+    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), both);
+    tree.sync(&scene).unwrap();
+    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), HashSet::from([wall.index() as u32]));
+    // One is replaced by another with the same index.
+    scene.remove(wall).unwrap();
+    let small = add(&mut scene, &square(4.0, 0.5), true);
+    assert_eq!(small.index(), wall.index());
+    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), both);
+    tree.sync(&scene).unwrap();
+    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), both);
+    assert!(reported(&mut BspOrder::new(&tree), &scene, &view) == both);
+    // Another scene altogether: nothing is known of it.
+    let other = scene.clone();
+    assert_eq!(reported(&mut Naylor::new(&tree), &other, &view), both);
+}
+
+#[test]
+fn synced_and_built_trees_give_the_same_answers() {
+    let mut random = Random(22);
+    let mut scene = scene(&mut random, 60);
+    let mut tree = SceneTree::new(&scene).unwrap();
+    let ids: Vec<_> = scene.ids().collect();
+    for round in 0..30 {
+        for _ in 0..3 {
+            let id = ids[random.index(ids.len())];
+            let by = random.point(3.0).as_vec3();
+            let moved: Vec<Triangle> =
+                scene.triangles(id).unwrap().iter().map(|t| t.map(|v| v + by)).collect();
+            scene.set_bounds(id, Aabb::from_points(moved.iter().flatten().copied())).unwrap();
+            scene.set_triangles(id, moved).unwrap();
+        }
+        tree.sync(&scene).unwrap();
+        let fresh = SceneTree::new(&scene).unwrap();
+        let view = view(&mut random);
+        let mut cullers = [&tree, &fresh].map(Naylor::new);
+        let [synced, built] = cullers.each_mut().map(|culler| reported(culler, &scene, &view));
+        for &index in synced.symmetric_difference(&built) {
+            // Moved objects are rounded; where two of them touch, gaps are about as narrow as the tolerance, and trees may differ about them.
+            let id = scene.ids().find(|id| id.index() == index as usize).unwrap();
+            let width = cullers.iter().filter_map(|culler| culler.witness(id)).map(|w| w.width).sum::<f64>();
+            assert!(width < 1e-5, "round {round}: object {id}, {width} wide");
+        }
+        // What is seen is in view.
+        for tree in [&tree, &fresh] {
+            let in_view = reported(&mut BspOrder::new(tree), &scene, &view);
+            assert!(in_view.is_superset(&synced) && in_view.len() < scene.len(), "round {round}");
+        }
+    }
+}
+
+#[test]
+fn objects_come_in_the_order_of_depth() {
+    let mut scene = Scene::new();
+    for i in 0..50 {
+        let x = 2.0 + ((i * 17) % 50) as f32;
+        add(&mut scene, &square(x, 0.4 * x), true);
+    }
+    let tree = SceneTree::new(&scene).unwrap();
+    let mut pipeline = Pipeline::new().with(BspOrder::new(Box::new(tree)));
+    let mut set = VisibleSet::new();
+    let pose = Pose::look_at(DVec3::new(25.5, 0.0, 0.0), DVec3::new(60.0, 0.0, 0.0), DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    pipeline.cull(&scene, &view, &mut set);
+    let depths: Vec<f32> = set.iter(&scene).map(|id| scene.bounds(id).unwrap().min.x).collect();
+    assert_eq!(depths, (26..52).map(|x| x as f32).collect::<Vec<_>>());
+}
+
+#[test]
+fn extreme_scenes_and_views_hide_nothing_by_mistake() {
+    let mut random = Random(23);
+    let values = [0.0f32, 1.0, -1.0, 1e-30, 1e30, -1e30, 3e38, 1e-45, f32::NAN, f32::INFINITY, 5.0];
+    for round in 0..200 {
+        let mut scene = Scene::new();
+        for _ in 0..10 {
+            let value = |random: &mut Random| values[random.index(values.len())];
+            let triangle: Triangle = [(); 3].map(|()| Vec3::from_array([(); 3].map(|()| value(&mut random))));
+            add(&mut scene, &[triangle], true);
+        }
+        let tree = SceneTree::new(&scene).unwrap();
+        let mut views = vec![view(&mut random)];
+        for matrix in [Mat4::from_scale(Vec3::splat(1e-30)), Mat4::from_scale(Vec3::splat(1e30))] {
+            views.extend(View::from_clip_from_world(matrix, Depth::ZeroToOne));
+        }
+        for view in views {
+            let found = reported(&mut Naylor::new(&tree), &scene, &view);
+            reported(&mut BspOrder::new(&tree), &scene, &view);
+            for id in scene.ids() {
+                if scene.triangles(id).unwrap().iter().flatten().any(|v| !v.is_finite()) {
+                    assert!(found.contains(&(id.index() as u32)), "round {round}");
+                }
+            }
+        }
+    }
+}

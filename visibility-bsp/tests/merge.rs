@@ -1,0 +1,167 @@
+//! The laws of set operations on solids, and membership of points.
+#![allow(missing_docs)]
+
+mod shapes;
+
+use shapes::{Random, box_faces};
+use visibility_bsp::Solid;
+use visibility_core::glam::{DQuat, DVec3};
+
+/// A box or a ball, turned or on the grid, and how to tell what is inside; `None` near its boundary.
+struct Shape {
+    faces: Vec<Vec<DVec3>>,
+    planes: Vec<(DVec3, f64)>,
+}
+
+impl Shape {
+    fn new(faces: Vec<Vec<DVec3>>) -> Self {
+        let planes = faces.iter().map(|f| {
+            let normal = (f[1] - f[0]).cross(f[2] - f[0]).normalize();
+            (normal, -normal.dot(f[0]))
+        });
+        Self { planes: planes.collect(), faces }
+    }
+
+    fn random(random: &mut Random) -> Self {
+        let turn = match random.index(3) {
+            0 => DQuat::IDENTITY,
+            _ => DQuat::from_axis_angle(random.point(1.0).normalize(), random.range(0.0, 6.0)),
+        };
+        let place = random.grid_point(2.0);
+        let faces = if random.index(3) == 0 {
+            ball(6, 5)
+        } else {
+            let size = random.grid_point(2.0).abs() + 1.0;
+            box_faces(-size, size)
+        };
+        Self::new(faces.iter().map(|f| f.iter().map(|&v| turn * v + place).collect()).collect())
+    }
+
+    fn contains(&self, p: DVec3) -> Option<bool> {
+        let far = self.planes.iter().map(|(n, d)| n.dot(p) + d).fold(f64::NEG_INFINITY, f64::max);
+        (far.abs() > 1e-9).then_some(far < 0.0)
+    }
+}
+
+/// A convex ball of radius 2.5: faces between meridians and parallels.
+fn ball(around: usize, down: usize) -> Vec<Vec<DVec3>> {
+    let at = |i: usize, j: usize| {
+        let (a, b) = (
+            i as f64 / around as f64 * core::f64::consts::TAU,
+            j as f64 / down as f64 * core::f64::consts::PI,
+        );
+        DVec3::new(a.cos() * b.sin(), a.sin() * b.sin(), b.cos()) * 2.5
+    };
+    let mut faces = Vec::new();
+    for i in 0..around {
+        for j in 0..down {
+            let mut face = vec![at(i, j), at(i, j + 1), at((i + 1) % around, j + 1), at((i + 1) % around, j)];
+            if j == 0 {
+                face = vec![at(0, 0), face[1], face[2]];
+            } else if j + 1 == down {
+                face = vec![face[0], at(0, down), face[3]];
+            }
+            faces.push(face);
+        }
+    }
+    faces
+}
+
+#[test]
+fn points_are_in_what_the_operands_say() {
+    let mut random = Random(11);
+    let mut counts = [0; 3];
+    for _ in 0..150 {
+        let [a, b, c] = [(); 3].map(|()| Shape::random(&mut random));
+        let [sa, sb, sc] = [&a, &b, &c].map(|s| Solid::new(&s.faces).unwrap());
+        let union = sa.union(&sb).unwrap();
+        let both = sa.intersection(&sb).unwrap();
+        let less = sa.difference(&sb).unwrap();
+        // And of what was merged already.
+        let more = union.difference(&sc).unwrap();
+        let rest = sc.intersection(&less).unwrap();
+        for _ in 0..300 {
+            let p = random.point(6.0);
+            let (Some(ia), Some(ib), Some(ic)) = (a.contains(p), b.contains(p), c.contains(p)) else {
+                continue;
+            };
+            assert_eq!(sa.contains(p), ia);
+            assert_eq!(union.contains(p), ia || ib, "{p}");
+            assert_eq!(both.contains(p), ia && ib, "{p}");
+            assert_eq!(less.contains(p), ia && !ib, "{p}");
+            assert_eq!(more.contains(p), (ia || ib) && !ic, "{p}");
+            assert_eq!(rest.contains(p), ic && ia && !ib, "{p}");
+            for (count, found) in counts.iter_mut().zip([ia || ib, ia && ib, ia && !ib]) {
+                *count += usize::from(found);
+            }
+        }
+    }
+    assert!(counts.iter().all(|&count| count > 200), "{counts:?}");
+}
+
+#[test]
+fn the_laws_of_sets_hold() {
+    let mut random = Random(12);
+    let empty = Solid::new::<Vec<DVec3>>([]).unwrap();
+    assert!(empty.is_empty());
+    for _ in 0..200 {
+        let [a, b] = [(); 2].map(|()| Shape::random(&mut random));
+        let [sa, sb] = [&a, &b].map(|s| Solid::new(&s.faces).unwrap());
+        // A union A and A intersected with A are A, node for node; A minus A is nothing at all.
+        assert_eq!(sa.union(&sa).unwrap().node_count(), sa.node_count());
+        assert_eq!(sa.intersection(&sa).unwrap().node_count(), sa.node_count());
+        assert!(sa.difference(&sa).unwrap().is_empty());
+        assert!(sa.difference(&empty).unwrap().node_count() == sa.node_count());
+        assert!(sa.intersection(&empty).unwrap().is_empty() && empty.difference(&sa).unwrap().is_empty());
+        // (A minus B) with (A and B) is A again; what is in none of them has no points.
+        let again = sa.difference(&sb).unwrap().union(&sa.intersection(&sb).unwrap()).unwrap();
+        let pairs = [
+            (sa.union(&sb).unwrap(), sb.union(&sa).unwrap()),
+            (sa.intersection(&sb).unwrap(), sb.intersection(&sa).unwrap()),
+            (again, sa.clone()),
+        ];
+        for _ in 0..200 {
+            let p = random.point(6.0);
+            if a.contains(p).is_some() && b.contains(p).is_some() {
+                pairs.iter().for_each(|(one, two)| assert_eq!(one.contains(p), two.contains(p), "{p}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn turned_copies_and_scales_are_no_trouble() {
+    // The same solid from the same faces in another order has another tree.
+    let mut random = Random(13);
+    for scale in [1e-6, 1.0, 1e9] {
+        for _ in 0..40 {
+            let shape = Shape::random(&mut random);
+            let faces: Vec<Vec<DVec3>> =
+                shape.faces.iter().map(|f| f.iter().map(|&v| v * scale).collect()).collect();
+            let mut shuffled = faces.clone();
+            for i in 0..shuffled.len() {
+                let j = random.index(i + 1);
+                shuffled.swap(i, j);
+            }
+            let [a, b] = [Solid::new(&faces).unwrap(), Solid::new(&shuffled).unwrap()];
+            assert!(a.difference(&b).unwrap().is_empty() && b.difference(&a).unwrap().is_empty());
+        }
+    }
+}
+
+#[test]
+fn many_faces_are_no_trouble() {
+    // Convex, so that every plane of a face has all others behind it: a list, if it were not divided otherwise.
+    let n = 1500;
+    let at = |i: usize, z: f64| {
+        let a = (i % n) as f64 / n as f64 * core::f64::consts::TAU;
+        DVec3::new(a.cos(), a.sin(), z)
+    };
+    let mut faces: Vec<Vec<DVec3>> =
+        (0..n).map(|i| vec![at(i, 0.0), at(i + 1, 0.0), at(i + 1, 1.0), at(i, 1.0)]).collect();
+    faces.push((0..n).map(|i| at(i, 1.0)).collect());
+    faces.push((0..n).rev().map(|i| at(i, 0.0)).collect());
+    let solid = Solid::new(&faces).unwrap();
+    assert!(solid.union(&solid).unwrap().contains(DVec3::new(0.5, 0.5, 0.5)));
+    assert!(solid.difference(&solid).unwrap().is_empty());
+}

@@ -1,0 +1,99 @@
+//! Frames of the cullers and objects that move through a tree allocate nothing once warm. Counted by an allocator of our own.
+#![allow(unsafe_code, missing_docs)]
+
+mod shapes;
+
+use shapes::Random;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use visibility_bsp::{BspOrder, BspTree, Naylor, SceneTree};
+use visibility_core::glam::DVec3;
+use visibility_core::{Aabb, Culler, Object, Pose, Scene, Triangle, View, VisibleSet};
+
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: all is left to the system's allocator; counting neither allocates nor touches the memory.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(memory, layout) }
+    }
+
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        unsafe { System.realloc(memory, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn scene(random: &mut Random) -> Scene {
+    let mut scene = Scene::new();
+    for _ in 0..300 {
+        let center = random.point(20.0);
+        let triangle: Triangle = [(); 3].map(|()| (center + random.point(3.0)).as_vec3());
+        let bounds = Aabb::from_points(triangle);
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, [triangle]).unwrap();
+    }
+    scene
+}
+
+#[test]
+fn warm_frames_allocate_nothing() {
+    let mut random = Random(31);
+    let scene = scene(&mut random);
+    let tree = SceneTree::new(&scene).unwrap();
+    let (mut order, mut naylor) = (BspOrder::new(&tree), Naylor::new(&tree));
+    let views: Vec<View> = (0..20)
+        .map(|_| {
+            let pose = Pose::look_at(random.point(20.0), random.point(5.0), DVec3::Z);
+            View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()
+        })
+        .collect();
+    let mut set = VisibleSet::new();
+    let mut walk = || {
+        let mut counts = Vec::with_capacity(2 * views.len());
+        let before = ALLOCATIONS.get();
+        for view in &views {
+            for culler in [&mut order as &mut dyn Culler, &mut naylor] {
+                set.fill(&scene, view);
+                culler.cull(&scene, view, &mut set);
+                counts.push(set.count(&scene));
+            }
+        }
+        (ALLOCATIONS.get() - before, counts)
+    };
+    let (cold, first) = walk();
+    let (warm, second) = walk();
+    assert!(cold > 0);
+    assert_eq!((warm, second), (0, first));
+}
+
+#[test]
+fn moving_through_a_tree_allocates_nothing_in_the_long_run() {
+    let mut random = Random(32);
+    let polygons = shapes::polygons(&mut random, 60);
+    let mut tree = BspTree::build((0..).zip(&polygons[..50])).unwrap();
+    let mut step = |at: usize| {
+        for owner in 50..60usize {
+            tree.remove(owner as u32);
+            let by = DVec3::new((at % 7) as f64 * 0.3, 0.1 * (at % 5) as f64, 0.0);
+            let moved: [DVec3; 3] = core::array::from_fn(|i| polygons[owner][i] + by);
+            tree.insert(owner as u32, [moved]).unwrap();
+        }
+    };
+    (0..200).for_each(&mut step);
+    let before = ALLOCATIONS.get();
+    (0..200).for_each(&mut step);
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+}
