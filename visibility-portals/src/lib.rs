@@ -22,6 +22,7 @@ extern crate alloc;
 extern crate std;
 
 mod bake;
+mod culler;
 mod flood;
 pub mod from_geometry;
 pub mod lp;
@@ -34,5 +35,9 @@ mod separators;
 pub mod stabbing;
 
 pub use bake::{BakeError, CellBake, Fallback, Outcome, Progress, Settings};
+pub use culler::{
+    MirrorId, Narrowing, NotCulled, Passage, PortalCuller, PortalEye, PortalStats, Reflection, SceneCells,
+    SceneCellsError,
+};
 pub use matrix::CellMatrix;
 pub use objects::{ObjectBake, ObjectOutcome};

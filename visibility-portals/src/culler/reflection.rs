@@ -1,0 +1,201 @@
+//! Mirrors: portals into the same scene, seen from behind the glass.
+//!
+//! A mirror returns a view of its own, that of the eye reflected in its plane, with the plane as a clip plane; what is seen in it is found by
+//! a walk that begins in the mirror's cell, within what is seen of the mirror (Luebke and Georges, 1995). The picture of a mirror lies where
+//! the mirror itself is on the screen, so the reflected view draws into the same pixels.
+
+use super::Narrowing;
+use super::eye::Seen;
+use super::scene_cells::{MirrorId, SceneCells};
+use super::side::{Side, U};
+use super::sight::Sight;
+use super::stats::{NotCulled, PortalStats};
+use super::walk::{SeenMirror, Walk};
+use alloc::vec::Vec;
+use visibility_core::glam::{DMat4, DVec3};
+use visibility_core::{Culler, FrustumCuller, Plane, Scene, View, ViewError, VisibleSet};
+
+/// What a mirror shows.
+#[derive(Clone, Debug)]
+pub struct Reflection {
+    mirror: MirrorId,
+    parent: Option<usize>,
+    depth: u32,
+    view: View,
+    visible: VisibleSet,
+}
+
+impl Reflection {
+    /// The mirror.
+    pub fn mirror(&self) -> MirrorId {
+        self.mirror
+    }
+
+    /// The reflection that the mirror is seen in, by its place in [`PortalEye::reflections`](super::PortalEye::reflections); none where it is seen
+    /// directly.
+    pub fn parent(&self) -> Option<usize> {
+        self.parent
+    }
+
+    /// How many mirrors lines of sight meet: 1 where the mirror is seen directly.
+    pub fn depth(&self) -> u32 {
+        self.depth
+    }
+
+    /// The view to draw the reflection with: the eye's own, reflected, so that it draws to where the mirror is on the screen, but with triangles
+    /// winding the other way. What is behind the mirror is cut away by its clip plane, which takes the place of those that the view had.
+    pub fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// The objects to draw with it. Conservative.
+    pub fn visible(&self) -> &VisibleSet {
+        &self.visible
+    }
+}
+
+/// The reflections of a frame, and memory for more.
+#[derive(Clone, Debug)]
+pub(super) struct Reflections {
+    all: Vec<Reflection>,
+    /// How many of them are of this frame.
+    count: usize,
+    walk: Walk,
+    /// Mirrors that are seen, each in a reflection or directly, with the sides that bound it.
+    seen: Vec<(Option<usize>, SeenMirror)>,
+    /// Of the reflection that they are seen in.
+    sides: Vec<Side>,
+    most: usize,
+    deepest: u32,
+}
+
+impl Reflections {
+    pub(super) fn new() -> Self {
+        let (all, seen, sides) = (Vec::new(), Vec::new(), Vec::new());
+        Self { all, count: 0, walk: Walk::default(), seen, sides, most: 8, deepest: 2 }
+    }
+
+    pub(super) fn limit(&mut self, most: usize, deepest: u32) {
+        (self.most, self.deepest) = (most, deepest);
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+        self.seen.clear();
+        self.sides.clear();
+    }
+
+    pub(super) fn as_slice(&self) -> &[Reflection] {
+        &self.all[..self.count]
+    }
+
+    /// Looks into the mirrors that a walk has met, and into those seen in them.
+    #[expect(clippy::too_many_arguments)]
+    pub(super) fn look(
+        &mut self,
+        cells: &SceneCells,
+        scene: &Scene,
+        view: &View,
+        sight: &Sight,
+        walk: &Walk,
+        known: (&[u64], u64),
+        settings: (Narrowing, u64),
+        stats: &mut PortalStats,
+    ) {
+        self.take(None, walk);
+        let mut next = 0;
+        while next < self.seen.len() {
+            // All windows through which one mirror is seen in one view, which stand together.
+            let (parent, mirror) = (self.seen[next].0, self.seen[next].1.mirror);
+            let end = next
+                + self.seen[next..].iter().take_while(|(p, m)| (*p, m.mirror) == (parent, mirror)).count();
+            let windows = next..end;
+            next = end;
+            let depth = parent.map_or(1, |parent| self.all[parent].depth + 1);
+            if depth > self.deepest || self.count == self.most {
+                stats.reflections_left_out += 1;
+                continue;
+            }
+            let parent_view = parent.map_or(*view, |parent| self.all[parent].view);
+            let found = &cells.mirrors[mirror as usize];
+            let plane = Plane::through(found.vertices[0], found.outline.normal);
+            let reflected = reflect(&parent_view, &plane, found.outline.error);
+            let parent_sight = if parent.is_some() { Sight::new(&parent_view) } else { Some(sight.clone()) };
+            let (Ok(view), Some(parent_sight)) = (reflected, parent_sight) else {
+                stats.reflections_left_out += 1;
+                continue;
+            };
+            stats.reflections += 1;
+            let place = self.count;
+            self.count += 1;
+            if self.all.len() == place {
+                let visible = VisibleSet::new();
+                self.all.push(Reflection { mirror: MirrorId(mirror), parent, depth, view, visible });
+            }
+            let one = &mut self.all[place];
+            (one.mirror, one.parent, one.depth, one.view) = (MirrorId(mirror), parent, depth, view);
+            one.visible.fill(scene, &view);
+            FrustumCuller::new().cull(scene, &view, &mut one.visible);
+            if matches!(stats.fallback, Some(NotCulled::NotSynced)) {
+                continue;
+            }
+            let Some(sight) = Sight::new(&view) else { continue };
+            self.walk.begin(cells);
+            for (_, seen) in &self.seen[windows] {
+                let sides = &self.sides[seen.window.sides.start as usize..seen.window.sides.end as usize];
+                let sides = sides.iter().map(|side| reflect_side(side, &plane, &parent_sight, &sight));
+                self.walk.start_within(cells, &sight, seen.cell, sides, seen.window.rectangle);
+            }
+            if self.walk.go(cells, &sight, settings.0, settings.1, stats) {
+                let seen = Seen { cells, scene, walk: &self.walk, sight: &sight };
+                let (unknown, frame) = known;
+                seen.retain(unknown, frame, &mut self.all[place].visible, &mut stats.tests);
+                let walk = core::mem::take(&mut self.walk);
+                self.take(Some(place), &walk);
+                self.walk = walk;
+            }
+        }
+    }
+
+    /// Notes the mirrors that a walk has met.
+    fn take(&mut self, parent: Option<usize>, walk: &Walk) {
+        let first = self.seen.len();
+        for seen in &walk.mirrors {
+            let start = self.sides.len() as u32;
+            let sides = &seen.window.sides;
+            self.sides.extend_from_slice(&walk.sides[sides.start as usize..sides.end as usize]);
+            let mut seen = seen.clone();
+            seen.window.sides = start..self.sides.len() as u32;
+            self.seen.push((parent, seen));
+        }
+        self.seen[first..].sort_unstable_by_key(|(_, seen)| (seen.mirror, seen.window.sides.start));
+    }
+}
+
+/// The view from behind a mirror, of what is before it or within `error` of that.
+fn reflect(view: &View, plane: &Plane, error: f64) -> Result<View, ViewError> {
+    let n = plane.normal;
+    let offset = plane.signed_distance(view.origin());
+    let columns = DVec3::AXES.map(|axis| (axis - n * (2.0 * n.dot(axis))).extend(0.0));
+    let mirror = DMat4::from_cols(columns[0], columns[1], columns[2], (n * (-2.0 * offset)).extend(1.0));
+    let matrix = view.clip_from(view.origin()) * mirror;
+    View::from_clip_from_world(matrix, view.depth())?
+        .relative_to(view.origin())?
+        .with_layers(view.layers())
+        .with_clip_planes(&[Plane::new(n, offset + error + 8.0 * U * offset.abs())])
+}
+
+/// A side behind the mirror, for points relative to the reflected view's anchor. Where that is not the reflection of the other anchor, by
+/// rounding, is a part of the new side's error; so is the rounding of the normal, `8u`.
+fn reflect_side(side: &Side, plane: &Plane, from: &Sight, to: &Sight) -> Side {
+    let n = plane.normal;
+    let turned = side.plane.normal - n * (2.0 * n.dot(side.plane.normal));
+    let anchor = from.anchor - n * (2.0 * plane.signed_distance(from.anchor));
+    let size = from.anchor.abs().max_element() + plane.offset.abs();
+    let moved = (anchor - to.anchor).length() + 32.0 * U * size + to.error + from.error;
+    Side {
+        plane: Plane::new(turned, side.plane.offset),
+        slope: side.slope + 32.0 * U,
+        slack: side.slack + (1.0 + side.slope) * moved,
+    }
+}

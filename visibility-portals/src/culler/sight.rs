@@ -1,0 +1,137 @@
+//! Where lines of sight come from, and how a view bounds them.
+
+use super::side::{Side, U};
+use smallvec::SmallVec;
+use visibility_core::glam::{DVec3, DVec4};
+use visibility_core::{Eye, View};
+
+/// How the lines of sight of a view run.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum Lines {
+    /// From the anchor, which is the eye.
+    FromAnchor,
+    /// Along a unit direction, known up to so much.
+    Along(DVec3, f64),
+}
+
+/// A view as portals are clipped to it. All is relative to the anchor, a point of the world: the eye, if there is one.
+#[derive(Clone, Debug)]
+pub(super) struct Sight {
+    pub(super) anchor: DVec3,
+    pub(super) lines: Lines,
+    /// How far the true eye may be from the anchor.
+    pub(super) error: f64,
+    /// Left, right, bottom and top.
+    pub(super) sides: [Side; 4],
+    /// Near, then the view's clip planes: what lines of sight can begin at.
+    pub(super) fronts: SmallVec<[Side; 11]>,
+    /// Far, if there is one, and again the clip planes: what lines of sight can end at.
+    pub(super) ends: SmallVec<[Side; 11]>,
+    /// The rows of the clip matrix for x, y and w, for points relative to the anchor, and how far their last elements may be off.
+    pub(super) rows: [(DVec4, f64); 3],
+}
+
+impl Sight {
+    /// `None` for a view so odd that `f64` cannot tell where it is seen from.
+    pub(super) fn new(view: &View) -> Option<Self> {
+        let (anchor, direction) = match view.eye(DVec3::ZERO) {
+            Eye::Point(eye) => (eye, None),
+            Eye::Direction(direction) => (view.origin(), Some(direction)),
+        };
+        let planes = view.planes(anchor);
+        let planes = planes.as_slice();
+        let far = usize::from(!view.depth().is_infinite());
+        // A plane that could not be had is left out, and which one cannot be told.
+        if planes.len() != 5 + far + view.clip_planes().len() || !anchor.is_finite() {
+            return None;
+        }
+        let sides = [0, 1, 2, 3].map(|i| Side::of_view(&planes[i]));
+        let normal = |i: usize| planes[i].plane.normal;
+        let (lines, error) = match direction {
+            None => {
+                // The true eye is on all four planes. With unit normals, the least singular value of three of them is at least a third of
+                // their determinant, so it is within 3 sqrt(3) times the greatest residual, over that, of the anchor.
+                let determinant = normal(0).dot(normal(1).cross(normal(2))).abs();
+                let off = planes[..4].iter().fold(0.0, |off: f64, p| off.max(p.plane.offset.abs() + p.error));
+                (Lines::FromAnchor, 6.0 * (off + 32.0 * U * off) / determinant)
+            }
+            Some(direction) => {
+                // The true direction is in all four planes, so the tilt of the one that was found against two of them, over the sine of
+                // the angle between these, bounds its own error.
+                let sine = normal(0).cross(normal(2)).length();
+                let tilt = (0..4).fold(0.0, |tilt: f64, i| tilt.max(normal(i).dot(direction).abs()));
+                (Lines::Along(direction, 4.0 * (tilt + 32.0 * U) / sine), 0.0)
+            }
+        };
+        let turn = if let Lines::Along(_, turn) = lines { turn } else { 0.0 };
+        // Also refuses NaN.
+        if !(error.is_finite() && turn < 0.01) {
+            return None;
+        }
+        let clips = &planes[5 + far..];
+        let fronts = planes[4..5].iter().chain(clips).map(Side::of_view).collect();
+        let ends = planes[5..5 + far].iter().chain(clips).map(Side::of_view).collect();
+        let (matrix, own) = (view.clip_from(anchor), view.clip_from(view.origin()));
+        let shift = (anchor - view.origin()).abs();
+        let rows = [0, 1, 3].map(|i| {
+            let size = own.row(i).truncate().abs().dot(shift) + own.row(i).w.abs();
+            (matrix.row(i), 8.0 * U * size)
+        });
+        Some(Self { anchor, lines, error, sides, fronts, ends, rows })
+    }
+
+    /// Which way lines of sight cross a polygon, relative to the anchor and known up to `error`, whose unit normal is `normal` and whose least
+    /// extent is at least `width`.
+    ///
+    /// From an eye, a plane is crossed along its normal if and only if the eye is behind it. Vertices that are off by `error` (which includes
+    /// that of the eye) tilt the plane by twice as much over `width`. Evaluating the height of a vertex rounds by `8u` of its distance, and
+    /// the normal is not to be trusted beyond `4u` a component.
+    pub(super) fn crossing(
+        &self,
+        vertices: impl Iterator<Item = DVec3>,
+        normal: DVec3,
+        width: f64,
+        error: f64,
+    ) -> Crossing {
+        let tilt = 2.0 * error / width + 32.0 * U;
+        let (least, most) = match self.lines {
+            Lines::FromAnchor => {
+                vertices.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), vertex| {
+                    let height = normal.dot(vertex);
+                    let margin = error + tilt * vertex.length();
+                    (least.min(height - margin), most.max(height + margin))
+                })
+            }
+            Lines::Along(direction, turn) => {
+                let height = normal.dot(direction);
+                (height - turn - tilt, height + turn + tilt)
+            }
+        };
+        if least > 0.0 {
+            Crossing::Along
+        } else if most < 0.0 {
+            Crossing::Against
+        } else {
+            Crossing::Unsure
+        }
+    }
+
+    /// The side through an edge of a polygon that is crossed along (`sign` 1) or against (-1) its normal, counter-clockwise around that.
+    pub(super) fn through_edge(&self, a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<Side> {
+        match self.lines {
+            Lines::FromAnchor => Side::through_edge(a, b, sign, error),
+            Lines::Along(direction, turn) => Side::along(direction, turn, a, b, sign, error),
+        }
+    }
+}
+
+/// How lines of sight cross a polygon.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Crossing {
+    /// Along its normal.
+    Along,
+    /// Against its normal.
+    Against,
+    /// The eye is so near the plane, or the plane so nearly in line with the lines of sight, that rounding cannot tell.
+    Unsure,
+}

@@ -1,0 +1,463 @@
+//! The walk of a frame: from the cells that lines of sight begin in, through portals, each of which narrows what is seen.
+//!
+//! Depth first, as in Luebke and Georges, "Portals and Mirrors: Simple, Fast Evaluation of Potentially Visible Sets", 1995, who keep the
+//! rectangle of the screen around each portal; here the exact convex polygon is kept as well. Cells need not be convex: a walk may come back to
+//! a cell, but not through a portal that it has passed in the same direction, since no straight line does.
+
+use super::Narrowing;
+use super::polygon::Outline;
+use super::scene_cells::{NONE, SceneCells};
+use super::side::{Corner, Edge, Side, U, clip};
+use super::sight::{Crossing, Sight};
+use super::stats::PortalStats;
+use alloc::vec::Vec;
+use core::ops::Range;
+use visibility_core::glam::{DVec3, DVec4};
+use visibility_core::{CellId, PortalId};
+
+/// The most sides that a window keeps: those beyond are forgotten, which can only show more.
+const MOST_SIDES: usize = 24;
+/// Ways into a cell that are followed one by one. Where there are more, the cell is looked at through the whole view instead.
+const MOST_WAYS: u32 = 48;
+
+/// Left, right, bottom and top of a rectangle on the screen, in units of w.
+pub(super) type Rectangle = [f64; 4];
+
+/// One way by which a cell is seen.
+#[derive(Clone, Debug)]
+pub(super) struct Way {
+    pub(super) cell: CellId,
+    /// The way that this one goes on from, and the portal between; none where the walk began.
+    pub(super) parent: u32,
+    pub(super) portal: PortalId,
+    /// Another way into the same cell.
+    next: u32,
+    /// What bounds the view of this cell.
+    pub(super) window: Window,
+    /// The corners of the portal as it is seen, for pictures.
+    pub(super) corners: Range<u32>,
+}
+
+/// What bounds the view through a chain of portals.
+#[derive(Clone, Debug)]
+pub(super) struct Window {
+    pub(super) sides: Range<u32>,
+    pub(super) rectangle: Rectangle,
+    /// Whether it is the whole view, which the stages before have looked at.
+    whole: bool,
+}
+
+/// A mirror seen through a window.
+#[derive(Clone, Debug)]
+pub(super) struct SeenMirror {
+    pub(super) mirror: u32,
+    pub(super) cell: CellId,
+    pub(super) window: Window,
+}
+
+/// The memory of a walk, and what it found.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Walk {
+    pub(super) ways: Vec<Way>,
+    pub(super) sides: Vec<Side>,
+    pub(super) corners: Vec<DVec3>,
+    pub(super) mirrors: Vec<SeenMirror>,
+    /// By cell: the last way into it, and how many there are.
+    heads: Vec<u32>,
+    counts: Vec<u32>,
+    /// Cells that are, or will be, looked at through the whole view.
+    wide: Vec<bool>,
+    /// Portals, in each direction, that the walk has passed to where it is.
+    passed: Vec<bool>,
+    stack: Vec<(u32, u32)>,
+    waiting: Vec<CellId>,
+    polygon: Vec<Corner>,
+    clipped: Vec<Corner>,
+    /// The cells that may be seen from those where the walk began, a bit each; empty without sets.
+    allowed: Vec<u64>,
+    allowed_for: Vec<CellId>,
+    row: Vec<u64>,
+    begun: Vec<CellId>,
+}
+
+impl Walk {
+    /// Forgets the last walk.
+    pub(super) fn begin(&mut self, cells: &SceneCells) {
+        let (count, portals) = (cells.graph.cell_count(), cells.graph.portals().len());
+        if self.heads.len() != count || self.passed.len() != portals * 2 {
+            self.heads.clear();
+            self.heads.resize(count, NONE);
+            self.counts.clear();
+            self.counts.resize(count, 0);
+            self.wide.clear();
+            self.wide.resize(count, false);
+            self.passed.clear();
+            self.passed.resize(portals * 2, false);
+            self.allowed_for.clear();
+        } else {
+            // Only what the last walk touched.
+            for way in &self.ways {
+                let cell = way.cell.index();
+                (self.heads[cell], self.counts[cell], self.wide[cell]) = (NONE, 0, false);
+            }
+        }
+        for &(way, _) in &self.stack {
+            // A walk that was given up.
+            if let Some(way) = self.ways.get(way as usize).filter(|way| way.parent != NONE) {
+                let portal = way.portal.index() * 2;
+                self.passed[portal] = false;
+                self.passed[portal + 1] = false;
+            }
+        }
+        for &cell in &self.waiting {
+            self.wide[cell.index()] = false;
+        }
+        self.ways.clear();
+        self.sides.clear();
+        self.corners.clear();
+        self.mirrors.clear();
+        self.stack.clear();
+        self.waiting.clear();
+        self.begun.clear();
+    }
+
+    /// Lines of sight begin in this cell, anywhere in the view.
+    pub(super) fn start_whole(&mut self, cell: CellId) {
+        if !core::mem::replace(&mut self.wide[cell.index()], true) {
+            self.waiting.push(cell);
+            self.begun.push(cell);
+        }
+    }
+
+    /// Lines of sight begin in this cell, within these sides.
+    pub(super) fn start_within(
+        &mut self,
+        cells: &SceneCells,
+        sight: &Sight,
+        cell: CellId,
+        sides: impl Iterator<Item = Side>,
+        rectangle: Rectangle,
+    ) {
+        let start = self.sides.len() as u32;
+        self.sides.extend(sides);
+        let window = Window { sides: start..self.sides.len() as u32, rectangle, whole: false };
+        self.begun.push(cell);
+        self.enter(cells, sight, cell, NONE, PortalId(NONE), window, 0..0);
+    }
+
+    /// Goes on until there is no way left, or there were too many steps: then false.
+    pub(super) fn go(
+        &mut self,
+        cells: &SceneCells,
+        sight: &Sight,
+        narrowing: Narrowing,
+        steps: u64,
+        stats: &mut PortalStats,
+    ) -> bool {
+        self.allow(cells);
+        let view = self.sides.len() as u32;
+        self.sides.extend_from_slice(&sight.sides);
+        let whole = Window { sides: view..view + 4, rectangle: [-1.0, 1.0, -1.0, 1.0], whole: true };
+        stats.starts += self.begun.len() as u32;
+        let mut left = steps;
+        loop {
+            while let Some(&mut (way, ref mut slot)) = self.stack.last_mut() {
+                let cell = self.ways[way as usize].cell;
+                let Some(&portal) = cells.graph.portals_of(cell).get(*slot as usize) else {
+                    self.leave(cells, way);
+                    continue;
+                };
+                *slot += 1;
+                if left == 0 {
+                    return false;
+                }
+                left -= 1;
+                stats.portals += 1;
+                self.look_through(cells, sight, way, portal, narrowing, stats);
+            }
+            let Some(cell) = self.waiting.pop() else { return true };
+            self.enter(cells, sight, cell, NONE, PortalId(NONE), whole.clone(), 0..0);
+        }
+    }
+
+    /// The sets of all cells that the walk begins in.
+    fn allow(&mut self, cells: &SceneCells) {
+        let Some(pvs) = &cells.pvs else {
+            self.allowed.clear();
+            return;
+        };
+        if self.allowed_for == self.begun && !self.allowed.is_empty() {
+            return;
+        }
+        self.allowed.clear();
+        self.allowed.resize(cells.graph.cell_count().div_ceil(64), 0);
+        for &cell in &self.begun {
+            let known = pvs.write_bits(cell, &mut self.row);
+            for (i, word) in self.allowed.iter_mut().enumerate() {
+                *word |= if known { self.row.get(i).copied().unwrap_or(u64::MAX) } else { u64::MAX };
+            }
+        }
+        self.allowed_for.clear();
+        self.allowed_for.extend_from_slice(&self.begun);
+    }
+
+    fn is_allowed(&self, cell: CellId) -> bool {
+        self.allowed.get(cell.index() / 64).is_none_or(|word| word >> (cell.index() % 64) & 1 != 0)
+    }
+
+    #[expect(clippy::too_many_arguments)]
+    fn enter(
+        &mut self,
+        cells: &SceneCells,
+        sight: &Sight,
+        cell: CellId,
+        parent: u32,
+        portal: PortalId,
+        window: Window,
+        corners: Range<u32>,
+    ) {
+        let way = self.ways.len() as u32;
+        let next = core::mem::replace(&mut self.heads[cell.index()], way);
+        self.counts[cell.index()] += 1;
+        let mut mirror = cells.first_mirror[cell.index()];
+        while mirror != NONE {
+            self.look_at_mirror(cells, sight, mirror, cell, &window);
+            mirror = cells.mirrors[mirror as usize].next;
+        }
+        self.ways.push(Way { cell, parent, portal, next, window, corners });
+        self.stack.push((way, 0));
+    }
+
+    fn leave(&mut self, cells: &SceneCells, way: u32) {
+        self.stack.pop();
+        let Way { cell, parent, portal, .. } = self.ways[way as usize];
+        if parent != NONE {
+            let forward = cells.graph.portals()[portal.index()].cells()[1] == cell;
+            self.passed[portal.index() * 2 + usize::from(forward)] = false;
+        }
+    }
+
+    fn look_through(
+        &mut self,
+        cells: &SceneCells,
+        sight: &Sight,
+        way: u32,
+        id: PortalId,
+        narrowing: Narrowing,
+        stats: &mut PortalStats,
+    ) {
+        let from = &self.ways[way as usize];
+        let portal = &cells.graph.portals()[id.index()];
+        let forward = portal.cells()[0] == from.cell;
+        let next = portal.cells()[usize::from(forward)];
+        let direction = id.index() * 2 + usize::from(forward);
+        // Straight back is never ahead, though an eye in the portal's plane cannot tell by its side.
+        let back = from.parent != NONE && from.portal == id;
+        if !cells.passes(id, forward)
+            || back
+            || self.passed[direction]
+            || self.wide[next.index()]
+            || !self.is_allowed(next)
+        {
+            return;
+        }
+        let (outline, vertices) = (&cells.outlines[id.index()], portal.polygon().vertices());
+        let (wanted, other, sign) = match forward {
+            true => (Crossing::Along, Crossing::Against, 1.0),
+            false => (Crossing::Against, Crossing::Along, -1.0),
+        };
+        let crossing = crossing(sight, outline, vertices);
+        if crossing == other {
+            return;
+        }
+        let window = from.window.clone();
+        let sign = (crossing == wanted).then_some(sign);
+        let Some((window, corners)) = self.narrow(sight, outline, vertices, &window, sign, narrowing) else {
+            return;
+        };
+        if self.counts[next.index()] >= MOST_WAYS {
+            self.wide[next.index()] = true;
+            self.waiting.push(next);
+            stats.widened += 1;
+            return;
+        }
+        stats.crossed += 1;
+        self.passed[direction] = true;
+        self.enter(cells, sight, next, way, id, window, corners);
+    }
+
+    fn look_at_mirror(
+        &mut self,
+        cells: &SceneCells,
+        sight: &Sight,
+        mirror: u32,
+        cell: CellId,
+        window: &Window,
+    ) {
+        let found = &cells.mirrors[mirror as usize];
+        // The normal points into the cell, so what hits the mirror runs against it.
+        let crossing = crossing(sight, &found.outline, &found.vertices);
+        if !found.uncovered || crossing == Crossing::Along {
+            return;
+        }
+        let sign = (crossing == Crossing::Against).then_some(-1.0);
+        if let Some((window, _)) =
+            self.narrow(sight, &found.outline, &found.vertices, window, sign, Narrowing::Polygon)
+        {
+            self.mirrors.push(SeenMirror { mirror, cell, window });
+        }
+    }
+
+    /// All mirrors, seen through the whole view: where it is not known which cell they are seen from.
+    pub(super) fn look_at_all_mirrors(&mut self, cells: &SceneCells, sight: &Sight) {
+        self.mirrors.clear();
+        let start = self.sides.len() as u32;
+        self.sides.extend_from_slice(&sight.sides);
+        let whole = Window { sides: start..start + 4, rectangle: [-1.0, 1.0, -1.0, 1.0], whole: true };
+        for cell in (0..cells.graph.cell_count() as u32).map(CellId) {
+            let mut mirror = cells.first_mirror[cell.index()];
+            while mirror != NONE {
+                self.look_at_mirror(cells, sight, mirror, cell, &whole);
+                mirror = cells.mirrors[mirror as usize].next;
+            }
+        }
+    }
+
+    /// What is left of a window behind a polygon, crossed with the sign of its normal; the same window where that cannot be told (`None`).
+    /// Nothing if no line of sight in the window meets the polygon.
+    fn narrow(
+        &mut self,
+        sight: &Sight,
+        outline: &Outline,
+        vertices: &[DVec3],
+        window: &Window,
+        sign: Option<f64>,
+        narrowing: Narrowing,
+    ) -> Option<(Window, Range<u32>)> {
+        self.polygon.clear();
+        let mut reach = 0.0f64;
+        for (i, &vertex) in (0..).zip(vertices) {
+            let at = vertex - sight.anchor;
+            reach = reach.max(at.length());
+            self.polygon.push(Corner { at, edge: Edge::Own(i) });
+        }
+        let given = outline.error + sight.error + 4.0 * U * reach;
+        let mut error = given;
+        for place in window.sides.clone() {
+            let (side, edge) = (&self.sides[place as usize], Edge::Window(place));
+            if !clip(&self.polygon, side, edge, &mut error, &mut self.clipped) {
+                return None;
+            }
+            core::mem::swap(&mut self.polygon, &mut self.clipped);
+        }
+        for side in &sight.ends {
+            if !clip(&self.polygon, side, Edge::End, &mut error, &mut self.clipped) {
+                return None;
+            }
+            core::mem::swap(&mut self.polygon, &mut self.clipped);
+        }
+        let first_corner = self.corners.len() as u32;
+        self.corners.extend(self.polygon.iter().map(|corner| corner.at));
+        let corners = first_corner..self.corners.len() as u32;
+        let Some(sign) = sign else { return Some((window.clone(), corners)) };
+        let start = self.sides.len();
+        let mut rectangle = window.rectangle;
+        match narrowing {
+            Narrowing::Polygon => {
+                let mut last = Edge::End;
+                for i in 0..self.polygon.len() {
+                    let edge = self.polygon[i].edge;
+                    if edge == last || self.sides.len() - start == MOST_SIDES {
+                        continue;
+                    }
+                    last = edge;
+                    let side = match edge {
+                        Edge::End => None,
+                        Edge::Window(place) => Some(self.sides[place as usize]),
+                        Edge::Own(i) => {
+                            let (a, b) = (vertices[i as usize], vertices[(i as usize + 1) % vertices.len()]);
+                            sight.through_edge(a - sight.anchor, b - sight.anchor, sign, given)
+                        }
+                    };
+                    self.sides.extend(side);
+                }
+            }
+            Narrowing::Rectangle => {
+                rectangle = around(sight, &self.polygon, error, window.rectangle);
+                push_rectangle(sight, rectangle, &mut self.sides);
+            }
+        }
+        let sides = start as u32..self.sides.len() as u32;
+        Some((Window { sides, rectangle, whole: false }, corners))
+    }
+
+    /// The ways by which a cell is seen.
+    pub(super) fn ways_into(&self, cell: CellId) -> impl Iterator<Item = &Way> {
+        let mut at = self.heads.get(cell.index()).copied().unwrap_or(NONE);
+        core::iter::from_fn(move || {
+            let way = self.ways.get(at as usize)?;
+            at = way.next;
+            Some(way)
+        })
+    }
+
+    /// Whether a box, relative to the anchor and known up to `error`, may be seen in a cell.
+    pub(super) fn shows(&self, cell: CellId, min: DVec3, max: DVec3, error: f64, tests: &mut u64) -> bool {
+        self.ways_into(cell).any(|way| {
+            *tests += 1;
+            let sides = &self.sides[way.window.sides.start as usize..way.window.sides.end as usize];
+            way.window.whole || !sides.iter().any(|side| side.excludes(min, max, error))
+        })
+    }
+}
+
+fn crossing(sight: &Sight, outline: &Outline, vertices: &[DVec3]) -> Crossing {
+    let relative = vertices.iter().map(|&vertex| vertex - sight.anchor);
+    sight.crossing(relative, outline.normal, outline.width, outline.error + sight.error)
+}
+
+/// The rectangle on the screen around corners that may each be off by `error`, within `outer`.
+///
+/// A row of the clip matrix times a corner is off by the row's own error, by `error` times its length, and by `8u` of the sum of magnitudes
+/// for rounding. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most `(dx + |q| dw) / (w - dw)`.
+fn around(sight: &Sight, corners: &[Corner], error: f64, outer: Rectangle) -> Rectangle {
+    let value = |row: &(DVec4, f64), at: DVec3| {
+        let (row, own) = *row;
+        let size = row.truncate().abs().dot(at.abs()) + row.w.abs();
+        (row.truncate().dot(at) + row.w, own + error * row.truncate().length() + 8.0 * U * size)
+    };
+    let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+    for corner in corners {
+        let (w, dw) = value(&sight.rows[2], corner.at);
+        // A corner so near the eye may be anywhere on the screen; so may a NaN.
+        if !(w > 4.0 * dw) {
+            return outer;
+        }
+        for axis in 0..2 {
+            let (x, dx) = value(&sight.rows[axis], corner.at);
+            let q = x / w;
+            let off = (dx + q.abs() * dw) / (w - dw) + 4.0 * U * q.abs();
+            bounds[axis * 2] = bounds[axis * 2].min(q - off);
+            bounds[axis * 2 + 1] = bounds[axis * 2 + 1].max(q + off);
+        }
+    }
+    [bounds[0].max(outer[0]), bounds[1].min(outer[1]), bounds[2].max(outer[2]), bounds[3].min(outer[3])]
+}
+
+/// The planes of a rectangle on the screen: `x - left w >= 0` and so on, by rows of the clip matrix.
+fn push_rectangle(sight: &Sight, rectangle: Rectangle, sides: &mut Vec<Side>) {
+    let (w, dw) = sight.rows[2];
+    for (i, bound) in rectangle.into_iter().enumerate() {
+        let (x, dx) = sight.rows[i / 2];
+        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+        let row = (x - w * bound) * sign;
+        let length = row.truncate().length();
+        let size = x.truncate().length() + bound.abs() * w.truncate().length();
+        let (slope, slack) = (16.0 * U * size / length, (dx + bound.abs() * dw) / length);
+        let offset = row.w / length;
+        if slope < 0.25 && slack.is_finite() && offset.is_finite() {
+            let plane = visibility_core::Plane::new(row.truncate() / length, offset);
+            sides.push(Side { plane, slope: slope + 16.0 * U, slack: slack + 8.0 * U * offset.abs() });
+        }
+    }
+}
