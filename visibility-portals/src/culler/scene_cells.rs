@@ -141,6 +141,9 @@ impl SceneCells {
     /// From the cells and portals of a building and where the cells are: viewcell `i` holds cell `i`, in the world's own coordinates. No object
     /// is known before [`sync`](Self::sync); all portals are open both ways.
     ///
+    /// Objects that the graph [lists](CellGraph::set_objects) are taken to be in those cells alone, at the first `sync`, until they change:
+    /// whoever knows that a wall only touches a room behind another wall can say so.
+    ///
     /// `tolerance`, in the world's units, is how far portals and cells may be from where they should be: 1e-6 will do for what was computed
     /// in `f64` in metres, the last decimal for what was read from text. An object this near a cell is in it, a line of sight this
     /// near a portal passes, and gaps of twice as much between cells are none.
@@ -280,12 +283,31 @@ impl SceneCells {
             }
             Changes::Everything => {
                 self.objects.iter_mut().for_each(|entry| entry.id = None);
+                if self.revision.is_none() {
+                    self.take_listed(scene);
+                }
                 for id in scene.ids() {
-                    self.place(scene, id);
+                    if self.objects.get(id.index()).is_none_or(|entry| entry.id.is_none()) {
+                        self.place(scene, id);
+                    }
                 }
             }
         }
         self.revision = Some(scene.revision());
+    }
+
+    /// The objects that the graph lists.
+    fn take_listed(&mut self, scene: &Scene) {
+        self.objects.resize_with(scene.index_limit(), Entry::default);
+        for cell in (0..self.graph.cell_count() as u32).map(CellId) {
+            for &id in self.graph.objects_in(cell) {
+                if scene.contains(id) {
+                    let entry = &mut self.objects[id.index()];
+                    entry.id = Some(id);
+                    entry.cells.push(cell);
+                }
+            }
+        }
     }
 
     fn place(&mut self, scene: &Scene, id: ObjectId) {

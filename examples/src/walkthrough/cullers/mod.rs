@@ -5,6 +5,7 @@ mod bsp;
 mod hom;
 mod hzb;
 mod plp;
+pub mod portals;
 mod pvs;
 
 use super::World;
@@ -27,7 +28,7 @@ type Made = Result<Box<dyn Culler + Send>, String>;
 
 /// All cullers that can be asked for, besides `frustum`, which every pipeline begins with.
 pub fn known() -> impl Iterator<Item = &'static Known> {
-    [hom::KNOWN, hzb::KNOWN, bsp::KNOWN, pvs::KNOWN, plp::KNOWN].into_iter().flatten()
+    [hom::KNOWN, hzb::KNOWN, bsp::KNOWN, portals::KNOWN, pvs::KNOWN, plp::KNOWN].into_iter().flatten()
 }
 
 /// Pipelines of two and three stages that are worth comparing; those whose stages do not go with a scene are left out there.

@@ -1,0 +1,29 @@
+//! Cells and portals.
+
+use super::{Known, World};
+use visibility_core::Culler;
+use visibility_portals::{Narrowing, PortalCuller, PortalEye, SceneCells};
+
+pub(super) const KNOWN: &[Known] = &[Known {
+    name: "portals",
+    what: "what is not seen through the portals of the scene's own cells is hidden; portals:rectangle narrows each to a rectangle of the screen",
+    dials: &["polygon", "rectangle"],
+    make: |dial, world| Ok(Box::new(portals(dial, world)?) as Box<dyn Culler + Send>),
+}];
+
+/// How far the cells of recipes and maps may be off, in metres.
+const TOLERANCE: f64 = 1e-6;
+
+/// The portal culler of a world, with its dial's setting.
+pub fn portals(dial: Option<&str>, world: &World) -> Result<PortalCuller, String> {
+    let narrowing = match dial {
+        None | Some("polygon") => Narrowing::Polygon,
+        Some("rectangle") => Narrowing::Rectangle,
+        Some(other) => return Err(format!("it narrows to polygon or rectangle, not to `{other}`")),
+    };
+    let source = world.cells()?;
+    let mut cells = SceneCells::new(source.graph.clone(), source.viewcells.clone(), TOLERANCE)
+        .map_err(|error| error.to_string())?;
+    cells.sync(&world.scene);
+    Ok(PortalCuller::new(cells).with_eye(PortalEye::new().with_narrowing(narrowing)))
+}

@@ -1,0 +1,378 @@
+//! Portals frame by frame: doors, one-way portals, objects that move, limits, questions that can be asked, and hostile input.
+
+mod maze;
+
+use maze::{Camera, Maze, Random, Style};
+use visibility_core::glam::DVec3;
+use visibility_core::{
+    Aabb, CellGraph, CellId, ConvexPolygon, Culler, ObjectId, Plane, PortalId, Pose, Pvs, PvsTargets, Scene,
+    View, Viewcell, Viewcells, VisibleSet, Window,
+};
+use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError};
+
+/// Rooms of 4 by 4 by 3 in a row along x, with a door 1 wide and 2 high in the middle of each wall, and a box in each.
+fn row(rooms: u32) -> (SceneCells, Scene, Vec<ObjectId>) {
+    let room = |i: u32| DVec3::new(f64::from(i) * 4.0, 0.0, 0.0);
+    let door = |x: f64| {
+        let corners = [[1.5, 0.0], [2.5, 0.0], [2.5, 2.0], [1.5, 2.0]];
+        ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(x, y, z))).unwrap()
+    };
+    let portals = (1..rooms).map(|i| (door(room(i).x), [CellId(i - 1), CellId(i)]));
+    let graph = CellGraph::new(rooms as usize, portals).unwrap();
+    let viewcells = (0..rooms).map(|i| Viewcell::from_box(room(i), room(i) + DVec3::new(4.0, 4.0, 3.0)));
+    let mut cells = SceneCells::new(graph, Viewcells::new(viewcells), 1e-6).unwrap();
+    let mut scene = Scene::new();
+    let boxes = (0..rooms).map(|i| {
+        let at = (room(i) + DVec3::new(2.5, 2.0, 1.0)).as_vec3();
+        Aabb::new(at - 0.2, at + 0.2)
+    });
+    let ids = scene.insert_batch(boxes);
+    cells.sync(&scene);
+    (cells, scene, ids)
+}
+
+/// From the first room along the row.
+fn along() -> View {
+    let pose = Pose::look_at(DVec3::new(0.5, 2.0, 1.0), DVec3::new(9.0, 2.0, 1.0), DVec3::Z);
+    View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()
+}
+
+fn seen(eye: &mut PortalEye, cells: &SceneCells, scene: &Scene, view: &View) -> Vec<usize> {
+    let mut visible = VisibleSet::new();
+    visible.fill(scene, view);
+    eye.cull(cells, scene, view, &mut visible);
+    let mut ids: Vec<usize> = visible.iter(scene).map(|id| id.index()).collect();
+    ids.sort_unstable();
+    ids
+}
+
+#[test]
+fn closing_a_door_hides_what_is_behind_and_one_way_portals_only_from_one_side() {
+    let (mut cells, scene, _) = row(4);
+    let mut eye = PortalEye::new();
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 2, 3]);
+    cells.set_open(PortalId(1), false).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1]);
+    cells.set_passage(PortalId(1), Passage::Forward).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1], "a shut door stays shut");
+    cells.set_open(PortalId(1), true).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 2, 3]);
+    cells.set_passage(PortalId(1), Passage::Backward).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1]);
+    // From the other end, it is the other way round.
+    let pose = Pose::look_at(DVec3::new(15.5, 2.0, 1.0), DVec3::new(0.0, 2.0, 1.0), DVec3::Z);
+    let back = View::perspective(pose, 1.0, 1.5, 0.1, 100.0).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &back), [0, 1, 2, 3]);
+    cells.set_passage(PortalId(1), Passage::Forward).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &back), [2, 3]);
+}
+
+#[test]
+fn objects_that_move_are_seen_at_once_and_hidden_when_taken_in() {
+    let (mut cells, mut scene, ids) = row(3);
+    cells.set_open(PortalId(0), false).unwrap();
+    let mut eye = PortalEye::new();
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0]);
+    // Not told of yet: visible, wherever it is.
+    let moved = Aabb::from_arrays([9.0, 0.5, 0.5], [9.5, 1.0, 1.0]);
+    scene.set_bounds(ids[1], moved).unwrap();
+    let added = scene.insert(moved);
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 3]);
+    cells.sync(&scene);
+    assert_eq!(cells.cells_of(ids[1]), [CellId(2)]);
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0]);
+    // Into the eye's room, and across two.
+    scene.set_bounds(added, Aabb::from_arrays([3.0, 1.0, 0.5], [5.0, 2.0, 1.0])).unwrap();
+    cells.sync(&scene);
+    assert_eq!(cells.cells_of(added), [CellId(0), CellId(1)]);
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 3]);
+    // Out of all cells: left to the stages before. And an index that is used again is another object.
+    scene.set_bounds(added, Aabb::from_arrays([0.0, 50.0, 0.0], [1.0, 51.0, 1.0])).unwrap();
+    scene.remove(ids[2]).unwrap();
+    let again = scene.insert(moved);
+    assert_eq!(again.index(), ids[2].index());
+    cells.sync(&scene);
+    assert_eq!((cells.cells_of(ids[2]).len(), cells.cells_of(again).len()), (0, 1));
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 3]);
+    // Another scene, and one never told of.
+    let (other, ..) = (scene.clone(), ());
+    assert_eq!(seen(&mut eye, &cells, &other, &along()).len(), 4);
+    assert_eq!(eye.stats().fallback, Some(NotCulled::NotSynced));
+}
+
+#[test]
+fn eyes_outside_and_views_that_begin_outside_fall_back_and_say_so() {
+    let (cells, scene, _) = row(3);
+    let mut eye = PortalEye::new();
+    let look = |from: DVec3, near: f64| {
+        let pose = Pose::look_at(from, DVec3::new(20.0, 2.0, 1.0), DVec3::Z);
+        View::perspective(pose, 1.0, 1.5, near, 100.0).unwrap()
+    };
+    for (from, near) in [
+        (DVec3::new(-1.0, 2.0, 1.0), 0.1),
+        (DVec3::new(1.0, 2.0, 3.5), 0.1),
+        (DVec3::new(1.0, 3.999, 1.0), 0.1),
+        (DVec3::new(1e30, 2.0, 1.0), 0.1),
+    ] {
+        assert_eq!(seen(&mut eye, &cells, &scene, &look(from, near)), [0, 1, 2], "{from}");
+        assert_eq!(eye.stats().fallback, Some(NotCulled::OutsideCells), "{from}");
+        assert!(eye.sees(CellId(2)) && eye.seen_cells().count() == 0);
+    }
+    // Behind the room, but the near plane is in it: what is drawn begins there.
+    assert_eq!(seen(&mut eye, &cells, &scene, &look(DVec3::new(-0.5, 2.0, 1.0), 0.6)), [0, 1, 2]);
+    assert_eq!(eye.stats().fallback, None);
+    // A clip plane with the eye behind it: lines of sight begin on it, where it is in a cell.
+    let view = along().with_clip_planes(&[Plane::new(DVec3::X, -0.3)]).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &view), [0, 1, 2]);
+    assert_eq!((eye.stats().fallback, eye.stats().starts), (None, 1));
+    // The whole plane of a wall is not.
+    let view = along().with_clip_planes(&[Plane::new(DVec3::X, -7.0)]).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &view).len(), 3);
+    assert_eq!(eye.stats().fallback, Some(NotCulled::OutsideCells));
+    // Parallel lines of sight.
+    let pose = Pose::look_at(DVec3::new(0.5, 2.0, 1.0), DVec3::new(9.0, 2.0, 1.0), DVec3::Z);
+    let narrow = View::orthographic(pose, Window::centered(1.2, 0.9), 0.0, 50.0).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &narrow), [0, 1, 2]);
+    assert_eq!(eye.stats().fallback, None);
+    // Up to its plane the far plane ends what is seen.
+    let short = View::orthographic(pose, Window::centered(1.2, 0.9), 0.0, 3.0).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &short), [0]);
+}
+
+#[test]
+fn too_many_steps_fall_back_and_many_ways_are_put_together() {
+    // One open hall cut into 12 x 12 cells with walls of nothing: every way through it is one.
+    let n = 12u32;
+    let cell = |x: u32, y: u32| CellId(y * n + x);
+    let mut portals = Vec::new();
+    for (x, y) in (0..n).flat_map(|x| (0..n).map(move |y| (x, y))) {
+        let (a, b) = (f64::from(x), f64::from(y));
+        let wall = |points: [[f64; 2]; 2]| {
+            let [[x0, y0], [x1, y1]] = points;
+            let corners = [[x0, y0, 0.0], [x1, y1, 0.0], [x1, y1, 1.0], [x0, y0, 1.0]];
+            ConvexPolygon::new(corners.map(DVec3::from)).unwrap()
+        };
+        if x + 1 < n {
+            portals.push((wall([[a + 1.0, b], [a + 1.0, b + 1.0]]), [cell(x, y), cell(x + 1, y)]));
+        }
+        if y + 1 < n {
+            portals.push((wall([[a + 1.0, b + 1.0], [a, b + 1.0]]), [cell(x, y), cell(x, y + 1)]));
+        }
+    }
+    let graph = CellGraph::new((n * n) as usize, portals).unwrap();
+    graph.validate(1e-9).unwrap();
+    let viewcells = (0..n * n).map(|i| {
+        let at = DVec3::new(f64::from(i % n), f64::from(i / n), 0.0);
+        Viewcell::from_box(at, at + 1.0)
+    });
+    let mut cells = SceneCells::new(graph, Viewcells::new(viewcells), 1e-6).unwrap();
+    let mut scene = Scene::new();
+    for i in 0..n * n {
+        let (x, y) = ((i % n) as f32 + 0.4, (i / n) as f32 + 0.4);
+        scene.insert(Aabb::from_arrays([x, y, 0.4], [x + 0.2, y + 0.2, 0.6]));
+    }
+    cells.sync(&scene);
+    // In the corner of four cells, along the walls and the diagonal, where slivers go around every corner both ways.
+    let mut worst = 0;
+    for (at, to) in [
+        ([6.0, 6.0], [12.0, 6.0]),
+        ([6.0, 6.0], [12.0, 12.0]),
+        ([0.5, 0.5], [12.0, 12.0]),
+        ([6.5, 0.5], [6.5, 9.0]),
+    ] {
+        let point = |[x, y]: [f64; 2]| DVec3::new(x, y, 0.5);
+        let pose = Pose::look_at(point(at), point(to), DVec3::Z);
+        let view = View::perspective(pose, 1.5, 1.5, 0.01, f64::INFINITY).unwrap();
+        let mut eye = PortalEye::new();
+        let mut frustum = VisibleSet::new();
+        frustum.fill(&scene, &view);
+        visibility_core::FrustumCuller::new().cull(&scene, &view, &mut frustum);
+        let mut visible = frustum.clone();
+        eye.cull(&cells, &scene, &view, &mut visible);
+        assert_eq!(eye.stats().fallback, None);
+        worst = worst.max(eye.stats().portals);
+        // Nothing stands in the way: all that is in the frustum is seen.
+        for id in frustum.iter(&scene) {
+            assert!(visible.contains(&scene, id), "{at:?} to {to:?}: object {id}");
+        }
+        let mut limited = PortalEye::new().with_step_limit(40);
+        let mut visible = frustum.clone();
+        limited.cull(&cells, &scene, &view, &mut visible);
+        assert_eq!(limited.stats().fallback, Some(NotCulled::Steps));
+        assert_eq!(visible.count(&scene), frustum.count(&scene));
+        // And the next frame is not the worse for it.
+        limited = limited.with_step_limit(20_000);
+        let mut visible = frustum.clone();
+        limited.cull(&cells, &scene, &view, &mut visible);
+        assert_eq!(
+            (limited.stats().portals, limited.stats().crossed),
+            (eye.stats().portals, eye.stats().crossed)
+        );
+    }
+    assert!(worst < 8_000, "{worst} portals looked at");
+}
+
+#[test]
+fn questions_of_a_game_are_answered() {
+    let (mut cells, scene, _) = row(5);
+    let mut eye = PortalEye::new();
+    seen(&mut eye, &cells, &scene, &along());
+    assert_eq!(eye.seen_cells().collect::<Vec<_>>(), [0, 1, 2, 3, 4].map(CellId));
+    assert_eq!(eye.way_to(CellId(3)).collect::<Vec<_>>(), [2, 1, 0].map(PortalId));
+    assert_eq!(eye.way_to(CellId(0)).count(), 0);
+    assert_eq!(eye.windows().count(), 4);
+    let (portal, cell, corners) = eye.windows().next().unwrap();
+    assert_eq!((portal, cell), (PortalId(0), CellId(1)));
+    assert!(corners.into_iter().all(|corner| (corner.x - 4.0).abs() < 1e-6));
+    assert!(cells.can_see(CellId(0), CellId(4)) && cells.can_see_now(CellId(4), CellId(0)));
+    cells.set_open(PortalId(2), false).unwrap();
+    assert!(cells.can_see(CellId(0), CellId(4)) && !cells.can_see_now(CellId(0), CellId(4)));
+    assert!(cells.can_see_now(CellId(0), CellId(2)) && cells.can_see_now(CellId(3), CellId(4)));
+    cells.set_passage(PortalId(3), Passage::Forward).unwrap();
+    assert!(cells.can_see_now(CellId(3), CellId(4)) && !cells.can_see_now(CellId(4), CellId(3)));
+    assert!(!cells.can_see(CellId(0), CellId(9)) && !cells.can_see_now(CellId(9), CellId(0)));
+}
+
+#[test]
+fn objects_are_where_the_graph_lists_them_until_they_move() {
+    let (cells, mut scene, ids) = row(3);
+    let mut graph = cells.graph().clone();
+    graph.set_objects([(CellId(2), ids[1]), (CellId(0), ids[2]), (CellId(2), ids[2])]).unwrap();
+    let mut cells = SceneCells::new(graph, cells.viewcells().clone(), 1e-6).unwrap();
+    cells.sync(&scene);
+    assert_eq!(cells.cells_of(ids[0]), [CellId(0)], "not listed: by its box");
+    assert_eq!(
+        (cells.cells_of(ids[1]), cells.cells_of(ids[2])),
+        (&[CellId(2)][..], &[CellId(0), CellId(2)][..])
+    );
+    scene.set_bounds(ids[1], scene.bounds(ids[1]).unwrap()).unwrap();
+    cells.sync(&scene);
+    assert_eq!(cells.cells_of(ids[1]), [CellId(1)]);
+}
+
+#[test]
+fn sets_limit_the_walk() {
+    let (cells, scene, _) = row(5);
+    // Sets that stop at the second neighbour: not true of this row, so that it shows.
+    let rows: Vec<Vec<u32>> = (0..5u32).map(|a| (0..5).filter(|&b| a.abs_diff(b) <= 2).collect()).collect();
+    let pvs = Pvs::new(PvsTargets::Cells, 5, &rows, |_| []).unwrap();
+    let cells = cells.with_pvs(pvs).unwrap();
+    let mut eye = PortalEye::new();
+    assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 2]);
+    assert!(cells.can_see(CellId(0), CellId(2)) && !cells.can_see(CellId(0), CellId(3)));
+    let pose = Pose::look_at(DVec3::new(6.0, 2.0, 1.0), DVec3::new(19.0, 2.0, 1.0), DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &view), [1, 2, 3]);
+    let few = Pvs::new(PvsTargets::Cells, 4, &rows[..1], |_| []).unwrap();
+    assert!(matches!(cells.with_pvs(few), Err(SceneCellsError::Pvs { cells: 5, viewcells: 1, targets: 4 })));
+}
+
+#[test]
+fn errors_name_what_is_wrong() {
+    let (cells, ..) = row(3);
+    let graph = cells.graph().clone();
+    let said = |error: SceneCellsError| error.to_string();
+    let none = SceneCells::new(graph.clone(), Viewcells::default(), 0.0).unwrap_err();
+    assert_eq!(said(none), "0 viewcells for 3 cells: each cell needs one");
+    for tolerance in [-1.0, f64::NAN, f64::INFINITY] {
+        let error = SceneCells::new(graph.clone(), cells.viewcells().clone(), tolerance).unwrap_err();
+        assert!(said(error).starts_with("the tolerance cannot be"));
+    }
+    let mut cells = cells;
+    assert_eq!(said(cells.set_open(PortalId(2), true).unwrap_err()), "there is no portal 2");
+    assert!(!cells.is_open(PortalId(2)));
+    let door = graph.portals()[0].polygon();
+    assert_eq!(cells.add_mirror(CellId(3), door), Err(SceneCellsError::UnknownCell(CellId(3))));
+    assert_eq!(cells.add_mirror(CellId(0), &ConvexPolygon::default()), Err(SceneCellsError::NoPlane));
+}
+
+/// Cells that overlap, viewcells of NaN, giants and midgets: whatever comes of it, no panic and an end.
+#[test]
+fn no_input_panics_or_hangs() {
+    let mut random = Random(5);
+    for scale in [1e-150, 1e-30, 1.0, 1e9, 1e30, 1e150] {
+        for _ in 0..6 {
+            let wild = |random: &mut Random| match random.below(9) {
+                0 => f64::NAN,
+                1 => f64::INFINITY,
+                2 => 0.0,
+                _ => random.between(-1.0, 1.0) * scale,
+            };
+            let point = |random: &mut Random| random.vector() * scale;
+            let portals: Vec<_> = (0..60)
+                .filter_map(|_| {
+                    let (a, b, c) = (point(&mut random), point(&mut random), point(&mut random));
+                    let (from, to) = (random.below(12) as u32, random.below(12) as u32);
+                    (from != to)
+                        .then(|| ConvexPolygon::new([a, b, c]).ok())
+                        .flatten()
+                        .map(|p| (p, [CellId(from), CellId(to)]))
+                })
+                .collect();
+            let Ok(graph) = CellGraph::new(12, portals) else { continue };
+            let viewcells: Vec<_> = (0..12)
+                .map(|_| {
+                    let (a, b) = (point(&mut random), point(&mut random));
+                    let plane = Plane::new(random.vector(), wild(&mut random));
+                    Viewcell { min: a.min(b), max: a.max(b), planes: vec![plane] }
+                })
+                .collect();
+            let mut cells =
+                SceneCells::new(graph, Viewcells::new(viewcells), random.unit() * 1e-9 * scale).unwrap();
+            for cell in 0..12 {
+                let p = [(); 3].map(|()| point(&mut random));
+                if let Ok(mirror) = ConvexPolygon::new(p) {
+                    cells.add_mirror(CellId(cell), &mirror).unwrap();
+                }
+            }
+            let mut scene = Scene::new();
+            for _ in 0..50 {
+                let p = [(); 6].map(|()| wild(&mut random) as f32);
+                scene.insert(Aabb::from_arrays([p[0], p[1], p[2]], [p[3], p[4], p[5]]));
+            }
+            let mut culler = PortalCuller::new(cells);
+            let mut visible = VisibleSet::new();
+            for i in 0..20 {
+                let view = if i % 3 == 0 {
+                    let matrix: [f64; 16] = std::array::from_fn(|_| random.between(-1.0, 1.0) * scale);
+                    View::from_clip_from_world(matrix, maze::DEPTHS[i % 6])
+                } else {
+                    let eye = point(&mut random);
+                    let pose = Pose::look_at(eye, eye + random.vector(), random.vector());
+                    View::perspective(pose, 1.0, 1.0, 1e-3 * scale, scale)
+                };
+                let Ok(view) = view else { continue };
+                visible.fill(&scene, &view);
+                culler.cull(&scene, &view, &mut visible);
+                assert!(culler.eye().stats().portals <= 20_000 * 9);
+            }
+        }
+    }
+}
+
+/// A view that was given up, or is of other cells, leaves nothing behind that changes the next.
+#[test]
+fn frames_do_not_depend_on_the_frames_before() {
+    let mut random = Random(8);
+    let style = Style { turned: false, slivers: false, mirrors: true, shift: 0.0 };
+    let mazes = [Maze::new(&mut random, [4, 4, 2], style), Maze::new(&mut random, [3, 5, 2], style)];
+    let mut used = PortalEye::new();
+    for number in 0..200 {
+        let maze = &mazes[random.below(2)];
+        let room = random.below(maze.rooms());
+        let at = maze.to_world(maze.point_in(&mut random, room));
+        let camera = Camera::new(&mut random, at, number % 5 == 0);
+        used = used.with_step_limit(if random.below(3) == 0 { 5 } else { 20_000 });
+        let fresh = PortalEye::new();
+        let mut fresh = if number % 7 == 0 { fresh.with_step_limit(0) } else { fresh };
+        seen(&mut used, &maze.cells, &maze.scene, &camera.view);
+        used = used.with_step_limit(if number % 7 == 0 { 0 } else { 20_000 });
+        let sets = [&mut used, &mut fresh].map(|eye| {
+            let set = seen(eye, &maze.cells, &maze.scene, &camera.view);
+            let reflected: Vec<_> =
+                eye.reflections().iter().map(|one| one.visible().count(&maze.scene)).collect();
+            (set, reflected, eye.stats())
+        });
+        assert_eq!(sets[0], sets[1], "frame {number}");
+    }
+}

@@ -1,0 +1,80 @@
+//! Rays that are turned back by mirrors never reach an object that the reflection hides.
+
+mod maze;
+
+use maze::{Camera, Maze, Random, Style};
+use visibility_core::glam::DVec3;
+use visibility_core::{Culler, FrustumCuller, VisibleSet};
+use visibility_portals::{MirrorId, PortalEye};
+
+#[test]
+fn no_reflected_ray_reaches_what_its_reflection_hides() {
+    let mut random = Random(11);
+    let (mut reached, mut twice, mut hidden, mut seen) = (0, 0, 0u64, 0u64);
+    for number in 0..40 {
+        let style = Style { turned: number % 2 == 1, slivers: false, mirrors: true, shift: 10.0 };
+        let mut maze = Maze::new(&mut random, [4, 4, 2], style);
+        let mut eye = PortalEye::new().with_reflections(64, 2);
+        let mut visible = VisibleSet::new();
+        for view in 0..60 {
+            if view % 10 == 0 {
+                maze.shuffle_doors(&mut random);
+            }
+            let room = random.below(maze.rooms());
+            let at = maze.to_world(maze.point_in(&mut random, room));
+            let toward =
+                Maze::near(&mut random, at, &maze.mirror_targets).map_or(DVec3::X, |target| target - at);
+            let camera = Camera::toward(&mut random, at, toward, view % 6 == 5);
+            visible.fill(&maze.scene, &camera.view);
+            FrustumCuller::new().cull(&maze.scene, &camera.view, &mut visible);
+            eye.cull(&maze.cells, &maze.scene, &camera.view, &mut visible);
+            if eye.stats().reflections_left_out > 0 {
+                // Only mirrors in mirrors in mirrors may be left out.
+                assert!(eye.reflections().len() < 64 && eye.reflections().iter().any(|one| one.depth() == 2));
+            }
+            for one in eye.reflections() {
+                let count = one.visible().count(&maze.scene) as u64;
+                (seen, hidden) = (seen + count, hidden + maze.objects.len() as u64 - count);
+            }
+            // The reflection that shows what lies behind a chain of mirrors.
+            let find = |chain: &[MirrorId]| {
+                let mut place = None;
+                for &mirror in chain {
+                    let of = |(_, one): &(usize, &visibility_portals::Reflection)| {
+                        one.mirror() == mirror && one.parent() == place
+                    };
+                    place = Some(eye.reflections().iter().enumerate().find(of)?.0);
+                }
+                place
+            };
+            for _ in 0..300 {
+                let target = if random.below(2) == 0 { &maze.mirror_targets } else { &maze.targets };
+                let aimed = Maze::near(&mut random, at, target).and_then(|target| camera.project(target));
+                let (x, y) = aimed.unwrap_or_else(|| (random.between(-1.0, 1.0), random.between(-1.0, 1.0)));
+                let (from, along) = camera.ray(x, y);
+                maze.follow(from, along, |object, mirrors| {
+                    // How far along the ray the object is, no one knows here: leave out what may be beyond the far plane.
+                    if mirrors.is_empty() || mirrors.len() > 2 || camera.far < 100.0 {
+                        return;
+                    }
+                    let place = find(mirrors);
+                    let shown = place.is_some_and(|place| {
+                        eye.reflections()[place].visible().contains(&maze.scene, maze.objects[object].0)
+                    });
+                    assert!(
+                        shown,
+                        "maze {number}, view {view}: object {object} in {mirrors:?}, {place:?}; {:?}",
+                        eye.stats()
+                    );
+                    reached += 1;
+                    twice += u32::from(mirrors.len() == 2);
+                });
+            }
+        }
+    }
+    println!(
+        "{reached} objects reached, {twice} of them in mirrors in mirrors; {seen} shown, {hidden} hidden"
+    );
+    assert!(reached > 2_000 && twice > 60, "{reached} {twice}");
+    assert!(hidden > 5 * seen, "{hidden} {seen}");
+}

@@ -1,0 +1,146 @@
+//! No ray that passes open portals reaches an object that was hidden: mazes made up, straight and turned, with doors that open and close,
+//! eyes anywhere, and cameras of all conventions.
+
+mod maze;
+
+use maze::{Camera, Maze, Random, Style};
+use visibility_core::glam::DVec3;
+use visibility_core::{Culler, FrustumCuller, VisibleSet};
+use visibility_portals::{Narrowing, NotCulled, PortalEye};
+
+#[derive(Default, Debug)]
+struct Tally {
+    rays: u64,
+    reached: u64,
+    in_frustum: u64,
+    shown: u64,
+    frames: u64,
+    outside: u64,
+    crossed: u64,
+    many_starts: u64,
+}
+
+/// An eye in a room, in a doorway, on its plane, or in one of its corners.
+fn place(random: &mut Random, maze: &Maze) -> DVec3 {
+    let room = random.below(maze.rooms());
+    let portals = maze.cells.graph().portals();
+    let inside = maze.to_world(maze.point_in(random, room));
+    if portals.is_empty() || random.below(2) == 0 {
+        return inside;
+    }
+    let portal = &portals[random.below(portals.len())];
+    let vertices = portal.polygon().vertices();
+    let (a, b) = (vertices[0], vertices[1]);
+    let c = vertices[vertices.len() / 2 + 1 - usize::from(vertices.len() == 3)];
+    match random.below(4) {
+        0 => a,
+        1 => a + (b - a) * random.unit(),
+        2 => (a + b + c) / 3.0,
+        _ => (a + b + c) / 3.0 + portal.plane().normal * (random.between(-1.0, 1.0) * 1e-9),
+    }
+}
+
+fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, rays: u32) -> Tally {
+    let mut random = Random(seed);
+    let mut tally = Tally::default();
+    for _ in 0..mazes {
+        let mut maze = Maze::new(&mut random, sizes, style);
+        let mut eye = PortalEye::new();
+        let mut boxed = PortalEye::new().with_narrowing(Narrowing::Rectangle);
+        let [mut frustum, mut exact, mut rectangle] = [(); 3].map(|_| VisibleSet::new());
+        for view in 0..views {
+            if view % 4 == 0 {
+                maze.shuffle_doors(&mut random);
+            }
+            let at = place(&mut random, &maze);
+            let camera = Camera::new(&mut random, at, view % 5 == 4);
+            frustum.fill(&maze.scene, &camera.view);
+            FrustumCuller::new().cull(&maze.scene, &camera.view, &mut frustum);
+            exact.clone_from(&frustum);
+            rectangle.clone_from(&frustum);
+            eye.cull(&maze.cells, &maze.scene, &camera.view, &mut exact);
+            boxed.cull(&maze.cells, &maze.scene, &camera.view, &mut rectangle);
+            tally.frames += 1;
+            match eye.stats().fallback {
+                Some(why) => {
+                    assert_eq!(why, NotCulled::OutsideCells, "seed {seed}, view {view}");
+                    tally.outside += 1;
+                    continue;
+                }
+                None => {
+                    tally.in_frustum += frustum.count(&maze.scene) as u64;
+                    tally.shown += exact.count(&maze.scene) as u64;
+                    tally.crossed += eye.stats().crossed;
+                    tally.many_starts += u64::from(eye.stats().starts > 1);
+                }
+            }
+            // What a rectangle lets through holds what the polygon in it does. (A box is tested against planes one by one, so near a
+            // sharp corner of a polygon the rectangle may hide one that the polygon keeps.)
+            for cell in eye.seen_cells() {
+                assert!(boxed.sees(cell), "seed {seed}, view {view}: the rectangle does not show {cell:?}");
+            }
+            for _ in 0..rays {
+                let aimed = random.below(3) > 0;
+                let target = aimed.then(|| Maze::near(&mut random, at, &maze.targets)).flatten();
+                let (x, y) = target
+                    .and_then(|target| camera.project(target))
+                    .unwrap_or_else(|| (random.between(-1.0, 1.0), random.between(-1.0, 1.0)));
+                let (from, along) = camera.ray(x, y);
+                tally.rays += 1;
+                maze.follow(from, along, |object, mirrors| {
+                    let (id, min, max) = maze.objects[object];
+                    // Objects across the far plane may be met beyond it.
+                    let nearest = (0..8).map(|i| {
+                        DVec3::new(
+                            if i & 1 == 0 { min.x } else { max.x },
+                            if i & 2 == 0 { min.y } else { max.y },
+                            if i & 4 == 0 { min.z } else { max.z },
+                        )
+                    });
+                    if !mirrors.is_empty() || !nearest.into_iter().all(|p| camera.is_before_far(p)) {
+                        return;
+                    }
+                    tally.reached += 1;
+                    for (what, set) in [("polygon", &exact), ("rectangle", &rectangle)] {
+                        assert!(
+                            set.contains(&maze.scene, id),
+                            "seed {seed}, view {view}, {what}: the ray to ({x}, {y}) reaches object {id}, which is hidden; {:?}",
+                            eye.stats()
+                        );
+                    }
+                });
+            }
+        }
+    }
+    // Or there was nothing to find.
+    assert!(tally.reached * 16 > tally.rays, "{tally:?}");
+    assert!(tally.shown * 2 < tally.in_frustum, "{tally:?}");
+    assert!(
+        tally.outside * 4 < tally.frames && tally.many_starts > 0 && tally.crossed * 2 > tally.frames,
+        "{tally:?}"
+    );
+    println!("{tally:?}");
+    tally
+}
+
+const PLAIN: Style = Style { turned: false, slivers: false, mirrors: false, shift: 0.0 };
+
+#[test]
+fn no_ray_reaches_what_is_hidden_in_straight_mazes() {
+    let tally = check(1, [5, 5, 2], PLAIN, 16, 60, 300);
+    assert!(tally.rays > 250_000, "{tally:?}");
+}
+
+#[test]
+fn no_ray_reaches_what_is_hidden_in_turned_mazes() {
+    let tally = check(2, [4, 4, 3], Style { turned: true, shift: 50.0, ..PLAIN }, 16, 60, 300);
+    assert!(tally.rays > 250_000, "{tally:?}");
+}
+
+#[test]
+fn no_ray_reaches_what_is_hidden_behind_slivers() {
+    let style = Style { slivers: true, ..PLAIN };
+    let tally = check(3, [5, 5, 2], style, 10, 60, 200);
+    let turned = check(4, [4, 4, 3], Style { turned: true, shift: 1e4, ..style }, 10, 60, 200);
+    assert!(tally.rays + turned.rays > 200_000, "{tally:?} {turned:?}");
+}
