@@ -33,6 +33,9 @@ pub struct SourceCells {
     pub viewcells: Viewcells,
     /// Their names.
     pub names: Vec<String>,
+    /// How far an object reaches into the cells that it is in, at least, in metres. Where walls stand across the boundaries of cells, one that
+    /// only touches a cell is hidden from it by the wall there; an object that reaches so far into none is in all that it touches.
+    pub depth: f64,
 }
 
 /// One object of a scene: what is culled as a whole.

@@ -13,7 +13,7 @@ use visibility_examples::picture_size::parse_size;
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
-    Trial, World, auto, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
+    Trial, World, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
 };
 use visibility_examples::{SceneSource, SourceError, load, load_walks, open};
 
@@ -227,6 +227,11 @@ impl Album<'_> {
                 let shown = map_picture::Shown { frame, trial: index, marked };
                 let canvas = map_picture::draw(world, trials, judgement, shown)?;
                 self.save(&canvas, &format!("{frame:04}-above-{}", trial.name))?;
+                if trial.name.contains("portals")
+                    && let Ok(canvas) = cells_picture::draw(world, trial, &judgement.exact[frame], frame)?
+                {
+                    self.save(&canvas, &format!("{frame:04}-cells-{}", trial.name))?;
+                }
             }
         }
         Ok(())

@@ -35,6 +35,8 @@ const JOINED_EVERY: u32 = 4;
 
 const END_WALL: f64 = 0.2;
 const CORRIDOR_WALL: f64 = 0.12;
+/// Walls stand across the boundaries of cells, half on either side, and nothing else reaches less far into a cell.
+const REACH: f64 = 0.01;
 const FACADE: f64 = 0.25;
 
 const TRIANGLES_PER_PAIR_OF_ROOMS: u64 = 3_000;
@@ -117,7 +119,8 @@ fn source_cells(cells: &[Cell], portals: &[Portal]) -> Result<SourceCells, Sourc
     }
     let graph = CellGraph::new(cells.len(), polygons).map_err(|error| refused(&error))?;
     let viewcells = Viewcells::new(cells.iter().map(|cell| Viewcell::from_box(cell.min, cell.max)));
-    Ok(SourceCells { graph, viewcells, names: cells.iter().map(|cell| cell.name.clone()).collect() })
+    let names = cells.iter().map(|cell| cell.name.clone()).collect();
+    Ok(SourceCells { graph, viewcells, names, depth: REACH })
 }
 
 struct Building {

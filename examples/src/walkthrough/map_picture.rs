@@ -61,7 +61,7 @@ pub fn draw(
             FALSE_VISIBLE
         }
     };
-    map.paint(&mut canvas, world, color)?;
+    map.paint(&mut canvas, world, |_, _| true, color)?;
     let legend_at = map.height;
 
     let poses: Vec<_> = world.poses.iter().filter(|(_, walk)| *walk == world.poses[frame].1).collect();
@@ -117,29 +117,34 @@ fn legend(canvas: &mut Canvas, top: u32, world: &World, trial: &Trial, frame: us
 }
 
 /// Where world coordinates are on the map.
-struct Map {
+pub(super) struct Map {
     center: DVec3,
     /// World axis that points right on the map, and the one that points up on it.
-    right: DVec3,
-    ahead: DVec3,
-    up: DVec3,
+    pub(super) right: DVec3,
+    pub(super) ahead: DVec3,
+    pub(super) up: DVec3,
     pixels_per_metre: f64,
-    width: u32,
-    height: u32,
+    pub(super) width: u32,
+    pub(super) height: u32,
     /// Length of the map's diagonal, in metres.
     extent: f64,
 }
 
 impl Map {
     fn new(world: &World) -> Self {
-        let up = world.source.up.as_dvec3();
-        let right = if up.x.abs() > 0.5 { DVec3::Y } else { DVec3::X };
-        let ahead = up.cross(right);
         let (low, high) = world.source.bounds().unwrap_or((Vec3::ZERO, Vec3::ONE));
         let (mut low, mut high) = (low.as_dvec3(), high.as_dvec3());
         for (pose, _) in &world.poses {
             (low, high) = (low.min(pose.eye), high.max(pose.eye));
         }
+        Self::of(world, low, high)
+    }
+
+    /// Of a part of the world.
+    pub(super) fn of(world: &World, low: DVec3, high: DVec3) -> Self {
+        let up = world.source.up.as_dvec3();
+        let right = if up.x.abs() > 0.5 { DVec3::Y } else { DVec3::X };
+        let ahead = up.cross(right);
         let size = high - low;
         let across = right.abs().dot(size).max(1e-3);
         let along = ahead.abs().dot(size).max(1e-3);
@@ -159,7 +164,7 @@ impl Map {
         }
     }
 
-    fn place(&self, p: DVec3) -> [f64; 2] {
+    pub(super) fn place(&self, p: DVec3) -> [f64; 2] {
         let offset = (p - self.center) * self.pixels_per_metre;
         [
             f64::from(self.width) * 0.5 + offset.dot(self.right),
@@ -167,13 +172,14 @@ impl Map {
         ]
     }
 
-    /// Paints the footprints of all objects, small ones over large ones: a chair shows on its floor, and under its roof.
+    /// Paints the footprints of objects, those for which `shown` is true of the object and its share of the map, small ones over large ones: a chair shows on its floor, and under its roof.
     ///
     /// Done with the item buffer, seen from above, in which the height of each object is its rank by size.
-    fn paint(
+    pub(super) fn paint(
         &self,
         canvas: &mut Canvas,
         world: &World,
+        shown: impl Fn(u32, f64) -> bool,
         color: impl Fn(u32) -> Color,
     ) -> Result<(), MeasureError> {
         let objects = &world.source.objects;
@@ -185,6 +191,7 @@ impl Map {
         let mut order: Vec<(f64, u32)> = objects.iter().map(area).zip(0..).collect();
         order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let whole = f64::from(self.width) * f64::from(self.height) / self.pixels_per_metre.powi(2);
+        order.retain(|&(area, object)| shown(object, area / whole));
         let areas: Vec<f64> = order.iter().map(|&(area, _)| area).collect();
         let flat: Vec<(u32, Vec<[Vec3; 3]>)> = (1..)
             .zip(&order)

@@ -1,11 +1,12 @@
 //! The main job: walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
 //!
 //! [`trial`] runs the cullers and keeps what they report, [`judge`](mod@judge) holds that against the exact answer, [`output`] prints it, and
-//! [`eye_picture`] and [`map_picture`] draw it.
+//! [`eye_picture`], [`map_picture`] and [`cells_picture`] draw it.
 
 pub mod auto;
 pub mod canvas;
 pub mod cell_sets;
+pub mod cells_picture;
 pub mod cullers;
 pub mod explain;
 pub mod eye_picture;

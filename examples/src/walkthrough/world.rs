@@ -60,7 +60,7 @@ impl World {
             ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
         }));
         if let Some(cells) = &mut source.cells {
-            let pairs = objects_in_cells(&scene, &ids, &cells.viewcells);
+            let pairs = deep_enough(&scene, cells, objects_in_cells(&scene, &ids, &cells.viewcells));
             cells.graph.set_objects(pairs).expect("the cells are those of the graph");
         }
         for (id, object) in ids.into_iter().zip(&source.objects) {
@@ -109,6 +109,29 @@ pub fn objects_in_cells(scene: &Scene, ids: &[ObjectId], viewcells: &Viewcells) 
         }
     }
     pairs
+}
+
+/// Of objects in cells, grouped by object, those pairs in which the object reaches as far into the cell as the source says; all pairs of an
+/// object that reaches so far into none.
+fn deep_enough(
+    scene: &Scene,
+    cells: &SourceCells,
+    pairs: Vec<(CellId, ObjectId)>,
+) -> Vec<(CellId, ObjectId)> {
+    let reaches = |&(cell, id): &(CellId, ObjectId)| {
+        let cell = &cells.viewcells.cells()[cell.index()];
+        scene.bounds(id).is_ok_and(|bounds| {
+            let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
+            (cell.min + cells.depth).cmple(max).all() && min.cmple(cell.max - cells.depth).all()
+        })
+    };
+    let groups = pairs.chunk_by(|a, b| a.1 == b.1);
+    groups
+        .flat_map(|group| {
+            let some = group.iter().any(reaches);
+            group.iter().copied().filter(move |pair| !some || reaches(pair))
+        })
+        .collect()
 }
 
 /// Why a scene cannot be walked through.

@@ -1,0 +1,231 @@
+//! What is seen through portals, as a plan of the storey that the eye is on: the cells seen, the windows that portals leave, and through them
+//! lines of sight from the eye, one that stabs all portals on the way for each cell seen.
+
+use super::canvas::{Canvas, Color, LETTER};
+use super::map_picture::Map;
+use super::{Trial, World, cullers};
+use crate::source::SourceCells;
+use glam::DVec3;
+use visibility_core::measure::MeasureError;
+use visibility_core::{CellId, Culler, Plane, Viewcell, VisibleSet};
+
+const PAPER: Color = [250, 250, 247];
+const CELL: Color = [232, 232, 230];
+const SEEN: Color = [255, 243, 196];
+const BEGINS: Color = [255, 226, 138];
+const WALL: Color = [120, 120, 120];
+const PORTAL: Color = [150, 190, 235];
+const WINDOW: Color = [206, 66, 20];
+const LINE: Color = [32, 84, 190];
+const VISIBLE: Color = [74, 152, 96];
+const FALSE_VISIBLE: Color = [228, 160, 50];
+const CULLED: Color = [190, 192, 196];
+const INK: Color = [40, 40, 40];
+const LEGEND: u32 = 84;
+/// An object that covers more than this share of the plan is floor or ceiling.
+const GROUND: f64 = 0.02;
+
+/// Draws a frame, or says why there is nothing to draw: the scene has no cells, or the frame was not culled by portals.
+pub fn draw(
+    world: &World,
+    trial: &Trial,
+    exact: &[u32],
+    frame: usize,
+) -> Result<Result<Canvas, String>, MeasureError> {
+    let Ok(cells) = world.cells() else { return Ok(Err("no cells".into())) };
+    let dial = trial.name.contains("rectangle").then_some("rectangle");
+    let mut culler = match cullers::portals::portals(dial, world) {
+        Ok(culler) => culler,
+        Err(why) => return Ok(Err(why)),
+    };
+    let mut visible = VisibleSet::new();
+    visible.fill(&world.scene, &world.views[frame]);
+    culler.cull(&world.scene, &world.views[frame], &mut visible);
+    let seen: Vec<CellId> = culler.eye().seen_cells().collect();
+    if seen.is_empty() {
+        return Ok(Err(format!("{:?}", culler.eye().stats().fallback)));
+    }
+    let eye = world.poses[frame].0.eye;
+    let (mut low, mut high) = (eye, eye);
+    for cell in &seen {
+        let cell = &cells.viewcells.cells()[cell.index()];
+        (low, high) = (low.min(cell.min), high.max(cell.max));
+    }
+    let map = Map::of(world, low, high);
+    let mut canvas = Canvas::new(map.width, map.height + LEGEND, PAPER);
+    let plan: Vec<_> = cells.viewcells.cells().iter().map(|cell| footprint(&map, cell, eye)).collect();
+    for (number, outline) in (0..).map(CellId).zip(&plan) {
+        let color = match seen.contains(&number) {
+            true if culler.eye().way_to(number).next().is_none() => BEGINS,
+            true => SEEN,
+            false => CELL,
+        };
+        fill(&mut canvas, outline, map.height, color);
+    }
+    let on_storey = |object: u32| {
+        let bounds = world.source.objects.get(object as usize).and_then(|object| object.bounds());
+        let (at, up) = (eye.dot(map.up), map.up);
+        // What reaches to within an arm's length of the eye's height or lies below it on the same floor.
+        bounds.is_some_and(|(low, high)| {
+            let (a, b) = (low.as_dvec3().dot(up), high.as_dvec3().dot(up));
+            a.min(b) < at + 0.5 && a.max(b) > at - 1.7
+        })
+    };
+    let reported = &trial.reported[frame];
+    map.paint(
+        &mut canvas,
+        world,
+        |object, share| share < GROUND && on_storey(object),
+        |object| match reported.binary_search(&object).is_ok() {
+            true if exact.binary_search(&object).is_ok() => VISIBLE,
+            true => FALSE_VISIBLE,
+            false => CULLED,
+        },
+    )?;
+    for outline in &plan {
+        for (i, &a) in outline.iter().enumerate() {
+            canvas.line(a, outline[(i + 1) % outline.len()], WALL);
+        }
+    }
+    let is_near =
+        |portal: &visibility_core::Portal| portal.cells().iter().any(|cell| !plan[cell.index()].is_empty());
+    for portal in cells.graph.portals().iter().filter(|portal| is_near(portal)) {
+        thick(&mut canvas, &map, portal.polygon().vertices().iter().copied(), PORTAL);
+    }
+    let mut lines = 0;
+    for (_, cell, corners) in culler.eye().windows() {
+        let corners: Vec<DVec3> = corners.collect();
+        let Some(last) = culler.eye().way_to(cell).next() else { continue };
+        let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+        // On to where the cell ends, at most: that is as far as the line is known to go.
+        let beyond = leave(&cells.viewcells.cells()[cell.index()], eye, middle);
+        canvas.line(map.place(eye), map.place(beyond), LINE);
+        lines += usize::from(last.index() < cells.graph.portals().len());
+    }
+    for (_, _, corners) in culler.eye().windows() {
+        thick(&mut canvas, &map, corners, WINDOW);
+    }
+    canvas.disc(map.place(eye), 7.0, false, LINE);
+    legend(&mut canvas, &map, world, trial, frame, cells, &seen, lines);
+    Ok(Ok(canvas))
+}
+
+/// Where a cell is at the height of the eye, on the plan.
+fn footprint(map: &Map, cell: &Viewcell, eye: DVec3) -> Vec<[f64; 2]> {
+    let height = eye.dot(map.up);
+    let (a, b) = (cell.min.dot(map.up), cell.max.dot(map.up));
+    if height < a.min(b) || height > a.max(b) {
+        return Vec::new();
+    }
+    let at = |right: DVec3, ahead: DVec3| {
+        map.right * right.dot(map.right) + map.ahead * ahead.dot(map.ahead) + map.up * height
+    };
+    let (min, max) = (cell.min, cell.max);
+    let mut outline = vec![at(min, min), at(max, min), at(max, max), at(min, max)];
+    for plane in &cell.planes {
+        outline = cut(&outline, plane);
+    }
+    outline.into_iter().map(|p| map.place(p)).collect()
+}
+
+fn cut(outline: &[DVec3], plane: &Plane) -> Vec<DVec3> {
+    let mut out = Vec::new();
+    for (i, &a) in outline.iter().enumerate() {
+        let b = outline[(i + 1) % outline.len()];
+        let (ha, hb) = (plane.signed_distance(a), plane.signed_distance(b));
+        if ha >= 0.0 {
+            out.push(a);
+        }
+        if (ha >= 0.0) != (hb >= 0.0) {
+            out.push(a + (b - a) * (ha / (ha - hb)));
+        }
+    }
+    out
+}
+
+/// Fills a convex outline, down to the legend.
+fn fill(canvas: &mut Canvas, outline: &[[f64; 2]], bottom: u32, color: Color) {
+    let bounds = |axis: usize, most: f64| {
+        let low = outline.iter().fold(most, |low, p| low.min(p[axis])).max(0.0);
+        let high = outline.iter().fold(0.0, |high: f64, p| high.max(p[axis])).min(most);
+        (low as i64, high as i64)
+    };
+    let (left, right) = bounds(0, f64::from(canvas.width));
+    let (top, bottom) = bounds(1, f64::from(bottom) - 1.0);
+    for (x, y) in (top..=bottom).flat_map(|y| (left..=right).map(move |x| (x, y))) {
+        let (px, py) = (x as f64 + 0.5, y as f64 + 0.5);
+        let turns = outline.iter().enumerate().map(|(i, a)| {
+            let b = outline[(i + 1) % outline.len()];
+            (b[0] - a[0]) * (py - a[1]) - (b[1] - a[1]) * (px - a[0])
+        });
+        let (mut left, mut right) = (false, false);
+        turns.for_each(|turn| (left, right) = (left || turn > 0.0, right || turn < 0.0));
+        if !(left && right) {
+            canvas.set(x, y, color);
+        }
+    }
+}
+
+/// The longest side of a polygon as it is seen from above, thick.
+fn thick(canvas: &mut Canvas, map: &Map, corners: impl Iterator<Item = DVec3>, color: Color) {
+    let corners: Vec<[f64; 2]> = corners.map(|corner| map.place(corner)).collect();
+    let pairs = corners.iter().flat_map(|a| corners.iter().map(move |b| (*a, *b)));
+    let length = |(a, b): &([f64; 2], [f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
+    let Some((a, b)) = pairs.max_by(|a, b| length(a).total_cmp(&length(b))) else { return };
+    for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)] {
+        canvas.line([a[0] + dx, a[1] + dy], [b[0] + dx, b[1] + dy], color);
+    }
+}
+
+/// Where the line from the eye through a point leaves the box of a viewcell.
+fn leave(cell: &Viewcell, eye: DVec3, through: DVec3) -> DVec3 {
+    let along = through - eye;
+    let ends = [0, 1, 2].into_iter().filter(|&axis| along[axis] != 0.0).map(|axis| {
+        ((cell.min[axis] - eye[axis]) / along[axis]).max((cell.max[axis] - eye[axis]) / along[axis])
+    });
+    eye + along * ends.fold(f64::INFINITY, f64::min).clamp(1.0, 1e6)
+}
+
+#[expect(clippy::too_many_arguments)]
+fn legend(
+    canvas: &mut Canvas,
+    map: &Map,
+    world: &World,
+    trial: &Trial,
+    frame: usize,
+    cells: &SourceCells,
+    seen: &[CellId],
+    lines: usize,
+) {
+    let top = i64::from(map.height);
+    canvas.rectangle(0, top, map.width.into(), LEGEND.into(), PAPER);
+    let most = (i64::from(map.width) - 20) / LETTER;
+    let short = |text: String| text.chars().take(most.max(0) as usize).collect::<String>();
+    let title = format!(
+        "{} through portals, frame {frame}, culler {}: {} of {} cells seen by {lines} ways, plan at the height of the eye",
+        world.source.name,
+        trial.name,
+        seen.len(),
+        cells.graph.cell_count(),
+    );
+    canvas.text(10, top + 8, &short(title), INK);
+    let name = |cell: &CellId| cells.names.get(cell.index()).cloned().unwrap_or_default();
+    let names: Vec<String> = seen.iter().map(name).collect();
+    canvas.text(10, top + 24, &short(format!("seen: {}", names.join(" "))), INK);
+    let mut x = 10;
+    for (color, what) in [
+        (LINE, "eye, stabbing lines"),
+        (BEGINS, "cell of the eye"),
+        (SEEN, "cell seen"),
+        (CELL, "not seen"),
+        (PORTAL, "portal"),
+        (WINDOW, "seen through it"),
+        (VISIBLE, "visible"),
+        (FALSE_VISIBLE, "reported, not visible"),
+        (CULLED, "culled"),
+    ] {
+        canvas.rectangle(x, top + 46, 14, 14, color);
+        canvas.text(x + 18, top + 49, what, INK);
+        x += 18 + (what.len() as i64 + 2) * LETTER;
+    }
+}
