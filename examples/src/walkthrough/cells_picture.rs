@@ -92,21 +92,18 @@ pub fn draw(
     for portal in cells.graph.portals().iter().filter(|portal| is_near(portal)) {
         thick(&mut canvas, &map, portal.polygon().vertices().iter().copied(), PORTAL);
     }
-    let mut lines = 0;
     for (_, cell, corners) in culler.eye().windows() {
         let corners: Vec<DVec3> = corners.collect();
-        let Some(last) = culler.eye().way_to(cell).next() else { continue };
         let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
         // On to where the cell ends, at most: that is as far as the line is known to go.
         let beyond = leave(&cells.viewcells.cells()[cell.index()], eye, middle);
         canvas.line(map.place(eye), map.place(beyond), LINE);
-        lines += usize::from(last.index() < cells.graph.portals().len());
     }
     for (_, _, corners) in culler.eye().windows() {
         thick(&mut canvas, &map, corners, WINDOW);
     }
     canvas.disc(map.place(eye), 7.0, false, LINE);
-    legend(&mut canvas, &map, world, trial, frame, cells, &seen, lines);
+    legend(&mut canvas, &map, world, trial, frame, cells, &seen);
     Ok(Ok(canvas))
 }
 
@@ -186,7 +183,6 @@ fn leave(cell: &Viewcell, eye: DVec3, through: DVec3) -> DVec3 {
     eye + along * ends.fold(f64::INFINITY, f64::min).clamp(1.0, 1e6)
 }
 
-#[expect(clippy::too_many_arguments)]
 fn legend(
     canvas: &mut Canvas,
     map: &Map,
@@ -195,14 +191,13 @@ fn legend(
     frame: usize,
     cells: &SourceCells,
     seen: &[CellId],
-    lines: usize,
 ) {
     let top = i64::from(map.height);
     canvas.rectangle(0, top, map.width.into(), LEGEND.into(), PAPER);
     let most = (i64::from(map.width) - 20) / LETTER;
     let short = |text: String| text.chars().take(most.max(0) as usize).collect::<String>();
     let title = format!(
-        "{} through portals, frame {frame}, culler {}: {} of {} cells seen by {lines} ways, plan at the height of the eye",
+        "{} through portals, frame {frame}, culler {}: {} of {} cells seen, plan at the height of the eye",
         world.source.name,
         trial.name,
         seen.len(),

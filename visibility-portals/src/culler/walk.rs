@@ -430,7 +430,7 @@ fn around(sight: &Sight, corners: &[Corner], error: f64, outer: Rectangle) -> Re
     for corner in corners {
         let (w, dw) = value(&sight.rows[2], corner.at);
         // A corner so near the eye may be anywhere on the screen; so may a NaN.
-        if !(w > 4.0 * dw) {
+        if w.is_nan() || dw.is_nan() || w <= 4.0 * dw {
             return outer;
         }
         for axis in 0..2 {
