@@ -50,8 +50,12 @@ fn nothing_visible_is_hidden_in_reference_scenes() {
         println!("skipped: the reference scenes are not at {}", folder.display());
         return;
     }
-    for name in ["clinic", "denhaag", "alpine1", "oa_dm2"] {
+    for name in ["denhaag", "alpine1", "oa_dm2"] {
         check(load(&folder.join(format!("{name}.vscn"))).unwrap(), 9);
     }
+    // With thousands of pipes and lamps, most of them above the ceilings.
+    let mut clinic = load(&folder.join("clinic.vscn")).unwrap();
+    clinic.objects.extend(load(&folder.join("clinic_mep.vscn")).unwrap().objects);
+    check(clinic, 6);
     check(cars5(&folder.join("car.vscn")).unwrap(), 6);
 }

@@ -39,6 +39,9 @@ const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf
 /// Half the side of a tile: that of a quarter.
 const HALF: usize = SIDE / 2;
 
+/// Triangles whose corners differ in nearness by no more than this share of it are taken to be as far as the farthest corner throughout.
+const FLAT: f32 = 0.001;
+
 /// Memory for meshes, one cell a tile; clean between meshes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cells {
@@ -106,11 +109,12 @@ impl<'a> Canvas<'a> {
     #[inline(always)]
     pub(crate) fn deepen(&mut self, corners: &[Corner], plane: impl FnOnce() -> [f64; 3]) {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        let mut floor = f32::INFINITY;
+        let (mut floor, mut ceiling) = (f32::INFINITY, f32::NEG_INFINITY);
         for c in corners {
             low = [least(c.x, low[0]), least(c.y, low[1])];
             high = [most(c.x, high[0]), most(c.y, high[1])];
             floor = if c.far < floor { c.far } else { floor };
+            ceiling = if c.far > ceiling { c.far } else { ceiling };
         }
         let (slack, half) = (self.slack, 1.0 / HALF as f64);
         let limits = [self.size[0] * half, self.size[1] * half];
@@ -118,7 +122,9 @@ impl<'a> Canvas<'a> {
             return;
         };
         let Some(down) = range((low[1] - slack) * half, (high[1] + slack) * half, limits[1]) else { return };
-        if across[1] - across[0] <= 2 && down[1] - down[0] <= 2 {
+        let flat = ceiling - floor <= FLAT * ceiling.abs();
+        let few = if flat { 4 } else { 2 };
+        if across[1] - across[0] <= few && down[1] - down[0] <= few {
             for band in down[0]..down[1] {
                 for column in across[0]..across[1] {
                     self.note(column, band, floor);
@@ -126,16 +132,17 @@ impl<'a> Canvas<'a> {
             }
             return;
         }
-        let [a, b, c] = plane();
+        let [a, b, c] = if flat { [0.0, 0.0, f64::NAN] } else { plane() };
+        let ahead = if a < 0.0 { HALF as f64 } else { 0.0 };
+        let sides = Sides::of(corners);
         for band in down[0]..down[1] {
             let (top, bottom) = ((band * HALF) as f64, ((band + 1) * HALF) as f64);
             // The columns that it can reach in this band.
-            let [left, right] = span(corners, top - slack, bottom + slack);
+            let [left, right] = sides.span(top - slack, bottom + slack);
             let Some(reach) = range((left - slack) * half, (right + slack) * half, limits[0]) else {
                 continue;
             };
             let row = b * if b < 0.0 { bottom } else { top } + c;
-            let ahead = if a < 0.0 { HALF as f64 } else { 0.0 };
             for column in reach[0]..reach[1] {
                 let worst = lower(a * ((column * HALF) as f64 + ahead) + row);
                 // A NaN gives way to the floor.
@@ -283,22 +290,56 @@ pub(crate) fn lower(x: f64) -> f32 {
     (x - (x.abs() * f64::from(f32::EPSILON) + f64::from(f32::MIN_POSITIVE))) as f32
 }
 
-/// The columns between which a convex polygon lies in a range of rows; least above greatest if it does not reach them.
-#[inline(always)]
-fn span(corners: &[Corner], top: f64, bottom: f64) -> [f64; 2] {
-    let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
-    for i in 0..corners.len() {
-        let (a, b) = (&corners[i], &corners[if i == 0 { corners.len() - 1 } else { i - 1 }]);
-        let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
-        if b.y < top || a.y > bottom {
-            continue;
-        }
-        let slope = (b.x - a.x) / (b.y - a.y);
-        let (low, high) = if a.x < b.x { (a.x, b.x) } else { (b.x, a.x) };
-        let p = if top > a.y { (a.x + (top - a.y) * slope).max(low).min(high) } else { a.x };
-        let q = if bottom < b.y { (a.x + (bottom - a.y) * slope).max(low).min(high) } else { b.x };
-        left = least(left, least(p, q));
-        right = most(right, most(p, q));
+/// The sides of a convex polygon, each from its upper end.
+struct Sides {
+    sides: [Side; 4],
+    count: usize,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Side {
+    top: [f64; 2],
+    bottom: [f64; 2],
+    slope: f64,
+}
+
+impl Side {
+    /// Where it is at a height, never beyond its ends.
+    #[inline(always)]
+    fn at(&self, y: f64) -> f64 {
+        let x = self.top[0] + (y - self.top[1]) * self.slope;
+        let (low, high) = (least(self.top[0], self.bottom[0]), most(self.top[0], self.bottom[0]));
+        // A NaN is taken for the least.
+        least(most(x, low), high)
     }
-    [left, right]
+}
+
+impl Sides {
+    #[inline(always)]
+    fn of(corners: &[Corner]) -> Self {
+        let count = corners.len().min(4);
+        let mut sides = [Side::default(); 4];
+        for i in 0..count {
+            let (a, b) = (&corners[i], &corners[if i == 0 { count - 1 } else { i - 1 }]);
+            let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+            sides[i] = Side { top: [a.x, a.y], bottom: [b.x, b.y], slope: (b.x - a.x) / (b.y - a.y) };
+        }
+        Self { sides, count }
+    }
+
+    /// The columns between which the polygon lies in a range of rows; least above greatest if it does not reach them.
+    #[inline(always)]
+    fn span(&self, top: f64, bottom: f64) -> [f64; 2] {
+        let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
+        for side in &self.sides[..self.count] {
+            if side.bottom[1] < top || side.top[1] > bottom {
+                continue;
+            }
+            let p = if top > side.top[1] { side.at(top) } else { side.top[0] };
+            let q = if bottom < side.bottom[1] { side.at(bottom) } else { side.bottom[0] };
+            left = least(left, least(p, q));
+            right = most(right, most(p, q));
+        }
+        [left, right]
+    }
 }

@@ -317,7 +317,7 @@ impl OcclusionMap for Hzb {
     }
 }
 
-/// Whether a box is in view and not hidden yet, as far as its projection tells.
+/// Whether an occluder's box is in view, not tiny and not hidden yet, as far as its projection tells.
 #[inline(always)]
 pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &Footprints<N>, i: usize) -> bool {
     let i = i % N;
@@ -325,7 +325,10 @@ pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &Footprints<N>, i
         columns: [seen.sides[0][i] as u32, seen.sides[1][i] as u32],
         lines: [seen.sides[2][i] as u32, seen.sides[3][i] as u32],
     };
-    !seen.outside[i] && (!seen.known[i] || fill::still_seen(tiles, &rectangle, seen.nearest[i]))
+    // What is not wider than a pixel, rounded outwards, covers none whole.
+    let small =
+        rectangle.columns[1] - rectangle.columns[0] <= 1 || rectangle.lines[1] - rectangle.lines[0] <= 1;
+    !seen.outside[i] && (!seen.known[i] || (!small && fill::still_seen(tiles, &rectangle, seen.nearest[i])))
 }
 
 /// The same, for a box that is not projected yet.

@@ -2,7 +2,7 @@
 //!
 //! [`Hzb`] is an [`OcclusionMap`](visibility_core::OcclusionMap): occluders are drawn into it, boxes are tested against it.
 //! [`HzbCuller`] is core's driver with that map, for a pipeline after the frustum. (Greene, Kass and Miller, "Hierarchical Z-Buffer
-//! Visibility", 1993; papers/survey-visibility-for-walkthroughs, section 6.1.)
+//! Visibility", 1993; Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.1.)
 //!
 //! ```
 //! use visibility_core::{glam::{Affine3A, DVec3}, Aabb, FrustumCuller, Object, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet};

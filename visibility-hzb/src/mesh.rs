@@ -44,6 +44,11 @@ pub(crate) struct Setup {
 /// Added to widths, in pixels.
 const TINY: f64 = 1.0 / 1048576.0;
 
+/// Triangles that stand alone are left out if they are smaller than this, measured by the sum of two sides in columns and rows.
+const ALONE: f64 = 64.0;
+/// But not of fewer than so many.
+const MANY: usize = 32;
+
 /// Vertices that are worked on together.
 const LANES: usize = 8;
 
@@ -89,15 +94,18 @@ pub(crate) fn draw(
         return f32::NEG_INFINITY;
     }
     let slack = 2.0 * reach.error + TINY;
-    choose(mesh, corners, screen, whole.then_some(slack), placed, facing, beyond, drawn);
+    if !choose(mesh, corners, screen, whole.then_some(slack), placed, facing, beyond, drawn) {
+        return f32::NEG_INFINITY;
+    }
 
+    let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
     let mut canvas = Canvas::new(cells, tiles.columns, lens.size, slack);
     let marked = coverage == Coverage::Conservative;
     for (t, &facing) in mesh.triangles.iter().zip(drawn.iter()) {
         if facing == 0 {
             continue;
         }
-        let plane = || plane(t.map(|i| &corners[i as usize]), placed, lens);
+        let plane = || plane(t.map(|i| &corners[i as usize]), placed, lens, &errors);
         if whole {
             canvas.deepen(&t.map(|i| screen[i as usize]), plane);
             continue;
@@ -223,7 +231,7 @@ fn on_screen(c: &[f64; 5], placed: &Placed, reach: &mut Reach) -> Corner {
 }
 
 /// Decides which triangles are drawn: those that surely face the eye, and are not wholly before the near plane. With `slack`, all corners
-/// are beyond that plane and may be off by so much on the screen.
+/// are beyond that plane and may be off by so much on the screen. Whether there is any.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn choose(
@@ -235,19 +243,27 @@ fn choose(
     facing: f64,
     beyond: f64,
     drawn: &mut Vec<i8>,
-) {
+) -> bool {
     drawn.clear();
+    let mut any = 0;
     let back = if mesh.two_sided { -1 } else { 0 };
     if let Some(slack) = slack {
+        // Where most edges join nothing, as in foliage, triangles stand alone, and small ones would hide next to nothing. An edge that joins two
+        // triangles is a side of both.
+        let open = (2 * mesh.edges.len()).saturating_sub(3 * mesh.triangles.len());
+        let smallest = if open >= mesh.triangles.len().max(MANY) { ALONE } else { 0.0 };
         for t in mesh.triangles {
             let [a, b, c] = t.map(|i| &screen[i as usize]);
             let (bx, by, cx, cy) = (b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y);
             let area = (bx * cy - by * cx) * facing;
-            let certain = 2.0 * slack * (bx.abs() + by.abs() + cx.abs() + cy.abs() + slack);
+            let size = bx.abs() + by.abs() + cx.abs() + cy.abs();
+            let certain = if size < smallest { f64::INFINITY } else { 2.0 * slack * (size + slack) };
             let turn = if area < -certain { back } else { 0 };
-            drawn.push(if area > certain { 1 } else { turn });
+            let turn = if area > certain { 1 } else { turn };
+            any |= turn;
+            drawn.push(turn);
         }
-        return;
+        return any != 0;
     }
     let certain = placed.determinant_error();
     for t in mesh.triangles {
@@ -255,26 +271,27 @@ fn choose(
         let height = dot(cross(point(&less(b, a)), point(&less(c, a))), point(a)) * facing;
         let seen = a[4] > beyond || b[4] > beyond || c[4] > beyond;
         let turn = if height < -certain { back } else { 0 };
-        drawn.push(if !seen {
-            0
-        } else if height > certain {
-            1
-        } else {
-            turn
-        });
+        let turn = if !seen { 0 } else { if height > certain { 1 } else { turn } };
+        any |= turn;
+        drawn.push(turn);
     }
+    any != 0
 }
 
 /// The nearness of a triangle as a function of pixel coordinates, moved away by its error.
 ///
 /// By Cramer's rule; see [`lower`](crate::cuboid::lower) for the error.
 #[inline(always)]
-fn plane([a, b, c]: [&[f64; 5]; 3], placed: &Placed, lens: &Lens) -> [f64; 3] {
+fn plane(
+    [a, b, c]: [&[f64; 5]; 3],
+    placed: &Placed,
+    lens: &Lens,
+    &[certain, products]: &[f64; 2],
+) -> [f64; 3] {
     let (second, third) = (less(b, a), less(c, a));
     let normal = cross(point(&second), point(&third));
     let height = dot(normal, point(a));
     // Facing was decided on the screen; where the determinant is less sure, nothing is known of the plane.
-    let certain = placed.determinant_error();
     let mut plane = [f64::NAN; 3];
     if !(height.abs() > certain) {
         return plane;
@@ -289,7 +306,7 @@ fn plane([a, b, c]: [&[f64; 5]; 3], placed: &Placed, lens: &Lens) -> [f64; 3] {
             plane[i] = (a[3] * normal[i] + second[3] * p[i] + third[3] * q[i]) / height;
         }
     }
-    crate::cuboid::lower(plane, height, placed, lens, certain, placed.cross_error(lens.size))
+    crate::cuboid::lower(plane, height, placed, lens, certain, products)
 }
 
 /// Corners of a triangle after cutting.

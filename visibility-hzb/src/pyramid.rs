@@ -1,5 +1,6 @@
 //! The pyramid above the tiles: each texel holds the least nearness of the four below it, up to a single one (Greene, Kass and Miller,
-//! "Hierarchical Z-Buffer Visibility", 1993; papers/survey-visibility-for-walkthroughs, section 6.1).
+//! "Hierarchical Z-Buffer Visibility", 1993; Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough
+//! Applications", 2003, section 6.1).
 
 use crate::tiles::{SIDE, Tiles};
 use alloc::vec::Vec;

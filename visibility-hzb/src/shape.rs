@@ -9,7 +9,7 @@
 //! pixel inside its outline is lost.
 //!
 //! What covers a point lies on the plane of a drawn triangle, so its nearness is at least the least over all their planes there, and at
-//! least that of the farthest corner. (Durand, papers/durand-survey chapter 6, on why conservative maps need both parts: coverage rounded
+//! least that of the farthest corner. (Durand, "A Multidisciplinary Survey of Visibility", 2000, chapter 6, on why conservative maps need both parts: coverage rounded
 //! inwards, depth rounded away.)
 //!
 //! # The error bound

@@ -349,5 +349,5 @@ fn the_answers_are_pinned() {
         }
     }
     // The same on every processor, with every set of instructions. It changes with the rule of what is hidden.
-    assert_eq!((hidden, hash), (1458, 0xbe07_3181_21a6_c0b6), "{hash:#x}");
+    assert_eq!((hidden, hash), (1458, 0xc658_72e4_9d07_8f94), "{hash:#x}");
 }

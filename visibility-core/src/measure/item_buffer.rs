@@ -113,6 +113,12 @@ impl ItemBuffer {
         &self.image.items
     }
 
+    /// Per pixel how near the triangle is that is seen there, in the order of [`items`](Self::items): over the distance along the line of
+    /// sight for perspective views (`1 / w`), linear in depth for parallel ones; negative infinity where there is none.
+    pub fn nearness(&self) -> &[f64] {
+        &self.image.nearness
+    }
+
     /// The index, in [`ExactVisibility::objects`], of the object seen in a pixel; `None` where there is none or
     /// outside the image.
     pub fn object_at(&self, column: u32, row: u32) -> Option<usize> {
