@@ -234,7 +234,9 @@ fn occlusion_allocates_nothing_once_warm() {
         world.scene.set_mesh(id, mesh, Affine3A::from_translation(place)).unwrap();
         world.scene.set_occluder(id, true).unwrap();
     }
-    for selection in [Selection::SolidAngle, Selection::LastVisible, Selection::Interleaved] {
+    for selection in
+        [Selection::SolidAngle, Selection::LastVisible, Selection::Nearest, Selection::Interleaved]
+    {
         let own = OcclusionCuller::new(Curtain { nearest: 0.0 }).with_selection(selection);
         let octree = common::octree::Octree::new(&world.scene, 5);
         let foreign = OcclusionCuller::over(Curtain { nearest: 0.0 }, octree).with_selection(selection);

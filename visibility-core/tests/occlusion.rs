@@ -53,7 +53,8 @@ fn pipeline(selection: Selection) -> Pipeline {
     Pipeline::new().with(FrustumCuller::new()).with(culler)
 }
 
-const SELECTIONS: [Selection; 3] = [Selection::SolidAngle, Selection::LastVisible, Selection::Interleaved];
+const SELECTIONS: [Selection; 4] =
+    [Selection::SolidAngle, Selection::LastVisible, Selection::Nearest, Selection::Interleaved];
 
 #[test]
 fn a_wall_hides_what_is_behind_it_and_nothing_else() {

@@ -268,6 +268,29 @@ fn hidden_is_strictly_behind() {
 }
 
 #[test]
+fn a_wall_from_behind_the_eye_on_hides_what_is_behind_all_of_it() {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.5, 16.0 / 9.0, 0.1, f64::INFINITY).unwrap();
+    for side in [-1.0, 1.0] {
+        let across = |low: f32, high: f32| (low * side).min(high * side)..(low * side).max(high * side);
+        let bounds = |x: [f32; 2], y: [f32; 2], z: f32| {
+            let y = across(y[0], y[1]);
+            Aabb::from_arrays([x[0], y.start, -z], [x[1], y.end, z])
+        };
+        for estimate in ESTIMATES {
+            let wall = OccluderMesh::cuboid(&bounds([-5.0, 50.0], [1.0, 1.2], 40.0)).unwrap();
+            let occluder = [Occluder { mesh: wall, transform: Affine3A::IDENTITY }];
+            let new = Hom::new(320, 180).unwrap().with_depth_estimate(estimate);
+            let hom = draw(new, &occluder, &view);
+            let before = bounds([3.0, 3.1], [0.8, 0.85], 0.1);
+            assert_ne!(hom.test(&before), Occlusion::Hidden, "{estimate:?}, side {side}");
+            let behind = bounds([60.0, 61.0], [20.0, 21.0], 2.0);
+            assert_eq!(hom.test(&behind), Occlusion::Hidden, "{estimate:?}, side {side}");
+        }
+    }
+}
+
+#[test]
 fn what_is_promised_depends_on_the_dials() {
     let accuracy = |map: Hom| map.accuracy();
     assert_eq!(accuracy(Hom::default()), Accuracy::Conservative);

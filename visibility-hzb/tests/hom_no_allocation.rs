@@ -54,7 +54,9 @@ fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {
     scene.rebuild();
     let views: Vec<_> = (0..8).map(|_| view(&mut random)).collect();
     for estimate in [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground] {
-        for selection in [Selection::SolidAngle, Selection::LastVisible, Selection::Interleaved] {
+        for selection in
+            [Selection::SolidAngle, Selection::LastVisible, Selection::Nearest, Selection::Interleaved]
+        {
             let map = Hom::new(320, 180).unwrap().with_depth_estimate(estimate).with_threshold(0.9);
             let mut culler = HomCuller::new(map).with_selection(selection);
             let mut set = VisibleSet::new();

@@ -86,6 +86,7 @@ impl Boundary {
     }
 
     /// Takes in what has been drawn into a region.
+    #[inline(always)]
     pub(crate) fn update(&mut self, tiles: &Tiles, region: &Region) {
         if self.estimate != DepthEstimate::NoBackground {
             return;

@@ -17,9 +17,10 @@ pub use depth::DepthEstimate;
 use crate::pyramid::Rectangle;
 use crate::query::{Footprints, WIDTH, project};
 use crate::queue::Queue;
+use crate::tiles::Tiles;
 use crate::{Coverage, Hzb, Simd, SizeError};
-use depth::Boundary;
-use opacity::{Opacity, Region};
+pub(crate) use depth::Boundary;
+pub(crate) use opacity::{Opacity, Region};
 use threshold::Thresholds;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, View};
@@ -215,6 +216,13 @@ impl Hom {
     }
 }
 
+/// Brings the pyramid and the boundary up to date in a region.
+#[inline(always)]
+pub(crate) fn update(opacity: &mut Opacity, boundary: &mut Boundary, tiles: &Tiles, region: &Region) {
+    opacity.update(tiles, region);
+    boundary.update(tiles, region);
+}
+
 /// The rectangle of a lane.
 #[inline(always)]
 fn rectangle<const N: usize>(seen: &Footprints<N>, i: usize) -> Rectangle {
@@ -257,8 +265,8 @@ impl OcclusionMap for Hom {
         self.raster.flush();
         self.note_queue();
         if !self.stale.is_empty() {
-            self.opacity.update(&self.raster.tiles, &self.stale);
-            self.boundary.update(&self.raster.tiles, &self.stale);
+            let Self { raster, opacity, boundary, stale, .. } = self;
+            raster.simd.update_maps(opacity, boundary, &raster.tiles, stale);
             self.stale = Region::NONE;
         }
     }

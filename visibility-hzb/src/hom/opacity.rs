@@ -105,6 +105,7 @@ impl Opacity {
     }
 
     /// Takes in what has been drawn into a region, and counts anew above it.
+    #[inline(always)]
     pub(crate) fn update(&mut self, tiles: &Tiles, region: &Region) {
         let [mut x0, mut x1, mut y0, mut y1] = region.0;
         let Some((finest, coarser)) = self.levels.split_first_mut() else { return };
@@ -123,18 +124,14 @@ impl Opacity {
         }
         let mut finer: &Level = finest;
         for level in coarser {
-            [x0, x1, y0, y1] = [x0, x1, y0, y1].map(|limit| limit / 2);
+            [x0, x1, y0, y1] = [x0 / 2, x1 / 2, y0 / 2, y1 / 2];
+            let across = 2 * x0..finer.columns.min(2 * x1 + 2);
             for y in y0..=y1 {
-                let above = &finer.counts[2 * y * finer.columns..][..finer.columns];
-                let below = finer.counts.get((2 * y + 1) * finer.columns..).unwrap_or(&[]);
-                let out = &mut level.counts[y * level.columns..][..level.columns];
-                for x in x0..=x1 {
-                    let pair = |row: &[u32]| match row.get(2 * x..finer.columns.min(2 * x + 2)) {
-                        Some([a, b]) => a + b,
-                        Some([a]) => *a,
-                        _ => 0,
-                    };
-                    out[x] = pair(above) + pair(below);
+                let out = &mut level.counts[y * level.columns..][x0..=x1];
+                out.fill(0);
+                // The last row of an odd number has no partner.
+                for row in 2 * y..finer.rows.min(2 * y + 2) {
+                    add_pairs(out, &finer.counts[row * finer.columns..][across.clone()]);
                 }
             }
             finer = level;
@@ -185,6 +182,18 @@ impl Opacity {
             }
         }
         out
+    }
+}
+
+/// Adds to each number two of a row, or the one that is left at its end.
+#[inline(always)]
+fn add_pairs(out: &mut [u32], row: &[u32]) {
+    let (pairs, rest) = row.as_chunks::<2>();
+    for (out, [a, b]) in out.iter_mut().zip(pairs) {
+        *out += a + b;
+    }
+    if let (Some(last), [a]) = (out.last_mut(), rest) {
+        *last += a;
     }
 }
 
