@@ -85,10 +85,10 @@ fn moving_through_a_tree_allocates_nothing_in_the_long_run() {
     let polygons = shapes::polygons(&mut random, 60);
     let mut tree = BspTree::build((0..).zip(&polygons[..50])).unwrap();
     let mut step = |at: usize| {
-        for owner in 50..60usize {
+        for (owner, polygon) in polygons.iter().enumerate().skip(50) {
             tree.remove(owner as u32);
             let by = DVec3::new((at % 7) as f64 * 0.3, 0.1 * (at % 5) as f64, 0.0);
-            let moved: [DVec3; 3] = core::array::from_fn(|i| polygons[owner][i] + by);
+            let moved: [DVec3; 3] = core::array::from_fn(|i| polygon[i] + by);
             tree.insert(owner as u32, [moved]).unwrap();
         }
     };

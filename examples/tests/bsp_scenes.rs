@@ -1,0 +1,177 @@
+//! BSP trees of whole scenes: how they build, and that Naylor's exact culling reports what an item buffer of 2560 x 1440 sees, and otherwise only
+//! what can be seen where it says.
+#![allow(missing_docs)]
+
+mod shared_scenes;
+
+use glam::{DMat4, DQuat, DVec3};
+use shared_scenes::stored;
+use std::collections::HashSet;
+use visibility_bsp::{BspOrder, Naylor, SceneTree, Witness};
+use visibility_core::measure::ItemBuffer;
+use visibility_core::{Culler, ObjectId, View, VisibleSet};
+use visibility_examples::walkthrough::World;
+use visibility_examples::{SceneSource, built_in, cars5, load};
+
+const JUDGE: (u32, u32) = (2560, 1440);
+
+/// The picture, magnified so that nothing but the place of a witness is left of it.
+fn close_up(view: &View, world: &World, witness: Witness) -> View {
+    let scale = 0.3 / witness.width;
+    let shift = DVec3::new(-witness.x * scale, -witness.y * scale, 0.0);
+    let zoom = DMat4::from_scale_rotation_translation(DVec3::new(scale, scale, 1.0), DQuat::IDENTITY, shift);
+    let matrix = zoom * view.clip_from(world.origin());
+    View::from_clip_from_world(matrix, view.depth()).unwrap().relative_to(world.origin()).unwrap()
+}
+
+/// Why an object is reported that has no pixel.
+#[derive(Default, Debug, PartialEq)]
+struct Reasons {
+    /// Of all triangles of the scene, it is the nearest somewhere between the pixels.
+    between_pixels: usize,
+    /// It is the nearest but for what is not opaque.
+    behind_glass: usize,
+    /// It lies in one plane with what the item buffer shows.
+    in_one_plane: usize,
+    /// It has no triangle, or a broken one.
+    unknown: usize,
+    /// None of these.
+    wrong: usize,
+}
+
+fn explain(world: &World, view: &View, culler: &Naylor<&SceneTree>, id: ObjectId, reasons: &mut Reasons) {
+    let Some(witness) = culler.witness(id) else {
+        reasons.unknown += 1;
+        return;
+    };
+    let key = id.index() as u32;
+    let mut crop = ItemBuffer::new(63, 63).unwrap();
+    let close = close_up(view, world, witness);
+    let is_opaque = |key: u32| world.source.objects[key as usize].opaque;
+    let own = world.source.objects[id.index()].triangles.as_slice();
+    let mut shows = |glass: bool, first: bool| {
+        let others = world.items().filter(|&(k, _)| k != key && (glass || is_opaque(k)));
+        let (before, after) = if first { (Some((key, own)), None) } else { (None, Some((key, own))) };
+        let items = before.into_iter().chain(others).chain(after);
+        let exact = crop.draw(&close, world.origin(), items).unwrap();
+        exact.objects().iter().any(|object| object.key == key && object.pixels > 0)
+    };
+    match () {
+        () if shows(true, false) => reasons.between_pixels += 1,
+        () if shows(false, false) => reasons.behind_glass += 1,
+        () if shows(false, true) || is_tied(world, view, id, witness) => reasons.in_one_plane += 1,
+        () => reasons.wrong += 1,
+    }
+}
+
+/// Whether the nearest opaque surface on the line of sight through the witness is no nearer than the object's, up to the rounding of the
+/// scene's single precision.
+fn is_tied(world: &World, view: &View, id: ObjectId, witness: Witness) -> bool {
+    let inverse = view.clip_from(world.origin()).inverse();
+    let [near, far] = [0.9, 0.1].map(|depth| inverse.project_point3(DVec3::new(witness.x, witness.y, depth)));
+    let direction = far - near;
+    let depth = |key: u32| {
+        let hits = world.source.objects[key as usize].triangles.iter().filter_map(|triangle| {
+            let [a, b, c] = triangle.map(|v| v.as_dvec3());
+            let normal = (b - a).cross(c - a);
+            let t = normal.dot(a - near) / normal.dot(direction);
+            let p = near + direction * t;
+            let inside =
+                [(a, b), (b, c), (c, a)].iter().all(|&(a, b)| (b - a).cross(p - a).dot(normal) >= 0.0);
+            (inside && t.is_finite()).then_some(t * direction.length())
+        });
+        hits.filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min)
+    };
+    let own = depth(id.index() as u32);
+    let least = world
+        .items()
+        .filter(|&(key, _)| key != id.index() as u32 && world.source.objects[key as usize].opaque)
+        .map(|(key, _)| depth(key))
+        .fold(f64::INFINITY, f64::min);
+    own.is_finite() && own <= least + 1e-5 * own.max(1.0)
+}
+
+fn check(source: SceneSource, frames: usize) {
+    let world = World::new(source, JUDGE, Some(frames)).unwrap();
+    let tree = SceneTree::new(&world.scene).unwrap();
+    let mut culler = Naylor::new(&tree);
+    let mut order = BspOrder::new(&tree);
+    let mut buffer = ItemBuffer::new(JUDGE.0, JUDGE.1).unwrap();
+    let (mut set, mut in_view) = (VisibleSet::new(), VisibleSet::new());
+    let (mut seen_sum, mut reported_sum, mut reasons) = (0, 0, Reasons::default());
+    for (frame, view) in world.views.iter().enumerate() {
+        set.fill(&world.scene, view);
+        culler.cull(&world.scene, view, &mut set);
+        in_view.fill(&world.scene, view);
+        order.cull(&world.scene, view, &mut in_view);
+        let exact = buffer.draw(view, world.origin(), world.items()).unwrap();
+        let seen: HashSet<u32> =
+            exact.objects().iter().filter(|object| object.pixels > 0).map(|object| object.key).collect();
+        let reported: Vec<ObjectId> = set.iter(&world.scene).collect();
+        let keys: HashSet<u32> = reported.iter().map(|id| id.index() as u32).collect();
+        let hidden: Vec<_> = seen.difference(&keys).collect();
+        assert!(hidden.is_empty(), "{}, frame {frame}: {hidden:?} hidden", world.source.name);
+        assert!(reported.iter().all(|&id| in_view.contains(&world.scene, id)));
+        for &id in reported.iter().filter(|id| !seen.contains(&(id.index() as u32))) {
+            explain(&world, view, &culler, id, &mut reasons);
+        }
+        seen_sum += seen.len();
+        reported_sum += reported.len();
+    }
+    println!("{}: {seen_sum} seen, {reported_sum} reported, the others: {reasons:?}", world.source.name);
+    assert_eq!(reasons.wrong, 0, "{}: {reasons:?}", world.source.name);
+}
+
+#[test]
+fn exact_culling_is_exact_in_built_in_scenes() {
+    for name in ["town", "office", "london"] {
+        check(built_in(name).unwrap(), 3);
+    }
+}
+
+#[test]
+#[ignore = "more frames, and forests: minutes"]
+fn exact_culling_is_exact_in_all_built_in_scenes() {
+    for name in ["town", "office", "london", "plpcity", "forest"] {
+        check(built_in(name).unwrap(), 9);
+    }
+}
+
+#[test]
+fn exact_culling_is_exact_in_an_arena() {
+    let Some(path) = stored("oa_dm2.vscn") else { return };
+    check(load(&path).unwrap(), 12);
+}
+
+#[test]
+#[ignore = "large scenes: minutes"]
+fn exact_culling_is_exact_in_all_reference_scenes() {
+    for name in ["clinic", "denhaag", "alpine1", "oa_dm2"] {
+        let Some(path) = stored(&format!("{name}.vscn")) else { return };
+        check(load(&path).unwrap(), 9);
+    }
+    let Some(path) = stored("car.vscn") else { return };
+    check(cars5(&path).unwrap(), 3);
+}
+
+#[test]
+fn an_arena_is_cut_into_few_fragments() {
+    let Some(path) = stored("oa_dm2.vscn") else { return };
+    let world = World::new(load(&path).unwrap(), (64, 36), Some(1)).unwrap();
+    let triangles: usize = world.items().map(|(_, triangles)| triangles.len()).sum();
+    let tree = SceneTree::new(&world.scene).unwrap();
+    let (fragments, nodes) = (tree.tree().fragment_count(), tree.tree().node_count());
+    println!("{triangles} triangles, {fragments} fragments, {nodes} nodes, {} levels", tree.tree().depth());
+    assert_eq!(triangles, 11_917);
+    assert!(fragments <= 3 * triangles);
+}
+
+#[test]
+#[ignore = "a million triangles: half a minute"]
+fn a_town_of_a_million_triangles_has_a_tree() {
+    let world = World::new(built_in("town:8").unwrap(), (64, 36), Some(1)).unwrap();
+    let start = std::time::Instant::now();
+    let tree = SceneTree::new(&world.scene).unwrap();
+    println!("{} fragments, {:.1} s", tree.tree().fragment_count(), start.elapsed().as_secs_f64());
+    assert!(tree.tree().fragment_count() > 1_027_034);
+}
