@@ -85,11 +85,44 @@ impl Content {
         content
     }
 
-    /// Belongs to a scene as it is now.
-    #[allow(dead_code)]
-    pub(crate) fn adopt(&mut self, scene: &Scene) {
-        self.revision = scene.revision();
-        self.find_strays(scene);
+    /// From its arrays as they were stored, for the scene that they were made of. What is wrong with them, if anything.
+    pub(crate) fn from_arrays(
+        scene: &Scene,
+        starts: Vec<u32>,
+        counts: Vec<u32>,
+        cover: Vec<[u8; 4]>,
+        lists: Vec<u8>,
+        held: Vec<u64>,
+    ) -> Result<Self, &'static str> {
+        let max_count = counts.iter().copied().max().unwrap_or(0);
+        let index_limit = scene.index_limit() as u32;
+        let (strays, revision) = (Vec::new(), scene.revision());
+        let mut content =
+            Self { starts, lists, counts, cover, max_count, index_limit, held, strays, revision };
+        let cells = content.counts.len();
+        let starts = &content.starts;
+        let ascending = starts.windows(2).all(|pair| pair[0] <= pair[1]);
+        let ends = starts.first() == Some(&0) && starts.last() == Some(&(content.lists.len() as u32));
+        if starts.len() != cells + 1 || content.cover.len() != cells || !ascending || !ends {
+            return Err("the lists of cells do not fit together");
+        }
+        if content.held.len() != scene.index_limit().div_ceil(64) {
+            return Err("the marks of objects are of another number of objects");
+        }
+        for cell in 0..cells as u32 {
+            let (mut count, mut last) = (0, None);
+            for object in content.primitives(cell) {
+                if last.is_some_and(|last| last >= object) || object >= content.index_limit {
+                    return Err("a cell names an object out of order, or an unknown one");
+                }
+                (count, last) = (count + 1, Some(object));
+            }
+            if count != content.counts[cell as usize] {
+                return Err("a cell holds another number of objects than it says");
+            }
+        }
+        content.find_strays(scene);
+        Ok(content)
     }
 
     fn find_strays(&mut self, scene: &Scene) {
@@ -166,6 +199,17 @@ impl Content {
         self.strays.dedup();
         self.revision = scene.revision();
         self.strays.len() <= scene.len() / 8
+    }
+
+    /// The same, up to date with a scene: where too much has changed to tell what, nothing is in cells.
+    pub(crate) fn synced(&self, scene: &Scene) -> Self {
+        let mut content = self.clone();
+        if let Changes::Everything = content.changes(scene) {
+            content.held.fill(0);
+        }
+        content.sync(scene);
+        content.held.resize(scene.index_limit().div_ceil(64), 0);
+        content
     }
 
     /// Bytes held.

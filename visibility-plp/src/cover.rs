@@ -18,21 +18,30 @@ impl Cover {
         self.0 == [u64::MAX; 3]
     }
 
-    /// The share of stopped rays along each axis, of 255.
-    pub(crate) fn shares(&self) -> [u8; 4] {
-        let [x, y, z] = self.0.map(|mask| (mask.count_ones() * 255 / 64) as u8);
-        [x, y, z, 0]
+    /// The share of stopped rays along each axis, of 255, if only so large a share of them go through the cell.
+    pub(crate) fn shares(&self, filled: [f64; 3]) -> [u8; 4] {
+        let share = |axis: usize| {
+            let stopped = f64::from(self.0[axis].count_ones()) / 64.0;
+            (stopped / filled[axis].max(1.0 / 64.0) * 255.0).min(255.0) as u8
+        };
+        [share(0), share(1), share(2), 0]
     }
 }
 
-/// Eight by eight rays along each axis through a box, of which a triangle within the box stops those whose bits are set.
-pub(crate) fn stopped_rays(triangle: &[DVec3; 3], center: DVec3, half: f64) -> [u64; 3] {
+/// Eight by eight rays along each axis through a box, of which a triangle stops those whose bits are set: those that meet it at a point
+/// that `inside` accepts.
+pub(crate) fn stopped_rays(
+    triangle: &[DVec3; 3],
+    center: DVec3,
+    half: DVec3,
+    inside: impl Fn(DVec3) -> bool,
+) -> [u64; 3] {
     let corners = triangle.map(|p| (p - center) / half);
-    [0, 1, 2].map(|axis| stopped_along(&corners, axis))
+    [0, 1, 2].map(|axis| stopped_along(&corners, axis, |p| inside(center + p * half)))
 }
 
 /// Rays along one axis, with coordinates in which the box reaches from -1 to 1.
-fn stopped_along(corners: &[DVec3; 3], axis: usize) -> u64 {
+fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bool) -> u64 {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let [a, b, c] = corners.map(|p| [p[u], p[v], p[axis]]);
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
@@ -58,7 +67,12 @@ fn stopped_along(corners: &[DVec3; 3], axis: usize) -> u64 {
             let cross = |p: (f64, f64), q: (f64, f64)| p.0 * q.1 - p.1 * q.0;
             let (wa, wb, wc) = (cross(pb, pc) / area, cross(pc, pa) / area, cross(pa, pb) / area);
             let depth = wa * a[2] + wb * b[2] + wc * c[2];
-            if wa >= 0.0 && wb >= 0.0 && wc >= 0.0 && depth.abs() <= 1.0 {
+            if wa < 0.0 || wb < 0.0 || wc < 0.0 || depth.abs() > 1.0 {
+                continue;
+            }
+            let mut point = DVec3::ZERO;
+            (point[u], point[v], point[axis]) = (x, y, depth);
+            if inside(point) {
                 stopped |= 1 << (row * 8 + column);
             }
         }

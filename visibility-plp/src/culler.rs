@@ -110,7 +110,7 @@ impl<S: Deref<Target: Tessellation>> Culler for PlpCuller<S> {
             if walk.project(&stage, cell, false) == Projected::Cut {
                 break;
             }
-            walk.hand_on(&stage, cell, |_| true);
+            walk.hand_on(&stage, cell);
         }
         let stats = CullStats { nodes: walk.projected, tests: walk.reached, ..CullStats::default() };
         if self.keep_all {

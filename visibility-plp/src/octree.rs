@@ -8,10 +8,10 @@ use crate::content::Content;
 use crate::cover::{Cover, stopped_rays};
 use crate::grid::{DEPTH, Grid, STEPS, morton, place_of};
 use crate::grouped::Grouped;
-use crate::parts::for_each_part;
+use crate::parts::{Part, for_each_part};
 use crate::{Face, Tessellation};
 use alloc::vec::Vec;
-use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Scene};
 
 /// How finely a scene is cut into cells.
@@ -108,31 +108,9 @@ impl OctreeTessellation {
 
     /// Cuts a scene.
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
-        let mut bounds = Aabb::EMPTY;
-        for id in scene.ids() {
-            let of = |p: Vec3| Aabb::new(p, p);
-            for_each_part(scene, id, &mut |part| {
-                part.for_each_corner(|p| bounds = bounds.union(&of(p.as_vec3())))
-            });
-        }
-        let grid = Grid::around(&bounds);
-        let mut vertices = Vec::new();
-        for id in scene.ids() {
-            for_each_part(scene, id, &mut |part| {
-                part.for_each_corner(|p| vertices.push(morton(grid.place(p))))
-            });
-        }
-        vertices.sort_unstable();
-        let mut cutter = Cutter { fineness, nodes: alloc::vec![Node::Leaf(0)], leaves: Vec::new() };
-        cutter.cut(0, 0, 0, &vertices);
-        drop(vertices);
-        let Cutter { nodes, leaves, .. } = cutter;
+        let (grid, Cutter { nodes, leaves, .. }) = cut(scene, fineness);
         let codes: Vec<u32> = leaves.iter().map(|leaf| leaf.0).collect();
-        let block = |&(code, level): &(u32, u32)| {
-            let [x, y, z] = place_of(code).map(|x| x as u16);
-            [x, y, z, (STEPS >> level) as u16]
-        };
-        let blocks: Vec<[u16; 4]> = leaves.iter().map(block).collect();
+        let blocks = blocks_of(&leaves);
         let (links, boundary) = join(&codes, &blocks);
         let content = fill(scene, &grid, &nodes, blocks.len());
         Self { grid, fineness, codes, blocks, links, boundary, content }
@@ -173,6 +151,43 @@ impl OctreeTessellation {
     }
 }
 
+/// Cuts the cube around a scene.
+fn cut(scene: &Scene, fineness: Fineness) -> (Grid, Cutter) {
+    let mut bounds = Aabb::EMPTY;
+    for id in scene.ids() {
+        for_each_part(scene, id, &mut |part| {
+            for &p in part.corners().as_slice() {
+                bounds = bounds.union(&Aabb::new(p.as_vec3(), p.as_vec3()));
+            }
+        });
+    }
+    let grid = Grid::around(&bounds);
+    let mut vertices = Vec::new();
+    for id in scene.ids() {
+        let number = |p: &DVec3| morton(grid.place(*p));
+        for_each_part(scene, id, &mut |part| vertices.extend(part.corners().as_slice().iter().map(number)));
+    }
+    vertices.sort_unstable();
+    let mut cutter = Cutter { fineness, nodes: alloc::vec![Node::Leaf(0)], leaves: Vec::new() };
+    cutter.cut(0, 0, 0, &vertices);
+    (grid, cutter)
+}
+
+/// Corner and side of each leaf.
+fn blocks_of(leaves: &[(u32, u32)]) -> Vec<[u16; 4]> {
+    let block = |&(code, level): &(u32, u32)| {
+        let [x, y, z] = place_of(code).map(|x| x as u16);
+        [x, y, z, (STEPS >> level) as u16]
+    };
+    leaves.iter().map(block).collect()
+}
+
+/// The leaves of the octree alone, by corner and side.
+pub(crate) fn leaves_of(scene: &Scene, fineness: Fineness) -> (Grid, Vec<[u16; 4]>) {
+    let (grid, cutter) = cut(scene, fineness);
+    (grid, blocks_of(&cutter.leaves))
+}
+
 /// The neighbours of all leaves, and those leaves on the surface of the cube.
 fn join(codes: &[u32], blocks: &[[u16; 4]]) -> (Grouped, Vec<u32>) {
     let mut pairs = Vec::new();
@@ -205,6 +220,34 @@ fn join(codes: &[u32], blocks: &[[u16; 4]]) -> (Grouped, Vec<u32>) {
     (Grouped::new(blocks.len(), &pairs), boundary)
 }
 
+/// The smallest node that surely holds a part, with its place and side: looking for what it meets may begin there.
+fn enclosing(nodes: &[Node], grid: &Grid, part: &Part) -> (u32, [u32; 3], u32) {
+    let corners = part.corners();
+    let corners = corners.as_slice();
+    let (least, most) = corners.iter().fold((corners[0], corners[0]), |(a, b), &p| (a.min(p), b.max(p)));
+    // A thousandth of a step on each side is far more than rounding, and than what tests give away.
+    let hair = DVec3::splat(grid.step * 1e-3);
+    let [low, high] = [grid.place(least - hair), grid.place(most + hair)];
+    let (mut node, mut place, mut side) = (0, [0; 3], STEPS);
+    while let Node::Inner(first) = nodes[node as usize] {
+        let half = side / 2;
+        let middle = place.map(|x| x + half);
+        let upper = |of: [u32; 3], axis: usize| of[axis] >= middle[axis];
+        if (0..3).any(|axis| upper(low, axis) != upper(high, axis)) {
+            break;
+        }
+        let mut child = 0;
+        for (axis, x) in place.iter_mut().enumerate() {
+            if upper(low, axis) {
+                child |= 1 << axis;
+                *x += half;
+            }
+        }
+        (node, side) = (first + child, half);
+    }
+    (node, place, side)
+}
+
 /// Places every object in the leaves that it meets.
 fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
     let mut pairs = Vec::new();
@@ -215,7 +258,7 @@ fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
     for id in scene.ids() {
         let object = id.index() as u32;
         for_each_part(scene, id, &mut |part| {
-            stack.push((0u32, [0u32; 3], STEPS));
+            stack.push(enclosing(nodes, grid, part));
             while let Some((node, place, side)) = stack.pop() {
                 let half = f64::from(side) * 0.5 * grid.step;
                 let center = grid.corner(place) + DVec3::splat(half);
@@ -230,8 +273,9 @@ fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
                         }
                         let cover = &mut cover[leaf as usize];
                         if !cover.is_full() {
+                            let half = DVec3::splat(half);
                             part.for_each_triangle(|triangle| {
-                                cover.add(stopped_rays(triangle, center, half))
+                                cover.add(stopped_rays(triangle, center, half, |_| true));
                             });
                         }
                     }
@@ -246,7 +290,7 @@ fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
             }
         });
     }
-    Content::new(scene, &pairs, cover.iter().map(Cover::shares).collect())
+    Content::new(scene, &pairs, cover.iter().map(|cover| cover.shares([1.0; 3])).collect())
 }
 
 impl Tessellation for OctreeTessellation {
@@ -288,15 +332,18 @@ impl Tessellation for OctreeTessellation {
             let other = self.blocks[neighbour as usize];
             // Blocks that share a face touch along one axis alone.
             let mut normal = DVec3::ZERO;
+            let mut corner = [mine[0], mine[1], mine[2]];
             for axis in 0..3 {
                 if mine[axis] + mine[3] == other[axis] {
                     normal[axis] = 1.0;
+                    corner[axis] = other[axis];
                 } else if other[axis] + other[3] == mine[axis] {
                     normal[axis] = -1.0;
                 }
             }
             let side = f64::from(mine[3].min(other[3])) * self.grid.step;
-            each(&Face { neighbour, normal, area: side * side });
+            let point = self.grid.corner(corner.map(u32::from));
+            each(&Face { neighbour, point, normal, area: side * side });
         }
     }
 

@@ -2,30 +2,69 @@
 
 use crate::overlap::triangle_meets_box;
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, ObjectId, OccluderMesh, Scene};
+use visibility_core::{ObjectId, OccluderMesh, Scene};
 
 /// A part of an object, in scene coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Part {
     Triangle([DVec3; 3]),
-    /// Everything in a box.
-    Solid(Aabb),
+    /// Everything in a box, between two corners.
+    Solid(DVec3, DVec3),
+}
+
+/// The corners of a part.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Corners {
+    points: [DVec3; 8],
+    count: usize,
+}
+
+impl Corners {
+    pub(crate) fn as_slice(&self) -> &[DVec3] {
+        &self.points[..self.count]
+    }
 }
 
 impl Part {
-    pub(crate) fn for_each_corner(&self, mut each: impl FnMut(DVec3)) {
+    pub(crate) fn corners(&self) -> Corners {
+        let mut corners = Corners { points: [DVec3::ZERO; 8], count: 0 };
         match self {
-            Self::Triangle(triangle) => triangle.iter().for_each(|&p| each(p)),
-            Self::Solid(bounds) => bounds.corners().iter().for_each(|p| each(p.as_dvec3())),
+            Self::Triangle(triangle) => {
+                corners.points[..3].copy_from_slice(triangle);
+                corners.count = 3;
+            }
+            Self::Solid(min, max) => {
+                for (i, point) in corners.points.iter_mut().enumerate() {
+                    let far = |axis: usize| if i >> axis & 1 != 0 { max[axis] } else { min[axis] };
+                    *point = DVec3::new(far(0), far(1), far(2));
+                }
+                corners.count = 8;
+            }
+        }
+        corners
+    }
+
+    /// One of its corners.
+    pub(crate) fn corner(&self) -> DVec3 {
+        match self {
+            Self::Triangle([a, ..]) | Self::Solid(a, _) => *a,
         }
     }
 
-    /// The part itself, or its surface.
+    /// The same part in coordinates that grow with the old ones.
+    pub(crate) fn map(&self, map: impl Fn(DVec3) -> DVec3) -> Self {
+        match self {
+            Self::Triangle(triangle) => Self::Triangle(triangle.map(map)),
+            Self::Solid(min, max) => Self::Solid(map(*min), map(*max)),
+        }
+    }
+
+    /// Calls `each` with the part itself, or with its surface.
     pub(crate) fn for_each_triangle(&self, mut each: impl FnMut(&[DVec3; 3])) {
         match self {
             Self::Triangle(triangle) => each(triangle),
-            Self::Solid(bounds) => {
-                let corners = bounds.corners().map(|p| p.as_dvec3());
+            Self::Solid(..) => {
+                let corners = self.corners().points;
                 for triangle in OccluderMesh::CUBOID {
                     each(&triangle.map(|corner| corners[corner as usize]));
                 }
@@ -37,10 +76,9 @@ impl Part {
     pub(crate) fn meets_box(&self, center: DVec3, half: f64) -> bool {
         match self {
             Self::Triangle(triangle) => triangle_meets_box(triangle, center, DVec3::splat(half)),
-            Self::Solid(bounds) => {
+            Self::Solid(min, max) => {
                 // The cube's faces are each rounded twice, by 2^-53 of `center` and `half`.
                 let reach = DVec3::splat(half * (1.0 + 1e-12)) + center.abs() * 1e-12;
-                let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
                 min.cmple(center + reach).all() && max.cmpge(center - reach).all()
             }
         }
@@ -56,7 +94,7 @@ pub(crate) fn for_each_part(scene: &Scene, id: ObjectId, each: &mut dyn FnMut(&P
     }
     // A triangle that cannot be placed may yet be drawn, somewhere within the bounds.
     if triangles.is_empty() || !triangles.iter().flatten().all(|p| p.is_finite()) {
-        return each(&Part::Solid(bounds));
+        return each(&Part::Solid(bounds.min.as_dvec3(), bounds.max.as_dvec3()));
     }
     for triangle in triangles {
         each(&Part::Triangle(triangle.map(|p| p.as_dvec3())));

@@ -43,6 +43,8 @@ pub(crate) struct Sight {
     /// The first so many planes have the eye on their inner side: what lies outside of them is not on the way to anything in view. The
     /// others (the near plane, those of portals and mirrors) are crossed by lines of sight before they are in view.
     sides: usize,
+    /// The greatest coordinate of any cell or primitive.
+    reach: f64,
 }
 
 impl Sight {
@@ -51,7 +53,7 @@ impl Sight {
         let reach = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
         let eye = view.eye(origin);
         let none = Bound { normal: DVec3::ZERO, offset: 0.0, slack: 0.0 };
-        let mut sight = Self { eye, planes: [none; MAX_PLANES], count: 0, sides: 0 };
+        let mut sight = Self { eye, planes: [none; MAX_PLANES], count: 0, sides: 0, reach };
         for at_side in [true, false] {
             for plane in view.planes(origin).as_slice() {
                 let (normal, offset) = (plane.plane.normal, plane.plane.offset);
@@ -92,6 +94,16 @@ impl Sight {
             inside &= distance - reach > plane.slack;
         }
         if inside { Place::Inside } else { Place::Crossing }
+    }
+
+    /// Whether lines of sight may go out through a plane, given by a point and the outward normal: not if the eye lies surely on its outer side.
+    #[inline]
+    pub(crate) fn may_leave(&self, point: DVec3, normal: DVec3) -> bool {
+        match self.eye {
+            // Point and normal are known to a few times 2^-52 of the greatest coordinate. 1e-9 of it is a million times as much, and costs nothing.
+            Eye::Point(eye) => normal.dot(point - eye) >= -1e-9 * (self.reach + eye.abs().max_element()),
+            Eye::Direction(along) => normal.dot(along) >= -1e-9,
+        }
     }
 
     /// Whether a box lies surely beyond all planes that lines of sight cross on their way into view.

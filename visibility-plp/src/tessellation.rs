@@ -8,13 +8,15 @@ use visibility_core::glam::DVec3;
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
-/// let face = visibility_plp::Face { neighbour: 7, normal: DVec3::X, area: 2.5 };
+/// let face = visibility_plp::Face { neighbour: 7, point: DVec3::X * 3.0, normal: DVec3::X, area: 2.5 };
 /// assert!(face.normal.dot(DVec3::X) > 0.0); // light along x leaves the cell here
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Face {
     /// The cell on the other side.
     pub neighbour: u32,
+    /// A point of its plane.
+    pub point: DVec3,
     /// Unit normal, out of the cell that was asked.
     pub normal: DVec3,
     /// Area of what is shared, in square metres.

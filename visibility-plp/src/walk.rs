@@ -220,18 +220,14 @@ impl Walk {
         self.put(stage, cell, value);
     }
 
-    /// Takes all cells out of the front, in no order.
-    pub(crate) fn drain(&mut self, cells: &mut Vec<u32>) {
-        cells.clear();
-        for entry in self.front.entries() {
-            let known = &self.cells[entry.cell as usize];
-            if known.ticket == entry.ticket && known.state == State::Waiting {
-                cells.push(entry.cell);
-            }
-        }
-        self.front.clear();
-        // The order of a heap is nobody's business.
-        cells.sort_unstable();
+    /// Takes a cell out of the frame: nothing goes through it.
+    pub(crate) fn shut(&mut self, cell: u32) {
+        self.cells[cell as usize].state = State::Outside;
+    }
+
+    /// Whether a cell that was taken out of the front may still be projected.
+    pub(crate) fn is_open(&self, cell: u32) -> bool {
+        self.cells[cell as usize].state == State::Waiting
     }
 
     /// Projects what a cell holds, each object once, as far as the budget lasts.
@@ -272,15 +268,9 @@ impl Walk {
         Projected::Whole
     }
 
-    /// Hands the solidity of a projected cell on to its neighbours, and puts those into the front that `admit` lets in, which is asked once
-    /// for each.
+    /// Hands the solidity of a projected cell on to those neighbours that lines of sight may enter from it, and puts them into the front.
     #[inline]
-    pub(crate) fn hand_on<T: Tessellation + ?Sized>(
-        &mut self,
-        stage: &Stage<'_, T>,
-        cell: u32,
-        mut admit: impl FnMut(u32) -> bool,
-    ) {
+    pub(crate) fn hand_on<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
         let tessellation = stage.tessellation;
         let direction = stage.sight.direction(tessellation.center(cell));
         let from = From {
@@ -292,17 +282,13 @@ impl Walk {
         let mut faces = core::mem::take(&mut self.faces);
         faces.clear();
         tessellation.for_each_face(cell, &mut |face| faces.push(*face));
-        for face in &faces {
+        for face in faces.iter().filter(|face| stage.sight.may_leave(face.point, face.normal)) {
             let neighbour = face.neighbour;
             let center = tessellation.center(neighbour);
             if !self.enter(stage, neighbour, center) {
                 continue;
             }
             let known = self.cells[neighbour as usize];
-            if known.ticket == u32::MAX && !admit(neighbour) {
-                self.cells[neighbour as usize].state = State::Outside;
-                continue;
-            }
             let value = match stage.rules.solidity {
                 Solidity::Coverage => {
                     let direction = stage.sight.direction(center);

@@ -3,14 +3,21 @@
 use clap::Parser;
 use comfy_table::{CellAlignment, Table, presets};
 use std::error::Error;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
-use visibility_examples::plp::{BUDGETS, Coverage, Method, TriangleWorld, coverage};
+use visibility_core::VisibleSet;
+use visibility_core::measure::ItemBuffer;
+use visibility_core::{Culler, FrustumCuller};
+use visibility_examples::plp::conservative::{Effort, conservative, front_to_back, frustum};
+use visibility_examples::plp::{BUDGETS, Coverage, Method, TriangleWorld, coverage, plot, right_and_wrong};
 use visibility_examples::walkthrough::World;
 use visibility_examples::{built_in, cars5, load};
-use visibility_plp::{Fineness, OctreeTessellation, Solidity, Tessellation};
+use visibility_hzb::Hzb;
+use visibility_plp::{
+    Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity, Tessellation,
+};
 
 /// How many of the visible triangles prioritized-layered projection finds, by budget.
 #[derive(Parser)]
@@ -31,6 +38,15 @@ struct Arguments {
     /// The scene is halved no more often than this.
     #[arg(long, default_value_t = Fineness::default().halvings)]
     halvings: u32,
+    /// Instead, count the tests of the conservative form beside those of testing every cell front to back.
+    #[arg(long)]
+    conservative: bool,
+    /// Instead, time frames at ten budgets, and fit a line.
+    #[arg(long)]
+    speed: bool,
+    /// Where the plot and the picture of the worst frame go.
+    #[arg(long, default_value = "out", value_name = "DIR")]
+    pictures: PathBuf,
 }
 
 fn main() -> ExitCode {
@@ -52,6 +68,10 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     } else {
         built_in(name)?
     };
+    if arguments.conservative {
+        let world = World::new(source, (16 * 160, 9 * 160), arguments.frames)?;
+        return show_conservative(&world);
+    }
     let world = World::new(source, (arguments.size, arguments.size), arguments.frames)?;
     let world = TriangleWorld::new(&world);
     let fineness = Fineness { vertices: arguments.vertices, halvings: arguments.halvings };
@@ -59,17 +79,119 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let octree = Arc::new(OctreeTessellation::with_fineness(&world.scene, fineness));
     let took = start.elapsed().as_secs_f64();
     describe("octree", &world, &*octree, octree.memory(), took);
+    if arguments.speed {
+        show_speed(&world, &octree);
+        return Ok(());
+    }
+    let start = Instant::now();
+    let delaunay = Arc::new(DelaunayTessellation::new(&world.scene));
+    let took = start.elapsed().as_secs_f64();
+    describe("Delaunay", &world, &*delaunay, delaunay.memory(), took);
+    const BEST: usize = 1;
     let mut methods = [
         Method::centroid(&world),
-        Method::plp("octree, by count", &world, octree.clone(), Solidity::Count),
         Method::plp("octree, by coverage", &world, octree.clone(), Solidity::Coverage),
+        Method::plp("Delaunay, by coverage", &world, delaunay.clone(), Solidity::Coverage),
+        Method::plp("octree, by count", &world, octree.clone(), Solidity::Count),
+        Method::plp("Delaunay, by count", &world, delaunay, Solidity::Count),
         Method::perfect(),
     ];
     let coverage = coverage(&world, &mut methods, arguments.size, || ())?;
-    let mean = coverage.exact.iter().sum::<u32>() as f64 / coverage.exact.len() as f64;
+    let mean = f64::from(coverage.exact.iter().sum::<u32>()) / coverage.exact.len() as f64;
     println!("{} frames, {mean:.0} visible triangles a frame", coverage.exact.len());
     println!("{}", table(&coverage));
+
+    std::fs::create_dir_all(&arguments.pictures)?;
+    let file = |what: &str| arguments.pictures.join(format!("plp-{}-{what}", world.name));
+    let title = format!("{}: visible triangles found by budget", world.name);
+    plot(&file("walk.svg"), &title, &coverage, BEST)?;
+    // The frame in which sorting by distance is most wrong at the least budget: there a picture tells most.
+    let wrong = &coverage.found[0][0].wrong;
+    let worst = (0..wrong.len()).max_by(|&a, &b| wrong[a].total_cmp(&wrong[b])).unwrap_or(0);
+    let mut buffer = ItemBuffer::new(arguments.size, arguments.size)?;
+    let seen = world.see(&world.views[worst], &mut buffer)?;
+    for (method, name) in [(0, "centroid"), (BEST, "octree"), (2, "delaunay")] {
+        let mut drawn = methods[method].order(&world.views[worst], &seen);
+        drawn.truncate((world.triangles.len() as f64 * BUDGETS[0]) as usize);
+        drawn.sort_unstable();
+        let canvas = right_and_wrong(&world, &world.views[worst], &drawn, arguments.size)?;
+        canvas.save(&file(&format!("{name}.png")))?;
+    }
+    println!("pictures: {}, of frame {worst} at 1 %", arguments.pictures.display());
     Ok(())
+}
+
+/// The paper's table 1, at three finenesses.
+fn show_conservative(world: &World) -> Result<(), Box<dyn Error>> {
+    let total = world.source.triangle_count() as u64;
+    println!("{}: {} triangles, {} frames", world.source.name, total, world.views.len());
+    for vertices in [128, 1000, 5000] {
+        let fineness = Fineness { vertices, halvings: 8 };
+        let cells = Arc::new(OctreeTessellation::with_fineness(&world.scene, fineness));
+        println!("at most {vertices} corners of triangles a cell: {} cells", cells.content().cell_count());
+        let map = || Hzb::new(512, 288);
+        let mut rows = vec![frustum(world), front_to_back(world, &cells, &mut map()?)];
+        for share in [200, 100, 50, 20] {
+            rows.push(conservative(world, &cells, total / share, map()?));
+        }
+        println!("{}", efforts(&rows));
+    }
+    Ok(())
+}
+
+fn efforts(rows: &[Effort]) -> Table {
+    let mut table = Table::new();
+    let header = ["method", "triangles", "of front to back", "tests", "fewer by", "visible cells"];
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
+    let base = &rows[1];
+    for row in rows {
+        table.add_row([
+            row.name.clone(),
+            format!("{:.0}", row.triangles),
+            format!("{:.2}", row.triangles / base.triangles),
+            format!("{:.0}", row.tests),
+            format!("{:.1}", base.tests / row.tests),
+            format!("{:.0}", row.visible),
+        ]);
+    }
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+/// Median time of a frame at budgets from 1 % to 10 %, and the line through them.
+fn show_speed(world: &TriangleWorld, octree: &Arc<OctreeTessellation>) {
+    let mut points = Vec::new();
+    for percent in 1..=10 {
+        let budget = Budget::Objects(world.triangles.len() * percent / 100);
+        let mut culler = PlpCuller::new(octree.clone(), budget).with_one_sided(true);
+        let mut visible = VisibleSet::new();
+        let mut times = Vec::new();
+        for pass in 0..3 {
+            for view in &world.views {
+                visible.fill(&world.scene, view);
+                FrustumCuller::new().cull(&world.scene, view, &mut visible);
+                let start = Instant::now();
+                culler.cull(&world.scene, view, &mut visible);
+                if pass > 0 {
+                    times.push(start.elapsed().as_secs_f64() * 1e3);
+                }
+            }
+        }
+        times.sort_unstable_by(f64::total_cmp);
+        let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
+        println!("{percent:3} %: median {:.3} ms, p90 {:.3} ms, most {:.3} ms", at(0.5), at(0.9), at(1.0));
+        points.push((percent as f64, at(0.5)));
+    }
+    let n = points.len() as f64;
+    let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), p| (x + p.0 / n, y + p.1 / n));
+    let (xy, xx, yy) = points.iter().fold((0.0, 0.0, 0.0), |(a, b, c), p| {
+        let (dx, dy) = (p.0 - x, p.1 - y);
+        (a + dx * dy, b + dx * dx, c + dy * dy)
+    });
+    let slope = xy / xx;
+    println!("fit: {:.3} ms + {slope:.3} ms for each percent, r2 {:.3}", y - slope * x, xy * xy / (xx * yy));
 }
 
 fn describe(name: &str, world: &TriangleWorld, cells: &impl Tessellation, memory: usize, took: f64) {

@@ -26,6 +26,11 @@ impl<'a> Method<'a> {
         Self { name: "centroid sorting".to_owned(), order: Box::new(order) }
     }
 
+    /// The triangles of a view in order.
+    pub fn order(&mut self, view: &View, seen: &Seen) -> Vec<u32> {
+        (self.order)(view, seen)
+    }
+
     /// The best there is: visible triangles alone.
     pub fn perfect() -> Self {
         let order = |_: &View, seen: &Seen| seen.visible.iter().map(|&(triangle, _)| triangle).collect();

@@ -2,8 +2,13 @@
 //! on, budgets in shares of all triangles, sorting by distance as the yardstick (Klosowski and Silva, "The Prioritized-Layered Projection
 //! Algorithm for Visible Set Estimation", 2000, section 5).
 
+pub mod conservative;
 mod coverage;
+mod picture;
+mod plot;
 mod triangles;
 
-pub use coverage::{BUDGETS, Coverage, Method, coverage};
+pub use coverage::{BUDGETS, Coverage, Found, Method, coverage};
+pub use picture::right_and_wrong;
+pub use plot::plot;
 pub use triangles::{Seen, TriangleWorld};

@@ -96,6 +96,9 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
 
     /// Fills the map with the best of the candidates.
     fn add_occluders(&mut self, scene: &Scene, eye: &Eye, cuts: &ViewPlanes, visible: &VisibleSet) {
+        if self.selection == Selection::Ordered {
+            return self.add_in_order(scene, cuts, visible);
+        }
         self.candidates.clear();
         visible.for_each_occluder(scene, |id| {
             let candidate = Candidate::new(scene, id, eye, cuts);
@@ -105,6 +108,21 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         choose(&mut self.candidates, self.budget, self.selection == Selection::Nearest);
         for candidate in &self.candidates {
             if let Some((mesh, transform)) = scene.occluder(candidate.id) {
+                self.map.add(mesh, transform);
+            }
+        }
+    }
+
+    /// Fills the map with the first of the candidates. One that does not fit is passed over, since a smaller one after it may.
+    fn add_in_order(&mut self, scene: &Scene, cuts: &ViewPlanes, visible: &VisibleSet) {
+        let mut left = self.budget;
+        for id in visible.iter(scene) {
+            if left == 0 {
+                return;
+            }
+            let Some((mesh, transform)) = scene.occluder(id) else { continue };
+            if mesh.triangles().len() <= left && is_whole(mesh, transform, cuts) {
+                left -= mesh.triangles().len();
                 self.map.add(mesh, transform);
             }
         }

@@ -26,6 +26,10 @@ pub enum Selection {
     /// Each occluder as it is found visible on the way from front to back (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility",
     /// 1993): nothing hidden is ever added, and all that could be is, up to the budget.
     Interleaved,
+    /// In the order of the set that the stage before left, as far as the budget lasts: prioritized-layered projection, say, as the one who
+    /// knows what is most likely seen (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000,
+    /// section 6, extension 1). A set without an order is in that of the hierarchy.
+    Ordered,
 }
 
 /// How much of the sky an occluder covers, in steradians, at best.

@@ -2,9 +2,11 @@
 
 use super::{Known, World};
 use std::sync::Arc;
-use visibility_core::{Accuracy, CullStats, Culler, Eye, ObjectId, Scene, View, VisibleSet};
+use visibility_core::{
+    Accuracy, CullStats, Culler, Eye, ObjectId, OcclusionCuller, Scene, Selection, View, VisibleSet,
+};
 use visibility_hzb::Hzb;
-use visibility_plp::{Budget, ConservativePlpCuller, OctreeTessellation, PlpCuller};
+use visibility_plp::{Budget, ConservativePlpCuller, DelaunayTessellation, OctreeTessellation, PlpCuller};
 
 /// Budgets worth comparing.
 const SHARES: &[&str] = &["10%", "5%", "2%", "1%"];
@@ -17,6 +19,31 @@ pub(super) const KNOWN: &[Known] = &[
         make: |dial, world| {
             let cells = Arc::new(OctreeTessellation::new(&world.scene));
             Ok(Box::new(PlpCuller::new(cells, budget(dial, world)?)))
+        },
+    },
+    Known {
+        name: "plp-delaunay",
+        what: "the same by tetrahedra instead of cubes (plp-delaunay:10%)",
+        dials: SHARES,
+        make: |dial, world| {
+            let cells = Arc::new(DelaunayTessellation::new(&world.scene));
+            Ok(Box::new(PlpCuller::new(cells, budget(dial, world)?)))
+        },
+    },
+    Known {
+        name: "hzb-plp",
+        what: "a z-buffer of 512x288 of the occluders that plp finds for a share of all triangles (hzb-plp:2%)",
+        dials: SHARES,
+        make: |dial, world| {
+            let budget = budget(dial, world)?;
+            let Budget::Cost(triangles) = budget else { return Err("no budget".to_owned()) };
+            let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
+            let cells = Arc::new(OctreeTessellation::new(&world.scene));
+            let occlusion = OcclusionCuller::new(map).with_selection(Selection::Ordered);
+            Ok(Box::new(Selected {
+                order: PlpCuller::new(cells, budget).with_all_kept(true),
+                occlusion: occlusion.with_budget(usize::try_from(triangles).unwrap_or(usize::MAX)),
+            }))
         },
     },
     Known {
@@ -40,6 +67,27 @@ pub(super) const KNOWN: &[Known] = &[
         },
     },
 ];
+
+/// An order first, and then occluders in that order.
+struct Selected {
+    order: PlpCuller<Arc<OctreeTessellation>>,
+    occlusion: OcclusionCuller<Hzb>,
+}
+
+impl Culler for Selected {
+    fn name(&self) -> &str {
+        "hzb-plp"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        self.order.accuracy().and(self.occlusion.accuracy())
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        self.order.cull(scene, view, visible);
+        self.occlusion.cull(scene, view, visible)
+    }
+}
 
 /// A share of all triangles, from a dial such as `10%`; without one, a tenth.
 fn budget(dial: Option<&str>, world: &World) -> Result<Budget, String> {

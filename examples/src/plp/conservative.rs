@@ -1,0 +1,120 @@
+//! The conservative form against testing every cell from front to back, as its paper's table 1 (Klosowski and Silva, "Efficient
+//! Conservative Visibility Culling Using the Prioritized-Layered Projection Algorithm", 2001, section 5).
+
+use crate::walkthrough::World;
+use std::sync::Arc;
+use visibility_core::{
+    Containment, Culler, Eye, FrustumCuller, ObjectId, Occlusion, OcclusionMap, Scene, View, VisibleSet,
+};
+use visibility_hzb::Hzb;
+use visibility_plp::{Budget, ConservativePlpCuller, OctreeTessellation, Tessellation};
+
+/// What one method does a frame, on average.
+#[derive(Clone, Debug, Default)]
+pub struct Effort {
+    /// What it is called.
+    pub name: String,
+    /// Triangles of the objects that it keeps.
+    pub triangles: f64,
+    /// Cells tested against the map.
+    pub tests: f64,
+    /// Cells tested and not hidden.
+    pub visible: f64,
+}
+
+/// Every cell in the view volume, front to back by the distance of its centre: projected unless hidden by what was before
+/// it (Meissner, Bartz, Huttner, Muller and Einighammer, "Generation of Subdivision Hierarchies for Efficient Occlusion Culling of
+/// Large Polygonal Models", 1999, with the test of the HP fx graphics cards).
+pub fn front_to_back(world: &World, cells: &OctreeTessellation, map: &mut Hzb) -> Effort {
+    let mut sum = Effort { name: "front to back".to_owned(), ..Effort::default() };
+    let mut candidates = VisibleSet::new();
+    for view in &world.views {
+        candidates.fill(&world.scene, view);
+        FrustumCuller::new().cull(&world.scene, view, &mut candidates);
+        let (origin, planes) = (world.origin(), view.planes(world.origin()));
+        map.begin(view, origin);
+        map.flush();
+        let near = planes.as_slice().get(4).map(|near| near.plane);
+        let mut order: Vec<(f64, u32)> = (0..cells.content().cell_count() as u32)
+            .filter(|&cell| {
+                let bounds = cells.cell_bounds(cell);
+                planes.as_slice().iter().all(|p| p.plane.classify_aabb(&bounds) != Containment::Outside)
+            })
+            .map(|cell| (distance(view, origin, cells.center(cell)), cell))
+            .collect();
+        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut taken = vec![false; world.scene.index_limit()];
+        for (_, cell) in order {
+            let bounds = cells.cell_bounds(cell);
+            if near.is_none_or(|near| near.classify_aabb(&bounds) == Containment::Inside) {
+                sum.tests += 1.0;
+                if map.test(&bounds) == Occlusion::Hidden {
+                    continue;
+                }
+                sum.visible += 1.0;
+            }
+            for object in cells.content().primitives(cell) {
+                let Some(id) = world.scene.id_at(object as usize) else { continue };
+                if !std::mem::replace(&mut taken[object as usize], true)
+                    && candidates.contains(&world.scene, id)
+                {
+                    sum.triangles += cost(&world.scene, id);
+                    if let Some((mesh, transform)) = world.scene.occluder(id) {
+                        map.add(mesh, transform);
+                    }
+                }
+            }
+            map.flush();
+        }
+    }
+    per_frame(sum, world)
+}
+
+/// The conservative form with a budget in triangles.
+pub fn conservative(world: &World, cells: &Arc<OctreeTessellation>, budget: u64, map: Hzb) -> Effort {
+    let mut sum = Effort { name: format!("cPLP, {budget} triangles"), ..Effort::default() };
+    let mut culler = ConservativePlpCuller::new(cells.clone(), Budget::Cost(budget), map);
+    let mut visible = VisibleSet::new();
+    for view in &world.views {
+        visible.fill(&world.scene, view);
+        FrustumCuller::new().cull(&world.scene, view, &mut visible);
+        culler.cull(&world.scene, view, &mut visible);
+        sum.triangles += visible.iter(&world.scene).map(|id| cost(&world.scene, id)).sum::<f64>();
+        sum.tests += culler.report().tests as f64;
+        sum.visible += culler.report().visible_cells as f64;
+    }
+    per_frame(sum, world)
+}
+
+/// What the view volume alone leaves.
+pub fn frustum(world: &World) -> Effort {
+    let mut sum = Effort { name: "view frustum".to_owned(), ..Effort::default() };
+    let mut visible = VisibleSet::new();
+    for view in &world.views {
+        visible.fill(&world.scene, view);
+        FrustumCuller::new().cull(&world.scene, view, &mut visible);
+        sum.triangles += visible.iter(&world.scene).map(|id| cost(&world.scene, id)).sum::<f64>();
+    }
+    per_frame(sum, world)
+}
+
+fn per_frame(sum: Effort, world: &World) -> Effort {
+    let frames = world.views.len().max(1) as f64;
+    Effort {
+        triangles: sum.triangles / frames,
+        tests: sum.tests / frames,
+        visible: sum.visible / frames,
+        ..sum
+    }
+}
+
+fn cost(scene: &Scene, id: ObjectId) -> f64 {
+    scene.object(id).map_or(0.0, |object| f64::from(object.cost))
+}
+
+fn distance(view: &View, origin: glam::DVec3, center: glam::DVec3) -> f64 {
+    match view.eye(origin) {
+        Eye::Point(eye) => center.distance_squared(eye),
+        Eye::Direction(along) => center.dot(along),
+    }
+}

@@ -1,0 +1,36 @@
+//! Right pixels white, wrong ones red, as the paper's figure 14.
+
+use super::TriangleWorld;
+use crate::walkthrough::canvas::{Canvas, Color};
+use glam::DVec3;
+use visibility_core::View;
+use visibility_core::measure::{ItemBuffer, MeasureError, NONE};
+
+const RIGHT: Color = [255, 255, 255];
+const WRONG: Color = [214, 30, 30];
+const NOTHING: Color = [40, 48, 64];
+
+/// Which pixels of a view are right when only the given triangles, ascending, are drawn. Dark where there is nothing to see.
+pub fn right_and_wrong(
+    world: &TriangleWorld,
+    view: &View,
+    drawn: &[u32],
+    size: u32,
+) -> Result<Canvas, MeasureError> {
+    let mut buffer = ItemBuffer::new(size, size)?;
+    let seen = world.see(view, &mut buffer)?;
+    let items = seen.candidates.iter().map(|&i| (i, std::slice::from_ref(&world.triangles[i as usize])));
+    buffer.draw(view, DVec3::ZERO, items)?;
+    let mut canvas = Canvas::new(size, size, NOTHING);
+    for row in 0..size {
+        for column in 0..size {
+            let item = buffer.items()[(row * size + column) as usize];
+            if item != NONE {
+                let triangle = seen.candidates[item as usize];
+                let right = drawn.binary_search(&triangle).is_ok();
+                canvas.set(column.into(), row.into(), if right { RIGHT } else { WRONG });
+            }
+        }
+    }
+    Ok(canvas)
+}

@@ -1,0 +1,68 @@
+//! Conservative projection on every scene: nothing that an item buffer of 2560 x 1440 sees is hidden. And the paper's table in small.
+#![allow(missing_docs)]
+
+mod shared_scenes;
+
+use std::sync::Arc;
+use visibility_examples::plp::{Method, TriangleWorld, coverage};
+use visibility_examples::walkthrough::{World, cullers, judge, run};
+use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_plp::{OctreeTessellation, Solidity};
+
+const JUDGE: (u32, u32) = (2560, 1440);
+
+fn check(source: SceneSource, frames: usize) {
+    let world = World::new(source, JUDGE, Some(frames)).unwrap();
+    let list = "frustum,cplp:10%,cplp:1%,cplp:0%,hzb-plp:2%";
+    let trials: Vec<_> = cullers::parse(list, &world)
+        .unwrap()
+        .into_iter()
+        .map(|(name, pipeline)| run(name, pipeline, &world))
+        .collect();
+    let judgement = judge(&world, &trials, || ()).unwrap();
+    print!("{}: exact {:.1}", world.source.name, judgement.mean_exact());
+    for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
+        print!(", {} {:.1}", trial.name, trial.mean_visible());
+        assert!(trial.accuracy.never_hides());
+        assert_eq!(verdict.false_hidden, 0, "{}, {}: {:?}", world.source.name, trial.name, verdict.hidden);
+    }
+    println!();
+}
+
+#[test]
+fn nothing_visible_is_hidden_in_built_in_scenes() {
+    for name in ["plpcity:1,1", "london", "town", "forest", "office"] {
+        check(built_in(name).unwrap(), 4);
+    }
+}
+
+#[test]
+fn nothing_visible_is_hidden_in_reference_scenes() {
+    for name in ["clinic.vscn", "denhaag.vscn", "alpine1.vscn", "oa_dm2.vscn"] {
+        if let Some(path) = shared_scenes::stored(name) {
+            check(load(&path).unwrap(), 4);
+        }
+    }
+    if let Some(path) = shared_scenes::stored("car.vscn") {
+        check(cars5(&path).unwrap(), 2);
+    }
+}
+
+#[test]
+fn projection_misses_less_than_half_of_what_sorting_by_distance_misses() {
+    let world = World::new(built_in("plpcity:2,2").unwrap(), (512, 512), Some(12)).unwrap();
+    let world = TriangleWorld::new(&world);
+    let cells = Arc::new(OctreeTessellation::new(&world.scene));
+    let mut methods = [
+        Method::centroid(&world),
+        Method::plp("coverage", &world, cells.clone(), Solidity::Coverage),
+        Method::plp("count", &world, cells, Solidity::Count),
+    ];
+    let coverage = coverage(&world, &mut methods, 512, || ()).unwrap();
+    for budget in 0..4 {
+        let missed = [0, 1, 2].map(|method| coverage.missed(method, budget));
+        println!("{missed:?}, {:.3}", coverage.ratio(1, budget));
+        assert!(missed[1] * 2 <= missed[0] && missed[1] < missed[2], "budget {budget}: {missed:?}");
+    }
+    assert!(coverage.ratio(1, 3) > 0.97 && coverage.worst(1, 3) < 0.01);
+}

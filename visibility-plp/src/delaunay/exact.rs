@@ -1,0 +1,59 @@
+//! Signs of determinants of whole numbers: which side of a plane, inside or outside a sphere. Exact, so that nothing depends on rounding.
+
+/// A point on a grid of 2^17 steps a side.
+pub(crate) type Point = [i32; 3];
+
+fn minus(a: Point, b: Point) -> [i64; 3] {
+    [0, 1, 2].map(|i| i64::from(a[i]) - i64::from(b[i]))
+}
+
+fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i64 {
+    a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+}
+
+/// Six times the volume of a tetrahedron, positive if `d` is on the side of `abc` from which these run clockwise. Differences are at
+/// most 2^17, so that all is less than 6 * 2^51.
+pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> i64 {
+    determinant(minus(b, a), minus(c, a), minus(d, a))
+}
+
+/// Whether a point lies inside the sphere through the corners of a tetrahedron of positive volume; on it counts as outside.
+pub(crate) fn is_in_sphere([a, b, c, d]: [Point; 4], p: Point) -> bool {
+    let [a, b, c, d] = [a, b, c, d].map(|q| minus(q, p));
+    // Squares are less than 2^36, the determinants of three rows less than 2^54: products need 128 bits, which are slow.
+    let square = |q: [i64; 3]| q[0] * q[0] + q[1] * q[1] + q[2] * q[2];
+    let squares = [a, b, c, d].map(square);
+    let minors = [determinant(b, c, d), -determinant(a, c, d), determinant(a, b, d), -determinant(a, b, c)];
+    let terms = [0, 1, 2, 3].map(|i| squares[i] as f64 * minors[i] as f64);
+    let sum = terms[0] + terms[1] + terms[2] + terms[3];
+    // Each term is rounded at most three times, each sum once, by 2^-53: eight of these bound it, and 1e-14 is ninety.
+    let size: f64 = terms.iter().map(|term| term.abs()).sum();
+    if sum.abs() > 1e-14 * size {
+        return sum > 0.0;
+    }
+    (0..4).map(|i| i128::from(squares[i]) * i128::from(minors[i])).sum::<i128>() > 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CORNER: [Point; 4] = [[0, 0, 0], [8, 0, 0], [0, 8, 0], [0, 0, 8]];
+
+    #[test]
+    fn sides_and_spheres_are_told_exactly() {
+        assert_eq!(volume(CORNER), 512);
+        assert_eq!(volume([CORNER[1], CORNER[0], CORNER[2], CORNER[3]]), -512);
+        // The sphere goes through all corners of the cube.
+        assert!(!is_in_sphere(CORNER, [8, 8, 8]));
+        assert!(!is_in_sphere(CORNER, [8, 8, 0]));
+        assert!(is_in_sphere(CORNER, [7, 8, 8]));
+        assert!(is_in_sphere(CORNER, [4, 4, 4]));
+        assert!(!is_in_sphere(CORNER, [9, 8, 8]));
+        // As large as it gets, off by one step.
+        let n = 1 << 17;
+        let large = [[0, 0, 0], [n, 0, 0], [0, n, 0], [0, 0, n]];
+        assert!(!is_in_sphere(large, [n, n, n]) && is_in_sphere(large, [n, n, n - 1]));
+    }
+}

@@ -1,0 +1,262 @@
+//! Cells that are the tetrahedra of a Delaunay triangulation of the centres of an octree's leaves.
+//!
+//! Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000, section 4. The centres lie on
+//! a grid, many on one sphere or plane: as in the paper they are moved a little, here by a hash of their place, and all decisions are made in
+//! whole numbers.
+
+mod exact;
+mod triangulate;
+
+use crate::content::Content;
+use crate::cover::{Cover, stopped_rays};
+use crate::grid::{Grid, STEPS};
+use crate::octree::leaves_of;
+use crate::overlap::{Tetrahedron, part_meets};
+use crate::parts::{Part, for_each_part};
+use crate::{Face, Fineness, Tessellation};
+use alloc::vec::Vec;
+pub(crate) use exact::Point;
+use triangulate::Mesh;
+pub(crate) use triangulate::NONE;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, Scene};
+
+/// Steps of the finer grid, on which points lie, to one of the octree's.
+pub(crate) const FINER: i32 = 128;
+
+/// Steps of the finer grid along the cube.
+pub(crate) const SIDE: i32 = STEPS as i32 * FINER;
+
+/// A tessellation into tetrahedra.
+///
+/// # Cost
+/// Ten microseconds a triangle to build; about 60 bytes a cell, and 1.2 for each cell that a primitive is in.
+///
+/// ```
+/// use visibility_core::{glam::DVec3, Aabb, Scene};
+/// use visibility_plp::{DelaunayTessellation, Tessellation};
+/// let mut scene = Scene::new();
+/// scene.insert_batch((0..100).map(|i| Aabb::from_arrays([i as f32, 0.0, 0.0], [i as f32 + 0.5, 1.0, 1.0])));
+/// let cells = DelaunayTessellation::new(&scene);
+/// let cell = cells.locate(DVec3::new(50.25, 0.5, 0.5)).unwrap();
+/// assert!(cells.content().primitives(cell).any(|object| object == 50));
+/// ```
+#[derive(Clone, Debug)]
+pub struct DelaunayTessellation {
+    pub(crate) grid: Grid,
+    pub(crate) fineness: Fineness,
+    pub(crate) points: Vec<Point>,
+    pub(crate) cells: Vec<[u32; 4]>,
+    pub(crate) neighbours: Vec<[u32; 4]>,
+    pub(crate) boundary: Vec<u32>,
+    pub(crate) content: Content,
+}
+
+/// Where a leaf's point is put at the given attempt: its centre, moved by up to an eighth of its side.
+fn place(block: [u16; 4], attempt: u32) -> Point {
+    let side = i32::from(block[3]);
+    let mut hash = 0x9e37_79b9u32;
+    for x in block.map(u32::from).into_iter().chain([attempt]) {
+        hash = (hash ^ x).wrapping_mul(0x85eb_ca6b);
+        hash ^= hash >> 13;
+    }
+    [0, 1, 2].map(|axis| {
+        let bits = hash.rotate_left(11 * axis as u32) % 1024;
+        let shift = (bits as i32 - 512) * (side * FINER) / 4096;
+        i32::from(block[axis]) * FINER + side * FINER / 2 + shift
+    })
+}
+
+impl DelaunayTessellation {
+    /// The fineness of the octree below it unless another is given: a leaf makes about seven tetrahedra.
+    pub const FINENESS: Fineness = Fineness { vertices: 1024, halvings: 8 };
+
+    /// Cuts a scene, at the default fineness.
+    pub fn new(scene: &Scene) -> Self {
+        Self::with_fineness(scene, Self::FINENESS)
+    }
+
+    /// Cuts a scene.
+    pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
+        let (grid, blocks) = leaves_of(scene, fineness);
+        let points: Vec<Point> = blocks.iter().map(|&block| place(block, 0)).collect();
+        let mut mesh = Mesh::cube(SIDE);
+        mesh.insert_all(&points, |number, attempt| place(blocks[number], attempt));
+        let Mesh { points, cells, neighbours } = mesh;
+        let outside = |(cell, around): (u32, &[u32; 4])| around.contains(&NONE).then_some(cell);
+        let boundary = (0..).zip(&neighbours).filter_map(outside).collect();
+        let content = Content::new(scene, &[], alloc::vec![[0; 4]; cells.len()]);
+        let mut made = Self { grid, fineness, points, cells, neighbours, boundary, content };
+        made.content = made.fill(scene);
+        made
+    }
+
+    /// Cuts the scene anew, at the same fineness.
+    pub fn rebuild(&mut self, scene: &Scene) {
+        *self = Self::with_fineness(scene, self.fineness);
+    }
+
+    /// Takes in what has changed in the scene: changed objects become [strays](Content::strays), which count as visible. False when so much
+    /// has changed that it is better [built anew](Self::rebuild).
+    pub fn sync(&mut self, scene: &Scene) -> bool {
+        self.content.sync(scene)
+    }
+
+    /// Bytes held.
+    pub fn memory(&self) -> usize {
+        size_of_val(&self.points[..])
+            + size_of_val(&self.cells[..])
+            + size_of_val(&self.neighbours[..])
+            + size_of_val(&self.boundary[..])
+            + self.content.memory()
+    }
+
+    /// The corners of a cell, in steps of the finer grid.
+    fn fine(&self, cell: u32) -> [DVec3; 4] {
+        self.cells[cell as usize].map(|vertex| DVec3::from_array(self.points[vertex as usize].map(f64::from)))
+    }
+
+    fn to_fine(&self, point: DVec3) -> DVec3 {
+        (point - self.grid.min) / self.grid.step * f64::from(FINER)
+    }
+
+    /// The corners of a cell, in scene coordinates.
+    fn corners(&self, cell: u32) -> [DVec3; 4] {
+        self.fine(cell).map(|p| self.grid.min + p * (self.grid.step / f64::from(FINER)))
+    }
+
+    /// The cell that a point lies in, in steps of the finer grid, from one to begin with.
+    fn walk(&self, point: DVec3, start: u32) -> Option<u32> {
+        let mut cell = start;
+        'steps: for step in 0..self.cells.len() + 4 {
+            let corners = self.fine(cell);
+            for i in 0..4 {
+                let face = (i + step) % 4;
+                let mut beyond = corners;
+                beyond[face] = point;
+                let [a, b, c, d] = beyond;
+                // Corners are whole numbers below 2^17, so that rounding loses less than 2 of the product; 64 are a hundredth of a step beyond a face
+                // of the least cells.
+                if (b - a).cross(c - a).dot(d - a) < -64.0 {
+                    cell = self.neighbours[cell as usize][face];
+                    if cell == NONE {
+                        return None;
+                    }
+                    continue 'steps;
+                }
+            }
+            return Some(cell);
+        }
+        None
+    }
+
+    /// Places every object in the cells that it meets: from one that a corner of it lies in, to all neighbours that it meets as well.
+    fn fill(&self, scene: &Scene) -> Content {
+        let solids: Vec<Tetrahedron> =
+            (0..self.cells.len() as u32).map(|cell| Tetrahedron::new(self.fine(cell))).collect();
+        let mut pairs = Vec::new();
+        let mut cover = alloc::vec![Cover::default(); self.cells.len()];
+        let (mut last, mut visited) =
+            (alloc::vec![u32::MAX; self.cells.len()], alloc::vec![0u32; self.cells.len()]);
+        let (mut stack, mut number, mut start) = (Vec::new(), 0u32, 0);
+        for id in scene.ids() {
+            let object = id.index() as u32;
+            for_each_part(scene, id, &mut |part| {
+                number += 1;
+                let part = part.map(|p| self.to_fine(p));
+                let Some(first) = self.walk(part.corner(), start) else { return };
+                start = first;
+                stack.push(first);
+                visited[first as usize] = number;
+                while let Some(cell) = stack.pop() {
+                    let solid = &solids[cell as usize];
+                    if !part_meets(&part, solid) {
+                        continue;
+                    }
+                    if last[cell as usize] != object {
+                        last[cell as usize] = object;
+                        pairs.push((cell, object));
+                    }
+                    if let Part::Triangle(triangle) = &part {
+                        let inside = |p: DVec3| solid.contains(p);
+                        cover[cell as usize].add(stopped_rays(
+                            triangle,
+                            solid.center(),
+                            solid.half(),
+                            inside,
+                        ));
+                    }
+                    for &neighbour in &self.neighbours[cell as usize] {
+                        if neighbour != NONE && visited[neighbour as usize] != number {
+                            visited[neighbour as usize] = number;
+                            stack.push(neighbour);
+                        }
+                    }
+                }
+            });
+        }
+        let shares = cover.iter().zip(&solids).map(|(cover, solid)| cover.shares(solid.filled())).collect();
+        Content::new(scene, &pairs, shares)
+    }
+}
+
+impl Tessellation for DelaunayTessellation {
+    fn content(&self) -> &Content {
+        &self.content
+    }
+
+    fn bounds(&self) -> Aabb {
+        self.grid.bounds([0; 3], STEPS)
+    }
+
+    fn locate(&self, point: DVec3) -> Option<u32> {
+        if !self.grid.contains(point) {
+            return None;
+        }
+        self.walk(self.to_fine(point), 0)
+    }
+
+    fn cell_bounds(&self, cell: u32) -> Aabb {
+        let [a, b, c, d] = self.corners(cell);
+        let (min, max) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+        Aabb::new(
+            Vec3::from_array(min.to_array().map(|x| (x as f32).next_down())),
+            Vec3::from_array(max.to_array().map(|x| (x as f32).next_up())),
+        )
+    }
+
+    fn center(&self, cell: u32) -> DVec3 {
+        let [a, b, c, d] = self.corners(cell);
+        (a + b + c + d) * 0.25
+    }
+
+    fn projected_area(&self, cell: u32, direction: DVec3) -> f64 {
+        let [a, b, c, d] = self.corners(cell);
+        // Half of each face twice over: the faces towards and away show the same.
+        let seen = |p: DVec3, q: DVec3, r: DVec3| (q - p).cross(r - p).dot(direction).abs();
+        (seen(a, b, c) + seen(a, b, d) + seen(a, c, d) + seen(b, c, d)) * 0.25
+    }
+
+    fn for_each_face(&self, cell: u32, each: &mut dyn FnMut(&Face)) {
+        let corners = self.corners(cell);
+        for (face, &neighbour) in self.neighbours[cell as usize].iter().enumerate() {
+            if neighbour == NONE {
+                continue;
+            }
+            let [a, b, c] = [1, 2, 3].map(|i| corners[(face + i) % 4]);
+            let across = (b - a).cross(c - a);
+            let outwards = if across.dot(corners[face] - a) > 0.0 { -across } else { across };
+            let length = outwards.length();
+            let normal = if length > 0.0 { outwards / length } else { DVec3::ZERO };
+            each(&Face { neighbour, point: a, normal, area: length * 0.5 });
+        }
+    }
+
+    fn contains(&self, cell: u32, point: DVec3) -> bool {
+        Tetrahedron::new(self.fine(cell)).contains(self.to_fine(point))
+    }
+
+    fn boundary(&self) -> &[u32] {
+        &self.boundary
+    }
+}

@@ -1,0 +1,246 @@
+//! The Delaunay triangulation of points in a cube, point by point (Bowyer, "Computing Dirichlet tessellations", 1981; Watson, "Computing
+//! the n-dimensional Delaunay tessellation", 1981): the tetrahedra whose spheres a new point lies in make room for those between the point
+//! and the faces around them. The tetrahedron that a point lies in is found by walking towards it from the last one.
+
+use super::exact::{Point, is_in_sphere, volume};
+use alloc::vec::Vec;
+
+/// In place of a neighbour: the face lies on the cube.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// Tetrahedra of positive volume, with their neighbours: neighbour `i` shares all vertices but the `i`-th.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Mesh {
+    pub(crate) points: Vec<Point>,
+    pub(crate) cells: Vec<[u32; 4]>,
+    pub(crate) neighbours: Vec<[u32; 4]>,
+}
+
+/// A face between what is kept and what makes room.
+#[derive(Clone, Copy)]
+struct Rim {
+    cell: u32,
+    face: usize,
+}
+
+/// How often a point is moved a little before it is left out.
+const TRIES: u32 = 16;
+
+impl Mesh {
+    /// A cube from the origin to `side` on each axis, in six tetrahedra about a diagonal.
+    pub(crate) fn cube(side: i32) -> Self {
+        let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 != 0 { side } else { 0 });
+        let mut mesh = Self { points: (0..8).map(corner).collect(), ..Self::default() };
+        for [first, second] in [[1, 2], [1, 4], [2, 1], [2, 4], [4, 1], [4, 2]] {
+            let mut cell = [0, first, first | second, 7];
+            if volume(mesh.corners(&cell)) < 0 {
+                cell.swap(0, 1);
+            }
+            mesh.cells.push(cell);
+        }
+        mesh.neighbours = alloc::vec![[NONE; 4]; 6];
+        for a in 0..6 {
+            for b in 0..6 {
+                let [mine, theirs] = [a, b].map(|i| mesh.cells[i]);
+                let unshared: Vec<usize> = (0..4).filter(|&i| !theirs.contains(&mine[i])).collect();
+                if let [face] = unshared[..] {
+                    mesh.neighbours[a][face] = b as u32;
+                }
+            }
+        }
+        mesh
+    }
+
+    fn corners(&self, cell: &[u32; 4]) -> [Point; 4] {
+        cell.map(|vertex| self.points[vertex as usize])
+    }
+
+    /// Adds points, each strictly inside the cube. Where one lies so that exact arithmetic finds flat tetrahedra, it is moved by
+    /// `nudge`, and left out if that does not help.
+    pub(crate) fn insert_all(&mut self, points: &[Point], nudge: impl Fn(usize, u32) -> Point) {
+        let mut last = 0;
+        for number in 0..points.len() {
+            for attempt in 0..TRIES {
+                let point = nudge(number, attempt);
+                if let Some(cell) = self.insert(point, last) {
+                    last = cell;
+                    break;
+                }
+            }
+        }
+    }
+
+    /// The tetrahedron that a point lies in, from one to begin with.
+    fn find(&self, point: Point, start: u32) -> Option<u32> {
+        let mut cell = start;
+        // A walk through a Delaunay triangulation does not come back; the bound is for what is not one.
+        'steps: for step in 0..self.cells.len() + 4 {
+            let corners = self.corners(&self.cells[cell as usize]);
+            for i in 0..4 {
+                let face = (i + step) % 4;
+                let mut beyond = corners;
+                beyond[face] = point;
+                if volume(beyond) < 0 {
+                    cell = self.neighbours[cell as usize][face];
+                    if cell == NONE {
+                        return None;
+                    }
+                    continue 'steps;
+                }
+            }
+            return Some(cell);
+        }
+        None
+    }
+
+    /// Adds a point; one of the tetrahedra that it makes, or `None` if any would be flat, and then nothing has changed.
+    fn insert(&mut self, point: Point, start: u32) -> Option<u32> {
+        let first = self.find(point, start)?;
+        let mut hollow = alloc::vec![first];
+        let mut rim: Vec<Rim> = Vec::new();
+        let mut next = 0;
+        while next < hollow.len() {
+            let cell = hollow[next];
+            next += 1;
+            for face in 0..4 {
+                let neighbour = self.neighbours[cell as usize][face];
+                if hollow.contains(&neighbour) {
+                    continue;
+                }
+                if neighbour != NONE && is_in_sphere(self.corners(&self.cells[neighbour as usize]), point) {
+                    hollow.push(neighbour);
+                } else {
+                    rim.push(Rim { cell, face });
+                }
+            }
+        }
+        // What was on the rim when it was looked at may have been hollowed out since.
+        rim.retain(|rim| !hollow.contains(&self.neighbours[rim.cell as usize][rim.face]));
+        let is_flat = |rim: &Rim| {
+            let mut corners = self.corners(&self.cells[rim.cell as usize]);
+            corners[rim.face] = point;
+            volume(corners) <= 0
+        };
+        if rim.iter().any(is_flat) {
+            return None;
+        }
+        let vertex = self.points.len() as u32;
+        self.points.push(point);
+        let made: Vec<([u32; 4], u32, usize)> = rim
+            .iter()
+            .map(|rim| {
+                let mut cell = self.cells[rim.cell as usize];
+                cell[rim.face] = vertex;
+                (cell, self.neighbours[rim.cell as usize][rim.face], rim.face)
+            })
+            .collect();
+        // Edges of the rim, each with the new tetrahedron and face that has it so far alone.
+        let mut open: Vec<([u32; 2], u32, usize)> = Vec::new();
+        for (number, &(cell, outer, face)) in made.iter().enumerate() {
+            let place = match hollow.get(number) {
+                Some(&place) => place,
+                None => {
+                    self.cells.push([0; 4]);
+                    self.neighbours.push([NONE; 4]);
+                    self.cells.len() as u32 - 1
+                }
+            };
+            self.cells[place as usize] = cell;
+            let mut around = [NONE; 4];
+            around[face] = outer;
+            if outer != NONE
+                && let Some(back) = self.back(outer, &cell, vertex)
+            {
+                self.neighbours[outer as usize][back] = place;
+            }
+            self.neighbours[place as usize] = around;
+            for side in (0..4).filter(|&side| side != face) {
+                let mut edge = [0; 2];
+                let mut count = 0;
+                for (slot, &v) in cell.iter().enumerate() {
+                    if slot != side && slot != face {
+                        edge[count] = v;
+                        count += 1;
+                    }
+                }
+                edge.sort_unstable();
+                match open.iter().position(|other| other.0 == edge) {
+                    Some(found) => {
+                        let (_, other, other_side) = open.swap_remove(found);
+                        self.neighbours[place as usize][side] = other;
+                        self.neighbours[other as usize][other_side] = place;
+                    }
+                    None => open.push((edge, place, side)),
+                }
+            }
+        }
+        Some(hollow[0])
+    }
+
+    /// The face of a kept tetrahedron that the new one lies at: the one without a vertex of the new one's.
+    fn back(&self, outer: u32, cell: &[u32; 4], vertex: u32) -> Option<usize> {
+        let shared = |v: u32| v != vertex && cell.contains(&v);
+        self.cells[outer as usize].iter().position(|&v| !shared(v))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every face has the right neighbour on its other side, all volumes are positive and fill the cube, and no sphere holds a point.
+    fn check(mesh: &Mesh, side: i64, all_spheres: bool) {
+        let mut sum = 0;
+        for (number, (cell, neighbours)) in mesh.cells.iter().zip(&mesh.neighbours).enumerate() {
+            let own = volume(mesh.corners(cell));
+            assert!(own > 0);
+            sum += own;
+            for (face, &neighbour) in neighbours.iter().enumerate() {
+                if neighbour == NONE {
+                    continue;
+                }
+                let other = mesh.cells[neighbour as usize];
+                let back =
+                    mesh.neighbours[neighbour as usize].iter().position(|&n| n as usize == number).unwrap();
+                assert!((0..4).filter(|&i| i != face).all(|i| other.contains(&cell[i])));
+                assert!(!cell.contains(&other[back]));
+                assert!(!is_in_sphere(mesh.corners(cell), mesh.points[other[back] as usize]));
+            }
+            if all_spheres {
+                assert!(mesh.points.iter().all(|&p| !is_in_sphere(mesh.corners(cell), p)));
+            }
+        }
+        assert_eq!(sum, 6 * side * side * side);
+    }
+
+    #[test]
+    fn random_points_make_a_delaunay_triangulation() {
+        let mut state = 1u64;
+        let mut random = |below: i32| {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) as i32 % (below - 1) + 1
+        };
+        let side = 1 << 17;
+        let points: Vec<Point> = (0..300).map(|_| [random(side), random(side), random(side)]).collect();
+        let mut mesh = Mesh::cube(side);
+        check(&mesh, side.into(), true);
+        mesh.insert_all(&points, |i, _| points[i]);
+        assert_eq!(mesh.points.len(), 308);
+        check(&mesh, side.into(), true);
+    }
+
+    #[test]
+    fn points_of_a_grid_are_moved_until_none_is_flat() {
+        let points: Vec<Point> =
+            (0..343).map(|i: i32| [i % 7, i / 7 % 7, i / 49].map(|x| (x + 1) * 1024)).collect();
+        let nudge = |i: usize, attempt: u32| {
+            let shift =
+                |axis: u32| ((i as u32 * 31 + attempt * 17 + axis * 7) % 13) as i32 * attempt.min(1) as i32;
+            [0, 1, 2].map(|axis| points[i][axis] + shift(axis as u32))
+        };
+        let mut mesh = Mesh::cube(8192);
+        mesh.insert_all(&points, nudge);
+        assert_eq!(mesh.points.len(), 351);
+        check(&mesh, 8192, true);
+    }
+}

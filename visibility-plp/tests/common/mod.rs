@@ -1,0 +1,130 @@
+//! Scenes and views for tests.
+#![allow(dead_code)]
+
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{
+    Aabb, Accuracy, Object, ObjectId, OccluderMesh, Occlusion, OcclusionMap, Pose, Scene, View, Window,
+};
+
+/// Random numbers, the same on every machine.
+pub(crate) struct Random(pub(crate) u64);
+
+impl Random {
+    pub(crate) fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub(crate) fn vector(&mut self, size: f64) -> DVec3 {
+        let mut next = || (self.next() * 2.0 - 1.0) * size;
+        DVec3::new(next(), next(), next())
+    }
+}
+
+/// A scene of single triangles: many small ones about some middles, and a few as large as the scene.
+pub(crate) fn triangles(seed: u64, count: usize) -> Scene {
+    let mut random = Random(seed);
+    let mut scene = Scene::new();
+    let middles: Vec<DVec3> = (0..8).map(|_| random.vector(40.0)).collect();
+    for i in 0..count {
+        let (middle, size) =
+            if i % 50 == 0 { (DVec3::ZERO, 60.0) } else { (middles[i % 8] + random.vector(8.0), 1.0) };
+        let triangle = [(); 3].map(|_| (middle + random.vector(size)).as_vec3());
+        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(triangle)) });
+        scene.set_triangles(id, [triangle]).unwrap();
+    }
+    scene
+}
+
+/// Rooms in a row with a wall between each and the next, and a few small boxes in each; boxes alone, which hide as such.
+pub(crate) fn rooms(count: usize) -> (Scene, Vec<ObjectId>, Vec<ObjectId>) {
+    let mut scene = Scene::new();
+    let (mut walls, mut things) = (Vec::new(), Vec::new());
+    for room in 0..count {
+        let x = room as f32 * 10.0;
+        let wall = Aabb::from_arrays([x + 9.7, -20.0, -20.0], [x + 10.0, 20.0, 20.0]);
+        let id = scene.insert(Object { occluder: true, cost: 12, ..Object::new(wall) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&wall).unwrap());
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        walls.push(id);
+        for i in 0..20 {
+            let min = Vec3::new(x + 3.0 + (i % 5) as f32, (i / 5) as f32 - 2.0, (i % 3) as f32 - 1.0);
+            things.push(
+                scene.insert(Object { cost: 12, ..Object::new(Aabb::new(min, min + Vec3::splat(0.4))) }),
+            );
+        }
+    }
+    (scene, walls, things)
+}
+
+/// Views of all kinds from inside and outside.
+pub(crate) fn views() -> Vec<View> {
+    let mut views = Vec::new();
+    let mut random = Random(99);
+    for size in [5.0, 30.0, 200.0] {
+        for _ in 0..4 {
+            let pose = Pose::look_at(random.vector(size), random.vector(10.0), DVec3::Z);
+            views.push(View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap());
+            views.push(View::perspective(pose, 2.5, 0.7, 20.0, 150.0).unwrap());
+            views.push(View::orthographic(pose, Window::centered(30.0, 20.0), -10.0, 300.0).unwrap());
+        }
+    }
+    views
+}
+
+pub(crate) fn looking_along_x(x: f64) -> View {
+    let eye = DVec3::new(x, 0.05, 0.05);
+    let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+    View::perspective(pose, 1.2, 1.5, 0.05, f64::INFINITY).unwrap()
+}
+
+/// A map that hides nothing.
+pub(crate) struct Blank;
+
+impl OcclusionMap for Blank {
+    fn name(&self) -> &str {
+        "blank"
+    }
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+    fn begin(&mut self, _: &View, _: DVec3) {}
+    fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
+    fn flush(&mut self) {}
+    fn test(&self, _: &Aabb) -> Occlusion {
+        Occlusion::Partial
+    }
+}
+
+/// A map that knows walls across x: what lies beyond the nearest one added is hidden. Exact for views along x, in rooms.
+#[derive(Default)]
+pub(crate) struct Walls {
+    eye: f64,
+    added: f64,
+    nearest: f64,
+}
+
+impl OcclusionMap for Walls {
+    fn name(&self) -> &str {
+        "walls"
+    }
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        let visibility_core::Eye::Point(eye) = view.eye(origin) else { panic!("a perspective view") };
+        *self = Self { eye: eye.x, added: f64::INFINITY, nearest: f64::INFINITY };
+    }
+    fn add(&mut self, occluder: &OccluderMesh, _: &Affine3A) {
+        let bounds = occluder.bounds();
+        if f64::from(bounds.min.x) > self.eye && bounds.max.y > 15.0 {
+            self.added = self.added.min(bounds.max.x.into());
+        }
+    }
+    fn flush(&mut self) {
+        self.nearest = self.added;
+    }
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        if f64::from(bounds.min.x) > self.nearest { Occlusion::Hidden } else { Occlusion::Partial }
+    }
+}

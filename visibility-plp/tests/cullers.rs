@@ -1,0 +1,239 @@
+//! What the cullers promise: budgets, order, and in the conservative form that nothing visible is missing.
+#![allow(missing_docs)]
+
+mod common;
+
+use common::{Blank, Walls, looking_along_x, rooms, triangles, views};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, Containment, Culler, FrustumCuller, ObjectId, Plane, Scene, View, VisibleSet};
+use visibility_plp::{
+    Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity,
+    Tessellation,
+};
+
+const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
+
+fn run(culler: &mut dyn Culler, scene: &Scene, view: &View) -> Vec<ObjectId> {
+    let mut visible = VisibleSet::new();
+    visible.fill(scene, view);
+    culler.cull(scene, view, &mut visible);
+    visible.iter(scene).collect()
+}
+
+/// Objects of which some corner, edge middle or centre of a triangle is surely in view.
+fn surely_in_view(scene: &Scene, view: &View) -> Vec<ObjectId> {
+    let planes = view.planes(scene.origin());
+    let inside = |p: DVec3| planes.as_slice().iter().all(|plane| plane.plane.signed_distance(p) > 1e-3);
+    let shows = |id: &ObjectId| {
+        scene.triangles(*id).unwrap().iter().any(|t| {
+            let [a, b, c] = t.map(|p| p.as_dvec3());
+            [a, b, c, (a + b) * 0.5, (b + c) * 0.5, (a + b + c) / 3.0].into_iter().any(inside)
+        })
+    };
+    scene.ids().filter(shows).collect()
+}
+
+#[test]
+fn without_a_budget_everything_in_view_is_reached() {
+    let scene = triangles(7, 1200);
+    let octree = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    let delaunay = Arc::new(DelaunayTessellation::with_fineness(&scene, FINE));
+    let mut found = 0;
+    for view in views() {
+        let near = Plane::through(DVec3::new(0.0, 0.0, -5.0), DVec3::new(0.1, 0.2, 1.0));
+        for view in [view, view.with_clip_planes(&[near]).unwrap()] {
+            let wanted = surely_in_view(&scene, &view);
+            let all = Budget::Objects(usize::MAX);
+            let cullers: [Box<dyn Culler>; 5] = [
+                Box::new(PlpCuller::new(octree.clone(), all)),
+                Box::new(PlpCuller::new(octree.clone(), all).with_solidity(Solidity::Count)),
+                Box::new(PlpCuller::new(delaunay.clone(), all)),
+                Box::new(ConservativePlpCuller::new(octree.clone(), Budget::Objects(20), Blank)),
+                Box::new(ConservativePlpCuller::new(delaunay.clone(), Budget::Objects(20), Blank)),
+            ];
+            for (number, mut culler) in cullers.into_iter().enumerate() {
+                let set: BTreeSet<_> = run(&mut *culler, &scene, &view).into_iter().collect();
+                let lost: Vec<_> = wanted.iter().filter(|id| !set.contains(id)).collect();
+                assert!(lost.is_empty(), "culler {number} lost {lost:?}");
+            }
+            found += wanted.len();
+        }
+    }
+    assert!(found > 3000, "{found}");
+}
+
+#[test]
+fn budgets_are_kept_and_more_is_a_longer_list() {
+    let scene = triangles(8, 2000);
+    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    for solidity in [Solidity::Coverage, Solidity::Count] {
+        for view in views() {
+            let order = |budget| {
+                run(&mut PlpCuller::new(cells.clone(), budget).with_solidity(solidity), &scene, &view)
+            };
+            let all = order(Budget::Objects(usize::MAX));
+            for budget in [0, 1, 17, 300] {
+                let some = order(Budget::Objects(budget));
+                assert_eq!(some, all[..budget.min(all.len())]);
+                assert_eq!(some, order(Budget::Cost(budget as u64)));
+            }
+            assert_eq!(all.len(), all.iter().collect::<BTreeSet<_>>().len(), "each object once");
+        }
+    }
+}
+
+#[test]
+fn backs_and_what_is_out_of_view_cost_nothing() {
+    let scene = triangles(9, 2000);
+    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    let (mut backs, mut kept) = (0, 0);
+    for view in views() {
+        let planes = view.planes(DVec3::ZERO);
+        let all = run(&mut PlpCuller::new(cells.clone(), Budget::Objects(usize::MAX)), &scene, &view);
+        for id in &all {
+            let bounds = Aabb::from_points(scene.triangles(*id).unwrap()[0]);
+            let outside =
+                |p: &visibility_core::ViewPlane| p.plane.classify_aabb(&bounds) == Containment::Outside;
+            assert!(!planes.as_slice().iter().any(outside), "{id} is out of view");
+        }
+        let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(usize::MAX)).with_one_sided(true);
+        let fronts: BTreeSet<_> = run(&mut culler, &scene, &view).into_iter().collect();
+        for id in all {
+            let [a, b, c] = scene.triangles(id).unwrap()[0].map(|p| p.as_dvec3());
+            let toward = match view.eye(DVec3::ZERO) {
+                visibility_core::Eye::Point(eye) => eye - a,
+                visibility_core::Eye::Direction(along) => -along,
+            };
+            let facing = (b - a).cross(c - a).normalize().dot(toward.normalize());
+            if facing.abs() > 1e-6 {
+                assert_eq!(fronts.contains(&id), facing > 0.0, "{id}: {facing}");
+            }
+            (backs, kept) = (backs + usize::from(facing < 0.0), kept + 1);
+        }
+    }
+    assert!(backs * 3 > kept && backs * 3 < kept * 2, "{backs} of {kept}");
+}
+
+#[test]
+fn what_is_before_a_wall_comes_before_what_is_behind_it() {
+    let (scene, walls, things) = rooms(12);
+    for tessellation in [true, false] {
+        let budget = Budget::Objects(22);
+        let view = looking_along_x(1.0);
+        let kept = if tessellation {
+            run(
+                &mut PlpCuller::new(Arc::new(OctreeTessellation::with_fineness(&scene, FINE)), budget),
+                &scene,
+                &view,
+            )
+        } else {
+            run(
+                &mut PlpCuller::new(Arc::new(DelaunayTessellation::with_fineness(&scene, FINE)), budget),
+                &scene,
+                &view,
+            )
+        };
+        assert!(kept.contains(&walls[0]));
+        let here = kept.iter().filter(|id| things[..20].contains(id)).count();
+        assert!(here >= 18, "{here} of the 20 things of the first room, {tessellation}");
+    }
+}
+
+#[test]
+fn the_conservative_form_stops_at_walls_and_loses_nothing_before_them() {
+    let (scene, walls, things) = rooms(12);
+    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    for room in [0, 3, 8] {
+        for budget in [0, 100, 1000] {
+            let view = looking_along_x(room as f64 * 10.0 + 0.5);
+            let mut frustum = VisibleSet::new();
+            frustum.fill(&scene, &view);
+            FrustumCuller::new().cull(&scene, &view, &mut frustum);
+            let mut culler =
+                ConservativePlpCuller::new(cells.clone(), Budget::Cost(budget), Walls::default());
+            let mut visible = frustum.clone();
+            culler.cull(&scene, &view, &mut visible);
+            for id in things[room * 20..room * 20 + 20].iter().chain(&walls[room..room + 1]) {
+                assert_eq!(visible.contains(&scene, *id), frustum.contains(&scene, *id), "{id}");
+            }
+            // Rooms behind the wall are reached through large cells beside it before it is known, but not many.
+            let (kept, of) = (visible.count(&scene), frustum.count(&scene));
+            assert!(kept <= 84 || kept * 2 < of, "room {room}, budget {budget}: {kept} of {of}");
+            let report = culler.report();
+            assert!(report.tests > 0 && report.tests < cells.content().cell_count() as u64);
+            assert!(report.visible_cells <= report.tests && report.projected_cells > 0);
+        }
+    }
+}
+
+#[test]
+fn what_no_cell_holds_is_kept() {
+    let (mut scene, walls, things) = rooms(12);
+    let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
+    let cells = OctreeTessellation::with_fineness(&scene, FINE);
+    // Moved to where no cell is, or would be looked for, and not told to the cells.
+    scene.set_bounds(things[200], Aabb::from_arrays([30.0, 0.0, 0.0], [31.0, 1.0, 1.0])).unwrap();
+    let new = scene.insert(Aabb::from_arrays([55.0, 0.0, 0.0], [56.0, 1.0, 1.0]));
+    scene.remove(walls[9]).unwrap();
+    let again = scene.insert(Aabb::from_arrays([56.0, 0.0, 0.0], [57.0, 1.0, 1.0]));
+    assert_eq!(again.index(), walls[9].index());
+    let mut synced = cells.clone();
+    synced.sync(&scene);
+    for cells in [cells, synced] {
+        let cells = Arc::new(cells);
+        let view = looking_along_x(1.0);
+        let kept = run(
+            &mut ConservativePlpCuller::new(cells.clone(), Budget::Cost(0), Walls::default()),
+            &scene,
+            &view,
+        );
+        for id in [nan, things[200], new, again] {
+            assert!(kept.contains(&id), "{id}");
+        }
+        assert!(!kept.contains(&things[199]));
+        let other = rooms(3).0;
+        let all = run(&mut PlpCuller::new(cells, Budget::Cost(0)), &other, &view);
+        assert_eq!(all.len(), other.len(), "cells of another scene say nothing");
+    }
+}
+
+#[test]
+fn a_nan_triangle_in_finite_bounds_is_not_lost() {
+    let mut scene = triangles(10, 400);
+    let odd = scene.insert(Aabb::from_arrays([-3.0; 3], [3.0; 3]));
+    scene.set_triangles(odd, [[Vec3::NAN, Vec3::ONE, Vec3::X]]).unwrap();
+    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    let mut culler = ConservativePlpCuller::new(cells, Budget::Cost(10), Blank).with_one_sided(true);
+    assert!(run(&mut culler, &scene, &looking_along_x(-20.0)).contains(&odd));
+}
+
+#[test]
+fn the_same_frames_give_the_same_answers_whatever_was_before() {
+    let scene = triangles(11, 1500);
+    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(200));
+    let mut hash = 0u64;
+    for view in views().into_iter().chain(views()) {
+        let fresh = run(&mut PlpCuller::new(cells.clone(), Budget::Objects(200)), &scene, &view);
+        assert_eq!(run(&mut culler, &scene, &view), fresh);
+        for id in fresh {
+            hash = (hash ^ id.index() as u64).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+    assert_ne!(hash, 0);
+}
+
+#[test]
+fn an_order_alone_takes_nothing_out() {
+    let scene = triangles(12, 500);
+    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    for view in views() {
+        let first = run(&mut PlpCuller::new(cells.clone(), Budget::Objects(30)), &scene, &view);
+        let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(30)).with_all_kept(true);
+        assert!(culler.accuracy().never_hides());
+        let all = run(&mut culler, &scene, &view);
+        assert_eq!((all.len(), &all[..first.len()]), (500, &first[..]));
+    }
+}

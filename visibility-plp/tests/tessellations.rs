@@ -1,0 +1,187 @@
+//! Cells fill space, know their neighbours, and hold what meets them: for both tessellations alike.
+#![allow(missing_docs)]
+
+mod common;
+
+use common::{Random, rooms, triangles};
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, Object, Scene};
+use visibility_plp::{DelaunayTessellation, Fineness, OctreeTessellation, StoreError, Tessellation};
+
+const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
+
+/// Points of the scene lie in cells that hold their objects; faces are shared, and close every inner cell.
+fn check(scene: &Scene, cells: &dyn Tessellation) {
+    let count = cells.content().cell_count() as u32;
+    assert!(count > 100, "{count} cells");
+    let bounds = cells.bounds();
+    let mut random = Random(5);
+    for id in scene.ids() {
+        let held = |point: DVec3| {
+            let cell = cells.locate(point).expect("the padded bounds hold every primitive");
+            assert!(cells.cell_bounds(cell).contains_point(point.as_vec3()), "{point}");
+            assert!(cells.contains(cell, point), "{point}");
+            assert!(
+                cells.content().primitives(cell).any(|object| object as usize == id.index()),
+                "{id} at {point}"
+            );
+        };
+        for triangle in scene.triangles(id).unwrap() {
+            for _ in 0..10 {
+                let (mut u, mut v) = (random.next(), random.next());
+                if u + v > 1.0 {
+                    (u, v) = (1.0 - u, 1.0 - v);
+                }
+                let [a, b, c] = triangle.map(|p| p.as_dvec3());
+                held(a + (b - a) * u + (c - a) * v);
+            }
+            triangle.iter().for_each(|p| held(p.as_dvec3()));
+        }
+        if scene.triangles(id).unwrap().is_empty() {
+            let Aabb { min, max } = scene.bounds(id).unwrap();
+            for _ in 0..10 {
+                let [u, v, w] = [random.next(), random.next(), random.next()].map(|x| x as f32);
+                held((min + (max - min) * Vec3::new(u, v, w)).as_dvec3());
+            }
+        }
+    }
+    let boundary = cells.boundary();
+    let mut inner = 0;
+    for cell in 0..count {
+        let mut sum = DVec3::ZERO;
+        let mut area = 0.0;
+        cells.for_each_face(cell, &mut |face| {
+            assert!((face.normal.length() - 1.0).abs() < 1e-9 && face.area > 0.0);
+            sum += face.normal * face.area;
+            area += face.area;
+            let mut back = None;
+            cells.for_each_face(face.neighbour, &mut |other| {
+                if other.neighbour == cell {
+                    back = Some(*other);
+                }
+            });
+            let back = back.expect("neighbours are mutual");
+            assert!(
+                (back.normal + face.normal).length() < 1e-6
+                    && (back.area - face.area).abs() < 1e-6 * area.max(1.0)
+            );
+            assert!((cells.center(face.neighbour) - cells.center(cell)).dot(face.normal) > 0.0);
+        });
+        assert!(cells.contains(cell, cells.center(cell)));
+        assert_eq!(cells.locate(cells.center(cell)), Some(cell));
+        if !boundary.contains(&cell) {
+            inner += 1;
+            // The faces of a closed surface, each by its area, cancel out.
+            assert!(sum.length() < 1e-6 * area, "cell {cell}: {sum} of {area}");
+        }
+    }
+    assert!(inner > 10);
+    // No gap anywhere in the padded bounds.
+    let size = (bounds.max - bounds.min).as_dvec3() * 0.49;
+    for _ in 0..2000 {
+        let point = bounds.center().as_dvec3() + random.vector(1.0) * size;
+        let cell = cells.locate(point).expect("no gap");
+        assert!(cells.contains(cell, point));
+    }
+    assert_eq!(cells.locate(bounds.max.as_dvec3() * 2.0 + 1.0), None);
+    assert_eq!(cells.locate(DVec3::NAN), None);
+}
+
+#[test]
+fn cells_hold_what_meets_them() {
+    let scenes = [triangles(1, 1500), rooms(12).0];
+    for scene in &scenes {
+        check(scene, &OctreeTessellation::with_fineness(scene, FINE));
+        check(scene, &DelaunayTessellation::with_fineness(scene, FINE));
+    }
+}
+
+#[test]
+fn strange_scenes_are_cut_too() {
+    let mut scene = Scene::new();
+    let cut = |scene: &Scene| {
+        let cells = OctreeTessellation::with_fineness(scene, FINE);
+        let tetrahedra = DelaunayTessellation::with_fineness(scene, FINE);
+        (cells.content().strays().len(), tetrahedra.content().strays().len())
+    };
+    assert_eq!(cut(&scene), (0, 0));
+    let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
+    assert_eq!(cut(&scene), (1, 1));
+    // A triangle that cannot be placed, in bounds that can.
+    let odd = scene.insert(Aabb::from_arrays([0.0; 3], [9.0; 3]));
+    scene.set_triangles(odd, [[Vec3::ZERO, Vec3::ONE, Vec3::NAN]]).unwrap();
+    scene.insert(Object::new(Aabb::from_arrays([3.0; 3], [3.0; 3])));
+    for size in [1e-30, 1e30, f32::MAX] {
+        scene.insert(Aabb::from_arrays([-size; 3], [size; 3]));
+        assert_eq!(cut(&scene), (1, 1), "{size}");
+    }
+    let cells = OctreeTessellation::new(&scene);
+    assert_eq!(cells.content().strays(), [nan]);
+    assert!(cells.content().holds(odd) && !cells.content().holds(nan));
+}
+
+#[test]
+fn changed_objects_are_strays() {
+    let (mut scene, walls, _) = rooms(12);
+    let mut cells = OctreeTessellation::with_fineness(&scene, FINE);
+    scene.set_bounds(walls[3], Aabb::from_arrays([500.0; 3], [501.0; 3])).unwrap();
+    scene.remove(walls[5]).unwrap();
+    let new = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    assert!(cells.sync(&scene));
+    let mut strays = [walls[3], new];
+    strays.sort_unstable();
+    assert_eq!(cells.content().strays(), strays);
+    cells.rebuild(&scene);
+    assert!(cells.content().strays().is_empty() && cells.locate(DVec3::splat(500.5)).is_some());
+    assert!(!cells.sync(&Scene::new()), "another scene");
+}
+
+fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<StoreError>) {
+    assert_eq!(load(bytes, scene), None);
+    // Every byte turned over is refused; the whole of them when there are few, else one in so many and the header.
+    let every = (bytes.len() / 1500).max(1);
+    for place in (0..bytes.len()).filter(|place| *place < 120 || place % every == 0) {
+        let mut wrong = bytes.to_vec();
+        wrong[place] ^= 0x41;
+        assert!(load(&wrong, scene).is_some(), "byte {place} turned over");
+    }
+    for length in [0, 7, 8, 11, 39, 40, bytes.len() - 1] {
+        assert!(load(&bytes[..length], scene).is_some(), "{length} bytes");
+    }
+    let mut longer = bytes.to_vec();
+    longer.push(0);
+    assert!(matches!(load(&longer, scene), Some(StoreError::Length { .. })));
+    let mut newer = bytes.to_vec();
+    newer[8] = 2;
+    assert_eq!(load(&newer, scene), Some(StoreError::Version { found: 2 }));
+    assert_eq!(load(b"something else", scene), Some(StoreError::Magic));
+    let mut other = scene.clone();
+    let id = other.ids().next().unwrap();
+    other.set_bounds(id, Aabb::from_arrays([0.0; 3], [2.0; 3])).unwrap();
+    assert_eq!(load(bytes, &other), Some(StoreError::Scene));
+    assert!(load(bytes, scene).is_none() && load(&bytes.to_vec(), &scene.clone()).is_none());
+}
+
+#[test]
+fn stored_cells_come_back_or_are_refused() {
+    let scene = triangles(3, 300);
+    let octree = OctreeTessellation::with_fineness(&scene, FINE);
+    let delaunay = DelaunayTessellation::with_fineness(&scene, FINE);
+    let (bytes, fours) = (octree.to_bytes(&scene), delaunay.to_bytes(&scene));
+    stored(&scene, &bytes, |bytes, scene| OctreeTessellation::from_bytes(bytes, scene).err());
+    stored(&scene, &fours, |bytes, scene| DelaunayTessellation::from_bytes(bytes, scene).err());
+    assert_eq!(OctreeTessellation::from_bytes(&fours, &scene).err(), Some(StoreError::Kind { found: 1 }));
+    check(&scene, &OctreeTessellation::from_bytes(&bytes, &scene).unwrap());
+    check(&scene, &DelaunayTessellation::from_bytes(&fours, &scene).unwrap());
+    assert_eq!(OctreeTessellation::from_bytes(&bytes, &scene).unwrap().to_bytes(&scene), bytes);
+}
+
+#[test]
+fn what_has_changed_is_stored_as_strays() {
+    let mut scene = triangles(3, 100);
+    let octree = OctreeTessellation::with_fineness(&scene, FINE);
+    let id = scene.ids().nth(7).unwrap();
+    scene.set_bounds(id, Aabb::from_arrays([900.0; 3], [901.0; 3])).unwrap();
+    let loaded = OctreeTessellation::from_bytes(&octree.to_bytes(&scene), &scene).unwrap();
+    assert_eq!(loaded.content().strays(), [id]);
+}
