@@ -159,7 +159,7 @@ fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<StoreEr
     let id = other.ids().next().unwrap();
     other.set_bounds(id, Aabb::from_arrays([0.0; 3], [2.0; 3])).unwrap();
     assert_eq!(load(bytes, &other), Some(StoreError::Scene));
-    assert!(load(bytes, scene).is_none() && load(&bytes.to_vec(), &scene.clone()).is_none());
+    assert!(load(bytes, &scene.clone()).is_none());
 }
 
 #[test]

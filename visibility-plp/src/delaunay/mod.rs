@@ -82,7 +82,7 @@ impl DelaunayTessellation {
         let points: Vec<Point> = blocks.iter().map(|&block| place(block, 0)).collect();
         let mut mesh = Mesh::cube(SIDE);
         mesh.insert_all(&points, |number, attempt| place(blocks[number], attempt));
-        let Mesh { points, cells, neighbours } = mesh;
+        let Mesh { points, cells, neighbours, .. } = mesh;
         let outside = |(cell, around): (u32, &[u32; 4])| around.contains(&NONE).then_some(cell);
         let boundary = (0..).zip(&neighbours).filter_map(outside).collect();
         let content = Content::new(scene, &[], alloc::vec![[0; 4]; cells.len()]);

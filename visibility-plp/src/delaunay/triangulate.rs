@@ -14,6 +14,8 @@ pub(crate) struct Mesh {
     pub(crate) points: Vec<Point>,
     pub(crate) cells: Vec<[u32; 4]>,
     pub(crate) neighbours: Vec<[u32; 4]>,
+    /// Places without a tetrahedron: a new point may leave fewer than there were.
+    free: Vec<u32>,
 }
 
 /// A face between what is kept and what makes room.
@@ -65,6 +67,28 @@ impl Mesh {
                 if let Some(cell) = self.insert(point, last) {
                     last = cell;
                     break;
+                }
+            }
+        }
+        self.close_gaps();
+    }
+
+    /// Moves the last tetrahedra to the places that are free.
+    fn close_gaps(&mut self) {
+        let mut free = core::mem::take(&mut self.free);
+        free.sort_unstable();
+        // The last place first, so that what is moved is never itself a gap.
+        for gap in free.into_iter().rev() {
+            self.cells.swap_remove(gap as usize);
+            self.neighbours.swap_remove(gap as usize);
+            let moved = self.cells.len() as u32;
+            if gap == moved {
+                continue;
+            }
+            for neighbour in self.neighbours[gap as usize] {
+                if neighbour != NONE {
+                    let back = &mut self.neighbours[neighbour as usize];
+                    back.iter_mut().filter(|back| **back == moved).for_each(|back| *back = gap);
                 }
             }
         }
@@ -137,8 +161,8 @@ impl Mesh {
         // Edges of the rim, each with the new tetrahedron and face that has it so far alone.
         let mut open: Vec<([u32; 2], u32, usize)> = Vec::new();
         for (number, &(cell, outer, face)) in made.iter().enumerate() {
-            let place = match hollow.get(number) {
-                Some(&place) => place,
+            let place = match hollow.get(number).copied().or_else(|| self.free.pop()) {
+                Some(place) => place,
                 None => {
                     self.cells.push([0; 4]);
                     self.neighbours.push([NONE; 4]);
@@ -174,6 +198,7 @@ impl Mesh {
                 }
             }
         }
+        self.free.extend(hollow.get(made.len()..).unwrap_or(&[]));
         Some(hollow[0])
     }
 
