@@ -122,6 +122,7 @@ fn real_maps() {
         {
             let ratio = visible(graph).count() as f64 / matrix.count() as f64;
             println!("{}: {what}: {ratio:.5} of the pairs", path.display());
+            assert!((0.9995..1.005).contains(&ratio), "{}: {what}: {ratio}", path.display());
         }
     }
     let (broken, good) = broken(lines / 20, 99);

@@ -21,6 +21,7 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod abreast;
 mod bake;
 mod culler;
 mod flood;

@@ -7,6 +7,7 @@
 //! room pays for rounding: planes that clip keep what is [`keep`](Margins::keep) beyond them, and vertices nearer to each other than
 //! [`merge`](Margins::merge) become one, since the direction between them means nothing.
 
+use crate::abreast::abreast;
 use crate::stabbing::pluecker::{Edge, Opening, edges_of};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -28,6 +29,8 @@ pub(crate) struct Margins {
     pub(crate) merge: f64,
     /// The most that rounding can take from a product of a unit vector and a position.
     pub(crate) noise: f64,
+    /// How far lines that count stay from all edges.
+    pub(crate) clearance: f64,
 }
 
 impl Margins {
@@ -37,7 +40,7 @@ impl Margins {
         // vector's length, wrong by as much: less than 2^-49 extent. With coordinates of a few thousand that is 1e-11.
         let noise = extent * NOISE;
         let keep = (12.0 * noise).max(1e-4 * clearance);
-        Self { inset: 0.4 * clearance, side: keep, keep, merge: 20.0 * keep, noise }
+        Self { inset: 0.4 * clearance, side: keep, keep, merge: 20.0 * keep, noise, clearance }
     }
 }
 
@@ -60,6 +63,8 @@ pub(crate) struct Directed {
     /// Its edges as they were given, counter-clockwise around the normal or, if `against`, clockwise.
     pub(crate) edges: (u32, u32),
     pub(crate) against: bool,
+    /// Its vertices as they were given.
+    given: (u32, u32),
 }
 
 /// All portals in both directions, in the order of the cells that they lead from.
@@ -68,6 +73,7 @@ pub(crate) struct Portals {
     pub(crate) all: Vec<Directed>,
     pub(crate) vertices: Vec<DVec3>,
     pub(crate) edges: Vec<Edge>,
+    given: Vec<DVec3>,
     /// Where each cell's portals begin, and at the end where the last ones stop.
     pub(crate) first: Vec<u32>,
     pub(crate) margins: Margins,
@@ -81,6 +87,7 @@ impl Portals {
         let margins = Margins::new(clearance, extent);
         let mut insets = alloc::vec![None; graph.portals().len()];
         let (mut vertices, mut edges) = (Vec::new(), Vec::new());
+        let mut all_given: Vec<DVec3> = Vec::new();
         for (portal, inset) in graph.portals().iter().zip(&mut insets) {
             let plane = portal.plane();
             let on_plane: Vec<DVec3> = portal
@@ -97,8 +104,12 @@ impl Portals {
                 vertices.extend(drawn_in.iter().rev());
                 let first_edge = edges.len() as u32;
                 let given = portal.polygon().vertices().iter().copied();
-                edges_of(given, plane.normal, margins.inset, &mut edges);
-                *inset = Some(([start, middle, vertices.len() as u32], (first_edge, edges.len() as u32)));
+                edges_of(given.clone(), plane.normal, margins.inset, &mut edges);
+                let first_given = all_given.len() as u32;
+                all_given.extend(given);
+                let edges = (first_edge, edges.len() as u32);
+                let given = (first_given, all_given.len() as u32);
+                *inset = Some(([start, middle, vertices.len() as u32], edges, given));
             }
         }
         let mut all: Vec<Directed> = Vec::new();
@@ -107,7 +118,7 @@ impl Portals {
         for cell in (0..graph.cell_count() as u32).map(visibility_core::CellId) {
             first.push(all.len() as u32);
             for &id in graph.portals_of(cell) {
-                let Some(([start, middle, end], edges)) = insets[id.index()] else { continue };
+                let Some(([start, middle, end], edges, given)) = insets[id.index()] else { continue };
                 let portal = &graph.portals()[id.index()];
                 let backward = usize::from(portal.cells()[0] != cell);
                 halves[id.index()][backward] = all.len() as u32;
@@ -117,7 +128,9 @@ impl Portals {
                 let to = portal.cells()[1 - backward].0;
                 let (from, against) = (cell.0, backward == 1);
                 let reverse = 0;
-                all.push(Directed { plane, center, radius, start, end, from, to, reverse, edges, against });
+                let directed =
+                    Directed { plane, center, radius, start, end, from, to, reverse, edges, against, given };
+                all.push(directed);
             }
         }
         first.push(all.len() as u32);
@@ -125,7 +138,7 @@ impl Portals {
             all[a as usize].reverse = b;
             all[b as usize].reverse = a;
         }
-        Self { all, vertices, edges, first, margins }
+        Self { all, vertices, edges, given: all_given, first, margins }
     }
 
     pub(crate) fn vertices_of(&self, portal: &Directed) -> &[DVec3] {
@@ -145,7 +158,20 @@ impl Portals {
 
     /// Whether a line can go through `a` and later through `b`: part of `b` lies before `a`, and part of `a` behind `b`.
     pub(crate) fn can_follow(&self, a: &Directed, b: &Directed) -> bool {
-        self.reaches(b, &a.plane) && self.reaches(a, &b.plane.flipped())
+        self.reaches(b, &a.plane) && self.reaches(a, &b.plane.flipped()) && !self.are_abreast(a, b)
+    }
+
+    /// Whether two portals lie side by side in what was one plane before coordinates were rounded.
+    fn are_abreast(&self, a: &Directed, b: &Directed) -> bool {
+        // How far rounded portals can seem apart: half a millionth of a unit at one end of a portal is so many times that, far from it.
+        let near = 512.0 * self.margins.clearance;
+        if a.plane.signed_distance(b.center) > near || b.plane.signed_distance(a.center) < -near {
+            return false;
+        }
+        let [first, second] =
+            [a, b].map(|portal| &self.given[portal.given.0 as usize..portal.given.1 as usize]);
+        let larger = if a.radius > b.radius { a } else { b };
+        abreast(first, second, larger.plane.normal, self.margins.clearance)
     }
 
     /// Whether part of a portal lies surely on the inner side of a plane.
