@@ -26,8 +26,7 @@ pub(crate) fn abreast(a: &[DVec3], b: &[DVec3], normal: DVec3, clearance: f64) -
     let Some(plane) = fitted(all(), (a.len() + b.len()) as f64, normal) else { return false };
     let off = all().fold(0.0, |off: f64, p| off.max(plane.signed_distance(p).abs()));
     let least = 2.0 * (clearance * (1.0 - SLACK) - off) * (1.0 - SLACK);
-    // Written so that NaN is no.
-    if !(least > 0.0) {
+    if least <= 0.0 {
         return false;
     }
     let u = plane.normal.any_orthonormal_vector();
