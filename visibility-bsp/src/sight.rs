@@ -264,6 +264,22 @@ impl Sight {
         (error < TOO_WRONG).then(|| Cone { base: scaled(base), sides: sides.map(scaled), slack })
     }
 
+    /// How far from the eye something in view can be and yet be before the near plane, in metres; infinite for parallel views.
+    pub(crate) fn clearance(&self) -> f64 {
+        let Eye::Point(eye) = self.eye else { return f64::INFINITY };
+        // The distance grows towards the corners of the picture. Rounding is far below the tenth that is added.
+        let (at_eye, _) = self.near.at(eye - self.anchor);
+        let mut farthest = 0.0f64;
+        for corner in [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]] {
+            let along = self.in_space([corner[0], corner[1], 1.0]);
+            let reached = -at_eye / self.near.linear.dot(along) * along.length();
+            // Where that is no place before the eye, nothing is known.
+            farthest =
+                if reached >= 0.0 && farthest.is_finite() { farthest.max(reached) } else { f64::INFINITY };
+        }
+        1.1 * farthest
+    }
+
     /// 1 or -1: the sign of the determinant of the directions of three points whose normal points away from the eye; 0 if unknown.
     pub(crate) fn turn(&self) -> f64 {
         self.turn

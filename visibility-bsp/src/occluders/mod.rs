@@ -9,7 +9,7 @@ mod patches;
 mod rectangles;
 mod select;
 
-pub(crate) use select::{Selector, angle_of, sides_of};
+pub(crate) use select::{Chosen, Selector, angle_of, sides_of};
 
 use crate::shadow::{Plate, plane_of};
 use alloc::collections::BTreeMap;
@@ -171,6 +171,11 @@ impl Occluders {
     /// The area of the largest polygon, in square metres; zero without any.
     pub fn largest_area(&self) -> f64 {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| p.area).fold(0.0, f64::max)
+    }
+
+    /// The radius of the largest polygon about its middle.
+    pub(crate) fn largest_radius(&self) -> f64 {
+        self.polygons.iter().filter(|p| p.count > 0).map(|p| p.radius).fold(0.0, f64::max)
     }
 
     /// The corners of the polygons, each in order.

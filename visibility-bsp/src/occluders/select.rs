@@ -84,13 +84,7 @@ impl Selector {
     }
 
     /// Chooses up to `count` polygons by the bound on their solid angle, of those that may be in the picture, or all around.
-    pub(crate) fn choose(
-        &mut self,
-        occluders: &Occluders,
-        sight: &Sight,
-        sides: Option<&[Plane]>,
-        count: usize,
-    ) {
+    pub(crate) fn choose(&mut self, occluders: &Occluders, eye: &Eye, sides: Option<&[Plane]>, count: usize) {
         self.chosen.clear();
         self.blocks.clear();
         if self.lost || count == 0 {
@@ -102,7 +96,7 @@ impl Selector {
         };
         for (block, number) in occluders.blocks.iter().zip(0..) {
             if is_in(block.center, block.radius) {
-                self.blocks.push((block.bound(&sight.eye), number));
+                self.blocks.push((block.bound(eye), number));
             }
         }
         self.blocks.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -115,7 +109,7 @@ impl Selector {
             let block = &occluders.blocks[block as usize];
             for number in block.first..block.first + block.count {
                 let polygon = &occluders.polygons[number as usize];
-                let bound = bound(polygon, &sight.eye);
+                let bound = bound(polygon, eye);
                 if bound > least && polygon.count > 0 && is_in(polygon.center, polygon.radius) {
                     self.chosen.push(Chosen { polygon: number, bound });
                 }

@@ -2,7 +2,6 @@
 
 use super::OcclusionTree;
 use crate::occluders::{Occluders, Selector, sides_of};
-use crate::sight::Sight;
 use alloc::sync::Arc;
 use visibility_core::{
     Accuracy, CullStats, Culler, MAX_PLANES, OcclusionCuller, Plane, Scene, Selection, View, VisibleSet,
@@ -72,12 +71,16 @@ impl Culler for OcclusionTreeCuller {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let occluders = &self.occluders;
         self.selector.follow(occluders, scene);
-        let sight = Sight::new(view, scene.origin());
         let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
         let count = sides_of(view, scene, &mut sides);
         let sides = &sides[..count];
         let tree = self.inner.map_mut();
-        self.selector.choose(occluders, &sight, Some(sides), tree.most.saturating_mul(CLOSER));
+        self.selector.choose(
+            occluders,
+            &view.eye(scene.origin()),
+            Some(sides),
+            tree.most.saturating_mul(CLOSER),
+        );
         self.selector.keep_usable(occluders, scene, view, visible, sides);
         tree.waiting.clear();
         tree.vertices.clear();

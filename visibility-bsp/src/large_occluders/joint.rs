@@ -1,0 +1,275 @@
+//! The groups of a frame as an occlusion map, with what is remembered of each box.
+
+use super::group::{Edge, Face, Group};
+use crate::occluders::Occluders;
+use crate::sight::Sight;
+use alloc::vec::Vec;
+use core::cell::RefCell;
+use hashbrown::HashMap;
+use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::{Aabb, Accuracy, Eye, OccluderMesh, Occlusion, OcclusionMap, View};
+
+/// An answer, and for how long it holds.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    /// Where the eye was, and how far from there it may be.
+    eye: DVec3,
+    radius: f64,
+    answer: Occlusion,
+    /// When it was last asked for.
+    frame: u64,
+}
+
+/// What is remembered, by the bits of the boxes: a box that has moved is another.
+#[derive(Clone, Debug, Default)]
+struct Memory {
+    known: HashMap<[u32; 6], Known>,
+    computed: u64,
+}
+
+/// A box that was not asked about for so many frames is forgotten.
+const FORGET: u64 = 64;
+
+/// Occluders, singly and in pairs.
+#[derive(Clone, Debug)]
+pub(super) struct Joint {
+    pub(super) coherent: bool,
+    sight: Sight,
+    faces: Vec<Face>,
+    edges: Vec<Edge>,
+    groups: Vec<Group>,
+    /// Distance from the eye within which something may be in view and before the near plane.
+    clear: f64,
+    frame: u64,
+    memory: RefCell<Memory>,
+    /// Edges of all polygons, by their ends, to find those that are shared.
+    shared: Vec<([u64; 6], usize, usize)>,
+}
+
+impl Joint {
+    pub(super) fn new() -> Self {
+        Self {
+            coherent: true,
+            sight: Sight::BLIND,
+            faces: Vec::new(),
+            edges: Vec::new(),
+            groups: Vec::new(),
+            clear: f64::INFINITY,
+            frame: 0,
+            memory: RefCell::default(),
+            shared: Vec::new(),
+        }
+    }
+
+    pub(super) fn computed(&self) -> u64 {
+        self.memory.borrow().computed
+    }
+
+    pub(super) fn forget(&mut self) {
+        self.memory.get_mut().known.clear();
+        self.groups.clear();
+        self.faces.clear();
+        self.edges.clear();
+    }
+
+    /// Takes other polygons; what is remembered is about those before.
+    pub(super) fn group(&mut self, occluders: &Occluders, polygons: &[u32]) {
+        self.forget();
+        self.shared.clear();
+        for (number, &polygon) in polygons.iter().enumerate() {
+            let plate = occluders.plate(polygon);
+            let v = plate.vertices;
+            let mut middle = DVec3::ZERO;
+            for p in v {
+                middle += *p / v.len() as f64;
+            }
+            let first = self.edges.len();
+            for i in 0..v.len() {
+                let ends = [v[i], v[(i + 1) % v.len()]];
+                self.shared.push((key(ends), number, first + i));
+                self.edges.push(Edge::new(ends, middle));
+            }
+            self.faces.push(Face::new(&plate));
+            self.groups.push(Group { edges: first..self.edges.len(), polygons: [number; 2], joined: true });
+        }
+        // Edges that two polygons share, whichever way they go round it.
+        self.shared.sort_unstable();
+        for i in 1..self.shared.len() {
+            let (one, two) = (self.shared[i - 1], self.shared[i]);
+            let among_three =
+                [i.wrapping_sub(2), i + 1].iter().any(|&k| self.shared.get(k).is_some_and(|s| s.0 == one.0));
+            if one.0 != two.0 || one.1 == two.1 || among_three {
+                continue;
+            }
+            let first = self.edges.len();
+            for (polygon, left_out) in [(one.1, one.2), (two.1, two.2)] {
+                for edge in self.groups[polygon].edges.clone() {
+                    if edge != left_out {
+                        self.edges.push(self.edges[edge]);
+                    }
+                }
+            }
+            self.groups.push(Group {
+                edges: first..self.edges.len(),
+                polygons: [one.1, two.1],
+                joined: false,
+            });
+        }
+    }
+
+    /// Whether the eye sees the two polygons of a group to either side of the edge that they share.
+    fn is_joined(&self, group: &Group) -> bool {
+        let [a, b] = group.polygons;
+        if a == b {
+            return true;
+        }
+        // Going round both from the sides that the eye sees, the shared edge must be gone through in opposite directions.
+        let [one, two] = [a, b].map(|polygon| &self.groups[polygon]);
+        for i in one.edges.clone() {
+            for j in two.edges.clone() {
+                let (p, q) = (self.edges[i].ends, self.edges[j].ends);
+                let (same, opposite) = (p == q, p[0] == q[1] && p[1] == q[0]);
+                if same || opposite {
+                    let turned = self.faces[a].from_front != self.faces[b].from_front;
+                    return opposite != turned;
+                }
+            }
+        }
+        false
+    }
+
+    /// What the groups say of a box, and how far the eye may move before they may say something else.
+    fn compute(&self, min: DVec3, max: DVec3) -> (Occlusion, f64) {
+        let eye = &self.sight.eye;
+        let point = match eye {
+            Eye::Point(eye) if self.coherent => Some(*eye),
+            _ => None,
+        };
+        let mut radius = f64::INFINITY;
+        for group in &self.groups {
+            let [a, b] = group.polygons.map(|polygon| &self.faces[polygon]);
+            if !(a.slack > 0.0 && b.slack > 0.0) {
+                // It stays so until the eye is before the plane that it now is not before.
+                let slack = if a.slack > 0.0 { b.slack } else { a.slack };
+                radius = radius.min(slack.abs());
+                continue;
+            }
+            if !group.joined || a.back.side(min, max) != -1 || b.back.side(min, max) != -1 {
+                // That depends on the eye only as to which side of a polygon it sees.
+                radius = radius.min(a.slack).min(b.slack);
+                continue;
+            }
+            let edges = &self.edges[group.edges.clone()];
+            let failing = edges.iter().find(|edge| !edge.holds(eye, min, max));
+            match (failing, point) {
+                (Some(_), None) => {}
+                (Some(edge), Some(point)) => {
+                    let beyond = edge.support(point, min, max).map_or(0.0, |d| (-d).max(0.0));
+                    radius = radius.min(beyond.max(0.0));
+                }
+                (None, None) => return (Occlusion::Hidden, 0.0),
+                (None, Some(point)) => {
+                    let mut holds = a.slack.min(b.slack);
+                    for edge in edges {
+                        holds = holds.min(edge.support(point, min, max).unwrap_or(0.0).max(0.0));
+                    }
+                    return (Occlusion::Hidden, holds);
+                }
+            }
+        }
+        (Occlusion::Partial, radius)
+    }
+}
+
+/// The ends of an edge as ordered bits, whichever comes first.
+fn key(ends: [DVec3; 2]) -> [u64; 6] {
+    let [a, b] = ends.map(|p| (p + 0.0).to_array().map(f64::to_bits));
+    let (a, b) = if a <= b { (a, b) } else { (b, a) };
+    [a[0], a[1], a[2], b[0], b[1], b[2]]
+}
+
+impl OcclusionMap for Joint {
+    fn name(&self) -> &str {
+        "large-occluders"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        self.frame += 1;
+        self.sight = Sight::new(view, origin);
+        let clear = self.sight.clearance();
+        let memory = self.memory.get_mut();
+        memory.computed = 0;
+        if clear != self.clear {
+            self.clear = clear;
+            memory.known.clear();
+        }
+        if self.frame.is_multiple_of(FORGET) {
+            let frame = self.frame;
+            memory.known.retain(|_, known| frame - known.frame < FORGET);
+        }
+        let (eye, error) = (self.sight.eye, self.sight.eye_error);
+        for face in &mut self.faces {
+            face.look(&eye, error, clear);
+        }
+        for edge in &mut self.edges {
+            edge.look(&eye, error);
+        }
+        for number in 0..self.groups.len() {
+            let group = &self.groups[number];
+            let joined = self.is_joined(group);
+            // Parallel views have no distance within which the near plane is: a polygon that is not beyond it all is of no use.
+            let surely_beyond = |edge: &Edge| {
+                let (value, error) = self.sight.beyond_near(edge.ends[0]);
+                value > error
+            };
+            let cut = matches!(eye, Eye::Direction(_))
+                && !self.edges[group.edges.clone()].iter().all(surely_beyond);
+            self.groups[number].joined = joined && !cut;
+        }
+    }
+
+    fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
+
+    fn flush(&mut self) {}
+
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        if !bounds.is_finite() {
+            return Occlusion::Visible;
+        }
+        if !self.sight.is_beyond_near(bounds) {
+            return Occlusion::Partial;
+        }
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let Eye::Point(eye) = self.sight.eye else { return self.compute(min, max).0 };
+        if !self.coherent {
+            self.memory.borrow_mut().computed += 1;
+            return self.compute(min, max).0;
+        }
+        let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
+        let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
+        let bits = [x0, y0, z0, x1, y1, z1];
+        let mut memory = self.memory.borrow_mut();
+        if let Some(known) = memory.known.get_mut(&bits)
+            && known.eye.distance_squared(eye) <= known.radius * known.radius
+        {
+            known.frame = self.frame;
+            return known.answer;
+        }
+        let (answer, radius) = self.compute(min, max);
+        // Well inside what was computed: distances to planes are off by far less than a millionth of the box's own distance.
+        let size = eye.abs().max(min.abs()).max(max.abs()).max_element();
+        let doubt = 1e-9 * size + 4.0 * self.sight.eye_error;
+        let radius = (radius * (1.0 - 1e-6) - doubt).max(0.0);
+        memory.computed += 1;
+        memory.known.insert(bits, Known { eye, radius, answer, frame: self.frame });
+        answer
+    }
+
+    fn reset(&mut self) {
+        self.memory.get_mut().known.clear();
+    }
+}

@@ -1,0 +1,164 @@
+//! Large occluders, one by one and in pairs, with temporal coherence (Coorg and Teller, "Temporally Coherent Conservative Visibility", 1996, and
+//! "Real-Time Occlusion Culling for Models with Large Occluders", 1997).
+//!
+//! # When a polygon hides a box
+//! If the box is behind the polygon's plane, the eye before it, and the box on the inner side of each plane through the eye and an edge. Turned
+//! round: if the eye is on the inner side of each *supporting plane*, through an edge and that corner of the box which the plane, turned about the
+//! edge, touches first. These planes depend on the edge and the box, and not on the eye.
+//!
+//! # Joined occluders
+//! Two polygons that share an edge hide together what is behind both and inside all their other edges: a line of sight to
+//! the one side of the shared edge is inside all edges of the one polygon, to the other side of the other's.
+//!
+//! # Coherence
+//! An answer for a box holds until the eye crosses one of the supporting planes that certify it: those of the occluder that hides it, or, for each
+//! occluder that does not, one that the eye is beyond. What is kept for a box is a ball about the eye that crosses none of them;
+//! while the eye is in the ball, one comparison is all that the box costs. Which occluders are used depends on where the eye is to a
+//! coarse grid only, so that it seldom changes.
+
+mod group;
+mod joint;
+
+use crate::occluders::{Occluders, Selector, sides_of};
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use joint::Joint;
+use visibility_core::glam::DVec3;
+use visibility_core::{
+    Accuracy, CullStats, Culler, Eye, MAX_PLANES, OcclusionCuller, Plane, Scene, Selection, View, VisibleSet,
+};
+
+/// Culls what is behind single large polygons or pairs of them, and remembers why.
+///
+/// Put it after the frustum. It hides less than an [`OcclusionTreeCuller`](crate::OcclusionTreeCuller), since more than two occluders do not
+/// fuse; while the camera stands still or moves slowly, it costs less.
+///
+/// ```
+/// use visibility_bsp::{LargeOccluders, Occluders};
+/// use visibility_core::{FrustumCuller, Pipeline, Scene};
+/// let mut scene = Scene::new();
+/// // insert objects, give them triangles, flag the opaque ones, then:
+/// scene.prepare_occluders(&Default::default());
+/// let culler = LargeOccluders::new(Occluders::new(&scene).into()).with_polygons(32);
+/// let pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+/// # let _ = pipeline;
+/// ```
+#[derive(Clone, Debug)]
+pub struct LargeOccluders {
+    occluders: Arc<Occluders>,
+    selector: Selector,
+    most: usize,
+    /// The grid by which occluders are chosen, and where on it they were chosen last.
+    pitch: f64,
+    chosen_at: Option<Eye>,
+    selected: Vec<u32>,
+    active: Vec<u32>,
+    inner: OcclusionCuller<Joint>,
+}
+
+impl LargeOccluders {
+    /// Uses 64 polygons at a time, with coherence.
+    pub fn new(occluders: Arc<Occluders>) -> Self {
+        let inner = OcclusionCuller::new(Joint::new()).with_selection(Selection::Interleaved).with_budget(0);
+        let pitch = pitch_of(&occluders);
+        Self {
+            occluders,
+            selector: Selector::default(),
+            most: 64,
+            pitch,
+            chosen_at: None,
+            selected: Vec::new(),
+            active: Vec::new(),
+            inner,
+        }
+    }
+
+    /// Uses so many polygons at a time.
+    pub fn with_polygons(self, most: usize) -> Self {
+        Self { most, chosen_at: None, ..self }
+    }
+
+    /// Computes everything anew each frame, or not: the answers are the same.
+    pub fn with_coherence(mut self, coherent: bool) -> Self {
+        self.inner.map_mut().coherent = coherent;
+        self
+    }
+
+    /// Gives it other polygons, or the same brought up to date.
+    pub fn set_occluders(&mut self, occluders: Arc<Occluders>) {
+        self.pitch = pitch_of(&occluders);
+        self.occluders = occluders;
+        self.chosen_at = None;
+    }
+
+    /// How many boxes were tested against occluders in the last frame, those that what is remembered answered left out.
+    pub fn computed(&self) -> u64 {
+        self.inner.map().computed()
+    }
+
+    /// The eye's place on the grid: choosing by it makes the choice the same for all eyes near one another.
+    fn place(&self, eye: Eye) -> Eye {
+        let pitch = self.pitch;
+        let whole = |x: f64| {
+            let cells = x / pitch;
+            // Past this, numbers are whole anyway.
+            if cells.abs() < 1e15 { ((cells + 1e15) - 1e15 + 0.5) * pitch } else { x }
+        };
+        match eye {
+            Eye::Point(p) => Eye::Point(DVec3::from_array(p.to_array().map(whole))),
+            Eye::Direction(along) => Eye::Direction(along),
+        }
+    }
+}
+
+/// About a sixty-fourth of the size of the largest polygon, a power of two.
+fn pitch_of(occluders: &Occluders) -> f64 {
+    let size = occluders.largest_radius() / 32.0;
+    // The bits above the mantissa are the power of two.
+    let power = f64::from_bits(size.to_bits() & (0x7ff << 52));
+    if power.is_normal() { power } else { 1.0 }
+}
+
+impl Culler for LargeOccluders {
+    fn name(&self) -> &str {
+        "large-occluders"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        let news = self.selector.follow(&self.occluders, scene);
+        let place = self.place(view.eye(scene.origin()));
+        if news || self.chosen_at != Some(place) || !self.inner.map().coherent {
+            self.selector.choose(&self.occluders, &place, None, self.most);
+            self.selected.clear();
+            self.selected.extend(self.selector.chosen.iter().map(|chosen| chosen.polygon));
+            self.chosen_at = Some(place);
+        }
+        let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
+        let count = sides_of(view, scene, &mut sides);
+        self.selector.chosen.clear();
+        for &polygon in &self.selected {
+            self.selector.chosen.push(crate::occluders::Chosen { polygon, bound: 0.0 });
+        }
+        self.selector.keep_usable(&self.occluders, scene, view, visible, &sides[..count]);
+        let map = self.inner.map_mut();
+        let same = !news && self.active.iter().copied().eq(self.selector.chosen.iter().map(|c| c.polygon));
+        if !same || !map.coherent {
+            self.active.clear();
+            self.active.extend(self.selector.chosen.iter().map(|c| c.polygon));
+            map.group(&self.occluders, &self.active);
+        }
+        self.inner.cull(scene, view, visible)
+    }
+
+    fn reset(&mut self) {
+        self.selector.reset();
+        self.chosen_at = None;
+        self.active.clear();
+        self.inner.map_mut().forget();
+        self.inner.reset();
+    }
+}

@@ -1,0 +1,204 @@
+//! Choosing the occluders of each region, in advance.
+
+use crate::occluders::{Occluders, Selector};
+use crate::shadow::plane_of;
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+use visibility_core::{Eye, Scene};
+
+/// Where eyes are imagined in a region: the middle, and near its corners.
+const SAMPLES: usize = 5;
+/// So many candidates are looked at for a region.
+const CANDIDATES: usize = 96;
+/// So many objects stand for all of them.
+const OBJECTS: usize = 512;
+/// Words of a set of them.
+const WORDS: usize = SAMPLES * OBJECTS / 64;
+
+/// A node of the kd-tree: the axis and place of its plane, or what is in the leaf.
+#[derive(Clone, Copy, Debug)]
+enum Region {
+    Split { axis: usize, at: f64, children: [u32; 2] },
+    Leaf { first: u32, count: u32 },
+}
+
+/// For each region of space, the polygons that hide most from there.
+///
+/// Made when a scene is loaded, and shared by the cullers of all views. Eyes outside the scene's bounds are served by the nearest region. Polygons
+/// of objects that have changed since are not used until it is made anew.
+///
+/// Making it costs about a millisecond a region.
+///
+/// ```
+/// use visibility_bsp::{Occluders, ShadowFrusta};
+/// use visibility_core::Scene;
+/// let scene = Scene::new();
+/// let frusta = ShadowFrusta::new(&scene, Occluders::new(&scene), 64, 16);
+/// assert_eq!(frusta.regions(), 1);
+/// ```
+#[derive(Clone, Debug)]
+pub struct ShadowFrusta {
+    pub(super) occluders: Occluders,
+    regions: Vec<Region>,
+    chosen: Vec<u32>,
+    most: usize,
+}
+
+/// What is the same for all regions.
+struct Bake<'a> {
+    occluders: &'a Occluders,
+    /// Middles of objects.
+    objects: Vec<DVec3>,
+    selector: Selector,
+    most: usize,
+}
+
+impl ShadowFrusta {
+    /// Chooses up to `polygons` occluders for each of about `regions` regions.
+    pub fn new(scene: &Scene, occluders: Occluders, regions: usize, polygons: usize) -> Self {
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let mut objects = Vec::new();
+        for id in scene.ids() {
+            if let Ok(bounds) = scene.bounds(id)
+                && bounds.is_finite()
+            {
+                (min, max) = (min.min(bounds.min.as_dvec3()), max.max(bounds.max.as_dvec3()));
+                objects.push(bounds.center().as_dvec3());
+            }
+        }
+        // Some of them, evenly: neighbours in the list are neighbours in the scene.
+        let step = objects.len().div_ceil(OBJECTS).max(1);
+        let objects: Vec<DVec3> = objects.into_iter().step_by(step).take(OBJECTS).collect();
+        let mut made = Self { occluders, regions: Vec::new(), chosen: Vec::new(), most: polygons };
+        if !(min.is_finite() && max.is_finite()) {
+            made.regions.push(Region::Leaf { first: 0, count: 0 });
+            return made;
+        }
+        let occluders = core::mem::take(&mut made.occluders);
+        let mut bake = Bake { occluders: &occluders, objects, selector: Selector::default(), most: polygons };
+        made.part(&mut bake, min, max, regions.clamp(1, 1 << 16));
+        made.occluders = occluders;
+        made
+    }
+
+    /// How many regions there are.
+    pub fn regions(&self) -> usize {
+        self.regions.iter().filter(|region| matches!(region, Region::Leaf { .. })).count()
+    }
+
+    /// How many polygons a region has at most.
+    pub(super) fn most(&self) -> usize {
+        self.most
+    }
+
+    /// The polygons that are used from a place.
+    pub(super) fn chosen_at(&self, eye: DVec3) -> &[u32] {
+        let mut region = 0;
+        loop {
+            match self.regions[region] {
+                Region::Split { axis, at, children } => {
+                    region = children[usize::from(eye[axis] >= at)] as usize;
+                }
+                Region::Leaf { first, count } => {
+                    return &self.chosen[first as usize..(first + count) as usize];
+                }
+            }
+        }
+    }
+
+    /// Halves a region across its longest side until so many are made.
+    fn part(&mut self, bake: &mut Bake<'_>, min: DVec3, max: DVec3, regions: usize) -> u32 {
+        let number = self.regions.len();
+        self.regions.push(Region::Leaf { first: 0, count: 0 });
+        self.regions[number] = if regions <= 1 {
+            let first = self.chosen.len() as u32;
+            bake.choose(min, max, &mut self.chosen);
+            Region::Leaf { first, count: self.chosen.len() as u32 - first }
+        } else {
+            let size = max - min;
+            let axis = if size.x >= size.y && size.x >= size.z {
+                0
+            } else if size.y >= size.z {
+                1
+            } else {
+                2
+            };
+            let at = min[axis] * 0.5 + max[axis] * 0.5;
+            let (mut middle_max, mut middle_min) = (max, min);
+            (middle_max[axis], middle_min[axis]) = (at, at);
+            let lower = self.part(bake, min, middle_max, regions / 2);
+            let upper = self.part(bake, middle_min, max, regions - regions / 2);
+            Region::Split { axis, at, children: [lower, upper] }
+        };
+        number as u32
+    }
+}
+
+impl Bake<'_> {
+    /// The polygons that together hide most of the objects from eyes in a region.
+    fn choose(&mut self, min: DVec3, max: DVec3, out: &mut Vec<u32>) {
+        let at = |share: [f64; 3]| min + (max - min) * DVec3::from_array(share);
+        // Opposite corners of the region, four of the eight.
+        let eyes: [DVec3; SAMPLES] =
+            [[0.5, 0.5, 0.5], [0.1, 0.1, 0.1], [0.9, 0.9, 0.1], [0.9, 0.1, 0.9], [0.1, 0.9, 0.9]].map(at);
+        let mut candidates: Vec<(u32, f32)> = Vec::new();
+        for eye in eyes {
+            self.selector.choose(self.occluders, &Eye::Point(eye), None, CANDIDATES / 2);
+            candidates.extend(self.selector.chosen.iter().map(|c| (c.polygon, c.bound)));
+        }
+        candidates.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
+        candidates.dedup_by_key(|candidate| candidate.0);
+        let mut sets: Vec<(u32, f32, [u64; WORDS])> = candidates
+            .into_iter()
+            .map(|(polygon, bound)| (polygon, bound, self.hidden_by(polygon, &eyes)))
+            .collect();
+        let mut hidden = [0u64; WORDS];
+        for _ in 0..self.most {
+            let gain = |set: &[u64; WORDS]| -> u32 {
+                set.iter().zip(&hidden).map(|(a, b)| (a & !b).count_ones()).sum()
+            };
+            let best = (0..sets.len()).max_by(|&a, &b| {
+                let by_gain = gain(&sets[a].2).cmp(&gain(&sets[b].2));
+                by_gain.then(sets[a].1.total_cmp(&sets[b].1)).then(sets[b].0.cmp(&sets[a].0))
+            });
+            let Some(best) = best else { break };
+            let (polygon, _, set) = sets.swap_remove(best);
+            if set.iter().zip(&hidden).all(|(a, b)| a & !b == 0) && !sets.is_empty() && hidden != [0; WORDS] {
+                break;
+            }
+            hidden.iter_mut().zip(&set).for_each(|(all, one)| *all |= one);
+            out.push(polygon);
+        }
+    }
+
+    /// Which objects, by their middles, a polygon hides from each of the eyes: a bit each. Only a choice, so nothing here is careful of rounding.
+    fn hidden_by(&self, polygon: u32, eyes: &[DVec3; SAMPLES]) -> [u64; WORDS] {
+        let plate = self.occluders.plate(polygon);
+        let mut set = [0u64; WORDS];
+        let Some((normal, reach, _)) = plane_of(plate.vertices) else { return set };
+        for (sample, eye) in eyes.iter().enumerate() {
+            let height = normal.dot(*eye) - reach[1];
+            let side = if height > 0.0 {
+                1.0
+            } else if plate.two_sided && normal.dot(*eye) < reach[0] {
+                -1.0
+            } else {
+                continue;
+            };
+            for (object, p) in self.objects.iter().enumerate() {
+                let behind = (normal.dot(*p) - reach[0]) * side < 0.0;
+                let count = plate.vertices.len();
+                let inside = behind
+                    && (0..count).all(|i| {
+                        let (a, b) = (plate.vertices[i] - *eye, plate.vertices[(i + 1) % count] - *eye);
+                        a.cross(b).dot(*p - *eye) * side < 0.0
+                    });
+                if inside {
+                    let bit = sample * OBJECTS + object;
+                    set[bit / 64] |= 1 << (bit % 64);
+                }
+            }
+        }
+        set
+    }
+}

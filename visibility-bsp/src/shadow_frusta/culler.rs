@@ -1,0 +1,154 @@
+//! Testing boxes against the frusta of the eye's region.
+
+use super::ShadowFrusta;
+use crate::occluders::{Chosen, Selector, sides_of};
+use crate::shadow::Shadows;
+use crate::sight::Sight;
+use alloc::sync::Arc;
+use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::{
+    Aabb, Accuracy, CullStats, Culler, Eye, MAX_PLANES, OccluderMesh, Occlusion, OcclusionCuller,
+    OcclusionMap, Plane, Scene, Selection, View, VisibleSet,
+};
+
+/// The frusta of a frame as a map.
+#[derive(Clone, Debug)]
+struct Frusta {
+    sight: Sight,
+    shadows: Shadows,
+}
+
+/// Culls what is inside the shadow of a single occluder, of those that were chosen for the region that the eye is in.
+///
+/// Put it after the frustum.
+///
+/// ```
+/// use visibility_bsp::{Occluders, ShadowFrusta, ShadowFrustaCuller};
+/// use visibility_core::{FrustumCuller, Pipeline, Scene};
+/// let mut scene = Scene::new();
+/// // insert objects, give them triangles, flag the opaque ones, then:
+/// scene.prepare_occluders(&Default::default());
+/// let frusta = ShadowFrusta::new(&scene, Occluders::new(&scene), 64, 16);
+/// let pipeline = Pipeline::new().with(FrustumCuller::new()).with(ShadowFrustaCuller::new(frusta.into()));
+/// # let _ = pipeline;
+/// ```
+#[derive(Clone, Debug)]
+pub struct ShadowFrustaCuller {
+    frusta: Arc<ShadowFrusta>,
+    selector: Selector,
+    inner: OcclusionCuller<Frusta>,
+}
+
+impl ShadowFrustaCuller {
+    /// Uses what was chosen in advance.
+    pub fn new(frusta: Arc<ShadowFrusta>) -> Self {
+        let map = Frusta { sight: Sight::BLIND, shadows: Shadows::default() };
+        let inner = OcclusionCuller::new(map).with_selection(Selection::Interleaved).with_budget(0);
+        Self { frusta, selector: Selector::default(), inner }
+    }
+
+    /// Gives it another choice.
+    pub fn set_frusta(&mut self, frusta: Arc<ShadowFrusta>) {
+        self.frusta = frusta;
+    }
+
+    /// How many frusta the last frame had.
+    pub fn frusta(&self) -> usize {
+        self.inner.map().shadows.list.len()
+    }
+}
+
+impl Culler for ShadowFrustaCuller {
+    fn name(&self) -> &str {
+        "shadow-frusta"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        let occluders = &self.frusta.occluders;
+        self.selector.follow(occluders, scene);
+        let sight = Sight::new(view, scene.origin());
+        self.selector.chosen.clear();
+        // A parallel view is in no region: those of where its picture is taken from would do, but hide little.
+        match sight.eye {
+            Eye::Point(eye) => {
+                let chosen = self.frusta.chosen_at(eye).iter();
+                self.selector.chosen.extend(chosen.map(|&polygon| Chosen { polygon, bound: 0.0 }));
+            }
+            Eye::Direction(_) => self.selector.choose(occluders, &sight.eye, None, self.frusta.most()),
+        }
+        let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
+        let count = sides_of(view, scene, &mut sides);
+        self.selector.keep_usable(occluders, scene, view, visible, &sides[..count]);
+        let map = self.inner.map_mut();
+        map.shadows.clear();
+        for chosen in &self.selector.chosen {
+            map.shadows.cast(&sight, &occluders.plate(chosen.polygon));
+        }
+        self.inner.cull(scene, view, visible)
+    }
+
+    fn reset(&mut self) {
+        self.selector.reset();
+    }
+}
+
+impl OcclusionMap for Frusta {
+    fn name(&self) -> &str {
+        "shadow-frusta"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        // The shadows have been cast before.
+        self.sight = Sight::new(view, origin);
+    }
+
+    fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
+
+    fn flush(&mut self) {}
+
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        if !bounds.is_finite() {
+            return Occlusion::Visible;
+        }
+        let cone = self.sight.cone(bounds).filter(|_| self.sight.is_beyond_near(bounds));
+        let Some(cone) = cone else { return Occlusion::Partial };
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let mut all = Occlusion::Visible;
+        for shadow in &self.shadows.list {
+            match shadow.back.side(min, max) {
+                // All of it behind: inside all edges it is hidden, outside one of them not touched.
+                -1 => {
+                    let mut inside = true;
+                    let mut outside = false;
+                    for edge in self.shadows.edges_of(shadow) {
+                        let (least, greatest) = cone.span(edge.line.n);
+                        let slack = edge.line.slack + cone.slack;
+                        inside &= least > slack;
+                        outside |= greatest < -slack;
+                        if outside {
+                            break;
+                        }
+                    }
+                    if inside {
+                        return Occlusion::Hidden;
+                    }
+                    if !outside {
+                        all = Occlusion::Partial;
+                    }
+                }
+                // All of it before: it cannot be hidden by this one.
+                1 => {}
+                _ => all = Occlusion::Partial,
+            }
+        }
+        all
+    }
+}
