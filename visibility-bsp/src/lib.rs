@@ -22,11 +22,11 @@ pub mod tree;
 mod volume;
 
 pub use merge::{Solid, SolidError};
+pub use large_occluders::LargeOccluders;
 pub use naylor::{Naylor, Witness};
 pub use occluders::Occluders;
 pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};
 pub use order_culler::BspOrder;
 pub use scene_tree::SceneTree;
-pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Order, Walk};
-pub use large_occluders::LargeOccluders;
 pub use shadow_frusta::{ShadowFrusta, ShadowFrustaCuller};
+pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Order, Walk};

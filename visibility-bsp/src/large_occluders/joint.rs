@@ -25,6 +25,17 @@ struct Known {
 struct Memory {
     known: HashMap<[u32; 6], Known>,
     computed: u64,
+    groups: Groups,
+}
+
+/// The polygons in use, and how the eye sees them.
+#[derive(Clone, Debug, Default)]
+struct Groups {
+    faces: Vec<Face>,
+    edges: Vec<Edge>,
+    groups: Vec<Group>,
+    /// The frame whose eye has been taken in: that is put off until a box must be computed.
+    looked: u64,
 }
 
 /// A box that was not asked about for so many frames is forgotten.
@@ -35,9 +46,6 @@ const FORGET: u64 = 64;
 pub(super) struct Joint {
     pub(super) coherent: bool,
     sight: Sight,
-    faces: Vec<Face>,
-    edges: Vec<Edge>,
-    groups: Vec<Group>,
     /// Distance from the eye within which something may be in view and before the near plane.
     clear: f64,
     frame: u64,
@@ -51,9 +59,6 @@ impl Joint {
         Self {
             coherent: true,
             sight: Sight::BLIND,
-            faces: Vec::new(),
-            edges: Vec::new(),
-            groups: Vec::new(),
             clear: f64::INFINITY,
             frame: 0,
             memory: RefCell::default(),
@@ -66,16 +71,19 @@ impl Joint {
     }
 
     pub(super) fn forget(&mut self) {
-        self.memory.get_mut().known.clear();
-        self.groups.clear();
-        self.faces.clear();
-        self.edges.clear();
+        let memory = self.memory.get_mut();
+        memory.known.clear();
+        memory.groups.groups.clear();
+        memory.groups.faces.clear();
+        memory.groups.edges.clear();
     }
 
     /// Takes other polygons; what is remembered is about those before.
     pub(super) fn group(&mut self, occluders: &Occluders, polygons: &[u32]) {
         self.forget();
         self.shared.clear();
+        let Groups { faces, edges, groups, looked } = &mut self.memory.get_mut().groups;
+        *looked = 0;
         for (number, &polygon) in polygons.iter().enumerate() {
             let plate = occluders.plate(polygon);
             let v = plate.vertices;
@@ -83,14 +91,14 @@ impl Joint {
             for p in v {
                 middle += *p / v.len() as f64;
             }
-            let first = self.edges.len();
+            let first = edges.len();
             for i in 0..v.len() {
                 let ends = [v[i], v[(i + 1) % v.len()]];
                 self.shared.push((key(ends), number, first + i));
-                self.edges.push(Edge::new(ends, middle));
+                edges.push(Edge::new(ends, middle));
             }
-            self.faces.push(Face::new(&plate));
-            self.groups.push(Group { edges: first..self.edges.len(), polygons: [number; 2], joined: true });
+            faces.push(Face::new(&plate));
+            groups.push(Group { edges: first..edges.len(), polygons: [number; 2], joined: true });
         }
         // Edges that two polygons share, whichever way they go round it.
         self.shared.sort_unstable();
@@ -101,19 +109,50 @@ impl Joint {
             if one.0 != two.0 || one.1 == two.1 || among_three {
                 continue;
             }
-            let first = self.edges.len();
+            let first = edges.len();
             for (polygon, left_out) in [(one.1, one.2), (two.1, two.2)] {
-                for edge in self.groups[polygon].edges.clone() {
+                for edge in groups[polygon].edges.clone() {
                     if edge != left_out {
-                        self.edges.push(self.edges[edge]);
+                        edges.push(edges[edge]);
                     }
                 }
             }
-            self.groups.push(Group {
-                edges: first..self.edges.len(),
-                polygons: [one.1, two.1],
-                joined: false,
-            });
+            groups.push(Group { edges: first..edges.len(), polygons: [one.1, two.1], joined: false });
+        }
+    }
+
+    /// Computes what the groups say of a box.
+    fn compute(&self, memory: &mut Memory, min: DVec3, max: DVec3) -> (Occlusion, f64) {
+        memory.computed += 1;
+        if memory.groups.looked != self.frame {
+            memory.groups.looked = self.frame;
+            memory.groups.look(&self.sight, self.clear);
+        }
+        memory.groups.compute(&self.sight.eye, self.coherent, min, max)
+    }
+}
+
+impl Groups {
+    /// Takes in the eye.
+    fn look(&mut self, sight: &Sight, clear: f64) {
+        let (eye, error) = (sight.eye, sight.eye_error);
+        for face in &mut self.faces {
+            face.look(&eye, error, clear);
+        }
+        for edge in &mut self.edges {
+            edge.look(&eye, error);
+        }
+        for number in 0..self.groups.len() {
+            let group = &self.groups[number];
+            let joined = self.is_joined(group);
+            // Parallel views have no distance within which the near plane is: a polygon that is not beyond it all is of no use.
+            let surely_beyond = |edge: &Edge| {
+                let (value, error) = sight.beyond_near(edge.ends[0]);
+                value > error
+            };
+            let cut = matches!(eye, Eye::Direction(_))
+                && !self.edges[group.edges.clone()].iter().all(surely_beyond);
+            self.groups[number].joined = joined && !cut;
         }
     }
 
@@ -139,10 +178,9 @@ impl Joint {
     }
 
     /// What the groups say of a box, and how far the eye may move before they may say something else.
-    fn compute(&self, min: DVec3, max: DVec3) -> (Occlusion, f64) {
-        let eye = &self.sight.eye;
+    fn compute(&self, eye: &Eye, coherent: bool, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         let point = match eye {
-            Eye::Point(eye) if self.coherent => Some(*eye),
+            Eye::Point(eye) if coherent => Some(*eye),
             _ => None,
         };
         let mut radius = f64::INFINITY;
@@ -211,25 +249,6 @@ impl OcclusionMap for Joint {
             let frame = self.frame;
             memory.known.retain(|_, known| frame - known.frame < FORGET);
         }
-        let (eye, error) = (self.sight.eye, self.sight.eye_error);
-        for face in &mut self.faces {
-            face.look(&eye, error, clear);
-        }
-        for edge in &mut self.edges {
-            edge.look(&eye, error);
-        }
-        for number in 0..self.groups.len() {
-            let group = &self.groups[number];
-            let joined = self.is_joined(group);
-            // Parallel views have no distance within which the near plane is: a polygon that is not beyond it all is of no use.
-            let surely_beyond = |edge: &Edge| {
-                let (value, error) = self.sight.beyond_near(edge.ends[0]);
-                value > error
-            };
-            let cut = matches!(eye, Eye::Direction(_))
-                && !self.edges[group.edges.clone()].iter().all(surely_beyond);
-            self.groups[number].joined = joined && !cut;
-        }
     }
 
     fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
@@ -244,27 +263,25 @@ impl OcclusionMap for Joint {
             return Occlusion::Partial;
         }
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        let Eye::Point(eye) = self.sight.eye else { return self.compute(min, max).0 };
+        let mut memory = self.memory.borrow_mut();
+        let Eye::Point(eye) = self.sight.eye else { return self.compute(&mut memory, min, max).0 };
         if !self.coherent {
-            self.memory.borrow_mut().computed += 1;
-            return self.compute(min, max).0;
+            return self.compute(&mut memory, min, max).0;
         }
         let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
         let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
         let bits = [x0, y0, z0, x1, y1, z1];
-        let mut memory = self.memory.borrow_mut();
         if let Some(known) = memory.known.get_mut(&bits)
             && known.eye.distance_squared(eye) <= known.radius * known.radius
         {
             known.frame = self.frame;
             return known.answer;
         }
-        let (answer, radius) = self.compute(min, max);
+        let (answer, radius) = self.compute(&mut memory, min, max);
         // Well inside what was computed: distances to planes are off by far less than a millionth of the box's own distance.
         let size = eye.abs().max(min.abs()).max(max.abs()).max_element();
         let doubt = 1e-9 * size + 4.0 * self.sight.eye_error;
         let radius = (radius * (1.0 - 1e-6) - doubt).max(0.0);
-        memory.computed += 1;
         memory.known.insert(bits, Known { eye, radius, answer, frame: self.frame });
         answer
     }

@@ -19,13 +19,14 @@
 mod group;
 mod joint;
 
-use crate::occluders::{Occluders, Selector, sides_of};
+use crate::occluders::{Chosen, Occluders, Selector, is_drawn, sides_of};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use joint::Joint;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Accuracy, CullStats, Culler, Eye, MAX_PLANES, OcclusionCuller, Plane, Scene, Selection, View, VisibleSet,
+    Accuracy, CullStats, Culler, Eye, MAX_PLANES, ObjectId, OcclusionCuller, Plane, Scene, Selection, View,
+    VisibleSet,
 };
 
 /// Culls what is behind single large polygons or pairs of them, and remembers why.
@@ -53,6 +54,9 @@ pub struct LargeOccluders {
     chosen_at: Option<Eye>,
     selected: Vec<u32>,
     active: Vec<u32>,
+    /// The objects of all that is active, each once, and what it was found to be usable for: revision and layers.
+    sources: Vec<ObjectId>,
+    usable_for: Option<(u64, u32)>,
     inner: OcclusionCuller<Joint>,
 }
 
@@ -69,6 +73,8 @@ impl LargeOccluders {
             chosen_at: None,
             selected: Vec::new(),
             active: Vec::new(),
+            sources: Vec::new(),
+            usable_for: None,
             inner,
         }
     }
@@ -131,25 +137,44 @@ impl Culler for LargeOccluders {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let news = self.selector.follow(&self.occluders, scene);
         let place = self.place(view.eye(scene.origin()));
-        if news || self.chosen_at != Some(place) || !self.inner.map().coherent {
+        let chosen = news || self.chosen_at != Some(place) || !self.inner.map().coherent;
+        if chosen {
             self.selector.choose(&self.occluders, &place, None, self.most);
             self.selected.clear();
             self.selected.extend(self.selector.chosen.iter().map(|chosen| chosen.polygon));
             self.chosen_at = Some(place);
         }
+        let map = self.inner.map_mut();
         let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
         let count = sides_of(view, scene, &mut sides);
-        self.selector.chosen.clear();
-        for &polygon in &self.selected {
-            self.selector.chosen.push(crate::occluders::Chosen { polygon, bound: 0.0 });
-        }
-        self.selector.keep_usable(&self.occluders, scene, view, visible, &sides[..count]);
-        let map = self.inner.map_mut();
-        let same = !news && self.active.iter().copied().eq(self.selector.chosen.iter().map(|c| c.polygon));
-        if !same || !map.coherent {
-            self.active.clear();
-            self.active.extend(self.selector.chosen.iter().map(|c| c.polygon));
-            map.group(&self.occluders, &self.active);
+        let sides = &sides[..count];
+        // While nothing has changed, all that must be looked at is whether the occluders are still drawn.
+        let usable_for = (scene.revision(), view.layers());
+        let settled = map.coherent
+            && !chosen
+            && self.usable_for == Some(usable_for)
+            && view.clip_planes().is_empty()
+            && self.sources.iter().all(|&id| is_drawn(scene, visible, sides, id));
+        if !settled {
+            self.selector.chosen.clear();
+            let all = self.selected.iter().map(|&polygon| Chosen { polygon, bound: 0.0 });
+            self.selector.chosen.extend(all);
+            self.selector.keep_usable(&self.occluders, scene, view, visible, sides);
+            let usable = self.selector.chosen.iter().map(|chosen| chosen.polygon);
+            let same = !news && self.active.iter().copied().eq(usable.clone());
+            if !same || !map.coherent {
+                self.active.clear();
+                self.active.extend(usable);
+                map.group(&self.occluders, &self.active);
+            }
+            self.sources.clear();
+            for &polygon in &self.active {
+                self.sources.extend_from_slice(self.occluders.sources_of(polygon));
+            }
+            self.sources.sort_unstable();
+            self.sources.dedup();
+            // Those that were left out may be of use in the next frame.
+            self.usable_for = (self.active.len() == self.selected.len()).then_some(usable_for);
         }
         self.inner.cull(scene, view, visible)
     }

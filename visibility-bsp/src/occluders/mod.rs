@@ -9,7 +9,7 @@ mod patches;
 mod rectangles;
 mod select;
 
-pub(crate) use select::{Chosen, Selector, angle_of, sides_of};
+pub(crate) use select::{Chosen, Selector, angle_of, is_drawn, sides_of};
 
 use crate::shadow::{Plate, plane_of};
 use alloc::collections::BTreeMap;

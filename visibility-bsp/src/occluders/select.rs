@@ -143,21 +143,20 @@ impl Selector {
                     plane.signed_distance(p) > 1e-9 * size
                 })
             });
-            // What an earlier culler took out for another reason than not being in view is not drawn, so it must not hide.
-            let drawn = |id: ObjectId| {
-                visible.contains(scene, id)
-                    || scene.bounds(id).is_ok_and(|bounds| {
-                        sides
-                            .iter()
-                            .any(|s| s.classify_aabb(&bounds) == visibility_core::Containment::Outside)
-                    })
-            };
             within
                 && self.is_usable(occluders, chosen.polygon, scene, view)
-                && occluders.sources_of(chosen.polygon).iter().all(|&id| drawn(id))
+                && occluders.sources_of(chosen.polygon).iter().all(|&id| is_drawn(scene, visible, sides, id))
         });
         self.chosen = chosen;
     }
+}
+
+/// Whether an object is drawn, or out of view. What an earlier culler took out for another reason is not drawn, so it must not hide.
+pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, sides: &[Plane], id: ObjectId) -> bool {
+    visible.contains(scene, id)
+        || scene.bounds(id).is_ok_and(|bounds| {
+            sides.iter().any(|s| s.classify_aabb(&bounds) == visibility_core::Containment::Outside)
+        })
 }
 
 /// The sides of a view, with what rounding may have moved them taken off, into a buffer of the caller's.

@@ -2,7 +2,10 @@
 
 use super::{Known, World, no_dial};
 use std::sync::Arc;
-use visibility_bsp::{BspOrder, Naylor, Occluders, OcclusionTreeCuller, SceneTree};
+use visibility_bsp::{
+    BspOrder, LargeOccluders, Naylor, Occluders, OcclusionTreeCuller, SceneTree, ShadowFrusta,
+    ShadowFrustaCuller,
+};
 
 pub(super) const KNOWN: &[Known] = &[
     Known {
@@ -31,6 +34,26 @@ pub(super) const KNOWN: &[Known] = &[
             let most = number(dial, 64)?;
             let occluders = Arc::new(Occluders::new(&world.scene));
             Ok(Box::new(OcclusionTreeCuller::new(occluders).with_polygons(most)))
+        },
+    },
+    Known {
+        name: "shadow-frusta",
+        what: "boxes in the shadow of one wall are hidden, of those chosen in advance for 256 regions; `:N` uses N walls a region, 32 if not set",
+        dials: &["64", "32", "8"],
+        make: |dial, world| {
+            let most = number(dial, 32)?;
+            let frusta = ShadowFrusta::new(&world.scene, Occluders::new(&world.scene), 256, most);
+            Ok(Box::new(ShadowFrustaCuller::new(frusta.into())))
+        },
+    },
+    Known {
+        name: "large-occluders",
+        what: "boxes in the shadow of one wall or of two that share an edge are hidden, and why is remembered; `:N` uses N walls, 64 if not set",
+        dials: &["128", "64", "16"],
+        make: |dial, world| {
+            let most = number(dial, 64)?;
+            let occluders = Arc::new(Occluders::new(&world.scene));
+            Ok(Box::new(LargeOccluders::new(occluders).with_polygons(most)))
         },
     },
 ];

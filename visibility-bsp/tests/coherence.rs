@@ -1,0 +1,250 @@
+//! What is remembered changes no answer; what has changed in the scene is never trusted; nothing is allocated once warm.
+#![allow(missing_docs, unsafe_code)]
+
+mod common;
+
+use common::{Random, Soup, triangles_of};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::Arc;
+use visibility_bsp::{
+    LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
+};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{
+    Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose,
+    Preparation, Scene, View, VisibleSet,
+};
+
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: all is left to the system's allocator; counting neither allocates nor touches the memory.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(memory, layout) }
+    }
+
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        unsafe { System.realloc(memory, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn reported(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<ObjectId> {
+    let mut visible = VisibleSet::new();
+    visible.fill(scene, view);
+    FrustumCuller::new().cull(scene, view, &mut visible);
+    culler.cull(scene, view, &mut visible);
+    visible.iter(scene).collect()
+}
+
+/// A slow walk, a still stretch, and cuts.
+fn walk(frame: usize) -> View {
+    let cut = (frame / 40) as f64;
+    let step = (frame % 40).min(25) as f64 * 0.01;
+    let eye = DVec3::new(cut.sin() * 13.0 + step, cut.cos() * 13.0, cut % 5.0 - 2.0);
+    let target = DVec3::new(step * 0.3, cut % 3.0 - 1.0, 0.0);
+    View::perspective(Pose::look_at(eye, target, DVec3::Z), 1.2, 1.6, 0.05, f64::INFINITY).unwrap()
+}
+
+#[test]
+fn memory_changes_no_answer_and_saves_most_of_the_work() {
+    let mut random = Random(11);
+    for occluders in [20, 60, 150] {
+        let soup = Soup::new(&mut random, 1.0, occluders);
+        let polygons = Arc::new(Occluders::new(&soup.scene));
+        let mut with = LargeOccluders::new(polygons.clone());
+        let mut without = LargeOccluders::new(polygons).with_coherence(false);
+        let (mut computed, mut all) = (0, 0);
+        for frame in 0..400 {
+            let view = walk(frame);
+            let answer = reported(&soup.scene, &view, &mut with);
+            assert_eq!(answer, reported(&soup.scene, &view, &mut without), "frame {frame}");
+            if frame % 40 > 0 {
+                (computed, all) = (computed + with.computed(), all + without.computed());
+            }
+            if frame % 40 > 27 {
+                assert_eq!(with.computed(), 0, "nothing moves");
+            }
+        }
+        println!("{occluders}: {computed} of {all} boxes computed");
+        assert!(computed * 2 < all, "{computed} of {all}");
+    }
+}
+
+#[test]
+fn answers_depend_on_nothing_before_a_reset() {
+    let soup = Soup::new(&mut Random(12), 1.0, 80);
+    let polygons = Arc::new(Occluders::new(&soup.scene));
+    let mut worn = LargeOccluders::new(polygons.clone());
+    (0..100).for_each(|frame| drop(reported(&soup.scene, &walk(frame), &mut worn)));
+    worn.reset();
+    let mut new = LargeOccluders::new(polygons);
+    for frame in 60..180 {
+        let view = walk(frame);
+        assert_eq!(reported(&soup.scene, &view, &mut worn), reported(&soup.scene, &view, &mut new));
+    }
+}
+
+/// A wall, a box behind it, and the cullers that hide the box.
+struct Room {
+    scene: Scene,
+    wall: ObjectId,
+    target: ObjectId,
+    view: View,
+}
+
+impl Room {
+    const WALL: Aabb = Aabb::from_arrays([4.0, -5.0, -5.0], [4.5, 5.0, 5.0]);
+
+    fn new() -> Self {
+        let mut scene = Scene::new();
+        let wall = scene.insert(Object { occluder: true, ..Object::new(Self::WALL) });
+        scene.set_triangles(wall, triangles_of(&Self::WALL)).unwrap();
+        let target = scene.insert(Aabb::from_arrays([8.0, -1.0, -1.0], [9.0, 1.0, 1.0]));
+        // Behind the eye, so that the eye is within the scene, for which regions are made.
+        scene.insert(Aabb::from_arrays([-6.0, -1.0, -1.0], [-5.0, 1.0, 1.0]));
+        scene.prepare_occluders(&Preparation::default());
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
+        Self { scene, wall, target, view }
+    }
+
+    fn cullers(&self) -> Vec<Box<dyn Culler>> {
+        let occluders = Arc::new(Occluders::new(&self.scene));
+        let frusta = ShadowFrusta::new(&self.scene, Occluders::new(&self.scene), 8, 8);
+        vec![
+            Box::new(OcclusionTreeCuller::new(occluders.clone())),
+            Box::new(LargeOccluders::new(occluders)),
+            Box::new(ShadowFrustaCuller::new(frusta.into())),
+            Box::new(OcclusionCuller::new(OcclusionTree::new())),
+        ]
+    }
+
+    fn hides(&self, culler: &mut dyn Culler) -> bool {
+        !reported(&self.scene, &self.view, culler).contains(&self.target)
+    }
+}
+
+#[test]
+fn an_occluder_that_has_changed_hides_no_longer() {
+    type Change = fn(&mut Room);
+    let changes: [(&str, Change); 6] = [
+        ("moved", |room| {
+            let aside = Affine3A::from_translation(Vec3::new(0.0, 30.0, 0.0));
+            let mesh = room.scene.add_mesh(OccluderMesh::cuboid(&Room::WALL).unwrap());
+            room.scene.set_mesh(room.wall, mesh, aside).unwrap();
+        }),
+        ("opened", |room| room.scene.set_occluder(room.wall, false).unwrap()),
+        ("removed", |room| room.scene.remove(room.wall).unwrap()),
+        ("other layers", |room| {
+            room.scene.set_layers(room.wall, 2).unwrap();
+            room.view = room.view.with_layers(1);
+        }),
+        ("cut away", |room| {
+            let plane = visibility_core::Plane::through(DVec3::new(6.0, 0.0, 0.0), DVec3::X);
+            room.view = room.view.with_clip_planes(&[plane]).unwrap();
+        }),
+        ("before the near plane", |room| {
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+            room.view = View::perspective(pose, 1.0, 1.5, 6.0, f64::INFINITY).unwrap();
+        }),
+    ];
+    for (what, change) in changes {
+        let mut room = Room::new();
+        let mut cullers = room.cullers();
+        for culler in &mut cullers {
+            assert!(room.hides(&mut **culler), "{}", culler.name());
+        }
+        change(&mut room);
+        for culler in &mut cullers {
+            assert!(!room.hides(&mut **culler), "{what}: {}", culler.name());
+        }
+    }
+}
+
+#[test]
+fn an_object_that_is_not_drawn_does_not_hide() {
+    let room = Room::new();
+    for culler in &mut room.cullers() {
+        let mut visible = VisibleSet::new();
+        visible.fill(&room.scene, &room.view);
+        visible.retain(&room.scene, |id, _| id != room.wall);
+        culler.cull(&room.scene, &room.view, &mut visible);
+        assert!(visible.contains(&room.scene, room.target), "{}", culler.name());
+    }
+}
+
+#[test]
+fn an_object_that_moves_is_judged_where_it_is() {
+    let mut room = Room::new();
+    for culler in &mut room.cullers() {
+        let hidden = Aabb::from_arrays([8.0, -1.0, -1.0], [9.0, 1.0, 1.0]);
+        for bounds in [hidden, Aabb::from_arrays([2.0, -1.0, -1.0], [3.0, 1.0, 1.0]), hidden] {
+            room.scene.set_bounds(room.target, bounds).unwrap();
+            assert_eq!(room.hides(&mut **culler), bounds == hidden, "{}", culler.name());
+        }
+    }
+}
+
+#[test]
+fn polygons_follow_their_objects_when_brought_up_to_date() {
+    let mut room = Room::new();
+    let mut occluders = Occluders::new(&room.scene);
+    let count = occluders.len();
+    let mesh = room.scene.add_mesh(OccluderMesh::cuboid(&Room::WALL).unwrap());
+    for step in 0..20 {
+        let shift = Affine3A::from_translation(Vec3::new(0.0, [0.0, 0.5, 30.0][step % 3], 0.0));
+        room.scene.set_mesh(room.wall, mesh, shift).unwrap();
+        occluders.sync(&room.scene);
+        assert_eq!(occluders.len(), count);
+        let current = Arc::new(occluders.clone());
+        for culler in [
+            &mut OcclusionTreeCuller::new(current.clone()) as &mut dyn Culler,
+            &mut LargeOccluders::new(current.clone()),
+        ] {
+            assert_eq!(room.hides(culler), step % 3 < 2, "step {step}: {}", culler.name());
+        }
+    }
+    room.scene.remove(room.wall).unwrap();
+    occluders.sync(&room.scene);
+    assert!(occluders.is_empty());
+}
+
+#[test]
+fn nothing_is_allocated_once_warm() {
+    let soup = Soup::new(&mut Random(13), 1.0, 120);
+    let polygons = Arc::new(Occluders::new(&soup.scene));
+    let frusta = Arc::new(ShadowFrusta::new(&soup.scene, Occluders::new(&soup.scene), 16, 24));
+    let cullers: Vec<Box<dyn Culler + Send>> = vec![
+        Box::new(OcclusionTreeCuller::new(polygons.clone())),
+        Box::new(LargeOccluders::new(polygons)),
+        Box::new(ShadowFrustaCuller::new(frusta)),
+        Box::new(OcclusionCuller::new(OcclusionTree::new())),
+    ];
+    for culler in cullers {
+        let name = culler.name().to_owned();
+        let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+        pipeline.push(culler);
+        let mut visible = VisibleSet::new();
+        let views: Vec<View> = (0..240).map(walk).collect();
+        for _ in 0..2 {
+            views.iter().for_each(|view| drop(pipeline.cull(&soup.scene, view, &mut visible)));
+        }
+        let before = ALLOCATIONS.get();
+        views.iter().for_each(|view| drop(pipeline.cull(&soup.scene, view, &mut visible)));
+        assert_eq!(ALLOCATIONS.get() - before, 0, "{name}");
+    }
+}
