@@ -106,18 +106,18 @@ fn fuzz(seed: u64, soups: usize, occluders: usize, scale: f32) -> Judge {
 
 #[test]
 fn hidden_boxes_of_sparse_soups_cannot_be_seen() {
-    assert!(fuzz(1, 24, 40, 1.0).rays > 100_000);
+    assert!(fuzz(1, 16, 40, 1.0).rays > 100_000);
 }
 
 #[test]
 fn hidden_boxes_of_dense_soups_cannot_be_seen() {
-    assert!(fuzz(2, 10, 160, 1.0).rays > 150_000);
+    assert!(fuzz(2, 6, 160, 1.0).rays > 150_000);
 }
 
 #[test]
 fn nor_at_other_magnitudes() {
     for scale in [1e-15, 1e-6, 1e6, 1e15] {
-        assert!(fuzz(3, 3, 60, scale).rays > 5_000, "{scale}");
+        assert!(fuzz(3, 2, 60, scale).rays > 5_000, "{scale}");
     }
 }
 
