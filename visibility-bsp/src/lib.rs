@@ -8,9 +8,9 @@ extern crate alloc;
 extern crate std;
 
 mod cut;
+mod large_occluders;
 mod merge;
 mod naylor;
-mod large_occluders;
 mod occluders;
 mod occlusion_tree;
 mod order_culler;
@@ -21,8 +21,8 @@ mod sight;
 pub mod tree;
 mod volume;
 
-pub use merge::{Solid, SolidError};
 pub use large_occluders::LargeOccluders;
+pub use merge::{Solid, SolidError};
 pub use naylor::{Naylor, Witness};
 pub use occluders::Occluders;
 pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};
