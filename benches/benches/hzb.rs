@@ -1,4 +1,5 @@
-//! The hierarchical z-buffer: drawing boxes by size, bringing the pyramid up to date, testing boxes by size and outcome, and a frame of a made-up town.
+//! The hierarchical z-buffer: drawing boxes and triangles by size, bringing the pyramid up to date, testing boxes by size and outcome, and
+//! whole frames of a made-up town and of built-in scenes.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -8,6 +9,8 @@ use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
     Aabb, FrustumCuller, Object, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View, VisibleSet,
 };
+use visibility_examples::built_in;
+use visibility_examples::walkthrough::World;
 use visibility_hzb::{Hzb, HzbCuller, Simd};
 
 /// 90 degrees wide, so that at a distance of 960 m a metre is a pixel of 1920.
@@ -43,6 +46,55 @@ fn raster(c: &mut Criterion) {
                 });
             });
         }
+    }
+    group.finish();
+}
+
+/// A wavy sheet of 2,048 triangles, of which each is some pixels wide, drawn into an empty buffer.
+fn triangles(c: &mut Criterion) {
+    let mut group = c.benchmark_group("hzb/raster 2048 triangles");
+    group.throughput(Throughput::Elements(2048)).measurement_time(Duration::from_secs(2));
+    for pixels in [2.0, 8.0, 24.0] {
+        let (columns, rows) = (32u32, 32u32);
+        let at = |i: u32, j: u32| {
+            let (y, z) = (i as f32 - 0.5 * columns as f32, j as f32 - 0.5 * rows as f32);
+            Vec3::new(960.0 + 2.0 * pixels * (i as f32 * 0.7).sin(), y * pixels, z * pixels)
+        };
+        let positions: Vec<_> = (0..=rows).flat_map(|j| (0..=columns).map(move |i| at(i, j))).collect();
+        let corner = |i: u32, j: u32| j * (columns + 1) + i;
+        let quads = (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
+        let indices: Vec<_> = quads
+            .flat_map(|(i, j)| {
+                let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+                [[a, b, c], [a, c, d]]
+            })
+            .collect();
+        let sheet = OccluderMesh::from_indexed(&positions, &indices).expect("a sheet").with_two_sided(true);
+        let mut hzb = Hzb::new(1920, 1080).expect("a size in range");
+        group.bench_function(BenchmarkId::from_parameter(pixels), |b| {
+            b.iter(|| {
+                hzb.begin(&view(), DVec3::ZERO);
+                hzb.add(&sheet, &Affine3A::IDENTITY);
+                hzb.flush();
+            });
+        });
+    }
+    group.finish();
+}
+
+/// The built-in city and office as the walkthrough culls them, one frame of a walk after another.
+fn walks(c: &mut Criterion) {
+    let mut group = c.benchmark_group("hzb/frame of a walk");
+    for name in ["plpcity", "office"] {
+        let world =
+            World::new(built_in(name).expect("it is built in"), (1920, 1080), Some(16)).expect("views");
+        let map = Hzb::new(512, 288).expect("a size in range");
+        let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(HzbCuller::new(map));
+        let mut visible = VisibleSet::new();
+        let mut views = world.views.iter().cycle();
+        group.bench_function(name, |b| {
+            b.iter(|| views.next().map(|view| pipeline.cull(&world.scene, view, &mut visible)));
+        });
     }
     group.finish();
 }
@@ -123,5 +175,5 @@ fn frame(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, raster, pyramid, queries, frame);
+criterion_group!(benches, raster, triangles, pyramid, queries, frame, walks);
 criterion_main!(benches);

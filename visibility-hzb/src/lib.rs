@@ -36,8 +36,9 @@
 //!
 //! # Cost
 //! A box or convex occluder costs some 20 ns if it is hidden by nearer ones or out of view, 100 to 300 ns and a few for each tile of
-//! its outline if not: so occluders should come roughly front to back, as the driver adds them. Meshes cost about a nanosecond for
-//! each pixel of each of their triangles. Testing 64 boxes takes 100 to 200 ns.
+//! its outline if not: so occluders should come roughly front to back, as the driver adds them. Other meshes cost about 100 ns a triangle, and
+//! what falls apart into boxes ([`OccluderMesh::parts`](visibility_core::OccluderMesh::parts)) as much as these. Testing 64 boxes takes
+//! 100 to 200 ns.
 //!
 //! # Features
 //! `std` (default) chooses SIMD at run time; without it, `libm` stands in for the few functions that core needs.

@@ -1,0 +1,144 @@
+//! How much the hierarchical z-buffer leaves visible beyond what its own box test reports on an ideal map: the depth of all occluders at
+//! 2560 x 1440, from the item buffer, each pixel of the map as far as its farthest part.
+#![allow(missing_docs)]
+
+use std::path::Path;
+use std::sync::Arc;
+use visibility_core::glam::{Affine3A, DMat4, DVec3, Vec3};
+use visibility_core::measure::ItemBuffer;
+use visibility_core::{
+    Aabb, Accuracy, Culler, FrustumCuller, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, View,
+    VisibleSet,
+};
+use visibility_examples::walkthrough::World;
+use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_hzb::Hzb;
+
+const FINE: [usize; 2] = [2560, 1440];
+
+/// For scenes that are measured only.
+const ANY: f64 = f64::INFINITY;
+
+type Occluders = Arc<Vec<Vec<[Vec3; 3]>>>;
+
+/// The ideal map of a view; perspective only.
+struct Ideal {
+    occluders: Occluders,
+    buffer: ItemBuffer,
+    size: [usize; 2],
+    nearness: Vec<f64>,
+    matrix: DMat4,
+}
+
+impl Ideal {
+    fn new(occluders: Occluders, size: [usize; 2]) -> Self {
+        let buffer = ItemBuffer::new(FINE[0] as u32, FINE[1] as u32).unwrap();
+        Self { occluders, buffer, size, nearness: Vec::new(), matrix: DMat4::IDENTITY }
+    }
+}
+
+impl OcclusionMap for Ideal {
+    fn name(&self) -> &str {
+        "ideal"
+    }
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Approximate
+    }
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        let items = self.occluders.iter().map(|triangles| (0, triangles.as_slice()));
+        self.buffer.draw(view, origin, items).unwrap();
+        self.matrix = view.clip_from(origin);
+        self.nearness = vec![f64::INFINITY; self.size[0] * self.size[1]];
+        for (i, &nearness) in self.buffer.nearness().iter().enumerate() {
+            let (x, y) = (i % FINE[0] * self.size[0] / FINE[0], i / FINE[0] * self.size[1] / FINE[1]);
+            let least = &mut self.nearness[y * self.size[0] + x];
+            *least = least.min(nearness);
+        }
+    }
+    fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
+    fn flush(&mut self) {}
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let mut nearest: f64 = 0.0;
+        for corner in bounds.corners() {
+            let p = self.matrix * corner.as_dvec3().extend(1.0);
+            if p.w <= 0.0 {
+                return Occlusion::Partial;
+            }
+            let at = [(p.x / p.w + 1.0) * 0.5, (1.0 - p.y / p.w) * 0.5];
+            for axis in 0..2 {
+                low[axis] = low[axis].min(at[axis] * self.size[axis] as f64);
+                high[axis] = high[axis].max(at[axis] * self.size[axis] as f64);
+            }
+            nearest = nearest.max(1.0 / p.w);
+        }
+        let range = |axis: usize| {
+            let first = low[axis].max(0.0) as usize;
+            first..(high[axis].max(0.0) as usize + 1).min(self.size[axis])
+        };
+        let hides = |x: usize, y: usize| self.nearness[y * self.size[0] + x] > nearest;
+        if range(1).all(|y| range(0).all(|x| hides(x, y))) { Occlusion::Hidden } else { Occlusion::Partial }
+    }
+}
+
+fn count(culler: &mut dyn Culler, world: &World) -> usize {
+    let mut visible = VisibleSet::new();
+    let mut frustum = FrustumCuller::new();
+    let mut sum = 0;
+    for view in &world.views {
+        visible.fill(&world.scene, view);
+        frustum.cull(&world.scene, view, &mut visible);
+        culler.cull(&world.scene, view, &mut visible);
+        sum += visible.iter(&world.scene).count();
+    }
+    sum
+}
+
+/// Checks a scene; `limit` is the greatest ratio that is put up with.
+fn check(source: SceneSource, limit: f64) {
+    let world = World::new(source, (FINE[0] as u32, FINE[1] as u32), Some(6)).unwrap();
+    let opaque = world.source.objects.iter().filter(|object| object.opaque);
+    let occluders: Occluders = Arc::new(opaque.map(|object| object.triangles.clone()).collect());
+    for size in [[320, 180], [640, 360]] {
+        let ideal = count(&mut OcclusionCuller::new(Ideal::new(occluders.clone(), size)), &world);
+        let all = OcclusionCuller::new(Hzb::new(size[0], size[1]).unwrap());
+        let [all, budget] =
+            [10_000_000, 8192].map(|budget| count(&mut all.clone().with_budget(budget), &world));
+        let ratio = |found: usize| found as f64 / ideal as f64;
+        println!(
+            "{} {}x{}: ideal {ideal}, all occluders {:.3}, 8192 triangles of them {:.3}",
+            world.source.name,
+            size[0],
+            size[1],
+            ratio(all),
+            ratio(budget)
+        );
+        assert!(ratio(all) <= limit, "{} at {size:?}: {all} against {ideal}", world.source.name);
+    }
+}
+
+#[test]
+#[ignore = "takes minutes; prints what it measures"]
+fn little_more_is_visible_than_on_an_ideal_map_in_built_in_scenes() {
+    let scenes = [("london", 1.1), ("plpcity", 1.8), ("town", ANY), ("forest", ANY), ("office", ANY)];
+    for (name, limit) in scenes {
+        check(built_in(name).unwrap(), limit);
+    }
+}
+
+#[test]
+#[ignore = "takes minutes; prints what it measures"]
+fn little_more_is_visible_than_on_an_ideal_map_in_reference_scenes() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
+    if !folder.is_dir() {
+        println!("skipped: the reference scenes are not at {}", folder.display());
+        return;
+    }
+    for (name, limit) in [("denhaag", 1.4), ("alpine1", 1.4), ("oa_dm2", 1.45)] {
+        check(load(&folder.join(format!("{name}.vscn"))).unwrap(), limit);
+    }
+    let mut clinic = load(&folder.join("clinic.vscn")).unwrap();
+    clinic.objects.extend(load(&folder.join("clinic_mep.vscn")).unwrap().objects);
+    check(clinic, ANY);
+    check(cars5(&folder.join("car.vscn")).unwrap(), ANY);
+}
