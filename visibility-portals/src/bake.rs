@@ -4,6 +4,8 @@
 //! at the round's end. The portals with the fewest candidates come first: what they prove hidden thins the candidates of the others, at
 //! once also the other way round, since a line can be walked both ways.
 
+mod saved;
+
 use crate::CellMatrix;
 use crate::flood::{Found, Known, Scratch, flood};
 use crate::matrix::bits;
@@ -49,6 +51,11 @@ pub enum BakeError {
         /// How many portals.
         portals: usize,
     },
+    /// Bytes that are not of a saved bake of this map.
+    Saved {
+        /// What is wrong with them.
+        problem: &'static str,
+    },
     /// A matrix of another number of cells than the graph has.
     Cells {
         /// Cells of the graph.
@@ -70,6 +77,7 @@ impl fmt::Display for BakeError {
             Self::TooLarge { cells, portals } => {
                 write!(f, "{cells} cells and {portals} portals are more than {MOST} of either")
             }
+            Self::Saved { problem } => write!(f, "the saved bake: {problem}"),
             Self::Cells { graph, matrix } => {
                 write!(f, "a matrix of {matrix} cells, where the graph has {graph}")
             }
