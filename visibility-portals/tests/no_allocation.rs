@@ -39,7 +39,7 @@ static ALLOCATOR: Counting = Counting;
 #[test]
 fn frames_doors_and_moving_objects_allocate_nothing_once_warm() {
     let mut random = Random(21);
-    let style = Style { turned: true, slivers: false, mirrors: true, shift: 10.0 };
+    let style = Style { turned: true, slivers: false, mirrors: true, shift: 10.0, tolerance: 1e-9 };
     let mut maze = Maze::new(&mut random, [10, 10, 5], style);
     let portals = maze.cells.graph().portals().len();
     assert!(portals > 500, "{portals}");

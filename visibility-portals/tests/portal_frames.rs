@@ -354,7 +354,7 @@ fn no_input_panics_or_hangs() {
 #[test]
 fn frames_do_not_depend_on_the_frames_before() {
     let mut random = Random(8);
-    let style = Style { turned: false, slivers: false, mirrors: true, shift: 0.0 };
+    let style = Style { turned: false, slivers: false, mirrors: true, shift: 0.0, tolerance: 1e-9 };
     let mazes = [Maze::new(&mut random, [4, 4, 2], style), Maze::new(&mut random, [3, 5, 2], style)];
     let mut used = PortalEye::new();
     for number in 0..200 {

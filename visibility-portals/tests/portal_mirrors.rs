@@ -12,7 +12,8 @@ fn no_reflected_ray_reaches_what_its_reflection_hides() {
     let mut random = Random(11);
     let (mut reached, mut twice, mut hidden, mut seen) = (0, 0, 0u64, 0u64);
     for number in 0..40 {
-        let style = Style { turned: number % 2 == 1, slivers: false, mirrors: true, shift: 10.0 };
+        let style =
+            Style { turned: number % 2 == 1, slivers: false, mirrors: true, shift: 10.0, tolerance: 1e-9 };
         let mut maze = Maze::new(&mut random, [4, 4, 2], style);
         let mut eye = PortalEye::new().with_reflections(64, 2);
         let mut visible = VisibleSet::new();

@@ -75,9 +75,12 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
                 }
             }
             // What a rectangle lets through holds what the polygon in it does. (A box is tested against planes one by one, so near a
-            // sharp corner of a polygon the rectangle may hide one that the polygon keeps.)
+            // sharp corner of a polygon the rectangle may hide one that the polygon keeps; and what either keeps for a great tolerance differs.)
             for cell in eye.seen_cells() {
-                assert!(boxed.sees(cell), "seed {seed}, view {view}: the rectangle does not show {cell:?}");
+                assert!(
+                    style.tolerance > 1e-6 || boxed.sees(cell),
+                    "seed {seed}, view {view}: the rectangle does not show {cell:?}"
+                );
             }
             for _ in 0..rays {
                 let aimed = random.below(3) > 0;
@@ -123,7 +126,7 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
     tally
 }
 
-const PLAIN: Style = Style { turned: false, slivers: false, mirrors: false, shift: 0.0 };
+const PLAIN: Style = Style { turned: false, slivers: false, mirrors: false, shift: 0.0, tolerance: 1e-9 };
 
 #[test]
 fn no_ray_reaches_what_is_hidden_in_straight_mazes() {
@@ -142,5 +145,14 @@ fn no_ray_reaches_what_is_hidden_behind_slivers() {
     let style = Style { slivers: true, ..PLAIN };
     let tally = check(3, [5, 5, 2], style, 10, 60, 200);
     let turned = check(4, [4, 4, 3], Style { turned: true, shift: 1e4, ..style }, 10, 60, 200);
+    assert!(tally.rays + turned.rays > 200_000, "{tally:?} {turned:?}");
+}
+
+/// What is known of cells and portals is off by nearly the tolerance: where margins are missing, it shows.
+#[test]
+fn no_ray_reaches_what_is_hidden_where_cells_are_off_by_the_tolerance() {
+    let style = Style { tolerance: 0.003, ..PLAIN };
+    let tally = check(5, [5, 5, 2], style, 12, 60, 300);
+    let turned = check(6, [4, 4, 3], Style { turned: true, shift: 50.0, ..style }, 12, 60, 300);
     assert!(tally.rays + turned.rays > 200_000, "{tally:?} {turned:?}");
 }

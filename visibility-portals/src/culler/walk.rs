@@ -8,7 +8,7 @@ use super::Narrowing;
 use super::polygon::Outline;
 use super::scene_cells::{NONE, SceneCells};
 use super::side::{Corner, Edge, Side, U, clip};
-use super::sight::{Crossing, Sight};
+use super::sight::{Crossing, Lines, Sight};
 use super::stats::PortalStats;
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -359,7 +359,9 @@ impl Walk {
         let first_corner = self.corners.len() as u32;
         self.corners.extend(self.polygon.iter().map(|corner| corner.at));
         let corners = first_corner..self.corners.len() as u32;
-        let Some(sign) = sign else { return Some((window.clone(), corners)) };
+        let Some(sign) = sign else {
+            return Some((self.edge_on(sight, outline, vertices, window, error), corners));
+        };
         let start = self.sides.len();
         let mut rectangle = window.rectangle;
         match narrowing {
@@ -389,6 +391,45 @@ impl Walk {
         }
         let sides = start as u32..self.sides.len() as u32;
         Some((Window { sides, rectangle, whole: false }, corners))
+    }
+
+    /// The window behind a portal that the eye is in the plane of, as far as can be told: the same, and close to that plane.
+    ///
+    /// Let all vertices be at heights of at most `h` over the plane through the eye, errors included, and what is left of the portal at least
+    /// `r` away. A line of sight that meets it there is at most `h / r` of its length off the plane, however far it goes on. Without this, an eye
+    /// in the plane of a wall would see through all doors of the wall, and back through all others.
+    fn edge_on(
+        &mut self,
+        sight: &Sight,
+        outline: &Outline,
+        vertices: &[DVec3],
+        window: &Window,
+        error: f64,
+    ) -> Window {
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for corner in &self.polygon {
+            (low, high) = (low.min(corner.at), high.max(corner.at));
+        }
+        let nearest = low.max(-high).max(DVec3::ZERO).length() - 2.0 * error;
+        let own = outline.error + sight.error;
+        let height = vertices.iter().fold(0.0, |height: f64, &vertex| {
+            let at = vertex - sight.anchor;
+            height.max(outline.normal.dot(at).abs() + own + 32.0 * U * at.length())
+        });
+        let slope = 2.0 * height / nearest;
+        let eye = matches!(sight.lines, Lines::FromAnchor);
+        if !eye || nearest <= 0.0 || slope.is_nan() || slope > 0.25 {
+            return window.clone();
+        }
+        let start = self.sides.len() as u32;
+        for place in window.sides.clone().take(MOST_SIDES) {
+            self.sides.push(self.sides[place as usize]);
+        }
+        for normal in [outline.normal, -outline.normal] {
+            let plane = visibility_core::Plane::new(normal, 0.0);
+            self.sides.push(Side { plane, slope, slack: 2.0 * own + f64::MIN_POSITIVE });
+        }
+        Window { sides: start..self.sides.len() as u32, rectangle: window.rectangle, whole: false }
     }
 
     /// The ways by which a cell is seen.

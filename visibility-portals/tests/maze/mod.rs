@@ -7,11 +7,10 @@
 
 use visibility_core::glam::{DMat4, DQuat, DVec2, DVec3};
 use visibility_core::{
-    Aabb, CellGraph, CellId, ConvexPolygon, Depth, ObjectId, PortalId, Pose, Scene, View, Viewcell, Viewcells,
+    Aabb, CellGraph, CellId, ConvexPolygon, Depth, ObjectId, Plane, PolygonError, PortalId, Pose, Scene,
+    View, Viewcell, Viewcells,
 };
 use visibility_portals::{MirrorId, Passage, SceneCells};
-
-pub const TOLERANCE: f64 = 1e-9;
 
 /// SplitMix64.
 #[derive(Clone)]
@@ -88,6 +87,8 @@ pub struct Style {
     pub slivers: bool,
     pub mirrors: bool,
     pub shift: f64,
+    /// How far the culler's cells and portals are from those that rays go by: its tolerance.
+    pub tolerance: f64,
 }
 
 impl Maze {
@@ -156,7 +157,7 @@ impl Maze {
                         let cell = if greater { next.unwrap() } else { room };
                         maze.mirror_targets.push(spread(random));
                         mirrors.push((cell, vertices, room * 3 + axis, corners, greater));
-                    } else if let Ok(portal) = ConvexPolygon::new(polygon.iter().copied()) {
+                    } else if let Ok(portal) = astray(random, &polygon, style.tolerance) {
                         let id = PortalId(portals.len() as u32);
                         portals.push((portal, [CellId(room as u32), CellId(next.unwrap() as u32)]));
                         maze.passes.push([true; 2]);
@@ -166,9 +167,16 @@ impl Maze {
                 }
             }
         }
-        let viewcells: Vec<Viewcell> = (0..rooms).map(|room| maze.viewcell(room)).collect();
+        let viewcells = (0..rooms).map(|room| {
+            let moved = random.vector() * style.tolerance * 0.5;
+            let Viewcell { min, max, planes } = maze.viewcell(room);
+            let planes =
+                planes.into_iter().map(|plane| Plane::new(plane.normal, plane.signed_distance(-moved)));
+            Viewcell { min: min + moved, max: max + moved, planes: planes.collect() }
+        });
+        let viewcells: Vec<Viewcell> = viewcells.collect();
         let graph = CellGraph::new(rooms, portals).unwrap();
-        maze.cells = SceneCells::new(graph, Viewcells::new(viewcells), TOLERANCE).unwrap();
+        maze.cells = SceneCells::new(graph, Viewcells::new(viewcells), style.tolerance).unwrap();
         for (cell, vertices, wall, corners, greater) in mirrors {
             if let Ok(polygon) = ConvexPolygon::new(vertices) {
                 let id = maze.cells.add_mirror(CellId(cell as u32), &polygon).unwrap();
@@ -238,7 +246,7 @@ impl Maze {
         let (low, high) = (self.to_world(corner([0; 3])), self.to_world(corner([1; 3])));
         let planes = (0..3).flat_map(|axis| {
             let normal = self.turn * DVec3::AXES[axis];
-            [visibility_core::Plane::through(low, normal), visibility_core::Plane::through(high, -normal)]
+            [Plane::through(low, normal), Plane::through(high, -normal)]
         });
         Viewcell { min, max, planes: planes.collect() }
     }
@@ -332,6 +340,15 @@ impl Maze {
             }
         }
     }
+}
+
+/// The same polygon, smaller and elsewhere by less than so much.
+fn astray(random: &mut Random, polygon: &[DVec3], tolerance: f64) -> Result<ConvexPolygon, PolygonError> {
+    let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
+    let size = polygon.iter().fold(0.0, |size: f64, p| size.max(p.distance(middle)));
+    let moved = random.vector() * tolerance * 0.28;
+    let smaller = 1.0 - (0.5 * tolerance / size).min(0.5);
+    ConvexPolygon::new(polygon.iter().map(|&p| middle + (p - middle) * smaller + moved))
 }
 
 /// A convex polygon in a rectangle: anything from nearly all of it to a sliver or next to nothing.
