@@ -145,10 +145,14 @@ impl<const D: usize> Solver<D> {
         match self.levels.solve(constraints.len(), constraint, objective, [bound; D]) {
             Ok(x) => Greatest::At(x),
             // A conflict may be half-spaces that touch; there may be others that contradict each other.
-            Err(_) => match self.feasible(constraints, bound) {
-                Feasible::No(certificate) => Greatest::Infeasible(certificate),
-                _ => Greatest::Unknown,
-            },
+            Err(stop) => {
+                let certificate =
+                    (stop == Stop::Conflict).then(|| self.certificate(constraints, bound)).flatten();
+                match certificate.map_or_else(|| self.feasible(constraints, bound), Feasible::No) {
+                    Feasible::No(certificate) => Greatest::Infeasible(certificate),
+                    _ => Greatest::Unknown,
+                }
+            }
         }
     }
 

@@ -181,6 +181,14 @@ macro_rules! level {
                         *s *= -inverse;
                     }
                     self.$lower_rows.clear();
+                    for (earlier, tag) in &self.$rows[..i] {
+                        let mut row: [f64; $d] = without(earlier, k);
+                        for (r, s) in row.iter_mut().zip(&sum) {
+                            *r += earlier[k] * s;
+                        }
+                        self.$lower_rows.push((normalised(row), *tag));
+                    }
+                    // The bounds of x_k last: they seldom matter.
                     let bound = self.bounds[variables[k]];
                     for (side, tag) in [-1.0, 1.0].into_iter().zip(sides(variables[k])) {
                         let mut row = sum;
@@ -189,13 +197,6 @@ macro_rules! level {
                         }
                         row[$less] += bound;
                         self.$lower_rows.push((normalised(row), tag));
-                    }
-                    for (earlier, tag) in &self.$rows[..i] {
-                        let mut row: [f64; $d] = without(earlier, k);
-                        for (r, s) in row.iter_mut().zip(&sum) {
-                            *r += earlier[k] * s;
-                        }
-                        self.$lower_rows.push((normalised(row), *tag));
                     }
                     self.take_steps(i + 3)?;
                     let mut lower_objective: [f64; $less] = without(&objective, k);
@@ -213,6 +214,9 @@ macro_rules! level {
                     for x in &x {
                         allowed = greater(allowed, x.abs() * TOLERANCE);
                     }
+                    // What mattered once matters again: programs of one dimension less look at it first (Emo Welzl, "Smallest Enclosing Disks
+                    // (Balls and Ellipsoids)", 1991).
+                    self.$rows[..=i].rotate_right(1);
                 }
                 Ok(x)
             }

@@ -196,7 +196,11 @@ fn agrees_with_exact_arithmetic_and_with_microlp() {
 #[test]
 #[ignore = "minutes"]
 fn agrees_a_million_times() {
-    println!("{:?}", run(1_000_000, 2));
+    std::thread::scope(|scope| {
+        for seed in 2..10 {
+            scope.spawn(move || println!("{:?}", run(125_000, seed)));
+        }
+    });
 }
 
 /// One that came up: many opposites that are nearly parallel, so that each elimination takes digits.
