@@ -43,7 +43,7 @@ fn dimension<const D: usize>(c: &mut Criterion) {
     group.measurement_time(Duration::from_secs(2)).warm_up_time(Duration::from_secs(1));
     for count in [5, 20, 80] {
         let all = programs::<D>(count, &mut Random(D as u64));
-        let objective = std::array::from_fn(|k| 1.0 - 0.3 * k as f64);
+        let objective: [f64; D] = std::array::from_fn(|k| 1.0 - 0.3 * k as f64);
         let (mut solver, mut next) = (Solver::new(), 0);
         let mut turn = || {
             next = (next + 1) % PROGRAMS;
@@ -72,7 +72,7 @@ fn stabbing(c: &mut Criterion) {
         for _ in 0..PROGRAMS {
             let (mut plan, mut space) = (Vec::new(), Vec::new());
             for i in 0..length {
-                let mut at = |size| f64::from(random.within(-size, size));
+                let mut at = |size: f32| f64::from(random.within(-size, size));
                 let (x, y, z) = (4.0 * i as f64, at(1.0), at(1.0));
                 plan.push([DVec2::new(x + at(1.0), y + 1.2), DVec2::new(x, y - 1.2)]);
                 let corners = [[-1.2, -1.2], [1.2, -1.2], [1.2, 1.2], [-1.2, 1.2]];
