@@ -247,10 +247,11 @@ impl Walk {
             }
             *word |= 1 << (index % 64);
             let Some(id) = stage.scene.id_at(index) else { continue };
-            if !stage.visible.contains(stage.scene, id) {
+            // Cheaper than to ask the set.
+            if (stage.rules.one_sided || !inside) && is_out_of_sight(stage, id, inside) {
                 continue;
             }
-            if (stage.rules.one_sided || !inside) && is_out_of_sight(stage, id, inside) {
+            if !stage.visible.contains(stage.scene, id) {
                 continue;
             }
             if !unlimited {
@@ -284,6 +285,10 @@ impl Walk {
         tessellation.for_each_face(cell, &mut |face| faces.push(*face));
         for face in faces.iter().filter(|face| stage.sight.may_leave(face.point, face.normal)) {
             let neighbour = face.neighbour;
+            let known = &self.cells[neighbour as usize];
+            if known.frame == self.frame && known.state != State::Waiting {
+                continue;
+            }
             let center = tessellation.center(neighbour);
             if !self.enter(stage, neighbour, center) {
                 continue;
