@@ -375,3 +375,78 @@ fn crossing(p: Corner, q: Corner, dp: f64, dq: f64) -> Corner {
     let t = dp / (dp - dq);
     Corner::new(p.x + (q.x - p.x) * t, p.y + (q.y - p.y) * t)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn polygon(corners: &[(f64, f64)]) -> Vec<Corner> {
+        corners.iter().map(|&(x, y)| Corner::new(x, y)).collect()
+    }
+
+    const ERROR: f64 = 1e-13;
+
+    #[test]
+    fn a_picture_covered_by_polygons_is_closed_though_their_corners_are_rounded() {
+        // Rows of quadrangles, each divided at other places, their common edge slanted: corners of one row lie on edges of the next, within rounding.
+        let mut beams = Beams::default();
+        beams.begin(ERROR);
+        let (rows, slant) = (9, 0.0371);
+        let height = |row: usize, x: f64| -1.2 + 2.4 * row as f64 / rows as f64 + slant * x;
+        for row in 0..rows {
+            let columns = 5 + row * 3 % 7;
+            for column in 0..columns {
+                assert!(!beams.is_closed());
+                let at = |c: usize| -1.1 + 2.2 * c as f64 / columns as f64;
+                let noise = |c: usize| if (c * 7 + row * 3) % 5 < 2 { 0.5 * ERROR } else { -0.5 * ERROR };
+                let (left, right) = (at(column), at(column + 1));
+                let quad = polygon(&[
+                    (left, height(row, left) + noise(column)),
+                    (right, height(row, right) + noise(column + 1)),
+                    (right, height(row + 1, right) - noise(column + 1)),
+                    (left, height(row + 1, left) - noise(column)),
+                ]);
+                assert!(beams.add(&quad, ERROR));
+            }
+        }
+        assert!(beams.is_closed());
+        assert!(!beams.is_seen(&polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.0, 0.5)])));
+    }
+
+    #[test]
+    fn gaps_are_seen_through_down_to_the_tolerance() {
+        for (gap, seen) in [(0.1, true), (1e-3, true), (1e-6, true), (1e-9, false)] {
+            let mut beams = Beams::default();
+            beams.begin(ERROR);
+            let half = 0.5 * gap;
+            beams.add(&polygon(&[(-2.0, -2.0), (0.3 - half, -2.0), (0.3 - half, 2.0), (-2.0, 2.0)]), ERROR);
+            beams.add(&polygon(&[(0.3 + half, -2.0), (2.0, -2.0), (2.0, 2.0), (0.3 + half, 2.0)]), ERROR);
+            assert_eq!(beams.is_seen(&polygon(&[(-0.9, -0.9), (0.9, -0.8), (0.9, 0.9)])), seen, "{gap}");
+            let witness = beams.witness();
+            assert!(!seen || (witness.x - 0.3).abs() <= half && witness.width <= gap);
+        }
+    }
+
+    #[test]
+    fn polygons_with_short_edges_hide_what_is_behind_them() {
+        // A spike without its tip, and a strip: their short edges have any direction.
+        for shape in [
+            &[(-0.9, -0.5), (0.9, 1e-9), (0.9, 2e-9), (-0.9, 0.5)][..],
+            &[(-0.9, 0.0), (0.9, 0.0), (0.9, 1e-6), (-0.9, 1e-6)],
+        ] {
+            let mut beams = Beams::default();
+            beams.begin(ERROR);
+            let shape = polygon(shape);
+            assert!(beams.add(&shape, ERROR));
+            assert!(!beams.is_seen(&shape));
+            // And nothing beside them.
+            assert!(beams.is_seen(&polygon(&[(0.91, -0.1), (0.95, -0.1), (0.95, 0.1), (0.91, 0.1)])));
+            assert!(beams.is_seen(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])));
+        }
+        // What is hardly more than a point hides nothing.
+        let mut beams = Beams::default();
+        beams.begin(ERROR);
+        beams.add(&polygon(&[(0.3, 0.3), (0.3 + 1e-13, 0.3), (0.3, 0.3 + 1e-13)]), ERROR);
+        assert!(beams.is_seen(&polygon(&[(0.2, 0.2), (0.4, 0.2), (0.3, 0.4)])));
+    }
+}
