@@ -1,0 +1,66 @@
+//! The cullers with large occluders on every scene: nothing that an item buffer of 2560 x 1440 sees is hidden, and enough of what it does not see is.
+#![allow(missing_docs)]
+
+use std::path::Path;
+use std::sync::Arc;
+use visibility_bsp::{
+    LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
+};
+use visibility_core::{Culler, FrustumCuller, OcclusionCuller, Pipeline};
+use visibility_examples::walkthrough::{Trial, World, judge, run};
+use visibility_examples::{SceneSource, built_in, cars5, load};
+
+const JUDGE: (u32, u32) = (2560, 1440);
+
+fn trial(name: &str, world: &World, culler: impl Culler + Send + 'static) -> Trial {
+    run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
+}
+
+/// Runs all of them; how much of what could be culled beyond the frustum the occlusion tree with 64 polygons culls.
+fn check(source: SceneSource, frames: usize) -> f64 {
+    let world = World::new(source, JUDGE, Some(frames)).unwrap();
+    let occluders = Arc::new(Occluders::new(&world.scene));
+    let frusta = ShadowFrusta::new(&world.scene, Occluders::clone(&occluders), 64, 32);
+    let trials = [
+        run("frustum".to_owned(), Pipeline::new().with(FrustumCuller::new()), &world),
+        trial("tree", &world, OcclusionTreeCuller::new(occluders.clone())),
+        // The more is used, the more could go wrong.
+        trial("tree of 1000", &world, OcclusionTreeCuller::new(occluders.clone()).with_polygons(1000)),
+        trial("tree of meshes", &world, OcclusionCuller::new(OcclusionTree::new().with_polygons(300))),
+        trial("frusta", &world, ShadowFrustaCuller::new(frusta.into())),
+        trial("large", &world, LargeOccluders::new(occluders).with_polygons(128)),
+    ];
+    let judgement = judge(&world, &trials, || ()).unwrap();
+    print!("{}: exact {:.1}", world.source.name, judgement.mean_exact());
+    for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
+        print!(", {} {:.1}", trial.name, trial.mean_visible());
+        assert_eq!(verdict.false_hidden, 0, "{}, {}: {:?}", world.source.name, trial.name, verdict.hidden);
+    }
+    println!();
+    let frustum = trials[0].mean_visible();
+    (frustum - trials[1].mean_visible()) / (frustum - judgement.mean_exact())
+}
+
+#[test]
+fn nothing_visible_is_hidden_in_built_in_scenes() {
+    for (name, least) in [("plpcity", 0.6), ("london", 0.8), ("town", 0.7), ("forest", 0.0), ("office", 0.8)]
+    {
+        let share = check(built_in(name).unwrap(), 3);
+        println!("{name}: {share:.3} of what can be culled");
+        assert!(share >= least, "{name}: {share}");
+    }
+}
+
+#[test]
+fn nothing_visible_is_hidden_in_reference_scenes() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
+    if !folder.is_dir() {
+        println!("skipped: the reference scenes are not at {}", folder.display());
+        return;
+    }
+    for name in ["clinic", "denhaag", "alpine1", "oa_dm2"] {
+        let share = check(load(&folder.join(format!("{name}.vscn"))).unwrap(), 3);
+        println!("{name}: {share:.3} of what can be culled");
+    }
+    check(cars5(&folder.join("car.vscn")).unwrap(), 3);
+}
