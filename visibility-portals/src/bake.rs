@@ -23,7 +23,11 @@ pub struct Settings {
     /// The most chains of portals to look at for one cell. When it is reached, the cell sees all that is still possible.
     pub steps_per_cell: u64,
     /// Whether chains of portals through which separating planes leave a way are tested in Pluecker space too, where that decides whether
-    /// a cell is seen: fewer cells, for somewhat more time.
+    /// a cell is seen: never more cells, for somewhat more time.
+    ///
+    /// What is certain is each rejection: of the edges of a few portals of the chain, a certificate shows that no line passes all of them
+    /// clear by the clearance. What is kept need not be visible: half-spaces that have a point in common may still miss the quadric that
+    /// lines form ([`stabbing`](crate::stabbing) says more), and what they have in common by less than `f64` can tell is kept, too.
     pub exact: bool,
 }
 

@@ -2,6 +2,7 @@
 
 use super::Known;
 use super::frame::Frame;
+use super::witness::Refuted;
 use crate::matrix::bits;
 use crate::stabbing::pluecker::Pluecker;
 use alloc::vec::Vec;
@@ -42,6 +43,9 @@ pub(crate) struct Scratch {
     pub(crate) stamp: u32,
     pub(crate) queue: Vec<u32>,
     pub(crate) pluecker: Pluecker,
+    /// What was excluded lately in this flood, and which of it is to be forgotten next.
+    pub(crate) refuted: Vec<Refuted>,
+    pub(crate) oldest: usize,
 }
 
 const NO_ROW: u32 = u32::MAX;
@@ -95,6 +99,9 @@ impl Scratch {
         self.planes.clear();
         self.sets.clear();
         self.frames.clear();
+        // Of this flood alone: which came before depends on the threads.
+        self.refuted.clear();
+        self.oldest = 0;
     }
 
     /// Where, in `rows`, the row of a candidate among the candidates begins.

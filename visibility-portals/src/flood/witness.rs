@@ -1,10 +1,21 @@
 //! A line that proves what a flood found.
 
 use super::{Known, Scratch};
+use crate::lp::MOST;
 use crate::portals::Directed;
 use crate::stabbing::pluecker::Polytope;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
+
+/// Portals, each the one way, that no line passes all of, by a certificate.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Refuted {
+    portals: [u32; MOST],
+    count: usize,
+}
+
+/// So many of the last proofs of a flood are kept.
+const REMEMBERED: usize = 32;
 
 impl Scratch {
     /// The line from the middle of the source's part to the middle of the target's, by two points.
@@ -24,13 +35,37 @@ impl Scratch {
     /// Whether it is certain, and wanted to be known, that no line goes through all portals of the chain and a last one.
     pub(crate) fn is_excluded(&mut self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let (Some(clearance), Some(direction)) = (known.exact, (b - a).try_normalize()) else { return false };
+        if self.is_refuted(target) {
+            return true;
+        }
         let frames = &self.frames;
         let opening = |i: usize| {
             let portal = frames.get(i).map_or(target, |frame| frame.portal);
             known.portals.opening(&known.portals.all[portal as usize])
         };
         let line = (a, direction);
-        matches!(self.pluecker.test(opening, frames.len() + 1, line, clearance), Polytope::Empty(_))
+        let answer = self.pluecker.test(opening, frames.len() + 1, line, clearance);
+        if answer == Polytope::Open {
+            return false;
+        }
+        let mut refuted = Refuted { portals: [0; MOST], count: 0 };
+        for &place in &self.pluecker.needed {
+            refuted.portals[refuted.count] = frames.get(place as usize).map_or(target, |frame| frame.portal);
+            refuted.count += 1;
+        }
+        if self.refuted.len() < REMEMBERED {
+            self.refuted.push(refuted);
+        } else {
+            self.refuted[self.oldest] = refuted;
+        }
+        self.oldest = (self.oldest + 1) % REMEMBERED;
+        true
+    }
+
+    /// Whether a chain with the same portals, and maybe others between them, was excluded before.
+    fn is_refuted(&self, target: u32) -> bool {
+        let has = |portal: u32| portal == target || self.frames.iter().any(|frame| frame.portal == portal);
+        self.refuted.iter().any(|refuted| refuted.portals[..refuted.count].iter().all(|&portal| has(portal)))
     }
 }
 

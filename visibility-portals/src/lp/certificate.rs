@@ -213,3 +213,6 @@ impl<const K: usize> Elimination<K> {
         multipliers
     }
 }
+
+#[cfg(test)]
+mod tests;

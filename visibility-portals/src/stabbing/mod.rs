@@ -3,6 +3,9 @@
 //! [`Stabber`] answers for segments of a floor plan, for axis-aligned rectangles and for convex polygons in space, each time with a line that
 //! does, a certificate that none does, or *maybe*; rounding never makes one of the first two out of the third. The planes that separate portals
 //! answer a part of the same question faster, as the floods of a [`CellBake`](crate::CellBake) do: [`antipenumbra`].
+//!
+//! In the plane, *maybe* means that lines have less room than rounding takes. In space it can mean, too, that any few edges leave a line but
+//! all together do not: certificates are of linear programs, and the lines among the points of Pluecker space are those of a quadric.
 
 mod plan;
 pub(crate) mod pluecker;
@@ -77,7 +80,8 @@ impl Rectangle {
     }
 }
 
-/// Looks for lines through sequences. Its memory serves one sequence after another.
+/// Looks for lines through sequences. Its memory serves one sequence after another: once it has seen the longest, it allocates nothing,
+/// unless for polygons of more than eight vertices.
 ///
 /// ```
 /// use visibility_core::glam::DVec2;
@@ -96,13 +100,25 @@ pub struct Stabber {
     edges: Vec<Edge>,
     /// Where the edges of each polygon end, and its normal.
     ends: Vec<(usize, DVec3)>,
+    /// Rectangles as seen along an axis, and which of them each segment is; their corners.
+    seen: Vec<[DVec2; 2]>,
+    of: Vec<u32>,
+    corners: Vec<[DVec3; 4]>,
 }
 
 impl Stabber {
     /// For lines that stay clear of all edges by a distance, in the unit of the coordinates.
     pub fn new(clearance: f64) -> Self {
-        let (plan, pluecker) = (plan::Plan::default(), Pluecker::default());
-        Self { clearance, plan, pluecker, edges: Vec::new(), ends: Vec::new() }
+        Self {
+            clearance,
+            plan: plan::Plan::default(),
+            pluecker: Pluecker::default(),
+            edges: Vec::new(),
+            ends: Vec::new(),
+            seen: Vec::new(),
+            of: Vec::new(),
+            corners: Vec::new(),
+        }
     }
 
     /// A line in the plane through segments, each given by the end that it passes on its left and the one on its right.
@@ -117,25 +133,27 @@ impl Stabber {
     /// (Self::segments) of one axis exclude it there is none (Teller and Sequin, 1991). Otherwise it is looked for as in
     /// [`polygons`](Self::polygons).
     pub fn rectangles(&mut self, rectangles: &[Rectangle]) -> Stab<[DVec3; 2]> {
-        let mut seen = Vec::with_capacity(rectangles.len());
-        let mut of = Vec::with_capacity(rectangles.len());
         for axis in 0..3 {
-            seen.clear();
-            of.clear();
+            self.seen.clear();
+            self.of.clear();
             for (i, rectangle) in rectangles.iter().enumerate() {
                 if let Some(ends) = rectangle.seen_along(axis) {
-                    seen.push(ends);
-                    of.push(i);
+                    self.seen.push(ends);
+                    self.of.push(i as u32);
                 }
             }
-            if let Stab::No(certificate) = self.segments(&seen) {
+            if let Stab::No(certificate) = self.plan.stab(&self.seen, self.clearance) {
                 // The ends are edges along the axis: named by what they are of, two for each rectangle.
-                let ends = certificate.renumbered(|end| 2 * of[end as usize / 2] as u32 + end % 2);
-                return Stab::No(ends);
+                let of = &self.of;
+                return Stab::No(certificate.renumbered(|end| 2 * of[end as usize / 2] + end % 2));
             }
         }
-        let corners: Vec<_> = rectangles.iter().map(Rectangle::corners).collect();
-        self.polygons(&corners)
+        let mut corners = core::mem::take(&mut self.corners);
+        corners.clear();
+        corners.extend(rectangles.iter().map(Rectangle::corners));
+        let answer = self.polygons(&corners);
+        self.corners = corners;
+        answer
     }
 
     /// A line through planar convex polygons, each given by its vertices, counter-clockwise around the way that the line takes.

@@ -1,0 +1,158 @@
+//! Proofs against exact arithmetic: no rounding, no sign and no elimination that went wrong makes one.
+
+use super::*;
+use alloc::vec::Vec;
+
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ z >> 31
+    }
+
+    /// An integer of up to so many bits.
+    fn integer(&mut self, bits: u32) -> i128 {
+        (i128::from(self.bits()) << 32 | i128::from(self.bits() & 0xffff_ffff)) >> (96 - bits)
+    }
+
+    fn small(&mut self, most: i64) -> i64 {
+        (self.bits() % (2 * most as u64 + 1)) as i64 - most
+    }
+}
+
+/// The nearest number of twice the length.
+fn nearest(v: i128) -> Double {
+    let hi = v as f64;
+    Double { hi, lo: (v - hi as i128) as f64 }
+}
+
+fn exact(a: Double) -> i128 {
+    a.hi as i128 + a.lo as i128
+}
+
+fn row(normal: i128, least: f64) -> Row<1> {
+    Row { normal: [nearest(normal)], error: 0.0, least }
+}
+
+/// Multipliers and numbers whose products have more digits than can be kept; the last one makes the sum as good as nothing. What is left of
+/// it is known exactly.
+fn cancelling(random: &mut Random) -> ([Double; 4], [i128; 4], i128) {
+    let l: [i128; 3] = core::array::from_fn(|_| random.integer(66) | 1 << 65);
+    let h: [i128; 3] = core::array::from_fn(|_| random.integer(50) | 1);
+    let sum: i128 = l.iter().zip(&h).map(|(l, h)| l * h).sum();
+    let last = nearest(sum);
+    ([nearest(l[0]), nearest(l[1]), nearest(l[2]), last], [h[0], h[1], h[2], -1], sum - exact(last))
+}
+
+#[test]
+fn what_rounding_leaves_of_sums_that_cancel_is_no_proof() {
+    let (mut random, mut tempting) = (Random(1), [0; 2]);
+    for _ in 0..100_000 {
+        let (l, h, rest) = cancelling(&mut random);
+        let multipliers = [l[0], l[1], l[2], l[3], Double::from(1.0)];
+        let add = |sum: Double, i: usize| sum.plus(l[i].times(nearest(h[i])));
+        let rounded = exact((0..4).fold(Double::ZERO, add));
+        let near = rest.abs() as f64;
+        // The rest of the normals against a least value that it can just reach.
+        let rows = |least| [row(h[0], 0.0), row(h[1], 0.0), row(h[2], 0.0), row(-1, 0.0), row(0, least)];
+        assert!(!proves(&rows(near), &[1.0], &multipliers), "{l:?} {h:?}");
+        tempting[0] += u32::from(rounded.abs() < rest.abs());
+        // With room for the rounding it is one: 2^-90 of 2^118.
+        assert!(proves(&rows(near + 2f64.powi(28)), &[1.0], &multipliers), "{l:?} {h:?}");
+        // The same rest on the other side: least values that cancel, against a normal.
+        let least = |i: usize| row(0, h[i] as f64);
+        let rows = |normal| [least(0), least(1), least(2), least(3), row(normal, 0.0)];
+        assert!(!proves(&rows(rest.abs()), &[1.0], &multipliers), "{l:?} {h:?}");
+        tempting[1] += u32::from(rounded > rest.abs());
+    }
+    // So often plain evaluation would have believed it.
+    assert!(tempting.iter().all(|&count| count > 1000), "{tempting:?}");
+}
+
+#[test]
+fn what_is_not_known_of_the_normals_is_no_proof() {
+    // 1 <= 0 x for an x of at most 1, if the coefficient may be 1 as well.
+    let zero = |error| [Row { normal: [Double::ZERO], error, least: 1.0 }];
+    assert!(proves(&zero(0.5), &[1.0], &[Double::from(1.0)]));
+    assert!(!proves(&zero(1.0), &[1.0], &[Double::from(1.0)]));
+    assert!(!proves(&zero(0.5), &[2.0], &[Double::from(1.0)]));
+}
+
+#[test]
+fn negative_multipliers_and_what_is_no_number_prove_nothing() {
+    let one = Double::from(1.0);
+    // x >= 1, and x >= 0: their difference would say 0 >= 1.
+    let rows = [row(1, 1.0), row(1, 0.0)];
+    for bad in [one.negated(), Double { hi: 1.0, lo: -2.0 }, Double::from(f64::NAN)] {
+        assert!(!proves(&rows, &[5.0], &[one, bad]), "{bad:?}");
+    }
+    let contradiction = [row(1, 1.0), row(-1, 0.0)];
+    assert!(proves(&contradiction, &[5.0], &[one, one]));
+    for bad in [f64::NAN, f64::INFINITY] {
+        assert!(!proves(&contradiction, &[bad], &[one, Double::from(0.5)]));
+        assert!(!proves(&[row(1, bad), row(-1, 0.0)], &[5.0], &[one, one]));
+        assert!(!proves(&contradiction, &[5.0], &[Double::from(bad), Double::from(bad)]));
+    }
+}
+
+/// Rows that a point of integers satisfies, most of them only just: small ones, of which many combine to nothing, and opposites that differ in
+/// the last digits.
+fn through_a_point<const K: usize>(random: &mut Random) -> (Vec<[i64; K]>, Vec<i64>) {
+    let point: [i64; K] = core::array::from_fn(|_| random.small(9));
+    let count = 2 + random.bits() as usize % (MOST - 1);
+    let fine = [0, 20, 34][random.bits() as usize % 3];
+    let mut normals: Vec<[i64; K]> = Vec::new();
+    while normals.len() < count {
+        let normal: [i64; K] = core::array::from_fn(|_| random.small(2) << fine);
+        normals.push(normal);
+        if normals.len() < count && random.bits().is_multiple_of(2) {
+            normals.push(normal.map(|h| -h + random.small(1)));
+        }
+    }
+    let through = |normal: &[i64; K]| normal.iter().zip(&point).map(|(h, x)| h * x).sum::<i64>();
+    let least =
+        normals.iter().map(|normal| through(normal) - i64::from(random.bits().is_multiple_of(8))).collect();
+    (normals, least)
+}
+
+fn rows_of<const K: usize>((normals, least): &(Vec<[i64; K]>, Vec<i64>)) -> Vec<Row<K>> {
+    let row = |(normal, &least): (&[i64; K], &i64)| Row {
+        normal: normal.map(|h| Double::from(h as f64)),
+        error: 0.0,
+        least: least as f64,
+    };
+    normals.iter().zip(least).map(row).collect()
+}
+
+fn never_refuted<const K: usize>(random: &mut Random) {
+    let mut refuted = 0;
+    for _ in 0..30_000 {
+        let mut all = through_a_point::<K>(random);
+        let rows = rows_of(&all);
+        assert!(find(&rows, &[9.0; K]).is_none(), "{all:?}");
+        // The same, and one more that asks for the opposite of the sum of the others, by as little as a half.
+        if all.0.len() < MOST.min(K + 1) {
+            let mut opposite = [0; K];
+            all.0.iter().for_each(|n| opposite.iter_mut().zip(n).for_each(|(sum, h)| *sum -= h));
+            let least = -all.1.iter().sum::<i64>();
+            all.0.push(opposite);
+            all.1.push(least);
+            let mut rows = rows_of(&all);
+            rows[0].least += 0.5;
+            refuted += u32::from(find(&rows, &[9.0; K]).is_some());
+        }
+    }
+    assert!(refuted > 1000, "{K}: {refuted}");
+}
+
+#[test]
+fn what_has_a_point_is_never_refuted() {
+    let mut random = Random(2);
+    never_refuted::<2>(&mut random);
+    never_refuted::<3>(&mut random);
+    never_refuted::<5>(&mut random);
+    never_refuted::<6>(&mut random);
+}

@@ -1,0 +1,231 @@
+//! What certificates reject: sequences of which nothing else says so, and never one with a line.
+
+use visibility_core::ConvexPolygon;
+use visibility_core::glam::DVec3;
+use visibility_portals::stabbing::{Stab, Stabber, antipenumbra};
+
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ z >> 31
+    }
+
+    /// From `-most` to `most`.
+    fn integer(&mut self, most: i64) -> i64 {
+        (self.bits() % (2 * most as u64 + 1)) as i64 - most
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * ((self.bits() >> 11) as f64 * 2f64.powi(-53))
+    }
+
+    fn direction(&mut self) -> DVec3 {
+        loop {
+            let v = DVec3::from_array([0; 3].map(|_| self.between(-1.0, 1.0)));
+            if v.length() <= 1.0 && v.length() > 0.01 {
+                return v.normalize();
+            }
+        }
+    }
+}
+
+/// Triangles, quadrangles or slits around a line, to be passed in a row; their edges lie in planes along the line, some at the distance given,
+/// the others much farther off. Each is moved across the line by up to `off`.
+fn around(count: usize, slits: bool, distance: f64, off: f64, random: &mut Random) -> Vec<Vec<DVec3>> {
+    let direction = random.direction();
+    let (u, start) = (direction.any_orthonormal_vector(), random.direction() * random.between(0.0, 100.0));
+    let v = direction.cross(u);
+    let mut at = 0.0;
+    let mut polygons = Vec::new();
+    while polygons.len() < count {
+        let corners = if slits { 4 } else { 3 + random.bits() as usize % 2 };
+        let turn = random.between(0.0, 1.0);
+        let walls: Vec<(DVec3, f64)> = (0..corners)
+            .map(|i| {
+                let angle = (i as f64 + turn) / corners as f64 * core::f64::consts::TAU;
+                let tight = if slits { i % 2 == 0 } else { random.bits().is_multiple_of(2) };
+                let far = if tight { distance } else { random.between(0.5, 4.0) };
+                (u * angle.cos() + v * angle.sin(), far)
+            })
+            .collect();
+        let normal = (direction + random.direction() * random.between(0.0, 0.9)).normalize();
+        at += random.between(1.0, 10.0);
+        let moved = (u * random.between(-1.0, 1.0) + v * random.between(-1.0, 1.0)) * off;
+        let vertices: Vec<DVec3> = (0..corners)
+            .map(|i| {
+                // Where two walls meet: out . a = far_a, out . b = far_b.
+                let ((a, far_a), (b, far_b)) = (walls[i], walls[(i + 1) % corners]);
+                let (ab, sine) = (a.dot(b), 1.0 - a.dot(b) * a.dot(b));
+                let out = a * ((far_a - ab * far_b) / sine) + b * ((far_b - ab * far_a) / sine);
+                start + moved + out + direction * (at - normal.dot(out) / normal.dot(direction))
+            })
+            .collect();
+        polygons.push(vertices);
+    }
+    polygons
+}
+
+fn passes_planes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
+    let all = polygons.iter().map(|p| ConvexPolygon::new(p.iter().copied()).unwrap());
+    antipenumbra(&all.collect::<Vec<_>>(), clearance).unwrap()
+}
+
+/// How far a line stays inside of all edges; negative if it does not.
+fn clearance_of(polygons: &[Vec<DVec3>], from: DVec3, to: DVec3) -> f64 {
+    let d = to - from;
+    let mut least = f64::INFINITY;
+    for polygon in polygons {
+        for (i, &a) in polygon.iter().enumerate() {
+            let e = polygon[(i + 1) % polygon.len()] - a;
+            let across = d.cross(e);
+            least = least.min(across.dot(from - a) / across.length());
+        }
+    }
+    least
+}
+
+/// The line that stays farthest inside of all edges, as far as walking uphill from several places finds it. Knows nothing of
+/// Pluecker's coordinates nor of planes that separate.
+fn best_line(polygons: &[Vec<DVec3>], random: &mut Random) -> f64 {
+    let ends = [&polygons[0], &polygons[polygons.len() - 1]].map(|p| {
+        let middle = p.iter().fold(DVec3::ZERO, |sum, &v| sum + v) / p.len() as f64;
+        let radius = p.iter().fold(0.0, |r: f64, v| r.max(v.distance(middle)));
+        let n = (p[1] - p[0]).cross(p[2] - p[0]).normalize();
+        let u = n.any_orthonormal_vector();
+        (middle, radius, u, n.cross(u))
+    });
+    let at = |x: &[f64; 4]| {
+        let [a, b] = [0, 1].map(|i| {
+            let (middle, radius, u, v) = ends[i];
+            middle + (u * x[2 * i] + v * x[2 * i + 1]) * radius
+        });
+        clearance_of(polygons, a, b)
+    };
+    let mut best_of_all = f64::NEG_INFINITY;
+    for _ in 0..6 {
+        let mut x = [0; 4].map(|_| random.between(-0.6, 0.6));
+        let (mut best, mut step) = (at(&x), 0.5);
+        while step > 1e-10 {
+            let mut better = false;
+            for _ in 0..24 {
+                let y: [f64; 4] = core::array::from_fn(|k| x[k] + step * random.between(-1.0, 1.0));
+                let there = at(&y);
+                if there > best {
+                    (x, best, better) = (y, there, true);
+                }
+            }
+            step *= if better { 1.3 } else { 0.5 };
+        }
+        best_of_all = best_of_all.max(best);
+    }
+    best_of_all
+}
+
+#[test]
+fn no_line_that_is_just_clear_is_excluded() {
+    let mut random = Random(1);
+    let mut undecided = 0;
+    for i in 0..100_000 {
+        let clearance = 2e-6 * 500f64.powf(random.between(0.0, 1.0));
+        let polygons = around(2 + i % 5, i % 2 == 0, clearance * 1.0001, 0.0, &mut random);
+        let answer = Stabber::new(clearance).polygons(&polygons);
+        assert!(!answer.is_no(), "{clearance} {polygons:?}");
+        undecided += u32::from(answer == Stab::Maybe);
+        if i % 50 == 0 {
+            assert!(passes_planes(&polygons, clearance), "{clearance} {polygons:?}");
+        }
+    }
+    println!("{undecided} undecided");
+    assert!(undecided > 50_000, "{undecided}");
+}
+
+#[test]
+fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
+    let mut random = Random(2);
+    let (mut rejected, mut more, mut lines, mut found, mut open) = (0, 0, 0, 0, 0);
+    for i in 0..12_000 {
+        let clearance = 2e-6 * 500f64.powf(random.between(0.0, 1.0));
+        let off = clearance * 1e5f64.powf(random.between(0.0, 1.0));
+        let polygons = around(3 + i % 6, i % 4 > 0, clearance * 1.5, off, &mut random);
+        match Stabber::new(clearance).polygons(&polygons) {
+            Stab::No(_) => {
+                rejected += 1;
+                let is_more = passes_planes(&polygons, clearance);
+                more += u32::from(is_more);
+                if is_more || i % 50 == 0 {
+                    let best = best_line(&polygons, &mut random);
+                    assert!(best < clearance, "{best} {clearance} {polygons:?}");
+                }
+            }
+            Stab::Line([point, direction]) => {
+                assert!(clearance_of(&polygons, point, point + direction) > clearance * 0.999);
+                // The search is one that finds what there is.
+                if i % 50 == 0 {
+                    lines += 1;
+                    found += u32::from(best_line(&polygons, &mut random) >= clearance);
+                }
+            }
+            Stab::Maybe => open += 1,
+        }
+    }
+    println!("{rejected} rejected, {more} past planes, {lines} lines, {found} found, {open} open");
+    assert!(
+        rejected > 4000 && more > 1000 && lines > 10 && found == lines,
+        "{rejected} {more} {lines} {found}"
+    );
+}
+
+/// Triangles of integers around the third axis, then turned and moved without any rounding: in places where the program, in ordinary numbers,
+/// sees contradictions that there are none of.
+#[test]
+fn far_from_the_origin_nothing_with_a_line_is_excluded() {
+    let (mut random, mut lines) = (Random(3), 0);
+    let turns = [[1, 2, 2], [2, 1, -2], [2, -2, 1]];
+    for i in 0..40_000 {
+        let far = 1i64 << (20 + i % 26);
+        let shift = [0; 3].map(|_| random.integer(far));
+        let mut least = f64::INFINITY;
+        let mut z = 0;
+        let polygons: Vec<Vec<DVec3>> = (0..2 + i % 5)
+            .map(|_| {
+                z += 200 + random.integer(100);
+                let corners = loop {
+                    let mut corners: [[i64; 3]; 3] = core::array::from_fn(|_| {
+                        [random.integer(40), random.integer(40), z + random.integer(20)]
+                    });
+                    let side = |a: [i64; 3], b: [i64; 3]| a[0] * b[1] - a[1] * b[0];
+                    let mut sides = [0, 1, 2].map(|k| side(corners[k], corners[(k + 1) % 3]));
+                    if sides.iter().all(|&s| s < 0) {
+                        corners.swap(1, 2);
+                        sides = [0, 1, 2].map(|k| side(corners[k], corners[(k + 1) % 3]));
+                    }
+                    if sides.iter().all(|&s| s > 0) {
+                        for k in 0..3 {
+                            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+                            let length = ((b[0] - a[0]) as f64).hypot((b[1] - a[1]) as f64);
+                            least = least.min(3.0 * sides[k] as f64 / length);
+                        }
+                        break corners;
+                    }
+                };
+                let placed = |c: [i64; 3]| {
+                    let turned = |t: [i64; 3]| t[0] * c[0] + t[1] * c[1] + t[2] * c[2];
+                    // The turn mirrors; so the corners run the other way round.
+                    DVec3::from_array([0, 1, 2].map(|k| (turned(turns[k]) + shift[k]) as f64))
+                };
+                let mut polygon = corners.map(placed).to_vec();
+                polygon.reverse();
+                polygon
+            })
+            .collect();
+        let answer = Stabber::new(0.99 * least).polygons(&polygons);
+        assert!(!answer.is_no(), "{least} {polygons:?}");
+        lines += u32::from(matches!(answer, Stab::Line(_)));
+    }
+    println!("{lines} lines");
+    assert!(lines > 5000, "{lines}");
+}
