@@ -2,6 +2,7 @@
 
 use crate::canvas::Cells;
 use crate::cuboid::{self, Made};
+use crate::faces::Faces;
 use crate::fill;
 use crate::lens::{Lens, Placed};
 use crate::mesh::Setup;
@@ -47,6 +48,7 @@ pub struct Hzb {
     pub(crate) simd: Simd,
     lens: Lens,
     pub(crate) lens32: Lens32,
+    faces: Faces,
     pub(crate) tiles: Tiles,
     pyramid: Pyramid,
     scratch: Scratch,
@@ -90,6 +92,7 @@ impl Hzb {
             simd: Simd::best(),
             lens: Lens::BLIND,
             lens32: Lens32::default(),
+            faces: Faces::default(),
             tiles,
             pyramid,
             scratch: Scratch::default(),
@@ -156,7 +159,8 @@ impl Hzb {
     }
 
     fn query(&self) -> Query<'_> {
-        Query { lens: &self.lens32, tiles: &self.tiles, pyramid: &self.pyramid, nearest: self.nearest }
+        let (lens, tiles, pyramid, faces) = (&self.lens32, &self.tiles, &self.pyramid, &self.faces);
+        Query { lens, tiles, pyramid, faces, nearest: self.nearest }
     }
 
     /// Lets a box wait to be drawn.
@@ -259,6 +263,7 @@ impl OcclusionMap for Hzb {
         let whole = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
         self.lens = Lens::new(view, origin, self.size, whole);
         self.lens32 = Lens32::new(&self.lens);
+        self.faces = Faces::new(&self.lens);
         self.tiles.clear();
         self.queue.count = 0;
         self.nearest = f32::NEG_INFINITY;

@@ -51,6 +51,7 @@ extern crate std;
 
 mod canvas;
 mod cuboid;
+mod faces;
 mod fill;
 mod hom;
 mod hzb;

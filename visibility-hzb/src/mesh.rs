@@ -1,8 +1,8 @@
 //! Meshes of any form: the rule of contract 2, mesh by mesh.
 //!
 //! # The rule
-//! Triangles that surely face the eye are drawn (for two-sided meshes, all that surely face either way). An edge is inner if exactly two drawn
-//! triangles share it, in opposite directions as drawn; every other edge of a drawn triangle is a contour, and so is the cut where the near
+//! Triangles that surely face the eye are drawn; for two-sided meshes those that surely face away as well, as a second mesh. An edge is inner if
+//! exactly two drawn triangles share it, in opposite directions; every other edge of a drawn triangle is a contour, and so is the cut where the near
 //! plane crosses one. A pixel is covered if the contour winds round its centre and comes nowhere within rounding of the closed pixel. Its
 //! depth is the farthest that any drawn triangle of the mesh has in its quarter of the tile. Then it merges with other meshes, nearest wins.
 //!
@@ -49,6 +49,9 @@ const ALONE: f64 = 64.0;
 /// But not of fewer than so many.
 const MANY: usize = 32;
 
+/// Areas on the screen that differ by less than this share of their sum are equal.
+const CANCELS: f64 = 1e-6;
+
 /// Vertices that are worked on together.
 const LANES: usize = 8;
 
@@ -94,55 +97,68 @@ pub(crate) fn draw(
         return f32::NEG_INFINITY;
     }
     let slack = 2.0 * reach.error + TINY;
-    if !choose(mesh, corners, screen, whole.then_some(slack), placed, facing, beyond, drawn) {
+    let sides = choose(mesh, corners, screen, whole.then_some(slack), placed, facing, beyond, drawn);
+    if sides == 0 {
         return f32::NEG_INFINITY;
     }
 
     let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
-    let mut canvas = Canvas::new(cells, tiles.columns, lens.size, slack);
     let marked = coverage == Coverage::Conservative;
-    for (t, &facing) in mesh.triangles.iter().zip(drawn.iter()) {
-        if facing == 0 {
+    // Fronts and backs are meshes of their own: no edge between them is inner, and neither makes the other farther.
+    for side in [1, -1] {
+        if sides & side_bit(side) == 0 {
             continue;
         }
-        let plane = || plane(t.map(|i| &corners[i as usize]), placed, lens, &errors);
-        if whole {
-            canvas.deepen(&t.map(|i| screen[i as usize]), plane);
-            continue;
-        }
-        let part = beyond_near(t.map(|i| &corners[i as usize]), beyond);
-        let mut points = [Corner::default(); 4];
-        for (out, corner) in points.iter_mut().zip(&part.corners[..part.count]) {
-            *out = on_screen(corner, placed, &mut reach);
-        }
-        canvas.deepen(&points[..part.count], plane);
-        if let Some([a, b]) = part.edge {
-            let [a, b] = [a, b].map(|corner| on_screen(&corner, placed, &mut reach));
-            canvas.contour(&a, &b, facing, marked);
-        }
-    }
-    for edge in mesh.edges {
-        let left = drawn[edge.left as usize];
-        let right = edge.right.map_or(0, |t| drawn[t as usize]);
-        // Inner if two drawn triangles run through it in opposite directions as drawn.
-        if left == right {
-            continue;
-        }
-        let [i, j] = edge.vertices.map(|i| i as usize);
-        let (mut a, mut b) = (screen[i], screen[j]);
-        if !whole {
-            let (p, q) = (&corners[i], &corners[j]);
-            match (p[4] > beyond, q[4] > beyond) {
-                (true, true) => {}
-                (true, false) => b = on_screen(&cut(p, q, beyond), placed, &mut reach),
-                (false, true) => a = on_screen(&cut(p, q, beyond), placed, &mut reach),
-                (false, false) => continue,
+        let mut canvas = Canvas::new(cells, tiles.columns, lens.size, slack);
+        for (t, &facing) in mesh.triangles.iter().zip(drawn.iter()) {
+            if facing != side {
+                continue;
+            }
+            let plane = || plane(t.map(|i| &corners[i as usize]), placed, lens, &errors);
+            if whole {
+                canvas.deepen(&t.map(|i| screen[i as usize]), plane);
+                continue;
+            }
+            let part = beyond_near(t.map(|i| &corners[i as usize]), beyond);
+            let mut points = [Corner::default(); 4];
+            for (out, corner) in points.iter_mut().zip(&part.corners[..part.count]) {
+                *out = on_screen(corner, placed, &mut reach);
+            }
+            canvas.deepen(&points[..part.count], plane);
+            if let Some([a, b]) = part.edge {
+                let [a, b] = [a, b].map(|corner| on_screen(&corner, placed, &mut reach));
+                canvas.contour(&a, &b, side, marked);
             }
         }
-        canvas.contour(&a, &b, left - right, marked);
+        for edge in mesh.edges {
+            let left = i8::from(drawn[edge.left as usize] == side);
+            let right = edge.right.map_or(0, |t| i8::from(drawn[t as usize] == side));
+            // Inner if two drawn triangles run through it, and then in opposite directions.
+            if left == right {
+                continue;
+            }
+            let [i, j] = edge.vertices.map(|i| i as usize);
+            let (mut a, mut b) = (screen[i], screen[j]);
+            if !whole {
+                let (p, q) = (&corners[i], &corners[j]);
+                match (p[4] > beyond, q[4] > beyond) {
+                    (true, true) => {}
+                    (true, false) => b = on_screen(&cut(p, q, beyond), placed, &mut reach),
+                    (false, true) => a = on_screen(&cut(p, q, beyond), placed, &mut reach),
+                    (false, false) => continue,
+                }
+            }
+            canvas.contour(&a, &b, (left - right) * side, marked);
+        }
+        canvas.merge(tiles);
     }
-    canvas.merge(tiles);
     up(reach.greatest)
+}
+
+/// The bit that stands for a side: fronts are 1, backs -1.
+#[inline(always)]
+fn side_bit(side: i8) -> u8 {
+    if side > 0 { 1 } else { 2 }
 }
 
 /// Fills in the corners and where they are on the screen.
@@ -231,7 +247,7 @@ fn on_screen(c: &[f64; 5], placed: &Placed, reach: &mut Reach) -> Corner {
 }
 
 /// Decides which triangles are drawn: those that surely face the eye, and are not wholly before the near plane. With `slack`, all corners
-/// are beyond that plane and may be off by so much on the screen. Whether there is any.
+/// are beyond that plane and may be off by so much on the screen. Returns the bits of the sides that are.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn choose(
@@ -243,15 +259,16 @@ fn choose(
     facing: f64,
     beyond: f64,
     drawn: &mut Vec<i8>,
-) -> bool {
+) -> u8 {
     drawn.clear();
-    let mut any = 0;
+    let (mut fronts, mut backs) = (false, false);
     let back = if mesh.two_sided { -1 } else { 0 };
     if let Some(slack) = slack {
         // Where most edges join nothing, as in foliage, triangles stand alone, and small ones would hide next to nothing. An edge that joins two
         // triangles is a side of both.
         let open = (2 * mesh.edges.len()).saturating_sub(3 * mesh.triangles.len());
         let smallest = if open >= mesh.triangles.len().max(MANY) { ALONE } else { 0.0 };
+        let (mut sum, mut magnitude) = (0.0, 0.0);
         for t in mesh.triangles {
             let [a, b, c] = t.map(|i| &screen[i as usize]);
             let (bx, by, cx, cy) = (b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y);
@@ -260,10 +277,13 @@ fn choose(
             let certain = if size < smallest { f64::INFINITY } else { 2.0 * slack * (size + slack) };
             let turn = if area < -certain { back } else { 0 };
             let turn = if area > certain { 1 } else { turn };
-            any |= turn;
+            (fronts, backs) = (fronts | (turn > 0), backs | (turn < 0));
+            (sum, magnitude) = (sum + area, magnitude + area.abs());
             drawn.push(turn);
         }
-        return any != 0;
+        // From outside, as much of a closed mesh shows its back as its front, and behind it: fronts are all that counts.
+        let outside = open == 0 && sum.abs() <= CANCELS * magnitude;
+        return u8::from(fronts) | if backs && !outside { 2 } else { 0 };
     }
     let certain = placed.determinant_error();
     for t in mesh.triangles {
@@ -272,10 +292,10 @@ fn choose(
         let seen = a[4] > beyond || b[4] > beyond || c[4] > beyond;
         let turn = if height < -certain { back } else { 0 };
         let turn = if !seen { 0 } else { if height > certain { 1 } else { turn } };
-        any |= turn;
+        (fronts, backs) = (fronts | (turn > 0), backs | (turn < 0));
         drawn.push(turn);
     }
-    any != 0
+    u8::from(fronts) | if backs { 2 } else { 0 }
 }
 
 /// The nearness of a triangle as a function of pixel coordinates, moved away by its error.

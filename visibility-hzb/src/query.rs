@@ -12,6 +12,7 @@
 //! rectangle, and
 //! one computed inside is off by no more than that.
 
+use crate::faces::Faces;
 use crate::lens::{Lens, Row};
 use crate::pyramid::{Pyramid, Rectangle};
 use crate::tiles::Tiles;
@@ -90,6 +91,7 @@ pub(crate) struct Query<'a> {
     pub(crate) lens: &'a Lens32,
     pub(crate) tiles: &'a Tiles,
     pub(crate) pyramid: &'a Pyramid,
+    pub(crate) faces: &'a Faces,
     /// Nearness that nothing in the buffer exceeds.
     pub(crate) nearest: f32,
 }
@@ -341,7 +343,14 @@ fn decide<const N: usize>(
         let [left, right, top, bottom] = &footprints.sides;
         let (left, right, top, bottom) = (left[i] as u32, right[i] as u32, top[i] as u32, bottom[i] as u32);
         let rectangle = Rectangle { columns: [left, right], lines: [top, bottom] };
-        if query.pyramid.hides(query.tiles, &rectangle, footprints.nearest[i]) {
+        let nearest = footprints.nearest[i];
+        let mut sides = [0.0; 6];
+        for row in 0..6 {
+            sides[row] = boxes[row][i];
+        }
+        if query.pyramid.hides(query.tiles, &rectangle, nearest)
+            || query.faces.hides(query.tiles, &rectangle, sides, nearest)
+        {
             hidden |= 1 << i;
         }
     }
