@@ -128,19 +128,26 @@ impl Faces {
     }
 
     /// Whether all of a box within a rectangle around it is behind what the tiles hold. `nearest` is a nearness that no point of it exceeds; it
-    /// is before the eye as a whole.
+    /// is before the eye as a whole. With `farthest`, the least nearness, boxes that are in front of what is behind their middle are found
+    /// out at once: most of those that are visible.
     #[inline(always)]
     pub(crate) fn hides(
         &self,
         tiles: &Tiles,
         rectangle: &Rectangle,
         sides: [f32; 6],
-        nearest: f32,
+        [farthest, nearest]: [f32; 2],
     ) -> bool {
         const STEP: u32 = SIDE as u32;
         let ([x0, x1], [y0, y1]) = (rectangle.columns, rectangle.lines);
         let (across, down) = ((x1 - 1) / STEP + 1 - x0 / STEP, (y1 - 1) / STEP + 1 - y0 / STEP);
         if !(self.scale > 0.0) || across * down > MOST {
+            return false;
+        }
+        let (x, y) = ((x0 + x1) / 2, (y0 + y1) / 2);
+        let (tile, pixel) =
+            ((y / STEP) as usize * tiles.columns + (x / STEP) as usize, y % STEP * STEP + x % STEP);
+        if !tiles.hides(tile, 1 << pixel, farthest) {
             return false;
         }
         let slabs = self.slabs(sides);
@@ -181,17 +188,18 @@ impl Slabs {
         let [left, right, top, bottom] = sides.map(f64::from);
         let (mut most, mut least) = (f64::from(nearest), 0.0);
         for Bound { slope: [a, b], constant } in &self.upper[..self.uppers] {
-            let value = a * if *a > 0.0 { right } else { left }
-                + b * if *b > 0.0 { bottom } else { top }
-                + constant;
+            let value =
+                a * if *a > 0.0 { right } else { left } + b * if *b > 0.0 { bottom } else { top } + constant;
             most = if value < most { value } else { most };
         }
         for Bound { slope: [a, b], constant } in &self.lower[..self.lowers.min(6)] {
-            let value = a * if *a > 0.0 { left } else { right }
-                + b * if *b > 0.0 { top } else { bottom }
-                + constant;
+            let value =
+                a * if *a > 0.0 { left } else { right } + b * if *b > 0.0 { top } else { bottom } + constant;
             least = if value > least { value } else { least };
         }
-        most < least || tiles.hides(tile, pixels, up(most))
+        let most = up(most);
+        f64::from(most) < least
+            || tiles.hides(tile, pixels, most)
+            || tiles.surface_hides(tile, [left, right, top, bottom], most)
     }
 }

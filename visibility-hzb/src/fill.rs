@@ -2,7 +2,7 @@
 
 use crate::pyramid::{Rectangle, mask as mask_of};
 use crate::shape::{MAX_PLANES, Shape};
-use crate::tiles::{SIDE, Tiles};
+use crate::tiles::{SIDE, Surface, Tiles};
 
 /// Added to a number below 2^22, leaves the nearest whole number in the low bits.
 const WHOLE: f32 = 12_582_912.0;
@@ -37,8 +37,9 @@ pub(crate) fn fill(shape: &Shape, tiles: &mut Tiles) -> bool {
     if !seen {
         return false;
     }
+    let surface = tiles.add_surface(Surface::of(&shape.planes[..shape.plane_count]));
     for row in first_row..end_row {
-        fill_row(shape, tiles, row);
+        fill_row(shape, tiles, row, surface);
     }
     true
 }
@@ -86,7 +87,7 @@ fn any_farther(values: &[f32], limit: f32) -> bool {
 }
 
 #[inline(always)]
-fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize) {
+fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, surface: u32) {
     // The span of each of eight rows of pixels.
     // A quarter of a pixel keeps limits, which are whole, away from where rounding to whole numbers could go either way.
     let (mut low, mut high) = ([shape.columns[0] - 0.25; SIDE], [shape.columns[1] + 0.25; SIDE]);
@@ -153,6 +154,7 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize) {
     while column < stop {
         let nearness = depths(shape, &offsets, column);
         let values = &mut tiles.whole[base + column..base + column + WIDTH];
+        let surfaces = &mut tiles.surface[base + column..base + column + WIDTH];
         // Beyond the last tile of the shape, nothing is touched.
         let (limit, whole_start, whole_stop) = (stop as f32, whole_start as f32, whole_stop as f32);
         let (mut part, first_column) = ([0u8; WIDTH], column as f32);
@@ -161,6 +163,7 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize) {
             let nearer = (nearness[i] > values[i]) & (x < limit);
             let inner = nearer & (x >= whole_start) & (x < whole_stop);
             values[i] = if inner { nearness[i] } else { values[i] };
+            surfaces[i] = if inner { surface } else { surfaces[i] };
             part[i] = u8::from(nearer & !inner);
         }
         let mut part = bits(&part);

@@ -349,7 +349,7 @@ fn decide<const N: usize>(
             sides[row] = boxes[row][i];
         }
         if query.pyramid.hides(query.tiles, &rectangle, nearest)
-            || query.faces.hides(query.tiles, &rectangle, sides, nearest)
+            || query.faces.hides(query.tiles, &rectangle, sides, [footprints.farthest[i], nearest])
         {
             hidden |= 1 << i;
         }

@@ -34,10 +34,53 @@ pub(crate) struct Tiles {
     pub(crate) rows: usize,
     /// Nearness that all pixels of a tile have at least; greater is nearer. Followed by padding.
     pub(crate) whole: Vec<f32>,
+    /// Of which surface the nearness of the whole tile is, or was before something nearer: a surface stays where it is.
+    pub(crate) surface: Vec<u32>,
+    /// The first is none.
+    surfaces: Vec<Surface>,
     /// How many layers count.
     counts: Vec<u8>,
     /// Those beyond the count are of earlier frames.
     layers: Vec<Layers>,
+}
+
+/// What bounds the nearness of a shape from below: the least of up to three planes, where that is greater than the floor.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    /// Slopes along columns and rows, and the value at the upper left corner of the buffer.
+    planes: [[f32; 3]; 3],
+    count: usize,
+}
+
+impl Surface {
+    pub(crate) const NONE: Self = Self { planes: [[0.0; 3]; 3], count: 0 };
+
+    /// Of planes that give the least nearness in a tile as functions of its column and row; none if there are too many.
+    #[inline(always)]
+    pub(crate) fn of(least: &[[f32; 3]]) -> Self {
+        let mut surface = Self::NONE;
+        if least.len() <= 3 {
+            surface.planes[..least.len()].copy_from_slice(least);
+            surface.count = least.len();
+        }
+        surface
+    }
+
+    /// In `f64`, where what this rounds is far below what the planes were lowered by ([`Shape::bound`](crate::shape::Shape::bound)).
+    #[inline(always)]
+    fn hides(&self, [left, right, top, bottom]: [f64; 4], nearness: f32) -> bool {
+        const SHARE: f64 = 1.0 / SIDE as f64;
+        let mut hides = self.count > 0;
+        for &[a, b, c] in &self.planes[..self.count] {
+            let [a, b, c] = [f64::from(a), f64::from(b), f64::from(c)];
+            // The value in a tile is that of its farthest corner: where the plane falls to the right, its right border.
+            let x = if a < 0.0 { right * SHARE - 1.0 } else { left * SHARE };
+            let y = if b < 0.0 { bottom * SHARE - 1.0 } else { top * SHARE };
+            // Written so that NaN hides nothing.
+            hides &= a * x + b * y + c > f64::from(nearness);
+        }
+        hides
+    }
 }
 
 impl Tiles {
@@ -48,6 +91,8 @@ impl Tiles {
             columns,
             rows,
             whole: alloc::vec![NOTHING; columns * rows + PADDING],
+            surface: alloc::vec![0; columns * rows + PADDING],
+            surfaces: alloc::vec![Surface::NONE],
             counts: alloc::vec![0; columns * rows],
             layers: alloc::vec![layers; columns * rows],
         }
@@ -56,6 +101,25 @@ impl Tiles {
     pub(crate) fn clear(&mut self) {
         self.whole.fill(NOTHING);
         self.counts.fill(0);
+        self.surface.fill(0);
+        self.surfaces.truncate(1);
+    }
+
+    /// Makes a surface known; the number stands for it in this frame.
+    #[inline(always)]
+    pub(crate) fn add_surface(&mut self, surface: Surface) -> u32 {
+        self.surfaces.push(surface);
+        (self.surfaces.len() - 1) as u32
+    }
+
+    /// Whether the surface that covers a tile is nearer than `nearness` in all of a rectangle within it: first and end columns, first and
+    /// end rows, counted from the upper left corner of the buffer.
+    #[inline(always)]
+    pub(crate) fn surface_hides(&self, tile: usize, sides: [f64; 4], nearness: f32) -> bool {
+        match self.surfaces.get(self.surface[tile] as usize) {
+            Some(surface) => surface.hides(sides, nearness),
+            None => false,
+        }
     }
 
     /// Covers some pixels of a tile with something of at least the given nearness.
