@@ -271,3 +271,30 @@ fn merge(masks: &mut [u64; LAYERS + 1], nearness: &mut [f32; LAYERS + 1]) -> usi
     nearness[i] = nearness[LAYERS];
     LAYERS
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::Shape;
+
+    #[test]
+    fn surfaces_are_no_nearer_than_their_planes_and_hardly_farther() {
+        for (a, b) in [(0.01, 0.02), (-0.01, 0.02), (0.01, -0.02), (-0.01, -0.02)] {
+            let plane = [a, b, 5.0];
+            let mut shape = Shape::EMPTY;
+            assert!(shape.bound(plane, [64.0, 64.0]));
+            let surface = Surface::of(&shape.planes[..shape.plane_count]);
+            for (left, top, size) in [(8.0, 16.0, 8.0), (11.0, 19.0, 1.0), (40.0, 50.0, 3.0), (0.0, 0.0, 1.0)]
+            {
+                let sides = [left, left + size, top, top + size];
+                let at = |x: f64, y: f64| a * x + b * y + 5.0;
+                let corners =
+                    [at(left, top), at(left + size, top), at(left, top + size), at(left + size, top + size)];
+                let least = corners.into_iter().fold(f64::INFINITY, f64::min);
+                assert!(!surface.hides(sides, least as f32), "{a} {b} {sides:?}");
+                assert!(surface.hides(sides, (least - 1e-4) as f32), "{a} {b} {sides:?}");
+            }
+        }
+        assert!(!Surface::NONE.hides([0.0, 1.0, 0.0, 1.0], f32::NEG_INFINITY));
+    }
+}

@@ -1,0 +1,61 @@
+//! Scenes of any size, from 1e-15 to 1e15, with planes of the view up to 1e9 apart: nothing goes wrong, and what is clear is decided.
+
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{Aabb, OccluderMesh, Occlusion, OcclusionMap, Pose, View};
+use visibility_hzb::{Coverage, Hzb};
+
+/// Walls across the way: a box, a sheet of many triangles, and one of two, towards an eye at the origin that looks along x.
+fn walls(scale: f32) -> Vec<OccluderMesh> {
+    let at = |i: u32, j: u32, x: f32| Vec3::new(x, i as f32 * 2.0 - 8.0, j as f32 * 2.0 - 8.0) * scale;
+    let mut positions = Vec::new();
+    let mut triangles = Vec::new();
+    for i in 0..9 {
+        for j in 0..9 {
+            positions.push(at(i, j, 5.0 + 0.1 * ((i * j) % 3) as f32));
+        }
+    }
+    for i in 0..8 {
+        for j in 0..8 {
+            let [a, b, c, d] = [9 * i + j, 9 * (i + 1) + j, 9 * (i + 1) + j + 1, 9 * i + j + 1];
+            triangles.extend([[a, c, b], [a, d, c]]);
+        }
+    }
+    let box_ = Aabb::new(Vec3::new(5.0, -8.0, -8.0) * scale, Vec3::new(5.2, 8.0, 8.0) * scale);
+    let corners = [at(0, 0, 5.0), at(8, 0, 5.0), at(8, 8, 5.0), at(0, 8, 5.0)];
+    [
+        OccluderMesh::cuboid(&box_),
+        OccluderMesh::from_indexed(&positions, &triangles),
+        OccluderMesh::from_indexed(&corners, &[[0, 2, 1], [0, 3, 2]]),
+    ]
+    .map(|mesh| mesh.unwrap().with_two_sided(true))
+    .into()
+}
+
+#[test]
+fn scenes_of_any_size_are_decided_alike() {
+    for exponent in -15..=15 {
+        let scale = 10f64.powi(exponent);
+        let cube = |x: f32, half: f32| {
+            let middle = Vec3::new(x, 0.3, -0.2);
+            let (min, max) = (middle - half, middle + half);
+            Aabb::new(min * scale as f32, max * scale as f32)
+        };
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        for (near, far) in [(0.1, 1e8), (1e-6, 1e3), (1e-4, f64::INFINITY)] {
+            let view = View::perspective(pose, 1.2, 1.6, near * scale, far * scale).unwrap();
+            for (i, wall) in walls(scale as f32).iter().enumerate() {
+                for coverage in [Coverage::Conservative, Coverage::Sampled] {
+                    let mut hzb = Hzb::new(64, 40).unwrap().with_coverage(coverage);
+                    hzb.begin(&view, DVec3::ZERO);
+                    hzb.add(wall, &Affine3A::IDENTITY);
+                    hzb.flush();
+                    let what = format!("scale 1e{exponent}, near {near}, far {far}, wall {i}, {coverage:?}");
+                    assert_eq!(hzb.test(&cube(8.0, 0.5)), Occlusion::Hidden, "{what}");
+                    assert_eq!(hzb.test(&cube(900.0, 20.0)), Occlusion::Hidden, "{what}");
+                    assert_ne!(hzb.test(&cube(3.0, 0.5)), Occlusion::Hidden, "{what}");
+                    assert_ne!(hzb.test(&cube(5.0, 0.5)), Occlusion::Hidden, "{what}");
+                }
+            }
+        }
+    }
+}
