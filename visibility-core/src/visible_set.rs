@@ -307,18 +307,23 @@ impl VisibleSet {
         order.extend(self.unculled(scene));
         let first = order.len();
         order.extend(ids.iter().copied().filter(|&id| self.contains(scene, id)));
-        // From here on the masks are those of the new set, grown from an empty one.
+        // From here on the masks are those of the new set, grown from an empty one: a mask counts once its node is marked.
         let tree = scene.tree();
         self.everything = false;
+        let mut begun = core::mem::take(&mut self.listed);
+        begun.clear();
+        begun.resize(tree.node_count().div_ceil(64), 0);
         if tree.root != NONE {
             self.words[tree.root as usize] = 0;
+            begun[tree.root as usize / 64] |= 1 << (tree.root % 64);
         }
         let mut place = 0;
         order.retain(|&id| {
             place += 1;
             let slot = scene.locate(id).filter(|&(leaf, _)| !tree.is_unculled_leaf(leaf));
-            place <= first || slot.is_some_and(|(leaf, lane)| self.add(tree, leaf, lane))
+            place <= first || slot.is_some_and(|(leaf, lane)| self.add(tree, leaf, lane, &mut begun))
         });
+        self.listed = begun;
         self.order = order;
         self.ordered = true;
     }
@@ -348,17 +353,23 @@ impl VisibleSet {
     }
 
     /// Sets the bit of an object and those above it, in masks of which only those below set bits mean anything. Whether it was not yet set.
-    fn add(&mut self, tree: &Tree, leaf: usize, lane: usize) -> bool {
-        let path: SmallVec<[(usize, usize); 8]> = tree.path(leaf, lane).collect();
-        let mut new = false;
-        for &(node, lane) in path.iter().rev() {
-            if new {
-                self.words[node] = 0;
+    fn add(&mut self, tree: &Tree, leaf: usize, lane: usize, begun: &mut [u64]) -> bool {
+        let mut new = None;
+        for (node, lane) in tree.path(leaf, lane) {
+            let (mark, bit) = (&mut begun[node / 64], 1 << (node % 64));
+            let word = &mut self.words[node];
+            if *mark & bit == 0 {
+                (*mark, *word) = (*mark | bit, 0);
             }
-            new = self.words[node] >> lane & 1 == 0;
-            self.words[node] |= 1 << lane;
+            new.get_or_insert(*word >> lane & 1 == 0);
+            let had_any = *word != 0;
+            *word |= 1 << lane;
+            if had_any {
+                // What lies above knows of this node.
+                break;
+            }
         }
-        new
+        new.unwrap_or(false)
     }
 
     /// The objects in the set, in its order if it has one, otherwise in that of the hierarchy.

@@ -1,5 +1,6 @@
 //! What the cells of a tessellation hold: the primitives that meet each, and how much of it they fill.
 
+use crate::facing::Facing;
 use crate::grouped::Grouped;
 use alloc::vec::Vec;
 use visibility_core::{Changes, ObjectId, Scene};
@@ -36,6 +37,7 @@ pub struct Content {
     pub(crate) index_limit: u32,
     /// By index, a bit for each object that is in cells and has not changed since.
     pub(crate) held: Vec<u64>,
+    pub(crate) facing: Facing,
     strays: Vec<ObjectId>,
     revision: u64,
 }
@@ -47,7 +49,8 @@ pub(crate) fn bit(words: &[u64], index: usize) -> bool {
 
 impl Content {
     /// From what each cell holds: pairs of a cell and an object's index, in ascending order of the index, and `cover`, for each cell the share
-    /// of rays along each axis that its content stops, of 255.
+    /// of rays along each axis that its content stops, of 255. A cell may name only objects that meet its bounds, or a triangle that faces the eye may
+    /// pass for one that turns its back.
     ///
     /// # Panics
     /// If a pair names a cell beyond `cover`.
@@ -78,6 +81,7 @@ impl Content {
             max_count,
             index_limit,
             held,
+            facing: Facing::new(scene),
             strays: Vec::new(),
             revision: scene.revision(),
         };
@@ -96,9 +100,9 @@ impl Content {
     ) -> Result<Self, &'static str> {
         let max_count = counts.iter().copied().max().unwrap_or(0);
         let index_limit = scene.index_limit() as u32;
-        let (strays, revision) = (Vec::new(), scene.revision());
+        let (facing, strays, revision) = (Facing::new(scene), Vec::new(), scene.revision());
         let mut content =
-            Self { starts, lists, counts, cover, max_count, index_limit, held, strays, revision };
+            Self { starts, lists, counts, cover, max_count, index_limit, held, facing, strays, revision };
         let cells = content.counts.len();
         let starts = &content.starts;
         let ascending = starts.windows(2).all(|pair| pair[0] <= pair[1]);
@@ -131,11 +135,13 @@ impl Content {
     }
 
     /// How many cells there are.
+    #[inline]
     pub fn cell_count(&self) -> usize {
         self.counts.len()
     }
 
     /// The objects in a cell by ascending index; none for an unknown cell.
+    #[inline]
     pub fn primitives(&self, cell: u32) -> Primitives<'_> {
         let cell = cell as usize;
         let range = self.starts.get(cell).zip(self.starts.get(cell + 1));
@@ -144,6 +150,7 @@ impl Content {
     }
 
     /// How many objects are in a cell; 0 for an unknown one.
+    #[inline]
     pub fn count(&self, cell: u32) -> u32 {
         self.counts.get(cell as usize).copied().unwrap_or(0)
     }
@@ -159,6 +166,7 @@ impl Content {
     }
 
     /// The share of rays along each axis that the content of a cell stops, from 0 to 1; 0 for an unknown cell.
+    #[inline]
     pub fn cover(&self, cell: u32) -> [f64; 3] {
         let [x, y, z, _] = self.cover.get(cell as usize).copied().unwrap_or_default();
         [x, y, z].map(|share| f64::from(share) * (1.0 / 255.0))
@@ -219,6 +227,7 @@ impl Content {
             + size_of_val(&self.counts[..])
             + size_of_val(&self.cover[..])
             + size_of_val(&self.held[..])
+            + self.facing.memory()
             + size_of_val(&self.strays[..])
     }
 }

@@ -36,6 +36,7 @@ impl Grid {
     }
 
     /// The corner of the grid with the given coordinates.
+    #[inline]
     pub(crate) fn corner(&self, place: [u32; 3]) -> DVec3 {
         self.min + DVec3::from_array(place.map(f64::from)) * self.step
     }
@@ -47,6 +48,7 @@ impl Grid {
     }
 
     /// The box of a block of the grid, rounded outwards.
+    #[inline]
     pub(crate) fn bounds(&self, place: [u32; 3], side: u32) -> Aabb {
         let (min, max) = (self.corner(place), self.corner(place.map(|x| x + side)));
         Aabb::new(

@@ -30,6 +30,7 @@ impl Grouped {
         Self { starts, items }
     }
 
+    #[inline]
     pub(crate) fn get(&self, list: usize) -> &[u32] {
         &self.items[self.starts[list] as usize..self.starts[list + 1] as usize]
     }

@@ -16,6 +16,7 @@ mod content;
 mod cover;
 mod culler;
 mod delaunay;
+mod facing;
 mod front;
 mod grid;
 mod grouped;

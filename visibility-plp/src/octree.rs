@@ -141,11 +141,13 @@ impl OctreeTessellation {
             + self.content.memory()
     }
 
+    #[inline]
     fn place(&self, cell: u32) -> ([u32; 3], u32) {
         let [x, y, z, side] = self.blocks[cell as usize].map(u32::from);
         ([x, y, z], side)
     }
 
+    #[inline]
     fn side(&self, cell: u32) -> f64 {
         f64::from(self.blocks[cell as usize][3]) * self.grid.step
     }
@@ -294,6 +296,7 @@ fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
 }
 
 impl Tessellation for OctreeTessellation {
+    #[inline]
     fn content(&self) -> &Content {
         &self.content
     }
@@ -307,6 +310,7 @@ impl Tessellation for OctreeTessellation {
         Some(self.codes.partition_point(|&first| first <= code) as u32 - 1)
     }
 
+    #[inline]
     fn cell_bounds(&self, cell: u32) -> Aabb {
         let (place, side) = self.place(cell);
         self.grid.bounds(place, side)
@@ -326,9 +330,12 @@ impl Tessellation for OctreeTessellation {
     }
 
     #[inline]
-    fn for_each_face(&self, cell: u32, each: &mut dyn FnMut(&Face)) {
+    fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face)) {
         let mine = self.blocks[cell as usize];
         for &neighbour in self.links.get(cell as usize) {
+            if !wanted(neighbour) {
+                continue;
+            }
             let other = self.blocks[neighbour as usize];
             // Blocks that share a face touch along one axis alone.
             let mut normal = DVec3::ZERO;

@@ -28,10 +28,9 @@ impl Bound {
 pub(crate) enum Place {
     /// No line of sight to anything in view goes through it.
     Outside,
-    /// All of it is in view.
-    Inside,
-    /// Anything else: also what lies before the near plane, between the eye and what is in view.
-    Crossing,
+    /// Otherwise: those planes, by bit, that not all of it is surely on the inner side of. Without any, all of it is in view; before the near
+    /// plane, between the eye and what is in view, there is one.
+    Crossing(u16),
 }
 
 /// A view, for points relative to the origin of the scene.
@@ -43,8 +42,8 @@ pub(crate) struct Sight {
     /// The first so many planes have the eye on their inner side: what lies outside of them is not on the way to anything in view. The
     /// others (the near plane, those of portals and mirrors) are crossed by lines of sight before they are in view.
     sides: usize,
-    /// The greatest coordinate of any cell or primitive.
-    reach: f64,
+    /// Beyond the plane of a face by no more than this, the eye may lie before it.
+    before: f64,
 }
 
 impl Sight {
@@ -52,8 +51,13 @@ impl Sight {
     pub(crate) fn new(view: &View, origin: DVec3, bounds: &Aabb) -> Self {
         let reach = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
         let eye = view.eye(origin);
+        let before = match eye {
+            // Point and normal are known to a few times 2^-52 of the greatest coordinate. 1e-9 of it is a million times as much, and costs nothing.
+            Eye::Point(eye) => -1e-9 * (reach + eye.abs().max_element()),
+            Eye::Direction(_) => -1e-9,
+        };
         let none = Bound { normal: DVec3::ZERO, offset: 0.0, slack: 0.0 };
-        let mut sight = Self { eye, planes: [none; MAX_PLANES], count: 0, sides: 0, reach };
+        let mut sight = Self { eye, planes: [none; MAX_PLANES], count: 0, sides: 0, before };
         for at_side in [true, false] {
             for plane in view.planes(origin).as_slice() {
                 let (normal, offset) = (plane.plane.normal, plane.plane.offset);
@@ -85,24 +89,23 @@ impl Sight {
     pub(crate) fn place(&self, bounds: &Aabb) -> Place {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
-        let mut inside = true;
+        let mut crossed = 0;
         for (i, plane) in self.planes[..self.count].iter().enumerate() {
             let (distance, reach) = (plane.distance(center), plane.reach(half));
             if distance + reach < -plane.slack && i < self.sides {
                 return Place::Outside;
             }
-            inside &= distance - reach > plane.slack;
+            crossed |= u16::from(!(distance - reach > plane.slack)) << i;
         }
-        if inside { Place::Inside } else { Place::Crossing }
+        Place::Crossing(crossed)
     }
 
     /// Whether lines of sight may go out through a plane, given by a point and the outward normal: not if the eye lies surely on its outer side.
     #[inline]
     pub(crate) fn may_leave(&self, point: DVec3, normal: DVec3) -> bool {
         match self.eye {
-            // Point and normal are known to a few times 2^-52 of the greatest coordinate. 1e-9 of it is a million times as much, and costs nothing.
-            Eye::Point(eye) => normal.dot(point - eye) >= -1e-9 * (self.reach + eye.abs().max_element()),
-            Eye::Direction(along) => normal.dot(along) >= -1e-9,
+            Eye::Point(eye) => normal.dot(point - eye) >= self.before,
+            Eye::Direction(along) => normal.dot(along) >= self.before,
         }
     }
 
@@ -115,11 +118,13 @@ impl Sight {
             .all(|plane| plane.distance(center) - plane.reach(half) > plane.slack)
     }
 
-    /// Whether triangles lie all together outside one of the planes.
-    pub(crate) fn is_outside(&self, triangles: &[Triangle]) -> bool {
-        self.planes[..self.count]
-            .iter()
-            .any(|plane| triangles.iter().flatten().all(|p| plane.distance(p.as_dvec3()) < -plane.slack))
+    /// Whether triangles lie all together outside one of some planes, given by bit.
+    #[inline]
+    pub(crate) fn is_outside(&self, triangles: &[Triangle], planes: u16) -> bool {
+        let asked = |i: usize| planes >> i & 1 != 0;
+        self.planes[..self.count].iter().enumerate().any(|(i, plane)| {
+            asked(i) && triangles.iter().flatten().all(|p| plane.distance(p.as_dvec3()) < -plane.slack)
+        })
     }
 
     /// Whether triangles turn their backs to the eye, all of them and surely. False for those without a side, and for NaN.

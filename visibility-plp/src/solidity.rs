@@ -1,7 +1,7 @@
 //! How solid what lies before a cell is, and so how likely it hides the cell.
 
 use crate::sight::Sight;
-use crate::{Face, Tessellation};
+use crate::{Content, Face, Tessellation};
 use visibility_core::Eye;
 use visibility_core::glam::DVec3;
 
@@ -42,48 +42,39 @@ pub(crate) struct From {
     pub(crate) direction: DVec3,
     /// The light that reaches it, from 0 to 1, or its solidity by [`Solidity::Count`].
     pub(crate) value: f32,
-    /// The share of light that its content stops.
-    pub(crate) stopped: f64,
 }
 
 /// The share of light along a direction that the content of a cell stops.
+#[inline]
 pub(crate) fn stopped(cover: [f64; 3], direction: DVec3) -> f64 {
     let d = direction.abs();
     let sum = d.x + d.y + d.z;
     if sum > 0.0 { (d.x * cover[0] + d.y * cover[1] + d.z * cover[2]) / sum } else { 0.0 }
 }
 
-/// The share of a cell's light that comes through a face of the cell before it, if it comes along `direction`.
+/// The share of a cell's light that comes through a face of the cell before it, by the cell's area seen along the light's direction, and the
+/// normal and area of the face.
 #[inline]
-pub(crate) fn share<T: Tessellation + ?Sized>(
-    tessellation: &T,
-    to: u32,
-    direction: DVec3,
-    face: &Face,
-) -> f64 {
-    let across = face.normal.dot(direction);
-    if across <= 0.0 {
-        return 0.0;
-    }
-    let whole = tessellation.projected_area(to, direction);
-    if whole > 0.0 { (across * face.area / whole).min(1.0) } else { 0.0 }
+pub(crate) fn share(whole: f64, direction: DVec3, normal: DVec3, area: f64) -> f64 {
+    let across = normal.dot(direction);
+    if across > 0.0 && whole > 0.0 { (across * area / whole).min(1.0) } else { 0.0 }
 }
 
-/// How much of its light a cell is worth: less where its primitives are small seen from the eye.
-pub(crate) fn worth<T: Tessellation + ?Sized>(
-    tessellation: &T,
+/// How much of its light a cell is worth: less where its primitives are small seen from the eye. By its area seen from there.
+#[inline]
+pub(crate) fn worth(
+    content: &Content,
     sight: &Sight,
     cell: u32,
     center: DVec3,
+    direction: DVec3,
+    area: f64,
 ) -> f32 {
-    let content = tessellation.content();
     let count = content.count(cell);
     let Eye::Point(eye) = sight.eye else { return 1.0 };
     if count == 0 {
         return 1.0;
     }
-    let direction = sight.direction(center);
-    let area = tessellation.projected_area(cell, direction);
     // About half of what is in a cell turns its back. No nearer than the cell's own size.
     let distance = center.distance_squared(eye).max(area);
     let each = stopped(content.cover(cell), direction) * area / (distance * f64::from(count) * 0.5);

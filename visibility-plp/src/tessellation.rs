@@ -59,8 +59,8 @@ pub trait Tessellation {
     /// Area of a cell as seen along a unit direction, in square metres.
     fn projected_area(&self, cell: u32, direction: DVec3) -> f64;
 
-    /// Calls `each` for every face of a cell with a cell on its other side, always in the same order.
-    fn for_each_face(&self, cell: u32, each: &mut dyn FnMut(&Face));
+    /// Calls `each` for every face of a cell with a cell on its other side that is `wanted`, always in the same order.
+    fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face));
 
     /// Whether a point of space lies in a cell, or so near to it that rounding cannot tell.
     fn contains(&self, cell: u32, point: DVec3) -> bool;

@@ -1,11 +1,12 @@
 //! The walk through the cells of a tessellation that both cullers share: the rendering loop of the paper's figure 4.
 
 use crate::content::bit;
+use crate::facing::{Side, Toward};
 use crate::sight::{Place, Sight};
 use crate::solidity::{From, count_solidity, share, stopped, worth};
 use crate::{Face, Front, Solidity, Tessellation};
 use alloc::vec::Vec;
-use visibility_core::glam::DVec3;
+use visibility_core::glam::Vec3;
 use visibility_core::{Changes, Eye, ObjectId, Scene, VisibleSet};
 
 /// How much may be projected in a frame.
@@ -43,7 +44,25 @@ struct Cell {
     value: f32,
     worth: f32,
     state: State,
-    inside: bool,
+    /// Planes of the view that not all of it is inside of, by bit.
+    crossed: u16,
+    /// Unit direction of sight to its centre.
+    direction: Vec3,
+    /// Its area seen along that direction.
+    area: f64,
+}
+
+impl Cell {
+    const UNKNOWN: Self = Self {
+        frame: 0,
+        ticket: u32::MAX,
+        value: 0.0,
+        worth: 1.0,
+        state: State::Outside,
+        crossed: 0,
+        direction: Vec3::ZERO,
+        area: 0.0,
+    };
 }
 
 /// What is asked of the objects that are projected.
@@ -76,6 +95,8 @@ pub(crate) enum Projected {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Walk {
     cells: Vec<Cell>,
+    /// By cell, a bit for those that are projected or outside: most faces lead there, and need no more than this.
+    closed: Vec<u64>,
     frame: u32,
     pub(crate) front: Front,
     /// By object index.
@@ -91,6 +112,14 @@ pub(crate) struct Walk {
     faces: Vec<Face>,
 }
 
+fn set(words: &mut [u64], index: u32) {
+    words[index as usize / 64] |= 1 << (index % 64);
+}
+
+fn clear(words: &mut [u64], index: u32) {
+    words[index as usize / 64] &= !(1 << (index % 64));
+}
+
 /// More triangles than this are not looked at to find that an object turns its back or lies outside the view.
 const FEW: usize = 4;
 
@@ -101,12 +130,12 @@ impl Walk {
         let content = stage.tessellation.content();
         self.frame = self.frame.wrapping_add(1);
         if self.frame == 0 || self.cells.len() != content.cell_count() {
-            let cell =
-                Cell { frame: 0, ticket: 0, value: 0.0, worth: 1.0, state: State::Outside, inside: false };
             self.cells.clear();
-            self.cells.resize(content.cell_count(), cell);
+            self.cells.resize(content.cell_count(), Cell::UNKNOWN);
             self.frame = 1;
         }
+        self.closed.clear();
+        self.closed.resize(content.cell_count().div_ceil(64), 0);
         self.front.clear();
         self.order.clear();
         (self.reached, self.projected) = (0, 0);
@@ -136,8 +165,12 @@ impl Walk {
             && let Some(cell) = stage.tessellation.locate(eye)
         {
             // Whatever the planes say: all lines of sight begin here.
-            self.enter(stage, cell, stage.tessellation.center(cell));
-            self.cells[cell as usize].state = State::Waiting;
+            if !self.enter(stage, cell) {
+                let known = &mut self.cells[cell as usize];
+                (known.state, known.crossed) = (State::Waiting, u16::MAX);
+                known.direction = stage.sight.direction(stage.tessellation.center(cell)).as_vec3();
+                clear(&mut self.closed, cell);
+            }
             let first = match stage.rules.solidity {
                 Solidity::Coverage => 1.0,
                 Solidity::Count => 0.0,
@@ -146,10 +179,9 @@ impl Walk {
             return;
         }
         for &cell in stage.tessellation.boundary() {
-            let center = stage.tessellation.center(cell);
-            if self.enter(stage, cell, center) {
+            if self.enter(stage, cell) {
                 let value = match stage.rules.solidity {
-                    Solidity::Coverage => surface_light(stage, cell, center) as f32,
+                    Solidity::Coverage => surface_light(stage, cell, &self.cells[cell as usize]) as f32,
                     Solidity::Count => 0.0,
                 };
                 self.put(stage, cell, value);
@@ -166,22 +198,26 @@ impl Walk {
 
     /// Makes a cell known to the frame. Whether it may be on the way to something in view and is not projected yet.
     #[inline]
-    fn enter<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32, center: DVec3) -> bool {
+    fn enter<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) -> bool {
         let known = &mut self.cells[cell as usize];
         if known.frame == self.frame {
             return known.state == State::Waiting;
         }
-        let place = stage.sight.place(&stage.tessellation.cell_bounds(cell));
-        let state = if place == Place::Outside { State::Outside } else { State::Waiting };
-        let worth = match stage.rules.solidity {
-            Solidity::Coverage if state == State::Waiting => {
-                worth(stage.tessellation, &stage.sight, cell, center)
-            }
-            _ => 1.0,
+        *known = Cell { frame: self.frame, ..Cell::UNKNOWN };
+        let Place::Crossing(crossed) = stage.sight.place(&stage.tessellation.cell_bounds(cell)) else {
+            set(&mut self.closed, cell);
+            return false;
         };
-        let inside = place == Place::Inside;
-        *known = Cell { frame: self.frame, ticket: u32::MAX, value: 0.0, worth, state, inside };
-        state == State::Waiting
+        (known.state, known.crossed) = (State::Waiting, crossed);
+        if stage.rules.solidity == Solidity::Coverage {
+            let center = stage.tessellation.center(cell);
+            let direction = stage.sight.direction(center);
+            known.direction = direction.as_vec3();
+            known.area = stage.tessellation.projected_area(cell, direction);
+            known.worth =
+                worth(stage.tessellation.content(), &stage.sight, cell, center, direction, known.area);
+        }
+        true
     }
 
     /// Puts a cell into the front, or again with another value.
@@ -223,6 +259,7 @@ impl Walk {
     /// Takes a cell out of the frame: nothing goes through it.
     pub(crate) fn shut(&mut self, cell: u32) {
         self.cells[cell as usize].state = State::Outside;
+        set(&mut self.closed, cell);
     }
 
     /// Whether a cell that was taken out of the front may still be projected.
@@ -238,7 +275,9 @@ impl Walk {
         unlimited: bool,
     ) -> Projected {
         let content = stage.tessellation.content();
-        let inside = self.cells[cell as usize].inside;
+        let crossed = self.cells[cell as usize].crossed;
+        let toward = (stage.rules.one_sided && content.count(cell) > 0)
+            .then(|| Toward::new(stage.sight.eye, &stage.tessellation.cell_bounds(cell)));
         for index in content.primitives(cell) {
             let index = index as usize;
             let Some(word) = self.taken.get_mut(index / 64) else { continue };
@@ -246,9 +285,13 @@ impl Walk {
                 continue;
             }
             *word |= 1 << (index % 64);
+            let side = toward.as_ref().map_or(Side::Front, |toward| content.facing.side(index, toward));
+            if side == Side::Back {
+                continue;
+            }
             let Some(id) = stage.scene.id_at(index) else { continue };
             // Cheaper than to ask the set.
-            if (stage.rules.one_sided || !inside) && is_out_of_sight(stage, id, inside) {
+            if (side == Side::Unknown || crossed != 0) && is_out_of_sight(stage, id, side, crossed) {
                 continue;
             }
             if !stage.visible.contains(stage.scene, id) {
@@ -265,6 +308,7 @@ impl Walk {
             self.order.push(id);
         }
         self.cells[cell as usize].state = State::Done;
+        set(&mut self.closed, cell);
         self.projected += 1;
         Projected::Whole
     }
@@ -273,34 +317,33 @@ impl Walk {
     #[inline]
     pub(crate) fn hand_on<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
         let tessellation = stage.tessellation;
-        let direction = stage.sight.direction(tessellation.center(cell));
-        let from = From {
-            cell,
-            direction,
-            value: self.cells[cell as usize].value,
-            stopped: stopped(tessellation.content().cover(cell), direction),
+        let known = &self.cells[cell as usize];
+        let direction = match stage.rules.solidity {
+            Solidity::Coverage => known.direction.as_dvec3(),
+            Solidity::Count => stage.sight.direction(tessellation.center(cell)),
         };
+        let stopped = stopped(tessellation.content().cover(cell), direction);
+        let from = From { cell, direction, value: known.value };
+        let through = f64::from(known.value) * (1.0 - stopped);
         let mut faces = core::mem::take(&mut self.faces);
         faces.clear();
-        tessellation.for_each_face(cell, &mut |face| faces.push(*face));
+        let open = |neighbour: u32| !bit(&self.closed, neighbour as usize);
+        tessellation.for_each_face(cell, &open, &mut |face| faces.push(*face));
         for face in faces.iter().filter(|face| stage.sight.may_leave(face.point, face.normal)) {
             let neighbour = face.neighbour;
+            if !self.enter(stage, neighbour) {
+                continue;
+            }
             let known = &self.cells[neighbour as usize];
-            if known.frame == self.frame && known.state != State::Waiting {
-                continue;
-            }
-            let center = tessellation.center(neighbour);
-            if !self.enter(stage, neighbour, center) {
-                continue;
-            }
-            let known = self.cells[neighbour as usize];
             let value = match stage.rules.solidity {
                 Solidity::Coverage => {
-                    let direction = stage.sight.direction(center);
-                    let through = share(tessellation, neighbour, direction, face) * (1.0 - from.stopped);
-                    (known.value + from.value * through as f32).min(1.0)
+                    let more =
+                        through * share(known.area, known.direction.as_dvec3(), face.normal, face.area);
+                    (known.value + more as f32).min(1.0)
                 }
-                Solidity::Count => count_solidity(tessellation, &stage.sight, &from, face, center),
+                Solidity::Count => {
+                    count_solidity(tessellation, &stage.sight, &from, face, tessellation.center(neighbour))
+                }
             };
             self.put(stage, neighbour, value);
         }
@@ -309,23 +352,21 @@ impl Walk {
 }
 
 /// The share of a surface cell's light that comes from outside.
-fn surface_light<T: Tessellation + ?Sized>(stage: &Stage<'_, T>, cell: u32, center: DVec3) -> f64 {
-    let direction = stage.sight.direction(center);
+fn surface_light<T: Tessellation + ?Sized>(stage: &Stage<'_, T>, cell: u32, known: &Cell) -> f64 {
     let mut inner = 0.0;
-    stage.tessellation.for_each_face(cell, &mut |face| {
-        let opposite = Face { normal: -face.normal, ..*face };
-        inner += share(stage.tessellation, cell, direction, &opposite);
+    let direction = known.direction.as_dvec3();
+    stage.tessellation.for_each_face(cell, &|_| true, &mut |face| {
+        inner += share(known.area, direction, -face.normal, face.area);
     });
     (1.0 - inner).max(0.0)
 }
 
 /// Whether an object of few triangles is surely out of sight.
 #[inline]
-fn is_out_of_sight<T: ?Sized>(stage: &Stage<'_, T>, id: ObjectId, inside: bool) -> bool {
+fn is_out_of_sight<T: ?Sized>(stage: &Stage<'_, T>, id: ObjectId, side: Side, crossed: u16) -> bool {
     let triangles = stage.scene.triangles(id).unwrap_or(&[]);
     if triangles.is_empty() || triangles.len() > FEW {
         return false;
     }
-    (stage.rules.one_sided && stage.sight.sees_backs(triangles))
-        || (!inside && stage.sight.is_outside(triangles))
+    (side == Side::Unknown && stage.sight.sees_backs(triangles)) || stage.sight.is_outside(triangles, crossed)
 }

@@ -50,12 +50,12 @@ fn check(scene: &Scene, cells: &dyn Tessellation) {
     for cell in 0..count {
         let mut sum = DVec3::ZERO;
         let mut area = 0.0;
-        cells.for_each_face(cell, &mut |face| {
+        cells.for_each_face(cell, &|_| true, &mut |face| {
             assert!((face.normal.length() - 1.0).abs() < 1e-9 && face.area > 0.0);
             sum += face.normal * face.area;
             area += face.area;
             let mut back = None;
-            cells.for_each_face(face.neighbour, &mut |other| {
+            cells.for_each_face(face.neighbour, &|_| true, &mut |other| {
                 if other.neighbour == cell {
                     back = Some(*other);
                 }

@@ -237,10 +237,10 @@ impl Tessellation for DelaunayTessellation {
         (seen(a, b, c) + seen(a, b, d) + seen(a, c, d) + seen(b, c, d)) * 0.25
     }
 
-    fn for_each_face(&self, cell: u32, each: &mut dyn FnMut(&Face)) {
+    fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face)) {
         let corners = self.corners(cell);
         for (face, &neighbour) in self.neighbours[cell as usize].iter().enumerate() {
-            if neighbour == NONE {
+            if neighbour == NONE || !wanted(neighbour) {
                 continue;
             }
             let [a, b, c] = [1, 2, 3].map(|i| corners[(face + i) % 4]);
