@@ -52,9 +52,12 @@ fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bo
     let range = |of: usize| {
         let least = a[of].min(b[of]).min(c[of]);
         let most = a[of].max(b[of]).max(c[of]);
-        let first = ((least + 1.0) * 4.0 - 0.5).ceil().clamp(0.0, 8.0) as u32;
-        let last = ((most + 1.0) * 4.0 - 0.5).floor().clamp(-1.0, 7.0);
-        (first, (last + 1.0) as u32)
+        // Rounded up and down by casts: without `std` there is no other way.
+        let from = ((least + 1.0) * 4.0 - 0.5).clamp(0.0, 8.0);
+        let first = from as u32 + u32::from(f64::from(from as u32) < from);
+        let to = (most + 1.0) * 4.0 - 0.5;
+        let end = if to >= 0.0 { to.min(7.0) as u32 + 1 } else { 0 };
+        (first, end)
     };
     let (columns, rows) = (range(0), range(1));
     let mut stopped = 0;

@@ -95,7 +95,9 @@ impl Sight {
             if distance + reach < -plane.slack && i < self.sides {
                 return Place::Outside;
             }
-            crossed |= u16::from(!(distance - reach > plane.slack)) << i;
+            // A distance that is NaN is not inside.
+            let inside = distance - reach > plane.slack;
+            crossed |= u16::from(!inside) << i;
         }
         Place::Crossing(crossed)
     }
