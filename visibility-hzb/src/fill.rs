@@ -38,8 +38,13 @@ pub(crate) fn fill(shape: &Shape, tiles: &mut Tiles) -> bool {
         return false;
     }
     let surface = tiles.add_surface(Surface::of(&shape.planes[..shape.plane_count]));
-    for row in first_row..end_row {
-        fill_row(shape, tiles, row, surface);
+    let mut row = first_row;
+    while row < end_row {
+        let bands = bands(shape, row, columns);
+        for i in 0..SIDE.min(end_row - row) {
+            fill_row(shape, tiles, row + i, &bands, i, surface);
+        }
+        row += SIDE;
     }
     true
 }
@@ -86,14 +91,83 @@ fn any_farther(values: &[f32], limit: f32) -> bool {
     any
 }
 
+/// What eight rows of tiles have of a shape: first and end columns of tiles that it meets, or somewhat more, and of those that it covers whole.
+struct Bands {
+    met: [[i32; SIDE]; 2],
+    covered: [[i32; SIDE]; 2],
+}
+
+/// Bounds are monotonic in the row of pixels, also when rounded; so the first and the last row within a row of tiles tell the extremes of each.
 #[inline(always)]
-fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, surface: u32) {
-    // The span of each of eight rows of pixels.
-    // A quarter of a pixel keeps limits, which are whole, away from where rounding to whole numbers could go either way.
+fn bands(shape: &Shape, first_row: usize, columns: usize) -> Bands {
+    let (mut top, mut bottom) = ([0.0; SIDE], [0.0; SIDE]);
+    let (first, last) = (shape.lines[0] as f32, shape.lines[1] as f32 - 1.0);
+    let start = (first_row * SIDE) as f32;
+    for i in 0..SIDE {
+        let y = start + EIGHTS[i];
+        top[i] = if y > first { y } else { first };
+        bottom[i] = if y + 7.0 < last { y + 7.0 } else { last };
+    }
+    // Outer and inner bounds. Rows as in `spans`, from which a whole tile must not differ by a rounding.
+    let (left, right) = (shape.columns[0] - 0.25, shape.columns[1] + 0.25);
+    let (mut low, mut high) = ([[left; SIDE]; 2], [[right; SIDE]; 2]);
+    for line in &shape.left[..shape.lefts] {
+        for i in 0..SIDE {
+            let (a, b) = (top[i] * line.slope + line.offset, bottom[i] * line.slope + line.offset);
+            let (least, most) = if a < b { (a, b) } else { (b, a) };
+            // A NaN covers nothing.
+            low[0][i] = if least <= low[0][i] { low[0][i] } else { least };
+            low[1][i] = if most <= low[1][i] { low[1][i] } else { most };
+        }
+    }
+    for line in &shape.right[..shape.rights] {
+        for i in 0..SIDE {
+            let (a, b) = (top[i] * line.slope + line.offset, bottom[i] * line.slope + line.offset);
+            let (least, most) = if a < b { (a, b) } else { (b, a) };
+            high[0][i] = if most >= high[0][i] { high[0][i] } else { most };
+            high[1][i] = if least >= high[1][i] { high[1][i] } else { least };
+        }
+    }
+    let limit = shape.columns[1] + 1.0;
+    let mut bands = Bands { met: [[0; SIDE]; 2], covered: [[0; SIDE]; 2] };
+    for i in 0..SIDE {
+        let (first, end) = (first_pixel(low[0][i], limit), end_pixel(high[0][i]));
+        bands.met[0][i] = first.max(0) / SIDE as i32;
+        bands.met[1][i] = ((end + SIDE as i32 - 1).max(0) / SIDE as i32).min(columns as i32);
+        let (first, end) = (first_pixel(low[1][i], limit), end_pixel(high[1][i]));
+        bands.covered[0][i] = (first.max(0) + SIDE as i32 - 1) / SIDE as i32;
+        // Rows of tiles that the shape begins or ends in are not covered to the border.
+        let all = (bottom[i] - top[i] >= 7.0) & (first < end);
+        bands.covered[1][i] = if all { end.max(0) / SIDE as i32 } else { -1 };
+    }
+    bands
+}
+
+const EIGHTS: [f32; SIDE] = [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 56.0];
+const ONES: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
+/// The first pixel at or after a bound; not beyond a limit, which is finite, while a NaN is.
+#[inline(always)]
+fn first_pixel(low: f32, limit: f32) -> i32 {
+    whole(if low <= limit { low } else { limit } + 0.5)
+}
+
+/// The pixel after the last that ends before a bound. A NaN is before all.
+#[inline(always)]
+fn end_pixel(high: f32) -> i32 {
+    whole(if high >= -1.0 { high } else { -1.0 } - 0.5)
+}
+
+/// First and end pixel in each of the eight rows of pixels of a row of tiles.
+///
+/// A quarter of a pixel keeps limits, which are whole, away from where rounding to whole numbers could go either way.
+#[inline(always)]
+fn spans(shape: &Shape, row: usize) -> [[i32; SIDE]; 2] {
     let (mut low, mut high) = ([shape.columns[0] - 0.25; SIDE], [shape.columns[1] + 0.25; SIDE]);
     let mut y = [0.0; SIDE];
+    let start = (row * SIDE) as f32;
     for i in 0..SIDE {
-        y[i] = (row * SIDE + i) as f32;
+        y[i] = start + ONES[i];
     }
     for line in &shape.left[..shape.lefts] {
         for i in 0..SIDE {
@@ -109,42 +183,23 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, surface: u32) {
         }
     }
     let limit = shape.columns[1] + 1.0;
+    let (top, bottom) = (shape.lines[0] as f32, shape.lines[1] as f32);
     let (mut first, mut end) = ([0i32; SIDE], [0i32; SIDE]);
     for i in 0..SIDE {
-        // Both limits are finite; a NaN fails the first comparison and empties the row.
-        let l = if low[i] <= limit { low[i] } else { limit };
-        let h = if high[i] >= -1.0 { high[i] } else { -1.0 };
-        first[i] = whole(l + 0.5);
-        end[i] = whole(h - 0.5);
+        first[i] = first_pixel(low[i], limit);
+        let inside = (y[i] >= top) & (y[i] < bottom);
+        end[i] = if inside { end_pixel(high[i]) } else { -1 };
     }
-    if row * SIDE < shape.lines[0] || (row + 1) * SIDE > shape.lines[1] {
-        for i in 0..SIDE {
-            if row * SIDE + i < shape.lines[0] || row * SIDE + i >= shape.lines[1] {
-                end[i] = -1;
-            }
-        }
-    }
-    // Rows without a pixel do not stretch the span.
-    let (mut wide_first, mut wide_end) = (first, end);
-    for i in 0..SIDE {
-        let empty = first[i] >= end[i];
-        wide_first[i] = if empty { i32::MAX } else { first[i] };
-        wide_end[i] = if empty { i32::MIN } else { end[i] };
-    }
-    let (least_first, most_end) = (fold(wide_first, i32::min), fold(wide_end, i32::max));
-    let (most_first, least_end) = (fold(first, i32::max), fold(end, i32::min));
-    if least_first >= most_end {
+    [first, end]
+}
+
+#[inline(always)]
+fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, bands: &Bands, i: usize, surface: u32) {
+    let (start, stop) = (bands.met[0][i] as usize, bands.met[1][i] as usize);
+    if start >= stop {
         return;
     }
-    let side = SIDE as i32;
-    let start = (least_first.max(0) / side) as usize;
-    let stop = (((most_end + side - 1) / side).max(0) as usize).min(tiles.columns);
-    // Tiles that all eight rows cover.
-    let whole_start = ((most_first.max(0) + side - 1) / side) as usize;
-    let whole_stop = ((least_end.max(0) / side) as usize).min(tiles.columns);
-    let (whole_start, whole_stop) =
-        if whole_start < whole_stop { (whole_start, whole_stop) } else { (stop, stop) };
-
+    let covered = [bands.covered[0][i] as f32, bands.covered[1][i] as f32];
     let mut offsets = [0.0; MAX_PLANES];
     for plane in 0..shape.plane_count {
         offsets[plane] = row as f32 * shape.planes[plane][1] + shape.planes[plane][2];
@@ -156,21 +211,30 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, surface: u32) {
         let values = &mut tiles.whole[base + column..base + column + WIDTH];
         let surfaces = &mut tiles.surface[base + column..base + column + WIDTH];
         // Beyond the last tile of the shape, nothing is touched.
-        let (limit, whole_start, whole_stop) = (stop as f32, whole_start as f32, whole_stop as f32);
-        let (mut part, first_column) = ([0u8; WIDTH], column as f32);
+        let (limit, first_column) = (stop as f32, column as f32);
+        let mut part = [0u8; WIDTH];
         for i in 0..WIDTH {
             let x = first_column + STEPS[i];
             let nearer = (nearness[i] > values[i]) & (x < limit);
-            let inner = nearer & (x >= whole_start) & (x < whole_stop);
+            let inner = nearer & (x >= covered[0]) & (x < covered[1]);
             values[i] = if inner { nearness[i] } else { values[i] };
             surfaces[i] = if inner { surface } else { surfaces[i] };
             part[i] = u8::from(nearer & !inner);
         }
         let mut part = bits(&part);
-        while part != 0 {
-            let i = part.trailing_zeros() as usize % WIDTH;
-            part &= part - 1;
-            tiles.cover(base + column + i, mask(&first, &end, column + i), nearness[i]);
+        if part != 0 {
+            [tiles.spans.first, tiles.spans.end] = spans(shape, row);
+            let mut left = part;
+            while left != 0 {
+                let i = left.trailing_zeros() as usize % WIDTH;
+                left &= left - 1;
+                tiles.spans.masks[i] = tiles.spans.mask(column + i);
+            }
+            while part != 0 {
+                let i = part.trailing_zeros() as usize % WIDTH;
+                part &= part - 1;
+                tiles.cover(base + column + i, tiles.spans.masks[i], nearness[i]);
+            }
         }
         column += WIDTH;
     }
@@ -189,17 +253,6 @@ pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
     let low = u64::from_le_bytes(*low).wrapping_mul(0x0102_0408_1020_4080) >> 56;
     let high = u64::from_le_bytes(*high).wrapping_mul(0x0102_0408_1020_4080) >> 56;
     (low | high << 8) as u32
-}
-
-/// Reduces by halves, which stays in registers.
-#[inline(always)]
-fn fold(mut values: [i32; SIDE], better: impl Fn(i32, i32) -> i32) -> i32 {
-    for width in [4, 2, 1] {
-        for i in 0..width {
-            values[i] = better(values[i], values[i + width]);
-        }
-    }
-    values[0]
 }
 
 /// The least nearness of a shape in each tile of a run that starts at a column.
@@ -221,15 +274,36 @@ fn depths(shape: &Shape, offsets: &[f32; MAX_PLANES], column: usize) -> [f32; WI
     least
 }
 
-/// The pixels of a tile that lie in the spans.
-#[inline(always)]
-fn mask(first: &[i32; SIDE], end: &[i32; SIDE], column: usize) -> u64 {
-    let left = (column * SIDE) as i32;
-    let mut bytes = [0u8; SIDE];
-    for i in 0..SIDE {
-        let l = (first[i] - left).clamp(0, 8);
-        let r = (end[i] - left).clamp(0, 8);
-        bytes[i] = ((0xff << l) & !(0xff << r)) as u8;
+/// What masks are made of, in memory: there the eight rows are loaded all together, where the compiler would otherwise treat each in a
+/// way of its own.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spans {
+    /// First and end pixel in each row.
+    first: [i32; SIDE],
+    end: [i32; SIDE],
+    /// The bits of each row in a tile.
+    rows: [u64; SIDE],
+    masks: [u64; WIDTH],
+}
+
+impl Spans {
+    pub(crate) const NONE: Self = Self {
+        first: [0; SIDE],
+        end: [0; SIDE],
+        rows: [0xff, 0xff << 8, 0xff << 16, 0xff << 24, 0xff << 32, 0xff << 40, 0xff << 48, 0xff << 56],
+        masks: [0; WIDTH],
+    };
+
+    /// The pixels of a tile that lie in the spans.
+    #[inline(always)]
+    fn mask(&self, column: usize) -> u64 {
+        let left = (column * SIDE) as i32;
+        let mut m = [0u64; SIDE];
+        for i in 0..SIDE {
+            let l = (self.first[i] - left).clamp(0, 8) as u32 as u64;
+            let r = (self.end[i] - left).clamp(0, 8) as u32 as u64;
+            m[i] = (self.rows[i] << l) & !(self.rows[i] << r) & self.rows[i];
+        }
+        ((m[0] | m[1]) | (m[2] | m[3])) | ((m[4] | m[5]) | (m[6] | m[7]))
     }
-    u64::from_le_bytes(bytes)
 }

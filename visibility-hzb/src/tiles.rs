@@ -5,6 +5,7 @@
 //! the memory of a z-buffer and is as tight in practice, since one occluder mostly has one depth range in a tile (the idea is that of
 //! Andersson, Hasselgren and Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more and disjoint layers).
 
+use crate::fill::Spans;
 use alloc::vec::Vec;
 
 /// Pixels along the side of a tile.
@@ -28,7 +29,7 @@ pub(crate) struct Layers {
 }
 
 /// The tiles, row by row from the top.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Tiles {
     pub(crate) columns: usize,
     pub(crate) rows: usize,
@@ -42,6 +43,8 @@ pub(crate) struct Tiles {
     counts: Vec<u8>,
     /// Those beyond the count are of earlier frames.
     layers: Vec<Layers>,
+    /// Of the row of tiles that is being filled.
+    pub(crate) spans: Spans,
 }
 
 /// What bounds the nearness of a shape from below: the least of up to three planes, where that is greater than the floor.
@@ -95,6 +98,7 @@ impl Tiles {
             surfaces: alloc::vec![Surface::NONE],
             counts: alloc::vec![0; columns * rows],
             layers: alloc::vec![layers; columns * rows],
+            spans: Spans::NONE,
         }
     }
 
