@@ -199,6 +199,9 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, bands: &Bands, i: usiz
     if start >= stop {
         return;
     }
+    if bands.covered[0][i] < bands.covered[1][i] {
+        tiles.note(row, [start.max(bands.covered[0][i] as usize), stop.min(bands.covered[1][i] as usize)]);
+    }
     let covered = [bands.covered[0][i] as f32, bands.covered[1][i] as f32];
     let mut offsets = [0.0; MAX_PLANES];
     for plane in 0..shape.plane_count {

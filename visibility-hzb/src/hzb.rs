@@ -272,7 +272,7 @@ impl OcclusionMap for Hzb {
         for (out, plane) in self.clip.iter_mut().zip(view.clip_planes()) {
             *out = Plane::new(plane.normal, plane.offset + plane.normal.dot(shift));
         }
-        self.pyramid.build(&self.tiles);
+        self.pyramid.clear();
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
@@ -304,7 +304,7 @@ impl OcclusionMap for Hzb {
 
     fn flush(&mut self) {
         self.draw_queue();
-        self.pyramid.build(&self.tiles);
+        self.pyramid.update(&mut self.tiles);
     }
 
     fn test(&self, bounds: &Aabb) -> Occlusion {

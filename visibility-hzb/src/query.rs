@@ -127,6 +127,15 @@ impl<const N: usize> Footprints<N> {
     };
 }
 
+impl<const N: usize> Footprints<N> {
+    /// The pixels of a box.
+    #[inline(always)]
+    pub(crate) fn rectangle(&self, i: usize) -> Rectangle {
+        let [left, right, top, bottom] = &self.sides;
+        Rectangle { columns: [left[i] as u32, right[i] as u32], lines: [top[i] as u32, bottom[i] as u32] }
+    }
+}
+
 /// As [`project`], for as many boxes as are looked at together.
 #[inline(always)]
 pub(crate) fn footprints(lens: &Lens32, boxes: &[[f32; WIDTH]; 6], out: &mut Footprints<WIDTH>) {
@@ -336,14 +345,21 @@ fn decide<const N: usize>(
     let outside = gather(&footprints.outside) & proper & lanes;
     let visible = (gather(&footprints.inside) & gather(&before) | !proper) & lanes & !outside;
     let mut hidden = outside;
-    let mut rest = lanes & !outside & !visible & gather(&footprints.known) & gather(&behind);
-    while rest != 0 {
-        let i = rest.trailing_zeros() as usize % N;
-        rest &= rest - 1;
-        let [left, right, top, bottom] = &footprints.sides;
-        let (left, right, top, bottom) = (left[i] as u32, right[i] as u32, top[i] as u32, bottom[i] as u32);
-        let rectangle = Rectangle { columns: [left, right], lines: [top, bottom] };
+    let rest = lanes & !outside & !visible & gather(&footprints.known) & gather(&behind);
+    // Most are hidden at first glance: they are found first, without a branch for each.
+    let mut left = rest;
+    while left != 0 {
+        let i = left.trailing_zeros() as usize % N;
+        left &= left - 1;
         let nearest = footprints.nearest[i];
+        let coarsely = query.pyramid.hides_coarsely(query.tiles, &footprints.rectangle(i), nearest);
+        hidden |= u64::from(coarsely) << i;
+    }
+    let mut left = rest & !hidden;
+    while left != 0 {
+        let i = left.trailing_zeros() as usize % N;
+        left &= left - 1;
+        let (rectangle, nearest) = (footprints.rectangle(i), footprints.nearest[i]);
         let mut sides = [0.0; 6];
         for row in 0..6 {
             sides[row] = boxes[row][i];

@@ -6,6 +6,7 @@
 //! Andersson, Hasselgren and Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more and disjoint layers).
 
 use crate::fill::Spans;
+use crate::pyramid::{UNCHANGED, join};
 use alloc::vec::Vec;
 
 /// Pixels along the side of a tile.
@@ -43,6 +44,9 @@ pub(crate) struct Tiles {
     counts: Vec<u8>,
     /// Those beyond the count are of earlier frames.
     layers: Vec<Layers>,
+    /// Columns of each row of tiles whose `whole` may have changed since the pyramid was brought up to date, and such rows.
+    pub(crate) changed: Vec<[usize; 2]>,
+    pub(crate) changed_rows: [usize; 2],
     /// Of the row of tiles that is being filled.
     pub(crate) spans: Spans,
 }
@@ -98,6 +102,8 @@ impl Tiles {
             surfaces: alloc::vec![Surface::NONE],
             counts: alloc::vec![0; columns * rows],
             layers: alloc::vec![layers; columns * rows],
+            changed: alloc::vec![UNCHANGED; rows],
+            changed_rows: UNCHANGED,
             spans: Spans::NONE,
         }
     }
@@ -107,6 +113,23 @@ impl Tiles {
         self.counts.fill(0);
         self.surface.fill(0);
         self.surfaces.truncate(1);
+        self.changed.fill(UNCHANGED);
+        self.changed_rows = UNCHANGED;
+    }
+
+    /// Notes that `whole` changes between two columns of a row.
+    #[inline(always)]
+    pub(crate) fn note(&mut self, row: usize, columns: [usize; 2]) {
+        self.changed[row] = join(self.changed[row], columns);
+        self.changed_rows = join(self.changed_rows, [row, row + 1]);
+    }
+
+    /// Raises what all of a tile has at least.
+    #[inline(always)]
+    fn raise(&mut self, tile: usize, nearness: f32) {
+        self.whole[tile] = nearness;
+        let (row, column) = (tile / self.columns, tile % self.columns);
+        self.note(row, [column, column + 1]);
     }
 
     /// Makes a surface known; the number stands for it in this frame.
@@ -135,15 +158,14 @@ impl Tiles {
             return;
         }
         let count = usize::from(self.counts[tile]);
+        if count == 0 && mask == u64::MAX {
+            return self.raise(tile, nearness);
+        }
         let layers = &mut self.layers[tile];
         if count == 0 {
-            if mask == u64::MAX {
-                self.whole[tile] = nearness;
-            } else {
-                layers.masks[0] = mask;
-                layers.nearness[0] = nearness;
-                self.counts[tile] = 1;
-            }
+            layers.masks[0] = mask;
+            layers.nearness[0] = nearness;
+            self.counts[tile] = 1;
             return;
         }
         // Pixels that have something as near already stay with it.
@@ -166,6 +188,7 @@ impl Tiles {
         }
         // Layers that the whole tile has overtaken are forgotten, and pixels that have something farther go over to the new layer.
         let (mut masks, mut nearnesses) = ([0; LAYERS + 1], [0.0; LAYERS + 1]);
+        let mut raised = whole;
         let mut kept = 0;
         let mut union = new;
         for i in 0..count.min(LAYERS) {
@@ -182,7 +205,7 @@ impl Tiles {
         kept += 1;
         if union == u64::MAX {
             let least = nearnesses[..kept].iter().copied().fold(f32::INFINITY, f32::min);
-            self.whole[tile] = least;
+            raised = least;
             let mut left = 0;
             for i in 0..kept {
                 if nearnesses[i] > least {
@@ -198,6 +221,9 @@ impl Tiles {
         layers.masks.copy_from_slice(&masks[..LAYERS]);
         layers.nearness.copy_from_slice(&nearnesses[..LAYERS]);
         self.counts[tile] = kept as u8;
+        if raised > whole {
+            self.raise(tile, raised);
+        }
     }
 
     /// Whether everything in the given pixels of a tile is nearer than `nearness`.

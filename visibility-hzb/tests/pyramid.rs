@@ -1,0 +1,93 @@
+//! The pyramid is brought up to date from what has changed; it must be the one that a new start would give.
+
+use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
+use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
+use visibility_hzb::Hzb;
+
+fn view() -> View {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    View::perspective(pose, 1.2, 1.5, 0.1, f64::INFINITY).unwrap()
+}
+
+/// Every texel above the finest level is the least of those below it, bit for bit. Returns how many are covered.
+fn check(hzb: &Hzb) -> usize {
+    let mut covered = 0;
+    for level in 1..hzb.levels() {
+        let (columns, rows, fine) = hzb.level(level - 1).unwrap();
+        let (half, _, coarse) = hzb.level(level).unwrap();
+        for (i, texel) in coarse.iter().enumerate() {
+            let (x, y) = (i % half * 2, i / half * 2);
+            let mut least = f32::INFINITY;
+            for (x, y) in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)] {
+                if x < columns && y < rows {
+                    least = least.min(fine[y * columns + x]);
+                }
+            }
+            assert_eq!(texel.to_bits(), least.to_bits(), "level {level}, texel {i}: {texel} for {least}");
+            covered += usize::from(*texel > f32::NEG_INFINITY);
+        }
+    }
+    covered
+}
+
+/// SplitMix64, as numbers between two.
+struct Random(u64);
+
+impl Random {
+    fn between(&mut self, low: f32, high: f32) -> f32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        low + (high - low) * ((z ^ z >> 31) >> 40) as f32 / (1u32 << 24) as f32
+    }
+
+    fn vec(&mut self, low: [f32; 3], high: [f32; 3]) -> Vec3 {
+        Vec3::from_array(std::array::from_fn(|i| self.between(low[i], high[i])))
+    }
+}
+
+#[test]
+fn updates_leave_nothing_out() {
+    let mut random = Random(7);
+    let mut covered = 0;
+    for _ in 0..48 {
+        let size = [random.between(16.0, 700.0) as usize, random.between(16.0, 500.0) as usize];
+        let mut hzb = Hzb::new(size[0], size[1]).unwrap();
+        for _ in 0..3 {
+            hzb.begin(&view(), DVec3::ZERO);
+            assert_eq!(check(&hzb), 0);
+            for _ in 0..random.between(1.0, 60.0) as usize {
+                let half = random.vec([0.1; 3], [3.0, 12.0, 9.0]);
+                let mut mesh = OccluderMesh::cuboid(&Aabb::new(-half, half)).unwrap();
+                if random.between(0.0, 1.0) < 0.5 {
+                    // Without one of its sides, it is drawn otherwise than a box is.
+                    mesh = OccluderMesh::from_indexed(mesh.positions(), &mesh.triangles()[2..]).unwrap();
+                }
+                let turn = Quat::from_rotation_z(random.between(0.0, 6.3));
+                let at = random.vec([2.0, -15.0, -10.0], [40.0, 15.0, 10.0]);
+                hzb.add(&mesh, &Affine3A::from_rotation_translation(turn, at));
+                if random.between(0.0, 1.0) < 0.3 {
+                    hzb.flush();
+                    covered += check(&hzb);
+                }
+            }
+            hzb.flush();
+            covered += check(&hzb);
+        }
+    }
+    assert!(covered > 100_000, "{covered}");
+}
+
+#[test]
+fn what_covers_everything_reaches_the_top() {
+    let mut hzb = Hzb::new(333, 217).unwrap();
+    hzb.begin(&view(), DVec3::ZERO);
+    for x in [30.0, 20.0, 10.0] {
+        let wall = Aabb::from_arrays([x, -90.0, -90.0], [x + 1.0, 90.0, 90.0]);
+        hzb.add(&OccluderMesh::cuboid(&wall).unwrap(), &Affine3A::IDENTITY);
+        hzb.flush();
+        check(&hzb);
+        let (_, _, top) = hzb.level(hzb.levels() - 1).unwrap();
+        assert!((top[0] - 1.0 / x).abs() < 1e-3, "{top:?}");
+    }
+}
