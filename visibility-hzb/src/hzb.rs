@@ -8,7 +8,7 @@ use crate::lens::{Lens, Placed};
 use crate::mesh::Setup;
 use crate::pyramid::Pyramid;
 use crate::pyramid::Rectangle;
-use crate::query::{Footprints, Lens32, Query, project, test_one};
+use crate::query::{Footprints, Lens32, Query, WIDTH, project, test_one};
 use crate::queue::Queue;
 use crate::shape::{Coverage, Shape};
 use crate::solid::{self, Scratch};
@@ -22,6 +22,10 @@ use visibility_core::{
 /// Meshes of so few triangles are looked at for whether they are convex as seen: the outline of a house without a floor is found sooner than its
 /// triangles are drawn.
 const SMALL: usize = 24;
+
+/// The pyramid is brought up to date while occluders arrive once so many of them were found hidden by the tiles alone: then it has cost less
+/// than it will save.
+const MISSED: usize = 32;
 
 /// A hierarchical z-buffer.
 ///
@@ -56,6 +60,8 @@ pub struct Hzb {
     queue: Queue,
     setup: Setup,
     cells: Cells,
+    /// Hidden occluders that the pyramid did not find since it was last brought up to date.
+    missed: usize,
     /// Nearness that nothing in the buffer exceeds.
     pub(crate) nearest: f32,
     /// Planes that cut occluders away, relative to the scene's origin.
@@ -100,6 +106,7 @@ impl Hzb {
             queue: Queue::EMPTY,
             setup: Setup::default(),
             cells,
+            missed: 0,
             nearest: f32::NEG_INFINITY,
             clip: [Plane::new(DVec3::ZERO, 0.0); visibility_core::MAX_CLIP_PLANES],
             clips: 0,
@@ -188,11 +195,22 @@ impl Hzb {
             return;
         }
         self.simd.footprints(&self.lens32, &self.queue.around, &mut self.queue.footprints);
-        for i in 0..count {
+        // The pyramid may be behind the tiles, which is safe: what it hides is hidden.
+        let mut seen =
+            self.simd.not_hidden_coarsely(&self.pyramid, &self.tiles, &self.queue.footprints, count);
+        while seen != 0 {
+            let i = seen.trailing_zeros() as usize % WIDTH;
+            seen &= seen - 1;
             if self.simd.may_be_seen(&self.tiles, &self.queue.footprints, i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
                 self.draw_box(&bounds, &transform, self.queue.two_sided[i]);
+            } else {
+                self.missed += 1;
             }
+        }
+        if self.missed >= MISSED {
+            self.missed = 0;
+            self.pyramid.update(&mut self.tiles);
         }
     }
 
@@ -266,6 +284,7 @@ impl OcclusionMap for Hzb {
         self.faces = Faces::new(&self.lens);
         self.tiles.clear();
         self.queue.count = 0;
+        self.missed = 0;
         self.nearest = f32::NEG_INFINITY;
         self.clips = view.clip_planes().len();
         let shift = origin - view.origin();
@@ -334,6 +353,22 @@ pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &Footprints<N>, i
     let small =
         rectangle.columns[1] - rectangle.columns[0] <= 1 || rectangle.lines[1] - rectangle.lines[0] <= 1;
     !seen.outside[i] && (!seen.known[i] || (!small && fill::still_seen(tiles, &rectangle, seen.nearest[i])))
+}
+
+/// Those of the first so many boxes that are neither out of view nor hidden at first glance.
+#[inline(always)]
+pub(crate) fn not_hidden_coarsely(
+    pyramid: &Pyramid,
+    tiles: &Tiles,
+    boxes: &Footprints<WIDTH>,
+    count: usize,
+) -> u32 {
+    let mut seen = 0;
+    for i in 0..count.min(WIDTH) {
+        let hidden = pyramid.hides_coarsely(tiles, &boxes.rectangle(i), boxes.nearest[i]);
+        seen |= u32::from(!boxes.outside[i] & !(boxes.known[i] & hidden)) << i;
+    }
+    seen
 }
 
 /// The same, for a box that is not projected yet.

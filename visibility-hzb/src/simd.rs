@@ -11,7 +11,7 @@ use crate::cuboid::Made;
 use crate::hom::{Boundary, Opacity, Region};
 use crate::lens::{Lens, Placed};
 use crate::mesh::Setup;
-use crate::pyramid::Rectangle;
+use crate::pyramid::{Pyramid, Rectangle};
 use crate::query::{Boxes, Footprints, Lens32, Query, WIDTH};
 use crate::shape::{Coverage, Shape};
 use crate::solid::{Parts, Scratch};
@@ -118,6 +118,8 @@ compiled! {
         (mesh: &Parts, placed: &Placed, lens: &Lens, facing: f64, coverage: Coverage, setup: &mut Setup, cells: &mut Cells, tiles: &mut Tiles) -> f32;
     still_seen / still_seen_avx2 / still_seen_avx512 = crate::fill::still_seen,
         (tiles: &Tiles, rectangle: &Rectangle, nearness: f32) -> bool;
+    not_hidden_coarsely / not_hidden_coarsely_avx2 / not_hidden_coarsely_avx512 = crate::hzb::not_hidden_coarsely,
+        (pyramid: &Pyramid, tiles: &Tiles, boxes: &Footprints<WIDTH>, count: usize) -> u32;
     may_be_seen / may_be_seen_avx2 / may_be_seen_avx512 = crate::hzb::may_be_seen,
         (tiles: &Tiles, seen: &Footprints<WIDTH>, i: usize) -> bool;
     box_seen / box_seen_avx2 / box_seen_avx512 = crate::hzb::box_seen,

@@ -103,7 +103,7 @@ impl Stage {
     fn sort(&mut self, view: &View) {
         let eye = view.eye(self.occluders.origin());
         self.order.clear();
-        self.order.extend(self.in_view.iter(&self.occluders).map(|id| {
+        self.in_view.iter(&self.occluders).for_each(|id| {
             let bounds = self.meshes[id.index()].bounds();
             let distance = match eye {
                 Eye::Point(eye) => {
@@ -113,8 +113,8 @@ impl Stage {
                 // Any order is right; this one puts near ones first where depth is not negative.
                 Eye::Direction(along) => bounds.center().dot(along.as_vec3()).max(0.0),
             };
-            u64::from(distance.to_bits()) << 32 | id.index() as u64
-        }));
+            self.order.push(u64::from(distance.to_bits()) << 32 | id.index() as u64);
+        });
         self.order.sort_unstable();
     }
 
