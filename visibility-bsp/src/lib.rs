@@ -29,4 +29,4 @@ pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};
 pub use order_culler::BspOrder;
 pub use scene_tree::SceneTree;
 pub use shadow_frusta::{ShadowFrusta, ShadowFrustaCuller};
-pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Order, Walk};
+pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Order, Subtree, Walk};

@@ -22,6 +22,29 @@ impl Volume {
         volume
     }
 
+    /// The planes, one bit each, that a box is wholly inside of, given some of them: no others matter for what is in the box. `None` if no
+    /// point of it is in view.
+    #[inline]
+    pub(crate) fn inside_of(&self, mut known: u32, bounds: &Aabb) -> Option<u32> {
+        for (i, plane) in self.planes[..self.count].iter().enumerate() {
+            if known & 1 << i != 0 {
+                continue;
+            }
+            match plane.classify_aabb(bounds) {
+                Containment::Outside => return None,
+                Containment::Crossing => {}
+                Containment::Inside => known |= 1 << i,
+            }
+        }
+        Some(known)
+    }
+
+    /// Whether planes that something is inside of are all there are.
+    #[inline]
+    pub(crate) fn is_inside(&self, planes: u32) -> bool {
+        planes == (1 << self.count) - 1
+    }
+
     /// Whether no point of a box is in view.
     pub(crate) fn is_outside(&self, bounds: &Aabb) -> bool {
         self.planes[..self.count].iter().any(|plane| plane.classify_aabb(bounds) == Containment::Outside)

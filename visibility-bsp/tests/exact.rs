@@ -257,6 +257,32 @@ fn objects_come_in_the_order_of_depth() {
 }
 
 #[test]
+fn a_flat_world_narrower_than_the_tolerance_hides_only_what_is_covered() {
+    // As thin as 1e-11 of what is seen of it, from within: boxes beside each other, and one behind the first.
+    let block = |x: f64, y: f64| {
+        let min = DVec3::new(x, y, 2e-11);
+        let faces = shapes::box_faces(min, min + DVec3::new(1.0, 1.0, 3e-11));
+        faces.iter().flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]]).map(corners).collect::<Vec<_>>()
+    };
+    let mut scene = Scene::new();
+    let first = add(&mut scene, &block(5.0, -0.5), true);
+    let second = add(&mut scene, &block(8.0, 1.0), true);
+    // A sliver beside a wide triangle of the same object, which is hidden.
+    let mut mixed = block(9.0, -0.4);
+    mixed.push([[20.0, 3.0, 3e-11], [20.0, 5.0, 3e-11], [20.0, 4.0, 4e-11]].map(Vec3::from));
+    let third = add(&mut scene, &mixed, true);
+    let tree = SceneTree::new(&scene).unwrap();
+    for (forward, up) in [(DVec3::X, DVec3::Z), (DVec3::new(1.0, 0.1, 0.0), DVec3::new(0.3, 0.4, 1.0))] {
+        let view =
+            View::perspective(Pose::look_at(DVec3::ZERO, forward, up), 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+        let found = reported(&mut Naylor::new(&tree), &scene, &view);
+        for id in [first, second, third] {
+            assert!(found.contains(&(id.index() as u32)), "{id} towards {forward}");
+        }
+    }
+}
+
+#[test]
 fn extreme_scenes_and_views_hide_nothing_by_mistake() {
     let mut random = Random(23);
     let values = [0.0f32, 1.0, -1.0, 1e-30, 1e30, -1e30, 3e38, 1e-45, f32::NAN, f32::INFINITY, 5.0];

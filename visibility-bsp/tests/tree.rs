@@ -5,7 +5,7 @@ mod shapes;
 
 use shapes::{Random, box_faces, polygons};
 use std::collections::HashSet;
-use visibility_bsp::{BspError, BspTree, Fragments, Leaf, Order, Walk};
+use visibility_bsp::{BspError, BspTree, Fragments, Leaf, Order, Subtree, Walk};
 use visibility_core::{Aabb, Eye, glam::DVec3};
 
 fn build(polygons: &[Vec<DVec3>]) -> BspTree {
@@ -119,10 +119,12 @@ fn leaves_inside_solids_are_solid() {
 fn walks_enter_only_what_they_want() {
     struct Counting(usize, Aabb);
     impl Walk for Counting {
-        fn enter(&mut self, bounds: &Aabb) -> bool {
-            self.1.classify_aabb(bounds) != visibility_core::Containment::Outside
+        fn enter(&mut self, subtree: &Subtree, levels: u32) -> Option<u32> {
+            let outside = self.1.classify_aabb(subtree.bounds()) == visibility_core::Containment::Outside;
+            (!outside).then_some(levels + 1)
         }
-        fn visit(&mut self, fragments: Fragments<'_>) {
+        fn visit(&mut self, fragments: Fragments<'_>, levels: u32) {
+            assert!(levels > 0);
             self.0 += fragments.count();
         }
     }

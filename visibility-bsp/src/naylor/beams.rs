@@ -12,7 +12,8 @@
 //! line. An edge on a line of the tree divides nothing again.
 //!
 //! So a polygon may fail to cover a strip as wide as the margin of a line, and what lies behind it reaches an open leaf there. Margins are at
-//! most a quarter of [`NARROWEST`], and parts narrower than that are not seen.
+//! most a quarter of [`NARROWEST`], and parts of wider polygons that are narrower than that are not seen. A polygon that is itself so narrow is
+//! told apart: it is cut a margin beyond each line, and where it then reaches an open leaf it is [glimpsed](Sight::Glimpsed).
 
 use alloc::vec::Vec;
 use visibility_core::Side;
@@ -77,8 +78,19 @@ impl Line {
     }
 }
 
-/// What is narrower, in units of half the picture, is neither seen nor hidden by: at 2560 columns the 8000th part of a pixel.
-const NARROWEST: f64 = 1e-7;
+/// Gaps that are narrower, in units of half the picture, are not seen through: at 2560 columns the 8000th part of a pixel.
+pub(super) const NARROWEST: f64 = 1e-7;
+
+/// What there is to see of a polygon.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Sight {
+    /// Nothing, but for gaps that rounding may have made.
+    Hidden,
+    /// A part as narrow as such gaps, of a polygon that is as narrow itself.
+    Glimpsed,
+    /// A part that is wide enough.
+    Seen,
+}
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
@@ -182,33 +194,68 @@ impl Beams {
     }
 
     /// Whether anything of a convex polygon, counter-clockwise in the picture, is seen.
-    pub(super) fn is_seen(&mut self, polygon: &[Corner]) -> bool {
+    pub(super) fn look(&mut self, polygon: &[Corner]) -> Sight {
         self.run(polygon, false)
     }
 
     /// The same, after which what lies behind the polygon is not seen any more. `error` bounds that of its corners.
-    pub(super) fn add(&mut self, polygon: &[Corner], error: f64) -> bool {
+    pub(super) fn add(&mut self, polygon: &[Corner], error: f64) -> Sight {
         self.lines.clear();
         for (i, &p) in polygon.iter().enumerate() {
             self.lines.push(Line::through(p, polygon[(i + 1) % polygon.len()], error));
         }
         // A polygon with an area has two edges at least; one that is hardly more than a point covers nothing.
         let closing = self.lines.iter().flatten().count() >= 2;
-        self.run(polygon, closing)
+        if !closing {
+            return self.look(polygon);
+        }
+        self.end_strips(polygon, error);
+        if !is_narrow(polygon) {
+            return self.run(polygon, true);
+        }
+        // What is looked for beyond margins must not be covered there.
+        let sight = self.look(polygon);
+        let witness = self.witness;
+        self.run(polygon, true);
+        self.witness = witness;
+        sight
     }
 
-    fn run(&mut self, polygon: &[Corner], closing: bool) -> bool {
+    /// Edges too short to have a line: their neighbours may be all but parallel, and would cover a strip without an end. It ends square to the
+    /// edge before, at that end of the short edge which comes first.
+    fn end_strips(&mut self, polygon: &[Corner], error: f64) {
+        let count = polygon.len();
+        for i in 0..count {
+            if self.lines[i].is_some() {
+                continue;
+            }
+            let before = (1..count).map(|back| (i + count - back) % count);
+            let edge = before.map(|j| (j, (j + 1) % count));
+            let Some((Line { a, b, margin, .. }, _)) =
+                edge.filter_map(|(j, k)| Line::through(polygon[j], polygon[k], error)).next()
+            else {
+                continue;
+            };
+            // The edge before runs along (b, -a).
+            let along = |p: Corner| b * p.x - a * p.y;
+            let c = along(polygon[i]).min(along(polygon[(i + 1) % count]));
+            self.lines[i] = Some((Line { a: -b, b: a, c, margin }, false));
+        }
+    }
+
+    fn run(&mut self, polygon: &[Corner], closing: bool) -> Sight {
         self.witness.width = -1.0;
         self.tasks.clear();
         self.corners.clear();
+        let narrow = is_narrow(polygon);
+        let mut sight = Sight::Hidden;
         if self.root == CLOSED {
-            return false;
+            return sight;
         }
         for (edge, &corner) in (0..).zip(polygon) {
             self.corners.push(Corner { edge, ..corner });
         }
         self.tasks.push(Task { parent: NO_PARENT, side: 0, thin: false, begin: 0 });
-        let mut seen = false;
         while let Some(task) = self.tasks.pop() {
             let child = match task.parent {
                 NO_PARENT => self.root,
@@ -218,22 +265,26 @@ impl Beams {
                 CLOSED => self.corners.truncate(task.begin),
                 OPEN => {
                     let witness = witness(&self.corners[task.begin..]);
-                    seen |= !task.thin && witness.width > NARROWEST;
+                    if !task.thin && witness.width > NARROWEST {
+                        sight = Sight::Seen;
+                    } else if narrow && sight == Sight::Hidden {
+                        sight = Sight::Glimpsed;
+                    }
                     if witness.width > self.witness.width {
                         self.witness = witness;
                     }
-                    if seen && !closing {
-                        return true;
+                    if sight == Sight::Seen && !closing {
+                        return sight;
                     }
                     if closing && !task.thin {
                         self.close(task);
                     }
                     self.corners.truncate(task.begin);
                 }
-                node => self.pass(node, task),
+                node => self.pass(node, task, narrow && !closing),
             }
         }
-        seen
+        sight
     }
 
     /// The widest place where the polygon at hand was seen.
@@ -242,7 +293,7 @@ impl Beams {
     }
 
     /// Sends the topmost part to the sides of a node.
-    fn pass(&mut self, id: u32, task: Task) {
+    fn pass(&mut self, id: u32, task: Task, generous: bool) {
         let Node { line, children, .. } = self.nodes[id as usize];
         let (mut least, mut greatest, mut sum) = (0.0f64, 0.0f64, 0.0);
         self.sides.clear();
@@ -253,29 +304,25 @@ impl Beams {
             sum += distance;
             self.sides.push(distance);
         }
+        if generous {
+            return self.pass_generously(id, task);
+        }
         let (front, back) = (greatest > line.margin, least < -line.margin);
         if !(front && back) {
             let side = u8::from(if front || back { front } else { sum > 0.0 });
+            let count = self.sides.len();
+            let thin = task.thin || !(front || back);
             if children[usize::from(side)] == CLOSED {
                 self.corners.truncate(task.begin);
                 return;
             }
-            let count = self.sides.len();
             for i in 0..count {
                 let j = if i + 1 == count { 0 } else { i + 1 };
                 if self.sides[i].abs().max(self.sides[j].abs()) <= line.margin {
-                    // Not so short that it could lie across: a leaf that is wider than the part would be closed whole.
-                    let (p, q) = (self.corners[task.begin + i], self.corners[task.begin + j]);
-                    let length = (q.x - p.x).abs().max((q.y - p.y).abs());
-                    self.corners[task.begin + i].on_line |= length > 32.0 * line.margin;
+                    self.corners[task.begin + i].on_line = true;
                 }
             }
-            self.tasks.push(Task {
-                parent: id,
-                side,
-                thin: task.thin || !(front || back),
-                begin: task.begin,
-            });
+            self.tasks.push(Task { parent: id, side, thin, begin: task.begin });
             return;
         }
         self.part.clear();
@@ -309,6 +356,35 @@ impl Beams {
                 }
             }
             self.tasks.push(Task { parent: id, side, begin, ..task });
+        }
+    }
+
+    /// Sends what is in front of a node or less than its margin behind it to the front, and likewise to the back.
+    fn pass_generously(&mut self, id: u32, task: Task) {
+        let Node { line: Line { margin, .. }, children, .. } = self.nodes[id as usize];
+        self.part.clear();
+        self.part.extend_from_slice(&self.corners[task.begin..]);
+        self.corners.truncate(task.begin);
+        for side in [0u8, 1] {
+            if children[usize::from(side)] == CLOSED {
+                continue;
+            }
+            let begin = self.corners.len();
+            let sign = if side == 1 { 1.0 } else { -1.0 };
+            for i in 0..self.part.len() {
+                let j = if i + 1 == self.part.len() { 0 } else { i + 1 };
+                let (p, q) = (self.part[i], self.part[j]);
+                let [dp, dq] = [self.sides[i], self.sides[j]].map(|distance| sign * distance + margin);
+                if dp >= 0.0 {
+                    self.corners.push(p);
+                }
+                if (dp >= 0.0) != (dq >= 0.0) {
+                    self.corners.push(crossing(p, q, dp, dq));
+                }
+            }
+            if self.corners.len() > begin {
+                self.tasks.push(Task { parent: id, side, begin, ..task });
+            }
         }
     }
 
@@ -353,6 +429,11 @@ impl Beams {
             id = parent;
         }
     }
+}
+
+/// Whether a polygon is hardly wider than the gaps that are not seen through.
+fn is_narrow(polygon: &[Corner]) -> bool {
+    witness(polygon).width <= 4.0 * NARROWEST
 }
 
 /// The middle of a part, and its area by its longest side.
@@ -406,11 +487,11 @@ mod tests {
                     (right, height(row + 1, right) - noise(column + 1)),
                     (left, height(row + 1, left) - noise(column)),
                 ]);
-                assert!(beams.add(&quad, ERROR));
+                assert_eq!(beams.add(&quad, ERROR), Sight::Seen);
             }
         }
         assert!(beams.is_closed());
-        assert!(!beams.is_seen(&polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.0, 0.5)])));
+        assert_eq!(beams.look(&polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.0, 0.5)])), Sight::Hidden);
     }
 
     #[test]
@@ -421,7 +502,8 @@ mod tests {
             let half = 0.5 * gap;
             beams.add(&polygon(&[(-2.0, -2.0), (0.3 - half, -2.0), (0.3 - half, 2.0), (-2.0, 2.0)]), ERROR);
             beams.add(&polygon(&[(0.3 + half, -2.0), (2.0, -2.0), (2.0, 2.0), (0.3 + half, 2.0)]), ERROR);
-            assert_eq!(beams.is_seen(&polygon(&[(-0.9, -0.9), (0.9, -0.8), (0.9, 0.9)])), seen, "{gap}");
+            let sight = beams.look(&polygon(&[(-0.9, -0.9), (0.9, -0.8), (0.9, 0.9)]));
+            assert_eq!(sight, if seen { Sight::Seen } else { Sight::Hidden }, "{gap}");
             let witness = beams.witness();
             assert!(!seen || (witness.x - 0.3).abs() <= half && witness.width <= gap);
         }
@@ -437,16 +519,63 @@ mod tests {
             let mut beams = Beams::default();
             beams.begin(ERROR);
             let shape = polygon(shape);
-            assert!(beams.add(&shape, ERROR));
-            assert!(!beams.is_seen(&shape));
+            assert_eq!(beams.add(&shape, ERROR), Sight::Seen);
+            assert_eq!(beams.look(&shape), Sight::Hidden);
             // And nothing beside them.
-            assert!(beams.is_seen(&polygon(&[(0.91, -0.1), (0.95, -0.1), (0.95, 0.1), (0.91, 0.1)])));
-            assert!(beams.is_seen(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])));
+            assert_eq!(
+                beams.look(&polygon(&[(0.91, -0.1), (0.95, -0.1), (0.95, 0.1), (0.91, 0.1)])),
+                Sight::Seen
+            );
+            assert_eq!(beams.look(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])), Sight::Seen);
         }
         // What is hardly more than a point hides nothing.
         let mut beams = Beams::default();
         beams.begin(ERROR);
         beams.add(&polygon(&[(0.3, 0.3), (0.3 + 1e-13, 0.3), (0.3, 0.3 + 1e-13)]), ERROR);
-        assert!(beams.is_seen(&polygon(&[(0.2, 0.2), (0.4, 0.2), (0.3, 0.4)])));
+        assert_eq!(beams.look(&polygon(&[(0.2, 0.2), (0.4, 0.2), (0.3, 0.4)])), Sight::Seen);
+    }
+
+    #[test]
+    fn what_is_narrow_itself_is_glimpsed_unless_it_is_covered_for_sure() {
+        let mut beams = Beams::default();
+        beams.begin(ERROR);
+        // Nothing is before it: a needle, in the middle of the picture, and one on a line of the tree.
+        let needle = |x: f64, low: f64, high: f64| {
+            polygon(&[(x, low), (x + 1e-12, low), (x + 1e-12, high), (x, high)])
+        };
+        assert_eq!(beams.look(&needle(0.3, -0.5, 0.5)), Sight::Glimpsed);
+        assert_eq!(beams.look(&needle(0.0, -0.5, 0.5)), Sight::Glimpsed);
+        // Half of it is covered, or all of it, or it is in the margin of the edge of what covers.
+        assert_eq!(
+            beams.add(&polygon(&[(0.2, -0.6), (0.4, -0.6), (0.4, 0.1), (0.2, 0.1)]), ERROR),
+            Sight::Seen
+        );
+        assert_eq!(beams.look(&needle(0.3, -0.5, 0.5)), Sight::Glimpsed);
+        assert_eq!(beams.look(&needle(0.3, -0.5, 0.0)), Sight::Hidden);
+        assert_eq!(beams.look(&needle(0.4, -0.5, 0.0)), Sight::Glimpsed);
+        assert_eq!(beams.look(&needle(0.4 - 5e-13, -0.5, 0.0)), Sight::Glimpsed);
+        // A needle covers, but not what is beside it.
+        assert_eq!(beams.add(&needle(-0.3, -0.5, 0.5), 1e-16), Sight::Glimpsed);
+        assert_eq!(beams.look(&needle(-0.3 + 2e-12, -0.5, 0.5)), Sight::Glimpsed);
+    }
+
+    #[test]
+    fn strips_end_where_their_edge_is_too_short_for_a_line() {
+        let (error, width) = (1e-8, 3e-7);
+        let strip = |left: f64, right: f64| {
+            polygon(&[(left, 0.3), (right, 0.3), (right, 0.3 + width), (left, 0.3 + width)])
+        };
+        for flip in [false, true] {
+            let mut beams = Beams::default();
+            beams.begin(error);
+            let mut before = strip(-0.4, 0.4);
+            if flip {
+                before.rotate_left(2);
+            }
+            assert_eq!(beams.add(&before, error), Sight::Seen);
+            for (left, right) in [(0.41, 0.8), (-0.8, -0.41)] {
+                assert_eq!(beams.look(&strip(left, right)), Sight::Seen);
+            }
+        }
     }
 }

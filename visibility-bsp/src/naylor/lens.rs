@@ -1,6 +1,6 @@
 //! From polygons and boxes of the scene to polygons of the picture.
 
-use super::beams::Corner;
+use super::beams::{Corner, NARROWEST};
 use crate::cut::cut;
 use crate::volume::Volume;
 use alloc::vec::Vec;
@@ -133,6 +133,14 @@ impl Lens {
             image.polygon.reverse();
         }
         image.polygon.len() >= 3
+    }
+
+    /// Whether a box that is in view is no wider or no higher in the picture than gaps that are not seen through.
+    pub(super) fn is_narrow(&self, bounds: &Aabb, image: &mut Image) -> bool {
+        self.draw_box(bounds, image) && {
+            let [low, _, high, _] = [0, 1, 2, 3].map(|i| image.polygon[i]);
+            (high.x - low.x).min(high.y - low.y) <= 4.0 * NARROWEST
+        }
     }
 
     /// Draws a rectangle around a box. False if the box is outside the view.

@@ -10,13 +10,13 @@ mod beams;
 mod lens;
 
 use crate::scene_tree::{SceneTree, Standing};
-use crate::tree::{Fragment, Fragments, Order, Walk};
+use crate::tree::{Fragment, Fragments, Order, Subtree, Walk};
 use alloc::vec::Vec;
-use beams::Beams;
 pub use beams::Witness;
+use beams::{Beams, Sight};
 use core::borrow::Borrow;
 use lens::{Image, Lens};
-use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
+use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
 
 /// Hides every object of which no part of a triangle is seen, and none other: the visible set itself.
 ///
@@ -25,8 +25,10 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, Scene, View, 
 /// [tree](SceneTree::sync) was brought up to date, are visible.
 ///
 /// # Tolerance
-/// What is narrower than a ten-millionth of half the picture, an 8000th of a pixel of 2560, may be missed. Where the coordinates of the
-/// scene are so large that single precision of the picture is not to be had, nothing is hidden.
+/// What is seen only through a gap narrower than a ten-millionth of half the picture, an 8000th of a pixel of 2560, may be missed. A triangle
+/// that is itself no wider in the picture is seen unless all of it is covered for sure, and an object in view whose box is no wider or higher is
+/// always reported. Where the coordinates of the scene are so large
+/// that single precision of the picture is not to be had, nothing is hidden.
 ///
 /// # Cost
 /// Follows what is seen: about a microsecond for each fragment that is visible or on the boundary of what is; memory likewise.
@@ -69,8 +71,8 @@ enum Part {
     Unknown,
     /// Not a candidate, or not in the tree as it is: its fragments are passed by.
     None,
-    /// It may be seen, and whether it hides.
-    Hidden { occluder: bool },
+    /// It was not seen for sure yet; and whether it hides.
+    Hidden { occluder: bool, glimpsed: bool },
     /// It was seen.
     Seen { occluder: bool },
 }
@@ -130,9 +132,10 @@ impl<S: Borrow<SceneTree>> Culler for Naylor<S> {
             stats: CullStats::default(),
         };
         shared.tree().walk(view.eye(scene.origin()), order, &mut frame);
-        let mut stats = frame.stats;
-        let kept = visible.retain(scene, |id, _| {
-            matches!(parts[id.index()], Part::Seen { .. }) || !standing.is_known(shared, id)
+        let Frame { mut stats, lens, .. } = frame;
+        let kept = visible.retain(scene, |id, bounds| match parts[id.index()] {
+            Part::Seen { .. } | Part::Hidden { glimpsed: true, .. } => true,
+            _ => !standing.is_known(shared, id) || lens.is_narrow(bounds, image),
         });
         stats.visible = kept.visible;
         stats
@@ -166,7 +169,7 @@ impl Frame<'_> {
                     && object.layers & self.view.layers() != 0
                     && self.visible.contains(self.scene, id) =>
             {
-                Part::Hidden { occluder: object.occluder }
+                Part::Hidden { occluder: object.occluder, glimpsed: false }
             }
             _ => Part::None,
         };
@@ -181,37 +184,46 @@ impl Frame<'_> {
             Part::Unknown | Part::None => return,
             Part::Seen { occluder: false } => return,
             Part::Seen { .. } if !hides => return,
-            Part::Seen { occluder } | Part::Hidden { occluder } => occluder,
+            Part::Seen { occluder } | Part::Hidden { occluder, .. } => occluder,
         };
         if !self.lens.draw(fragment.vertices(), self.image) {
             return;
         }
         self.stats.tests += 1;
         let polygon = self.image.polygon();
-        let seen = if hides && occluder {
+        let sight = if hides && occluder {
             self.beams.add(polygon, self.image.error())
         } else {
-            self.beams.is_seen(polygon)
+            self.beams.look(polygon)
         };
-        if seen {
-            if matches!(part, Part::Hidden { .. }) {
-                self.witnesses[fragment.owner() as usize] = self.beams.witness();
-            }
-            self.parts[fragment.owner() as usize] = Part::Seen { occluder };
-        }
+        let Part::Hidden { glimpsed, .. } = part else { return };
+        let owner = fragment.owner() as usize;
+        self.parts[owner] = if sight == Sight::Seen {
+            self.witnesses[owner] = self.beams.witness();
+            Part::Seen { occluder }
+        } else {
+            Part::Hidden { occluder, glimpsed: glimpsed || sight == Sight::Glimpsed }
+        };
     }
 }
 
 impl Walk for Frame<'_> {
-    fn enter(&mut self, bounds: &Aabb) -> bool {
-        self.stats.nodes += 1;
+    fn enter(&mut self, subtree: &Subtree, _: u32) -> Option<u32> {
         if self.beams.is_closed() {
-            return false;
+            return None;
         }
-        self.lens.draw_box(bounds, self.image) && self.beams.is_seen(self.image.polygon())
+        self.stats.nodes += 1;
+        if let Some(owner) = subtree.owner()
+            && matches!(self.part(owner), Part::None | Part::Seen { occluder: false })
+        {
+            return None;
+        }
+        let is_seen = self.lens.draw_box(subtree.bounds(), self.image)
+            && matches!(self.beams.look(self.image.polygon()), Sight::Seen | Sight::Glimpsed);
+        is_seen.then_some(0)
     }
 
-    fn visit(&mut self, fragments: Fragments<'_>) {
+    fn visit(&mut self, fragments: Fragments<'_>, _: u32) {
         // Of two in one plane none hides the other: all are looked at before any hides.
         if fragments.clone().nth(1).is_some() {
             for fragment in fragments.clone() {

@@ -1,7 +1,7 @@
 //! Sorting polygons into a tree: the same for a new tree, for one that grows, and for a leaf that gets its first polygons.
 
 use super::fragments::Record;
-use super::{BspError, BspTree, EMPTY, NONE, Node, SOLID, bounds_of, is_leaf, splitter};
+use super::{BspError, BspTree, EMPTY, NONE, Node, SOLID, Subtree, bounds_of, is_leaf, splitter};
 use alloc::vec::Vec;
 use visibility_core::{Aabb, Plane, PolygonSide, SidePlane, glam::DVec3};
 
@@ -85,7 +85,7 @@ impl BspTree {
         let Self { nodes, store, .. } = &mut tree;
         store.pack(nodes.iter_mut().map(|node| &mut node.first));
         tree.nodes.shrink_to_fit();
-        tree.bounds.shrink_to_fit();
+        tree.subtrees.shrink_to_fit();
         tree.builder = Builder::default();
         Ok(tree)
     }
@@ -214,12 +214,12 @@ impl BspTree {
         match self.free_nodes.pop() {
             Some(id) => {
                 self.nodes[id as usize] = node;
-                self.bounds[id as usize] = Aabb::EMPTY;
+                self.subtrees[id as usize] = Subtree::NOTHING;
                 id
             }
             None => {
                 self.nodes.push(node);
-                self.bounds.push(Aabb::EMPTY);
+                self.subtrees.push(Subtree::NOTHING);
                 self.nodes.len() as u32 - 1
             }
         }
@@ -274,7 +274,7 @@ impl BspTree {
             same_way: source.plane.normal.dot(target.plane.plane.normal) >= 0.0,
         };
         target.first = self.store.add(record, target.first);
-        self.grow_bounds(node, &piece.bounds);
+        self.grow(node, &Subtree::of(piece.bounds, source.owner));
     }
 }
 

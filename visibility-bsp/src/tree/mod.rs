@@ -13,7 +13,7 @@ mod splitter;
 mod update;
 
 pub use fragments::{Fragment, Fragments};
-pub use order::{Order, Walk};
+pub use order::{Order, Subtree, Walk};
 
 use alloc::vec::Vec;
 use build::Builder;
@@ -93,8 +93,8 @@ struct Node {
 pub struct BspTree {
     root: u32,
     nodes: Vec<Node>,
-    /// By node: a box around everything in it and below.
-    bounds: Vec<Aabb>,
+    /// By node: a summary of everything in it and below.
+    subtrees: Vec<Subtree>,
     free_nodes: Vec<u32>,
     store: Store,
     /// No coordinate is greater than this; the margins of the planes hold up to here.
@@ -140,7 +140,7 @@ impl BspTree {
         Self {
             root: EMPTY,
             nodes: Vec::new(),
-            bounds: Vec::new(),
+            subtrees: Vec::new(),
             free_nodes: Vec::new(),
             store: Store::default(),
             magnitude: DVec3::ZERO,
@@ -179,7 +179,7 @@ impl BspTree {
 
     /// A box around everything in the tree; improper if there is nothing.
     pub fn bounds(&self) -> Aabb {
-        if is_leaf(self.root) { Aabb::EMPTY } else { self.bounds[self.root as usize] }
+        if is_leaf(self.root) { Aabb::EMPTY } else { self.subtrees[self.root as usize].bounds }
     }
 
     /// Calls `each` for every fragment of an owner, in no particular order.
@@ -194,7 +194,7 @@ impl BspTree {
     /// Bytes held.
     pub fn memory(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>()
-            + self.bounds.capacity() * size_of::<Aabb>()
+            + self.subtrees.capacity() * size_of::<Subtree>()
             + self.store.memory()
             + self.builder.memory()
     }

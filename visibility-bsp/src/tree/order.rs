@@ -14,8 +14,8 @@ use visibility_core::{Aabb, Eye, glam::DVec4};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Order {
-    /// Nodes whose near side is being walked: twice the node, plus which side that is.
-    path: Vec<u32>,
+    /// Nodes whose near side is being walked: twice the node, plus which side that is; and the marks with which it was entered.
+    path: Vec<(u32, u32)>,
 }
 
 impl Order {
@@ -25,21 +25,81 @@ impl Order {
     }
 }
 
-/// What happens on a [walk](BspTree::walk).
-pub trait Walk {
-    /// Asked before anything of a node or below is looked at, with a box around all that: whether to go there.
-    fn enter(&mut self, bounds: &Aabb) -> bool {
-        let _ = bounds;
-        true
+/// What is known of a node and all below it together.
+///
+/// ```
+/// use visibility_bsp::{BspTree, Fragments, Order, Subtree, Walk};
+/// use visibility_core::{Aabb, Eye, glam::{DVec3, Vec3}};
+/// struct Root(Option<Subtree>);
+/// impl Walk for Root {
+///     fn enter(&mut self, subtree: &Subtree, _: u32) -> Option<u32> {
+///         self.0 = Some(*subtree);
+///         None
+///     }
+///     fn visit(&mut self, _: Fragments<'_>, _: u32) {}
+/// }
+/// let tree = BspTree::build([(7, [DVec3::ZERO, DVec3::X, DVec3::Y])])?;
+/// let mut walk = Root(None);
+/// tree.walk(Eye::Point(DVec3::ONE), &mut Order::new(), &mut walk);
+/// let subtree = walk.0.unwrap();
+/// assert_eq!((subtree.owner(), subtree.bounds().max), (Some(7), Vec3::new(1.0, 1.0, 0.0)));
+/// # Ok::<(), visibility_bsp::BspError>(())
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Subtree {
+    pub(super) bounds: Aabb,
+    /// `NONE` for nobody's, `MANY` for more than one's.
+    owner: u32,
+}
+
+/// In place of an owner: more than one.
+const MANY: u32 = u32::MAX - 1;
+
+impl Subtree {
+    pub(super) const NOTHING: Self = Self { bounds: Aabb::EMPTY, owner: NONE };
+
+    pub(super) fn of(bounds: Aabb, owner: u32) -> Self {
+        Self { bounds, owner: owner.min(MANY) }
     }
 
-    /// The fragments in the plane of one node, none of which hides another.
-    fn visit(&mut self, fragments: Fragments<'_>);
+    pub(super) fn union(&self, other: &Self) -> Self {
+        let owner = match (self.owner, other.owner) {
+            (NONE, owner) | (owner, NONE) => owner,
+            (a, b) if a == b => a,
+            _ => MANY,
+        };
+        Self { bounds: self.bounds.union(&other.bounds), owner }
+    }
+
+    /// A box around all of it.
+    #[inline]
+    pub fn bounds(&self) -> &Aabb {
+        &self.bounds
+    }
+
+    /// Whose it is, if all of it is one owner's.
+    #[inline]
+    pub fn owner(&self) -> Option<u32> {
+        (self.owner < MANY).then_some(self.owner)
+    }
+}
+
+/// What happens on a [walk](BspTree::walk).
+pub trait Walk {
+    /// Asked before anything of a node or below is looked at: whether to go there. The walk keeps some marks for every node, of which it
+    /// knows no meaning; those of the node above, or 0 for the root, come in, those of this one are returned, and `None` passes it by.
+    fn enter(&mut self, subtree: &Subtree, above: u32) -> Option<u32> {
+        let _ = subtree;
+        Some(above)
+    }
+
+    /// The fragments in the plane of one node, none of which hides another, and the marks of the node.
+    fn visit(&mut self, fragments: Fragments<'_>, marks: u32);
 }
 
 impl<F: FnMut(Fragments<'_>)> Walk for F {
     #[inline]
-    fn visit(&mut self, fragments: Fragments<'_>) {
+    fn visit(&mut self, fragments: Fragments<'_>, _: u32) {
         self(fragments);
     }
 }
@@ -71,20 +131,24 @@ impl BspTree {
             Eye::Direction(direction) => (-direction).extend(0.0),
         };
         order.path.clear();
-        let mut child = self.root;
+        let (mut child, mut above) = (self.root, 0);
         loop {
-            while !is_leaf(child) && walk.enter(&self.bounds[child as usize]) {
+            while !is_leaf(child)
+                && let Some(marks) = walk.enter(&self.subtrees[child as usize], above)
+            {
                 let node = &self.nodes[child as usize];
                 let side = usize::from((in_front(node, eye)) != reverse);
-                order.path.push(child << 1 | side as u32);
+                order.path.push((child << 1 | side as u32, marks));
                 child = node.children[side];
+                above = marks;
             }
-            let Some(entry) = order.path.pop() else { return };
+            let Some((entry, marks)) = order.path.pop() else { return };
             let node = &self.nodes[(entry >> 1) as usize];
             if node.first != NONE {
-                walk.visit(Fragments { tree: self, next: node.first });
+                walk.visit(Fragments { tree: self, next: node.first }, marks);
             }
             child = node.children[(entry & 1 ^ 1) as usize];
+            above = marks;
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Owners that come and go, without a new tree (Chrysanthou and Slater, "Computing Dynamic Changes to BSP Trees", 1992): what comes is sorted
 //! down to the leaves, what goes is taken out of its nodes, and nodes that neither hold nor divide anything any more are closed.
 
-use super::{BspError, BspTree, EMPTY, NONE, is_leaf};
-use visibility_core::{Aabb, glam::DVec3};
+use super::{BspError, BspTree, EMPTY, NONE, Subtree, is_leaf};
+use visibility_core::glam::DVec3;
 
 impl BspTree {
     /// Adds polygons of an owner, in addition to those that it has. Returns how many were [accepted](Self::accepts).
@@ -39,7 +39,7 @@ impl BspTree {
             if node.first == NONE {
                 self.close(record.node);
             } else {
-                self.shrink_bounds(record.node);
+                self.shrink(record.node);
             }
             id = record.next_of_owner;
         }
@@ -53,7 +53,7 @@ impl BspTree {
             let [back, front] = node.children;
             let parent = node.parent;
             if node.first != NONE || (!is_leaf(back) && !is_leaf(front)) {
-                return self.shrink_bounds(id);
+                return self.shrink(id);
             }
             // What is left in its place: the side that is not a leaf. Of two leaves, the one in front, where there was nothing solid.
             let rest = if is_leaf(front) && !is_leaf(back) { back } else { front };
@@ -75,11 +75,11 @@ impl BspTree {
         }
     }
 
-    /// Makes the box of a node and of those above contain another box.
-    pub(super) fn grow_bounds(&mut self, mut node: u32, bounds: &Aabb) {
+    /// Makes the summary of a node and of those above contain another.
+    pub(super) fn grow(&mut self, mut node: u32, by: &Subtree) {
         while node != NONE {
-            let of = &mut self.bounds[node as usize];
-            let grown = of.union(bounds);
+            let of = &mut self.subtrees[node as usize];
+            let grown = of.union(by);
             if grown == *of {
                 return;
             }
@@ -88,22 +88,23 @@ impl BspTree {
         }
     }
 
-    /// Makes the box of a node and of those above as tight as it can be.
-    fn shrink_bounds(&mut self, mut id: u32) {
+    /// Makes the summary of a node and of those above as tight as it can be.
+    fn shrink(&mut self, mut id: u32) {
         while id != NONE {
-            let mut bounds = Aabb::EMPTY;
+            let mut subtree = Subtree::NOTHING;
             let node = &self.nodes[id as usize];
             for child in node.children.into_iter().filter(|&child| !is_leaf(child)) {
-                bounds = bounds.union(&self.bounds[child as usize]);
+                subtree = subtree.union(&self.subtrees[child as usize]);
             }
             let mut fragment = node.first;
             // Most often nothing changes; then there is no need to look at all of the fragments.
-            while fragment != NONE && bounds != self.bounds[id as usize] {
+            while fragment != NONE && subtree != self.subtrees[id as usize] {
                 let record = self.store.record(fragment);
-                bounds = bounds.union(&super::bounds_of(self.store.vertices(record)));
+                let bounds = super::bounds_of(self.store.vertices(record));
+                subtree = subtree.union(&Subtree::of(bounds, record.owner));
                 fragment = record.next;
             }
-            if core::mem::replace(&mut self.bounds[id as usize], bounds) == bounds {
+            if core::mem::replace(&mut self.subtrees[id as usize], subtree) == subtree {
                 return;
             }
             id = node.parent;
