@@ -135,12 +135,33 @@ impl Lens {
         image.polygon.len() >= 3
     }
 
-    /// Whether a box that is in view is no wider or no higher in the picture than gaps that are not seen through.
-    pub(super) fn is_narrow(&self, bounds: &Aabb, image: &mut Image) -> bool {
-        self.draw_box(bounds, image) && {
-            let [low, _, high, _] = [0, 1, 2, 3].map(|i| image.polygon[i]);
-            (high.x - low.x).min(high.y - low.y) <= 4.0 * NARROWEST
+    /// Whether all of a box is before the near plane and no wider in the picture, in some direction, than gaps that are not seen through; `None` where
+    /// it reaches behind the near plane.
+    pub(super) fn is_narrow(&self, bounds: &Aabb) -> Option<bool> {
+        let mut corners = [[0.0; 2]; 8];
+        for (place, corner) in corners.iter_mut().zip(bounds.corners()) {
+            let q = self.clip * corner.as_dvec3().extend(1.0);
+            if !(q.w >= self.least_w) {
+                return None;
+            }
+            *place = [q.x / q.w, q.y / q.w];
         }
+        let farthest = |from: [f64; 2]| {
+            let mut best = (0.0, from);
+            for p in corners {
+                let distance = (p[0] - from[0]).abs().max((p[1] - from[1]).abs());
+                if distance > best.0 {
+                    best = (distance, p);
+                }
+            }
+            best
+        };
+        let (_, a) = farthest(corners[0]);
+        let (length, b) = farthest(a);
+        // Distances from the longest line through it, times its length.
+        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+        let off = |p: &[f64; 2]| (dx * (p[1] - a[1]) - dy * (p[0] - a[0])).abs();
+        Some(corners.iter().all(|p| off(p) <= 2.0 * NARROWEST * length))
     }
 
     /// Draws a rectangle around a box. False if the box is outside the view.

@@ -25,10 +25,9 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 /// [tree](SceneTree::sync) was brought up to date, are visible.
 ///
 /// # Tolerance
-/// What is seen only through a gap narrower than a ten-millionth of half the picture, an 8000th of a pixel of 2560, may be missed. A triangle
-/// that is itself no wider in the picture is seen unless all of it is covered for sure, and an object in view whose box is no wider or higher is
-/// always reported. Where the coordinates of the scene are so large
-/// that single precision of the picture is not to be had, nothing is hidden.
+/// What is narrower than a ten-millionth of half the picture, an 8000th of a pixel of 2560, may be missed, such as gaps and faces seen edge on; but
+/// not an object before the near plane whose whole box is no wider: that one is reported. Where the coordinates of the scene are so large that
+/// single precision of the picture is not to be had, nothing is hidden.
 ///
 /// # Cost
 /// Follows what is seen: about a microsecond for each fragment that is visible or on the boundary of what is; memory likewise.
@@ -134,8 +133,10 @@ impl<S: Borrow<SceneTree>> Culler for Naylor<S> {
         shared.tree().walk(view.eye(scene.origin()), order, &mut frame);
         let Frame { mut stats, lens, .. } = frame;
         let kept = visible.retain(scene, |id, bounds| match parts[id.index()] {
-            Part::Seen { .. } | Part::Hidden { glimpsed: true, .. } => true,
-            _ => !standing.is_known(shared, id) || lens.is_narrow(bounds, image),
+            Part::Seen { .. } => true,
+            // Of other objects, what is glimpsed are faces that are seen edge on.
+            Part::Hidden { glimpsed, .. } => lens.is_narrow(bounds).unwrap_or(glimpsed),
+            _ => !standing.is_known(shared, id) || lens.is_narrow(bounds) == Some(true),
         });
         stats.visible = kept.visible;
         stats
