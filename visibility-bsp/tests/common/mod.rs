@@ -1,6 +1,8 @@
 //! Random scenes, and rays that judge what was hidden.
 #![allow(dead_code, missing_docs, unreachable_pub)]
 
+pub mod exact;
+
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Object, Pose, Preparation, Scene, Triangle, View, Window};
 

@@ -1,0 +1,90 @@
+//! Numbers without rounding: sums of `f64` that do not overlap (Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
+//! Geometric Predicates", 1997: two-product and grow-expansion).
+
+use visibility_core::View;
+use visibility_core::glam::DVec3;
+
+/// A number, as its parts in order of growing magnitude.
+#[derive(Clone, Debug, Default)]
+pub struct Exact(Vec<f64>);
+
+impl Exact {
+    fn add(&mut self, mut q: f64) {
+        let mut kept = 0;
+        for i in 0..self.0.len() {
+            let h = self.0[i];
+            let sum = q + h;
+            let other = sum - q;
+            let rest = (q - (sum - other)) + (h - other);
+            q = sum;
+            if rest != 0.0 {
+                self.0[kept] = rest;
+                kept += 1;
+            }
+        }
+        self.0.truncate(kept);
+        if q != 0.0 {
+            self.0.push(q);
+        }
+    }
+
+    fn add_product(&mut self, a: f64, b: f64) {
+        let high = a * b;
+        self.add(a.mul_add(b, -high));
+        self.add(high);
+    }
+
+    pub fn minus(&self, other: &Self) -> Self {
+        let mut all = self.clone();
+        other.0.iter().for_each(|&x| all.add(-x));
+        all
+    }
+
+    pub fn times(&self, other: &Self) -> Self {
+        let mut all = Self::default();
+        for &a in &self.0 {
+            for &b in &other.0 {
+                all.add_product(a, b);
+            }
+        }
+        all
+    }
+
+    pub fn sign(&self) -> i32 {
+        self.0.last().map_or(0, |&x| if x > 0.0 { 1 } else { -1 })
+    }
+}
+
+/// Clip-space x, y and w of a point, as the view's matrix says.
+pub fn clip(view: &View, p: DVec3) -> [Exact; 3] {
+    let (matrix, origin) = (view.clip_from(view.origin()), view.origin());
+    [0, 1, 3].map(|row| {
+        let r = matrix.row(row);
+        let mut sum = Exact::default();
+        sum.add(r.w);
+        for i in 0..3 {
+            sum.add_product(r[i], p[i]);
+            sum.add_product(-r[i], origin[i]);
+        }
+        sum
+    })
+}
+
+/// On which side of the plane through the eye and the first two the third is.
+pub fn side(a: &[Exact; 3], b: &[Exact; 3], c: &[Exact; 3]) -> i32 {
+    let mut sum = Exact::default();
+    for i in 0..3 {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        let minor = a[j].times(&b[k]).minus(&a[k].times(&b[j]));
+        let part = minor.times(&c[i]);
+        part.0.iter().for_each(|&x| sum.add(x));
+    }
+    sum.sign()
+}
+
+/// Whether a point is exactly in the closed cone of directions of a triangle.
+pub fn is_behind_or_before(triangle: &[[Exact; 3]; 3], p: &[Exact; 3]) -> bool {
+    let [a, b, c] = triangle;
+    let turn = side(a, b, c);
+    [(a, b), (b, c), (c, a)].iter().all(|(s, e)| side(s, e, p) * turn >= 0)
+}

@@ -1,0 +1,226 @@
+//! At the rims of shadows, where rounding would decide if it were let: what sticks out of every shadow by a few units of round-off must not be
+//! hidden. Sides are judged in exact arithmetic on the elements of the view's matrix.
+#![allow(missing_docs)]
+
+mod common;
+
+use common::Random;
+use common::exact::{Exact, clip, is_behind_or_before};
+use std::sync::Arc;
+use visibility_bsp::{
+    LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
+};
+use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::{
+    Aabb, Culler, Object, OccluderMesh, Occlusion, OcclusionMap, Pose, Preparation, Scene, Triangle, View,
+    VisibleSet,
+};
+
+/// Occluders with edges that lie in one plane through a point, boxes with a corner in that plane, and a view from all but that point.
+struct Rim {
+    triangles: Vec<Triangle>,
+    boxes: Vec<Aabb>,
+    view: View,
+}
+
+impl Rim {
+    /// All is whole numbers, times a power of two, so nothing but the eye is rounded. In front of a large triangle, or behind it, comes a
+    /// smaller one to the other side of the plane; with `joined`, one that shares its edge.
+    fn new(random: &mut Random, scale: f64, joined: bool) -> Option<Self> {
+        let whole = |random: &mut Random, reach: f64| random.point(reach).round();
+        let eye = whole(random, 2000.0);
+        let [u, v, w] = [(); 3].map(|()| whole(random, 500.0));
+        if u.cross(v).dot(w).abs() < 1e6 {
+            return None;
+        }
+        let at = |i: f64, j: f64, k: f64| eye + u * i + v * j + w * k;
+        let share = |random: &mut Random, least: f64, most: f64| random.within(least, most).round();
+        let large = [at(16.0, 0.0, 0.0), at(0.0, 16.0, 0.0), at(2.0, 2.0, 16.0)];
+        let small = if joined {
+            let depth = share(random, 6.0, 20.0);
+            [large[1], large[0], at(depth, depth, -share(random, 2.0, 8.0))]
+        } else {
+            let size = share(random, 5.0, 22.0);
+            let (i, j) = (share(random, 0.0, 2.0), share(random, 0.0, 2.0));
+            [at(i, size - i, 0.0), at(size - j, j, 0.0), at(3.0, 3.0, -share(random, 2.0, 8.0))]
+        };
+        let mut boxes = Vec::new();
+        for number in 0..24 {
+            let (i, j) = (share(random, 1.0, 24.0), share(random, 1.0, 24.0));
+            let p = at(i, j, 0.0);
+            // A point, or a box that lies to any side of it.
+            let reach = if number % 3 == 0 { DVec3::ZERO } else { whole(random, 9.0) };
+            boxes.push(Aabb::from_points([p, p + reach].map(|p| (p * scale).as_vec3())));
+        }
+        let nudge = random.point(1.0) * 8000.0 * f64::EPSILON * 2f64.powi(random.below(15) as i32 - 2);
+        let pose = Pose::look_at((eye + nudge) * scale, at(6.0, 6.0, 2.0) * scale, DVec3::new(0.1, 0.2, 1.0));
+        let view = View::perspective(pose, 2.2, 1.5, scale, f64::INFINITY).ok()?;
+        let triangles = [large, small].map(|t| t.map(|p| (p * scale).as_vec3())).to_vec();
+        Some(Self { triangles, boxes, view })
+    }
+
+    /// No corner that is in the picture may be outside the cones of both.
+    fn check(&self, bounds: &Aabb, what: &str) {
+        let view = &self.view;
+        let clipped: Vec<[[Exact; 3]; 3]> =
+            self.triangles.iter().map(|t| t.map(|p| clip(view, p.as_dvec3()))).collect();
+        for corner in bounds.corners() {
+            let p = corner.as_dvec3();
+            let at = view.clip_from(DVec3::ZERO) * p.extend(1.0);
+            if at.x.abs().max(at.y.abs()) > at.w * (1.0 - 1e-9) {
+                continue;
+            }
+            let exact = clip(view, p);
+            assert!(
+                clipped.iter().any(|t| is_behind_or_before(t, &exact)),
+                "{what}: {p} of {bounds:?} sticks out of the shadows of {:?} in {view:?}",
+                self.triangles
+            );
+        }
+    }
+}
+
+const SCALES: [i32; 5] = [-45, -13, 0, 17, 45];
+
+#[test]
+fn what_sticks_out_of_a_shadow_by_rounding_is_not_hidden_by_the_tree() {
+    let mut random = Random(31);
+    let (mut hidden, mut shown) = (0, 0);
+    for number in 0..12_000 {
+        let scale = 2f64.powi(SCALES[number % SCALES.len()]);
+        let Some(rim) = Rim::new(&mut random, scale, number % 3 == 0) else { continue };
+        let mut tree = OcclusionTree::new();
+        tree.begin(&rim.view, DVec3::ZERO);
+        for triangle in &rim.triangles {
+            let Ok(mesh) = OccluderMesh::from_triangles(&[*triangle]) else { continue };
+            tree.add(&mesh.with_two_sided(true), &Affine3A::IDENTITY);
+        }
+        tree.flush();
+        for bounds in &rim.boxes {
+            if tree.test(bounds) == Occlusion::Hidden {
+                hidden += 1;
+                rim.check(bounds, "tree");
+            } else {
+                shown += 1;
+            }
+        }
+    }
+    println!("{hidden} hidden, {shown} not");
+    assert!(hidden > 5_000 && shown > 50_000);
+}
+
+/// Triangles as occluders and boxes as what may be hidden, with the cullers that use polygons made in advance.
+fn scene_of(triangles: &[Triangle], boxes: &[Aabb]) -> (Scene, Vec<visibility_core::ObjectId>) {
+    let mut scene = Scene::new();
+    for triangle in triangles {
+        let bounds = Aabb::from_points(*triangle);
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, vec![*triangle]).unwrap();
+    }
+    let ids = boxes.iter().map(|&bounds| scene.insert(bounds)).collect();
+    scene.prepare_occluders(&Preparation { sliver: 0.0, two_sided: true, ..Preparation::default() });
+    (scene, ids)
+}
+
+fn cullers(scene: &Scene) -> Vec<Box<dyn Culler>> {
+    let occluders = Arc::new(Occluders::new(scene));
+    let frusta = ShadowFrusta::new(scene, Occluders::clone(&occluders), 1, 4);
+    vec![
+        Box::new(OcclusionTreeCuller::new(occluders.clone())),
+        Box::new(LargeOccluders::new(occluders)),
+        Box::new(ShadowFrustaCuller::new(frusta.into())),
+    ]
+}
+
+#[test]
+fn nor_by_the_cullers() {
+    let mut random = Random(32);
+    let mut hidden = [0; 3];
+    for number in 0..3_000 {
+        let scale = 2f64.powi(SCALES[number % SCALES.len()]);
+        let Some(rim) = Rim::new(&mut random, scale, number % 2 == 0) else { continue };
+        let (scene, ids) = scene_of(&rim.triangles, &rim.boxes);
+        for (culler, hidden) in cullers(&scene).iter_mut().zip(&mut hidden) {
+            let mut visible = VisibleSet::new();
+            visible.fill(&scene, &rim.view);
+            culler.cull(&scene, &rim.view, &mut visible);
+            for (&id, bounds) in ids.iter().zip(&rim.boxes) {
+                if !visible.contains(&scene, id) {
+                    *hidden += 1;
+                    rim.check(bounds, culler.name());
+                }
+            }
+        }
+    }
+    println!("{hidden:?} hidden");
+    assert!(hidden.iter().all(|&hidden| hidden > 500), "{hidden:?}");
+}
+
+/// The greatest common divisor of two numbers, and the multiples of them that sum up to it.
+fn divisor(a: i128, b: i128) -> (i128, i128, i128) {
+    if b == 0 {
+        return (a, 1, 0);
+    }
+    let (d, x, y) = divisor(b, a.rem_euclid(b));
+    (d, y, x - a.div_euclid(b) * y)
+}
+
+/// A point of whole numbers within a triangle of whole numbers, but for being nearer to the front by the least that whole numbers can be.
+fn in_front_by_nothing(t: [[i128; 3]; 3]) -> Option<[i128; 3]> {
+    let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| t[k][i] - t[0][i]));
+    let n = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
+    let (d, x, y) = divisor(n[0], n[1]);
+    let (one, s, z) = divisor(d, n[2]);
+    if one.abs() != 1 {
+        return None;
+    }
+    let mut q = [x * s * one, y * s * one, z * one];
+    // That is far off along the plane: sides of the triangle bring it back. Along them it is at shares of these determinants.
+    let dot = |a: [i128; 3], b: [i128; 3]| (0..3).map(|i| a[i] as f64 * b[i] as f64).sum::<f64>();
+    for _ in 0..8 {
+        let (uu, uv, vv, qu, qv) = (dot(u, u), dot(u, v), dot(v, v), dot(q, u), dot(q, v));
+        let [i, j] = [qu * vv - qv * uv, qv * uu - qu * uv].map(|x| (x / (uu * vv - uv * uv)).floor());
+        q = [0, 1, 2].map(|k| q[k] - i as i128 * u[k] - j as i128 * v[k]);
+    }
+    let p = [0, 1, 2].map(|k| t[0][k] + q[k]);
+    let front = (0..3).map(|i| n[i] * (p[i] - t[0][i])).sum::<i128>();
+    (front == 1 && p.iter().all(|x| x.abs() < 1 << 24)).then_some(p)
+}
+
+#[test]
+fn what_is_nearer_by_rounding_is_not_hidden() {
+    let mut random = Random(33);
+    let mut cases = 0;
+    for number in 0..4_000 {
+        let scale = 2f64.powi(SCALES[number % SCALES.len()] - 20);
+        let corners = [(); 3].map(|()| random.point(8e6).round().to_array().map(|x| x as i128));
+        let Some(p) = in_front_by_nothing(corners) else { continue };
+        let point = |p: [i128; 3]| DVec3::from_array(p.map(|x| x as f64));
+        let triangle = corners.map(|p| (point(p) * scale).as_vec3());
+        let [a, b, c] = corners.map(point);
+        let normal = (b - a).cross(c - a).normalize();
+        let middle = (a + b + c) / 3.0;
+        let eye = middle + (normal * random.within(1e6, 1e7) + random.point(2e6));
+        let pose = Pose::look_at(eye * scale, middle * scale, DVec3::new(0.1, 0.2, 1.0));
+        let Ok(view) = View::perspective(pose, 2.6, 1.5, scale, f64::INFINITY) else { continue };
+        let at = view.clip_from(DVec3::ZERO) * (point(p) * scale).extend(1.0);
+        if at.x.abs().max(at.y.abs()) > at.w * (1.0 - 1e-9) {
+            continue;
+        }
+        let boxes = [Aabb::from_points([(point(p) * scale).as_vec3()])];
+        let (scene, ids) = scene_of(&[triangle], &boxes);
+        cases += 1;
+        for culler in &mut cullers(&scene) {
+            let mut visible = VisibleSet::new();
+            visible.fill(&scene, &view);
+            culler.cull(&scene, &view, &mut visible);
+            assert!(
+                visible.contains(&scene, ids[0]),
+                "{}: {boxes:?} is before {triangle:?} in {view:?}",
+                culler.name()
+            );
+        }
+    }
+    println!("{cases} points");
+    assert!(cases > 500);
+}
