@@ -223,6 +223,17 @@ impl Sight {
         dot(n, self.rows.map(|row| row.at(q).0))
     }
 
+    /// Clip-space x, y and w of a point.
+    pub(crate) fn values(&self, p: DVec3) -> [f64; 3] {
+        let q = p - self.anchor;
+        self.rows.map(|row| row.linear.dot(q) + row.constant)
+    }
+
+    /// How fast x and y grow across the direction of sight.
+    pub(crate) fn scale(&self) -> [f64; 2] {
+        [self.rows[0].linear.length(), self.rows[1].linear.length()]
+    }
+
     /// How far beyond the near plane a point is, and the bound on its error.
     pub(crate) fn beyond_near(&self, p: DVec3) -> (f64, f64) {
         self.near.at(p - self.anchor)

@@ -5,7 +5,7 @@
 mod common;
 
 use common::Random;
-use common::exact::{Exact, clip, is_behind_or_before};
+use common::exact::{Cone, clip};
 use std::sync::Arc;
 use visibility_bsp::{
     LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
@@ -16,6 +16,19 @@ use visibility_core::{
     VisibleSet,
 };
 
+/// How the smaller triangle lies to the larger.
+#[derive(Clone, Copy)]
+enum Kind {
+    /// They share an edge.
+    Joined,
+    /// An edge of each is in one plane with the eye, and they are to either side of it.
+    Beside,
+    /// A corner of the smaller is in the plane of an edge of the larger, and its other corners are to either side.
+    Across,
+}
+
+const KINDS: [Kind; 3] = [Kind::Joined, Kind::Beside, Kind::Across];
+
 /// Occluders with edges that lie in one plane through a point, boxes with a corner in that plane, and a view from all but that point.
 struct Rim {
     triangles: Vec<Triangle>,
@@ -25,8 +38,8 @@ struct Rim {
 
 impl Rim {
     /// All is whole numbers, times a power of two, so nothing but the eye is rounded. In front of a large triangle, or behind it, comes a
-    /// smaller one to the other side of the plane; with `joined`, one that shares its edge.
-    fn new(random: &mut Random, scale: f64, joined: bool) -> Option<Self> {
+    /// smaller one.
+    fn new(random: &mut Random, scale: f64, kind: Kind) -> Option<Self> {
         let whole = |random: &mut Random, reach: f64| random.point(reach).round();
         let eye = whole(random, 2000.0);
         let [u, v, w] = [(); 3].map(|()| whole(random, 500.0));
@@ -36,17 +49,31 @@ impl Rim {
         let at = |i: f64, j: f64, k: f64| eye + u * i + v * j + w * k;
         let share = |random: &mut Random, least: f64, most: f64| random.within(least, most).round();
         let large = [at(16.0, 0.0, 0.0), at(0.0, 16.0, 0.0), at(2.0, 2.0, 16.0)];
-        let small = if joined {
-            let depth = share(random, 6.0, 20.0);
-            [large[1], large[0], at(depth, depth, -share(random, 2.0, 8.0))]
-        } else {
-            let size = share(random, 5.0, 22.0);
-            let (i, j) = (share(random, 0.0, 2.0), share(random, 0.0, 2.0));
-            [at(i, size - i, 0.0), at(size - j, j, 0.0), at(3.0, 3.0, -share(random, 2.0, 8.0))]
+        let along = [share(random, 1.0, 3.0), share(random, 1.0, 3.0)];
+        let small = match kind {
+            Kind::Joined => {
+                let depth = share(random, 6.0, 20.0);
+                [large[1], large[0], at(depth, depth, -share(random, 2.0, 8.0))]
+            }
+            Kind::Beside => {
+                let size = share(random, 5.0, 22.0);
+                let (i, j) = (share(random, 0.0, 2.0), share(random, 0.0, 2.0));
+                [at(i, size - i, 0.0), at(size - j, j, 0.0), at(3.0, 3.0, -share(random, 2.0, 8.0))]
+            }
+            Kind::Across => {
+                let depth = share(random, 1.0, 4.0);
+                let mut far = |side: f64| at(share(random, 0.0, 9.0), share(random, 0.0, 9.0), side);
+                [at(along[0] * depth, along[1] * depth, 0.0), far(3.0), far(-3.0)]
+            }
         };
         let mut boxes = Vec::new();
         for number in 0..24 {
-            let (i, j) = (share(random, 1.0, 24.0), share(random, 1.0, 24.0));
+            let (mut i, mut j) = (share(random, 1.0, 24.0), share(random, 1.0, 24.0));
+            if number % 2 == 0 {
+                // In line with the corner.
+                let depth = share(random, 3.0, 12.0);
+                (i, j) = (along[0] * depth, along[1] * depth);
+            }
             let p = at(i, j, 0.0);
             // A point, or a box that lies to any side of it.
             let reach = if number % 3 == 0 { DVec3::ZERO } else { whole(random, 9.0) };
@@ -62,8 +89,8 @@ impl Rim {
     /// No corner that is in the picture may be outside the cones of both.
     fn check(&self, bounds: &Aabb, what: &str) {
         let view = &self.view;
-        let clipped: Vec<[[Exact; 3]; 3]> =
-            self.triangles.iter().map(|t| t.map(|p| clip(view, p.as_dvec3()))).collect();
+        let cones: Vec<Cone> =
+            self.triangles.iter().map(|t| Cone::new(view, t.map(|p| p.as_dvec3()))).collect();
         for corner in bounds.corners() {
             let p = corner.as_dvec3();
             let at = view.clip_from(DVec3::ZERO) * p.extend(1.0);
@@ -72,7 +99,7 @@ impl Rim {
             }
             let exact = clip(view, p);
             assert!(
-                clipped.iter().any(|t| is_behind_or_before(t, &exact)),
+                cones.iter().any(|cone| cone.holds(&exact)),
                 "{what}: {p} of {bounds:?} sticks out of the shadows of {:?} in {view:?}",
                 self.triangles
             );
@@ -86,9 +113,9 @@ const SCALES: [i32; 5] = [-45, -13, 0, 17, 45];
 fn what_sticks_out_of_a_shadow_by_rounding_is_not_hidden_by_the_tree() {
     let mut random = Random(31);
     let (mut hidden, mut shown) = (0, 0);
-    for number in 0..12_000 {
+    for number in 0..4_000 {
         let scale = 2f64.powi(SCALES[number % SCALES.len()]);
-        let Some(rim) = Rim::new(&mut random, scale, number % 3 == 0) else { continue };
+        let Some(rim) = Rim::new(&mut random, scale, KINDS[number % 3]) else { continue };
         let mut tree = OcclusionTree::new();
         tree.begin(&rim.view, DVec3::ZERO);
         for triangle in &rim.triangles {
@@ -106,7 +133,7 @@ fn what_sticks_out_of_a_shadow_by_rounding_is_not_hidden_by_the_tree() {
         }
     }
     println!("{hidden} hidden, {shown} not");
-    assert!(hidden > 5_000 && shown > 50_000);
+    assert!(hidden > 5_000 && shown > 10_000);
 }
 
 /// Triangles as occluders and boxes as what may be hidden, with the cullers that use polygons made in advance.
@@ -136,9 +163,9 @@ fn cullers(scene: &Scene) -> Vec<Box<dyn Culler>> {
 fn nor_by_the_cullers() {
     let mut random = Random(32);
     let mut hidden = [0; 3];
-    for number in 0..3_000 {
+    for number in 0..400 {
         let scale = 2f64.powi(SCALES[number % SCALES.len()]);
-        let Some(rim) = Rim::new(&mut random, scale, number % 2 == 0) else { continue };
+        let Some(rim) = Rim::new(&mut random, scale, KINDS[number % 3]) else { continue };
         let (scene, ids) = scene_of(&rim.triangles, &rim.boxes);
         for (culler, hidden) in cullers(&scene).iter_mut().zip(&mut hidden) {
             let mut visible = VisibleSet::new();
@@ -153,7 +180,7 @@ fn nor_by_the_cullers() {
         }
     }
     println!("{hidden:?} hidden");
-    assert!(hidden.iter().all(|&hidden| hidden > 500), "{hidden:?}");
+    assert!(hidden.iter().all(|&hidden| hidden > 200), "{hidden:?}");
 }
 
 /// The greatest common divisor of two numbers, and the multiples of them that sum up to it.
@@ -191,7 +218,7 @@ fn in_front_by_nothing(t: [[i128; 3]; 3]) -> Option<[i128; 3]> {
 fn what_is_nearer_by_rounding_is_not_hidden() {
     let mut random = Random(33);
     let mut cases = 0;
-    for number in 0..4_000 {
+    for number in 0..1_500 {
         let scale = 2f64.powi(SCALES[number % SCALES.len()] - 20);
         let corners = [(); 3].map(|()| random.point(8e6).round().to_array().map(|x| x as i128));
         let Some(p) = in_front_by_nothing(corners) else { continue };
@@ -222,5 +249,5 @@ fn what_is_nearer_by_rounding_is_not_hidden() {
         }
     }
     println!("{cases} points");
-    assert!(cases > 500);
+    assert!(cases > 400);
 }

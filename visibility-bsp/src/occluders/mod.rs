@@ -193,6 +193,12 @@ impl Occluders {
         &self.sources[polygon.first_source as usize..(polygon.first_source + polygon.sources) as usize]
     }
 
+    /// The middle of a polygon, and its radius about it.
+    pub(crate) fn about(&self, polygon: u32) -> (DVec3, f64) {
+        let p = &self.polygons[polygon as usize];
+        (p.center, p.radius)
+    }
+
     /// A polygon as shadows are made of it.
     pub(crate) fn plate(&self, polygon: u32) -> Plate<'_> {
         let p = &self.polygons[polygon as usize];

@@ -124,6 +124,19 @@ impl Selector {
         self.chosen.truncate(count);
     }
 
+    /// Of the chosen, keeps the `count` of most worth; `worth` is given a polygon and the bound on its solid angle.
+    pub(crate) fn keep_worthy(&mut self, count: usize, mut worth: impl FnMut(u32, f32) -> f32) {
+        if self.chosen.len() <= count || count == 0 {
+            return;
+        }
+        for chosen in &mut self.chosen {
+            chosen.bound = worth(chosen.polygon, chosen.bound);
+        }
+        let by_worth = |a: &Chosen, b: &Chosen| b.bound.total_cmp(&a.bound).then(a.polygon.cmp(&b.polygon));
+        self.chosen.select_nth_unstable_by(count - 1, by_worth);
+        self.chosen.truncate(count);
+    }
+
     /// Of the chosen, keeps those that may hide in this frame: unchanged, drawn in this view, and on the inner side of its clip planes.
     pub(crate) fn keep_usable(
         &mut self,

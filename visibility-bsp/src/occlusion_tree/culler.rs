@@ -2,9 +2,10 @@
 
 use super::OcclusionTree;
 use crate::occluders::{Occluders, Selector, sides_of};
+use crate::sight::Sight;
 use alloc::sync::Arc;
 use visibility_core::{
-    Accuracy, CullStats, Culler, MAX_PLANES, OcclusionCuller, Plane, Scene, Selection, View, VisibleSet,
+    Accuracy, CullStats, Culler, Eye, MAX_PLANES, OcclusionCuller, Plane, Scene, Selection, View, VisibleSet,
     glam::DVec3,
 };
 
@@ -30,7 +31,8 @@ pub struct OcclusionTreeCuller {
     inner: OcclusionCuller<OcclusionTree>,
 }
 
-/// So many times more polygons than are used are looked at closely.
+/// So many times more polygons than are used are looked at, by where they are, and so many of these closely.
+const LOOKED_AT: usize = 16;
 const CLOSER: usize = 4;
 
 impl OcclusionTreeCuller {
@@ -75,12 +77,31 @@ impl Culler for OcclusionTreeCuller {
         let count = sides_of(view, scene, &mut sides);
         let sides = &sides[..count];
         let tree = self.inner.map_mut();
+        let sight = Sight::new(view, scene.origin());
+        let crowd = tree.crowd.get_or_insert_default();
+        crowd.clear();
+        for id in visible.iter(scene) {
+            if let Ok(bounds) = scene.bounds(id) {
+                crowd.add(&sight, bounds.center().as_dvec3());
+            }
+        }
+        crowd.finish();
         self.selector.choose(
             occluders,
             &view.eye(scene.origin()),
             Some(sides),
-            tree.most.saturating_mul(CLOSER),
+            tree.most.saturating_mul(LOOKED_AT),
         );
+        self.selector.keep_worthy(tree.most.saturating_mul(CLOSER), |polygon, bound| {
+            let (middle, radius) = occluders.about(polygon);
+            // A solid angle is an area at a distance of one; of a parallel view it is one as it is.
+            let area = if let Eye::Point(eye) = sight.eye {
+                f64::from(bound) * eye.distance_squared(middle)
+            } else {
+                f64::from(bound)
+            };
+            crowd.about(&sight, middle, radius, area)
+        });
         self.selector.keep_usable(occluders, scene, view, visible, sides);
         tree.waiting.clear();
         tree.vertices.clear();

@@ -7,19 +7,21 @@
 //! hides it alone, and the cost of a test is the depth of the tree, not the number of occluders.
 
 mod boxes;
+mod crowd;
 mod culler;
 mod nodes;
 
 pub use culler::OcclusionTreeCuller;
 
-use crate::occluders::{Piece, angle_of, take_apart};
+use crate::occluders::{Piece, take_apart};
 use crate::shadow::{Plate, Shadows, plane_of};
 use crate::sight::Sight;
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Ordering;
 use core::ops::Range;
-use nodes::Nodes;
+use crowd::Crowd;
+use nodes::{Nodes, Worth};
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{Aabb, Accuracy, OccluderMesh, Occlusion, OcclusionMap, View};
 
@@ -99,6 +101,8 @@ pub struct OcclusionTree {
     waiting: Vec<Waiting>,
     heap: BinaryHeap<Gain>,
     pieces: Vec<Piece>,
+    /// What shadows fall on, where that is known.
+    crowd: Option<Crowd>,
 }
 
 impl Default for OcclusionTree {
@@ -122,6 +126,7 @@ impl OcclusionTree {
             waiting: Vec::new(),
             heap: BinaryHeap::new(),
             pieces: Vec::new(),
+            crowd: None,
         }
     }
 
@@ -187,6 +192,7 @@ impl OcclusionMap for OcclusionTree {
     }
 
     fn flush(&mut self) {
+        let worth = self.crowd.as_ref().map_or(Worth::Angle, Worth::Crowd);
         self.heap.clear();
         for waiting in &self.waiting {
             let plate = Plate {
@@ -198,7 +204,7 @@ impl OcclusionMap for OcclusionTree {
             if self.shadows.cast(&self.sight, &plate) {
                 let number = self.shadows.list.len() as u32 - 1;
                 let corners = &self.shadows.corners[self.shadows.list[number as usize].corners.clone()];
-                let angle = angle_of(&self.sight, corners);
+                let angle = worth.of(&self.sight, corners);
                 self.heap.push(Gain { angle, number, asked: u32::MAX });
             }
         }
@@ -211,7 +217,7 @@ impl OcclusionMap for OcclusionTree {
                 break;
             }
             let shadow = &self.shadows.list[number as usize];
-            let angle = self.nodes.reach(&self.sight, &self.shadows, shadow);
+            let angle = self.nodes.reach(&self.sight, &self.shadows, shadow, worth);
             if !(angle > LEAST_GAIN) {
                 continue;
             }

@@ -1,5 +1,6 @@
 //! The tree itself: planes through the eye that part lit directions from shadowed ones, and how shadows are added.
 
+use super::crowd::Crowd;
 use crate::occluders::angle_of;
 use crate::shadow::{BackPlane, Corner, Shadow, Shadows};
 use crate::sight::{Approach, Line, Sight, U, slack_of};
@@ -56,6 +57,24 @@ pub(crate) struct Nodes {
 
 const NO_PARENT: u32 = u32::MAX;
 
+/// What a part of the picture is worth to have in shadow.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Worth<'a> {
+    /// Its solid angle.
+    Angle,
+    /// The objects that are there.
+    Crowd(&'a Crowd),
+}
+
+impl Worth<'_> {
+    pub(super) fn of(self, sight: &Sight, corners: &[Corner]) -> f32 {
+        match self {
+            Worth::Angle => angle_of(sight, corners),
+            Worth::Crowd(crowd) => crowd.within(corners),
+        }
+    }
+}
+
 impl Nodes {
     /// One lit leaf, within the sides of the picture.
     pub(crate) fn clear(&mut self) {
@@ -88,8 +107,14 @@ impl Nodes {
     }
 
     /// Takes a shadow's polygon down to the leaves that it reaches, and says how much of the picture it would put in shadow: what of it comes to
-    /// lit leaves, and a quarter of what comes to shadows of what is farther, since only what is between is gained there.
-    pub(crate) fn reach(&mut self, sight: &Sight, shadows: &Shadows, shadow: &Shadow) -> f32 {
+    /// lit leaves, and a tenth of what comes to shadows of what is farther, since only what is between is gained there.
+    pub(super) fn reach(
+        &mut self,
+        sight: &Sight,
+        shadows: &Shadows,
+        shadow: &Shadow,
+        worth: Worth<'_>,
+    ) -> f32 {
         self.corners.clear();
         self.corners.extend_from_slice(&shadows.corners[shadow.corners.clone()]);
         self.tasks.clear();
@@ -121,10 +146,10 @@ impl Nodes {
                     {
                         continue;
                     }
-                    0.25
+                    0.1
                 }
             };
-            gain += weight * angle_of(sight, corners);
+            gain += weight * worth.of(sight, corners);
             self.arrivals.push(task);
         }
         gain

@@ -82,9 +82,22 @@ pub fn side(a: &[Exact; 3], b: &[Exact; 3], c: &[Exact; 3]) -> i32 {
     sum.sign()
 }
 
-/// Whether a point is exactly in the closed cone of directions of a triangle.
-pub fn is_behind_or_before(triangle: &[[Exact; 3]; 3], p: &[Exact; 3]) -> bool {
-    let [a, b, c] = triangle;
-    let turn = side(a, b, c);
-    [(a, b), (b, c), (c, a)].iter().all(|(s, e)| side(s, e, p) * turn >= 0)
+/// The directions of a triangle.
+pub struct Cone {
+    corners: [[Exact; 3]; 3],
+    turn: i32,
+}
+
+impl Cone {
+    pub fn new(view: &View, triangle: [DVec3; 3]) -> Self {
+        let corners = triangle.map(|p| clip(view, p));
+        let turn = side(&corners[0], &corners[1], &corners[2]);
+        Self { corners, turn }
+    }
+
+    /// Whether a point is in it or on its rim.
+    pub fn holds(&self, p: &[Exact; 3]) -> bool {
+        let [a, b, c] = &self.corners;
+        [(a, b), (b, c), (c, a)].iter().all(|(s, e)| side(s, e, p) * self.turn >= 0)
+    }
 }
