@@ -101,6 +101,6 @@ impl Crowd {
 
 /// From -1 to 1, as a place on the grid.
 fn place(a: f64) -> f64 {
-    // Not `clamp`, so that what is not a number is somewhere, too.
-    (a * 0.5 + 0.5).max(0.0).min(1.0) * CELLS as f64
+    // What is not a number is somewhere, too.
+    if a > -1.0 { (a * 0.5 + 0.5).min(1.0) * CELLS as f64 } else { 0.0 }
 }

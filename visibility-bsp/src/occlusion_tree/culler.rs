@@ -32,8 +32,8 @@ pub struct OcclusionTreeCuller {
 }
 
 /// So many times more polygons than are used are looked at, by where they are, and so many of these closely.
-const LOOKED_AT: usize = 16;
-const CLOSER: usize = 4;
+const LOOKED_AT: usize = 8;
+const CLOSER: usize = 2;
 
 impl OcclusionTreeCuller {
     /// Uses the 64 polygons that cover most of the picture.

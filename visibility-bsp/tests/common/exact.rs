@@ -73,10 +73,10 @@ pub fn clip(view: &View, p: DVec3) -> [Exact; 3] {
 /// On which side of the plane through the eye and the first two the third is.
 pub fn side(a: &[Exact; 3], b: &[Exact; 3], c: &[Exact; 3]) -> i32 {
     let mut sum = Exact::default();
-    for i in 0..3 {
+    for (i, last) in c.iter().enumerate() {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         let minor = a[j].times(&b[k]).minus(&a[k].times(&b[j]));
-        let part = minor.times(&c[i]);
+        let part = minor.times(last);
         part.0.iter().for_each(|&x| sum.add(x));
     }
     sum.sign()
