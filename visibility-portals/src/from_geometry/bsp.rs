@@ -110,7 +110,7 @@ pub fn from_polygons(
     }
     let tolerance = match settings.tolerance {
         Some(tolerance) => checked("the tolerance", tolerance)?,
-        None => extent * 2f64.powi(-20),
+        None => extent / f64::from(1 << 20),
     };
     if tolerance < Lengths::least_tolerance(extent) {
         return Err(GeometryError::Setting { what: "the tolerance", value: tolerance });
@@ -119,7 +119,7 @@ pub fn from_polygons(
     let limits = Limits {
         lengths: Lengths::new(tolerance, extent),
         share: checked("the least share", settings.least_share)?,
-        area: checked("the least area", settings.least_area.unwrap_or(side * side * 2f64.powi(-13)))?,
+        area: checked("the least area", settings.least_area.unwrap_or(side * side / 8192.0))?,
         large: side * side / 512.0,
         leaves: settings.most_cells.clamp(1, CellGraph::LIMIT),
     };

@@ -23,13 +23,13 @@ impl Lengths {
     /// Half of the tolerance for being off the plane and 1.42 quarters for being widened make 0.86 of it: no cover reaches
     /// farther from what it stands for.
     pub(super) fn new(tolerance: f64, extent: f64) -> Self {
-        let merge = extent * 2f64.powi(-40);
+        let merge = extent / (1u64 << 40) as f64;
         Self { plane: tolerance * 0.5, widen: tolerance * 0.25, sliver: tolerance * 0.25, merge }
     }
 
     /// The least tolerance that leaves room for rounding.
     pub(super) fn least_tolerance(extent: f64) -> f64 {
-        extent * 2f64.powi(-36)
+        extent / (1u64 << 36) as f64
     }
 }
 
