@@ -12,7 +12,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellGraph, CellGraphError, CellId, ConvexPolygon, PolygonError};
+use visibility_core::{CellGraph, CellGraphError, CellId, ConvexPolygon, PolygonError, PortalId};
 
 /// The most vertices that a portal in a file may have, as in the compilers that write them.
 pub const MAX_VERTICES: usize = 64;
@@ -42,6 +42,8 @@ pub enum PrtError {
     Polygon {
         /// The line, counted from 1.
         line: usize,
+        /// The portal.
+        portal: PortalId,
         /// What is wrong with the vertices.
         error: PolygonError,
     },
@@ -65,7 +67,7 @@ impl fmt::Display for PrtError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Line { line, problem } => write!(f, "line {line}: {problem}"),
-            Self::Polygon { line, error } => write!(f, "line {line}: {error}"),
+            Self::Polygon { line, portal, error } => write!(f, "line {line}, portal {}: {error}", portal.0),
             Self::Graph { line, error } => write!(f, "line {line}: {error}"),
             Self::Truncated { lines, expected } => {
                 write!(f, "the file ends after line {lines}, where {expected} should follow")
@@ -111,9 +113,9 @@ pub fn read(text: &str) -> Result<PortalFile, PrtError> {
     };
     let header = lines.number;
     let mut all = Vec::new();
-    for _ in 0..portals {
+    for number in 0..portals as u32 {
         let line = lines.next("the line of a portal")?;
-        all.push(portal(line).map_err(|error| lines.place(error))?);
+        all.push(portal(line).map_err(|error| lines.place(PortalId(number), error))?);
     }
     // The graph is made before the leaves are read, so that no array is sized by a claim that it refuses.
     let graph = CellGraph::new(cells, all).map_err(|error| graph_error(header, error))?;
@@ -189,10 +191,10 @@ impl<'a> Lines<'a> {
         PrtError::Line { line: self.number, problem: problem.to_string() }
     }
 
-    fn place(&self, error: LineError) -> PrtError {
+    fn place(&self, portal: PortalId, error: LineError) -> PrtError {
         match error {
             LineError::Text(problem) => PrtError::Line { line: self.number, problem },
-            LineError::Polygon(error) => PrtError::Polygon { line: self.number, error },
+            LineError::Polygon(error) => PrtError::Polygon { line: self.number, portal, error },
         }
     }
 }

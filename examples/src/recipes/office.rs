@@ -1,7 +1,8 @@
 //! Office floors with exact cells and portals: corridors with furnished rooms on both sides, joined by a stair.
 //!
 //! It stands in for Soda Hall in the papers on architectural cells and portals. The cells are boxes and the portals
-//! rectangles that lie exactly in the openings, so that portal cullers can be tested without a cell finder.
+//! rectangles that lie exactly in the openings, so that portal cullers can be tested without a cell finder. What cullers take has a cell
+//! for each doorway as well, since walls are not thin.
 
 use super::mesh::{Mesh, Parts};
 use super::random::Random;
@@ -12,7 +13,7 @@ use crate::error::SourceError;
 use crate::source::{SceneSource, SourceCells};
 use crate::walk::Walk;
 use glam::DVec3;
-use visibility_core::{CellGraph, CellId, ConvexPolygon, Viewcell, Viewcells};
+use visibility_core::{CellGraph, CellId, Viewcell, Viewcells};
 
 const SEED: u64 = 5;
 
@@ -61,6 +62,8 @@ pub struct Portal {
     pub quad: [DVec3; 4],
     /// True between the corridor and a room: where a door leaf would be.
     pub door: bool,
+    /// How thick the wall is that it is an opening in, half on either side; 0 in the stair shaft.
+    pub depth: f64,
 }
 
 /// The office scene with its cells and portals.
@@ -103,24 +106,49 @@ pub fn office(floors: u32, rooms: u32) -> Result<Office, SourceError> {
     Ok(Office { scene, cells: building.cells, portals: building.portals })
 }
 
-/// The cells and portals as cullers take them: with the normal of each portal into the second of its cells.
+/// The cells and portals as cullers take them: with the normal of each portal into the second of its cells, and a cell for each doorway.
+///
+/// A doorway in a wall is as deep as the wall, and what is seen aslant through one is much less than through a hole in a sheet: each is a
+/// cell between two portals. The other cells go on to the middles of the walls, so that a near plane that pokes into a wall is still in a
+/// cell. What they have in common with doorways belongs to these, which come first.
 fn source_cells(cells: &[Cell], portals: &[Portal]) -> Result<SourceCells, SourceError> {
     let refused = |error: &dyn std::fmt::Display| SourceError::recipe("office", error.to_string());
-    let mut polygons = Vec::with_capacity(portals.len());
+    let doorways = portals.iter().filter(|portal| portal.depth > 0.0).count();
+    let mut bodies = Vec::with_capacity(doorways + cells.len());
+    let mut names = Vec::with_capacity(doorways + cells.len());
+    let mut openings = Vec::with_capacity(doorways + portals.len());
+    let center = |cell: usize| (cells[cell].min + cells[cell].max) * 0.5;
     for portal in portals {
         let mut quad = portal.quad;
-        let into = &cells[portal.cells[1]];
-        let normal = (quad[1] - quad[0]).cross(quad[2] - quad[0]);
-        if normal.dot((into.min + into.max) * 0.5 - quad[0]) < 0.0 {
+        let [first, second] = portal.cells;
+        let area = |quad: &[DVec3; 4]| (quad[1] - quad[0]).cross(quad[2] - quad[0]);
+        if area(&quad).dot(center(second) - quad[0]) < 0.0 {
             quad.reverse();
         }
-        let polygon = ConvexPolygon::new(quad).map_err(|error| refused(&error))?;
-        polygons.push((polygon, portal.cells.map(|cell| CellId(cell as u32))));
+        let ends = portal.cells.map(|cell| CellId((doorways + cell) as u32));
+        if portal.depth == 0.0 {
+            // The shaft is as wide as the walls around it leave.
+            let inset = DVec3::new(END_WALL, END_WALL, 0.0) * 0.5;
+            let (min, max) = (quad.into_iter().reduce(DVec3::min), quad.into_iter().reduce(DVec3::max));
+            let (min, max) = (min.unwrap_or(quad[0]) + inset, max.unwrap_or(quad[0]) - inset);
+            openings.push((quad.map(|corner| corner.max(min).min(max)), ends));
+            continue;
+        }
+        let half = area(&quad).normalize() * (portal.depth * 0.5);
+        let doorway = CellId(bodies.len() as u32);
+        openings.push((quad.map(|corner| corner - half), [ends[0], doorway]));
+        openings.push((quad.map(|corner| corner + half), [doorway, ends[1]]));
+        let corners = || quad.into_iter().flat_map(|corner| [corner - half, corner + half]);
+        let (min, max) = (corners().reduce(DVec3::min), corners().reduce(DVec3::max));
+        bodies.push(Viewcell::from_box(min.unwrap_or(quad[0]), max.unwrap_or(quad[0])));
+        names.push(format!("doorway {} - {}", cells[first].name, cells[second].name));
     }
-    let graph = CellGraph::new(cells.len(), polygons).map_err(|error| refused(&error))?;
-    let viewcells = Viewcells::new(cells.iter().map(|cell| Viewcell::from_box(cell.min, cell.max)));
-    let names = cells.iter().map(|cell| cell.name.clone()).collect();
-    Ok(SourceCells { graph, viewcells, names, depth: REACH })
+    for cell in cells {
+        bodies.push(Viewcell::from_box(cell.min, cell.max));
+        names.push(cell.name.clone());
+    }
+    let graph = CellGraph::from_vertices(bodies.len(), openings).map_err(|error| refused(&error))?;
+    Ok(SourceCells { graph, viewcells: Viewcells::new(bodies), names, depth: REACH })
 }
 
 struct Building {
@@ -189,6 +217,7 @@ impl Building {
             cells: [corridor, stair],
             quad: doorway([east, 1.0], [east, 2.0], z),
             door: false,
+            depth: END_WALL,
         });
         if floor > 0 {
             let cells_per_floor = 2 + 2 * self.rooms as usize;
@@ -201,6 +230,7 @@ impl Building {
                     DVec3::new(west, north, z),
                 ],
                 door: false,
+                depth: 0.0,
             });
         }
         let walls =
@@ -253,6 +283,7 @@ impl Building {
             cells: [corridor, cell],
             quad: doorway([hinge, inner], [hinge + DOOR_WIDTH, inner], z),
             door: true,
+            depth: CORRIDOR_WALL,
         });
 
         let facade = wall([west, outer], [east, outer], z, FACADE);
@@ -283,6 +314,7 @@ impl Building {
                 cells: [cell - 1, cell],
                 quad: doorway([x, south + FROM], [x, south + TO], z),
                 door: false,
+                depth: CORRIDOR_WALL,
             });
         }
     }
@@ -369,11 +401,15 @@ mod tests {
     fn cells_come_as_cullers_take_them() {
         let office = office(2, 4).unwrap();
         let cells = office.scene.cells.unwrap();
-        assert_eq!((cells.graph.cell_count(), cells.graph.portals().len()), (20, 19));
-        assert_eq!((cells.viewcells.cells().len(), cells.names.len()), (20, 20));
+        // 2 stairs, 16 doors, and one opening in the shaft, which has no depth.
+        assert_eq!(office.portals.len(), 19);
+        assert_eq!((cells.graph.cell_count(), cells.graph.portals().len()), (20 + 18, 2 * 18 + 1));
+        assert_eq!((cells.viewcells.cells().len(), cells.names.len()), (38, 38));
+        cells.graph.validate(1e-9).expect("portals that can bound convex cells");
         cells
             .graph
-            .validate(1e-9)
+            // Rooms go on to the middles of walls, whose sides the portals are in.
+            .validate_bodies(cells.viewcells.cells(), END_WALL * 0.5 + 1e-9)
             .expect("portals on the boundaries of their cells, normals into the second");
     }
 }

@@ -1,7 +1,7 @@
 //! What can be wrong with cells and portals, and which of them it is.
 
 use super::{CellId, PortalId};
-use crate::ObjectId;
+use crate::{ObjectId, PolygonError};
 use core::fmt;
 
 /// Why cells and portals cannot be used, or should not be trusted.
@@ -36,6 +36,13 @@ pub enum CellGraphError {
         /// The portal.
         portal: PortalId,
     },
+    /// The vertices of a portal make no convex polygon: it is bent, or not convex, or has no area.
+    Polygon {
+        /// The portal.
+        portal: PortalId,
+        /// What is wrong with it.
+        error: PolygonError,
+    },
     /// An object is said to be in a cell that does not exist.
     UnknownObjectCell {
         /// The object.
@@ -57,6 +64,29 @@ pub enum CellGraphError {
         /// How far it reaches.
         distance: f64,
     },
+    /// Not as many bodies as there are cells.
+    Bodies {
+        /// How many cells.
+        cells: usize,
+        /// How many bodies.
+        bodies: usize,
+    },
+    /// A portal does not lie in a face of the body of one of its cells.
+    OffBody {
+        /// The portal.
+        portal: PortalId,
+        /// The cell.
+        cell: CellId,
+        /// How far it reaches out of the body, or how far it is from the nearest face, whichever is more.
+        distance: f64,
+    },
+    /// A portal's normal does not point from the body of its first cell into that of the second.
+    WrongWay {
+        /// The portal.
+        portal: PortalId,
+        /// The cell on whose wrong side it is.
+        cell: CellId,
+    },
 }
 
 impl fmt::Display for CellGraphError {
@@ -70,6 +100,16 @@ impl fmt::Display for CellGraphError {
                 write!(f, "portal {} leads from cell {} to itself", portal.0, cell.0)
             }
             Self::NoPlane { portal } => write!(f, "portal {} has no area", portal.0),
+            Self::Polygon { portal, error } => write!(f, "portal {}: {error}", portal.0),
+            Self::Bodies { cells, bodies } => {
+                write!(f, "{bodies} bodies for {cells} cells: each cell needs one")
+            }
+            Self::OffBody { portal, cell, distance } => {
+                write!(f, "portal {} is {distance} off the boundary of cell {}", portal.0, cell.0)
+            }
+            Self::WrongWay { portal, cell } => {
+                write!(f, "portal {} points the wrong way through the boundary of cell {}", portal.0, cell.0)
+            }
             Self::UnknownObjectCell { object, cell, cells } => {
                 write!(f, "object {} is put into cell {}, but there are only {cells}", object.index(), cell.0)
             }

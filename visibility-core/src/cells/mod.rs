@@ -18,6 +18,7 @@ pub use leak::Leak;
 
 use crate::{ConvexPolygon, ObjectId, Plane};
 use alloc::vec::Vec;
+use glam::DVec3;
 
 /// A cell of a [`CellGraph`], by its number.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
@@ -147,6 +148,24 @@ impl CellGraph {
             first_object: alloc::vec![0; cells + 1],
             objects: Vec::new(),
         })
+    }
+
+    /// As [`new`](Self::new), from the vertices of each portal, in order around it.
+    ///
+    /// # Errors
+    /// [`CellGraphError::Polygon`] names the first portal that is not planar or not convex, up to [`ConvexPolygon::TOLERANCE`]; otherwise as
+    /// `new`.
+    pub fn from_vertices<V: IntoIterator<Item = DVec3>>(
+        cells: usize,
+        portals: impl IntoIterator<Item = (V, [CellId; 2])>,
+    ) -> Result<Self, CellGraphError> {
+        let mut all = Vec::new();
+        for (portal, (vertices, ends)) in (0..).map(PortalId).zip(portals) {
+            let polygon =
+                ConvexPolygon::new(vertices).map_err(|error| CellGraphError::Polygon { portal, error })?;
+            all.push((polygon, ends));
+        }
+        Self::new(cells, all)
     }
 
     /// How many cells there are.

@@ -45,6 +45,64 @@ fn a_portal_that_points_the_wrong_way_is_named() {
 }
 
 #[test]
+fn a_portal_that_is_no_convex_polygon_is_named() {
+    let ends = [CellId(0), CellId(1)];
+    let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| DVec3::new(0.0, y, z));
+    let with = |vertices: [DVec3; 4]| CellGraph::from_vertices(2, [(square, ends), (vertices, ends)]);
+    assert_eq!(with(square).unwrap().portals().len(), 2);
+    let mut bent = square;
+    bent[2].x = 0.01;
+    let error = with(bent).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            CellGraphError::Polygon { portal: PortalId(1), error: crate::PolygonError::NotPlanar { .. } }
+        ),
+        "{error}"
+    );
+    let mut dart = square;
+    dart[2] = DVec3::new(0.0, -0.5, -0.5);
+    let error = with(dart).unwrap_err().to_string();
+    assert!(error.starts_with("portal 1: the polygon is not convex"), "{error}");
+    let error = with([DVec3::ZERO; 4]).unwrap_err().to_string();
+    assert_eq!(error, "portal 1: the polygon has no area");
+}
+
+#[test]
+fn portals_that_are_on_no_boundary_are_named() {
+    let body = |x: f64| crate::Viewcell::from_box(DVec3::new(x, -2.0, -2.0), DVec3::new(x + 4.0, 2.0, 2.0));
+    let bodies = [body(0.0), body(4.0), body(8.0)];
+    let check = |first: f64, second: f64, ends: [u32; 2]| {
+        let portals = [(door(first), [CellId(0), CellId(1)]), (door(second), ends.map(CellId))];
+        CellGraph::new(3, portals).unwrap().validate_bodies(&bodies, 1e-6)
+    };
+    assert_eq!(check(4.0, 8.0, [1, 2]), Ok(()));
+    assert_eq!(check(4.0 + 1e-7, 8.0 - 1e-7, [1, 2]), Ok(()));
+    let off = |portal, cell, distance| CellGraphError::OffBody {
+        portal: PortalId(portal),
+        cell: CellId(cell),
+        distance,
+    };
+    // Short of the first, out of the first into the second, in the middle of one, and between cells that do not touch.
+    assert_eq!(check(3.75, 8.0, [1, 2]), Err(off(0, 0, 0.25)));
+    assert_eq!(check(4.0, 8.25, [1, 2]), Err(off(1, 1, 0.25)));
+    assert_eq!(check(4.0, 6.0, [1, 2]), Err(off(1, 1, 2.0)));
+    assert_eq!(check(4.0, 8.0, [0, 2]), Err(off(1, 0, 4.0)));
+    assert_eq!(
+        check(4.0, 8.0, [2, 1]),
+        Err(CellGraphError::WrongWay { portal: PortalId(1), cell: CellId(2) })
+    );
+    let few = CellGraph::new(3, []).unwrap().validate_bodies(&bodies[..2], 1e-6);
+    assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 2 }));
+    // In the box around a body, but not in a face of what a slanting plane leaves of it.
+    let mut slanted = bodies.clone();
+    slanted[0].planes.push(crate::Plane::new(DVec3::new(-2.0, -2.0, 0.0), 8.0));
+    let graph = CellGraph::new(3, [(door(4.0), [CellId(0), CellId(1)])]).unwrap();
+    let error = graph.validate_bodies(&slanted, 1e-6).unwrap_err();
+    assert!(matches!(error, CellGraphError::OffBody { cell: CellId(0), .. }), "{error}");
+}
+
+#[test]
 fn objects_are_found_by_cell() {
     let mut scene = crate::Scene::new();
     let ids: Vec<_> =

@@ -1,6 +1,8 @@
 //! Whether portals can bound convex cells.
 
 use super::{CellGraph, CellGraphError, CellId};
+use crate::{Plane, Viewcell};
+use glam::DVec3;
 
 impl CellGraph {
     /// Checks that the portals of each cell can lie on the boundary of one convex body: each is on the inner side of all others, up to
@@ -29,4 +31,55 @@ impl CellGraph {
         }
         Ok(())
     }
+
+    /// Checks portals against the bodies of the cells: each must lie in a face of the body of either of its cells, up to `tolerance` in the
+    /// world's units, and its normal must point into the second. `bodies[i]` is that of cell `i`.
+    ///
+    /// # Errors
+    /// [`CellGraphError::Bodies`]; [`CellGraphError::OffBody`] and [`CellGraphError::WrongWay`], for the first such portal.
+    ///
+    /// ```
+    /// use visibility_core::{CellGraph, CellId, ConvexPolygon, Viewcell, glam::DVec3};
+    /// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 4.0, 3.0));
+    /// let door = |x: f64| ConvexPolygon::new([[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0]].map(|[y, z]| DVec3::new(x, y, z)));
+    /// let check = |x| CellGraph::new(2, [(door(x).unwrap(), [CellId(0), CellId(1)])]).unwrap().validate_bodies(&[room(0.0), room(4.0)], 1e-6);
+    /// assert_eq!(check(4.0), Ok(()));
+    /// assert_eq!(check(3.0).unwrap_err().to_string(), "portal 0 is 1 off the boundary of cell 0");
+    /// ```
+    pub fn validate_bodies(&self, bodies: &[Viewcell], tolerance: f64) -> Result<(), CellGraphError> {
+        if bodies.len() != self.cell_count() {
+            return Err(CellGraphError::Bodies { cells: self.cell_count(), bodies: bodies.len() });
+        }
+        for (portal, id) in self.portals.iter().zip((0..).map(super::PortalId)) {
+            for (cell, inwards) in portal.cells.into_iter().zip([-portal.plane.normal, portal.plane.normal]) {
+                let vertices = portal.polygon.vertices();
+                let (mut outside, mut nearest, mut faces_in) = (0.0f64, f64::INFINITY, false);
+                for face in faces(&bodies[cell.index()]) {
+                    let heights = || vertices.iter().map(|&v| face.signed_distance(v));
+                    let off = heights().fold(0.0, |off: f64, height| off.max(height.abs()));
+                    outside = heights().fold(outside, |outside, height| outside.max(-height));
+                    nearest = nearest.min(off);
+                    faces_in |= off <= tolerance && face.normal.dot(inwards) > 0.0;
+                }
+                // Beyond a face, or inside of all.
+                let distance = outside.max(nearest);
+                if distance > tolerance {
+                    return Err(CellGraphError::OffBody { portal: id, cell, distance });
+                }
+                if !faces_in {
+                    return Err(CellGraphError::WrongWay { portal: id, cell });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The faces of a body, with unit normals to the inside.
+fn faces(body: &Viewcell) -> impl Iterator<Item = Plane> + '_ {
+    let sides = (0..3).flat_map(|axis| {
+        let normal = DVec3::AXES[axis];
+        [Plane::new(normal, -body.min[axis]), Plane::new(-normal, body.max[axis])]
+    });
+    sides.chain(body.planes.iter().filter_map(Plane::normalized))
 }

@@ -44,7 +44,10 @@ fn errors_say_where() {
             "PRT1\n2\n1\n3 0 1 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n",
             "line 4: more than the 3 vertices that it announces",
         ),
-        ("PRT1\n2\n1\n3 0 1 (0 0 0) (0 nan 0) (0 1 1)\n", "line 4: vertex 1 of the polygon is not finite"),
+        (
+            "PRT1\n2\n1\n3 0 1 (0 0 0) (0 nan 0) (0 1 1)\n",
+            "line 4, portal 0: vertex 1 of the polygon is not finite",
+        ),
         ("PRT1\n2\n1\n4000000000 0 1 (0 0 0)\n", "line 4: 4000000000 vertices are more than 64"),
         ("PRT1\n4294967295\n0\n", "line 3: 4294967295 cells are too many"),
         ("PRT2\n2\n1\n0\n5 -1\n", "line 5: there is no such leaf"),
@@ -52,6 +55,20 @@ fn errors_say_where() {
     ] {
         assert_eq!(read(text).unwrap_err().to_string(), expected, "{text:?}");
     }
+}
+
+#[test]
+fn portals_that_are_not_planar_or_not_convex_are_named() {
+    let second = |vertices: &str| read(&format!("PRT1\n3\n2\n{ONE}\n4 1 2 {vertices}\n")).unwrap_err();
+    let bent = second("(9 0 0) (9 1 0) (9.5 1 1) (9 0 1)");
+    let dart = second("(9 0 0) (9 4 0) (9 1 1) (9 0 4)");
+    let named = |error: PrtError| match error {
+        PrtError::Polygon { line: 5, portal: PortalId(1), error } => error,
+        other => panic!("{other}"),
+    };
+    assert!(dart.to_string().starts_with("line 5, portal 1: the polygon is not convex"), "{dart}");
+    assert!(matches!(named(bent), PolygonError::NotPlanar { .. }));
+    assert!(matches!(named(dart), PolygonError::NotConvex { .. }));
 }
 
 #[test]
