@@ -36,6 +36,9 @@ pub struct SourceCells {
     /// How far an object reaches into the cells that it is in, at least, in metres. Where walls stand across the boundaries of cells, one that
     /// only touches a cell is hidden from it by the wall there; an object that reaches so far into none is in all that it touches.
     pub depth: f64,
+    /// The same with a cell for each doorway, as deep as its wall, where that is known: what is seen through portals from one point is much
+    /// tighter then.
+    pub with_doorways: Option<Box<SourceCells>>,
 }
 
 /// One object of a scene: what is culled as a whole.

@@ -133,3 +133,28 @@ fn sets_are_baked_once_and_compose() {
     let outdoors = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
     assert!(cullers::parse("pvs", &outdoors).is_err() && cullers::parse("pvs:soon", &world).is_err());
 }
+
+/// On the walks, through portals: never too little, and at most 1.3 times what shows.
+fn check_walks(sizes: &str, frames: Option<usize>) {
+    let world = World::new(built_in(&format!("office:{sizes}")).unwrap(), (640, 360), frames).unwrap();
+    let pipelines = cullers::parse("portals,portals:rectangle,pvs+portals", &world).unwrap();
+    let trials: Vec<_> = pipelines.into_iter().map(|(name, pipeline)| run(name, pipeline, &world)).collect();
+    let judgement = judge(&world, &trials, || ()).unwrap();
+    for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
+        let ratio = trial.mean_visible() / judgement.mean_exact();
+        println!("{}: {ratio:.3} times the exact set", trial.name);
+        assert_eq!(verdict.false_hidden, 0, "{}: {:?}", trial.name, verdict.hidden);
+        assert!(ratio < 1.3, "{}: {ratio}", trial.name);
+    }
+}
+
+#[test]
+fn walks_through_portals_report_little_more_than_shows() {
+    check_walks("2,16", Some(32));
+}
+
+#[test]
+#[ignore = "half a minute"]
+fn walks_through_the_largest_office_report_little_more_than_shows() {
+    check_walks("7,24", None);
+}

@@ -44,7 +44,7 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
         format!("cell {i}{}", if outside.binary_search(&cell).is_ok() { ", outside" } else { "" })
     };
     let names = (0..viewcells.len()).map(name).collect();
-    Ok(SourceCells { graph, viewcells: Viewcells::new(viewcells), names, depth: 0.0 })
+    Ok(SourceCells { graph, viewcells: Viewcells::new(viewcells), names, depth: 0.0, with_doorways: None })
 }
 
 /// The opaque triangles of a scene that have an area; doors are open.

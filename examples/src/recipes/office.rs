@@ -102,18 +102,22 @@ pub fn office(floors: u32, rooms: u32) -> Result<Office, SourceError> {
     if floors > 1 {
         scene.walks.push(upstairs());
     }
-    scene.cells = Some(source_cells(&building.cells, &building.portals)?);
+    let deep = source_cells(&building.cells, &building.portals, true)?;
+    let mut cells = source_cells(&building.cells, &building.portals, false)?;
+    cells.with_doorways = Some(Box::new(deep));
+    scene.cells = Some(cells);
     Ok(Office { scene, cells: building.cells, portals: building.portals })
 }
 
-/// The cells and portals as cullers take them: with the normal of each portal into the second of its cells, and a cell for each doorway.
+/// The cells and portals as cullers take them: with the normal of each portal into the second of its cells, and, if asked for, a cell for each
+/// doorway.
 ///
-/// A doorway in a wall is as deep as the wall, and what is seen aslant through one is much less than through a hole in a sheet: each is a
+/// A doorway in a wall is as deep as the wall, and what is seen aslant through one is much less than through a hole in a sheet: then each is a
 /// cell between two portals. The other cells go on to the middles of the walls, so that a near plane that pokes into a wall is still in a
 /// cell. What they have in common with doorways belongs to these, which come first.
-fn source_cells(cells: &[Cell], portals: &[Portal]) -> Result<SourceCells, SourceError> {
+fn source_cells(cells: &[Cell], portals: &[Portal], deep: bool) -> Result<SourceCells, SourceError> {
     let refused = |error: &dyn std::fmt::Display| SourceError::recipe("office", error.to_string());
-    let doorways = portals.iter().filter(|portal| portal.depth > 0.0).count();
+    let doorways = portals.iter().filter(|portal| deep && portal.depth > 0.0).count();
     let mut bodies = Vec::with_capacity(doorways + cells.len());
     let mut names = Vec::with_capacity(doorways + cells.len());
     let mut openings = Vec::with_capacity(doorways + portals.len());
@@ -126,6 +130,10 @@ fn source_cells(cells: &[Cell], portals: &[Portal]) -> Result<SourceCells, Sourc
             quad.reverse();
         }
         let ends = portal.cells.map(|cell| CellId((doorways + cell) as u32));
+        if !deep {
+            openings.push((quad, ends));
+            continue;
+        }
         if portal.depth == 0.0 {
             // The shaft is as wide as the walls around it leave.
             let inset = DVec3::new(END_WALL, END_WALL, 0.0) * 0.5;
@@ -148,7 +156,7 @@ fn source_cells(cells: &[Cell], portals: &[Portal]) -> Result<SourceCells, Sourc
         names.push(cell.name.clone());
     }
     let graph = CellGraph::from_vertices(bodies.len(), openings).map_err(|error| refused(&error))?;
-    Ok(SourceCells { graph, viewcells: Viewcells::new(bodies), names, depth: REACH })
+    Ok(SourceCells { graph, viewcells: Viewcells::new(bodies), names, depth: REACH, with_doorways: None })
 }
 
 struct Building {
@@ -401,15 +409,20 @@ mod tests {
     fn cells_come_as_cullers_take_them() {
         let office = office(2, 4).unwrap();
         let cells = office.scene.cells.unwrap();
-        // 2 stairs, 16 doors, and one opening in the shaft, which has no depth.
-        assert_eq!(office.portals.len(), 19);
-        assert_eq!((cells.graph.cell_count(), cells.graph.portals().len()), (20 + 18, 2 * 18 + 1));
-        assert_eq!((cells.viewcells.cells().len(), cells.names.len()), (38, 38));
+        assert_eq!((cells.graph.cell_count(), cells.graph.portals().len()), (20, 19));
+        assert_eq!((cells.viewcells.cells().len(), cells.names.len()), (20, 20));
         cells.graph.validate(1e-9).expect("portals that can bound convex cells");
         cells
             .graph
-            // Rooms go on to the middles of walls, whose sides the portals are in.
-            .validate_bodies(cells.viewcells.cells(), END_WALL * 0.5 + 1e-9)
+            .validate_bodies(cells.viewcells.cells(), 1e-9)
             .expect("portals on the boundaries of their cells, normals into the second");
+        // All portals but one are doorways in walls; the opening in the stair shaft has no depth.
+        let deep = cells.with_doorways.unwrap();
+        assert_eq!((deep.graph.cell_count(), deep.graph.portals().len()), (20 + 18, 2 * 18 + 1));
+        assert_eq!((deep.viewcells.cells().len(), deep.names.len()), (38, 38));
+        deep.graph.validate(1e-9).expect("portals that can bound convex cells");
+        // Rooms go on to the middles of walls, whose sides the portals are in.
+        let bodies = deep.viewcells.cells();
+        deep.graph.validate_bodies(bodies, END_WALL * 0.5 + 1e-9).expect("portals in the sides of walls");
     }
 }

@@ -32,7 +32,7 @@ pub fn draw(
     exact: &[u32],
     frame: usize,
 ) -> Result<Result<Canvas, String>, MeasureError> {
-    let Ok(cells) = world.cells() else { return Ok(Err("no cells".into())) };
+    let Ok(cells) = world.cells_to_look_through() else { return Ok(Err("no cells".into())) };
     let dial = trial.name.contains("rectangle").then_some("rectangle");
     let mut culler = match cullers::portals::portals(dial, world) {
         Ok(culler) => culler,

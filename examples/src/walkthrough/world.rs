@@ -59,9 +59,11 @@ impl World {
             occluder: object.opaque,
             ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
         }));
-        if let Some(cells) = &mut source.cells {
+        let mut given = source.cells.as_mut();
+        while let Some(cells) = given {
             let pairs = deep_enough(&scene, cells, objects_in_cells(&scene, &ids, &cells.viewcells));
             cells.graph.set_objects(pairs).expect("the cells are those of the graph");
+            given = cells.with_doorways.as_deref_mut();
         }
         for (id, object) in ids.into_iter().zip(&source.objects) {
             scene.set_triangles(id, object.triangles.as_slice()).expect("the object was just inserted");
@@ -82,6 +84,14 @@ impl World {
     /// Says so if there are none.
     pub fn cells(&self) -> Result<&SourceCells, String> {
         self.source.cells.as_ref().ok_or_else(|| "this scene has no cells and portals".to_owned())
+    }
+
+    /// The same, with cells for doorways where they are known: what is looked through from one point.
+    ///
+    /// # Errors
+    /// Says so if there are none.
+    pub fn cells_to_look_through(&self) -> Result<&SourceCells, String> {
+        self.cells().map(|cells| cells.with_doorways.as_deref().unwrap_or(cells))
     }
 
     /// The point that everything is relative to.

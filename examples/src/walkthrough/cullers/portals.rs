@@ -21,7 +21,7 @@ pub fn portals(dial: Option<&str>, world: &World) -> Result<PortalCuller, String
         Some("rectangle") => Narrowing::Rectangle,
         Some(other) => return Err(format!("it narrows to polygon or rectangle, not to `{other}`")),
     };
-    let source = world.cells()?;
+    let source = world.cells_to_look_through()?;
     let mut cells = SceneCells::new(source.graph.clone(), source.viewcells.clone(), TOLERANCE)
         .map_err(|error| error.to_string())?;
     cells.sync(&world.scene);
