@@ -573,7 +573,7 @@ mod tests {
                 before.rotate_left(2);
             }
             assert_eq!(beams.add(&before, error), Sight::Seen);
-            for (left, right) in [(0.41, 0.8), (-0.8, -0.41)] {
+            for (left, right) in [(0.41, 0.49), (-0.49, -0.41)] {
                 assert_eq!(beams.look(&strip(left, right)), Sight::Seen);
             }
         }
