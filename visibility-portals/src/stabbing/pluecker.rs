@@ -15,7 +15,7 @@
 //! Where they have something in common, there need be no line either: lines have `d . m = 0`, the Pluecker quadric, which a polytope can miss.
 //! That is not asked here: such a sequence is a *maybe*, and so is one whose polytope is empty by so little that no certificate is found.
 //! Little is lost by it. Splitting the first and the last portal each in two, and again up to 256 parts, and testing all parts, excluded
-//! 29 more of 26,000 chains of a map of 1,726 portals, and hid no pair of cells more, for two to three times the time of the bake.
+//! 29 more of 26,000 chains of a map of 1,726 portals, and hid no pair of cells more, for 3.4 times the time of the bake.
 //!
 //! # What is certified
 //! A line that stays clear of all edges by a distance `c` passes them on the same side after each has been moved by less than `c`, any way:
