@@ -97,3 +97,33 @@ fn objects_in_several_cells_are_seen_where_any_of_them_is() {
     let shared = ScenePvs::new(&scene, pvs, viewcells, pairs);
     assert_eq!(seen(&mut PvsCuller::new(&shared), &scene, &ids[..3], 2.0), [1, 2]);
 }
+
+/// The rooms meet at x = 5; the near plane is 0.1 m before the eye, which looks along x.
+#[test]
+fn where_the_near_plane_reaches_the_next_viewcell_what_that_sees_is_seen_too() {
+    let (scene, ids, pvs, viewcells) = world();
+    let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+    let mut culler = PvsCuller::new(&shared);
+    assert_eq!(seen(&mut culler, &scene, &ids, 4.85), [0, 2, 4, 6, 8]);
+    assert_eq!(seen(&mut culler, &scene, &ids, 4.95), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
+    assert_eq!(culler.viewcell(), Some(CellId(0)), "where the eye is");
+    assert_eq!(seen(&mut culler, &scene, &ids, 4.85), [0, 2, 4, 6, 8]);
+}
+
+#[test]
+fn an_eye_that_a_clip_plane_cuts_away_sees_everything() {
+    use visibility_core::Culler;
+    let (scene, ids, pvs, viewcells) = world();
+    let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+    let mut culler = PvsCuller::new(&shared);
+    let eye = DVec3::new(1e6 + 2.0, 5.0, 0.5);
+    let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 2.0, 2.0, 0.1, 1e3).unwrap();
+    // Relative to the eye: from 6 m on, or from behind it.
+    for (start, expected) in [(6.0, 10), (-1.0, 5)] {
+        let view = view.with_clip_planes(&[Plane::through(DVec3::X * start, DVec3::X)]).unwrap();
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view);
+        culler.cull(&scene, &view, &mut visible);
+        assert_eq!(ids.iter().filter(|&&id| visible.contains(&scene, id)).count(), expected);
+    }
+}

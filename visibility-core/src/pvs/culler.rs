@@ -1,7 +1,7 @@
 //! Potentially visible sets applied to a frame.
 
 use super::{Pvs, Viewcells};
-use crate::{Accuracy, Changes, CullStats, Culler, Eye, ObjectId, Scene, View, VisibleSet};
+use crate::{Accuracy, CellId, Changes, CullStats, Culler, Eye, ObjectId, Plane, Scene, View, VisibleSet};
 use alloc::vec::Vec;
 use core::borrow::Borrow;
 use glam::DVec3;
@@ -58,7 +58,11 @@ impl ScenePvs {
 
 /// Hides what the viewcell of the eye cannot see.
 ///
-/// Owns one view's memory; the [`ScenePvs`] is shared, by reference or by `Arc`. An eye in no viewcell, and one at infinity, sees everything.
+/// Nothing before the near plane is drawn, so lines of sight begin there: an eye close to a wall sees through it, and then sees what the
+/// viewcells beyond see too. (What is seen from inside of something solid, in no viewcell, is in no set.)
+///
+/// Owns one view's memory; the [`ScenePvs`] is shared, by reference or by `Arc`. An eye in no viewcell, one at infinity, and one that a clip
+/// plane cuts away sees everything.
 ///
 /// ```
 /// use visibility_core::{Aabb, Pipeline, Pose, Pvs, PvsCuller, PvsTargets, Scene, ScenePvs, View, Viewcell, Viewcells, VisibleSet};
@@ -79,10 +83,14 @@ impl ScenePvs {
 #[derive(Clone, Debug)]
 pub struct PvsCuller<S> {
     shared: S,
-    /// The viewcell that `hidden` is for.
-    viewcell: Option<crate::CellId>,
-    /// The targets seen from there.
+    /// The viewcell that the eye is in.
+    viewcell: Option<CellId>,
+    /// The viewcells that lines of sight begin in: what `hidden` is for, and memory for those of the next frame.
+    entered: Vec<CellId>,
+    entering: Vec<CellId>,
+    /// The targets seen from there, and memory for those of one of several.
     seen: Vec<u64>,
+    seen_from_one: Vec<u64>,
     /// Objects, by index, that cannot be seen from there.
     hidden: Vec<bool>,
     /// Objects, by index, that have changed since the sets were made.
@@ -99,7 +107,10 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         Self {
             shared,
             viewcell: None,
+            entered: Vec::new(),
+            entering: Vec::new(),
             seen: Vec::new(),
+            seen_from_one: Vec::new(),
             hidden: alloc::vec![false; objects],
             changed: alloc::vec![false; objects],
             lost: false,
@@ -108,7 +119,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
     }
 
     /// The viewcell that the eye was in, in the last frame; `None` if it was in none, or nowhere.
-    pub fn viewcell(&self) -> Option<crate::CellId> {
+    pub fn viewcell(&self) -> Option<CellId> {
         self.viewcell
     }
 
@@ -126,11 +137,17 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         self.revision = scene.revision();
     }
 
-    fn enter(&mut self, viewcell: crate::CellId) {
+    /// Brings `hidden` up to date with `entered`.
+    fn enter(&mut self) {
         let shared = self.shared.borrow();
-        if !shared.pvs.write_bits(viewcell, &mut self.seen) {
+        self.seen.clear();
+        self.seen.resize(shared.pvs.target_count().div_ceil(64), 0);
+        for &viewcell in &self.entered {
             // A viewcell without a set: all is seen.
-            self.seen.iter_mut().for_each(|word| *word = u64::MAX);
+            let known = shared.pvs.write_bits(viewcell, &mut self.seen_from_one);
+            for (word, more) in self.seen.iter_mut().zip(&self.seen_from_one) {
+                *word |= if known { *more } else { u64::MAX };
+            }
         }
         for (index, pair) in shared.objects.windows(2).enumerate() {
             let targets = &shared.targets[pair[0].1 as usize..pair[1].1 as usize];
@@ -153,17 +170,26 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.follow(scene);
-        let viewcell = match view.eye(DVec3::ZERO) {
-            Eye::Point(eye) => self.shared.borrow().viewcells.locate(eye),
-            Eye::Direction(_) => None,
+        let (viewcell, front) = match view.eye(DVec3::ZERO) {
+            Eye::Point(eye) => (self.shared.borrow().viewcells.locate(eye), front(view, eye)),
+            Eye::Direction(_) => (None, None),
         };
-        if viewcell != self.viewcell {
-            self.viewcell = viewcell;
-            if let Some(viewcell) = viewcell {
-                self.enter(viewcell);
+        self.viewcell = viewcell;
+        self.entering.clear();
+        if let (Some(viewcell), Some((min, max))) = (viewcell, front) {
+            self.entering.push(viewcell);
+            let entering = &mut self.entering;
+            self.shared.borrow().viewcells.for_each_touching(min, max, |other| {
+                if other != viewcell {
+                    entering.push(other);
+                }
+            });
+            if self.entering != self.entered {
+                core::mem::swap(&mut self.entering, &mut self.entered);
+                self.enter();
             }
         }
-        let idle = viewcell.is_none() || self.lost;
+        let idle = viewcell.is_none() || front.is_none() || self.lost;
         let objects = &self.shared.borrow().objects;
         visible.retain(scene, |id, _| {
             let index = id.index();
@@ -171,4 +197,37 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
             idle || !listed || self.changed[index] || !self.hidden[index]
         })
     }
+}
+
+/// The box around the eye and the part of the near plane that a view begins on, in the world. `None` where that has no bounds, or where
+/// a clip plane cuts the eye away, so that lines of sight begin elsewhere.
+fn front(view: &View, eye: DVec3) -> Option<(DVec3, DVec3)> {
+    let planes = view.planes(eye);
+    let mut first = [None; 5];
+    for (slot, plane) in planes.with_slots() {
+        match slot {
+            0..=4 => first[usize::from(slot)] = Some(plane.plane),
+            5 => {}
+            _ if plane.plane.offset <= plane.error => return None,
+            _ => {}
+        }
+    }
+    let [left, right, bottom, top, near] = first;
+    let (mut min, mut max) = (DVec3::ZERO, DVec3::ZERO);
+    for side in [left?, right?] {
+        for other in [bottom?, top?] {
+            let corner = meet(near?, side, other).filter(|corner| corner.is_finite())?;
+            (min, max) = (min.min(corner), max.max(corner));
+        }
+    }
+    // Rounding, with much to spare: one viewcell too many costs little.
+    let margin = 1e-6 * (max - min).max_element() + 1e-12 * eye.abs().max_element();
+    Some((eye + (min - margin), eye + (max + margin)))
+}
+
+/// Where three planes meet.
+fn meet(a: Plane, b: Plane, c: Plane) -> Option<DVec3> {
+    let (bc, ca, ab) = (b.normal.cross(c.normal), c.normal.cross(a.normal), a.normal.cross(b.normal));
+    let determinant = a.normal.dot(bc);
+    (determinant != 0.0).then(|| -(bc * a.offset + ca * b.offset + ab * c.offset) / determinant)
 }
