@@ -113,6 +113,14 @@ unsafe extern "C" fn memcmp(a: *const u8, b: *const u8, count: usize) -> i32 {
     0
 }
 
+/// # Safety
+/// As the C function; zero for equal bytes is all that it promises.
+#[unsafe(no_mangle)]
+unsafe extern "C" fn bcmp(a: *const u8, b: *const u8, count: usize) -> i32 {
+    // SAFETY: as the caller grants.
+    unsafe { memcmp(a, b, count) }
+}
+
 // The prebuilt alloc refers to these, but nothing unwinds here.
 #[unsafe(no_mangle)]
 extern "C" fn rust_eh_personality() {}

@@ -2,7 +2,7 @@
 //!
 //! [`Stabber`] answers for segments of a floor plan, for axis-aligned rectangles and for convex polygons in space, each time with a line that
 //! does, a certificate that none does, or *maybe*; rounding never makes one of the first two out of the third. The planes that separate portals
-//! answer a part of the same question faster, as the floods of a [`CellBake`](crate::CellBake) do: [`antipenumbra`].
+//! answer a part of the same question faster, as the floods of a [`CellBake`] do: [`antipenumbra`].
 //!
 //! In the plane, *maybe* means that lines have less room than rounding takes. In space it can mean, too, that any few edges leave a line but
 //! all together do not: certificates are of linear programs, and the lines among the points of Pluecker space are those of a quadric.
@@ -129,7 +129,7 @@ impl Stabber {
         self.plan.stab(segments, self.clearance)
     }
 
-    /// A line through axis-aligned rectangles. Seen along each of the axes, the line passes through segments; where the [`segments`]
+    /// A line through axis-aligned rectangles. Seen along each of the axes, the line passes through segments; where the [`segments`](Self::segments)
     /// (Self::segments) of one axis exclude it there is none (Teller and Sequin, 1991). Otherwise it is looked for as in
     /// [`polygons`](Self::polygons).
     pub fn rectangles(&mut self, rectangles: &[Rectangle]) -> Stab<[DVec3; 2]> {
