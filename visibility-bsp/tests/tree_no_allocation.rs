@@ -1,40 +1,15 @@
 //! Frames of the cullers and objects that move through a tree allocate nothing once warm. Counted by an allocator of our own.
-#![allow(unsafe_code, missing_docs)]
+#![allow(missing_docs)]
 
+#[path = "../../visibility-core/tests/common/allocations.rs"]
+mod allocations;
 mod shapes;
 
+use allocations::ALLOCATIONS;
 use shapes::Random;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use visibility_bsp::{BspOrder, BspTree, Naylor, SceneTree};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, Triangle, View, VisibleSet};
-
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: all is left to the system's allocator; counting neither allocates nor touches the memory.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(memory, layout) }
-    }
-
-    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        unsafe { System.realloc(memory, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 fn scene(random: &mut Random) -> Scene {
     let mut scene = Scene::new();

@@ -1,50 +1,16 @@
 //! Contract 5: no allocation per frame once warm; and how many bytes an object takes. Counted by an allocator of our own.
-#![allow(unsafe_code)]
 
+#[path = "common/allocations.rs"]
+mod allocations;
 mod common;
 
+use allocations::{ALLOCATIONS, LIVE};
 use common::Random;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
     Aabb, Accuracy, CasterCuller, FrustumCuller, Light, ObjectId, OccluderMesh, Occlusion, OcclusionCuller,
     OcclusionMap, Pipeline, Plane, Pose, Scene, Selection, View, VisibleSet,
 };
-
-struct Counting;
-
-thread_local! {
-    // By thread, so that tests that run beside each other do not count each other's.
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-    static LIVE: Cell<isize> = const { Cell::new(0) };
-}
-
-fn count(allocations: usize, bytes: isize) {
-    ALLOCATIONS.set(ALLOCATIONS.get() + allocations);
-    LIVE.set(LIVE.get() + bytes);
-}
-
-// SAFETY: all is left to the system's allocator; counting neither allocates nor touches the memory.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(1, layout.size() as isize);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        count(0, -(layout.size() as isize));
-        unsafe { System.dealloc(memory, layout) }
-    }
-
-    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count(1, size as isize - layout.size() as isize);
-        unsafe { System.realloc(memory, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 fn random_box(rng: &mut Random) -> Aabb {
     let min = rng.vector(200.0).as_vec3();

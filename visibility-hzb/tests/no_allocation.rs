@@ -1,40 +1,14 @@
 //! Contract 5: no allocation per frame once warm. Counted by an allocator of our own.
-#![allow(unsafe_code)]
 
+#[path = "../../visibility-core/tests/common/allocations.rs"]
+mod allocations;
 mod common;
 
+use allocations::ALLOCATIONS;
 use common::{Random, occluder, view};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Occlusion, OcclusionMap};
 use visibility_hzb::Hzb;
-
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: all is left to the system's allocator; counting neither allocates nor touches the memory.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(memory, layout) }
-    }
-
-    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        unsafe { System.realloc(memory, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {

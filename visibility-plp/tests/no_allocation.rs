@@ -1,35 +1,15 @@
 //! No allocation per frame once warm, counted by an allocator of our own.
-#![allow(unsafe_code, missing_docs)]
+#![allow(missing_docs)]
 
+#[path = "../../visibility-core/tests/common/allocations.rs"]
+mod allocations;
 mod common;
 
+use allocations::ALLOCATIONS;
 use common::{Blank, triangles, views};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::Arc;
 use visibility_core::{Culler, FrustumCuller, VisibleSet};
 use visibility_plp::{Budget, ConservativePlpCuller, DelaunayTessellation, OctreeTessellation, PlpCuller};
-
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: all is left to the system's allocator; counting neither allocates nor touches the memory.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn warm_frames_allocate_nothing() {

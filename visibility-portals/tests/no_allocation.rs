@@ -1,43 +1,17 @@
 //! No allocation once warm: frames through portals and mirrors, doors that open and close, objects that move; linear programs and stabbing
 //! lines. Counted by an allocator of our own.
-#![allow(unsafe_code)]
 
+#[path = "../../visibility-core/tests/common/allocations.rs"]
+mod allocations;
 mod maze;
 
+use allocations::ALLOCATIONS;
 use maze::{Camera, Maze, Random, Style};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_core::{Aabb, Culler, FrustumCuller, PortalId, VisibleSet};
 use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
 use visibility_portals::stabbing::{Rectangle, Stab, Stabber};
 use visibility_portals::{Narrowing, PortalEye};
-
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: all is left to the system's allocator; counting neither allocates nor touches the memory.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(memory, layout) }
-    }
-
-    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        unsafe { System.realloc(memory, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn frames_doors_and_moving_objects_allocate_nothing_once_warm() {
