@@ -2,43 +2,13 @@
 
 mod common;
 
+use common::boxes::{Checked, points};
 use common::{Occluder, Random, Ray, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, Boxes64, Culler, OccluderMesh, Occlusion, Occlusion64, OcclusionCuller, OcclusionMap,
-    Scene, View, VisibleSet,
+    Aabb, Culler, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet,
 };
 use visibility_hzb::{Coverage, Hzb, Simd};
-
-/// A finished map that answers 64 boxes at once as it answers each of them.
-struct Checked(Hzb);
-
-impl OcclusionMap for Checked {
-    fn name(&self) -> &str {
-        "checked"
-    }
-    fn accuracy(&self) -> Accuracy {
-        self.0.accuracy()
-    }
-    fn begin(&mut self, _: &View, _: DVec3) {}
-    fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
-    fn flush(&mut self) {}
-    fn test(&self, bounds: &Aabb) -> Occlusion {
-        self.0.test(bounds)
-    }
-    fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
-        let answer = self.0.test_64(boxes, candidates);
-        for lane in (0..64).filter(|lane| candidates >> lane & 1 != 0) {
-            let own = match self.test(&boxes.get(lane)) {
-                Occlusion::Hidden => (1, 0),
-                Occlusion::Partial => (0, 0),
-                Occlusion::Visible => (0, 1),
-            };
-            assert_eq!((answer.hidden >> lane & 1, answer.visible >> lane & 1), own, "{:?}", boxes.get(lane));
-        }
-        answer
-    }
-}
 
 /// Huge, flat or near-degenerate triangles, which the tests of pixels leave out since no ray can be trusted on them.
 fn extreme(random: &mut Random) -> Option<Occluder> {
@@ -61,18 +31,6 @@ fn draw(occluders: &[Occluder], view: &View, size: [usize; 2], simd: Simd, cover
     }
     hzb.flush();
     hzb
-}
-
-/// A few points of a box that its six faces are made of.
-fn points(random: &mut Random, bounds: &Aabb) -> Vec<DVec3> {
-    let mut points: Vec<Vec3> = bounds.corners().into();
-    for _ in 0..8 {
-        let mut p = bounds.min + (bounds.max - bounds.min) * random.vec(0.0, 1.0);
-        let axis = random.below(3) as usize;
-        p[axis] = if random.below(2) == 0 { bounds.min[axis] } else { bounds.max[axis] };
-        points.push(p);
-    }
-    points.into_iter().map(|p| p.as_dvec3()).collect()
 }
 
 fn run(views: u64, seed: u64) {

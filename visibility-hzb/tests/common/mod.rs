@@ -1,6 +1,8 @@
 //! Random occluders and cameras, and rays cast against them with nothing but the view's matrix and plain vector algebra.
 #![allow(dead_code, unreachable_pub)] // Each test uses a part.
 
+pub mod boxes;
+
 use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4, Quat, Vec3, Vec4};
 use visibility_core::{Aabb, Depth, OccluderMesh, Pose, View, Window};
 

@@ -1,0 +1,47 @@
+//! What the tests ask a finished map about boxes.
+
+use super::Random;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, View};
+
+/// A finished map that answers 64 boxes at once as it answers each of them.
+pub struct Checked<M>(pub M);
+
+impl<M: OcclusionMap> OcclusionMap for Checked<M> {
+    fn name(&self) -> &str {
+        "checked"
+    }
+    fn accuracy(&self) -> Accuracy {
+        self.0.accuracy()
+    }
+    fn begin(&mut self, _: &View, _: DVec3) {}
+    fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
+    fn flush(&mut self) {}
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        self.0.test(bounds)
+    }
+    fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
+        let answer = self.0.test_64(boxes, candidates);
+        for lane in (0..64).filter(|lane| candidates >> lane & 1 != 0) {
+            let own = match self.test(&boxes.get(lane)) {
+                Occlusion::Hidden => (1, 0),
+                Occlusion::Partial => (0, 0),
+                Occlusion::Visible => (0, 1),
+            };
+            assert_eq!((answer.hidden >> lane & 1, answer.visible >> lane & 1), own, "{:?}", boxes.get(lane));
+        }
+        answer
+    }
+}
+
+/// A few points of a box that its six faces are made of.
+pub fn points(random: &mut Random, bounds: &Aabb) -> Vec<DVec3> {
+    let mut points: Vec<Vec3> = bounds.corners().into();
+    for _ in 0..8 {
+        let mut p = bounds.min + (bounds.max - bounds.min) * random.vec(0.0, 1.0);
+        let axis = random.below(3) as usize;
+        p[axis] = if random.below(2) == 0 { bounds.min[axis] } else { bounds.max[axis] };
+        points.push(p);
+    }
+    points.into_iter().map(|p| p.as_dvec3()).collect()
+}
