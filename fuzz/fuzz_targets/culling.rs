@@ -1,9 +1,15 @@
-//! Any bytes as a scene and its cameras, culled by every culler there is: no panic, and a box that is none is never culled by one that
-//! keeps what is visible.
+//! Any bytes as a scene and its cameras, culled by every culler there is: no panic, and one that promises to hide nothing visible hides
+//! nothing that an exact ray sees.
 #![no_main]
 
+#[path = "../../visibility-core/tests/common/mod.rs"]
+mod common;
+#[path = "../../examples/tests/extremes/oracle.rs"]
+mod oracle;
+
+use common::Random;
 use libfuzzer_sys::fuzz_target;
-use visibility_core::{Depth, View, VisibleSet};
+use visibility_core::{Accuracy, Depth, View, VisibleSet};
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{SceneSource, SourceObject};
 
@@ -79,7 +85,16 @@ fuzz_target!(|bytes: &[u8]| {
     let mut visible = VisibleSet::new();
     for view in &world.views {
         pipeline.cull(&world.scene, view, &mut visible);
-        assert!(visible.iter(&world.scene).count() <= world.source.objects.len());
+        let mut seen = vec![false; world.source.objects.len()];
+        visible.iter(&world.scene).for_each(|id| seen[id.index()] = true);
+        if !pipeline.accuracy().never_hides() {
+            continue;
+        }
+        let narrowest = if pipeline.accuracy() == Accuracy::Exact { 2e-7 } else { 0.0 };
+        for index in (0..seen.len()).filter(|&index| !seen[index]) {
+            let point = oracle::seen_point(&world, view, index, narrowest, &mut Random(1), &mut 0);
+            assert_eq!(point, None, "{} hides object {index}", known.name);
+        }
     }
 });
 

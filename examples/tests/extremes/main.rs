@@ -12,7 +12,7 @@ mod strategies;
 
 use common::Random;
 use strategies::World;
-use visibility_core::VisibleSet;
+use visibility_core::{Accuracy, VisibleSet};
 use visibility_examples::walkthrough::cullers::{known, parse};
 
 /// All cullers at each setting of their dials.
@@ -41,6 +41,8 @@ fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tal
     let mut pipeline = made.remove(0).1;
     tally.worlds += 1;
     let promises = pipeline.accuracy().never_hides();
+    // Exact cullers may miss what is narrower than they say: of the one that there is, a ten-millionth of half the picture.
+    let narrowest = if pipeline.accuracy() == Accuracy::Exact { 2e-7 } else { 0.0 };
     let mut visible = VisibleSet::new();
     for (number, view) in world.views.iter().enumerate() {
         pipeline.cull(&world.scene, view, &mut visible);
@@ -52,7 +54,7 @@ fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tal
             continue;
         }
         for &index in &hidden {
-            if let Some(point) = oracle::seen_point(world, view, index, rng, &mut tally.rays) {
+            if let Some(point) = oracle::seen_point(world, view, index, narrowest, rng, &mut tally.rays) {
                 panic!(
                     "{entry} hides object {index} of {} ({}), view {number}, though the point {point} of it is seen",
                     world.source.name, case.what

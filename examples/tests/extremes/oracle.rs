@@ -1,7 +1,7 @@
 //! Rays in `f64` with bounds on their own rounding: a point counts as seen only if that is beyond doubt.
 
 use crate::common::Random;
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use visibility_core::{Eye, View};
 use visibility_examples::walkthrough::World;
 
@@ -9,11 +9,12 @@ use visibility_examples::walkthrough::World;
 const POINTS: usize = 6;
 
 /// A random point of an object to which an unobstructed segment runs from the eye, inside the view, beyond any doubt of rounding.
-/// `rays` counts the segments that were in view.
+/// Triangles narrower in the picture than `narrowest`, in halves of it, are passed by. `rays` counts the segments that were in view.
 pub(crate) fn seen_point(
     world: &World,
     view: &View,
     object: usize,
+    narrowest: f64,
     rng: &mut Random,
     rays: &mut usize,
 ) -> Option<DVec3> {
@@ -25,6 +26,9 @@ pub(crate) fn seen_point(
     for _ in 0..POINTS {
         let which = rng.below(triangles.len());
         let [a, b, c] = triangles[which].map(|p| p.as_dvec3());
+        if narrowest > 0.0 && !(width(view, origin, [a, b, c]) > narrowest) {
+            continue;
+        }
         let (mut u, mut v) = (rng.unit(), rng.unit());
         if u + v > 1.0 {
             (u, v) = (1.0 - u, 1.0 - v);
@@ -34,11 +38,7 @@ pub(crate) fn seen_point(
             continue;
         }
         *rays += 1;
-        let from = match view.eye(origin) {
-            Eye::Point(eye) => Segment { from: eye, to: point },
-            // Parallel rays: from far before the near plane; what lies before it does not occlude, so all of it may be crossed.
-            Eye::Direction(_) => continue,
-        };
+        let Some(from) = sight_line(view, origin, point) else { continue };
         let blocked = source.objects.iter().enumerate().any(|(index, other)| {
             (other.triangles.iter().enumerate())
                 .any(|(number, triangle)| (index, number) != (object, which) && from.may_meet(triangle))
@@ -53,6 +53,17 @@ pub(crate) fn seen_point(
 /// Relative error of a sum of a few products, with much to spare.
 const ROUNDING: f64 = 1e-11;
 
+/// How wide a triangle is in the picture where it is narrowest, NaN where it reaches behind the eye.
+fn width(view: &View, origin: DVec3, triangle: [DVec3; 3]) -> f64 {
+    let clip = view.clip_from(origin);
+    let [a, b, c] = triangle.map(|p| {
+        let q = clip * p.extend(1.0);
+        if q.w > 0.0 { q.truncate().truncate() / q.w } else { DVec2::NAN }
+    });
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    (b - a).perp_dot(c - a).abs() / longest
+}
+
 /// Inside all clip planes by more than rounding.
 fn surely_in_view(view: &View, origin: DVec3, point: DVec3) -> bool {
     view.planes(origin).as_slice().iter().all(|plane| {
@@ -60,6 +71,23 @@ fn surely_in_view(view: &View, origin: DVec3, point: DVec3) -> bool {
         let size = n.abs().dot(point.abs()) + d.abs();
         n.dot(point) + d > ROUNDING * size + plane.error
     })
+}
+
+/// From the point towards the eye, or against parallel lines of sight, until it has surely left the view: what lies before the near plane
+/// hides nothing.
+fn sight_line(view: &View, origin: DVec3, point: DVec3) -> Option<Segment> {
+    let (to_eye, size, most) = match view.eye(origin) {
+        Eye::Point(eye) => (eye - point, eye.abs() + point.abs(), 1.0),
+        Eye::Direction(direction) => (-direction, direction.abs(), f64::INFINITY),
+    };
+    let steps = view.planes(origin).as_slice().iter().fold(most, |steps, plane| {
+        let (n, d) = (plane.plane.normal, plane.plane.offset);
+        let height = n.dot(point) + d + ROUNDING * (n.abs().dot(point.abs()) + d.abs()) + plane.error;
+        let fall = -n.dot(to_eye) - ROUNDING * n.abs().dot(size);
+        if fall > 0.0 { steps.min(height / fall * (1.0 + ROUNDING)) } else { steps }
+    });
+    let from = point + to_eye * steps;
+    from.is_finite().then_some(Segment { from, to: point })
 }
 
 struct Segment {

@@ -1,0 +1,69 @@
+//! A stored tessellation with any of its bytes changed, the checksum mended: refused with a reason, or projected from to the end.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use std::sync::LazyLock;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_plp::{Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Tessellation};
+
+/// A small scene, and what is stored of it.
+static STORED: LazyLock<(Scene, [Vec<u8>; 2])> = LazyLock::new(|| {
+    let mut scene = Scene::new();
+    for i in 0..60u32 {
+        let min = Vec3::new((i % 5) as f32, (i / 5 % 4) as f32, (i / 20) as f32) * 2.0;
+        let max = min + Vec3::splat(0.5 + (i % 3) as f32 * 0.4);
+        let id = scene.insert(Object::new(Aabb { min, max }));
+        let corner = Vec3::new(max.x, min.y, min.z);
+        scene.set_triangles(id, [[min, max, corner]]).expect("the object was just inserted");
+    }
+    let fineness = Fineness { vertices: 8, ..Fineness::default() };
+    let octree = OctreeTessellation::with_fineness(&scene, fineness).to_bytes(&scene);
+    let tetrahedra = DelaunayTessellation::with_fineness(&scene, fineness).to_bytes(&scene);
+    (scene, [octree, tetrahedra])
+});
+
+fuzz_target!(|bytes: &[u8]| {
+    let (scene, stored) = &*STORED;
+    let Some((&which, mut edits)) = bytes.split_first() else { return };
+    let which = usize::from(which & 1);
+    let mut stored = stored[which].clone();
+    // Each edit is a place and what is put there.
+    while let [low, high, value, rest @ ..] = edits {
+        let place = usize::from(u16::from_le_bytes([*low, *high])) % stored.len();
+        stored[place] = *value;
+        edits = rest;
+    }
+    if edits.len() == 1 {
+        stored.truncate(stored.len() - usize::from(edits[0]).min(stored.len() - 40));
+    }
+    mend(&mut stored);
+    if which == 0 {
+        OctreeTessellation::from_bytes(&stored, scene).map(|cells| project(scene, &cells)).ok();
+    } else {
+        DelaunayTessellation::from_bytes(&stored, scene).map(|cells| project(scene, &cells)).ok();
+    }
+});
+
+/// The checksum is no defence against whoever wrote the bytes wrong, so it is made right.
+fn mend(bytes: &mut [u8]) {
+    let length = bytes.len() as u64;
+    bytes[24..32].copy_from_slice(&length.to_le_bytes());
+    let all = bytes[..32].iter().chain(&bytes[40..]);
+    let sum = all.fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    });
+    bytes[32..40].copy_from_slice(&sum.to_le_bytes());
+}
+
+fn project(scene: &Scene, cells: &impl Tessellation) {
+    let mut pipeline =
+        Pipeline::new().with(FrustumCuller::new()).with(PlpCuller::new(cells, Budget::Objects(1_000)));
+    let mut visible = VisibleSet::new();
+    for eye in [DVec3::new(-20.0, 3.0, 2.0), DVec3::new(4.0, 4.0, 1.0)] {
+        let pose = Pose::look_at(eye, DVec3::new(5.0, 3.0, 2.0), DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).expect("an ordinary camera");
+        pipeline.cull(scene, &view, &mut visible);
+        assert!(visible.iter(scene).count() <= scene.len());
+    }
+}
