@@ -7,7 +7,9 @@
 
 #[path = "../../../visibility-core/tests/common/mod.rs"]
 mod common;
+mod metamorphic;
 mod oracle;
+mod paths;
 mod strategies;
 
 use common::Random;
@@ -88,5 +90,17 @@ fn scenes_of_nothing_of_one_object_and_of_many_in_one_point() {
         for entry in entries() {
             check(&entry, &case, &mut Random(1), &mut Tally::default());
         }
+    }
+}
+
+/// A million, as the scene's bounds make no difference to any of them.
+#[test]
+#[ignore = "minutes, in the release profile"]
+fn a_million_objects_in_one_point() {
+    let case = strategies::crowd(1_000_000);
+    for entry in entries() {
+        let start = std::time::Instant::now();
+        check(&entry, &case, &mut Random(1), &mut Tally::default());
+        println!("{entry}: {:.1} s", start.elapsed().as_secs_f64());
     }
 }

@@ -50,6 +50,11 @@ pub(crate) fn random(rng: &mut Random) -> Case {
 }
 
 fn case(what: String, objects: Vec<SourceObject>, views: Vec<View>) -> Case {
+    Case { what, world: world(objects, views) }
+}
+
+/// A world of objects and views.
+pub(crate) fn world(objects: Vec<SourceObject>, views: Vec<View>) -> World {
     let source = SceneSource {
         name: "extremes".into(),
         up: Vec3::Z,
@@ -58,7 +63,7 @@ fn case(what: String, objects: Vec<SourceObject>, views: Vec<View>) -> Case {
         walks: Vec::new(),
         cells: None,
     };
-    Case { what, world: World::with_views(source, views, Vec::new(), (64, 36)) }
+    World::with_views(source, views, Vec::new(), (64, 36))
 }
 
 type Triangles = Vec<[Vec3; 3]>;
@@ -229,23 +234,27 @@ fn by_matrix(rng: &mut Random, pose: &Pose, size: f64) -> Result<View, visibilit
     View::from_clip_from_world(matrix.to_cols_array(), depth)?.relative_to(pose.eye)
 }
 
+/// Objects that are all the same point.
+pub(crate) fn crowd(count: usize) -> Case {
+    let point = |_: usize| SourceObject::new("point", vec![[Vec3::X * 5.0; 3]]);
+    case(format!("{count} in one point"), (0..count).map(point).collect(), straight_ahead())
+}
+
+fn straight_ahead() -> Vec<View> {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    vec![View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).expect("an ordinary camera"); 2]
+}
+
 /// Scenes of nothing, of one object, and of very many in one point.
 pub(crate) fn degenerate_counts() -> Vec<Case> {
-    let mut rng = Random(7);
-    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
-    let views =
-        || vec![View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).expect("an ordinary camera"); 2];
-    let point = |_: usize| SourceObject::new("point", vec![[Vec3::X * 5.0; 3]]);
     let one = SourceObject::new("one", cuboid(DVec3::new(5.0, 0.0, 0.0), DVec3::ONE));
     let empty = SourceObject::new("without triangles", Vec::new());
-    let crowd = |count: usize| (0..count).map(point).collect::<Vec<_>>();
-    let mut cases = vec![
-        case("nothing".into(), Vec::new(), views()),
-        case("one object".into(), vec![one.clone()], views()),
-        case("an object without triangles".into(), vec![empty.clone(), one.clone(), empty], views()),
-        case("many in one point".into(), crowd(20_000), views()),
-        case("one many times".into(), vec![one; 500], views()),
-    ];
-    cases.push(random(&mut rng));
-    cases
+    vec![
+        case("nothing".into(), Vec::new(), straight_ahead()),
+        case("one object".into(), vec![one.clone()], straight_ahead()),
+        case("an object without triangles".into(), vec![empty.clone(), one.clone(), empty], straight_ahead()),
+        case("one many times".into(), vec![one; 500], straight_ahead()),
+        crowd(20_000),
+        random(&mut Random(7)),
+    ]
 }

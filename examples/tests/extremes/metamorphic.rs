@@ -1,0 +1,126 @@
+//! What is the same world to the eye must be the same to a culler: scaled by a power of two, turned by a right angle, mirrored, or with its
+//! objects in another order. The picture does not change by a bit, since each new coordinate and each new element of the matrix is exact;
+//! so answers may differ only where sums are rounded in another order, or where a culler's own choices hang on the order of objects.
+
+use crate::common::Random;
+use crate::strategies::{Case, World, random, world};
+use crate::{entries, parse};
+use glam::{DMat3, DMat4, DVec3};
+use std::collections::BTreeMap;
+use visibility_core::{Accuracy, View, VisibleSet};
+
+/// A change of the world that leaves every picture as it is.
+struct Change {
+    name: &'static str,
+    /// A power of two times a signed permutation of the axes.
+    map: DMat3,
+    shuffle: bool,
+}
+
+fn changes() -> Vec<Change> {
+    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
+    let change = |name, map, shuffle| Change { name, map, shuffle };
+    vec![
+        change("larger", DMat3::from_diagonal(DVec3::splat(1024.0)), false),
+        change("smaller", DMat3::from_diagonal(DVec3::splat(1.0 / 4096.0)), false),
+        change("turned about z", DMat3::from_cols(y, -x, z), false),
+        change("turned about x", DMat3::from_cols(x, z, -y), false),
+        change("mirrored", DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)), false),
+        change("shuffled", DMat3::IDENTITY, true),
+    ]
+}
+
+/// Of a hundred answers, how many may be others.
+fn allowed(change: &Change, entry: &str, world: &World) -> u64 {
+    let scaled = change.map.determinant().abs() != 1.0;
+    let accuracy = parse(entry, world).ok().map(|made| made[0].1.accuracy());
+    match accuracy {
+        // No sum is rounded otherwise.
+        _ if scaled => 0,
+        // The fast path decides by boxes and planes alone, and knows no order.
+        _ if entry == "frustum" => 0,
+        // A budget spent on one of two equals is not spent on the other.
+        Some(Accuracy::Approximate) => 8,
+        // Of equal occluders the budget takes one; all else is rounding.
+        _ => 3,
+    }
+}
+
+/// The changed world; `order[i]` is the old number of its object `i`.
+fn changed(old: &World, change: &Change, rng: &mut Random) -> (World, Vec<usize>) {
+    let mut order: Vec<usize> = (0..old.source.objects.len()).collect();
+    if change.shuffle {
+        (1..order.len()).rev().for_each(|i| order.swap(i, rng.below(i + 1)));
+    }
+    let mut objects: Vec<_> = order.iter().map(|&index| old.source.objects[index].clone()).collect();
+    for point in objects.iter_mut().flat_map(|object| &mut object.triangles).flatten() {
+        *point = (change.map * point.as_dvec3()).as_vec3();
+    }
+    let back = DMat4::from_mat3(change.map.inverse());
+    let views = old.views.iter().map(|view| {
+        let matrix = view.clip_from(old.origin()) * back;
+        View::from_clip_from_world(matrix.to_cols_array(), view.depth()).expect("no worse than the old one")
+    });
+    (world(objects, views.collect()), order)
+}
+
+/// Coordinates that no change brings to the ends of `f32`, in a world that is where its coordinates say.
+fn plain(case: Case) -> Option<World> {
+    let points = || case.world.source.objects.iter().flat_map(|o| &o.triangles).flatten();
+    let sizes = points().flat_map(|p| p.to_array()).filter(|&x| x != 0.0).map(f32::abs);
+    if !sizes.into_iter().all(|size| (1e-15..1e15).contains(&size)) {
+        return None;
+    }
+    let identity = Change { name: "", map: DMat3::IDENTITY, shuffle: false };
+    Some(changed(&case.world, &identity, &mut Random(0)).0)
+}
+
+/// Which objects each view shows; `None` if the culler does not suit the world.
+fn answers(entry: &str, world: &World) -> Option<Vec<Vec<bool>>> {
+    let mut pipeline = parse(entry, world).ok()?.remove(0).1;
+    let mut visible = VisibleSet::new();
+    let answer = |view: &View| {
+        pipeline.cull(&world.scene, view, &mut visible);
+        let mut seen = vec![false; world.source.objects.len()];
+        visible.iter(&world.scene).for_each(|id| seen[id.index()] = true);
+        seen
+    };
+    Some(world.views.iter().map(answer).collect())
+}
+
+#[test]
+fn what_looks_the_same_is_culled_the_same() {
+    let cases = std::env::var("EXTREMES_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(20);
+    let entries = entries();
+    let mut differing: BTreeMap<(&str, &str), (u64, u64)> = BTreeMap::new();
+    let mut tried = 0;
+    for world in (0..).map(|seed| random(&mut Random(seed))).filter_map(plain).take(cases) {
+        tried += 1;
+        let old: Vec<_> = entries.iter().map(|entry| answers(entry, &world)).collect();
+        for change in changes() {
+            let (new, order) = changed(&world, &change, &mut Random(tried));
+            for (entry, old) in entries.iter().zip(&old) {
+                let (Some(old), Some(new)) = (old, answers(entry, &new)) else { continue };
+                let (others, all) = differing.entry((change.name, entry)).or_default();
+                for (old, new) in old.iter().zip(&new) {
+                    *others +=
+                        order.iter().zip(new).filter(|&(&index, &seen)| old[index] != seen).count() as u64;
+                    *all += new.len() as u64;
+                }
+            }
+        }
+    }
+    let mut wrong = Vec::new();
+    let plain_world =
+        (0..).map(|seed| random(&mut Random(seed))).find_map(plain).expect("most worlds are plain");
+    for change in changes() {
+        for entry in &entries {
+            let Some((others, all)) = differing.get(&(change.name, entry.as_str())) else { continue };
+            println!("{entry}, {}: {others} of {all} answers differ", change.name);
+            if others * 100 > all * allowed(&change, entry, &plain_world) {
+                wrong.push(format!("{entry}, {}: {others} of {all}", change.name));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "too many answers differ:\n{}", wrong.join("\n"));
+}

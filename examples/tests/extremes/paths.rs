@@ -1,0 +1,47 @@
+//! Wide and narrow instructions give the same answers at the extremes too. Only bounds tests and the two maps have more than one form.
+
+use crate::common::Random;
+use crate::strategies::{World, random};
+use visibility_core::{Culler, FrustumCuller, Pipeline, Simd, VisibleSet};
+use visibility_hzb::{Hom, HomCuller, Hzb, HzbCuller};
+
+/// The sets of all views, one after another.
+fn answers(world: &World, culler: impl Culler + Send + 'static, after: FrustumCuller) -> Vec<bool> {
+    let mut pipeline = Pipeline::new().with(after).with(culler);
+    let mut visible = VisibleSet::new();
+    let answer = |view| {
+        pipeline.cull(&world.scene, view, &mut visible);
+        world.scene.ids().map(|id| visible.contains(&world.scene, id)).collect::<Vec<_>>()
+    };
+    world.views.iter().flat_map(answer).collect()
+}
+
+#[test]
+fn every_path_gives_the_same_answers() {
+    let (mut hidden, mut paths) = (0, 0);
+    for seed in 0..200 {
+        let world = random(&mut Random(seed)).world;
+        let frustum = |simd| answers(&world, FrustumCuller::with_simd(simd), FrustumCuller::with_simd(simd));
+        let narrow = frustum(Simd::PORTABLE);
+        for simd in Simd::available() {
+            assert_eq!(frustum(simd), narrow, "frustum, {simd:?}, world {seed}");
+        }
+        let hzb = |simd| {
+            let map = Hzb::new(128, 72).expect("a size within bounds").with_simd(simd);
+            answers(&world, HzbCuller::new(map), FrustumCuller::new())
+        };
+        let hom = |simd| {
+            let map = Hom::new(128, 128).expect("a size within bounds").with_simd(simd);
+            answers(&world, HomCuller::new(map), FrustumCuller::new())
+        };
+        let narrow = [hzb(visibility_hzb::Simd::PORTABLE), hom(visibility_hzb::Simd::PORTABLE)];
+        hidden += narrow.iter().flatten().filter(|&&seen| !seen).count();
+        paths = 0;
+        for simd in visibility_hzb::Simd::available() {
+            assert_eq!([hzb(simd), hom(simd)], narrow, "{simd:?}, world {seed}");
+            paths += 1;
+        }
+    }
+    println!("{hidden} answers of hidden, {paths} paths");
+    assert!(hidden > 10_000, "{hidden} answers of hidden: too easy");
+}
