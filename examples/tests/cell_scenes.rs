@@ -11,7 +11,7 @@ use visibility_core::{CellId, Pose, View, Viewcells};
 use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::pvs::solids::boxes;
 use visibility_examples::pvs::stabs::Random;
-use visibility_examples::walkthrough::cell_sets::{Detail, matrix, objects};
+use visibility_examples::walkthrough::cell_sets::{Detail, matrix, objects, sets_of};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{built_in, load};
 
@@ -124,7 +124,7 @@ fn objects_are_those_of_seen_cells_and_fewer() {
 #[test]
 fn sets_are_baked_once_and_compose() {
     let world = World::new(built_in("office:1,4").unwrap(), (64, 36), Some(3)).unwrap();
-    let [a, b] = [0, 1].map(|_| world.sets.of(&world, Origin::Given, Detail::Objects).unwrap());
+    let [a, b] = [0, 1].map(|_| sets_of(&world, Origin::Given, Detail::Objects).unwrap());
     assert!(std::sync::Arc::ptr_eq(&a, &b));
     let pipelines = cullers::parse("pvs,pvs+hzb,pvs:cells", &world).unwrap();
     let reports: Vec<_> =

@@ -9,9 +9,9 @@ use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::open;
 use visibility_examples::tradeoff::{Effort, output, plot, sweep};
-use visibility_examples::walkthrough::World;
 use visibility_examples::walkthrough::auto::advise;
 use visibility_examples::walkthrough::cullers::entries;
+use visibility_examples::walkthrough::{Prepared, World};
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -51,10 +51,12 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     fs::create_dir_all(&arguments.out)
         .map_err(|error| format!("cannot make {}: {error}", arguments.out.display()))?;
     let effort = if arguments.quick { Effort::QUICK } else { Effort::FULL };
-    let mut wanted = if arguments.cullers.is_empty() { entries() } else { arguments.cullers.clone() };
+    let wanted = if arguments.cullers.is_empty() { entries() } else { arguments.cullers.clone() };
     let (start, mut all) = (Instant::now(), Vec::new());
+    let table = arguments.out.join("points.csv");
     for scene in &arguments.scenes {
-        let world = World::new(open(scene)?, (640, 360), Some(effort.frames))?;
+        let mut world = World::new(open(scene)?, (640, 360), Some(effort.frames))?;
+        world.prepared = Prepared::measuring(|| MEMORY.current_usage());
         let name = world.source.name.clone();
         let total = wanted.len();
         let mut count = 0;
@@ -71,23 +73,36 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         eprint!("\r\x1b[2K");
         println!("{name}: {} objects, {} triangles", world.scene.len(), world.source.triangle_count());
         println!("{}", output::table(&swept.points));
-        println!("{}", advise(&world)?);
-        if let Some(best) = output::best_sound(&swept.points) {
-            println!("least in all here: {}, {:.0} us", best.culler, best.total_us());
+        let affordable = wanted.iter().filter(|entry| !swept.too_slow.contains(entry));
+        let advice = advise(&world, &affordable.cloned().collect::<Vec<_>>())?;
+        println!("{advice}");
+        if let Some(best) = output::best_sound(&swept.points, true) {
+            println!("least in all of those that promise it: {}, {:.0} us", best.culler, best.total_us());
+            if let Some(advised) = swept.points.iter().find(|point| point.culler == advice.entry) {
+                let (total, ratio) = (advised.total_us(), advised.total_us() / best.total_us());
+                println!("what was advised takes {total:.0} us in all here, {ratio:.2} times as much");
+            }
+        }
+        if let Some(best) = output::best_sound(&swept.points, false) {
+            println!(
+                "least in all that hid nothing in these frames: {}, {:.0} us",
+                best.culler,
+                best.total_us()
+            );
         }
         for (entry, why) in &swept.left_out {
             println!("left out: {entry}: {why}");
         }
         if !swept.too_slow.is_empty() {
-            println!("too slow, not measured on later scenes: {}", swept.too_slow.join(", "));
-            wanted.retain(|entry| !swept.too_slow.contains(entry));
+            let seconds = effort.patience.as_secs_f64();
+            println!("given up after {seconds} s: {}", swept.too_slow.join(", "));
         }
         println!();
         plot::plots(&arguments.out, &name, &swept.points)?;
         all.extend(swept.points);
+        // After each scene, so that what is measured is kept should the next fail.
+        output::csv(File::create(&table)?, &all)?;
     }
-    let table = arguments.out.join("points.csv");
-    output::csv(File::create(&table)?, &all)?;
     println!("{}", output::LEGEND);
     println!("{} points in {:.0} s; {}", all.len(), start.elapsed().as_secs_f64(), table.display());
     Ok(())

@@ -3,6 +3,7 @@
 use super::{Point, best};
 use comfy_table::{CellAlignment, Table, presets};
 use std::io::Write;
+use visibility_core::Accuracy;
 
 /// All points, a line each, with a heading.
 pub fn csv(out: impl Write, points: &[Point]) -> csv::Result<()> {
@@ -12,9 +13,11 @@ pub fn csv(out: impl Write, points: &[Point]) -> csv::Result<()> {
     Ok(())
 }
 
-/// The point with the least time to cull and draw of those that hid nothing visible.
-pub fn best_sound(points: &[Point]) -> Option<&Point> {
-    let sound = points.iter().filter(|point| point.false_hidden == 0);
+/// The point with the least time to cull and draw of those that hid nothing visible, and promise so if a promise is `needed`.
+pub fn best_sound(points: &[Point], needed: bool) -> Option<&Point> {
+    let safe = [Accuracy::Exact, Accuracy::Conservative].map(Accuracy::name);
+    let promises = |point: &&Point| !needed || safe.contains(&point.accuracy);
+    let sound = points.iter().filter(|point| point.false_hidden == 0).filter(promises);
     sound.min_by(|a, b| a.total_us().total_cmp(&b.total_us()))
 }
 

@@ -13,17 +13,17 @@ pub struct Effort {
     pub frames: usize,
     /// Time that each point is measured for at least, after one walk that is not.
     pub measure: Duration,
-    /// Points that take longer to prepare and walk once are given up for scenes to come.
+    /// Cullers that take longer for one walk are given up.
     pub patience: Duration,
 }
 
 impl Effort {
     /// For results that are kept.
     pub const FULL: Self =
-        Self { frames: 40, measure: Duration::from_millis(400), patience: Duration::from_secs(40) };
+        Self { frames: 40, measure: Duration::from_millis(400), patience: Duration::from_secs(4) };
     /// For a look.
     pub const QUICK: Self =
-        Self { frames: 6, measure: Duration::from_millis(20), patience: Duration::from_secs(2) };
+        Self { frames: 6, measure: Duration::from_millis(20), patience: Duration::from_millis(500) };
 }
 
 /// What became of a scene's entries.
@@ -33,11 +33,12 @@ pub struct Sweep {
     pub points: Vec<Point>,
     /// The entries that do not go with the scene, and why.
     pub left_out: Vec<(String, String)>,
-    /// The entries that took longer than the effort allows.
+    /// The entries that take longer a frame than the effort allows.
     pub too_slow: Vec<String>,
 }
 
-/// Measures the entries on a world. `memory` tells the bytes that are allocated now, and `progress` is told what comes next.
+/// Measures the entries on a world. `memory` tells the bytes that are allocated now, and `progress` is told what comes next. What cullers
+/// share of the world's [preparations](World::prepared) counts for each in full.
 pub fn sweep(
     world: &World,
     entries: &[String],
@@ -59,13 +60,14 @@ pub fn sweep(
                 continue;
             }
         };
-        let preparation = start.elapsed();
-        let prepared = memory();
-        let trial = run_for(effort.measure, entry.clone(), pipeline, world);
-        if start.elapsed() > effort.patience + effort.measure {
+        let spared = world.prepared.spared();
+        let preparation = start.elapsed() + spared.time;
+        let bytes = memory().saturating_sub(before) + spared.bytes;
+        let Some(trial) = run_for(effort.measure, effort.patience, entry.clone(), pipeline, world) else {
             done.too_slow.push(entry.clone());
-        }
-        costs.push((preparation, prepared.saturating_sub(before)));
+            continue;
+        };
+        costs.push((preparation, bytes));
         trials.push(trial);
     }
     progress("the exact answer");

@@ -28,11 +28,11 @@ pub struct Advice {
     pub cells: bool,
 }
 
-/// Tries all cullers that promise to hide nothing visible.
+/// Tries those of some cullers that promise to hide nothing visible.
 ///
 /// # Errors
 /// [`MeasureError`], if the scene has too many triangles to number.
-pub fn advise(world: &World) -> Result<Advice, MeasureError> {
+pub fn advise(world: &World, entries: &[String]) -> Result<Advice, MeasureError> {
     let step = world.views.len().div_ceil(VIEWS).max(1);
     let views: Vec<View> = world.views.iter().step_by(step).cloned().collect();
     let advisor = Advisor::new(&world.scene, &views, DrawCost::default())?;
@@ -40,9 +40,9 @@ pub fn advise(world: &World) -> Result<Advice, MeasureError> {
     let now = || clock.elapsed().as_secs_f64();
     let mut best: Option<(String, CullerTrial)> = None;
     let (mut frustum, mut tried) = (CullerTrial::default(), 0);
-    for entry in cullers::entries() {
+    for entry in entries {
         // Those that do not go with the scene say so when they are made.
-        let Ok(mut made) = cullers::parse(&entry, world) else { continue };
+        let Ok(mut made) = cullers::parse(entry, world) else { continue };
         let limit = best.as_ref().map_or(f64::INFINITY, |(_, trial)| trial.total_us);
         tried += 1;
         let Some((_, trial)) = advisor.best([&mut made[0].1], now) else { continue };
@@ -50,7 +50,7 @@ pub fn advise(world: &World) -> Result<Advice, MeasureError> {
             frustum = trial;
         }
         if trial.total_us < limit {
-            best = Some((entry, trial));
+            best = Some((entry.clone(), trial));
         }
     }
     let (entry, chosen) = best.unwrap_or(("frustum".to_owned(), frustum));
@@ -66,7 +66,7 @@ pub fn resolve(list: &str, world: &World) -> Result<(String, Option<Advice>), Me
     if !list.split(',').any(|entry| entry.trim() == "auto") {
         return Ok((list.to_owned(), None));
     }
-    let advice = advise(world)?;
+    let advice = advise(world, &cullers::entries())?;
     let resolved = list.split(',').map(|entry| if entry.trim() == "auto" { &advice.entry } else { entry });
     Ok((resolved.collect::<Vec<_>>().join(","), Some(advice)))
 }

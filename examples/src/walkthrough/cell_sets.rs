@@ -1,9 +1,9 @@
-//! The potentially visible sets of a scene's cells, baked once however many cullers ask for them.
+//! The potentially visible sets of a scene's cells.
 
 use super::World;
 use super::world::objects_in_cells;
 use crate::pvs::built::{Origin, cells};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, CellId, ObjectId, Scene, ScenePvs, Viewcells};
 use visibility_portals::{CellBake, CellMatrix, ObjectBake, ObjectOutcome, Settings};
@@ -17,38 +17,22 @@ pub enum Detail {
     Objects,
 }
 
-type Kind = (Origin, Detail);
-
-/// The sets baked so far.
-#[derive(Default)]
-pub struct CellSets {
-    baked: Mutex<Vec<(Kind, Arc<ScenePvs>)>>,
-}
-
-impl CellSets {
-    /// The sets of a world's cells.
-    ///
-    /// # Errors
-    /// Says why the world has no cells or why they cannot be baked.
-    pub fn of(&self, world: &World, origin: Origin, detail: Detail) -> Result<Arc<ScenePvs>, String> {
-        let mut baked = self.baked.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, sets)) = baked.iter().find(|(known, _)| *known == (origin, detail)) {
-            return Ok(sets.clone());
-        }
-        let sets = if origin == Origin::Given {
+/// The sets of a world's cells.
+///
+/// # Errors
+/// Says why the world has no cells or why they cannot be baked.
+pub fn sets_of(world: &World, origin: Origin, detail: Detail) -> Result<Arc<ScenePvs>, String> {
+    world.prepared.get(&format!("sets of {detail:?}, cells {origin:?}"), || {
+        if origin == Origin::Given {
             let cells = world.cells()?;
-            bake(&world.scene, &cells.graph, &cells.viewcells, detail)?
-        } else {
-            let mut cells = cells(&world.source, origin)?;
-            let ids: Vec<ObjectId> = world.scene.ids().collect();
-            let pairs = objects_in_cells(&world.scene, &ids, &cells.viewcells);
-            cells.graph.set_objects(pairs).map_err(|error| error.to_string())?;
-            bake(&world.scene, &cells.graph, &cells.viewcells, detail)?
-        };
-        let sets = Arc::new(sets);
-        baked.push(((origin, detail), sets.clone()));
-        Ok(sets)
-    }
+            return bake(&world.scene, &cells.graph, &cells.viewcells, detail);
+        }
+        let mut cells = cells(&world.source, origin)?;
+        let ids: Vec<ObjectId> = world.scene.ids().collect();
+        let pairs = objects_in_cells(&world.scene, &ids, &cells.viewcells);
+        cells.graph.set_objects(pairs).map_err(|error| error.to_string())?;
+        bake(&world.scene, &cells.graph, &cells.viewcells, detail)
+    })
 }
 
 /// Bakes the sets of cells, on all threads, and makes them ready for a scene.

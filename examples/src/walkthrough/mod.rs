@@ -14,9 +14,11 @@ pub mod freeze;
 pub mod judge;
 pub mod map_picture;
 pub mod output;
+pub mod prepared;
 pub mod trial;
 pub mod world;
 
 pub use judge::{Verdict, judge};
+pub use prepared::Prepared;
 pub use trial::{Trial, run, run_for};
 pub use world::World;

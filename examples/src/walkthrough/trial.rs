@@ -38,14 +38,24 @@ const PASSES: usize = 200;
 /// Walks once to see what is reported and to warm up, then several times against the clock. Each pass begins anew, as after a
 /// camera cut, so all of them do the same work.
 pub fn run(name: String, pipeline: Pipeline, world: &World) -> Trial {
-    run_for(MEASURE, name, pipeline, world)
+    run_for(MEASURE, Duration::MAX, name, pipeline, world).expect("there is no end to the patience")
 }
 
-/// The same, with the time to measure for.
-pub fn run_for(measure: Duration, name: String, mut pipeline: Pipeline, world: &World) -> Trial {
+/// The same, with the time to measure for; `None` if the first walk takes longer than `patience`.
+pub fn run_for(
+    measure: Duration,
+    patience: Duration,
+    name: String,
+    mut pipeline: Pipeline,
+    world: &World,
+) -> Option<Trial> {
     let mut visible = VisibleSet::new();
     let mut reported = Vec::with_capacity(world.views.len());
+    let start = Instant::now();
     for view in &world.views {
+        if start.elapsed() > patience {
+            return None;
+        }
         pipeline.cull(&world.scene, view, &mut visible);
         let mut ids: Vec<u32> = visible.iter(&world.scene).map(|id| id.index() as u32).collect();
         ids.sort_unstable();
@@ -65,5 +75,5 @@ pub fn run_for(measure: Duration, name: String, mut pipeline: Pipeline, world: &
         }
     }
     micros.sort_by(f64::total_cmp);
-    Trial { name, accuracy: pipeline.accuracy(), reported, micros }
+    Some(Trial { name, accuracy: pipeline.accuracy(), reported, micros })
 }

@@ -1,6 +1,6 @@
 //! A scene source made into what cullers work on: a [`Scene`], and a [`View`] for every frame.
 
-use super::cell_sets::CellSets;
+use super::prepared::Prepared;
 use crate::source::SourceCells;
 use crate::{SceneSource, SourceError, frames};
 use glam::DVec3;
@@ -18,8 +18,8 @@ pub struct World {
     pub poses: Vec<(Pose, usize)>,
     /// Width and height of the picture that the views are for.
     pub size: (u32, u32),
-    /// The potentially visible sets of its cells.
-    pub sets: CellSets,
+    /// What cullers need made of it.
+    pub prepared: Prepared,
 }
 
 impl World {
@@ -70,7 +70,7 @@ impl World {
         }
         // Scenes are drawn with both faces, and files are not to be trusted with the order of corners.
         scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
-        Self { source, scene, views, poses, size, sets: CellSets::default() }
+        Self { source, scene, views, poses, size, prepared: Prepared::default() }
     }
 
     /// The objects as the item buffer takes them: index and triangles, in order.

@@ -26,7 +26,8 @@ pub(crate) fn seen_point(
     for _ in 0..POINTS {
         let which = rng.below(triangles.len());
         let [a, b, c] = triangles[which].map(|p| p.as_dvec3());
-        if narrowest > 0.0 && !(width(view, origin, [a, b, c]) > narrowest) {
+        let is_wide = width(view, origin, [a, b, c]) > narrowest;
+        if narrowest > 0.0 && !is_wide {
             continue;
         }
         let (mut u, mut v) = (rng.unit(), rng.unit());

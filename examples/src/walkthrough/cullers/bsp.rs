@@ -32,8 +32,7 @@ pub(super) const KNOWN: &[Known] = &[
         dials: &["512", "64", "16"],
         make: |dial, world| {
             let most = number(dial, 64)?;
-            let occluders = Arc::new(Occluders::new(&world.scene));
-            Ok(Box::new(OcclusionTreeCuller::new(occluders).with_polygons(most)))
+            Ok(Box::new(OcclusionTreeCuller::new(occluders_of(world)?).with_polygons(most)))
         },
     },
     Known {
@@ -42,8 +41,9 @@ pub(super) const KNOWN: &[Known] = &[
         dials: &["64", "32", "8"],
         make: |dial, world| {
             let most = number(dial, 32)?;
-            let frusta = ShadowFrusta::new(&world.scene, Occluders::new(&world.scene), 256, most);
-            Ok(Box::new(ShadowFrustaCuller::new(frusta.into())))
+            let make = || Ok(ShadowFrusta::new(&world.scene, Occluders::new(&world.scene), 256, most));
+            let frusta = world.prepared.get(&format!("shadow frusta of {most} occluders"), make)?;
+            Ok(Box::new(ShadowFrustaCuller::new(frusta)))
         },
     },
     Known {
@@ -52,14 +52,18 @@ pub(super) const KNOWN: &[Known] = &[
         dials: &["128", "64", "16"],
         make: |dial, world| {
             let most = number(dial, 64)?;
-            let occluders = Arc::new(Occluders::new(&world.scene));
-            Ok(Box::new(LargeOccluders::new(occluders).with_polygons(most)))
+            Ok(Box::new(LargeOccluders::new(occluders_of(world)?).with_polygons(most)))
         },
     },
 ];
 
-fn tree_of(world: &World) -> Result<SceneTree, String> {
-    SceneTree::new(&world.scene).map_err(|error| error.to_string())
+fn tree_of(world: &World) -> Result<Arc<SceneTree>, String> {
+    let make = || SceneTree::new(&world.scene).map_err(|error| error.to_string());
+    world.prepared.get("a BSP tree", make)
+}
+
+fn occluders_of(world: &World) -> Result<Arc<Occluders>, String> {
+    world.prepared.get("large occluders", || Ok(Occluders::new(&world.scene)))
 }
 
 /// The dial as a whole number of at least one.

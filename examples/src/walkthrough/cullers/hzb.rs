@@ -1,15 +1,39 @@
-//! The hierarchical z-buffer.
+//! The hierarchical z-buffer: dials for its resolution, for the coverage of pixels, and for the triangles that it draws a frame.
 
-use super::{Known, no_dial};
-use visibility_hzb::{Hzb, HzbCuller};
+use super::{Known, Made};
+use crate::picture_size::parse_size;
+use visibility_hzb::{Coverage, Hzb, HzbCuller};
 
-pub(super) const KNOWN: &[Known] = &[Known {
-    name: "hzb",
-    what: "boxes behind the scene's own opaque triangles are hidden, by a z-buffer of 512x288 pixels",
-    dials: &[],
-    make: |dial, _| {
-        no_dial(dial)?;
-        let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
-        Ok(Box::new(HzbCuller::new(map)))
+pub(super) const KNOWN: &[Known] = &[
+    Known {
+        name: "hzb",
+        what: "boxes behind the scene's own opaque triangles are hidden, by a z-buffer of 512x288 pixels or hzb:WxH",
+        dials: &["1024x576", "512x288", "256x144", "128x72"],
+        make: |dial, _| made(dial, Coverage::Conservative),
     },
-}];
+    Known {
+        name: "hzb-sampled",
+        what: "as hzb, but a pixel counts as covered if its centre is: hides what shows only between centres",
+        dials: &["512x288", "256x144"],
+        make: |dial, _| made(dial, Coverage::Sampled),
+    },
+    Known {
+        name: "hzb-budget",
+        what: "as hzb, with at most so many triangles drawn a frame: hzb-budget:2048",
+        dials: &["65536", "16384", "2048"],
+        make: |dial, _| {
+            let refused = || format!("its dial is a number of triangles, not `{}`", dial.unwrap_or_default());
+            let budget = dial.and_then(|dial| dial.parse().ok()).ok_or_else(refused)?;
+            Ok(Box::new(HzbCuller::new(map(None)?).with_budget(budget)))
+        },
+    },
+];
+
+fn map(dial: Option<&str>) -> Result<Hzb, String> {
+    let [width, height] = dial.map_or(Ok([512, 288]), parse_size)?;
+    Hzb::new(width, height).map_err(|error| error.to_string())
+}
+
+fn made(dial: Option<&str>, coverage: Coverage) -> Made {
+    Ok(Box::new(HzbCuller::new(map(dial)?.with_coverage(coverage))))
+}

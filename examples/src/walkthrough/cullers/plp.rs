@@ -16,17 +16,15 @@ pub(super) const KNOWN: &[Known] = &[
         name: "plp",
         what: "what is most likely visible, up to a share of all triangles (plp:10%)",
         dials: SHARES,
-        make: |dial, world| {
-            let cells = Arc::new(OctreeTessellation::new(&world.scene));
-            Ok(Box::new(PlpCuller::new(cells, budget(dial, world)?)))
-        },
+        make: |dial, world| Ok(Box::new(PlpCuller::new(octree_of(world)?, budget(dial, world)?))),
     },
     Known {
         name: "plp-delaunay",
         what: "the same by tetrahedra instead of cubes (plp-delaunay:10%)",
         dials: SHARES,
         make: |dial, world| {
-            let cells = Arc::new(DelaunayTessellation::new(&world.scene));
+            let make = || Ok(DelaunayTessellation::new(&world.scene));
+            let cells = world.prepared.get("tetrahedra", make)?;
             Ok(Box::new(PlpCuller::new(cells, budget(dial, world)?)))
         },
     },
@@ -38,10 +36,9 @@ pub(super) const KNOWN: &[Known] = &[
             let budget = budget(dial, world)?;
             let Budget::Cost(triangles) = budget else { return Err("no budget".to_owned()) };
             let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
-            let cells = Arc::new(OctreeTessellation::new(&world.scene));
             let occlusion = OcclusionCuller::new(map).with_selection(Selection::Ordered);
             Ok(Box::new(Selected {
-                order: PlpCuller::new(cells, budget).with_all_kept(true),
+                order: PlpCuller::new(octree_of(world)?, budget).with_all_kept(true),
                 occlusion: occlusion.with_budget(usize::try_from(triangles).unwrap_or(usize::MAX)),
             }))
         },
@@ -53,8 +50,7 @@ pub(super) const KNOWN: &[Known] = &[
         make: |dial, world| {
             let budget = budget(dial, world)?;
             let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
-            let cells = Arc::new(OctreeTessellation::new(&world.scene));
-            Ok(Box::new(ConservativePlpCuller::new(cells, budget, map)))
+            Ok(Box::new(ConservativePlpCuller::new(octree_of(world)?, budget, map)))
         },
     },
     Known {
@@ -67,6 +63,10 @@ pub(super) const KNOWN: &[Known] = &[
         },
     },
 ];
+
+fn octree_of(world: &World) -> Result<Arc<OctreeTessellation>, String> {
+    world.prepared.get("an octree", || Ok(OctreeTessellation::new(&world.scene)))
+}
 
 /// An order first, and then occluders in that order.
 struct Selected {

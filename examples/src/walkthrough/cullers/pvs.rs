@@ -3,7 +3,7 @@
 use super::{Known, Made};
 use crate::pvs::built::Origin;
 use crate::walkthrough::World;
-use crate::walkthrough::cell_sets::Detail;
+use crate::walkthrough::cell_sets::{Detail, sets_of};
 use visibility_core::PvsCuller;
 
 pub(super) const KNOWN: &[Known] = &[Known {
@@ -24,5 +24,5 @@ fn make(dial: Option<&str>, world: &World) -> Made {
             return Err(format!("its dial is `objects`, `cells`, `walls` or `bsp`, not `{other}`"));
         }
     };
-    Ok(Box::new(PvsCuller::new(world.sets.of(world, origin, detail)?)))
+    Ok(Box::new(PvsCuller::new(sets_of(world, origin, detail)?)))
 }
