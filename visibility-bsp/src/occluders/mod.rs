@@ -223,12 +223,19 @@ impl Occluders {
             center
         };
         let centers: Vec<DVec3> = outlines.iter().map(middle).collect();
-        let mut order: Vec<u32> = (0..outlines.len() as u32).collect();
-        halve(&mut order, &centers);
-        let start = self.polygons.len();
+        // Those of one size together, so that a block of small ones is passed over as soon as it is not near.
+        let planes: Vec<_> = outlines.iter().map(|outline| plane_of(&outline.vertices)).collect();
+        let class = |number: u32| planes[number as usize].map_or(0, |(.., area)| area.to_bits() >> 53);
+        let mut order: Vec<u32> = (0..outlines.len() as u32).filter(|&i| planes[i as usize].is_some()).collect();
+        order.sort_by_key(|&number| class(number));
+        for alike in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
+            halve(alike, &centers);
+        }
+        let (start, mut classes) = (self.polygons.len(), Vec::with_capacity(order.len()));
         for &number in &order {
             let outline = &outlines[number as usize];
-            let Some((normal, reach, area)) = plane_of(&outline.vertices) else { continue };
+            let Some((normal, reach, area)) = planes[number as usize] else { continue };
+            classes.push(class(number));
             let center = centers[number as usize];
             let radius = outline.vertices.iter().map(|v| v.distance(center)).fold(0.0, f64::max);
             let number = self.polygons.len() as u32;
@@ -251,7 +258,10 @@ impl Occluders {
                 self.of_object.entry(id.index() as u32).or_default().push(number);
             }
         }
-        for (block, first) in self.polygons[start..].chunks(BLOCK).zip((start..).step_by(BLOCK)) {
+        let mut first = start;
+        let blocks = classes.chunk_by(|a, b| a == b).flat_map(|alike| alike.chunks(BLOCK)).map(<[u64]>::len);
+        for count in blocks {
+            let block = &self.polygons[first..first + count];
             let mut center = DVec3::ZERO;
             for polygon in block {
                 center += polygon.center / block.len() as f64;
@@ -259,6 +269,7 @@ impl Occluders {
             let radius = block.iter().map(|p| p.center.distance(center) + p.radius).fold(0.0, f64::max);
             let area = block.iter().map(|p| p.area).fold(0.0, f64::max);
             self.blocks.push(Block { center, radius, area, first: first as u32, count: block.len() as u32 });
+            first += count;
         }
     }
 }
