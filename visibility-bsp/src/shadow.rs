@@ -33,6 +33,8 @@ pub(crate) struct ShadowEdge {
 pub(crate) struct Corner {
     pub(crate) p: DVec3,
     pub(crate) v: [f64; 3],
+    /// What `v` was divided by.
+    pub(crate) size: f64,
     /// Which edge of the shadow leads to the next corner.
     pub(crate) edge: u8,
 }
@@ -193,14 +195,15 @@ impl Shadows {
                 self.edges.push(ShadowEdge { line, ends: [a, b], directions: [da, db] });
             }
             if keeps_a {
-                self.corners.push(Corner { p: a, v: self.directions[i]?.v, edge: number });
+                let Direction { v, size, .. } = self.directions[i]?;
+                self.corners.push(Corner { p: a, v, size, edge: number });
             }
             if keeps_a != keeps_b {
                 let (inner, outer, ni, no) = if keeps_a { (a, b, na, nb) } else { (b, a, nb, na) };
                 let p = inner + (outer - inner) * ((ni - limit) / (ni - no));
-                let v = sight.direction(p)?.v;
+                let Direction { v, size, .. } = sight.direction(p)?;
                 // Where it leaves, the cut begins, whose edge comes when all is known.
-                self.corners.push(Corner { p, v, edge: if keeps_a { u8::MAX } else { number } });
+                self.corners.push(Corner { p, v, size, edge: if keeps_a { u8::MAX } else { number } });
             }
         }
         if !whole {

@@ -46,6 +46,8 @@ impl Row {
 pub(crate) struct Direction {
     pub(crate) v: [f64; 3],
     pub(crate) error: f64,
+    /// What the numbers were divided by: what they are at the point itself.
+    pub(crate) size: f64,
 }
 
 /// A plane through the eye: `n . v` is positive on the inner side, and its sign is certain for an exact direction of numbers up to 1
@@ -214,13 +216,7 @@ impl Sight {
         let [(x, ex), (y, ey), (w, ew)] = [self.rows[0].at(q), self.rows[1].at(q), self.rows[2].at(q)];
         let size = x.abs().max(y.abs()).max(w.abs());
         let error = ex.max(ey).max(ew) / size + 2.0 * U;
-        (error < TOO_WRONG).then(|| Direction { v: [x / size, y / size, w / size], error })
-    }
-
-    /// `n . v` at a point whose direction is not scaled.
-    pub(crate) fn value(&self, n: [f64; 3], p: DVec3) -> f64 {
-        let q = p - self.anchor;
-        dot(n, self.rows.map(|row| row.at(q).0))
+        (error < TOO_WRONG).then(|| Direction { v: [x / size, y / size, w / size], error, size })
     }
 
     /// Clip-space x, y and w of a point.

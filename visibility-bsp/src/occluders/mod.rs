@@ -226,7 +226,8 @@ impl Occluders {
         // Those of one size together, so that a block of small ones is passed over as soon as it is not near.
         let planes: Vec<_> = outlines.iter().map(|outline| plane_of(&outline.vertices)).collect();
         let class = |number: u32| planes[number as usize].map_or(0, |(.., area)| area.to_bits() >> 53);
-        let mut order: Vec<u32> = (0..outlines.len() as u32).filter(|&i| planes[i as usize].is_some()).collect();
+        let mut order: Vec<u32> =
+            (0..outlines.len() as u32).filter(|&i| planes[i as usize].is_some()).collect();
         order.sort_by_key(|&number| class(number));
         for alike in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
             halve(alike, &centers);

@@ -199,12 +199,11 @@ impl Walk<'_> {
             } else if greatest < -slack {
                 child = node.children[0];
             } else {
-                let (Some(inside), Some(outside)) =
-                    (part.beyond(&values, 1.0, -2.0 * slack), part.beyond(&values, -1.0, -2.0 * slack))
-                else {
-                    return false;
-                };
-                return self.visit(node.children[0], &outside) && self.visit(node.children[1], &inside);
+                let mut half = Part::empty(part.slack + slack_of(4.0 * U));
+                return part.beyond(&values, -1.0, -2.0 * slack, &mut half)
+                    && self.visit(node.children[0], &half)
+                    && part.beyond(&values, 1.0, -2.0 * slack, &mut half)
+                    && self.visit(node.children[1], &half);
             }
         }
     }
@@ -221,37 +220,43 @@ impl Found {
 }
 
 impl Part {
+    fn empty(slack: f64) -> Self {
+        Self { corners: [[0.0; 3]; MOST], count: 0, slack }
+    }
+
     fn new(cone: &Cone, numbers: &[u8]) -> Self {
-        let mut part = Self { corners: [[0.0; 3]; MOST], count: numbers.len(), slack: cone.slack };
+        let mut part = Self { count: numbers.len(), ..Self::empty(cone.slack) };
         for (corner, &number) in part.corners.iter_mut().zip(numbers) {
             *corner = cone.corner(usize::from(number));
         }
         part
     }
 
-    /// What of it is where `sign * value >= limit`.
-    fn beyond(&self, values: &[f64; MOST], sign: f64, limit: f64) -> Option<Self> {
-        let slack = self.slack + slack_of(4.0 * U);
-        let mut out = Self { corners: [[0.0; 3]; MOST], count: 0, slack };
+    /// Puts what of it is where `sign * value >= limit` into another, whose slack is that of a cut more; false if that has too many corners.
+    fn beyond(&self, values: &[f64; MOST], sign: f64, limit: f64, out: &mut Self) -> bool {
+        let mut count = 0;
+        let mut j = self.count - 1;
+        let mut db = values[j] * sign - limit;
         for i in 0..self.count {
-            let j = if i + 1 == self.count { 0 } else { i + 1 };
-            let (a, b) = (self.corners[i], self.corners[j]);
-            let (da, db) = (values[i] * sign - limit, values[j] * sign - limit);
-            if out.count + 2 > MOST {
-                return None;
-            }
-            if da >= 0.0 {
-                out.corners[out.count] = a;
-                out.count += 1;
+            let da = values[i] * sign - limit;
+            if count + 2 > MOST {
+                return false;
             }
             if (da >= 0.0) != (db >= 0.0) {
+                let (a, b) = (self.corners[i], self.corners[j]);
                 let t = da / (da - db);
                 let s = 1.0 - t;
-                out.corners[out.count] = [a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t];
-                out.count += 1;
+                out.corners[count] = [a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t];
+                count += 1;
             }
+            if da >= 0.0 {
+                out.corners[count] = self.corners[i];
+                count += 1;
+            }
+            (j, db) = (i, da);
         }
-        Some(out)
+        out.count = count;
+        true
     }
 }
 

@@ -37,6 +37,9 @@ struct Waiting {
 /// Polygons that add less of the sky than this, in steradians, are not worth their planes.
 const LEAST_GAIN: f32 = 1e-6;
 
+/// A gain that is at least so much of the greatest is taken for it.
+const NEARLY: f32 = 0.7;
+
 /// How much a shadow would add.
 #[derive(Clone, Copy, Debug)]
 struct Gain {
@@ -210,7 +213,7 @@ impl OcclusionMap for OcclusionTree {
         }
         self.waiting.clear();
         self.vertices.clear();
-        // The largest first. What one adds only shrinks as others are added, so that one whose gain, asked again, still is the greatest
+        // The largest first. What one adds only shrinks as others are added, so that one whose gain, asked again, still is about the greatest
         // need not be compared with the rest.
         while let Some(Gain { number, asked, .. }) = self.heap.pop() {
             if self.left == 0 {
@@ -222,7 +225,7 @@ impl OcclusionMap for OcclusionTree {
                 continue;
             }
             let added = self.nodes.planes.len() as u32;
-            if asked == added || self.heap.peek().is_none_or(|next| next.angle <= angle) {
+            if asked == added || self.heap.peek().is_none_or(|next| NEARLY * next.angle <= angle) {
                 self.nodes.add(&self.sight, &self.shadows, shadow);
                 self.left -= 1;
             } else {

@@ -50,6 +50,8 @@ pub(crate) struct Nodes {
     pub(crate) approaches: Vec<Option<Approach>>,
     pub(crate) root: Child,
     corners: Vec<Corner>,
+    /// What a plane is at the corners of the fragment that it parts.
+    values: Vec<f64>,
     tasks: Vec<Task>,
     /// Where the polygon that was last taken down came to.
     arrivals: Vec<Task>,
@@ -124,8 +126,8 @@ impl Nodes {
         while let Some(mut task) = self.tasks.pop() {
             let leaf = loop {
                 let child = self.child(task.parent);
-                let Some(node) = self.nodes.get(child as usize).copied() else { break child };
-                match self.part(sight, &task, &node.line) {
+                let Some(line) = self.nodes.get(child as usize).map(|node| node.line) else { break child };
+                match self.part(&task, &line) {
                     Parted::Side(side) => task.parent = child << 1 | side,
                     Parted::Both(outside, inside) => {
                         self.tasks.push(Task { parent: child << 1, ..outside });
@@ -176,12 +178,14 @@ impl Nodes {
 
     /// On which side of a plane a fragment is; where on both, its two parts. Nothing depends on these being exact: what is hidden is decided by
     /// the planes above a leaf, and the fragments only choose which to add.
-    fn part(&mut self, sight: &Sight, task: &Task, line: &Line) -> Parted {
+    fn part(&mut self, task: &Task, line: &Line) -> Parted {
         let range = task.first as usize..(task.first + task.count) as usize;
         let slack = 4.0 * line.slack + 64.0 * U;
         let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
+        self.values.clear();
         for corner in &self.corners[range.clone()] {
             let at = line.at(corner.v);
+            self.values.push(at);
             least = least.min(at);
             greatest = greatest.max(at);
         }
@@ -194,23 +198,23 @@ impl Nodes {
         let mut parts = [Task { parent: 0, first: 0, count: 0 }; 2];
         for (side, sign) in [(0, -1.0), (1, 1.0)] {
             let first = self.corners.len();
-            for i in range.clone() {
-                let next = if i + 1 == range.end { range.start } else { i + 1 };
-                let (a, b) = (self.corners[i], self.corners[next]);
-                let (sa, sb) = (line.at(a.v) * sign, line.at(b.v) * sign);
+            for i in 0..range.len() {
+                let next = if i + 1 == range.len() { 0 } else { i + 1 };
+                let (sa, sb) = (self.values[i] * sign, self.values[next] * sign);
                 let (in_a, in_b) = (sa > -slack, sb > -slack);
+                if !in_a && !in_b {
+                    continue;
+                }
+                let a = self.corners[range.start + i];
                 if in_a {
                     // An edge that leads from the plane itself away from here is none of this part's.
                     let edge = if !in_b && sa <= slack { u8::MAX } else { a.edge };
                     self.corners.push(Corner { edge, ..a });
                 }
                 let crosses = (in_a && sa > slack && !in_b) || (in_b && sb > slack && !in_a);
-                if crosses
-                    && let Some(p) = cross_point(sight, line, a.p, b.p)
-                    && let Some(direction) = sight.direction(p)
-                {
+                if crosses && let Some(corner) = crossing(&a, &self.corners[range.start + next], sa, sb) {
                     let edge = if in_a { u8::MAX } else { a.edge };
-                    self.corners.push(Corner { p, v: direction.v, edge });
+                    self.corners.push(Corner { edge, ..corner });
                 }
             }
             let count = self.corners.len() - first;
@@ -327,10 +331,13 @@ enum Parted {
     Both(Task, Task),
 }
 
-/// Where a segment meets a plane through the eye. Directions are scaled one by one, points are not: so the plane's value is taken at
-/// the points, up to a common factor.
-fn cross_point(sight: &Sight, line: &Line, a: DVec3, b: DVec3) -> Option<DVec3> {
-    let (sa, sb) = (sight.value(line.n, a), sight.value(line.n, b));
-    let t = sa / (sa - sb);
-    (0.0..=1.0).contains(&t).then(|| a + (b - a) * t)
+/// Where a segment meets a plane through the eye that has these values at its ends. Directions are scaled one by one, points are not: so the
+/// values are taken back to the points.
+fn crossing(a: &Corner, b: &Corner, at_a: f64, at_b: f64) -> Option<Corner> {
+    let (at_a, at_b) = (at_a * a.size, at_b * b.size);
+    let t = at_a / (at_a - at_b);
+    let v = [0, 1, 2].map(|i| a.v[i] * a.size * (1.0 - t) + b.v[i] * b.size * t);
+    let size = v[0].abs().max(v[1].abs()).max(v[2].abs());
+    let found = (0.0..=1.0).contains(&t) && size > 0.0 && size.is_finite();
+    found.then(|| Corner { p: a.p + (b.p - a.p) * t, v: v.map(|x| x / size), size, edge: u8::MAX })
 }
