@@ -237,8 +237,8 @@ impl Part {
         let mut count = 0;
         let mut j = self.count - 1;
         let mut db = values[j] * sign - limit;
-        for i in 0..self.count {
-            let da = values[i] * sign - limit;
+        for (i, value) in values.iter().enumerate().take(self.count) {
+            let da = value * sign - limit;
             if count + 2 > MOST {
                 return false;
             }
