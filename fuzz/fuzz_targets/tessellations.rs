@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_plp::{Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Tessellation};
@@ -39,9 +39,9 @@ fuzz_target!(|bytes: &[u8]| {
     }
     mend(&mut stored);
     if which == 0 {
-        OctreeTessellation::from_bytes(&stored, scene).map(|cells| project(scene, &cells)).ok();
+        OctreeTessellation::from_bytes(&stored, scene).map(|cells| project(scene, cells)).ok();
     } else {
-        DelaunayTessellation::from_bytes(&stored, scene).map(|cells| project(scene, &cells)).ok();
+        DelaunayTessellation::from_bytes(&stored, scene).map(|cells| project(scene, cells)).ok();
     }
 });
 
@@ -56,9 +56,10 @@ fn mend(bytes: &mut [u8]) {
     bytes[32..40].copy_from_slice(&sum.to_le_bytes());
 }
 
-fn project(scene: &Scene, cells: &impl Tessellation) {
-    let mut pipeline =
-        Pipeline::new().with(FrustumCuller::new()).with(PlpCuller::new(cells, Budget::Objects(1_000)));
+fn project(scene: &Scene, cells: impl Tessellation + Send + Sync + 'static) {
+    let mut pipeline = Pipeline::new()
+        .with(FrustumCuller::new())
+        .with(PlpCuller::new(Arc::new(cells), Budget::Objects(1_000)));
     let mut visible = VisibleSet::new();
     for eye in [DVec3::new(-20.0, 3.0, 2.0), DVec3::new(4.0, 4.0, 1.0)] {
         let pose = Pose::look_at(eye, DVec3::new(5.0, 3.0, 2.0), DVec3::Z);

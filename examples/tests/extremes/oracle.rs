@@ -1,7 +1,7 @@
 //! Rays in `f64` with bounds on their own rounding: a point counts as seen only if that is beyond doubt.
 
 use crate::common::Random;
-use glam::{DVec2, DVec3, Vec3};
+use visibility_core::glam::{DVec2, DVec3, Vec3};
 use visibility_core::{Eye, View};
 use visibility_examples::walkthrough::World;
 
