@@ -60,6 +60,26 @@ fn memory_changes_no_answer_and_saves_most_of_the_work() {
 }
 
 #[test]
+fn what_is_remembered_outlives_a_turn_of_the_camera() {
+    let soup = Soup::new(&mut Random(14), 1.0, 60);
+    let mut culler = LargeOccluders::new(Arc::new(Occluders::new(&soup.scene)));
+    let eye = DVec3::new(13.0, 1.0, 0.5);
+    let turned = |step: u32| {
+        let target = DVec3::new(0.0, f64::from(step) * 0.37 - 5.0, f64::from(step) * 0.11);
+        View::perspective(Pose::look_at(eye, target, DVec3::Z), 1.2, 1.6, 0.05, f64::INFINITY).unwrap()
+    };
+    let mut computed = [0, 0];
+    for sum in &mut computed {
+        for step in 0..30 {
+            reported(&soup.scene, &turned(step), &mut culler);
+            *sum += culler.computed();
+        }
+    }
+    assert!(computed[0] > 0);
+    assert_eq!(computed[1], 0, "the eye is where it was");
+}
+
+#[test]
 fn answers_depend_on_nothing_before_a_reset() {
     let soup = Soup::new(&mut Random(12), 1.0, 80);
     let polygons = Arc::new(Occluders::new(&soup.scene));

@@ -219,6 +219,12 @@ impl Groups {
     }
 }
 
+/// To the next of 64 numbers an octave, so that it stays the same while a camera turns, whose matrix is rounded otherwise each time.
+fn rounded_up(clear: f64) -> f64 {
+    const KEPT: u32 = 52 - 6;
+    if clear.is_finite() { f64::from_bits(((clear.to_bits() >> KEPT) + 1) << KEPT) } else { clear }
+}
+
 /// The ends of an edge as ordered bits, whichever comes first.
 fn key(ends: [DVec3; 2]) -> [u64; 6] {
     let [a, b] = ends.map(|p| (p + 0.0).to_array().map(f64::to_bits));
@@ -238,7 +244,7 @@ impl OcclusionMap for Joint {
     fn begin(&mut self, view: &View, origin: DVec3) {
         self.frame += 1;
         self.sight = Sight::new(view, origin);
-        let clear = self.sight.clearance();
+        let clear = rounded_up(self.sight.clearance());
         let memory = self.memory.get_mut();
         memory.computed = 0;
         if clear != self.clear {
