@@ -13,7 +13,8 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 /// fragment of each object on the walk; objects that the tree does not know as they are come last. Fragments in full order are had
 /// from the [tree](SceneTree::tree) itself.
 ///
-/// Costs some tens of nanoseconds for each node in view whose polygons are of several objects.
+/// Costs some tens of nanoseconds for each node in view whose polygons are of several objects. After 65,536 nodes, or as many as
+/// [`with_nodes`](Self::with_nodes) says, it goes no further: objects that were not met by then are visible, and come last.
 ///
 /// ```
 /// use visibility_bsp::{BspOrder, SceneTree};
@@ -37,6 +38,7 @@ pub struct BspOrder<S> {
     shared: S,
     standing: Standing,
     order: Order,
+    most: u64,
     /// By index: when the object was first met, of those that matter.
     ranks: Vec<u32>,
 }
@@ -48,7 +50,12 @@ const NONE: u32 = u32::MAX - 1;
 impl<S: Borrow<SceneTree>> BspOrder<S> {
     /// For one view.
     pub fn new(shared: S) -> Self {
-        Self { shared, standing: Standing::default(), order: Order::new(), ranks: Vec::new() }
+        Self { shared, standing: Standing::default(), order: Order::new(), most: 1 << 16, ranks: Vec::new() }
+    }
+
+    /// Looks at no more nodes of the tree than so many.
+    pub fn with_nodes(self, most: u64) -> Self {
+        Self { most, ..self }
     }
 }
 
@@ -62,7 +69,7 @@ impl<S: Borrow<SceneTree>> Culler for BspOrder<S> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Self { shared, standing, order, ranks } = self;
+        let Self { shared, standing, order, most, ranks } = self;
         let shared = (*shared).borrow();
         standing.begin(shared, scene);
         ranks.clear();
@@ -72,11 +79,12 @@ impl<S: Borrow<SceneTree>> Culler for BspOrder<S> {
             ranks[id.index()] = NOT_MET;
             left += 1;
         }
-        let mut frame =
-            Frame { volume: Volume::new(view, scene), ranks, met: 0, left, stats: CullStats::default() };
+        let volume = Volume::new(view, scene);
+        let mut frame = Frame { volume, ranks, met: 0, left, most: *most, stats: CullStats::default() };
         shared.tree().walk(view.eye(scene.origin()), order, &mut frame);
         let mut stats = frame.stats;
-        let kept = visible.retain(scene, |id, _| ranks[id.index()] != NOT_MET);
+        let cut_short = stats.nodes > *most;
+        let kept = visible.retain(scene, |id, _| cut_short || ranks[id.index()] != NOT_MET);
         stats.visible = kept.visible;
         visible.sort_by_key(scene, |id| ranks[id.index()]);
         stats
@@ -89,6 +97,8 @@ struct Frame<'a> {
     met: u32,
     /// Candidates not met.
     left: u32,
+    /// How many nodes may be looked at.
+    most: u64,
     stats: CullStats,
 }
 
@@ -109,10 +119,13 @@ impl Frame<'_> {
 impl Walk for Frame<'_> {
     /// The marks of a node are the planes that all of it is inside of.
     fn enter(&mut self, subtree: &Subtree, inside: u32) -> Option<u32> {
-        if self.left == 0 {
+        if self.left == 0 || self.stats.nodes > self.most {
             return None;
         }
         self.stats.nodes += 1;
+        if self.stats.nodes > self.most {
+            return None;
+        }
         let owner = subtree.owner();
         if owner.is_some_and(|owner| !self.is_wanted(owner)) {
             return None;

@@ -257,6 +257,37 @@ fn objects_come_in_the_order_of_depth() {
 }
 
 #[test]
+fn an_order_that_stops_early_hides_nothing_more_and_begins_as_the_whole_one() {
+    let mut random = Random(24);
+    let scene = scene(&mut random, 150);
+    let tree = SceneTree::new(&scene).unwrap();
+    let mut stopped = 0;
+    for _ in 0..40 {
+        let view = view(&mut random);
+        let walk = |most: u64| {
+            let mut set = VisibleSet::new();
+            set.fill(&scene, &view);
+            let stats = BspOrder::new(&tree).with_nodes(most).cull(&scene, &view, &mut set);
+            (set.iter(&scene).collect::<Vec<_>>(), stats)
+        };
+        let (whole, all) = walk(u64::MAX);
+        for most in [0, 1, 10, all.nodes / 2, all.nodes] {
+            let (cut, stats) = walk(most);
+            assert!(stats.nodes <= most + 1);
+            assert_eq!(stats.visible as usize, cut.len());
+            let kept: HashSet<ObjectId> = cut.iter().copied().collect();
+            assert!(whole.iter().all(|id| kept.contains(id)));
+            stopped += usize::from(cut != whole);
+        }
+        assert!(walk(all.nodes).0 == whole);
+        // Half the nodes go first in the same order.
+        let same = walk(all.nodes / 2).0.iter().zip(&whole).take_while(|(a, b)| a == b).count();
+        assert!(same * 4 >= whole.len(), "{same} of {}", whole.len());
+    }
+    assert!(stopped > 100, "{stopped}");
+}
+
+#[test]
 fn a_flat_world_narrower_than_the_tolerance_hides_only_what_is_covered() {
     // As thin as 1e-11 of what is seen of it, from within: boxes beside each other, and one behind the first.
     let block = |x: f64, y: f64| {

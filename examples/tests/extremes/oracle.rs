@@ -9,7 +9,8 @@ use visibility_examples::walkthrough::World;
 const POINTS: usize = 6;
 
 /// A random point of an object to which an unobstructed segment runs from the eye, inside the view, beyond any doubt of rounding.
-/// Triangles narrower in the picture than `narrowest`, in halves of it, are passed by. `rays` counts the segments that were in view.
+/// If `narrowest` is not zero, the same must be true of a disc about the point, of that radius in halves of the picture. `rays` counts the
+/// segments that were in view.
 pub(crate) fn seen_point(
     world: &World,
     view: &View,
@@ -26,10 +27,6 @@ pub(crate) fn seen_point(
     for _ in 0..POINTS {
         let which = rng.below(triangles.len());
         let [a, b, c] = triangles[which].map(|p| p.as_dvec3());
-        let is_wide = width(view, origin, [a, b, c]) > narrowest;
-        if narrowest > 0.0 && !is_wide {
-            continue;
-        }
         let (mut u, mut v) = (rng.unit(), rng.unit());
         if u + v > 1.0 {
             (u, v) = (1.0 - u, 1.0 - v);
@@ -39,14 +36,25 @@ pub(crate) fn seen_point(
             continue;
         }
         *rays += 1;
-        let Some(from) = sight_line(view, origin, point) else { continue };
-        let blocked = source.objects.iter().enumerate().any(|(index, other)| {
-            (other.triangles.iter().enumerate())
-                .any(|(number, triangle)| (index, number) != (object, which) && from.may_meet(triangle))
-        });
-        if !blocked {
-            return Some(point);
+        let is_blocked = |point: DVec3| {
+            sight_line(view, origin, point).is_none_or(|from| {
+                source.objects.iter().enumerate().any(|(index, other)| {
+                    (other.triangles.iter().enumerate()).any(|(number, triangle)| {
+                        (index, number) != (object, which) && from.may_meet(triangle)
+                    })
+                })
+            })
+        };
+        if is_blocked(point) {
+            continue;
         }
+        if narrowest > 0.0 {
+            let around = disc(view, origin, [a, b, c], [u, v], narrowest);
+            if around.is_none_or(|points| points.into_iter().any(is_blocked)) {
+                continue;
+            }
+        }
+        return Some(point);
     }
     None
 }
@@ -54,15 +62,34 @@ pub(crate) fn seen_point(
 /// Relative error of a sum of a few products, with much to spare.
 const ROUNDING: f64 = 1e-11;
 
-/// How wide a triangle is in the picture where it is narrowest, NaN where it reaches behind the eye.
-fn width(view: &View, origin: DVec3, triangle: [DVec3; 3]) -> f64 {
+/// Points of a triangle around one of it, given by two of its weights, at a distance from it in the picture; `None` unless all of them are on
+/// the triangle.
+fn disc(
+    view: &View,
+    origin: DVec3,
+    [a, b, c]: [DVec3; 3],
+    [u, v]: [f64; 2],
+    radius: f64,
+) -> Option<[DVec3; 8]> {
+    let place = |u: f64, v: f64| a * (1.0 - u - v) + b * u + c * v;
     let clip = view.clip_from(origin);
-    let [a, b, c] = triangle.map(|p| {
-        let q = clip * p.extend(1.0);
-        if q.w > 0.0 { q.truncate().truncate() / q.w } else { DVec2::NAN }
+    let at = clip * place(u, v).extend(1.0);
+    // How the place in the picture changes with the two weights.
+    let [along, across] = [b - a, c - a].map(|side| {
+        let d = clip * side.extend(0.0);
+        (d.truncate().truncate() * at.w - at.truncate().truncate() * d.w) / (at.w * at.w)
     });
-    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-    (b - a).perp_dot(c - a).abs() / longest
+    let area = along.perp_dot(across);
+    let mut points = [DVec3::ZERO; 8];
+    for (point, number) in points.iter_mut().zip(0u8..) {
+        let step = DVec2::from_angle(f64::from(number) * std::f64::consts::FRAC_PI_4) * radius;
+        let (u, v) = (u + step.perp_dot(across) / area, v + along.perp_dot(step) / area);
+        if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) {
+            return None;
+        }
+        *point = place(u, v);
+    }
+    Some(points)
 }
 
 /// Inside all clip planes by more than rounding.

@@ -10,11 +10,11 @@ use visibility_bsp::{
 pub(super) const KNOWN: &[Known] = &[
     Known {
         name: "bsp-order",
-        what: "polygons outside the view volume are hidden, by a BSP tree of all triangles; objects in the order of depth",
-        dials: &[],
+        what: "polygons outside the view volume are hidden, by a BSP tree of all triangles; objects in the order of depth; `:N` looks at N nodes of it at most, 65,536 if not set",
+        dials: &["65536", "4096"],
         make: |dial, world| {
-            no_dial(dial)?;
-            Ok(Box::new(BspOrder::new(tree_of(world)?)))
+            let most = number(dial, 1 << 16)? as u64;
+            Ok(Box::new(BspOrder::new(tree_of(world)?).with_nodes(most)))
         },
     },
     Known {
@@ -69,5 +69,5 @@ fn occluders_of(world: &World) -> Result<Arc<Occluders>, String> {
 /// The dial as a whole number of at least one.
 fn number(dial: Option<&str>, unset: usize) -> Result<usize, String> {
     let Some(dial) = dial else { return Ok(unset) };
-    dial.parse().ok().filter(|&n| n > 0).ok_or_else(|| format!("`{dial}` is no number of polygons"))
+    dial.parse().ok().filter(|&n| n > 0).ok_or_else(|| format!("`{dial}` is no number of one or more"))
 }
