@@ -1,6 +1,6 @@
 //! Fills shapes into tiles: eight rows of pixels at a time, whole tiles in runs.
 
-use crate::pyramid::{Rectangle, mask as mask_of};
+use crate::pyramid::{Rectangle, below as lines_below, mask as mask_of};
 use crate::shape::{MAX_PLANES, Shape};
 use crate::tiles::{SIDE, Surface, Tiles};
 
@@ -158,11 +158,11 @@ fn end_pixel(high: f32) -> i32 {
     whole(if high >= -1.0 { high } else { -1.0 } - 0.5)
 }
 
-/// First and end pixel in each of the eight rows of pixels of a row of tiles.
+/// Where the eight rows of pixels of a row of tiles begin and end, as far as bounds from the left and from the right tell.
 ///
 /// A quarter of a pixel keeps limits, which are whole, away from where rounding to whole numbers could go either way.
 #[inline(always)]
-fn spans(shape: &Shape, row: usize) -> [[i32; SIDE]; 2] {
+fn spans(shape: &Shape, row: usize) -> [[f32; SIDE]; 2] {
     let (mut low, mut high) = ([shape.columns[0] - 0.25; SIDE], [shape.columns[1] + 0.25; SIDE]);
     let mut y = [0.0; SIDE];
     let start = (row * SIDE) as f32;
@@ -172,25 +172,16 @@ fn spans(shape: &Shape, row: usize) -> [[i32; SIDE]; 2] {
     for line in &shape.left[..shape.lefts] {
         for i in 0..SIDE {
             let x = y[i] * line.slope + line.offset;
-            // A NaN excludes the row.
-            low[i] = if x <= low[i] { low[i] } else { x };
+            low[i] = if x > low[i] { x } else { low[i] };
         }
     }
     for line in &shape.right[..shape.rights] {
         for i in 0..SIDE {
             let x = y[i] * line.slope + line.offset;
-            high[i] = if x >= high[i] { high[i] } else { x };
+            high[i] = if x < high[i] { x } else { high[i] };
         }
     }
-    let limit = shape.columns[1] + 1.0;
-    let (top, bottom) = (shape.lines[0] as f32, shape.lines[1] as f32);
-    let (mut first, mut end) = ([0i32; SIDE], [0i32; SIDE]);
-    for i in 0..SIDE {
-        first[i] = first_pixel(low[i], limit);
-        let inside = (y[i] >= top) & (y[i] < bottom);
-        end[i] = if inside { end_pixel(high[i]) } else { -1 };
-    }
-    [first, end]
+    [low, high]
 }
 
 #[inline(always)]
@@ -226,17 +217,24 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, bands: &Bands, i: usiz
         }
         let mut part = bits(&part);
         if part != 0 {
-            [tiles.spans.first, tiles.spans.end] = spans(shape, row);
+            tiles.spans.set(&spans(shape, row));
+            // The rows of pixels that the shape reaches.
+            let start = (row * SIDE) as i32;
+            let lines = lines_below(shape.lines[1] as i32 - start) & !lines_below(shape.lines[0] as i32 - start);
+            // Two tiles at a time; all of them before any is covered, which hides how long each takes.
             let mut left = part;
             while left != 0 {
-                let i = left.trailing_zeros() as usize % WIDTH;
+                let first = left.trailing_zeros() as usize % WIDTH;
                 left &= left - 1;
-                tiles.spans.masks[i] = tiles.spans.mask(column + i);
+                let second = left.trailing_zeros() as usize % WIDTH;
+                left &= left.wrapping_sub(1);
+                tiles.spans.make_masks(column, first, second);
             }
             while part != 0 {
                 let i = part.trailing_zeros() as usize % WIDTH;
                 part &= part - 1;
-                tiles.cover(base + column + i, tiles.spans.masks[i], nearness[i]);
+                let mask = u64::from_le_bytes(tiles.spans.masks[i]) & lines;
+                tiles.cover(base + column + i, mask, nearness[i]);
             }
         }
         column += WIDTH;
@@ -277,36 +275,51 @@ fn depths(shape: &Shape, offsets: &[f32; MAX_PLANES], column: usize) -> [f32; WI
     least
 }
 
-/// What masks are made of, in memory: there the eight rows are loaded all together, where the compiler would otherwise treat each in a
-/// way of its own.
+/// What masks are made of, for two tiles side by side: so many lanes that the compiler keeps them together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spans {
-    /// First and end pixel in each row.
-    first: [i32; SIDE],
-    end: [i32; SIDE],
-    /// The bits of each row in a tile.
-    rows: [u64; SIDE],
-    masks: [u64; WIDTH],
+    /// Where each row begins and ends, moved by half a pixel for rounding; twice.
+    low: [f32; 2 * SIDE],
+    high: [f32; 2 * SIDE],
+    /// A byte for each row of a tile.
+    masks: [[u8; SIDE]; WIDTH],
 }
 
 impl Spans {
-    pub(crate) const NONE: Self = Self {
-        first: [0; SIDE],
-        end: [0; SIDE],
-        rows: [0xff, 0xff << 8, 0xff << 16, 0xff << 24, 0xff << 32, 0xff << 40, 0xff << 48, 0xff << 56],
-        masks: [0; WIDTH],
-    };
+    pub(crate) const NONE: Self =
+        Self { low: [0.0; 2 * SIDE], high: [0.0; 2 * SIDE], masks: [[0; SIDE]; WIDTH] };
 
-    /// The pixels of a tile that lie in the spans.
     #[inline(always)]
-    fn mask(&self, column: usize) -> u64 {
-        let left = (column * SIDE) as i32;
-        let mut m = [0u64; SIDE];
+    fn set(&mut self, [low, high]: &[[f32; SIDE]; 2]) {
         for i in 0..SIDE {
-            let l = (self.first[i] - left).clamp(0, 8) as u32 as u64;
-            let r = (self.end[i] - left).clamp(0, 8) as u32 as u64;
-            m[i] = (self.rows[i] << l) & !(self.rows[i] << r) & self.rows[i];
+            (self.low[i], self.low[i + SIDE]) = (low[i] + 0.5, low[i] + 0.5);
         }
-        ((m[0] | m[1]) | (m[2] | m[3])) | ((m[4] | m[5]) | (m[6] | m[7]))
+        for i in 0..SIDE {
+            (self.high[i], self.high[i + SIDE]) = (high[i] - 0.5, high[i] - 0.5);
+        }
+    }
+
+    /// Finds the pixels that lie in the spans, for two tiles so many columns after a given one. The first counts where both are the same.
+    ///
+    /// Bounds are rounded to pixels as in [`bands`]: within a tile, taking its place from a bound is exact.
+    #[inline(always)]
+    fn make_masks(&mut self, column: usize, first: usize, second: usize) {
+        let start = (column * SIDE) as f32;
+        let (mut left, mut bytes) = ([start + STEPS[first] * 8.0; 2 * SIDE], [0; 2 * SIDE]);
+        for i in SIDE..2 * SIDE {
+            left[i] = start + STEPS[second] * 8.0;
+        }
+        for i in 0..2 * SIDE {
+            let (low, high) = (self.low[i] - left[i], self.high[i] - left[i]);
+            let low = if low > 0.0 { low } else { 0.0 };
+            let high = if high > 0.0 { high } else { 0.0 };
+            let low = if low < 8.0 { low } else { 8.0 };
+            let high = if high < 8.0 { high } else { 8.0 };
+            let (first, end) = ((low + WHOLE).to_bits() & 15, (high + WHOLE).to_bits() & 15);
+            bytes[i] = ((0xff_u32 << first) & !(0xff << end)) as u8;
+        }
+        let (masks, _) = bytes.as_chunks::<SIDE>();
+        self.masks[second] = masks[1];
+        self.masks[first] = masks[0];
     }
 }

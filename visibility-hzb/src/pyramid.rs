@@ -205,8 +205,8 @@ fn within([first, end]: [u32; 2], tile: usize) -> (i32, i32) {
 
 /// The first so many lines of a tile.
 #[inline(always)]
-fn below(lines: i32) -> u64 {
-    if lines >= 8 { u64::MAX } else { (1 << (8 * lines)) - 1 }
+pub(crate) fn below(lines: i32) -> u64 {
+    if lines >= 8 { u64::MAX } else { (1 << (8 * lines.max(0))) - 1 }
 }
 
 struct Walk<'a> {

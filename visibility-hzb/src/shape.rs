@@ -24,6 +24,19 @@ pub(crate) struct Line {
     pub(crate) offset: f32,
 }
 
+impl Line {
+    /// Where `f32` cannot hold the numbers, or they are none, the bound that lets nothing through.
+    #[inline(always)]
+    fn new(slope: f64, offset: f64, nothing: f32) -> Self {
+        let (slope, offset) = (slope as f32, offset as f32);
+        if slope.abs() + offset.abs() < f32::INFINITY {
+            Self { slope, offset }
+        } else {
+            Self { slope: 0.0, offset: nothing }
+        }
+    }
+}
+
 /// Where coverage is sampled.
 ///
 /// ```
@@ -130,15 +143,15 @@ impl Shape {
                 return false;
             }
             let worst = if coverage == Coverage::Sampled { 0.5 * s - 0.5 } else { s.max(0.0) };
-            self.left[self.lefts] = Line { slope: s as f32, offset: (t + worst + slack) as f32 };
+            self.left[self.lefts] = Line::new(s, t + worst + slack, f32::INFINITY);
             self.lefts += 1;
         } else {
             if self.rights == MAX_EDGES {
                 return false;
             }
-            // NaN ends here too, and covers nothing.
+            // NaN ends here too.
             let worst = if coverage == Coverage::Sampled { 0.5 * s + 0.5 } else { s.min(0.0) };
-            self.right[self.rights] = Line { slope: s as f32, offset: (t + worst - slack) as f32 };
+            self.right[self.rights] = Line::new(s, t + worst - slack, f32::NEG_INFINITY);
             self.rights += 1;
         }
         true
