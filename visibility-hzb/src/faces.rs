@@ -128,26 +128,19 @@ impl Faces {
     }
 
     /// Whether all of a box within a rectangle around it is behind what the tiles hold. `nearest` is a nearness that no point of it exceeds; it
-    /// is before the eye as a whole. With `farthest`, the least nearness, boxes that are in front of what is behind their middle are found
-    /// out at once: most of those that are visible.
+    /// is before the eye as a whole.
     #[inline(always)]
     pub(crate) fn hides(
         &self,
         tiles: &Tiles,
         rectangle: &Rectangle,
         sides: [f32; 6],
-        [farthest, nearest]: [f32; 2],
+        nearest: f32,
     ) -> bool {
         const STEP: u32 = SIDE as u32;
         let ([x0, x1], [y0, y1]) = (rectangle.columns, rectangle.lines);
         let (across, down) = ((x1 - 1) / STEP + 1 - x0 / STEP, (y1 - 1) / STEP + 1 - y0 / STEP);
         if !(self.scale > 0.0) || across * down > MOST {
-            return false;
-        }
-        let (x, y) = ((x0 + x1) / 2, (y0 + y1) / 2);
-        let (tile, pixel) =
-            ((y / STEP) as usize * tiles.columns + (x / STEP) as usize, y % STEP * STEP + x % STEP);
-        if !tiles.hides(tile, 1 << pixel, farthest) {
             return false;
         }
         let slabs = self.slabs(sides);

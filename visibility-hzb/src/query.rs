@@ -360,12 +360,17 @@ fn decide<const N: usize>(
         let i = left.trailing_zeros() as usize % N;
         left &= left - 1;
         let (rectangle, nearest) = (footprints.rectangle(i), footprints.nearest[i]);
+        // One look tells most of those that are visible: what is behind their middle.
+        let behind = query.tiles.pixel_around(&rectangle);
+        if !(behind > footprints.farthest[i]) {
+            continue;
+        }
         let mut sides = [0.0; 6];
         for row in 0..6 {
             sides[row] = boxes[row][i];
         }
-        if query.pyramid.hides(query.tiles, &rectangle, nearest)
-            || query.faces.hides(query.tiles, &rectangle, sides, [footprints.farthest[i], nearest])
+        if behind > nearest && query.pyramid.hides(query.tiles, &rectangle, nearest)
+            || query.faces.hides(query.tiles, &rectangle, sides, nearest)
         {
             hidden |= 1 << i;
         }

@@ -6,7 +6,7 @@
 //! Andersson, Hasselgren and Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more and disjoint layers).
 
 use crate::fill::Spans;
-use crate::pyramid::{UNCHANGED, join};
+use crate::pyramid::{Rectangle, UNCHANGED, join};
 use alloc::vec::Vec;
 
 /// Pixels along the side of a tile.
@@ -270,14 +270,24 @@ impl Tiles {
         farthest
     }
 
+    /// The nearness of the pixel in the middle of a rectangle.
+    #[inline(always)]
+    pub(crate) fn pixel_around(&self, rectangle: &Rectangle) -> f32 {
+        let [x, y] = [rectangle.columns, rectangle.lines].map(|[first, end]| ((first + end) / 2) as usize);
+        self.pixel(x, y)
+    }
+
     /// The nearness of a pixel, [`NOTHING`] where nothing covers it.
+    #[inline(always)]
     pub(crate) fn pixel(&self, column: usize, row: usize) -> f32 {
         let tile = row / SIDE * self.columns + column / SIDE;
         let bit = (row % SIDE) * SIDE + column % SIDE;
-        let layers = &self.layers[tile];
-        let count = usize::from(self.counts[tile]).min(LAYERS);
-        let own = (0..count).find(|&i| layers.masks[i] >> bit & 1 != 0);
-        own.map_or(NOTHING, |i| layers.nearness[i]).max(self.whole[tile])
+        let (layers, mut nearness) = (&self.layers[tile], self.whole[tile]);
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            let own = layers.masks[i] >> bit & 1 != 0 && layers.nearness[i] > nearness;
+            nearness = if own { layers.nearness[i] } else { nearness };
+        }
+        nearness
     }
 }
 
