@@ -195,8 +195,9 @@ pub(crate) fn make(
             continue;
         };
         seen |= 1 << face;
+        let over = 1.0 / height;
         let plane = if lens.perspective {
-            normal.map(|a| a / height)
+            [normal[0] * over, normal[1] * over, normal[2] * over]
         } else {
             // Nearness a x + b y + c such that n agrees at a corner and along both sides: Cramer's rule.
             let (sn, tn) = match axis {
@@ -210,9 +211,9 @@ pub(crate) fn make(
                 cn += steps[axis][3];
             }
             let (p, q) = (cross(third, corner), cross(corner, second));
-            core::array::from_fn(|i| (cn * normal[i] + sn * p[i] + tn * q[i]) / height)
+            core::array::from_fn(|i| (cn * normal[i] + sn * p[i] + tn * q[i]) * over)
         };
-        if !shape.bound(lower(plane, height, placed, lens, certain, products), lens.size) {
+        if !shape.bound(lower(plane, over, placed, lens, certain, products), lens.size) {
             return Made::Near;
         }
     }
@@ -235,13 +236,13 @@ pub(crate) fn make(
 
 /// A plane of nearness, moved away by what rounding may have done to it.
 ///
-/// It is a numerator over the determinant `height`. The numerator's error, over the picture, is that of a cross product times `n` and
+/// It is a numerator over a determinant, of which `over` is the reciprocal. The numerator's error, over the picture, is that of a cross product times `n` and
 /// the like; the
 /// determinant's relative error is that of the quotient.
 #[inline(always)]
 pub(crate) fn lower(
     [a, b, c]: [f64; 3],
-    height: f64,
+    over: f64,
     placed: &Placed,
     lens: &Lens,
     determinant_error: f64,
@@ -252,5 +253,5 @@ pub(crate) fn lower(
     let size = a.abs() * width + b.abs() * rows + c.abs();
     let of_n = if lens.perspective { 0.0 } else { 32.0 * en * (width * sy * sw + rows * sx * sw + sx * sy) };
     let numerator = 4.0 * cross_error * sn + of_n;
-    [a, b, c - 2.0 * (numerator + size * determinant_error) / height.abs()]
+    [a, b, c - 2.0 * (numerator + size * determinant_error) * over.abs()]
 }

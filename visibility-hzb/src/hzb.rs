@@ -406,7 +406,10 @@ fn place(lens: &Lens, bounds: &Aabb, transform: &Affine3A) -> Option<(Placed, f6
         sum += placed.size[i] + placed.error[i];
     }
     // None is negative, so the sum is finite only if all are.
-    let finite = sum < f64::INFINITY;
+    let finite = sum < f64::INFINITY && lens.facing != 0.0;
+    if *transform == Affine3A::IDENTITY {
+        return finite.then_some((placed, lens.facing));
+    }
     let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
     let [a, b, c] = axes.map(|axis| DVec3::from_array(axis.to_array().map(f64::from)));
     let (volume, most) = (
@@ -415,5 +418,5 @@ fn place(lens: &Lens, bounds: &Aabb, transform: &Affine3A) -> Option<(Placed, f6
     );
     // Six products of three factors, each rounded a few times. A flat transform leaves no inside and outside to tell apart.
     let certain = volume.abs() > 32.0 * f64::EPSILON * most;
-    (finite && certain && lens.facing != 0.0).then_some((placed, lens.facing * volume.signum()))
+    (finite && certain).then_some((placed, lens.facing * volume.signum()))
 }

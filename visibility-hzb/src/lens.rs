@@ -9,7 +9,7 @@
 //! for parallel ones. Everything is relative to the *anchor*, the eye of a perspective view, so that precision does not depend on where
 //! in the scene the camera is.
 
-use visibility_core::glam::{DVec3, DVec4};
+use visibility_core::glam::{Affine3A, DVec3, DVec4};
 use visibility_core::{Depth, Eye, View};
 
 /// Unit round-off of `f64`.
@@ -43,6 +43,8 @@ pub(crate) struct Lens {
     pub(crate) facing: f64,
     /// Whether `n` is always 1.
     pub(crate) perspective: bool,
+    /// The functions for what stays where it is, as far as they do not depend on its size.
+    still: Placed,
 }
 
 impl Lens {
@@ -55,6 +57,7 @@ impl Lens {
         anchor: DVec3::ZERO,
         facing: 0.0,
         perspective: true,
+        still: Placed { linear: [[0.0; 5]; 3], constant: [0.0; 5], size: [0.0; 5], error: [0.0; 5] },
     };
 
     /// For points relative to `origin`.
@@ -100,13 +103,20 @@ impl Lens {
             Eye::Direction(along) => lx.cross(ly).dot(along),
         };
         let facing = if turn.is_nan() || turn == 0.0 { 0.0 } else { -turn.signum() };
-        Self { size: size.map(|side| side as f64), picture, rows, near, anchor, facing, perspective }
+        let size = size.map(|side| side as f64);
+        let still = Placed::default();
+        let mut lens = Self { size, picture, rows, near, anchor, facing, perspective, still };
+        lens.still = lens.place(&Affine3A::IDENTITY, [0.0; 3]);
+        lens
     }
 
     /// The functions for points of an occluder, `rows of (transform of p)`, and how large and how wrong they can be for points whose
     /// coordinates have at most the given magnitudes.
     #[inline(always)]
-    pub(crate) fn place(&self, transform: &visibility_core::glam::Affine3A, reach: [f64; 3]) -> Placed {
+    pub(crate) fn place(&self, transform: &Affine3A, reach: [f64; 3]) -> Placed {
+        if *transform == Affine3A::IDENTITY && self.still.error[0] > 0.0 {
+            return self.place_still(reach);
+        }
         let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
             .map(|axis| axis.to_array().map(f64::from));
         let shift = transform.translation.to_array().map(f64::from);
@@ -129,6 +139,20 @@ impl Lens {
             placed.size[i] = size;
             // Any term passes at most nine roundings on its way into the sum; its factors bring one more each.
             placed.error[i] = 16.0 * U * size + row.error + f64::MIN_POSITIVE;
+        }
+        placed
+    }
+
+    /// As [`place`](Self::place), for what stays where it is.
+    #[inline(always)]
+    fn place_still(&self, reach: [f64; 3]) -> Placed {
+        let mut placed = self.still;
+        for i in 0..5 {
+            let row = if i < 4 { &self.rows[i] } else { &self.near };
+            for axis in 0..3 {
+                placed.size[i] += row.linear[axis].abs() * reach[axis];
+            }
+            placed.error[i] = 16.0 * U * placed.size[i] + row.error + f64::MIN_POSITIVE;
         }
         placed
     }

@@ -316,17 +316,18 @@ fn plane(
     if !(height.abs() > certain) {
         return plane;
     }
+    let over = 1.0 / height;
     if lens.perspective {
         for i in 0..3 {
-            plane[i] = normal[i] / height;
+            plane[i] = normal[i] * over;
         }
     } else {
         let (p, q) = (cross(point(&third), point(a)), cross(point(a), point(&second)));
         for i in 0..3 {
-            plane[i] = (a[3] * normal[i] + second[3] * p[i] + third[3] * q[i]) / height;
+            plane[i] = (a[3] * normal[i] + second[3] * p[i] + third[3] * q[i]) * over;
         }
     }
-    crate::cuboid::lower(plane, height, placed, lens, certain, products)
+    crate::cuboid::lower(plane, over, placed, lens, certain, products)
 }
 
 /// Corners of a triangle after cutting.

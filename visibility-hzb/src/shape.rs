@@ -135,7 +135,8 @@ impl Shape {
             self.lines = [first as usize, end as usize];
             return true;
         }
-        let (s, t) = (-b / a, -c / a);
+        let over = -1.0 / a;
+        let (s, t) = (b * over, c * over);
         let slack =
             F32 * (s.abs() * size[1] + t.abs()) + 2.0 * F32 * (size[0] + 2.0) + f64::from(f32::MIN_POSITIVE);
         if a > 0.0 {

@@ -318,14 +318,15 @@ fn outline(
         let (second, third) = (less(t[1], t[0]), less(t[2], t[0]));
         let normal = cross(point(&second), point(&third));
         let height = dot(normal, point(t[0]));
-        let mut plane = [normal[0] / height, normal[1] / height, normal[2] / height];
+        let over = 1.0 / height;
+        let mut plane = [normal[0] * over, normal[1] * over, normal[2] * over];
         if !lens.perspective {
             let (p, q) = (cross(point(&third), point(t[0])), cross(point(t[0]), point(&second)));
             for i in 0..3 {
-                plane[i] = (t[0][3] * normal[i] + second[3] * p[i] + third[3] * q[i]) / height;
+                plane[i] = (t[0][3] * normal[i] + second[3] * p[i] + third[3] * q[i]) * over;
             }
         }
-        if !shape.bound(lower(plane, height, placed, lens, certain, products), lens.size) {
+        if !shape.bound(lower(plane, over, placed, lens, certain, products), lens.size) {
             return Made::Near;
         }
         // The cut at the near plane, as an edge of what is left of the triangle.
