@@ -22,34 +22,47 @@ use crate::tiles::{SIDE, Tiles};
 /// Boxes that lie in more tiles than this are not looked at: they mostly hold others, which are.
 const MOST: u32 = 64;
 
-/// What all boxes of a frame have in common.
+/// The sides of a box, greatest first, and two that are none: so many lanes that the compiler keeps them together.
+const LANES: usize = 8;
+
+/// Which way is out.
+const SIGNS: [f64; LANES] = [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
+
+/// What all boxes of a frame have in common, by side.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Faces {
-    anchor: [f64; 3],
-    /// By axis, what times `x`, `y` and 1 is the way a line of sight goes along it.
-    along: [[f64; 3]; 3],
+    anchor: [f64; LANES],
+    /// What times `x`, `y` and 1 is the way a line of sight goes in.
+    along: [[f64; LANES]; 3],
     /// How far that may be off.
-    error: [f64; 3],
+    error: [f64; LANES],
     /// The determinant, made positive; zero if nothing can be said.
     scale: f64,
     /// By how much denominators may be off: by axis, and by distance.
-    shift: [f64; 3],
+    shift: [f64; LANES],
     spread: f64,
 }
 
-/// A bound on nearness, linear on the screen.
-#[derive(Clone, Copy, Default)]
-struct Bound {
-    slope: [f64; 2],
-    constant: f64,
+/// The bounds of one box on nearness, linear on the screen: those from above, and those from below with the opposite sign.
+struct Slabs {
+    slope: [[f64; LANES]; 2],
+    constant: [f64; LANES],
+    /// Zero for a bound of this kind, infinite for others.
+    upper: [f64; LANES],
+    lower: [f64; LANES],
 }
 
-/// The bounds of one box.
-struct Slabs {
-    upper: [Bound; 3],
-    uppers: usize,
-    lower: [Bound; 6],
-    lowers: usize,
+/// The least of all lanes, found in halves.
+#[inline(always)]
+fn lowest(values: &[f64; LANES]) -> f64 {
+    let mut low = [0.0; LANES / 2];
+    for i in 0..LANES / 2 {
+        let (a, b) = (values[i], values[i + LANES / 2]);
+        low[i] = if a < b { a } else { b };
+    }
+    let a = if low[0] < low[2] { low[0] } else { low[2] };
+    let b = if low[1] < low[3] { low[1] } else { low[3] };
+    if a < b { a } else { b }
 }
 
 fn products(a: [f64; 3], b: [f64; 3]) -> ([f64; 3], [f64; 3]) {
@@ -65,7 +78,7 @@ fn products(a: [f64; 3], b: [f64; 3]) -> ([f64; 3], [f64; 3]) {
 impl Faces {
     pub(crate) fn new(lens: &Lens) -> Self {
         let [x, y, w, _] = lens.rows;
-        let mut faces = Self { anchor: lens.anchor.to_array(), ..Self::default() };
+        let mut faces = Self::default();
         if !lens.perspective {
             return faces;
         }
@@ -79,12 +92,14 @@ impl Faces {
         }
         let sign = if determinant < 0.0 { -1.0 } else { 1.0 };
         let reach = [lens.size[0], lens.size[1], 1.0];
-        for axis in 0..3 {
+        for lane in 0..6 {
+            let axis = lane % 3;
+            faces.anchor[lane] = lens.anchor[axis];
             for (i, row) in [x, y, w].iter().enumerate() {
                 let (value, size) = (columns[i].0[axis], columns[i].1[axis]);
-                faces.along[axis][i] = sign * value;
-                faces.error[axis] += 64.0 * U * size * reach[i];
-                faces.shift[axis] += 2.0 * size * (row.constant.abs() + row.error);
+                faces.along[i][lane] = -SIGNS[lane] * sign * value;
+                faces.error[lane] += 64.0 * U * size * reach[i];
+                faces.shift[lane] += 2.0 * size * (row.constant.abs() + row.error);
             }
         }
         // NaN stays out as well.
@@ -97,32 +112,24 @@ impl Faces {
 
     /// The bounds of a box, given by its least and greatest coordinates.
     #[inline(always)]
-    fn slabs(&self, sides: [f32; 6]) -> Slabs {
-        let mut slabs =
-            Slabs { upper: [Bound::default(); 3], uppers: 0, lower: [Bound::default(); 6], lowers: 0 };
-        for axis in 0..3 {
-            for (sign, side) in [(1.0, sides[axis + 3]), (-1.0, sides[axis])] {
-                let distance = sign * (f64::from(side) - self.anchor[axis]);
-                let size = self.scale * distance.abs();
-                let off = self.shift[axis] + self.spread * distance.abs() + 4.0 * U * size;
-                // Written so that NaN bounds nothing.
-                if !(size > 2.0 * off && size < f64::INFINITY) {
-                    continue;
-                }
-                let inside = distance > 0.0;
-                let over = 1.0 / if inside { size + off } else { size - off };
-                let [a, b, c] = self.along[axis];
-                let (factor, error) = (sign * over, self.error[axis] * over);
-                if inside {
-                    let bound = Bound { slope: [a * factor, b * factor], constant: c * factor - error };
-                    slabs.lower[slabs.lowers % 6] = bound;
-                    slabs.lowers += 1;
-                } else if slabs.uppers < 3 {
-                    let bound = Bound { slope: [-a * factor, -b * factor], constant: error - c * factor };
-                    slabs.upper[slabs.uppers] = bound;
-                    slabs.uppers += 1;
-                }
-            }
+    fn slabs(&self, [x0, y0, z0, x1, y1, z1]: [f32; 6]) -> Slabs {
+        let sides = [x1, y1, z1, x0, y0, z0, 0.0, 0.0];
+        const NONE: [f64; LANES] = [f64::INFINITY; LANES];
+        let mut slabs = Slabs { slope: [[0.0; LANES]; 2], constant: [0.0; LANES], upper: NONE, lower: NONE };
+        for i in 0..LANES {
+            let distance = SIGNS[i] * (f64::from(sides[i]) - self.anchor[i]);
+            let size = self.scale * distance.abs();
+            let off = self.shift[i] + self.spread * distance.abs() + 4.0 * U * size;
+            // Written so that NaN bounds nothing.
+            let known = (size > 2.0 * off) & (size < f64::INFINITY);
+            let inside = distance > 0.0;
+            let over = 1.0 / (size + if inside { off } else { -off });
+            let over = if known { over } else { 0.0 };
+            slabs.slope[0][i] = self.along[0][i] * over;
+            slabs.slope[1][i] = self.along[1][i] * over;
+            slabs.constant[i] = self.along[2][i] * over + self.error[i] * over;
+            slabs.upper[i] = if known & !inside { 0.0 } else { f64::INFINITY };
+            slabs.lower[i] = if known & inside { 0.0 } else { f64::INFINITY };
         }
         slabs
     }
@@ -130,13 +137,7 @@ impl Faces {
     /// Whether all of a box within a rectangle around it is behind what the tiles hold. `nearest` is a nearness that no point of it exceeds; it
     /// is before the eye as a whole.
     #[inline(always)]
-    pub(crate) fn hides(
-        &self,
-        tiles: &Tiles,
-        rectangle: &Rectangle,
-        sides: [f32; 6],
-        nearest: f32,
-    ) -> bool {
+    pub(crate) fn hides(&self, tiles: &Tiles, rectangle: &Rectangle, sides: [f32; 6], nearest: f32) -> bool {
         const STEP: u32 = SIDE as u32;
         let ([x0, x1], [y0, y1]) = (rectangle.columns, rectangle.lines);
         let (across, down) = ((x1 - 1) / STEP + 1 - x0 / STEP, (y1 - 1) / STEP + 1 - y0 / STEP);
@@ -179,17 +180,18 @@ impl Slabs {
     #[inline(always)]
     fn hidden(&self, tiles: &Tiles, tile: usize, pixels: u64, sides: [u32; 4], nearest: f32) -> bool {
         let [left, right, top, bottom] = sides.map(f64::from);
-        let (mut most, mut least) = (f64::from(nearest), 0.0);
-        for Bound { slope: [a, b], constant } in &self.upper[..self.uppers] {
-            let value =
-                a * if *a > 0.0 { right } else { left } + b * if *b > 0.0 { bottom } else { top } + constant;
-            most = if value < most { value } else { most };
+        let (mut above, mut below) = ([0.0; LANES], [0.0; LANES]);
+        let [a, b] = &self.slope;
+        for i in 0..LANES {
+            let x = a[i] * if a[i] > 0.0 { right } else { left };
+            let value = x + b[i] * if b[i] > 0.0 { bottom } else { top } + self.constant[i];
+            (above[i], below[i]) = (value + self.upper[i], value + self.lower[i]);
         }
-        for Bound { slope: [a, b], constant } in &self.lower[..self.lowers.min(6)] {
-            let value =
-                a * if *a > 0.0 { left } else { right } + b * if *b > 0.0 { top } else { bottom } + constant;
-            least = if value > least { value } else { least };
-        }
+        let (most, least) = (lowest(&above), -lowest(&below));
+        let nearest = f64::from(nearest);
+        let most = if most < nearest { most } else { nearest };
+        // Nothing in view has less than none.
+        let least = if least > 0.0 { least } else { 0.0 };
         let most = up(most);
         f64::from(most) < least
             || tiles.hides(tile, pixels, most)

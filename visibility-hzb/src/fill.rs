@@ -220,7 +220,8 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, bands: &Bands, i: usiz
             tiles.spans.set(&spans(shape, row));
             // The rows of pixels that the shape reaches.
             let start = (row * SIDE) as i32;
-            let lines = lines_below(shape.lines[1] as i32 - start) & !lines_below(shape.lines[0] as i32 - start);
+            let lines =
+                lines_below(shape.lines[1] as i32 - start) & !lines_below(shape.lines[0] as i32 - start);
             // Two tiles at a time; all of them before any is covered, which hides how long each takes.
             let mut left = part;
             while left != 0 {

@@ -172,19 +172,33 @@ fn least(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Looks at tiles one by one.
+/// Looks at tiles one by one. What a rectangle has of a tile differs from row to row and column to column only at its ends.
 #[inline(always)]
 fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 4], nearness: f32) -> bool {
-    for y in y0..=y1 {
-        for x in x0..=x1 {
+    let ([left, right], [top, bottom]) = (rectangle.columns, rectangle.lines);
+    let right = (0xff >> (7 - (right - 1) % SIDE as u32)) * LINES;
+    let left = (0xff << (left % SIDE as u32) & 0xff) * LINES;
+    let (top, bottom) =
+        (u64::MAX << (top % SIDE as u32 * 8), u64::MAX >> (56 - (bottom - 1) % SIDE as u32 * 8));
+    let mut y = y0;
+    while y <= y1 {
+        let lines = if y == y0 { top } else { u64::MAX } & if y == y1 { bottom } else { u64::MAX };
+        let mut x = x0;
+        while x <= x1 {
             let tile = y * tiles.columns + x;
-            if !(tiles.whole[tile] > nearness) && !tiles.hides(tile, mask(rectangle, x, y), nearness) {
+            let pixels = if x == x0 { left } else { u64::MAX } & if x == x1 { right } else { u64::MAX };
+            if !(tiles.whole[tile] > nearness) && !tiles.hides_partly(tile, lines & pixels, nearness) {
                 return false;
             }
+            x += 1;
         }
+        y += 1;
     }
     true
 }
+
+/// Of a byte, makes the same in each line of a tile.
+const LINES: u64 = 0x0101_0101_0101_0101;
 
 /// The pixels of a tile that a rectangle meets.
 #[inline(always)]
@@ -193,7 +207,7 @@ pub(crate) fn mask(rectangle: &Rectangle, x: usize, y: usize) -> u64 {
     let (top, bottom) = within(rectangle.lines, y);
     let byte = (0xff_u64 << left) & 0xff & !(0xff00_u64 << right >> 8);
     let lines = below(bottom) & !below(top);
-    (byte * 0x0101_0101_0101_0101) & lines
+    (byte * LINES) & lines
 }
 
 /// The part of a range of pixels within a tile.

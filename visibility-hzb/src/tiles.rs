@@ -229,17 +229,19 @@ impl Tiles {
     /// Whether everything in the given pixels of a tile is nearer than `nearness`.
     #[inline(always)]
     pub(crate) fn hides(&self, tile: usize, mask: u64, nearness: f32) -> bool {
-        if self.whole[tile] > nearness {
-            return true;
+        self.whole[tile] > nearness || self.hides_partly(tile, mask, nearness)
+    }
+
+    /// The same by what covers parts of the tile alone.
+    #[inline(always)]
+    pub(crate) fn hides_partly(&self, tile: usize, mask: u64, nearness: f32) -> bool {
+        let (layers, count) = (&self.layers[tile], u32::from(self.counts[tile]));
+        let mut nearer = [0; LAYERS];
+        for i in 0..LAYERS {
+            let counts = (layers.nearness[i] > nearness) & ((i as u32) < count);
+            nearer[i] = if counts { layers.masks[i] } else { 0 };
         }
-        let layers = &self.layers[tile];
-        let mut left = mask;
-        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
-            if layers.nearness[i] > nearness {
-                left &= !layers.masks[i];
-            }
-        }
-        left == 0
+        mask & !((nearer[0] | nearer[1]) | (nearer[2] | nearer[3])) == 0
     }
 
     /// The pixels of a tile that anything covers.
