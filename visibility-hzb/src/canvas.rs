@@ -252,7 +252,7 @@ impl<'a> Canvas<'a> {
                 for quarter in 0..4 {
                     // What nothing was noted of is rounding's.
                     if parts[quarter] < f32::INFINITY {
-                        tiles.cover(tile, covered & QUARTERS[quarter], parts[quarter]);
+                        tiles.cover(tile, covered & QUARTERS[quarter], parts[quarter], 0);
                     }
                 }
             }

@@ -20,7 +20,7 @@ use crate::shape::up;
 use crate::tiles::{SIDE, Tiles};
 
 /// Boxes that lie in more tiles than this are not looked at: they mostly hold others, which are.
-const MOST: u32 = 64;
+const MOST: u32 = 100000;
 
 /// The sides of a box, greatest first, and two that are none: so many lanes that the compiler keeps them together.
 const LANES: usize = 8;
@@ -154,17 +154,20 @@ impl Faces {
                 }
                 let (left, top) = (x0.max(column * STEP), y0.max(row * STEP));
                 let (right, bottom) = (x1.min((column + 1) * STEP), y1.min((row + 1) * STEP));
-                if slabs.hidden(tiles, tile, pixels, [left, right, top, bottom], nearest) {
-                    continue;
-                }
-                for line in top..bottom {
-                    let own = pixels & 0xff << (line % STEP * STEP);
-                    if slabs.hidden(tiles, tile, own, [left, right, line, line + 1], nearest) {
-                        continue;
-                    }
-                    for x in left..right {
-                        let pixel = own & 0x0101_0101_0101_0101 << (x % STEP);
-                        if !slabs.hidden(tiles, tile, pixel, [x, x + 1, line, line + 1], nearest) {
+                // The tile, then what is left of each line, then each pixel of that.
+                let pixels = slabs.undecided(tiles, tile, pixels, [left, right, top, bottom], nearest);
+                let mut rest = pixels;
+                while rest != 0 {
+                    let line = rest.trailing_zeros() / STEP;
+                    let own = pixels & 0xff << (line * STEP);
+                    rest &= !own;
+                    let (y, end) = (row * STEP + line, row * STEP + line + 1);
+                    let mut own = slabs.undecided(tiles, tile, own, [left, right, y, end], nearest);
+                    while own != 0 {
+                        let x = column * STEP + own.trailing_zeros() % STEP;
+                        let pixel = own & own.wrapping_neg();
+                        own &= own - 1;
+                        if slabs.undecided(tiles, tile, pixel, [x, x + 1, y, end], nearest) != 0 {
                             return false;
                         }
                     }
@@ -176,9 +179,9 @@ impl Faces {
 }
 
 impl Slabs {
-    /// Whether the part of the box in some pixels, those within the given sides, is hidden or there is none.
+    /// In which of some pixels, those within the given sides, the box may be and is not hidden.
     #[inline(always)]
-    fn hidden(&self, tiles: &Tiles, tile: usize, pixels: u64, sides: [u32; 4], nearest: f32) -> bool {
+    fn undecided(&self, tiles: &Tiles, tile: usize, pixels: u64, sides: [u32; 4], nearest: f32) -> u64 {
         let [left, right, top, bottom] = sides.map(f64::from);
         let (mut above, mut below) = ([0.0; LANES], [0.0; LANES]);
         let [a, b] = &self.slope;
@@ -193,8 +196,9 @@ impl Slabs {
         // Nothing in view has less than none.
         let least = if least > 0.0 { least } else { 0.0 };
         let most = up(most);
-        f64::from(most) < least
-            || tiles.hides(tile, pixels, most)
-            || tiles.surface_hides(tile, [left, right, top, bottom], most)
+        if f64::from(most) < least {
+            return 0;
+        }
+        tiles.undecided(tile, pixels, [left, right, top, bottom], most)
     }
 }

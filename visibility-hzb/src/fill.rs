@@ -235,7 +235,7 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, bands: &Bands, i: usiz
                 let i = part.trailing_zeros() as usize % WIDTH;
                 part &= part - 1;
                 let mask = u64::from_le_bytes(tiles.spans.masks[i]) & lines;
-                tiles.cover(base + column + i, mask, nearness[i]);
+                tiles.cover(base + column + i, mask, nearness[i], surface);
             }
         }
         column += WIDTH;

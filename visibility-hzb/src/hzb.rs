@@ -142,7 +142,7 @@ impl Hzb {
     /// depth (negated unless reversed) for parallel ones. Negative infinity where nothing is known to cover it, or outside the buffer.
     pub fn nearness(&self, column: usize, row: usize) -> f32 {
         if column < self.size[0] && row < self.size[1] {
-            self.tiles.pixel(column, row)
+            self.tiles.pixel_closely(column, row)
         } else {
             f32::NEG_INFINITY
         }

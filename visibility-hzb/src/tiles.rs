@@ -7,6 +7,7 @@
 
 use crate::fill::Spans;
 use crate::pyramid::{Rectangle, UNCHANGED, join};
+use crate::shape::down;
 use alloc::vec::Vec;
 
 /// Pixels along the side of a tile.
@@ -23,10 +24,12 @@ pub(crate) const NOTHING: f32 = f32::NEG_INFINITY;
 
 /// Disjoint sets of pixels, each with the least nearness of what covers it.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(16))]
+#[repr(C, align(64))]
 pub(crate) struct Layers {
     masks: [u64; LAYERS],
     nearness: [f32; LAYERS],
+    /// Of which surface that is the least.
+    surfaces: [u32; LAYERS],
 }
 
 /// The tiles, row by row from the top.
@@ -73,27 +76,36 @@ impl Surface {
         surface
     }
 
+    /// The least nearness within a rectangle; [`NOTHING`] if this is no surface.
+    ///
     /// In `f64`, where what this rounds is far below what the planes were lowered by ([`Shape::bound`](crate::shape::Shape::bound)).
     #[inline(always)]
-    fn hides(&self, [left, right, top, bottom]: [f64; 4], nearness: f32) -> bool {
+    fn least(&self, [left, right, top, bottom]: [f64; 4]) -> f64 {
         const SHARE: f64 = 1.0 / SIDE as f64;
-        let mut hides = self.count > 0;
+        let mut least = if self.count > 0 { f64::INFINITY } else { f64::NEG_INFINITY };
         for &[a, b, c] in &self.planes[..self.count] {
             let [a, b, c] = [f64::from(a), f64::from(b), f64::from(c)];
             // The value in a tile is that of its farthest corner: where the plane falls to the right, its right border.
             let x = if a < 0.0 { right * SHARE - 1.0 } else { left * SHARE };
             let y = if b < 0.0 { bottom * SHARE - 1.0 } else { top * SHARE };
-            // Written so that NaN hides nothing.
-            hides &= a * x + b * y + c > f64::from(nearness);
+            let value = a * x + b * y + c;
+            // A NaN is the least of all.
+            least = if value >= least { least } else { value };
         }
-        hides
+        least
+    }
+
+    /// Whether all within a rectangle is nearer. A NaN hides nothing.
+    #[inline(always)]
+    fn hides(&self, sides: [f64; 4], nearness: f32) -> bool {
+        self.least(sides) > f64::from(nearness)
     }
 }
 
 impl Tiles {
     pub(crate) fn new(width: usize, height: usize) -> Self {
         let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
-        let layers = Layers { masks: [0; LAYERS], nearness: [0.0; LAYERS] };
+        let layers = Layers { masks: [0; LAYERS], nearness: [0.0; LAYERS], surfaces: [0; LAYERS] };
         Self {
             columns,
             rows,
@@ -139,19 +151,30 @@ impl Tiles {
         (self.surfaces.len() - 1) as u32
     }
 
-    /// Whether the surface that covers a tile is nearer than `nearness` in all of a rectangle within it: first and end columns, first and
-    /// end rows, counted from the upper left corner of the buffer.
+    /// Which of some pixels are not known to be nearer than `nearness`, looked at through the surfaces that cover them; all of these are within
+    /// a rectangle: first and end columns, first and end rows, counted from the upper left corner of the buffer.
     #[inline(always)]
-    pub(crate) fn surface_hides(&self, tile: usize, sides: [f64; 4], nearness: f32) -> bool {
-        match self.surfaces.get(self.surface[tile] as usize) {
-            Some(surface) => surface.hides(sides, nearness),
-            None => false,
+    pub(crate) fn undecided(&self, tile: usize, pixels: u64, sides: [f64; 4], nearness: f32) -> u64 {
+        let hides = |surface: u32| {
+            surface != 0
+                && self.surfaces.get(surface as usize).is_some_and(|surface| surface.hides(sides, nearness))
+        };
+        if self.whole[tile] > nearness || hides(self.surface[tile]) {
+            return 0;
         }
+        let layers = &self.layers[tile];
+        let mut left = pixels;
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            if left & layers.masks[i] != 0 && (layers.nearness[i] > nearness || hides(layers.surfaces[i])) {
+                left &= !layers.masks[i];
+            }
+        }
+        left
     }
 
-    /// Covers some pixels of a tile with something of at least the given nearness.
+    /// Covers some pixels of a tile with something of at least the given nearness, that of a surface if this is known.
     #[inline(always)]
-    pub(crate) fn cover(&mut self, tile: usize, mask: u64, nearness: f32) {
+    pub(crate) fn cover(&mut self, tile: usize, mask: u64, nearness: f32, surface: u32) {
         let whole = self.whole[tile];
         // Written so that NaN covers nothing.
         if mask == 0 || !(nearness > whole) {
@@ -159,12 +182,16 @@ impl Tiles {
         }
         let count = usize::from(self.counts[tile]);
         if count == 0 && mask == u64::MAX {
+            if surface != 0 {
+                self.surface[tile] = surface;
+            }
             return self.raise(tile, nearness);
         }
         let layers = &mut self.layers[tile];
         if count == 0 {
             layers.masks[0] = mask;
             layers.nearness[0] = nearness;
+            layers.surfaces[0] = surface;
             self.counts[tile] = 1;
             return;
         }
@@ -183,43 +210,46 @@ impl Tiles {
         if new & taken == 0 && new | taken != u64::MAX && count < LAYERS {
             layers.masks[count] = new;
             layers.nearness[count] = nearness;
+            layers.surfaces[count] = surface;
             self.counts[tile] = count as u8 + 1;
             return;
         }
         // Layers that the whole tile has overtaken are forgotten, and pixels that have something farther go over to the new layer.
-        let (mut masks, mut nearnesses) = ([0; LAYERS + 1], [0.0; LAYERS + 1]);
+        let mut all = [(0, 0.0, 0); LAYERS + 1];
         let mut raised = whole;
         let mut kept = 0;
         let mut union = new;
         for i in 0..count.min(LAYERS) {
             let rest = layers.masks[i] & !new;
-            if rest != 0 && layers.nearness[i] > whole {
-                masks[kept] = rest;
-                nearnesses[kept] = layers.nearness[i];
+            if rest != 0 && layers.nearness[i] >= whole {
+                all[kept] = (rest, layers.nearness[i], layers.surfaces[i]);
                 union |= rest;
                 kept += 1;
             }
         }
-        masks[kept] = new;
-        nearnesses[kept] = nearness;
+        all[kept] = (new, nearness, surface);
         kept += 1;
         if union == u64::MAX {
-            let least = nearnesses[..kept].iter().copied().fold(f32::INFINITY, f32::min);
-            raised = least;
+            raised = f32::INFINITY;
+            for &(_, nearness, _) in &all[..kept] {
+                raised = if nearness < raised { nearness } else { raised };
+            }
+            // What is no nearer than the whole tile now is of use only as a surface.
             let mut left = 0;
             for i in 0..kept {
-                if nearnesses[i] > least {
-                    (masks[left], nearnesses[left]) = (masks[i], nearnesses[i]);
+                if all[i].1 > raised || all[i].2 != 0 {
+                    all[left] = all[i];
                     left += 1;
                 }
             }
             kept = left;
         }
         if kept > LAYERS {
-            kept = merge(&mut masks, &mut nearnesses);
+            kept = merge(&mut all);
         }
-        layers.masks.copy_from_slice(&masks[..LAYERS]);
-        layers.nearness.copy_from_slice(&nearnesses[..LAYERS]);
+        for i in 0..LAYERS {
+            (layers.masks[i], layers.nearness[i], layers.surfaces[i]) = all[i];
+        }
         self.counts[tile] = kept as u8;
         if raised > whole {
             self.raise(tile, raised);
@@ -279,7 +309,25 @@ impl Tiles {
         self.pixel(x, y)
     }
 
-    /// The nearness of a pixel, [`NOTHING`] where nothing covers it.
+    /// The nearness of a pixel as the surfaces that cover it tell, [`NOTHING`] where nothing does.
+    pub(crate) fn pixel_closely(&self, column: usize, row: usize) -> f32 {
+        let tile = row / SIDE * self.columns + column / SIDE;
+        let bit = (row % SIDE) * SIDE + column % SIDE;
+        let sides = [column, column + 1, row, row + 1].map(|side| side as f64);
+        let of = |surface: u32| {
+            self.surfaces.get(surface as usize).map_or(NOTHING, |surface| down(surface.least(sides)))
+        };
+        let mut nearness = self.pixel(column, row).max(of(self.surface[tile]));
+        let layers = &self.layers[tile];
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            if layers.masks[i] >> bit & 1 != 0 {
+                nearness = nearness.max(of(layers.surfaces[i]));
+            }
+        }
+        nearness
+    }
+
+    /// The nearness of a pixel as the tile has it, [`NOTHING`] where nothing covers it.
     #[inline(always)]
     pub(crate) fn pixel(&self, column: usize, row: usize) -> f32 {
         let tile = row / SIDE * self.columns + column / SIDE;
@@ -295,22 +343,21 @@ impl Tiles {
 
 /// Joins two of one layer too many: those whose joining gives away least, in pixels times nearness.
 #[cold]
-fn merge(masks: &mut [u64; LAYERS + 1], nearness: &mut [f32; LAYERS + 1]) -> usize {
+fn merge(layers: &mut [(u64, f32, u32); LAYERS + 1]) -> usize {
     let mut best = (f32::INFINITY, 0, 1);
     for i in 0..=LAYERS {
         for j in 0..i {
-            let (near, far) = if nearness[i] > nearness[j] { (i, j) } else { (j, i) };
-            let loss = (nearness[near] - nearness[far]) * masks[near].count_ones() as f32;
+            let (near, far) = if layers[i].1 > layers[j].1 { (i, j) } else { (j, i) };
+            let loss = (layers[near].1 - layers[far].1) * layers[near].0.count_ones() as f32;
             if loss < best.0 {
                 best = (loss, i, j);
             }
         }
     }
     let (_, i, j) = best;
-    masks[j] |= masks[i];
-    nearness[j] = nearness[j].min(nearness[i]);
-    masks[i] = masks[LAYERS];
-    nearness[i] = nearness[LAYERS];
+    let surface = if layers[i].2 == layers[j].2 { layers[i].2 } else { 0 };
+    layers[j] = (layers[i].0 | layers[j].0, layers[i].1.min(layers[j].1), surface);
+    layers[i] = layers[LAYERS];
     LAYERS
 }
 

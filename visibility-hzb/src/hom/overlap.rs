@@ -118,7 +118,7 @@ mod tests {
                     if random.below(100) < holes {
                         bits &= !(1 << random.below(64));
                     }
-                    tiles.cover(y * tiles.columns + x, bits, 1.0);
+                    tiles.cover(y * tiles.columns + x, bits, 1.0, 0);
                 }
                 stale.join(&region);
             }
@@ -206,7 +206,7 @@ mod tests {
     fn fine_texels_with_few_holes_dissolve() {
         let mut tiles = Tiles::new(16, 16);
         // All but one pixel of the first block of 2 x 2, and half of the second.
-        tiles.cover(0, 0b01 | 0b11 << SIDE | 0b11 << 2, 1.0);
+        tiles.cover(0, 0b01 | 0b11 << SIDE | 0b11 << 2, 1.0, 0);
         let mut opacity = Opacity::new([16, 16]);
         opacity.update(&tiles, &Region([0, 1, 0, 1]));
         let block = |left| Rectangle { columns: [left, left + 2], lines: [0, 2] };
