@@ -20,10 +20,13 @@ use crate::shape::up;
 use crate::tiles::{SIDE, Tiles};
 
 /// Boxes that lie in more tiles than this are not looked at: they mostly hold others, which are.
-const MOST: u32 = 100000;
+const MOST: u32 = 64;
+
+/// Nor those that more tiles than this leave undecided.
+const FEW: i32 = 4096;
 
 /// The sides of a box, greatest first, and two that are none: so many lanes that the compiler keeps them together.
-const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// Which way is out.
 const SIGNS: [f64; LANES] = [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
@@ -44,7 +47,7 @@ pub(crate) struct Faces {
 }
 
 /// The bounds of one box on nearness, linear on the screen: those from above, and those from below with the opposite sign.
-struct Slabs {
+pub(crate) struct Slabs {
     slope: [[f64; LANES]; 2],
     constant: [f64; LANES],
     /// Zero for a bound of this kind, infinite for others.
@@ -145,6 +148,8 @@ impl Faces {
             return false;
         }
         let slabs = self.slabs(sides);
+        let middle = [(x0 + x1) / 2, (y0 + y1) / 2];
+        let mut few = FEW;
         for row in y0 / STEP..y0 / STEP + down {
             for column in x0 / STEP..x0 / STEP + across {
                 let tile = row as usize * tiles.columns + column as usize;
@@ -152,14 +157,24 @@ impl Faces {
                 if tiles.hides(tile, pixels, nearest) {
                     continue;
                 }
+                few -= 1;
+                if few < 0 {
+                    return false;
+                }
                 let (left, top) = (x0.max(column * STEP), y0.max(row * STEP));
                 let (right, bottom) = (x1.min((column + 1) * STEP), y1.min((row + 1) * STEP));
-                // The tile, then what is left of each line, then each pixel of that.
+                // The tile, then what is left of each line, then each pixel of that; but first the one nearest to the middle of the box, which
+                // finds out most of those that are seen.
                 let pixels = slabs.undecided(tiles, tile, pixels, [left, right, top, bottom], nearest);
-                let mut rest = pixels;
+                let (x, y) = (middle[0].clamp(left, right - 1), middle[1].clamp(top, bottom - 1));
+                let pixel = pixels & 1 << (y % STEP * STEP + x % STEP);
+                if pixel != 0 && slabs.undecided(tiles, tile, pixel, [x, x + 1, y, y + 1], nearest) != 0 {
+                    return false;
+                }
+                let mut rest = pixels & !pixel;
                 while rest != 0 {
                     let line = rest.trailing_zeros() / STEP;
-                    let own = pixels & 0xff << (line * STEP);
+                    let own = rest & 0xff << (line * STEP);
                     rest &= !own;
                     let (y, end) = (row * STEP + line, row * STEP + line + 1);
                     let mut own = slabs.undecided(tiles, tile, own, [left, right, y, end], nearest);
@@ -179,6 +194,19 @@ impl Faces {
 }
 
 impl Slabs {
+    /// Whether some bound from above is below a plane, given by slopes and constant, in all of a rectangle; by side. Both are linear, so their
+    /// difference is least at a corner.
+    #[inline(always)]
+    pub(crate) fn below(&self, [a, b, c]: [f64; 3], [left, right, top, bottom]: [f64; 4]) -> [bool; LANES] {
+        let mut below = [false; LANES];
+        for i in 0..LANES {
+            let (x, y) = (a - self.slope[0][i], b - self.slope[1][i]);
+            let least = x * if x > 0.0 { left } else { right } + y * if y > 0.0 { top } else { bottom };
+            below[i] = least + (c - self.constant[i]) > self.upper[i];
+        }
+        below
+    }
+
     /// In which of some pixels, those within the given sides, the box may be and is not hidden.
     #[inline(always)]
     fn undecided(&self, tiles: &Tiles, tile: usize, pixels: u64, sides: [u32; 4], nearest: f32) -> u64 {
@@ -199,6 +227,6 @@ impl Slabs {
         if f64::from(most) < least {
             return 0;
         }
-        tiles.undecided(tile, pixels, [left, right, top, bottom], most)
+        tiles.undecided(tile, pixels, [left, right, top, bottom], most, self)
     }
 }

@@ -5,6 +5,7 @@
 //! the memory of a z-buffer and is as tight in practice, since one occluder mostly has one depth range in a tile (the idea is that of
 //! Andersson, Hasselgren and Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more and disjoint layers).
 
+use crate::faces::{LANES, Slabs};
 use crate::fill::Spans;
 use crate::pyramid::{Rectangle, UNCHANGED, join};
 use crate::shape::down;
@@ -95,6 +96,27 @@ impl Surface {
         least
     }
 
+    /// Whether within a rectangle it is before all of one and the same side of a box. As in [`least`](Self::least), what is rounded is far below
+    /// what either was moved by.
+    #[inline(always)]
+    fn is_before(&self, sides: [f64; 4], slabs: &Slabs) -> bool {
+        const SHARE: f64 = 1.0 / SIDE as f64;
+        let mut before = [self.count > 0; LANES];
+        for &[a, b, c] in &self.planes[..self.count] {
+            let [a, b, c] = [f64::from(a), f64::from(b), f64::from(c)];
+            let lowest = if a < 0.0 { a } else { 0.0 } + if b < 0.0 { b } else { 0.0 };
+            let below = slabs.below([a * SHARE, b * SHARE, c - lowest], sides);
+            for i in 0..LANES {
+                before[i] &= below[i];
+            }
+        }
+        let mut any = false;
+        for one in before {
+            any |= one;
+        }
+        any
+    }
+
     /// Whether all within a rectangle is nearer. A NaN hides nothing.
     #[inline(always)]
     fn hides(&self, sides: [f64; 4], nearness: f32) -> bool {
@@ -151,13 +173,23 @@ impl Tiles {
         (self.surfaces.len() - 1) as u32
     }
 
-    /// Which of some pixels are not known to be nearer than `nearness`, looked at through the surfaces that cover them; all of these are within
-    /// a rectangle: first and end columns, first and end rows, counted from the upper left corner of the buffer.
+    /// In which of some pixels a box may be seen, looked at through the surfaces that cover them. It is no nearer than `nearness` there, and within
+    /// `slabs`; all pixels are within a rectangle: first and end columns, first and end rows, counted from the upper left corner of the buffer.
     #[inline(always)]
-    pub(crate) fn undecided(&self, tile: usize, pixels: u64, sides: [f64; 4], nearness: f32) -> u64 {
+    pub(crate) fn undecided(
+        &self,
+        tile: usize,
+        pixels: u64,
+        sides: [f64; 4],
+        nearness: f32,
+        slabs: &Slabs,
+    ) -> u64 {
         let hides = |surface: u32| {
             surface != 0
-                && self.surfaces.get(surface as usize).is_some_and(|surface| surface.hides(sides, nearness))
+                && self
+                    .surfaces
+                    .get(surface as usize)
+                    .is_some_and(|surface| surface.hides(sides, nearness) || surface.is_before(sides, slabs))
         };
         if self.whole[tile] > nearness || hides(self.surface[tile]) {
             return 0;
