@@ -4,7 +4,7 @@
 //! Projected Area Computation for Three-Dimensional Bounding Boxes", 1999). The outlines are in a table, made when the crate is compiled.
 
 use crate::lens::{Lens, Placed};
-use crate::shape::{Coverage, Shape, Whole};
+use crate::shape::{Coverage, Extent, Shape, Whole};
 use visibility_core::Aabb;
 
 /// The corners of the faces at least x, greatest x, least y and so on, counter-clockwise from outside; corners are numbered by the bits
@@ -131,13 +131,15 @@ pub(crate) fn pixels(extent: &[f64; 6], lens: &Lens) -> Option<([f64; 2], [f64; 
     (columns[0] < columns[1] && lines[0] < lines[1]).then_some((columns, lines))
 }
 
-/// Makes the shape of a box. `facing` is that of the lens, turned round for mirrored boxes.
+/// Makes the shape of a box. `facing` is that of the lens, turned round for mirrored boxes. Its `extent` on the screen is found anew unless it
+/// is known: then all of the box is before the eye.
 #[inline(always)]
 pub(crate) fn make(
     bounds: &Aabb,
     placed: &Placed,
     lens: &Lens,
     facing: f64,
+    known: Option<&Extent>,
     coverage: Coverage,
     shape: &mut Shape,
 ) -> Made {
@@ -149,8 +151,15 @@ pub(crate) fn make(
             steps[axis][i] = placed.linear[axis][i] * (max[axis] - min[axis]);
         }
     }
-    let mut corners = [[0.0; 8]; 5];
-    for i in 0..5 {
+    let mut nearest = base[4];
+    for step in &steps {
+        nearest += if step[4] < 0.0 { step[4] } else { 0.0 };
+    }
+    if !(nearest > placed.error[4]) {
+        return Made::Near;
+    }
+    let mut corners = [[0.0; 8]; 4];
+    for i in 0..4 {
         for (corner, value) in corners[i].iter_mut().enumerate() {
             let mut sum = base[i];
             sum += if corner & 1 != 0 { steps[0][i] } else { 0.0 };
@@ -159,17 +168,15 @@ pub(crate) fn make(
             *value = sum;
         }
     }
-    let [x, y, w, n, near] = &corners;
-    let mut nearest = f64::INFINITY;
-    for &d in near {
-        nearest = if d < nearest { d } else { nearest };
+    let [x, y, w, n] = &corners;
+    match known {
+        Some(extent) => shape.begin_within(extent),
+        None => {
+            let Some(extent) = extent(x, y, w, n, placed) else { return Made::Near };
+            let Some((columns, lines)) = pixels(&extent, lens) else { return Made::Nothing };
+            shape.begin(columns, lines, extent[4], extent[5]);
+        }
     }
-    if !(nearest > placed.error[4]) {
-        return Made::Near;
-    }
-    let Some(extent) = extent(x, y, w, n, placed) else { return Made::Near };
-    let Some((columns, lines)) = pixels(&extent, lens) else { return Made::Nothing };
-    shape.begin(columns, lines, extent[4], extent[5]);
 
     // Planes and facing. Each pair of faces shares a normal, the product of the two other axes.
     let [u, v, t] = steps.map(|s| [s[0], s[1], s[2]]);

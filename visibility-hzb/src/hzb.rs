@@ -10,7 +10,7 @@ use crate::pyramid::Pyramid;
 use crate::pyramid::Rectangle;
 use crate::query::{Footprints, Lens32, Query, WIDTH, project, test_one};
 use crate::queue::Queue;
-use crate::shape::{Coverage, Shape};
+use crate::shape::{Coverage, Extent, Shape};
 use crate::solid::{self, Scratch};
 use crate::tiles::{SIDE, Tiles};
 use crate::{MAX_SIDE, MIN_SIDE, Simd, SizeError};
@@ -203,7 +203,14 @@ impl Hzb {
             seen &= seen - 1;
             if self.simd.may_be_seen(&self.tiles, &self.queue.footprints, i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
-                self.draw_box(&bounds, &transform, self.queue.two_sided[i]);
+                // What is turned is within what was projected, which is looser.
+                let extent = if transform == Affine3A::IDENTITY {
+                    let whole = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
+                    self.queue.footprints.extent(i, self.size, whole)
+                } else {
+                    None
+                };
+                self.draw_box(&bounds, &transform, extent.as_ref(), self.queue.two_sided[i]);
             } else {
                 self.missed += 1;
             }
@@ -214,8 +221,8 @@ impl Hzb {
         }
     }
 
-    fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) {
-        match self.simd.cuboid(bounds, transform, &self.lens, self.coverage, &mut self.shape) {
+    fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A, extent: Option<&Extent>, two_sided: bool) {
+        match self.simd.cuboid(bounds, transform, &self.lens, extent, self.coverage, &mut self.shape) {
             Made::Shape => self.fill(),
             Made::Nothing => {}
             Made::Near => {
@@ -387,11 +394,12 @@ pub(crate) fn make_box(
     bounds: &Aabb,
     transform: &Affine3A,
     lens: &Lens,
+    extent: Option<&Extent>,
     coverage: Coverage,
     shape: &mut Shape,
 ) -> Made {
     match place(lens, bounds, transform) {
-        Some((placed, facing)) => cuboid::make(bounds, &placed, lens, facing, coverage, shape),
+        Some((placed, facing)) => cuboid::make(bounds, &placed, lens, facing, extent, coverage, shape),
         None => Made::Nothing,
     }
 }

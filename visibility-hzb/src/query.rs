@@ -15,6 +15,7 @@
 use crate::faces::Faces;
 use crate::lens::{Lens, Row};
 use crate::pyramid::{Pyramid, Rectangle};
+use crate::shape::Extent;
 use crate::tiles::Tiles;
 use visibility_core::Occlusion64;
 
@@ -128,6 +129,17 @@ impl<const N: usize> Footprints<N> {
 }
 
 impl<const N: usize> Footprints<N> {
+    /// All that is known of where a box is, if it is before the eye. What reaches the border of the `picture` may go on to that of the last tiles,
+    /// `whole`.
+    #[inline(always)]
+    pub(crate) fn extent(&self, i: usize, picture: [usize; 2], whole: [usize; 2]) -> Option<Extent> {
+        let [left, right, top, bottom] = [0, 1, 2, 3].map(|side| self.sides[side][i] as usize);
+        let right = if right == picture[0] { whole[0] } else { right };
+        let bottom = if bottom == picture[1] { whole[1] } else { bottom };
+        let nearness = [self.farthest[i], self.nearest[i]];
+        self.known[i].then_some(Extent { columns: [left, right], lines: [top, bottom], nearness })
+    }
+
     /// The pixels of a box.
     #[inline(always)]
     pub(crate) fn rectangle(&self, i: usize) -> Rectangle {

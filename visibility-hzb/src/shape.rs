@@ -81,6 +81,14 @@ pub(crate) struct Shape {
     pub(crate) lines: [usize; 2],
 }
 
+/// Where something is on the screen, rounded outwards: first and end columns, first and end rows in pixels, least and greatest nearness.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    pub(crate) columns: [usize; 2],
+    pub(crate) lines: [usize; 2],
+    pub(crate) nearness: [f32; 2],
+}
+
 /// Of `f32`, eight times the unit round-off.
 const F32: f64 = 4.0 * f32::EPSILON as f64;
 
@@ -109,6 +117,14 @@ impl Shape {
         self.lines = lines.map(|y| y as usize);
         self.floor = down(floor);
         self.ceiling = up(ceiling);
+    }
+
+    /// As [`begin`](Self::begin), with what has been found before.
+    #[inline(always)]
+    pub(crate) fn begin_within(&mut self, extent: &Extent) {
+        (self.lefts, self.rights, self.plane_count) = (0, 0, 0);
+        (self.columns, self.lines) = (extent.columns.map(|x| x as f32), extent.lines);
+        [self.floor, self.ceiling] = extent.nearness;
     }
 
     /// Keeps only pixels where `a x + b y + c >= 0`, in pixel coordinates. False if there is no room for one more.

@@ -13,7 +13,7 @@ use crate::lens::{Lens, Placed};
 use crate::mesh::Setup;
 use crate::pyramid::{Pyramid, Rectangle};
 use crate::query::{Boxes, Footprints, Lens32, Query, WIDTH};
-use crate::shape::{Coverage, Shape};
+use crate::shape::{Coverage, Extent, Shape};
 use crate::solid::{Parts, Scratch};
 use crate::tiles::Tiles;
 use visibility_core::glam::Affine3A;
@@ -111,7 +111,7 @@ macro_rules! compiled {
 
 compiled! {
     cuboid / cuboid_avx2 / cuboid_avx512 = crate::hzb::make_box,
-        (bounds: &Aabb, transform: &Affine3A, lens: &Lens, coverage: Coverage, shape: &mut Shape) -> Made;
+        (bounds: &Aabb, transform: &Affine3A, lens: &Lens, extent: Option<&Extent>, coverage: Coverage, shape: &mut Shape) -> Made;
     footprints / footprints_avx2 / footprints_avx512 = crate::query::footprints,
         (lens: &Lens32, boxes: &[[f32; WIDTH]; 6], out: &mut Footprints<WIDTH>) -> ();
     mesh / mesh_avx2 / mesh_avx512 = crate::mesh::draw,
