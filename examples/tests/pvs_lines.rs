@@ -107,12 +107,24 @@ fn real_maps() {
     for path in maps {
         let graph = read(&path).unwrap().graph;
         let matrix = visible(&graph);
+        // With the test in Pluecker space less is seen: what is hidden by mistake, is with it. And threads change nothing.
+        let [exact, by_two] = [1, 2].map(|threads| bake(&graph, EXACT, threads, |_| {}).unwrap().outcome);
+        assert_eq!(exact, by_two, "{}", path.display());
+        let cells = (0..graph.cell_count() as u32).map(CellId);
+        assert!(cells.clone().all(|a| exact.matrix.seen_from(a).all(|b| matrix.sees(a, b))));
+        assert!(exact.complete && exact.matrix.is_symmetric());
         let bytes = std::fs::read(path.with_extension("vismat")).unwrap();
         let theirs = CellMatrix::from_bytes(graph.cell_count(), &bytes).unwrap();
         assert!(matrix.count() <= theirs.count(), "{}: {}", path.display(), matrix.mean_visible());
         assert!(matrix.count() as f64 <= 1.001 * theirs.both_ways().count() as f64, "{}", path.display());
-        let by_chance = random_lines(&graph, &matrix, lines, 1e-6, 7);
-        let aimed = directed_lines(&graph, &matrix, &theirs, lines / 1000, 1e-6, 8);
+        let means = [&matrix, &exact.matrix].map(CellMatrix::mean_visible);
+        println!(
+            "{}: mean {means:?}, theirs both ways {}",
+            path.display(),
+            theirs.both_ways().mean_visible()
+        );
+        let by_chance = random_lines(&graph, &exact.matrix, lines, 1e-6, 7);
+        let aimed = directed_lines(&graph, &exact.matrix, &theirs, lines / 1000, 1e-6, 8);
         println!("{}: random {by_chance:?}, directed {aimed:?}", path.display());
         assert_eq!(by_chance.false_hidden + aimed.false_hidden, 0, "{}", path.display());
         let rotation = DQuat::from_axis_angle(DVec3::new(0.3, -0.7, 0.4).normalize(), 0.77);
@@ -147,12 +159,12 @@ fn stored_sets_say_what_the_matrix_says() {
 #[test]
 fn the_answers_are_what_they_were() {
     let counts = [0, 1, 2, 3].map(|seed| visible(&rooms(8, 2, seed)).count());
-    assert_eq!(counts, [4540, 3520, 4382, 4102]);
+    assert_eq!(counts, [4542, 3520, 4382, 4104]);
     let exact = [0, 1, 2, 3].map(|seed| {
         let outcome = bake(&rooms(8, 2, seed), EXACT, 1, |_| {}).unwrap().outcome;
         (outcome.matrix.count(), outcome.rejected)
     });
-    assert_eq!(exact, [(4522, 27), (3514, 9), (4380, 11), (4098, 6)]);
+    assert_eq!(exact, [(4524, 26), (3514, 9), (4380, 8), (4100, 9)]);
 }
 
 #[test]

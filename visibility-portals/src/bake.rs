@@ -95,7 +95,7 @@ impl core::error::Error for BakeError {}
 const MOST: usize = 1 << 16;
 
 /// Portals in a round. More of them keep more threads busy, and know less of one another.
-const ROUND: usize = 32;
+const ROUND: usize = 48;
 
 /// How far a bake is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -160,8 +160,6 @@ pub struct CellBake {
     stride: usize,
     seen: Vec<u64>,
     cell_stride: usize,
-    /// Pairs that a line proves, both ways.
-    proven: Vec<u64>,
     /// How many candidates each portal has left.
     counts: Vec<u32>,
     /// Portals whose flood is still to come.
@@ -201,7 +199,6 @@ impl CellBake {
             stride,
             seen: alloc::vec![0; cells * cell_stride],
             cell_stride,
-            proven: alloc::vec![0; cells * cell_stride],
             counts: alloc::vec![0; directed],
             waiting: (0..directed as u32).collect(),
             steps: alloc::vec![0; cells],
@@ -218,26 +215,22 @@ impl CellBake {
 
     /// Candidates by planes and reachability; cells see themselves and their neighbours.
     fn begin(&mut self) {
-        let mut stamps = alloc::vec![u32::MAX; self.cells];
-        let mut queue = Vec::new();
-        for source in 0..self.portals.all.len() as u32 {
-            let row = &mut self.rows[source as usize * self.stride..][..self.stride];
-            let portal = &self.portals.all[source as usize];
-            queue.push(portal.to);
-            stamps[portal.to as usize] = source;
-            while let Some(cell) = queue.pop() {
-                for next in self.portals.from(cell) {
-                    let other = &self.portals.all[next as usize];
-                    if next == portal.reverse || !self.portals.can_follow(portal, other) {
-                        continue;
-                    }
-                    row[next as usize / 64] |= 1 << (next % 64);
-                    if stamps[other.to as usize] != source {
-                        stamps[other.to as usize] = source;
-                        queue.push(other.to);
-                    }
-                }
-            }
+        let portals = &self.portals;
+        let fill = |stamps: &mut Vec<u32>, (source, row): (usize, &mut [u64])| {
+            stamps.resize(self.cells, u32::MAX);
+            candidates(portals, source as u32, stamps, row);
+        };
+        #[cfg(feature = "rayon")]
+        {
+            use rayon::prelude::*;
+            let rows = self.rows.par_chunks_exact_mut(self.stride.max(1)).enumerate();
+            rows.with_max_len(16).for_each_init(Vec::new, fill);
+        }
+        #[cfg(not(feature = "rayon"))]
+        {
+            let mut stamps = Vec::new();
+            let rows = self.rows.chunks_exact_mut(self.stride.max(1)).enumerate();
+            rows.for_each(|row| fill(&mut stamps, row));
         }
         // What cannot be reached one way is not seen the other way either.
         for a in 0..self.portals.all.len() as u32 {
@@ -259,11 +252,11 @@ impl CellBake {
             let (a, b) = (portal.from as usize, portal.to as usize);
             for (a, b) in [(a, a), (a, b), (b, b)] {
                 self.seen[a * self.cell_stride + b / 64] |= 1 << (b % 64);
-                self.proven[a * self.cell_stride + b / 64] |= 1 << (b % 64);
             }
         }
+        // Cells without portals, too.
         for a in 0..self.cells {
-            self.proven[a * self.cell_stride + a / 64] |= 1 << (a % 64);
+            self.seen[a * self.cell_stride + a / 64] |= 1 << (a % 64);
         }
     }
 
@@ -287,20 +280,11 @@ impl CellBake {
             cell_stride: self.cell_stride,
             exact: self.settings.exact.then_some(self.settings.clearance),
         };
-        let one = |scratch: &mut Scratch, &source: &u32| {
+        let one = |scratch: &mut Scratch, source: u32| {
             let spent = self.steps[self.portals.all[source as usize].from as usize];
             flood(&known, source, self.settings.steps_per_cell.saturating_sub(spent), scratch)
         };
-        #[cfg(feature = "rayon")]
-        let found: Vec<Found> = {
-            use rayon::prelude::*;
-            round.par_iter().map_init(Scratch::default, one).collect()
-        };
-        #[cfg(not(feature = "rayon"))]
-        let found: Vec<Found> = {
-            let mut scratch = Scratch::default();
-            round.iter().map(|source| one(&mut scratch, source)).collect()
-        };
+        let found = each(&round, one);
         for (&source, found) in round.iter().zip(found) {
             self.take_in(source, found);
         }
@@ -337,10 +321,7 @@ impl CellBake {
             let cell = cell as usize;
             self.seen[from * self.cell_stride + cell / 64] |= 1 << (cell % 64);
             if proven {
-                for (a, b) in [(from, cell), (cell, from)] {
-                    self.seen[a * self.cell_stride + b / 64] |= 1 << (b % 64);
-                    self.proven[a * self.cell_stride + b / 64] |= 1 << (b % 64);
-                }
+                self.seen[cell * self.cell_stride + from / 64] |= 1 << (from % 64);
             }
         }
     }
@@ -366,10 +347,10 @@ impl CellBake {
             }
         }
         let mut matrix = CellMatrix::new(self.cells);
-        let has = |set: &[u64], a: usize, b: usize| set[a * self.cell_stride + b / 64] >> (b % 64) & 1 != 0;
+        let sees = |a: usize, b: usize| self.seen[a * self.cell_stride + b / 64] >> (b % 64) & 1 != 0;
         for a in 0..self.cells {
             for b in 0..self.cells {
-                if has(&self.proven, a, b) || has(&self.seen, a, b) && has(&self.seen, b, a) {
+                if sees(a, b) && sees(b, a) {
                     matrix.set(a, b);
                 }
             }
@@ -379,4 +360,53 @@ impl CellBake {
             fallbacks.map(|(cell, &portals)| Fallback { cell: CellId(cell as u32), portals }).collect();
         Outcome { matrix, fallbacks, steps: self.steps, rejected: self.rejected, complete }
     }
+}
+
+/// Marks the portals that can follow one by their planes and through cells that can be reached. `stamps` has a place for each cell, and in it
+/// no number of this portal yet.
+fn candidates(portals: &Portals, source: u32, stamps: &mut [u32], row: &mut [u64]) {
+    let portal = &portals.all[source as usize];
+    let mut queue = alloc::vec![portal.to];
+    stamps[portal.to as usize] = source;
+    while let Some(cell) = queue.pop() {
+        for next in portals.from(cell) {
+            let other = &portals.all[next as usize];
+            if next == portal.reverse || !portals.can_follow(portal, other) {
+                continue;
+            }
+            row[next as usize / 64] |= 1 << (next % 64);
+            if stamps[other.to as usize] != source {
+                stamps[other.to as usize] = source;
+                queue.push(other.to);
+            }
+        }
+    }
+}
+
+/// What each portal of a round comes to, in their order.
+#[cfg(not(feature = "rayon"))]
+fn each(round: &[u32], one: impl Fn(&mut Scratch, u32) -> Found) -> Vec<Found> {
+    let mut scratch = Scratch::default();
+    round.iter().map(|&source| one(&mut scratch, source)).collect()
+}
+
+/// What each portal of a round comes to, in their order. Each thread takes the next one when it is done with one; those with the most
+/// candidates come first, so that no thread is left with a long one at the end.
+#[cfg(feature = "rayon")]
+fn each(round: &[u32], one: impl Fn(&mut Scratch, u32) -> Found + Sync) -> Vec<Found> {
+    use core::sync::atomic::{AtomicUsize, Ordering};
+    use rayon::prelude::*;
+    let taken = AtomicUsize::new(0);
+    let work = |_| {
+        let (mut scratch, mut found) = (Scratch::default(), Vec::new());
+        while let Some(place) = round.len().checked_sub(1 + taken.fetch_add(1, Ordering::Relaxed)) {
+            found.push((place, one(&mut scratch, round[place])));
+        }
+        found
+    };
+    let threads = 0..rayon::current_num_threads();
+    let mut found: Vec<(usize, Found)> =
+        threads.into_par_iter().with_max_len(1).flat_map_iter(work).collect();
+    found.sort_unstable_by_key(|&(place, _)| place);
+    found.into_iter().map(|(_, found)| found).collect()
 }

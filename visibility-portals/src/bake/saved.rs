@@ -6,8 +6,8 @@ use super::{BakeError, CellBake, Settings};
 use alloc::vec::Vec;
 use visibility_core::CellGraph;
 
-/// `VISBAKE1`.
-const MAGIC: u64 = u64::from_le_bytes(*b"VISBAKE1");
+/// `VISBAKE2`: the second form.
+const MAGIC: u64 = u64::from_le_bytes(*b"VISBAKE2");
 
 impl CellBake {
     /// The state of the bake, for [`resume`](Self::resume).
@@ -16,7 +16,7 @@ impl CellBake {
         words.push(self.waiting.len() as u64);
         words.extend(self.waiting.iter().map(|&portal| u64::from(portal)));
         words.extend(self.fallbacks.iter().map(|&count| u64::from(count)));
-        for part in [&self.steps, &self.rows, &self.seen, &self.proven] {
+        for part in [&self.steps, &self.rows, &self.seen] {
             words.extend_from_slice(part);
         }
         words.push(hash(words.iter().copied()));
@@ -47,7 +47,7 @@ impl CellBake {
             return refused("it is of another map or of other settings");
         }
         let directed = bake.portals.all.len();
-        let state = bake.fallbacks.len() + bake.steps.len() + bake.rows.len() + 2 * bake.seen.len();
+        let state = bake.fallbacks.len() + bake.steps.len() + bake.rows.len() + bake.seen.len();
         if waiting > directed as u64 || rest.len() != waiting as usize + state {
             return refused("its length is wrong");
         }
@@ -68,7 +68,6 @@ impl CellBake {
             *known &= saved;
         }
         bake.seen = next(bake.seen.len()).to_vec();
-        bake.proven = next(bake.proven.len()).to_vec();
         for (row, count) in bake.rows.chunks_exact(bake.stride.max(1)).zip(&mut bake.counts) {
             *count = row.iter().map(|word| word.count_ones()).sum();
         }

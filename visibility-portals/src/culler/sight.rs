@@ -135,3 +135,37 @@ pub(super) enum Crossing {
     /// The eye is so near the plane, or the plane so nearly in line with the lines of sight, that rounding cannot tell.
     Unsure,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Depth;
+    use visibility_core::glam::DMat4;
+
+    #[test]
+    fn the_eye_is_within_its_error_of_the_anchor() {
+        let mut state = 3u64;
+        let mut whole = |most: i64| {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            ((state >> 20) as i64 % (2 * most + 1) - most) as f64
+        };
+        let (mut found, mut off) = (0, 0);
+        for _ in 0..2000 {
+            // Rows and an eye of whole numbers, so that the matrix is exactly that of this eye.
+            let eye = DVec3::new(whole(9_000_000), whole(9_000_000), whole(9_000_000));
+            let rows = [(); 4].map(|()| DVec3::new(whole(1000), whole(1000), whole(1000)));
+            let mut rows = rows.map(|row| row.extend(-row.dot(eye)));
+            rows[2].w -= 1000.0;
+            let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
+            let Ok(view) = View::from_clip_from_world(matrix, Depth::ZeroToOne) else { continue };
+            let Some(sight) = Sight::new(&view).filter(|sight| sight.lines == Lines::FromAnchor) else {
+                continue;
+            };
+            let distance = (sight.anchor - eye).length();
+            assert!(distance <= sight.error, "{eye}: {} off, {} known of", distance, sight.error);
+            assert!(sight.error < 1.0, "{eye}: {}", sight.error);
+            (found, off) = (found + 1, off + u32::from(distance > 0.0));
+        }
+        assert!(found > 1500 && off > 500, "{off} of {found}");
+    }
+}

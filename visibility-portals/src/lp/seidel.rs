@@ -5,6 +5,10 @@
 //! point lies in the plane of that constraint, and a program of one dimension less, of the constraints before it, finds it. In random order
 //! the i-th does so with probability d / i, which makes O(d! n) steps in all.
 //!
+//! In the program itself, not in those of fewer dimensions, the next constraint is the one that the best point so far is farthest from satisfying
+//! (as Bernd Gaertner, "Fast and Robust Smallest Enclosing Balls", 1999, does): few are ever looked at in their planes, and those programs
+//! of fewer dimensions are short.
+//!
 //! Everything here is ordinary `f64` with a tolerance and proves nothing: it proposes a point, or the few constraints that seem to
 //! contradict each other. One function for each dimension, made by one macro, so that each row is an array of known length.
 
@@ -157,15 +161,30 @@ macro_rules! level {
                         allowed = greater(allowed, x[k].abs() * TOLERANCE);
                     }
                 }
-                for i in 0..self.$rows.len() {
+                // The rows before `i` are satisfied by the best point of them, `x`.
+                let mut i = 0;
+                while i < self.$rows.len() {
+                    let (mut least, mut worst) = (-allowed, None);
+                    for (place, (row, _)) in self.$rows[i..].iter().enumerate() {
+                        let mut value = row[$d];
+                        for k in 0..$d {
+                            value += row[k] * x[k];
+                        }
+                        if value >= least {
+                            continue;
+                        }
+                        (least, worst) = (value, Some(i + place));
+                        if $d < top {
+                            break;
+                        }
+                    }
+                    let Some(worst) = worst else { break };
+                    if $d < top {
+                        i = worst;
+                    } else {
+                        self.$rows.swap(i, worst);
+                    }
                     let (row, tag) = self.$rows[i];
-                    let mut value = row[$d];
-                    for k in 0..$d {
-                        value += row[k] * x[k];
-                    }
-                    if value >= -allowed {
-                        continue;
-                    }
                     let mut k = 0;
                     for j in 1..$d {
                         k = if row[j].abs() > row[k].abs() { j } else { k };
@@ -198,7 +217,7 @@ macro_rules! level {
                         row[$less] += bound;
                         self.$lower_rows.push((normalised(row), tag));
                     }
-                    self.take_steps(i + 3)?;
+                    self.take_steps(self.$rows.len() + 3)?;
                     let mut lower_objective: [f64; $less] = without(&objective, k);
                     for (o, s) in lower_objective.iter_mut().zip(&sum) {
                         *o += objective[k] * s;
@@ -217,6 +236,7 @@ macro_rules! level {
                     // What mattered once matters again: programs of one dimension less look at it first (Emo Welzl, "Smallest Enclosing Disks
                     // (Balls and Ellipsoids)", 1991).
                     self.$rows[..=i].rotate_right(1);
+                    i += 1;
                 }
                 Ok(x)
             }

@@ -161,7 +161,7 @@ impl Maze {
                         let id = PortalId(portals.len() as u32);
                         portals.push((portal, [CellId(room as u32), CellId(next.unwrap() as u32)]));
                         maze.passes.push([true; 2]);
-                        maze.targets.extend([spread(random), spread(random)]);
+                        maze.targets.extend([spread(random), rim(random, &polygon)]);
                         maze.openings[room * 3 + axis].push(Opening { corners, kind: Kind::Door(id) });
                     }
                 }
@@ -340,6 +340,14 @@ impl Maze {
             }
         }
     }
+}
+
+/// A point of a polygon, next to one of its edges.
+fn rim(random: &mut Random, polygon: &[DVec3]) -> DVec3 {
+    let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
+    let i = random.below(polygon.len());
+    let at = polygon[i].lerp(polygon[(i + 1) % polygon.len()], random.unit());
+    at.lerp(middle, 1e-4)
 }
 
 /// The same polygon, smaller and elsewhere by less than so much.
