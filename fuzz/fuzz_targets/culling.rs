@@ -9,7 +9,7 @@ mod oracle;
 
 use common::Random;
 use libfuzzer_sys::fuzz_target;
-use visibility_core::{Accuracy, Depth, View, VisibleSet};
+use visibility_core::{Accuracy, Depth, Eye, View, VisibleSet};
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{SceneSource, SourceObject};
 
@@ -55,9 +55,8 @@ fuzz_target!(|bytes: &[u8]| {
     let mut views = Vec::new();
     for _ in 0..2 {
         let (Some(depth), Some(matrix)) = (bytes.byte(), bytes.numbers::<16>()) else { return };
-        if let Ok(view) = View::from_clip_from_world(matrix, DEPTHS[usize::from(depth) % 6]) {
-            views.push(view);
-        }
+        let view = View::from_clip_from_world(matrix, DEPTHS[usize::from(depth) % 6]);
+        views.extend(view.ok().filter(is_of_a_camera));
     }
     let mut objects = vec![SourceObject::new("0", Vec::new())];
     while let Some(triangle) = bytes.numbers::<9>() {
@@ -97,6 +96,21 @@ fuzz_target!(|bytes: &[u8]| {
         }
     }
 });
+
+/// Whether the near plane lies before the eye, as a view asks of its matrix.
+fn is_of_a_camera(view: &View) -> bool {
+    let clip = view.clip_from(view.origin());
+    let (z, w) = (clip.row(2), clip.row(3));
+    let near = match view.depth() {
+        Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => w + z,
+        Depth::ZeroToOne | Depth::Infinite => z,
+        Depth::Reversed | Depth::ReversedInfinite => w - z,
+    };
+    match view.eye(view.origin()) {
+        Eye::Point(eye) => near.dot(eye.extend(1.0)) < -1e-9 * near.abs().dot(eye.abs().extend(1.0)),
+        Eye::Direction(_) => true,
+    }
+}
 
 fn glam_point(point: [f32; 3]) -> visibility_core::glam::Vec3 {
     point.into()

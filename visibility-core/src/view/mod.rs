@@ -68,6 +68,8 @@ pub enum ViewError {
     },
     /// The clip matrix has no inverse, as far as `f64` can tell: some direction of space is lost.
     Singular,
+    /// The lines of sight are parallel, yet `w` differs from one to another: no camera has such a picture.
+    NoCamera,
     /// The origin is NaN or infinite.
     NonFiniteOrigin,
     /// More clip planes than [`MAX_CLIP_PLANES`].
@@ -96,6 +98,12 @@ impl fmt::Display for ViewError {
                 write!(f, "the clip matrix is not finite at row {row}, column {column}")
             }
             Self::Singular => write!(f, "the clip matrix is singular"),
+            Self::NoCamera => {
+                write!(
+                    f,
+                    "the clip matrix is of no camera: its lines of sight are parallel, but w is not constant"
+                )
+            }
             Self::NonFiniteOrigin => write!(f, "the origin of the view is not finite"),
             Self::TooManyClipPlanes { count } => {
                 write!(f, "{count} clip planes are more than {MAX_CLIP_PLANES}")
@@ -154,25 +162,31 @@ pub struct View {
 impl View {
     /// A view from the matrix that the engine draws with: clip space from world space.
     ///
-    /// `depth` must be the convention that the matrix was made for, and `w` must not fall along the lines of sight: what is nearer is told by
-    /// them. Neither can be seen from the matrix alone.
+    /// `depth` must be the convention that the matrix was made for, `w` must not fall along the lines of sight, and the near plane must lie before
+    /// the eye: what is nearer is told by them. None of this is checked, since bounds are tested right without it; occlusion is not.
     ///
     /// The world of an `f32` matrix is small; engines with large worlds pass the matrix of a camera near the
     /// origin and say with [`relative_to`](Self::relative_to) where in the world that origin is.
     ///
     /// # Errors
-    /// [`ViewError::NonFinite`] and [`ViewError::Singular`].
+    /// [`ViewError::NonFinite`], [`ViewError::Singular`] and [`ViewError::NoCamera`].
     pub fn from_clip_from_world(matrix: impl Into<ClipMatrix>, depth: Depth) -> Result<Self, ViewError> {
         let matrix = matrix.into();
         matrix.check()?;
-        Ok(Self {
+        let view = Self {
             clip_from_local: matrix.0,
             origin: DVec3::ZERO,
             depth,
             layers: u32::MAX,
             clip_planes: [Plane::new(DVec3::ZERO, 0.0); MAX_CLIP_PLANES],
             clip_count: 0,
-        })
+        };
+        // What is nearer is told by w, or where that is the same everywhere, by depth. Here it would be told by neither.
+        let is_parallel = matches!(view.eye(DVec3::ZERO), Eye::Direction(_));
+        if is_parallel && matrix.0.row(3).truncate() != DVec3::ZERO {
+            return Err(ViewError::NoCamera);
+        }
+        Ok(view)
     }
 
     /// The same view, with its matrix taken as relative to `origin`, a point of the world in `f64`.

@@ -63,6 +63,20 @@ fn orthographic_views_look_along_a_direction() {
     assert!(depth_out > 0.0, "reversed depth falls along the line of sight");
 }
 
+/// Found by fuzzing: all lines of sight run along (0, 1, -1), but w differs from one to the other, so nothing told maps what is nearer.
+#[test]
+fn parallel_lines_of_sight_of_which_w_differs_are_of_no_camera() {
+    let mut m = Mat4::from_cols_array_2d(&[
+        [-5.125, 2.125, 2.125, 2.125],
+        [2.125, 2.125, 2.125, 2.125],
+        [2.125, 2.125, -0.375, 2.125],
+        [2.125, 2.125, 2.125, -0.6875],
+    ]);
+    assert_eq!(View::from_clip_from_world(m, Depth::Infinite).map(|_| ()), Err(ViewError::NoCamera));
+    m.y_axis.w = 2.25;
+    assert!(View::from_clip_from_world(m, Depth::Infinite).is_ok(), "they meet in a point");
+}
+
 #[test]
 fn bad_cameras_are_refused_with_the_reason() {
     let new = |m: Mat4| View::from_clip_from_world(m, Depth::ZeroToOne).map(|_| ());
