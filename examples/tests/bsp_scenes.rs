@@ -92,7 +92,8 @@ fn is_tied(world: &World, view: &View, id: ObjectId, witness: Witness) -> bool {
 }
 
 fn check(source: SceneSource, frames: usize) {
-    let world = World::new(source, JUDGE, Some(frames)).unwrap();
+    let keys = source.walks.iter().map(|walk| walk.keys.len()).sum();
+    let world = World::new(source, JUDGE, Some(frames.min(keys))).unwrap();
     let tree = SceneTree::new(&world.scene).unwrap();
     let mut culler = Naylor::new(&tree);
     let mut order = BspOrder::new(&tree);
@@ -152,6 +153,18 @@ fn exact_culling_is_exact_in_all_reference_scenes() {
     }
     let Some(path) = stored("car.vscn") else { return };
     check(cars5(&path).unwrap(), 3);
+    let (Some(clinic), Some(mep)) = (stored("clinic.vscn"), stored("clinic_mep.vscn")) else { return };
+    let mut whole = load(&clinic).unwrap();
+    whole.objects.extend(load(&mep).unwrap().objects);
+    check(whole, 9);
+}
+
+#[test]
+#[ignore = "every frame of the walks: minutes"]
+fn exact_culling_is_exact_along_the_walks() {
+    for name in ["plpcity", "office", "london"] {
+        check(built_in(name).unwrap(), usize::MAX);
+    }
 }
 
 #[test]

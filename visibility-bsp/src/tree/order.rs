@@ -14,8 +14,19 @@ use visibility_core::{Aabb, Eye, glam::DVec4};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Order {
-    /// Nodes whose near side is being walked: twice the node, plus which side that is; and the marks with which it was entered.
-    path: Vec<(u32, u32)>,
+    /// Of the nodes whose near side is being walked, all that is still wanted: looking a node up again would cost more.
+    path: Vec<Step>,
+}
+
+/// What is to come of a node once its near side is done.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    /// The first fragment in its plane.
+    first: u32,
+    /// What is on its far side.
+    far: u32,
+    /// With which marks it was entered.
+    marks: u32,
 }
 
 impl Order {
@@ -140,16 +151,15 @@ impl BspTree {
             {
                 let node = &self.nodes[child as usize];
                 let side = usize::from((in_front(node, eye)) != reverse);
-                order.path.push((child << 1 | side as u32, marks));
+                order.path.push(Step { first: node.first, far: node.children[side ^ 1], marks });
                 child = node.children[side];
                 above = marks;
             }
-            let Some((entry, marks)) = order.path.pop() else { return };
-            let node = &self.nodes[(entry >> 1) as usize];
-            if node.first != NONE {
-                walk.visit(Fragments { tree: self, next: node.first }, marks);
+            let Some(Step { first, far, marks }) = order.path.pop() else { return };
+            if first != NONE {
+                walk.visit(Fragments { tree: self, next: first }, marks);
             }
-            child = node.children[(entry & 1 ^ 1) as usize];
+            child = far;
             above = marks;
         }
     }
