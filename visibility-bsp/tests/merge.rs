@@ -69,9 +69,25 @@ fn ball(around: usize, down: usize) -> Vec<Vec<DVec3>> {
 
 #[test]
 fn points_are_in_what_the_operands_say() {
-    let mut random = Random(11);
+    check_membership(11, 150);
+}
+
+#[test]
+fn the_laws_of_sets_hold() {
+    check_laws(12, 200);
+}
+
+#[test]
+#[ignore = "many solids: minutes"]
+fn membership_and_laws_hold_of_many_solids() {
+    check_membership(1011, 15_000);
+    check_laws(1012, 20_000);
+}
+
+fn check_membership(seed: u64, rounds: usize) {
+    let mut random = Random(seed);
     let mut counts = [0; 3];
-    for _ in 0..150 {
+    for _ in 0..rounds {
         let [a, b, c] = [(); 3].map(|()| Shape::random(&mut random));
         let [sa, sb, sc] = [&a, &b, &c].map(|s| Solid::new(&s.faces).unwrap());
         let union = sa.union(&sb).unwrap();
@@ -99,12 +115,11 @@ fn points_are_in_what_the_operands_say() {
     assert!(counts.iter().all(|&count| count > 200), "{counts:?}");
 }
 
-#[test]
-fn the_laws_of_sets_hold() {
-    let mut random = Random(12);
+fn check_laws(seed: u64, rounds: usize) {
+    let mut random = Random(seed);
     let empty = Solid::new::<Vec<DVec3>>([]).unwrap();
     assert!(empty.is_empty());
-    for _ in 0..200 {
+    for _ in 0..rounds {
         let [a, b] = [(); 2].map(|()| Shape::random(&mut random));
         let [sa, sb] = [&a, &b].map(|s| Solid::new(&s.faces).unwrap());
         // A union A and A intersected with A are A, node for node; A minus A is nothing at all.
