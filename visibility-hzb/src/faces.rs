@@ -4,7 +4,8 @@
 //! box is six half-spaces, and each bounds the nearness `1 / w` of its points by a function that is linear on the screen (Kay and Kajiya,
 //! "Ray Tracing Complex Scenes", 1986, cut rays by slabs in this way): those with the eye outside from above, those with the eye inside
 //! from below. Where the least upper bound is below the greatest lower bound, no line of sight meets the box; elsewhere the upper bound is all
-//! that it may be near.
+//! that it may be near. What is known to cover a tile by the plane of a surface is compared with each upper bound as a difference of two linear
+//! functions, so that a floor seen at a grazing angle hides what lies below it throughout.
 //!
 //! # The error bound
 //! A point `q`, relative to the anchor, is at `w s = M q + e` with `s = (x, y, 1)`, where `e` is at most a row's constant and its error. With
@@ -21,9 +22,6 @@ use crate::tiles::{SIDE, Tiles};
 
 /// Boxes that lie in more tiles than this are not looked at: they mostly hold others, which are.
 const MOST: u32 = 64;
-
-/// Nor those that more tiles than this leave undecided.
-const FEW: i32 = 4096;
 
 /// The sides of a box, greatest first, and two that are none: so many lanes that the compiler keeps them together.
 pub(crate) const LANES: usize = 8;
@@ -149,17 +147,12 @@ impl Faces {
         }
         let slabs = self.slabs(sides);
         let middle = [(x0 + x1) / 2, (y0 + y1) / 2];
-        let mut few = FEW;
         for row in y0 / STEP..y0 / STEP + down {
             for column in x0 / STEP..x0 / STEP + across {
                 let tile = row as usize * tiles.columns + column as usize;
                 let pixels = mask(rectangle, column as usize, row as usize);
                 if tiles.hides(tile, pixels, nearest) {
                     continue;
-                }
-                few -= 1;
-                if few < 0 {
-                    return false;
                 }
                 let (left, top) = (x0.max(column * STEP), y0.max(row * STEP));
                 let (right, bottom) = (x1.min((column + 1) * STEP), y1.min((row + 1) * STEP));

@@ -23,6 +23,9 @@ use visibility_core::{
 /// triangles are drawn.
 const SMALL: usize = 24;
 
+/// So many triangles of convex solids cost as much as one of other meshes, since solids are drawn by their outlines: a box as much as two.
+const OUTLINE: usize = 6;
+
 /// The pyramid is brought up to date while occluders arrive once so many of them were found hidden by the tiles alone: then it has cost less
 /// than it will save.
 const MISSED: usize = 32;
@@ -326,6 +329,11 @@ impl OcclusionMap for Hzb {
                 }
             }
         }
+    }
+
+    fn cost(&self, occluder: &OccluderMesh) -> usize {
+        let solid = occluder.solid_triangles();
+        occluder.triangles().len() - solid + solid.div_ceil(OUTLINE)
     }
 
     fn flush(&mut self) {

@@ -74,7 +74,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         Self { selection, ..self }
     }
 
-    /// Adds no more than so many triangles of occluders a frame.
+    /// Adds no more than so many triangles of occluders a frame, as the map [counts](OcclusionMap::cost) them.
     pub fn with_budget(self, triangles: usize) -> Self {
         Self { budget: triangles, ..self }
     }
@@ -101,7 +101,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         }
         self.candidates.clear();
         visible.for_each_occluder(scene, |id| {
-            let candidate = Candidate::new(scene, id, eye, cuts);
+            let candidate = Candidate::new(scene, id, eye, cuts, |mesh| self.map.cost(mesh));
             self.candidates
                 .extend(candidate.map(|c| Candidate { seen: self.last.binary_search(&id).is_ok(), ..c }));
         });
@@ -121,8 +121,9 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
                 return;
             }
             let Some((mesh, transform)) = scene.occluder(id) else { continue };
-            if mesh.triangles().len() <= left && is_whole(mesh, transform, cuts) {
-                left -= mesh.triangles().len();
+            let cost = self.map.cost(mesh);
+            if cost <= left && is_whole(mesh, transform, cuts) {
+                left -= cost;
                 self.map.add(mesh, transform);
             }
         }
@@ -248,8 +249,9 @@ impl<M: OcclusionMap> Walk<'_, M> {
             let Some((mesh, transform)) = self.scene.occluder(tree.ids[leaf][usize::from(lane)]) else {
                 continue;
             };
-            if mesh.triangles().len() <= self.left && is_whole(mesh, transform, self.cuts) {
-                self.left -= mesh.triangles().len();
+            let cost = self.map.cost(mesh);
+            if cost <= self.left && is_whole(mesh, transform, self.cuts) {
+                self.left -= cost;
                 self.map.add(mesh, transform);
             }
         }
@@ -318,10 +320,10 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
                 Child::Object(id) if answer == Occlusion::Hidden => self.hide(scene, id),
                 Child::Object(id) if left > 0 && visible.contains(scene, id) => {
                     let occluder = scene.occluder(id).filter(|(mesh, transform)| {
-                        mesh.triangles().len() <= left && is_whole(mesh, transform, cuts)
+                        self.map.cost(mesh) <= left && is_whole(mesh, transform, cuts)
                     });
                     if let Some((mesh, transform)) = occluder {
-                        left -= mesh.triangles().len();
+                        left -= self.map.cost(mesh);
                         self.map.add(mesh, transform);
                         self.map.flush();
                     }

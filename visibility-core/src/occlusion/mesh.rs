@@ -242,6 +242,23 @@ impl OccluderMesh {
         &self.parts
     }
 
+    /// How many of its triangles belong to convex solids: itself, or its [`parts`](Self::parts).
+    ///
+    /// ```
+    /// use visibility_core::{Aabb, OccluderMesh};
+    /// let cube = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3]))?;
+    /// assert_eq!(cube.solid_triangles(), 12);
+    /// # Ok::<(), visibility_core::MeshError>(())
+    /// ```
+    pub fn solid_triangles(&self) -> usize {
+        let all = self.triangles.len();
+        match self.parts.last() {
+            Some(rest) if !rest.convex => all - rest.triangles.len(),
+            None if !self.convex => 0,
+            _ => all,
+        }
+    }
+
     /// The vertices, each place once.
     pub fn positions(&self) -> &[Vec3] {
         &self.positions

@@ -86,6 +86,12 @@ pub trait OcclusionMap {
     /// stays the front.
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A);
 
+    /// What adding an occluder costs at most, in triangles: what a [budget](OcclusionCuller::with_budget) is spent on. A map that draws some
+    /// meshes otherwise than triangle by triangle says so here.
+    fn cost(&self, occluder: &OccluderMesh) -> usize {
+        occluder.triangles().len()
+    }
+
     /// Makes what was added so far count.
     fn flush(&mut self);
 

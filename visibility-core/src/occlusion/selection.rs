@@ -72,13 +72,20 @@ pub(super) struct Candidate {
     pub(super) distance: f32,
     /// Grows with the distance of its nearest point.
     pub(super) gap: f32,
-    pub(super) triangles: usize,
+    /// In triangles.
+    pub(super) cost: usize,
     /// Whether it is to be preferred.
     pub(super) seen: bool,
 }
 
 impl Candidate {
-    pub(super) fn new(scene: &Scene, id: ObjectId, eye: &Eye, cuts: &ViewPlanes) -> Option<Self> {
+    pub(super) fn new(
+        scene: &Scene,
+        id: ObjectId,
+        eye: &Eye,
+        cuts: &ViewPlanes,
+        cost: impl FnOnce(&OccluderMesh) -> usize,
+    ) -> Option<Self> {
         let (mesh, transform) =
             scene.occluder(id).filter(|(mesh, transform)| is_whole(mesh, transform, cuts))?;
         let bounds = scene.bounds(id).ok()?;
@@ -93,7 +100,7 @@ impl Candidate {
             angle,
             distance: distance as f32,
             gap: nearness(eye, &bounds),
-            triangles: mesh.triangles().len(),
+            cost: cost(mesh),
             seen: false,
         })
     }
@@ -109,11 +116,13 @@ pub(super) fn choose(candidates: &mut Vec<Candidate>, budget: usize, nearest: bo
     });
     let mut left = budget;
     candidates.retain(|candidate| {
-        let fits = candidate.triangles <= left && candidate.angle > 0.0;
+        let fits = candidate.cost <= left && candidate.angle > 0.0;
         if fits {
-            left -= candidate.triangles;
+            left -= candidate.cost;
         }
         fits
     });
-    candidates.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.id.cmp(&b.id)));
+    candidates.sort_unstable_by(|a, b| {
+        a.gap.total_cmp(&b.gap).then(a.distance.total_cmp(&b.distance)).then(a.id.cmp(&b.id))
+    });
 }

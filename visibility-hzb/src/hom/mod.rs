@@ -250,6 +250,10 @@ impl OcclusionMap for Hom {
         self.stale = Region::NONE;
     }
 
+    fn cost(&self, occluder: &OccluderMesh) -> usize {
+        self.raster.cost(occluder)
+    }
+
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
         self.raster.add(occluder, transform);
         // Where it is drawn, one box around all of it tells; how far back, the boxes around its parts tell better.
