@@ -2,6 +2,7 @@
 
 use super::{Known, Made};
 use crate::picture_size::parse_size;
+use visibility_core::Selection;
 use visibility_hzb::{Coverage, Hzb, HzbCuller};
 
 pub(super) const KNOWN: &[Known] = &[
@@ -25,6 +26,20 @@ pub(super) const KNOWN: &[Known] = &[
             let refused = || format!("its dial is a number of triangles, not `{}`", dial.unwrap_or_default());
             let budget = dial.and_then(|dial| dial.parse().ok()).ok_or_else(refused)?;
             Ok(Box::new(HzbCuller::new(map(None)?).with_budget(budget)))
+        },
+    },
+    Known {
+        name: "hzb-by",
+        what: "as hzb, with occluders chosen otherwise than by solid angle: last frame's visible ones first, the nearest, or on the way",
+        dials: &["last", "nearest", "interleaved"],
+        make: |dial, _| {
+            let selection = match dial {
+                Some("last") => Selection::LastVisible,
+                Some("nearest") => Selection::Nearest,
+                Some("interleaved") => Selection::Interleaved,
+                _ => return Err("its dial is last, nearest or interleaved".to_owned()),
+            };
+            Ok(Box::new(HzbCuller::new(map(None)?).with_selection(selection)))
         },
     },
 ];
