@@ -58,7 +58,7 @@ fn projection_misses_less_than_half_of_what_sorting_by_distance_misses() {
         Method::plp("coverage", &world, cells.clone(), Solidity::Coverage),
         Method::plp("count", &world, cells, Solidity::Count),
     ];
-    let coverage = coverage(&world, &mut methods, 512, || ()).unwrap();
+    let coverage = coverage(&world, &mut methods, [512, 512], || ()).unwrap();
     for budget in 0..4 {
         let missed = [0, 1, 2].map(|method| coverage.missed(method, budget));
         println!("{missed:?}, {:.3}", coverage.ratio(1, budget));

@@ -40,7 +40,7 @@ pub struct VisibleSet {
     /// Contains at least what `words` contains, if `ordered`.
     order: Vec<ObjectId>,
     ordered: bool,
-    /// By index, a bit for what is in an order that is being made.
+    /// Memory for making an order: by index, a bit for what is in it, or the masks of it.
     listed: Vec<u64>,
     changes: Option<Changes>,
 }
@@ -305,25 +305,22 @@ impl VisibleSet {
         let mut order = core::mem::take(&mut self.order);
         order.clear();
         order.extend(self.unculled(scene));
-        let first = order.len();
-        order.extend(ids.iter().copied().filter(|&id| self.contains(scene, id)));
-        // From here on the masks are those of the new set, grown from an empty one: a mask counts once its node is marked.
+        // The masks of the new set, grown from an empty one.
         let tree = scene.tree();
-        self.everything = false;
-        let mut begun = core::mem::take(&mut self.listed);
-        begun.clear();
-        begun.resize(tree.node_count().div_ceil(64), 0);
-        if tree.root != NONE {
-            self.words[tree.root as usize] = 0;
-            begun[tree.root as usize / 64] |= 1 << (tree.root % 64);
+        let mut grown = core::mem::take(&mut self.listed);
+        grown.clear();
+        grown.resize(tree.node_count(), 0);
+        for &id in ids {
+            let Some((leaf, lane)) = scene.locate(id).filter(|&(leaf, _)| !tree.is_unculled_leaf(leaf))
+            else {
+                continue;
+            };
+            if self.holds(scene, leaf, lane) && add(&mut grown, tree, leaf, lane) {
+                order.push(id);
+            }
         }
-        let mut place = 0;
-        order.retain(|&id| {
-            place += 1;
-            let slot = scene.locate(id).filter(|&(leaf, _)| !tree.is_unculled_leaf(leaf));
-            place <= first || slot.is_some_and(|(leaf, lane)| self.add(tree, leaf, lane, &mut begun))
-        });
-        self.listed = begun;
+        self.everything = false;
+        self.listed = core::mem::replace(&mut self.words, grown);
         self.order = order;
         self.ordered = true;
     }
@@ -350,26 +347,6 @@ impl VisibleSet {
         self.listed = listed;
         self.order = order;
         self.ordered = true;
-    }
-
-    /// Sets the bit of an object and those above it, in masks of which only those below set bits mean anything. Whether it was not yet set.
-    fn add(&mut self, tree: &Tree, leaf: usize, lane: usize, begun: &mut [u64]) -> bool {
-        let mut new = None;
-        for (node, lane) in tree.path(leaf, lane) {
-            let (mark, bit) = (&mut begun[node / 64], 1 << (node % 64));
-            let word = &mut self.words[node];
-            if *mark & bit == 0 {
-                (*mark, *word) = (*mark | bit, 0);
-            }
-            new.get_or_insert(*word >> lane & 1 == 0);
-            let had_any = *word != 0;
-            *word |= 1 << lane;
-            if had_any {
-                // What lies above knows of this node.
-                break;
-            }
-        }
-        new.unwrap_or(false)
     }
 
     /// The objects in the set, in its order if it has one, otherwise in that of the hierarchy.
@@ -422,13 +399,40 @@ impl VisibleSet {
 
     /// Whether an object is in the set. False for an unknown one.
     pub fn contains(&self, scene: &Scene, id: ObjectId) -> bool {
-        let Some((leaf, lane)) = scene.locate(id) else { return false };
+        scene.locate(id).is_some_and(|(leaf, lane)| self.holds(scene, leaf, lane))
+    }
+
+    /// The object of that index, if it is in the set: one look for [`Scene::id_at`] and [`contains`](Self::contains).
+    #[inline]
+    pub fn id_at(&self, scene: &Scene, index: usize) -> Option<ObjectId> {
+        let (id, leaf, lane) = scene.locate_index(index)?;
+        self.holds(scene, leaf, lane).then_some(id)
+    }
+
+    #[inline]
+    fn holds(&self, scene: &Scene, leaf: usize, lane: usize) -> bool {
         let tree = scene.tree();
         if !self.is_current(scene) || tree.is_unculled_leaf(leaf) {
             return scene.lanes_on_layers(leaf, self.layers) >> lane & 1 != 0;
         }
         tree.path(leaf, lane).all(|(node, lane)| self.words[node] >> lane & 1 != 0)
     }
+}
+
+/// Sets the bit of an object and those above it in masks of which all above a set bit are set. Whether it was not yet set.
+fn add(masks: &mut [u64], tree: &Tree, leaf: usize, lane: usize) -> bool {
+    let mut new = None;
+    for (node, lane) in tree.path(leaf, lane) {
+        let mask = &mut masks[node];
+        let (had_any, bit) = (*mask != 0, 1 << lane);
+        new.get_or_insert(*mask & bit == 0);
+        *mask |= bit;
+        if had_any {
+            // What lies above knows of this node.
+            break;
+        }
+    }
+    new.unwrap_or(false)
 }
 
 /// Those of `of` that are not among `others`, of which `places` says by index where to look (a sparse set: Briggs and Torczon, "An

@@ -177,7 +177,7 @@ fn sieve<T: Tessellation + ?Sized, M: OcclusionMap>(
         let answer = map.test(&all);
         for (cell, bounds) in group {
             let is_asked = answer == Occlusion::Partial && group.len() > 1;
-            let hidden = if is_asked && stage.tessellation.content().count(*cell) > 0 {
+            let hidden = if is_asked && walk.has_content(*cell) {
                 report.tests += 1;
                 map.test(bounds) == Occlusion::Hidden
             } else {
@@ -235,12 +235,11 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
             return CullStats { visible: visible.count(scene) as u64, ..CullStats::default() };
         }
         while let Some(cell) = walk.next() {
-            if walk.project(&stage, cell, false) == Projected::Cut {
+            if walk.step(&stage, cell) == Projected::Cut {
                 // The rest of it is yet to be looked at.
-                walk.put_back(&stage, cell);
+                walk.put_back(cell);
                 break;
             }
-            walk.hand_on(&stage, cell);
         }
         feed(map, scene, view, &walk.order);
         loop {
@@ -255,10 +254,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
             sieve(&stage, map, walk, waiting, sorted, report);
             let before = walk.order.len();
             for &cell in &*waiting {
-                if walk.is_open(cell) {
-                    walk.project(&stage, cell, true);
-                    walk.hand_on(&stage, cell);
-                }
+                walk.finish(&stage, cell);
             }
             feed(map, scene, view, &walk.order[before..]);
         }

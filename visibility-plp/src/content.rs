@@ -2,6 +2,7 @@
 
 use crate::facing::Facing;
 use crate::grouped::Grouped;
+use crate::layers::{Layer, Layers, area_of, class_of_object, push_list};
 use alloc::vec::Vec;
 use visibility_core::{Changes, ObjectId, Scene};
 
@@ -11,7 +12,7 @@ use visibility_core::{Changes, ObjectId, Scene};
 /// objects of one triangle each. An object is in every cell that its triangles meet, or that its bounds meet if the scene has no triangles of
 /// it. What is in no cell (it has changed since, or was never placed) is a *stray*, and counts as visible.
 ///
-/// Lists are kept as differences between ascending indices, mostly of one byte each.
+/// A cell holds its objects in layers of like size, the largest first, since what is large is more likely seen.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -29,8 +30,8 @@ pub struct Content {
     /// Where the list of each cell begins in `lists`, and where the last one ends.
     pub(crate) starts: Vec<u32>,
     pub(crate) lists: Vec<u8>,
-    pub(crate) counts: Vec<u32>,
-    /// For each cell, the share of rays along x, y and z that its content stops, of 255.
+    /// For each cell, the share of rays along x, y and z that its content stops, of 255; and one more than the class of its largest objects, or 0 if
+    /// it is empty.
     pub(crate) cover: Vec<[u8; 4]>,
     pub(crate) max_count: u32,
     /// How long an array by object index is.
@@ -54,29 +55,28 @@ impl Content {
     ///
     /// # Panics
     /// If a pair names a cell beyond `cover`.
-    pub fn new(scene: &Scene, pairs: &[(u32, u32)], cover: Vec<[u8; 4]>) -> Self {
-        let Grouped { mut starts, items } = Grouped::new(cover.len(), pairs);
-        let counts: Vec<u32> = starts.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    pub fn new(scene: &Scene, pairs: &[(u32, u32)], mut cover: Vec<[u8; 4]>) -> Self {
+        let Grouped { mut starts, mut items } = Grouped::new(cover.len(), pairs);
+        let max_count = starts.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0);
+        let classes = classes_of(scene);
         let mut lists = Vec::new();
         let mut held = alloc::vec![0u64; scene.index_limit().div_ceil(64)];
         for cell in 0..cover.len() {
-            let list = &items[starts[cell] as usize..starts[cell + 1] as usize];
+            let list = &mut items[starts[cell] as usize..starts[cell + 1] as usize];
             starts[cell] = lists.len() as u32;
-            let mut last = 0;
-            for &object in list {
-                push_number(&mut lists, object - last);
-                last = object;
+            for &mut object in &mut *list {
                 held[object as usize / 64] |= 1 << (object % 64);
             }
+            push_list(&mut lists, list, &classes);
+            cover[cell][3] =
+                Layers::new(&lists[starts[cell] as usize..]).class().map_or(0, |class| class + 1);
         }
         starts[cover.len()] = lists.len() as u32;
         lists.shrink_to_fit();
-        let max_count = counts.iter().copied().max().unwrap_or(0);
         let index_limit = scene.index_limit() as u32;
         let mut content = Self {
             starts,
             lists,
-            counts,
             cover,
             max_count,
             index_limit,
@@ -93,37 +93,42 @@ impl Content {
     pub(crate) fn from_arrays(
         scene: &Scene,
         starts: Vec<u32>,
-        counts: Vec<u32>,
         cover: Vec<[u8; 4]>,
         lists: Vec<u8>,
         held: Vec<u64>,
     ) -> Result<Self, &'static str> {
-        let max_count = counts.iter().copied().max().unwrap_or(0);
         let index_limit = scene.index_limit() as u32;
         let (facing, strays, revision) = (Facing::new(scene), Vec::new(), scene.revision());
         let mut content =
-            Self { starts, lists, counts, cover, max_count, index_limit, held, facing, strays, revision };
-        let cells = content.counts.len();
+            Self { starts, lists, cover, max_count: 0, index_limit, held, facing, strays, revision };
+        let cells = content.cover.len();
         let starts = &content.starts;
         let ascending = starts.windows(2).all(|pair| pair[0] <= pair[1]);
         let ends = starts.first() == Some(&0) && starts.last() == Some(&(content.lists.len() as u32));
-        if starts.len() != cells + 1 || content.cover.len() != cells || !ascending || !ends {
+        if starts.len() != cells + 1 || !ascending || !ends {
             return Err("the lists of cells do not fit together");
         }
         if content.held.len() != scene.index_limit().div_ceil(64) {
             return Err("the marks of objects are of another number of objects");
         }
+        let classes = classes_of(scene);
+        let (mut again, mut objects) = (Vec::new(), Vec::new());
         for cell in 0..cells as u32 {
-            let (mut count, mut last) = (0, None);
-            for object in content.primitives(cell) {
-                if last.is_some_and(|last| last >= object) || object >= content.index_limit {
-                    return Err("a cell names an object out of order, or an unknown one");
-                }
-                (count, last) = (count + 1, Some(object));
+            objects.clear();
+            objects.extend(content.primitives(cell));
+            if objects.iter().any(|&object| object >= content.index_limit) {
+                return Err("a cell names an unknown object");
             }
-            if count != content.counts[cell as usize] {
-                return Err("a cell holds another number of objects than it says");
+            again.clear();
+            push_list(&mut again, &mut objects, &classes);
+            if again != content.list(cell) {
+                return Err("the list of a cell is not in the order of its objects' sizes");
             }
+            let largest = content.layers(cell).class().map_or(0, |class| class + 1);
+            if content.cover[cell as usize][3] != largest {
+                return Err("a cell says that it holds objects of another size");
+            }
+            content.max_count = content.max_count.max(objects.len() as u32);
         }
         content.find_strays(scene);
         Ok(content)
@@ -137,22 +142,45 @@ impl Content {
     /// How many cells there are.
     #[inline]
     pub fn cell_count(&self) -> usize {
-        self.counts.len()
+        self.cover.len()
     }
 
-    /// The objects in a cell by ascending index; none for an unknown cell.
     #[inline]
-    pub fn primitives(&self, cell: u32) -> Primitives<'_> {
+    fn list(&self, cell: u32) -> &[u8] {
         let cell = cell as usize;
         let range = self.starts.get(cell).zip(self.starts.get(cell + 1));
-        let bytes = range.and_then(|(&start, &end)| self.lists.get(start as usize..end as usize));
-        Primitives { bytes: bytes.unwrap_or(&[]), last: 0 }
+        range.and_then(|(&start, &end)| self.lists.get(start as usize..end as usize)).unwrap_or(&[])
+    }
+
+    /// The layers of a cell; none for an unknown one.
+    #[inline]
+    pub(crate) fn layers(&self, cell: u32) -> Layers<'_> {
+        Layers::new(self.list(cell))
+    }
+
+    /// The objects in a cell, the largest first; none for an unknown cell.
+    #[inline]
+    pub fn primitives(&self, cell: u32) -> Primitives<'_> {
+        Primitives { layers: self.layers(cell), layer: Layer::default() }
     }
 
     /// How many objects are in a cell; 0 for an unknown one.
     #[inline]
     pub fn count(&self, cell: u32) -> u32 {
-        self.counts.get(cell as usize).copied().unwrap_or(0)
+        self.primitives(cell).count() as u32
+    }
+
+    /// Whether a cell holds no object, or is unknown.
+    #[inline]
+    pub fn is_empty(&self, cell: u32) -> bool {
+        self.cover.get(cell as usize).is_none_or(|cover| cover[3] == 0)
+    }
+
+    /// About the area of the largest objects in a cell, in square metres; none if there are none.
+    #[inline]
+    pub(crate) fn largest(&self, cell: u32) -> Option<f32> {
+        let class = self.cover.get(cell as usize)?[3].checked_sub(1)?;
+        Some(area_of(class))
     }
 
     /// The most objects in any cell.
@@ -162,7 +190,7 @@ impl Content {
 
     /// How many times objects are named by cells.
     pub fn reference_count(&self) -> u64 {
-        self.counts.iter().map(|&count| u64::from(count)).sum()
+        (0..self.cell_count() as u32).map(|cell| u64::from(self.count(cell))).sum()
     }
 
     /// The share of rays along each axis that the content of a cell stops, from 0 to 1; 0 for an unknown cell.
@@ -224,7 +252,6 @@ impl Content {
     pub(crate) fn memory(&self) -> usize {
         size_of_val(&self.starts[..])
             + size_of_val(&self.lists[..])
-            + size_of_val(&self.counts[..])
             + size_of_val(&self.cover[..])
             + size_of_val(&self.held[..])
             + self.facing.memory()
@@ -241,8 +268,9 @@ impl Content {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Primitives<'a> {
-    bytes: &'a [u8],
-    last: u32,
+    /// From the layer that is being read.
+    layers: Layers<'a>,
+    layer: Layer<'a>,
 }
 
 impl Iterator for Primitives<'_> {
@@ -250,29 +278,24 @@ impl Iterator for Primitives<'_> {
 
     #[inline]
     fn next(&mut self) -> Option<u32> {
-        let (&first, mut rest) = self.bytes.split_first()?;
-        let mut number = u32::from(first & 0x7f);
-        let mut byte = first;
-        let mut shift = 7;
-        while byte & 0x80 != 0 && shift < 32 {
-            let (&next, others) = rest.split_first()?;
-            number |= u32::from(next & 0x7f).wrapping_shl(shift);
-            shift += 7;
-            (byte, rest) = (next, others);
+        while self.layer.left == 0 {
+            self.layer = self.layers.next()?;
+            self.layers.pass(&self.layer);
         }
-        self.bytes = rest;
-        self.last = self.last.wrapping_add(number);
-        Some(self.last)
+        self.layer.left -= 1;
+        let object = self.layer.take();
+        self.layers.pass(&self.layer);
+        Some(object)
     }
 }
 
-/// Seven bits a byte, the lowest first; the highest bit of a byte says that more follow.
-fn push_number(bytes: &mut Vec<u8>, mut number: u32) {
-    while number >= 0x80 {
-        bytes.push(number as u8 | 0x80);
-        number >>= 7;
+/// The class of each object by index; 0 where there is none.
+fn classes_of(scene: &Scene) -> Vec<u8> {
+    let mut classes = alloc::vec![0; scene.index_limit()];
+    for id in scene.ids() {
+        classes[id.index()] = class_of_object(scene, id);
     }
-    bytes.push(number as u8);
+    classes
 }
 
 #[cfg(test)]

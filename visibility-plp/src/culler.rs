@@ -83,7 +83,7 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
         &mut self.tessellation
     }
 
-    /// How many cells the last frame projected.
+    /// How many cells the last frame went through.
     pub fn projected_cells(&self) -> u64 {
         self.walk.projected
     }
@@ -107,10 +107,9 @@ impl<S: Deref<Target: Tessellation>> Culler for PlpCuller<S> {
             return CullStats { visible: visible.count(scene) as u64, ..CullStats::default() };
         }
         while let Some(cell) = walk.next() {
-            if walk.project(&stage, cell, false) == Projected::Cut {
+            if walk.step(&stage, cell) == Projected::Cut {
                 break;
             }
-            walk.hand_on(&stage, cell);
         }
         let stats = CullStats { nodes: walk.projected, tests: walk.reached, ..CullStats::default() };
         if self.keep_all {

@@ -1,6 +1,6 @@
 //! What a view sees of cells and of single primitives.
 
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Eye, MAX_PLANES, Triangle, View};
 
 /// A plane with the bound on what rounding may do to distances from it.
@@ -123,16 +123,21 @@ impl Sight {
     /// Whether triangles lie all together outside one of some planes, given by bit.
     #[inline]
     pub(crate) fn is_outside(&self, triangles: &[Triangle], planes: u16) -> bool {
-        let asked = |i: usize| planes >> i & 1 != 0;
-        self.planes[..self.count].iter().enumerate().any(|(i, plane)| {
-            asked(i) && triangles.iter().flatten().all(|p| plane.distance(p.as_dvec3()) < -plane.slack)
-        })
+        // No branch on a distance: it could not be foretold, and would wait for the triangle to come from memory.
+        let mut outside = false;
+        for (i, plane) in self.planes[..self.count].iter().enumerate() {
+            if planes >> i & 1 != 0 {
+                let beyond = |p: &Vec3| plane.distance(p.as_dvec3()) < -plane.slack;
+                outside |= triangles.iter().flatten().fold(true, |all, p| all & beyond(p));
+            }
+        }
+        outside
     }
 
     /// Whether triangles turn their backs to the eye, all of them and surely. False for those without a side, and for NaN.
     #[inline]
     pub(crate) fn sees_backs(&self, triangles: &[Triangle]) -> bool {
-        triangles.iter().all(|triangle| {
+        triangles.iter().fold(true, |all, triangle| {
             let [a, b, c] = triangle.map(|p| p.as_dvec3());
             let (u, v) = (b - a, c - a);
             let toward = match self.eye {
@@ -143,7 +148,8 @@ impl Sight {
             // Differences are rounded once, the products of three of them a few times more: 16 roundings of 2^-53 of the product of magnitudes
             // are 2e-15 of it, and the sum of nine such products is no more than nine times that of the greatest.
             let size = u.abs().max_element() * v.abs().max_element() * toward.abs().max_element();
-            normal.dot(toward) < -2e-14 * size
+            // Without a branch, as above.
+            all & (normal.dot(toward) < -2e-14 * size)
         })
     }
 

@@ -1,7 +1,7 @@
 //! How solid what lies before a cell is, and so how likely it hides the cell.
 
 use crate::sight::Sight;
-use crate::{Content, Face, Tessellation};
+use crate::{Face, Tessellation};
 use visibility_core::Eye;
 use visibility_core::glam::DVec3;
 
@@ -16,8 +16,8 @@ pub enum Solidity {
     /// What light from the eye would not reach: each cell stops as much of it as its content covers of the cell, seen from the eye, and hands
     /// the rest on through its far faces, to each by the share that the face has of the next cell as seen from the eye. The transfer
     /// `v . n` of the paper's figure 5, so weighed that shares add up to one, with what came through several faces added up; a cell that
-    /// is reached otherwise than along lines of sight gets little light by itself, and needs no penalty. Then cells whose primitives cover
-    /// little each (far, or finely detailed) wait: with as much light, they show less for their cost.
+    /// is reached otherwise than along lines of sight gets little light by itself, and needs no penalty. What a cell holds waits for its turn
+    /// in layers, those of large primitives before those of small ones, which with as much light show less for their cost.
     ///
     /// The paper names normals of the content as future work: how much it covers seen along each axis stands for them.
     #[default]
@@ -31,8 +31,8 @@ pub enum Solidity {
 /// What the penalty for cells that are not star-shaped adds to twice their solidity. The paper leaves it open.
 const PENALTY: f32 = 0.05;
 
-/// The solid angle, in steradians, from which on a primitive counts as large: eight pixels of a thousand across a radian.
-const LARGE: f64 = 1e-5;
+/// The solid angle, in steradians, of a primitive that is worth half of its light: five pixels across, of a thousand across a radian.
+const LARGE: f32 = 3e-5;
 
 /// A cell that is handed on from.
 #[derive(Clone, Copy, Debug)]
@@ -60,26 +60,21 @@ pub(crate) fn share(whole: f64, direction: DVec3, normal: DVec3, area: f64) -> f
     if across > 0.0 && whole > 0.0 { (across * area / whole).min(1.0) } else { 0.0 }
 }
 
-/// How much of its light a cell is worth: less where its primitives are small seen from the eye. By its area seen from there.
+/// The solid angle that a square metre takes up on average, turned every way, at a cell of that area seen from the eye.
 #[inline]
-pub(crate) fn worth(
-    content: &Content,
-    sight: &Sight,
-    cell: u32,
-    center: DVec3,
-    direction: DVec3,
-    area: f64,
-) -> f32 {
-    let count = content.count(cell);
-    let Eye::Point(eye) = sight.eye else { return 1.0 };
-    if count == 0 {
-        return 1.0;
+pub(crate) fn nearness(sight: &Sight, center: DVec3, area: f64) -> f32 {
+    match sight.eye {
+        // No nearer than the cell's own size.
+        Eye::Point(eye) => (0.5 / center.distance_squared(eye).max(area)) as f32,
+        // Large and small are no matter of distance.
+        Eye::Direction(_) => f32::INFINITY,
     }
-    // About half of what is in a cell turns its back. No nearer than the cell's own size.
-    let distance = center.distance_squared(eye).max(area);
-    let each = stopped(content.cover(cell), direction) * area / (distance * f64::from(count) * 0.5);
-    // What covers no ray at all is still there.
-    (each / LARGE).clamp(1e-4, 1.0) as f32
+}
+
+/// How much of its light a primitive is worth that takes up that solid angle: less where it is small, but always something.
+#[inline]
+pub(crate) fn worth(angle: f32) -> f32 {
+    if angle < f32::MAX { (angle / (angle + LARGE)).max(1e-6) } else { 1.0 }
 }
 
 /// The paper's solidity of a cell, from that of the one before it.

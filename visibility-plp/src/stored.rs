@@ -8,6 +8,7 @@ use crate::content::Content;
 use crate::delaunay::{DelaunayTessellation, NONE, SIDE};
 use crate::grid::{Grid, STEPS, morton};
 use crate::grouped::Grouped;
+use crate::octree::linked;
 use crate::{Fineness, OctreeTessellation};
 use alloc::vec::Vec;
 use core::fmt;
@@ -15,7 +16,7 @@ use visibility_core::Scene;
 use visibility_core::glam::DVec3;
 
 const MAGIC: [u8; 8] = *b"plpcells";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const HEADER: usize = 40;
 
 /// Why stored cells are refused.
@@ -131,7 +132,6 @@ impl Writer {
 
     fn content(&mut self, content: &Content) {
         self.array(content.starts.iter().copied());
-        self.array(content.counts.iter().copied());
         self.array(content.cover.iter().map(|cover| u32::from_le_bytes(*cover)));
         let halves: Vec<u32> =
             content.held.iter().flat_map(|&word| [word as u32, (word >> 32) as u32]).collect();
@@ -232,19 +232,26 @@ impl<'a> Reader<'a> {
 
     fn content(&mut self, scene: &Scene, cells: usize) -> Result<Content, StoreError> {
         let starts = self.array()?;
-        let counts = self.array()?;
         let cover: Vec<[u8; 4]> = self.array()?.into_iter().map(u32::to_le_bytes).collect();
         let halves = self.array()?;
         let held =
             halves.chunks(2).map(|pair| u64::from(pair[0]) | u64::from(*pair.last().unwrap_or(&0)) << 32);
         let length = self.word()? as usize;
         let lists = self.bytes(length)?.to_vec();
-        if counts.len() != cells || !self.rest.is_empty() {
+        if cover.len() != cells || !self.rest.is_empty() {
             return Err(StoreError::Content { problem: "there are more or fewer lists than cells" });
         }
-        Content::from_arrays(scene, starts, counts, cover, lists, held.collect())
+        Content::from_arrays(scene, starts, cover, lists, held.collect())
             .map_err(|problem| StoreError::Content { problem })
     }
+}
+
+/// Whether a leaf touches the one that a link of it names, on the side that it says.
+fn touches(blocks: &[[u16; 4]], cell: usize, link: u32) -> bool {
+    let (other, axis, upwards) = linked(link);
+    let Some(other) = blocks.get(other as usize).filter(|_| axis < 3) else { return false };
+    let (below, above) = if upwards { (&blocks[cell], other) } else { (other, &blocks[cell]) };
+    below[axis] + below[3] == above[axis]
 }
 
 impl OctreeTessellation {
@@ -293,7 +300,8 @@ impl OctreeTessellation {
             && links.starts.first() == Some(&0)
             && links.starts.last() == Some(&(links.items.len() as u32))
             && links.starts.windows(2).all(|pair| pair[0] <= pair[1])
-            && links.items.iter().chain(&boundary).all(|&cell| (cell as usize) < cells);
+            && boundary.iter().all(|&cell| (cell as usize) < cells)
+            && (0..cells).all(|cell| links.get(cell).iter().all(|&link| touches(&blocks, cell, link)));
         if !fits {
             return Err(wrong("the neighbours do not fit the leaves"));
         }

@@ -2,8 +2,9 @@
 
 use crate::content::bit;
 use crate::facing::{Side, Toward};
+use crate::layers::{Layers, area_of};
 use crate::sight::{Place, Sight};
-use crate::solidity::{From, count_solidity, share, stopped, worth};
+use crate::solidity::{From, count_solidity, nearness, share, stopped, worth};
 use crate::{Face, Front, Solidity, Tessellation};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
@@ -23,47 +24,39 @@ pub enum Budget {
     Cost(u64),
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum State {
-    /// In the front, or was, until it was found hidden.
-    Waiting,
-    /// Projected.
-    Done,
-    /// Not on the way to anything in view.
-    Outside,
-}
-
 /// What a frame knows of a cell.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
 struct Cell {
-    /// The frame; what another frame knew is worth nothing.
-    frame: u32,
-    /// Its newest ticket in the front.
-    ticket: u32,
-    /// The light that reaches it, or its solidity.
-    value: f32,
-    worth: f32,
-    state: State,
     /// Planes of the view that not all of it is inside of, by bit.
     crossed: u16,
+    /// The light that reaches it, or its solidity; NaN before it is in the front.
+    value: f32,
+    /// How many bytes of its list hold what is not projected yet; [`ALL`] before any is.
+    left: u32,
     /// Unit direction of sight to its centre.
     direction: Vec3,
     /// Its area seen along that direction.
-    area: f64,
+    area: f32,
+    worth: f32,
+    /// What part of the directions a square metre in it takes up.
+    nearness: f32,
 }
 
 impl Cell {
     const UNKNOWN: Self = Self {
-        frame: 0,
-        ticket: u32::MAX,
-        value: 0.0,
-        worth: 1.0,
-        state: State::Outside,
         crossed: 0,
+        value: f32::NAN,
+        left: 0,
         direction: Vec3::ZERO,
         area: 0.0,
+        nearness: 0.0,
+        worth: 1.0,
     };
 }
+
+/// More bytes than any list has.
+const ALL: u32 = u32::MAX;
 
 /// What is asked of the objects that are projected.
 #[derive(Clone, Copy, Debug)]
@@ -94,22 +87,31 @@ pub(crate) enum Projected {
 /// The memory of a walk, kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Walk {
+    /// What the frame knows of those cells that it has come to; of others, nothing.
     cells: Vec<Cell>,
-    /// By cell, a bit for those that are projected or outside: most faces lead there, and need no more than this.
+    /// By cell, a bit for those that the frame has come to: memory is slow, and these few bits are near.
+    known: Vec<u64>,
+    /// By cell, a bit for those that are open (what they were reached by has been handed on) or outside: most faces lead there, and need no more
+    /// than this.
     closed: Vec<u64>,
-    frame: u32,
-    pub(crate) front: Front,
+    front: Front,
     /// By object index.
     taken: Vec<u64>,
     /// What was projected, in order.
     pub(crate) order: Vec<ObjectId>,
     /// What is left of the budget.
     left: u64,
-    /// Cells that came to be in the front, and those that were projected.
+    /// Cells that came to be in the front, and those that the walk went through.
     pub(crate) reached: u64,
     pub(crate) projected: u64,
     /// Faces of the cell at hand.
     faces: Vec<Face>,
+    /// Objects of the layer at hand that are new and do not turn their backs.
+    sifted: Vec<(u32, Side)>,
+    /// Where the eye lies before planes, as [`Facing::planes`](crate::facing::Facing::planes) tells.
+    planes: Vec<[f64; 2]>,
+    /// Those of them that are in the set.
+    seen: Vec<(ObjectId, Side)>,
 }
 
 fn set(words: &mut [u64], index: u32) {
@@ -128,16 +130,18 @@ impl Walk {
     /// scene, or of one of which too much has changed to tell what is where.
     pub(crate) fn begin<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>) -> bool {
         let content = stage.tessellation.content();
-        self.frame = self.frame.wrapping_add(1);
-        if self.frame == 0 || self.cells.len() != content.cell_count() {
-            self.cells.clear();
-            self.cells.resize(content.cell_count(), Cell::UNKNOWN);
-            self.frame = 1;
+        self.cells.resize(content.cell_count(), Cell::UNKNOWN);
+        for bits in [&mut self.known, &mut self.closed] {
+            bits.clear();
+            bits.resize(content.cell_count().div_ceil(64), 0);
         }
-        self.closed.clear();
-        self.closed.resize(content.cell_count().div_ceil(64), 0);
         self.front.clear();
         self.order.clear();
+        self.sifted.clear();
+        self.sifted.resize(content.max_count() as usize, (0, Side::Unknown));
+        if stage.rules.one_sided {
+            content.facing.planes(stage.sight.eye, &stage.tessellation.bounds(), &mut self.planes);
+        }
         (self.reached, self.projected) = (0, 0);
         self.taken.clear();
         self.taken.resize(stage.scene.index_limit().max(content.index_limit()).div_ceil(64), 0);
@@ -166,9 +170,7 @@ impl Walk {
         {
             // Whatever the planes say: all lines of sight begin here.
             if !self.enter(stage, cell) {
-                let known = &mut self.cells[cell as usize];
-                (known.state, known.crossed) = (State::Waiting, u16::MAX);
-                known.direction = stage.sight.direction(stage.tessellation.center(cell)).as_vec3();
+                self.know(stage, cell, u16::MAX);
                 clear(&mut self.closed, cell);
             }
             let first = match stage.rules.solidity {
@@ -196,79 +198,124 @@ impl Walk {
         }
     }
 
-    /// Makes a cell known to the frame. Whether it may be on the way to something in view and is not projected yet.
+    /// Makes a cell known to the frame. Whether it may be on the way to something in view and is not open yet.
     #[inline]
     fn enter<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) -> bool {
-        let known = &mut self.cells[cell as usize];
-        if known.frame == self.frame {
-            return known.state == State::Waiting;
+        if bit(&self.known, cell as usize) {
+            return !bit(&self.closed, cell as usize);
         }
-        *known = Cell { frame: self.frame, ..Cell::UNKNOWN };
+        set(&mut self.known, cell);
         let Place::Crossing(crossed) = stage.sight.place(&stage.tessellation.cell_bounds(cell)) else {
             set(&mut self.closed, cell);
             return false;
         };
-        (known.state, known.crossed) = (State::Waiting, crossed);
+        self.know(stage, cell, crossed);
+        true
+    }
+
+    /// Fills in what a cell's neighbours and its content ask for.
+    #[inline]
+    fn know<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32, crossed: u16) {
+        let content = stage.tessellation.content();
+        let mut known = Cell { crossed, left: if content.is_empty(cell) { 0 } else { ALL }, ..Cell::UNKNOWN };
         if stage.rules.solidity == Solidity::Coverage {
             let center = stage.tessellation.center(cell);
             let direction = stage.sight.direction(center);
+            let area = stage.tessellation.projected_area(cell, direction);
             known.direction = direction.as_vec3();
-            known.area = stage.tessellation.projected_area(cell, direction);
-            known.worth =
-                worth(stage.tessellation.content(), &stage.sight, cell, center, direction, known.area);
+            known.area = area as f32;
+            known.nearness = nearness(&stage.sight, center, area);
+            known.worth = content.largest(cell).map_or(1.0, |area| worth(area * known.nearness));
         }
-        true
+        self.cells[cell as usize] = known;
     }
 
     /// Puts a cell into the front, or again with another value.
     #[inline]
     fn put<T: ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32, value: f32) {
         let known = &mut self.cells[cell as usize];
-        if known.ticket != u32::MAX && known.value == value {
+        if known.value == value {
             return;
         }
-        self.reached += u64::from(known.ticket == u32::MAX);
+        self.reached += u64::from(known.value.is_nan());
         known.value = value;
         let solidity = match stage.rules.solidity {
             Solidity::Coverage => 1.0 - value * known.worth,
             Solidity::Count => value,
         };
-        known.ticket = self.front.push(solidity, cell);
+        self.front.push(solidity, cell);
     }
 
     /// Takes the least solid cell out of the front.
     #[inline]
     pub(crate) fn next(&mut self) -> Option<u32> {
-        while let Some(entry) = self.front.pop() {
-            let known = &self.cells[entry.cell as usize];
-            if known.ticket == entry.ticket && known.state == State::Waiting {
-                return Some(entry.cell);
+        while let Some(cell) = self.front.pop() {
+            // What was finished otherwise may have been put in again meanwhile, by its neighbours.
+            if !bit(&self.closed, cell as usize) || self.has_content(cell) {
+                return Some(cell);
             }
         }
         None
     }
 
-    /// Puts a cell back into the front as it was.
-    pub(crate) fn put_back<T: ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
-        let value = self.cells[cell as usize].value;
-        self.cells[cell as usize].ticket = u32::MAX;
-        self.reached -= 1;
-        self.put(stage, cell, value);
+    /// Goes on with a cell out of the front: through it when it comes first, then through its layers each time it comes again.
+    #[inline]
+    pub(crate) fn step<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) -> Projected {
+        if !bit(&self.closed, cell as usize) {
+            self.go_through(stage, cell);
+        }
+        if self.project(stage, cell, false) == Projected::Cut {
+            return Projected::Cut;
+        }
+        let known = &self.cells[cell as usize];
+        if known.left > 0 {
+            let solidity = match stage.rules.solidity {
+                Solidity::Coverage => {
+                    let class = self.layers(stage, cell).class().unwrap_or(0);
+                    1.0 - known.value * worth(area_of(class) * known.nearness)
+                }
+                // As in the paper, all that a cell holds at once.
+                Solidity::Count => 0.0,
+            };
+            self.front.push(solidity, cell);
+        }
+        Projected::Whole
+    }
+
+    /// Puts a cell back into the front.
+    pub(crate) fn put_back(&mut self, cell: u32) {
+        self.front.push(0.0, cell);
     }
 
     /// Takes a cell out of the frame: nothing goes through it.
     pub(crate) fn shut(&mut self, cell: u32) {
-        self.cells[cell as usize].state = State::Outside;
+        self.cells[cell as usize].left = 0;
         set(&mut self.closed, cell);
     }
 
-    /// Whether a cell that was taken out of the front may still be projected.
-    pub(crate) fn is_open(&self, cell: u32) -> bool {
-        self.cells[cell as usize].state == State::Waiting
+    /// Whether a cell holds what is not projected yet.
+    pub(crate) fn has_content(&self, cell: u32) -> bool {
+        self.cells[cell as usize].left > 0
     }
 
-    /// Projects what a cell holds, each object once, as far as the budget lasts.
-    pub(crate) fn project<T: Tessellation + ?Sized>(
+    /// Projects all that is left in a cell whatever the budget, and goes through it, if it was not shut and neither was done yet.
+    pub(crate) fn finish<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
+        while self.has_content(cell) {
+            self.project(stage, cell, true);
+        }
+        if !bit(&self.closed, cell as usize) {
+            self.go_through(stage, cell);
+        }
+    }
+
+    /// The layers of a cell that are not projected yet.
+    #[inline]
+    fn layers<'a, T: Tessellation + ?Sized>(&self, stage: &Stage<'a, T>, cell: u32) -> Layers<'a> {
+        stage.tessellation.content().layers(cell).with_left(self.cells[cell as usize].left as usize)
+    }
+
+    /// Projects the next layer of a cell, each object once, as far as the budget lasts.
+    fn project<T: Tessellation + ?Sized>(
         &mut self,
         stage: &Stage<'_, T>,
         cell: u32,
@@ -276,46 +323,68 @@ impl Walk {
     ) -> Projected {
         let content = stage.tessellation.content();
         let crossed = self.cells[cell as usize].crossed;
-        let toward = (stage.rules.one_sided && content.count(cell) > 0)
+        let mut layers = self.layers(stage, cell);
+        let Some(mut layer) = layers.next() else {
+            self.cells[cell as usize].left = 0;
+            return Projected::Whole;
+        };
+        // Without branches on what cannot be foretold: every object is written down, and counts if it is new and does not turn its back.
+        let toward = stage
+            .rules
+            .one_sided
             .then(|| Toward::new(stage.sight.eye, &stage.tessellation.cell_bounds(cell)));
-        for index in content.primitives(cell) {
-            let index = index as usize;
-            let Some(word) = self.taken.get_mut(index / 64) else { continue };
-            if *word >> (index % 64) & 1 != 0 {
+        let mut count = 0;
+        for _ in 0..layer.left {
+            let index = layer.take();
+            let (place, mark) = (index as usize / 64, 1u64 << (index % 64));
+            let (Some(word), Some(sifted)) = (self.taken.get_mut(place), self.sifted.get_mut(count)) else {
                 continue;
+            };
+            let is_new = *word & mark == 0;
+            *word |= mark;
+            let side = toward
+                .as_ref()
+                .map_or(Side::Front, |toward| content.facing.side(index as usize, toward, &self.planes));
+            *sifted = (index, side);
+            count += usize::from(is_new & (side != Side::Back));
+        }
+        layers.pass(&layer);
+        self.seen.clear();
+        for &(index, side) in &self.sifted[..count] {
+            if let Some(id) = stage.visible.id_at(stage.scene, index as usize) {
+                self.seen.push((id, side));
             }
-            *word |= 1 << (index % 64);
-            let side = toward.as_ref().map_or(Side::Front, |toward| content.facing.side(index, toward));
-            if side == Side::Back {
-                continue;
-            }
-            let Some(id) = stage.scene.id_at(index) else { continue };
-            // Cheaper than to ask the set.
-            if (side == Side::Unknown || crossed != 0) && is_out_of_sight(stage, id, side, crossed) {
-                continue;
-            }
-            if !stage.visible.contains(stage.scene, id) {
-                continue;
-            }
+        }
+        let mut count = 0;
+        for place in 0..self.seen.len() {
+            let (id, side) = self.seen[place];
+            let hidden = (side == Side::Unknown || crossed != 0) && is_out_of_sight(stage, id, side, crossed);
+            self.seen[count] = (id, side);
+            count += usize::from(!hidden);
+        }
+        self.seen.truncate(count);
+        for (place, &(id, _)) in self.seen.iter().enumerate() {
             if !unlimited {
                 let cost = self.cost(stage, id);
                 if cost > self.left {
-                    self.taken[index / 64] &= !(1 << (index % 64));
+                    for (id, _) in &self.seen[place..] {
+                        clear(&mut self.taken, id.index() as u32);
+                    }
                     return Projected::Cut;
                 }
                 self.left -= cost;
             }
             self.order.push(id);
         }
-        self.cells[cell as usize].state = State::Done;
-        set(&mut self.closed, cell);
-        self.projected += 1;
+        self.cells[cell as usize].left = layers.len() as u32;
         Projected::Whole
     }
 
-    /// Hands the solidity of a projected cell on to those neighbours that lines of sight may enter from it, and puts them into the front.
+    /// Hands the solidity of a cell on to those neighbours that lines of sight may enter from it, and puts them into the front.
     #[inline]
-    pub(crate) fn hand_on<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
+    fn go_through<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
+        set(&mut self.closed, cell);
+        self.projected += 1;
         let tessellation = stage.tessellation;
         let known = &self.cells[cell as usize];
         let direction = match stage.rules.solidity {
@@ -337,9 +406,10 @@ impl Walk {
             let known = &self.cells[neighbour as usize];
             let value = match stage.rules.solidity {
                 Solidity::Coverage => {
-                    let more =
-                        through * share(known.area, known.direction.as_dvec3(), face.normal, face.area);
-                    (known.value + more as f32).min(1.0)
+                    let (area, direction) = (f64::from(known.area), known.direction.as_dvec3());
+                    let more = through * share(area, direction, face.normal, face.area);
+                    // What is not a number yet counts as none.
+                    (known.value.max(0.0) + more as f32).min(1.0)
                 }
                 Solidity::Count => {
                     count_solidity(tessellation, &stage.sight, &from, face, tessellation.center(neighbour))
@@ -354,9 +424,9 @@ impl Walk {
 /// The share of a surface cell's light that comes from outside.
 fn surface_light<T: Tessellation + ?Sized>(stage: &Stage<'_, T>, cell: u32, known: &Cell) -> f64 {
     let mut inner = 0.0;
-    let direction = known.direction.as_dvec3();
+    let (area, direction) = (f64::from(known.area), known.direction.as_dvec3());
     stage.tessellation.for_each_face(cell, &|_| true, &mut |face| {
-        inner += share(known.area, direction, -face.normal, face.area);
+        inner += share(area, direction, -face.normal, face.area);
     });
     (1.0 - inner).max(0.0)
 }
@@ -368,5 +438,5 @@ fn is_out_of_sight<T: ?Sized>(stage: &Stage<'_, T>, id: ObjectId, side: Side, cr
     if triangles.is_empty() || triangles.len() > FEW {
         return false;
     }
-    (side == Side::Unknown && stage.sight.sees_backs(triangles)) || stage.sight.is_outside(triangles, crossed)
+    ((side == Side::Unknown) & stage.sight.sees_backs(triangles)) | stage.sight.is_outside(triangles, crossed)
 }

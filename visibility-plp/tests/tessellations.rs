@@ -152,8 +152,8 @@ fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<StoreEr
     longer.push(0);
     assert!(matches!(load(&longer, scene), Some(StoreError::Length { .. })));
     let mut newer = bytes.to_vec();
-    newer[8] = 2;
-    assert_eq!(load(&newer, scene), Some(StoreError::Version { found: 2 }));
+    newer[8] = 9;
+    assert_eq!(load(&newer, scene), Some(StoreError::Version { found: 9 }));
     assert_eq!(load(b"something else", scene), Some(StoreError::Magic));
     let mut other = scene.clone();
     let id = other.ids().next().unwrap();

@@ -10,6 +10,7 @@ use std::time::Instant;
 use visibility_core::VisibleSet;
 use visibility_core::measure::ItemBuffer;
 use visibility_core::{Culler, FrustumCuller};
+use visibility_examples::picture_size::parse_size;
 use visibility_examples::plp::conservative::{Effort, conservative, front_to_back, frustum};
 use visibility_examples::plp::{BUDGETS, Coverage, Method, TriangleWorld, coverage, plot, right_and_wrong};
 use visibility_examples::walkthrough::World;
@@ -29,9 +30,12 @@ struct Arguments {
     /// Number of frames, spread evenly over the walks. By default every key of the walks is a frame.
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
-    /// Side of the square pictures that visibility is measured in.
-    #[arg(long, default_value_t = 1024)]
-    size: u32,
+    /// Only walks whose names hold this, such as `streets`.
+    #[arg(long, value_name = "NAME")]
+    walk: Option<String>,
+    /// Picture size that visibility is measured in.
+    #[arg(long, default_value = "1024x1024", value_name = "WxH", value_parser = parse_size::<u32>)]
+    size: [u32; 2],
     /// A leaf with more corners of triangles than this is cut in eight.
     #[arg(long, default_value_t = Fineness::default().vertices)]
     vertices: usize,
@@ -61,18 +65,21 @@ fn main() -> ExitCode {
 
 fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let name = &arguments.scene;
-    let source = if let Some(car) = name.strip_prefix("cars5:") {
+    let mut source = if let Some(car) = name.strip_prefix("cars5:") {
         cars5(Path::new(car))?
     } else if Path::new(name).extension().is_some() {
         load(Path::new(name))?
     } else {
         built_in(name)?
     };
+    if let Some(wanted) = &arguments.walk {
+        source.walks.retain(|walk| walk.name.contains(wanted));
+    }
     if arguments.conservative {
         let world = World::new(source, (16 * 160, 9 * 160), arguments.frames)?;
         return show_conservative(&world);
     }
-    let world = World::new(source, (arguments.size, arguments.size), arguments.frames)?;
+    let world = World::new(source, arguments.size.into(), arguments.frames)?;
     let world = TriangleWorld::new(&world);
     let fineness = Fineness { vertices: arguments.vertices, halvings: arguments.halvings };
     let start = Instant::now();
@@ -108,7 +115,7 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     // The frame in which sorting by distance is most wrong at the least budget: there a picture tells most.
     let wrong = &coverage.found[0][0].wrong;
     let worst = (0..wrong.len()).max_by(|&a, &b| wrong[a].total_cmp(&wrong[b])).unwrap_or(0);
-    let mut buffer = ItemBuffer::new(arguments.size, arguments.size)?;
+    let mut buffer = ItemBuffer::new(arguments.size[0], arguments.size[1])?;
     let seen = world.see(&world.views[worst], &mut buffer)?;
     for (method, name) in [(0, "centroid"), (BEST, "octree"), (2, "delaunay")] {
         let mut drawn = methods[method].order(&world.views[worst], &seen);

@@ -101,14 +101,14 @@ impl Coverage {
     }
 }
 
-/// Runs methods over all frames of a world, in pictures of `size` by `size` pixels.
+/// Runs methods over all frames of a world, in pictures of that width and height.
 pub fn coverage(
     world: &TriangleWorld,
     methods: &mut [Method<'_>],
-    size: u32,
+    size: [u32; 2],
     progress: impl Fn(),
 ) -> Result<Coverage, MeasureError> {
-    let mut buffer = ItemBuffer::new(size, size)?;
+    let mut buffer = ItemBuffer::new(size[0], size[1])?;
     let names = methods.iter().map(|method| method.name.clone()).collect();
     let mut coverage =
         Coverage { exact: Vec::new(), names, found: methods.iter().map(|_| Default::default()).collect() };

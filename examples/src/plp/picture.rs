@@ -15,16 +15,16 @@ pub fn right_and_wrong(
     world: &TriangleWorld,
     view: &View,
     drawn: &[u32],
-    size: u32,
+    [width, height]: [u32; 2],
 ) -> Result<Canvas, MeasureError> {
-    let mut buffer = ItemBuffer::new(size, size)?;
+    let mut buffer = ItemBuffer::new(width, height)?;
     let seen = world.see(view, &mut buffer)?;
     let items = seen.candidates.iter().map(|&i| (i, std::slice::from_ref(&world.triangles[i as usize])));
     buffer.draw(view, DVec3::ZERO, items)?;
-    let mut canvas = Canvas::new(size, size, NOTHING);
-    for row in 0..size {
-        for column in 0..size {
-            let item = buffer.items()[(row * size + column) as usize];
+    let mut canvas = Canvas::new(width, height, NOTHING);
+    for row in 0..height {
+        for column in 0..width {
+            let item = buffer.items()[(row * width + column) as usize];
             if item != NONE {
                 let triangle = seen.candidates[item as usize];
                 let right = drawn.binary_search(&triangle).is_ok();
