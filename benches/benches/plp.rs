@@ -1,6 +1,8 @@
 //! Prioritized-layered projection: cutting a scene into cells, a frame by budget, and the front's operations.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::hint::black_box;
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
@@ -73,7 +75,7 @@ fn frame(criterion: &mut Criterion) {
         }
     }
     let cells = octree.content().cell_count() as u32;
-    assert!(cells > 1000);
+    assert!(cells > 500);
     group.finish();
 }
 
@@ -81,18 +83,51 @@ fn front(criterion: &mut Criterion) {
     const CELLS: u32 = 4096;
     let mut group = criterion.benchmark_group("plp_front");
     group.throughput(Throughput::Elements(CELLS.into()));
-    // As many cells as a frame reaches, each entered twice: the second time less solid, as when light comes through another face.
-    group.bench_function("push_twice_and_pop", |bencher| {
+    // As many cells as a frame reaches, each entered twice, the second time less solid, as when light comes through another face; and one taken
+    // out for every two that are entered, as in a walk.
+    let solidity = |cell: u32, turn: f32| (cell.wrapping_mul(2_654_435_761) >> 8) as f32 * 1e-8 + turn;
+    group.bench_function("decrease_key", |bencher| {
         let mut front = Front::default();
         bencher.iter(|| {
             front.clear();
-            for turn in [0.5, 0.25] {
-                for cell in 0..CELLS {
-                    front.push((cell.wrapping_mul(2_654_435_761) >> 8) as f32 * 1e-8 + turn, cell);
+            for cell in 0..CELLS {
+                front.push(solidity(cell, 0.5), cell);
+                front.push(solidity(cell / 2, 0.25), cell / 2);
+                if cell % 2 == 0 {
+                    black_box(front.pop());
                 }
             }
-            while let Some(entry) = front.pop() {
-                black_box(entry);
+            while let Some(cell) = front.pop() {
+                black_box(cell);
+            }
+        });
+    });
+    group.bench_function("lazy_deletion", |bencher| {
+        let mut heap = BinaryHeap::new();
+        let mut newest = vec![0u32; CELLS as usize];
+        bencher.iter(|| {
+            let mut ticket = 0;
+            heap.clear();
+            let mut push = |heap: &mut BinaryHeap<_>, newest: &mut [u32], solidity: f32, cell: u32| {
+                ticket += 1;
+                heap.push(Reverse((u64::from(solidity.to_bits()) << 32 | u64::from(ticket), cell)));
+                newest[cell as usize] = ticket;
+            };
+            let pop = |heap: &mut BinaryHeap<Reverse<(u64, u32)>>, newest: &[u32]| loop {
+                let Reverse((key, cell)) = heap.pop()?;
+                if newest[cell as usize] == key as u32 {
+                    return Some(cell);
+                }
+            };
+            for cell in 0..CELLS {
+                push(&mut heap, &mut newest, solidity(cell, 0.5), cell);
+                push(&mut heap, &mut newest, solidity(cell / 2, 0.25), cell / 2);
+                if cell % 2 == 0 {
+                    black_box(pop(&mut heap, &newest));
+                }
+            }
+            while let Some(cell) = pop(&mut heap, &newest) {
+                black_box(cell);
             }
         });
     });

@@ -11,16 +11,17 @@ use visibility_plp::{OctreeTessellation, Solidity};
 
 const JUDGE: (u32, u32) = (2560, 1440);
 
-fn check(source: SceneSource, frames: usize) {
-    let world = World::new(source, JUDGE, Some(frames)).unwrap();
-    let list = "frustum,cplp:10%,cplp:1%,cplp:0%,hzb-plp:2%";
+/// Walks through a scene, in frames spread evenly over it or in all of them.
+fn check(source: SceneSource, frames: Option<usize>) {
+    let world = World::new(source, JUDGE, frames).unwrap();
+    let list = "frustum,cplp,cplp:10%,cplp:0%,hzb-plp:2%";
     let trials: Vec<_> = cullers::parse(list, &world)
         .unwrap()
         .into_iter()
         .map(|(name, pipeline)| run(name, pipeline, &world))
         .collect();
     let judgement = judge(&world, &trials, || ()).unwrap();
-    print!("{}: exact {:.1}", world.source.name, judgement.mean_exact());
+    print!("{}: {} frames, exact {:.1}", world.source.name, world.views.len(), judgement.mean_exact());
     for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
         print!(", {} {:.1}", trial.name, trial.mean_visible());
         assert!(trial.accuracy.never_hides());
@@ -29,28 +30,46 @@ fn check(source: SceneSource, frames: usize) {
     println!();
 }
 
+fn check_stored(names: &[&str], frames: Option<usize>) {
+    for name in names {
+        if let Some(path) = shared_scenes::stored(name) {
+            check(load(&path).unwrap(), frames);
+        }
+    }
+}
+
+fn check_cars(frames: Option<usize>) {
+    if let Some(path) = shared_scenes::stored("car.vscn") {
+        check(cars5(&path).unwrap(), frames);
+    }
+}
+
 #[test]
 fn nothing_visible_is_hidden_in_built_in_scenes() {
-    for name in ["plpcity:1,1", "london", "town", "forest", "office"] {
-        check(built_in(name).unwrap(), 4);
+    for name in ["plpcity:1,1", "london", "town", "office"] {
+        check(built_in(name).unwrap(), Some(2));
     }
 }
 
 #[test]
 fn nothing_visible_is_hidden_in_reference_scenes() {
-    for name in ["clinic.vscn", "denhaag.vscn", "alpine1.vscn", "oa_dm2.vscn"] {
-        if let Some(path) = shared_scenes::stored(name) {
-            check(load(&path).unwrap(), 4);
-        }
+    check_stored(&["clinic.vscn", "denhaag.vscn", "oa_dm2.vscn"], Some(2));
+}
+
+/// Whole walks through everything: minutes, in release.
+#[test]
+#[ignore = "minutes"]
+fn nothing_visible_is_hidden_on_whole_walks() {
+    for name in ["plpcity:3,3", "london", "town", "forest", "office:7,24"] {
+        check(built_in(name).unwrap(), None);
     }
-    if let Some(path) = shared_scenes::stored("car.vscn") {
-        check(cars5(&path).unwrap(), 2);
-    }
+    check_stored(&["clinic.vscn", "clinic_mep.vscn", "denhaag.vscn", "alpine1.vscn", "oa_dm2.vscn"], None);
+    check_cars(None);
 }
 
 #[test]
 fn projection_misses_less_than_half_of_what_sorting_by_distance_misses() {
-    let world = World::new(built_in("plpcity:2,2").unwrap(), (512, 512), Some(12)).unwrap();
+    let world = World::new(built_in("plpcity:2,2").unwrap(), (320, 320), Some(9)).unwrap();
     let world = TriangleWorld::new(&world);
     let cells = Arc::new(OctreeTessellation::new(&world.scene));
     let mut methods = [
@@ -58,7 +77,7 @@ fn projection_misses_less_than_half_of_what_sorting_by_distance_misses() {
         Method::plp("coverage", &world, cells.clone(), Solidity::Coverage),
         Method::plp("count", &world, cells, Solidity::Count),
     ];
-    let coverage = coverage(&world, &mut methods, [512, 512], || ()).unwrap();
+    let coverage = coverage(&world, &mut methods, [320, 320], || ()).unwrap();
     for budget in 0..4 {
         let missed = [0, 1, 2].map(|method| coverage.missed(method, budget));
         println!("{missed:?}, {:.3}", coverage.ratio(1, budget));

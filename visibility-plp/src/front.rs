@@ -1,8 +1,7 @@
 //! The front: cells that are candidates for projection, least solid first, first come first served among equals.
 //!
-//! A heap of four children a node that knows where each cell is in it, so that a cell whose solidity changes is moved. That measures better
-//! than a binary heap with lazy deletion, in which such a cell is entered once more (the bench `plp` compares them): a walk changes its mind about
-//! every second cell, and a front without outdated entries stays in the nearest cache.
+//! A heap of four children a node that knows where each cell is in it, so that a cell whose solidity changes is moved. The bench `plp` holds it
+//! against a binary heap with lazy deletion, in which such a cell is entered once more.
 
 use alloc::vec::Vec;
 
@@ -12,7 +11,7 @@ const CHILDREN: usize = 4;
 /// The place of what is not in the front.
 const NOWHERE: u32 = u32::MAX;
 
-/// A priority queue of cells.
+/// A priority queue of cells. It remembers four bytes for each up to the greatest that it ever held.
 ///
 /// ```
 /// use visibility_plp::Front;
@@ -25,7 +24,7 @@ const NOWHERE: u32 = u32::MAX;
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Front {
-    /// Solidity with ticket, and cell. No entry comes before the one at its place less one, over [`CHILDREN`].
+    /// Solidity with ticket, and cell. No entry comes before the one above it, at its place less one over [`CHILDREN`].
     heap: Vec<(u64, u32)>,
     /// By cell, its place in the heap.
     places: Vec<u32>,

@@ -11,7 +11,7 @@ use visibility_core::VisibleSet;
 use visibility_core::measure::ItemBuffer;
 use visibility_core::{Culler, FrustumCuller};
 use visibility_examples::picture_size::parse_size;
-use visibility_examples::plp::conservative::{Effort, conservative, front_to_back, frustum};
+use visibility_examples::plp::conservative::{Effort, FINE, conservative, front_to_back, frustum};
 use visibility_examples::plp::{BUDGETS, Coverage, Method, TriangleWorld, coverage, plot, right_and_wrong};
 use visibility_examples::walkthrough::World;
 use visibility_examples::{built_in, cars5, load};
@@ -128,11 +128,11 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The paper's table 1, at three finenesses.
+/// The paper's table 1, at four finenesses, the first that of `walkthrough --cullers cplp`.
 fn show_conservative(world: &World) -> Result<(), Box<dyn Error>> {
     let total = world.source.triangle_count() as u64;
     println!("{}: {} triangles, {} frames", world.source.name, total, world.views.len());
-    for vertices in [128, 1000, 5000] {
+    for vertices in [FINE.vertices, 128, 1000, 5000] {
         let fineness = Fineness { vertices, halvings: 8 };
         let cells = Arc::new(OctreeTessellation::with_fineness(&world.scene, fineness));
         println!("at most {vertices} corners of triangles a cell: {} cells", cells.content().cell_count());

@@ -30,7 +30,7 @@ pub(crate) const SIDE: i32 = STEPS as i32 * FINER;
 /// A tessellation into tetrahedra.
 ///
 /// # Cost
-/// Ten microseconds a triangle to build; about 60 bytes a cell, and 1.2 for each cell that a primitive is in.
+/// Ten microseconds a triangle to build; about 60 bytes a cell, 1.2 for each cell that a primitive is in, and up to three a triangle.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, Scene};
@@ -69,7 +69,7 @@ fn place(block: [u16; 4], attempt: u32) -> Point {
 
 impl DelaunayTessellation {
     /// The fineness of the octree below it unless another is given: a leaf makes about seven tetrahedra.
-    pub const FINENESS: Fineness = Fineness { vertices: 1024, halvings: 8 };
+    pub const FINENESS: Fineness = Fineness { vertices: 2048, halvings: 8 };
 
     /// Cuts a scene, at the default fineness.
     pub fn new(scene: &Scene) -> Self {
