@@ -195,6 +195,34 @@ fn a_budget_of_nothing_hides_nothing() {
     assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503, "the wall has 12 triangles");
 }
 
+/// Two walls side by side with a box behind each, and a budget for one: the set's order says which.
+#[test]
+fn occluders_are_taken_in_the_order_of_the_set() {
+    let mut scene = Scene::new();
+    let mut side = |y: f32| {
+        let bounds = Aabb::from_arrays([10.0, y - 2.0, -2.0], [10.5, y + 2.0, 2.0]);
+        let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+        scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+        [wall, scene.insert(Aabb::from_arrays([14.0, y - 0.5, -0.5], [15.0, y + 0.5, 0.5]))]
+    };
+    let sides = [side(-2.5), side(2.5)];
+    for first in [0, 1] {
+        for budget in [11, 12, 23, 24] {
+            let mut culler = OcclusionCuller::new(PlainMap::new(96, 60))
+                .with_selection(Selection::Ordered)
+                .with_budget(budget);
+            let mut visible = VisibleSet::new();
+            visible.fill(&scene, &along_x());
+            visible.put_first(&scene, &[sides[first][0]]);
+            culler.cull(&scene, &along_x(), &mut visible);
+            let hidden =
+                [sides[first], sides[1 - first]].map(|[_, behind]| !visible.contains(&scene, behind));
+            assert_eq!(hidden, [budget >= 12, budget >= 24], "{first} first, {budget} triangles");
+        }
+    }
+}
+
 #[test]
 fn a_box_around_the_eye_or_through_the_near_plane_is_visible() {
     let Street { mut scene, .. } = street();

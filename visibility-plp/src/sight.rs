@@ -162,3 +162,45 @@ impl Sight {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Pose;
+
+    /// Triangles of whole numbers and eyes so near their planes that rounding would tell the wrong side: never a back that is a front.
+    #[test]
+    fn no_front_passes_for_a_back() {
+        let mut state = 3u64;
+        let mut random = move |below: i64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as i64 % (2 * below) - below
+        };
+        let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0);
+        let mut sight = Sight::new(&view.unwrap(), DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
+        let (mut backs, mut wrong_without) = (0, 0);
+        for round in 0..20_000 {
+            let [a, b, c] = [(); 3].map(|_| [(); 3].map(|_| random(1 << 23)));
+            let (s, t) = (random(1 << 27), random(1 << 27));
+            // In steps of 2^-20, the eye is in the plane or beside it, by a step or by many.
+            let beside = if round % 2 == 0 { random(2) } else { random(1 << 24) };
+            let eye = [0, 1, 2]
+                .map(|i| (a[i] << 20) + s * (b[i] - a[i]) + t * (c[i] - a[i]) + beside * i64::from(i == 0));
+            let minus = |p: [i64; 3], q: [i64; 3]| [0, 1, 2].map(|i| i128::from(p[i]) - i128::from(q[i]));
+            let (u, v, w) = (minus(b, a), minus(c, a), minus(eye, a.map(|x| x << 20)));
+            let cross = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
+            let exact: i128 = (0..3).map(|i| cross[i] * w[i]).sum();
+            let float = |p: [i64; 3]| DVec3::from_array(p.map(|x| x as f64));
+            let eye = float(eye) / f64::from(1 << 20);
+            sight.eye = Eye::Point(eye);
+            let triangle = [a, b, c].map(|p| float(p).as_vec3());
+            if sight.sees_backs(&[triangle]) {
+                assert!(exact < 0, "{triangle:?} from {eye}");
+                backs += 1;
+            }
+            let [p, q, r] = triangle.map(|p| p.as_dvec3());
+            wrong_without += i32::from((q - p).cross(r - p).dot(eye - p) < 0.0 && exact > 0);
+        }
+        assert!(backs > 100 && wrong_without > 10, "{backs} backs, {wrong_without} wrong without a margin");
+    }
+}

@@ -254,6 +254,26 @@ mod tests {
         check(&mesh, side.into(), true);
     }
 
+    /// After every point: what it leaves free is filled from the end, and neighbours learn of it.
+    #[test]
+    fn gaps_are_closed() {
+        let mut state = 5u64;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) as i32 % 65535 + 1
+        };
+        let (mut mesh, mut gaps) = (Mesh::cube(1 << 16), 0);
+        for number in 0..400 {
+            let last = mesh.cells.len() as u32 - 1;
+            assert!(mesh.insert([random(), random(), random()], last.min(number)).is_some());
+            gaps += mesh.free.len();
+            mesh.close_gaps();
+            assert!(mesh.free.is_empty());
+            check(&mesh, 1 << 16, false);
+        }
+        assert!(gaps > 5, "{gaps}");
+    }
+
     #[test]
     fn points_of_a_grid_are_moved_until_none_is_flat() {
         let points: Vec<Point> =
