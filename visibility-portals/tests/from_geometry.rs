@@ -250,6 +250,23 @@ fn leaks_are_named_by_their_portals() {
 }
 
 #[test]
+fn cells_behind_the_outermost_polygons_reach_out() {
+    // A house without a margin around it, and in it a room under the roof, or one on the ground: polygons lie in the boundary of the whole.
+    for room in [[3.0, 5.0], [-5.0, -3.0]] {
+        let boxes = [
+            [DVec3::splat(-5.0), DVec3::splat(5.0)],
+            [DVec3::new(-1.0, -1.0, room[0]), DVec3::new(1.0, 1.0, room[1])],
+        ];
+        let settings = PolygonSettings { margin: 0.0, ..PolygonSettings::default() };
+        let cells = from_polygons(&triangles(&boxes, DMat3::IDENTITY), &settings).unwrap();
+        let bodies = Viewcells::new(cells.viewcells.iter().cloned());
+        let cell = bodies.locate(DVec3::new(0.1, 0.2, (room[0] + room[1]) / 2.0)).unwrap();
+        assert!(cells.outside.contains(&cell), "{room:?}: {:?} of {}", cells.outside, bodies.cells().len());
+        assert!(cells.graph.portals_of(cell).is_empty());
+    }
+}
+
+#[test]
 fn gaps_thinner_than_the_tolerance_close_and_wider_ones_stay() {
     for (gap, portals) in [(1e-6, 0), (1e-2, 1)] {
         let wall = |y: [f64; 2]| {
