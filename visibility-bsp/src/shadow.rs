@@ -246,3 +246,30 @@ impl Shadows {
         Some(BackPlane { normal, offset })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_behind_or_before_a_plane_only_if_they_exactly_are() {
+        // Whole numbers, whose products a double cannot hold, but 128 bits can.
+        let mut state = 7u64;
+        let mut whole = |bits: u32| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> (63 - bits)) as i64 - (1 << bits)
+        };
+        let mut decided = 0;
+        for round in 0..100_000 {
+            let (n, p) = ([whole(50), whole(50), whole(50)], [whole(23), whole(23), whole(23)]);
+            let [normal, point] = [n, p].map(|v| DVec3::from_array(v.map(|x| x as f64)));
+            let offset = -normal.dot(point) * (1.0 + f64::from(round % 64 - 32) * U);
+            let plane = BackPlane { normal, offset };
+            let exact = (0..3).map(|i| i128::from(n[i]) * i128::from(p[i])).sum::<i128>() + offset as i128;
+            let side = plane.side(point, point);
+            assert!(side == 0 || side == exact.signum() as i32, "{side}: {exact} at {point} of {plane:?}");
+            decided += i32::from(side != 0);
+        }
+        assert!(decided > 10_000, "{decided}");
+    }
+}
