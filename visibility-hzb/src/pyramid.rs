@@ -253,3 +253,61 @@ impl Walk<'_> {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// SplitMix64.
+    struct Random(u64);
+
+    impl Random {
+        fn below(&mut self, limit: usize) -> usize {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((z ^ z >> 31) % limit as u64) as usize
+        }
+
+        fn range(&mut self, size: usize) -> [u32; 2] {
+            let (a, b) = (self.below(size), self.below(size));
+            let end = if self.below(2) == 0 { a.max(b) } else { (a.min(b) + self.below(12)).min(size - 1) };
+            [a.min(b) as u32, end as u32 + 1]
+        }
+    }
+
+    #[test]
+    fn rectangles_are_hidden_where_all_their_pixels_are() {
+        let mut random = Random(1);
+        let (mut hidden, mut coarsely) = (0, 0);
+        for size in [[100, 60], [24, 200], [64, 64]] {
+            for _ in 0..60 {
+                let mut tiles = Tiles::new(size[0], size[1]);
+                // All of it at first, some of it nearer, and parts of tiles nearer still.
+                for tile in 0..tiles.columns * tiles.rows {
+                    if random.below(40) > 0 {
+                        tiles.cover(tile, u64::MAX, 1.0 + random.below(2) as f32, 0);
+                    }
+                    for _ in 0..random.below(4) {
+                        let mask = (random.below(1 << 62) as u64) << random.below(32);
+                        tiles.cover(tile, mask, 1.0 + random.below(5) as f32, 0);
+                    }
+                }
+                let mut pyramid = Pyramid::new(&tiles);
+                pyramid.update(&mut tiles);
+                for _ in 0..200 {
+                    let rectangle =
+                        Rectangle { columns: random.range(size[0]), lines: random.range(size[1]) };
+                    let nearness = 0.5 + random.below(3) as f32;
+                    let [x, y] = [rectangle.columns, rectangle.lines].map(|[a, b]| a as usize..b as usize);
+                    let all = y.clone().all(|y| x.clone().all(|x| tiles.pixel(x, y) > nearness));
+                    assert_eq!(pyramid.hides(&tiles, &rectangle, nearness), all, "{rectangle:?}");
+                    let coarse = pyramid.hides_coarsely(&tiles, &rectangle, nearness);
+                    assert!(all || !coarse, "{rectangle:?}");
+                    (hidden, coarsely) = (hidden + usize::from(all), coarsely + usize::from(coarse));
+                }
+            }
+        }
+        assert!(hidden > 1000 && coarsely > 500, "{hidden} hidden, {coarsely} at first glance");
+    }
+}

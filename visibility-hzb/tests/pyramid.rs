@@ -1,7 +1,7 @@
 //! The pyramid is brought up to date from what has changed; it must be the one that a new start would give.
 
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
-use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
+use visibility_core::{Aabb, OccluderMesh, Occlusion, OcclusionMap, Pose, View};
 use visibility_hzb::Hzb;
 
 fn view() -> View {
@@ -90,4 +90,21 @@ fn what_covers_everything_reaches_the_top() {
         let (_, _, top) = hzb.level(hzb.levels() - 1).unwrap();
         assert!((top[0] - 1.0 / x).abs() < 1e-3, "{top:?}");
     }
+}
+
+#[test]
+fn what_begins_before_a_wall_is_drawn_though_it_ends_behind_it() {
+    let view =
+        View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, f64::INFINITY)
+            .unwrap();
+    let mut hzb = Hzb::new(128, 128).unwrap();
+    hzb.begin(&view, DVec3::ZERO);
+    let mut add = |min, max| {
+        hzb.add(&OccluderMesh::cuboid(&Aabb::from_arrays(min, max)).unwrap(), &Affine3A::IDENTITY);
+        // So that the pyramid knows of it when the next comes.
+        hzb.flush();
+    };
+    add([10.0, -20.0, -20.0], [11.0, 20.0, 20.0]);
+    add([5.0, -2.0, -2.0], [20.0, 2.0, 2.0]);
+    assert_eq!(hzb.test(&Aabb::from_arrays([7.0, -1.0, -1.0], [9.0, 1.0, 1.0])), Occlusion::Hidden);
 }
