@@ -223,3 +223,39 @@ impl Slabs {
         tiles.undecided(tile, pixels, [left, right, top, bottom], most, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_is_before_a_bound_where_it_is_at_all_corners() {
+        let mut slabs = Slabs {
+            slope: [[0.0; LANES]; 2],
+            constant: [0.5; LANES],
+            upper: [0.0; LANES],
+            lower: [f64::INFINITY; LANES],
+        };
+        slabs.slope = [
+            [0.25, -0.25, 0.125, -0.125, 0.0, 0.5, -0.5, 0.0],
+            [0.125, 0.25, -0.25, -0.5, 0.0, -0.25, 0.5, 0.25],
+        ];
+        slabs.upper[7] = f64::INFINITY;
+        let sides @ [left, right, top, bottom] = [8.0, 13.0, 16.0, 24.0];
+        let (mut yes, mut no) = (0, 0);
+        for i in 0..625 {
+            let [a, b, c] = [i % 5, i / 5 % 5, i / 25].map(|k| f64::from(k) * 0.25 - 0.5);
+            let below = slabs.below([a, b, c * 4.0], sides);
+            for lane in 0..LANES {
+                let at = |x: f64, y: f64| {
+                    (a - slabs.slope[0][lane]) * x + (b - slabs.slope[1][lane]) * y + c * 4.0 - 0.5
+                };
+                let all = [(left, top), (right, top), (left, bottom), (right, bottom)];
+                let before = all.iter().all(|&(x, y)| at(x, y) > slabs.upper[lane]);
+                assert_eq!(below[lane], before, "{a} {b} {c}, side {lane}");
+                *(if before { &mut yes } else { &mut no }) += 1;
+            }
+        }
+        assert!(yes > 500 && no > 500, "{yes} {no}");
+    }
+}
