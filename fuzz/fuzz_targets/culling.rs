@@ -106,6 +106,10 @@ fn is_of_a_camera(view: &View) -> bool {
         Depth::ZeroToOne | Depth::Infinite => z,
         Depth::Reversed | Depth::ReversedInfinite => w - z,
     };
+    // A near plane without a direction leaves nothing in view, or everything.
+    if near.truncate().abs().max_element() == 0.0 {
+        return false;
+    }
     match view.eye(view.origin()) {
         Eye::Point(eye) => near.dot(eye.extend(1.0)) < -1e-9 * near.abs().dot(eye.abs().extend(1.0)),
         Eye::Direction(_) => true,
