@@ -20,7 +20,7 @@ pub struct Effort {
 impl Effort {
     /// For results that are kept.
     pub const FULL: Self =
-        Self { frames: 40, measure: Duration::from_millis(400), patience: Duration::from_secs(4) };
+        Self { frames: 40, measure: Duration::from_millis(400), patience: Duration::from_secs(60) };
     /// For a look.
     pub const QUICK: Self =
         Self { frames: 6, measure: Duration::from_millis(20), patience: Duration::from_millis(500) };
