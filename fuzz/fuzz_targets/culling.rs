@@ -9,18 +9,10 @@ mod oracle;
 
 use common::Random;
 use libfuzzer_sys::fuzz_target;
-use visibility_core::{Accuracy, Depth, Eye, View, VisibleSet};
+use visibility_core::glam::DVec4;
+use visibility_core::{Eye, View, VisibleSet};
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{SceneSource, SourceObject};
-
-const DEPTHS: [Depth; 6] = [
-    Depth::NegativeOneToOne,
-    Depth::NegativeOneToOneInfinite,
-    Depth::ZeroToOne,
-    Depth::Infinite,
-    Depth::Reversed,
-    Depth::ReversedInfinite,
-];
 
 /// Takes numbers off the front of the bytes.
 struct Bytes<'a>(&'a [u8]);
@@ -55,7 +47,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut views = Vec::new();
     for _ in 0..2 {
         let (Some(depth), Some(matrix)) = (bytes.byte(), bytes.numbers::<16>()) else { return };
-        let view = View::from_clip_from_world(matrix, DEPTHS[usize::from(depth) % 6]);
+        let view = View::from_clip_from_world(matrix, common::DEPTHS[usize::from(depth) % 6]);
         views.extend(view.ok().filter(is_of_a_camera));
     }
     let mut objects = vec![SourceObject::new("0", Vec::new())];
@@ -89,9 +81,8 @@ fuzz_target!(|bytes: &[u8]| {
         if !pipeline.accuracy().never_hides() {
             continue;
         }
-        let narrowest = if pipeline.accuracy() == Accuracy::Exact { 2e-7 } else { 0.0 };
         for index in (0..seen.len()).filter(|&index| !seen[index]) {
-            let point = oracle::seen_point(&world, view, index, narrowest, &mut Random(1), &mut 0);
+            let point = oracle::seen_point(&world, view, index, pipeline.accuracy(), &mut Random(1), &mut 0);
             assert_eq!(point, None, "{} hides object {index}", known.name);
         }
     }
@@ -100,12 +91,8 @@ fuzz_target!(|bytes: &[u8]| {
 /// Whether the near plane lies before the eye, as a view asks of its matrix.
 fn is_of_a_camera(view: &View) -> bool {
     let clip = view.clip_from(view.origin());
-    let (z, w) = (clip.row(2), clip.row(3));
-    let near = match view.depth() {
-        Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => w + z,
-        Depth::ZeroToOne | Depth::Infinite => z,
-        Depth::Reversed | Depth::ReversedInfinite => w - z,
-    };
+    let near: DVec4 =
+        common::clip_planes(view.depth())[4].iter().map(|&(row, sign)| clip.row(row) * sign).sum();
     // A near plane without a direction leaves nothing in view, or everything.
     if near.truncate().abs().max_element() == 0.0 {
         return false;

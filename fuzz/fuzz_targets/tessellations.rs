@@ -5,6 +5,7 @@ use libfuzzer_sys::fuzz_target;
 use std::sync::{Arc, LazyLock};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_fuzz::mend;
 use visibility_plp::{Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Tessellation};
 
 /// A small scene, and what is stored of it.
@@ -44,17 +45,6 @@ fuzz_target!(|bytes: &[u8]| {
         DelaunayTessellation::from_bytes(&stored, scene).map(|cells| project(scene, cells)).ok();
     }
 });
-
-/// The checksum is no defence against whoever wrote the bytes wrong, so it is made right.
-fn mend(bytes: &mut [u8]) {
-    let length = bytes.len() as u64;
-    bytes[24..32].copy_from_slice(&length.to_le_bytes());
-    let all = bytes[..32].iter().chain(&bytes[40..]);
-    let sum = all.fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    });
-    bytes[32..40].copy_from_slice(&sum.to_le_bytes());
-}
 
 fn project(scene: &Scene, cells: impl Tessellation + Send + Sync + 'static) {
     let mut pipeline = Pipeline::new()

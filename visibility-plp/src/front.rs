@@ -88,12 +88,10 @@ impl Front {
             if other.0 <= entry.0 {
                 break;
             }
-            self.heap[place] = other;
-            self.places[other.1 as usize] = place as u32;
+            self.put(place, other);
             place = above;
         }
-        self.heap[place] = entry;
-        self.places[entry.1 as usize] = place as u32;
+        self.put(place, entry);
     }
 
     /// Moves what is below a place up as long as it must come before the entry.
@@ -107,10 +105,15 @@ impl Front {
             if entry.0 <= other.0 {
                 break;
             }
-            self.heap[place] = other;
-            self.places[other.1 as usize] = place as u32;
+            self.put(place, other);
             place = least;
         }
+        self.put(place, entry);
+    }
+
+    /// Writes an entry to a place, and where it is now.
+    #[inline]
+    fn put(&mut self, place: usize, entry: (u64, u32)) {
         self.heap[place] = entry;
         self.places[entry.1 as usize] = place as u32;
     }

@@ -60,16 +60,10 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let name = world.source.name.clone();
         let total = wanted.len();
         let mut count = 0;
-        let swept = sweep(
-            &world,
-            &wanted,
-            effort,
-            || MEMORY.current_usage(),
-            |what| {
-                count += 1;
-                eprint!("\r\x1b[2K{name}: {count} of {total}: {what}");
-            },
-        )?;
+        let swept = sweep(&world, &wanted, effort, |what| {
+            count += 1;
+            eprint!("\r\x1b[2K{name}: {count} of {total}: {what}");
+        })?;
         eprint!("\r\x1b[2K");
         println!("{name}: {} objects, {} triangles", world.scene.len(), world.source.triangle_count());
         println!("{}", output::table(&swept.points));

@@ -3,7 +3,7 @@
 use super::Point;
 use crate::walkthrough::cullers::{CullerError, parse};
 use crate::walkthrough::{World, judge, run_for};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use visibility_core::measure::MeasureError;
 
 /// How long to measure.
@@ -37,21 +37,20 @@ pub struct Sweep {
     pub too_slow: Vec<String>,
 }
 
-/// Measures the entries on a world. `memory` tells the bytes that are allocated now, and `progress` is told what comes next. What cullers
-/// share of the world's [preparations](World::prepared) counts for each in full.
+/// Measures the entries on a world. `progress` is told what comes next. What cullers share of the world's [preparations](World::prepared)
+/// counts for each in full.
 pub fn sweep(
     world: &World,
     entries: &[String],
     effort: Effort,
-    memory: impl Fn() -> usize,
     mut progress: impl FnMut(&str),
 ) -> Result<Sweep, MeasureError> {
     let mut done = Sweep::default();
     let (mut trials, mut costs) = (Vec::new(), Vec::new());
     for entry in entries {
         progress(entry);
-        let (before, start) = (memory(), Instant::now());
-        let pipeline = match parse(entry, world) {
+        let (parsed, cost) = world.prepared.cost_of(|| parse(entry, world));
+        let pipeline = match parsed {
             Ok(mut made) => made.remove(0).1,
             // A stage of a pipeline that this build does not know is as absent as one that does not suit the scene.
             Err(error @ (CullerError::Unsuited { .. } | CullerError::Unknown { .. })) => {
@@ -60,14 +59,11 @@ pub fn sweep(
                 continue;
             }
         };
-        let spared = world.prepared.spared();
-        let preparation = start.elapsed() + spared.time;
-        let bytes = memory().saturating_sub(before) + spared.bytes;
         let Some(trial) = run_for(effort.measure, effort.patience, entry.clone(), pipeline, world) else {
             done.too_slow.push(entry.clone());
             continue;
         };
-        costs.push((preparation, bytes));
+        costs.push(cost);
         trials.push(trial);
     }
     progress("the exact answer");
@@ -75,7 +71,7 @@ pub fn sweep(
     let frames = world.views.len() as f64;
     let pixels = f64::from(world.size.0) * f64::from(world.size.1) * frames;
     done.points = (trials.iter().zip(&judgement.verdicts).zip(costs))
-        .map(|((trial, verdict), (preparation, memory_bytes))| Point {
+        .map(|((trial, verdict), cost)| Point {
             scene: world.source.name.clone(),
             culler: trial.name.clone(),
             accuracy: trial.accuracy.name(),
@@ -87,8 +83,8 @@ pub fn sweep(
             visible_triangles: judgement.visible_triangles as f64 / frames,
             false_hidden: verdict.false_hidden,
             wrong_pixels_percent: verdict.wrong_pixels as f64 / pixels * 100.0,
-            memory_bytes,
-            preparation_ms: preparation.as_secs_f64() * 1e3,
+            memory_bytes: cost.bytes,
+            preparation_ms: cost.time.as_secs_f64() * 1e3,
         })
         .collect();
     Ok(done)

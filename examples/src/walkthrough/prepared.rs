@@ -19,7 +19,7 @@ struct Made {
     name: String,
     value: Arc<dyn Any + Send + Sync>,
     cost: Cost,
-    /// It was made before whoever asks now, and not for him yet counted.
+    /// It was asked for again since costs were last told.
     reused: bool,
 }
 
@@ -56,27 +56,36 @@ impl Prepared {
             known.reused = true;
             known.value.clone()
         } else {
-            let (start, before) = (Instant::now(), self.bytes());
-            let value: Arc<dyn Any + Send + Sync> = Arc::new(make()?);
-            let cost = Cost { time: start.elapsed(), bytes: self.bytes().saturating_sub(before) };
+            let (value, cost) = self.measure(make);
+            let value: Arc<dyn Any + Send + Sync> = Arc::new(value?);
             made.push(Made { name: name.to_owned(), value: value.clone(), cost, reused: false });
             value
         };
         Ok(value.downcast().expect("a name stands for one type"))
     }
 
-    /// What it would have taken to make all that was asked for since the last call and was there already.
-    pub fn spared(&self) -> Cost {
-        let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
-        let reused = made.iter_mut().filter_map(|made| mem::take(&mut made.reused).then_some(made.cost));
-        reused.fold(Cost::default(), |sum, cost| Cost {
-            time: sum.time + cost.time,
-            bytes: sum.bytes + cost.bytes,
-        })
+    /// Runs what may ask for preparations, and tells what that cost: what was there already counts as if it had been made for it.
+    pub fn cost_of<R>(&self, ask: impl FnOnce() -> R) -> (R, Cost) {
+        self.take_reused();
+        let (answer, mut cost) = self.measure(ask);
+        for reused in self.take_reused() {
+            cost.time += reused.time;
+            cost.bytes += reused.bytes;
+        }
+        (answer, cost)
     }
 
-    fn bytes(&self) -> usize {
-        self.memory.map_or(0, |memory| memory())
+    /// The costs of what was reused since the last call.
+    fn take_reused(&self) -> Vec<Cost> {
+        let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        made.iter_mut().filter_map(|made| mem::take(&mut made.reused).then_some(made.cost)).collect()
+    }
+
+    fn measure<R>(&self, run: impl FnOnce() -> R) -> (R, Cost) {
+        let bytes = || self.memory.map_or(0, |memory| memory());
+        let (start, before) = (Instant::now(), bytes());
+        let answer = run();
+        (answer, Cost { time: start.elapsed(), bytes: bytes().saturating_sub(before) })
     }
 }
 
@@ -85,18 +94,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_there_is_not_made_again_but_its_cost_is_known() {
+    fn what_is_there_is_not_made_again_but_counts_again() {
         let prepared = Prepared::measuring(|| 7);
         let slow = || {
             std::thread::sleep(Duration::from_millis(2));
             Ok(5_u32)
         };
         assert_eq!(*prepared.get("five", slow).unwrap(), 5);
-        assert_eq!(prepared.spared(), Cost::default(), "who made it has paid");
-        let again: Arc<u32> = prepared.get("five", || unreachable!("it is there")).unwrap();
-        assert_eq!(*again, 5);
-        assert!(prepared.spared().time >= Duration::from_millis(2));
-        assert_eq!(prepared.spared(), Cost::default(), "counted once");
-        assert_eq!(prepared.get::<u32>("none", || Err("no".to_owned())), Err("no".to_owned()));
+        let again = || prepared.get::<u32>("five", || unreachable!("it is there"));
+        let (five, cost) = prepared.cost_of(again);
+        assert!(*five.unwrap() == 5 && cost.time >= Duration::from_millis(2));
+        again().unwrap();
+        let (none, cost) = prepared.cost_of(|| prepared.get::<u32>("none", || Err("no".to_owned())));
+        assert!(
+            none.is_err() && cost.time < Duration::from_millis(2),
+            "{cost:?}: what others asked for counts not"
+        );
     }
 }

@@ -1,6 +1,7 @@
 //! Wide and narrow instructions give the same answers at the extremes too. Only bounds tests and the two maps have more than one form.
 
 use crate::common::Random;
+use crate::shown;
 use crate::strategies::{World, random};
 use visibility_core::{Culler, FrustumCuller, Pipeline, Simd, VisibleSet};
 use visibility_hzb::{Hom, HomCuller, Hzb, HzbCuller};
@@ -9,11 +10,7 @@ use visibility_hzb::{Hom, HomCuller, Hzb, HzbCuller};
 fn answers(world: &World, culler: impl Culler + Send + 'static, after: FrustumCuller) -> Vec<bool> {
     let mut pipeline = Pipeline::new().with(after).with(culler);
     let mut visible = VisibleSet::new();
-    let answer = |view| {
-        pipeline.cull(&world.scene, view, &mut visible);
-        world.scene.ids().map(|id| visible.contains(&world.scene, id)).collect::<Vec<_>>()
-    };
-    world.views.iter().flat_map(answer).collect()
+    world.views.iter().flat_map(|view| shown(world, &mut pipeline, view, &mut visible)).collect()
 }
 
 #[test]
