@@ -78,6 +78,15 @@ impl Line {
         Self::scaled(n, error)
     }
 
+    /// A plane about through two directions, for parting what is on it from what is not and nothing else: as its numbers are, so it is meant. A
+    /// third direction is on its inner side.
+    pub(crate) fn between(a: [f64; 3], b: [f64; 3], inner: [f64; 3]) -> Option<Self> {
+        let n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let size = n[0].abs().max(n[1].abs()).max(n[2].abs());
+        let size = if dot(n, inner) < 0.0 { -size } else { size };
+        (size.abs() > TOO_WRONG * TOO_WRONG).then(|| Self { n: n.map(|x| x / size), slack: 16.0 * U })
+    }
+
     fn scaled(n: [f64; 3], error: f64) -> Option<Self> {
         let size = n[0].abs().max(n[1].abs()).max(n[2].abs());
         let error = error / size + 2.0 * U;

@@ -219,14 +219,13 @@ impl OcclusionMap for OcclusionTree {
             if self.left == 0 {
                 break;
             }
-            let shadow = &self.shadows.list[number as usize];
-            let angle = self.nodes.reach(&self.sight, &self.shadows, shadow, worth);
+            let angle = self.nodes.reach(&self.sight, &self.shadows, number as usize, worth);
             if !(angle > LEAST_GAIN) {
                 continue;
             }
             let added = self.nodes.planes.len() as u32;
             if asked == added || self.heap.peek().is_none_or(|next| NEARLY * next.angle <= angle) {
-                self.nodes.add(&self.sight, &self.shadows, shadow);
+                self.nodes.add(&self.sight, &self.shadows, number as usize);
                 self.left -= 1;
             } else {
                 self.heap.push(Gain { angle, number, asked: added });

@@ -5,6 +5,7 @@ use crate::occluders::angle_of;
 use crate::shadow::{BackPlane, Corner, Shadow, Shadows};
 use crate::sight::{Approach, Line, Sight, U, slack_of};
 use alloc::vec::Vec;
+use core::ops::Range;
 use visibility_core::glam::DVec3;
 
 /// Below a node: another node by its number, or one of the leaves below.
@@ -33,12 +34,18 @@ pub(crate) struct Node {
     ends: [DVec3; 2],
 }
 
-/// A fragment on its way down: which child of which node it is for, and its corners.
+/// A fragment on its way down, or where it came to: which child of which node it is for, and its corners.
 #[derive(Clone, Copy, Debug)]
 struct Task {
     parent: u32,
     first: u32,
     count: u32,
+}
+
+impl Task {
+    fn range(&self) -> Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
 }
 
 /// The planes of a frame, in memory that is kept from frame to frame.
@@ -53,8 +60,11 @@ pub(crate) struct Nodes {
     /// What a plane is at the corners of the fragment that it parts.
     values: Vec<f64>,
     tasks: Vec<Task>,
-    /// Where the polygon that was last taken down came to.
+    /// Where polygons that were taken down came to, and the corners of what came there: the next time, they go on from there.
     arrivals: Vec<Task>,
+    arrived: Vec<Corner>,
+    /// Which of the arrivals are those of each shadow when it was last taken down.
+    reached: Vec<Option<Range<usize>>>,
 }
 
 const NO_PARENT: u32 = u32::MAX;
@@ -83,6 +93,9 @@ impl Nodes {
         self.nodes.clear();
         self.planes.clear();
         self.approaches.clear();
+        self.arrivals.clear();
+        self.arrived.clear();
+        self.reached.clear();
         self.root = LIT;
         // -w <= x <= w and -w <= y <= w: what violates one of them is not in view, and these numbers are exact.
         let mut parent = NO_PARENT;
@@ -110,18 +123,24 @@ impl Nodes {
 
     /// Takes a shadow's polygon down to the leaves that it reaches, and says how much of the picture it would put in shadow: what of it comes to
     /// lit leaves, and a tenth of what comes to shadows of what is farther, since only what is between is gained there.
-    pub(super) fn reach(
-        &mut self,
-        sight: &Sight,
-        shadows: &Shadows,
-        shadow: &Shadow,
-        worth: Worth<'_>,
-    ) -> f32 {
+    pub(super) fn reach(&mut self, sight: &Sight, shadows: &Shadows, number: usize, worth: Worth<'_>) -> f32 {
         self.corners.clear();
-        self.corners.extend_from_slice(&shadows.corners[shadow.corners.clone()]);
         self.tasks.clear();
-        self.arrivals.clear();
-        self.tasks.push(Task { parent: NO_PARENT, first: 0, count: self.corners.len() as u32 });
+        if self.reached.len() <= number {
+            self.reached.resize(number + 1, None);
+        }
+        // Leaves only ever get nearer, so what did not count the last time does not now.
+        if let Some(before) = self.reached[number].take() {
+            for task in &self.arrivals[before] {
+                let first = self.corners.len() as u32;
+                self.corners.extend_from_slice(&self.arrived[task.range()]);
+                self.tasks.push(Task { first, ..*task });
+            }
+        } else {
+            self.corners.extend_from_slice(&shadows.corners[shadows.list[number].corners.clone()]);
+            self.tasks.push(Task { parent: NO_PARENT, first: 0, count: self.corners.len() as u32 });
+        }
+        let begin = self.arrivals.len();
         let mut gain = 0.0;
         while let Some(mut task) = self.tasks.pop() {
             let leaf = loop {
@@ -135,38 +154,91 @@ impl Nodes {
                     }
                 }
             };
-            let corners = &self.corners[task.first as usize..(task.first + task.count) as usize];
-            let weight = match leaf {
+            let (front, weight) = match leaf {
                 AWAY => continue,
-                LIT => 1.0,
-                // Order is approximate, so something nearer may come late; it then takes over, within its edges, if all of it is nearer.
-                _ => {
-                    let there = &self.planes[(leaf & !HIDDEN) as usize];
-                    let size = there.offset.abs() * 1e-12;
-                    if corners.iter().any(|c| there.at(c.p) < -size)
-                        || corners.iter().all(|c| there.at(c.p) <= size)
-                    {
-                        continue;
-                    }
-                    0.1
-                }
+                LIT => (task, 1.0),
+                _ => match self.before(&task, leaf) {
+                    Before::None => continue,
+                    Before::All => (task, 0.1),
+                    Before::Part(front) => (front, 0.1),
+                },
             };
-            gain += weight * worth.of(sight, corners);
-            self.arrivals.push(task);
+            gain += weight * worth.of(sight, &self.corners[front.range()]);
+            let first = self.arrived.len() as u32;
+            self.arrived.extend_from_slice(&self.corners[task.range()]);
+            self.arrivals.push(Task { first, ..task });
         }
+        self.reached[number] = Some(begin..self.arrivals.len());
         gain
     }
 
-    /// Adds the shadow that was last taken down: the leaves that are lit, or hidden by something farther, are parted by its edges.
-    pub(crate) fn add(&mut self, sight: &Sight, shadows: &Shadows, shadow: &Shadow) {
+    /// Adds a shadow that has just been taken down: the leaves that are lit, or hidden by something farther, are parted by its edges.
+    pub(crate) fn add(&mut self, sight: &Sight, shadows: &Shadows, number: usize) {
+        let shadow = &shadows.list[number];
         let plane = self.planes.len() as u32;
         self.planes.push(shadow.back);
         self.approaches.push(sight.approach(shadow.back.normal, shadow.back.offset));
-        let arrivals = core::mem::take(&mut self.arrivals);
-        for task in &arrivals {
-            self.augment(shadows, shadow, task, task.parent, self.child(task.parent), plane);
+        for arrival in self.reached[number].take().unwrap_or_default() {
+            let task = self.arrivals[arrival];
+            self.corners.clear();
+            self.corners.extend_from_slice(&self.arrived[task.range()]);
+            let mut task = Task { first: 0, ..task };
+            let old = self.child(task.parent);
+            // Where it goes through the plane of what hides there, the line along which it does parts the leaf first.
+            if old != LIT
+                && let Before::Part(front) = self.before(&task, old)
+            {
+                let [a, b, c] = [0, 1, front.count - 1].map(|i| self.corners[(front.first + i) as usize].v);
+                let Some(line) = Line::between(c, a, b).filter(|_| self.nodes.len() < MOST_NODES) else {
+                    continue;
+                };
+                let parent = self.add_node(task.parent, line, old, [DVec3::NAN; 2]) << 1 | 1;
+                task = Task { parent, ..front };
+            }
+            self.augment(shadows, shadow, &task, old, plane);
         }
-        self.arrivals = arrivals;
+    }
+
+    /// What of a fragment is before the plane of a leaf; a part of it begins and ends where it meets that.
+    ///
+    /// The order of occluders is approximate, and those that cross one another have none: so something nearer may come late, and then takes over.
+    fn before(&mut self, task: &Task, leaf: Child) -> Before {
+        let plane = self.planes[(leaf & !HIDDEN) as usize];
+        let size = plane.offset.abs() * 1e-12;
+        let range = task.range();
+        let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
+        for corner in &self.corners[range.clone()] {
+            let at = plane.at(corner.p);
+            (least, greatest) = (least.min(at), greatest.max(at));
+        }
+        if !(greatest > size) {
+            return Before::None;
+        }
+        if least >= -size {
+            return Before::All;
+        }
+        let corner = |corners: &[Corner], i: usize| corners[range.start + i % range.len()];
+        let is_before = |corners: &[Corner], i: usize| plane.at(corner(corners, i).p) > 0.0;
+        let Some(start) =
+            (0..range.len()).find(|&i| !is_before(&self.corners, i) && is_before(&self.corners, i + 1))
+        else {
+            return Before::None;
+        };
+        let first = self.corners.len();
+        for i in start..start + range.len() {
+            let (a, b) = (corner(&self.corners, i), corner(&self.corners, i + 1));
+            let (at_a, at_b) = (plane.at(a.p), plane.at(b.p));
+            if at_a > 0.0 {
+                self.corners.push(a);
+            }
+            if (at_a > 0.0) != (at_b > 0.0) {
+                let edge = if at_a > 0.0 { u8::MAX } else { a.edge };
+                let Some(met) = between(&a, &b, at_a / (at_a - at_b)) else { return Before::None };
+                self.corners.push(Corner { edge, ..met });
+            }
+        }
+        let count = (self.corners.len() - first) as u32;
+        if count < 3 { Before::None } else { Before::Part(Task { first: first as u32, count, ..*task }) }
     }
 
     fn child(&self, parent: u32) -> Child {
@@ -179,7 +251,7 @@ impl Nodes {
     /// On which side of a plane a fragment is; where on both, its two parts. Nothing depends on these being exact: what is hidden is decided by
     /// the planes above a leaf, and the fragments only choose which to add.
     fn part(&mut self, task: &Task, line: &Line) -> Parted {
-        let range = task.first as usize..(task.first + task.count) as usize;
+        let range = task.range();
         let slack = 4.0 * line.slack + 64.0 * U;
         let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
         self.values.clear();
@@ -225,16 +297,9 @@ impl Nodes {
 
     /// Puts the edges of a shadow below a leaf, so that what is inside all of them is hidden behind its plane; outside, the leaf stays what it
     /// was. Edges that surely do not reach into the leaf are left out.
-    fn augment(
-        &mut self,
-        shadows: &Shadows,
-        shadow: &Shadow,
-        task: &Task,
-        parent: u32,
-        old: Child,
-        plane: u32,
-    ) {
-        let corners = &self.corners[task.first as usize..(task.first + task.count) as usize];
+    fn augment(&mut self, shadows: &Shadows, shadow: &Shadow, task: &Task, old: Child, plane: u32) {
+        let parent = task.parent;
+        let corners = &self.corners[task.range()];
         let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth };
         let edges = shadows.edges_of(shadow);
         if corners.len() < 3
@@ -331,11 +396,22 @@ enum Parted {
     Both(Task, Task),
 }
 
+/// What of a fragment is before a plane.
+enum Before {
+    None,
+    Part(Task),
+    All,
+}
+
 /// Where a segment meets a plane through the eye that has these values at its ends. Directions are scaled one by one, points are not: so the
 /// values are taken back to the points.
 fn crossing(a: &Corner, b: &Corner, at_a: f64, at_b: f64) -> Option<Corner> {
     let (at_a, at_b) = (at_a * a.size, at_b * b.size);
-    let t = at_a / (at_a - at_b);
+    between(a, b, at_a / (at_a - at_b))
+}
+
+/// A point of a segment.
+fn between(a: &Corner, b: &Corner, t: f64) -> Option<Corner> {
     let v = [0, 1, 2].map(|i| a.v[i] * a.size * (1.0 - t) + b.v[i] * b.size * t);
     let size = v[0].abs().max(v[1].abs()).max(v[2].abs());
     let found = (0.0..=1.0).contains(&t) && size > 0.0 && size.is_finite();
