@@ -10,6 +10,7 @@
 //! Every direction is scaled so that its largest number is 1, and carries `error`, a bound on how far any of its numbers is off. The
 //! bounds are relative, so they hold at any magnitude; what underflows loses at most the least normal number, which is added.
 
+use crate::occluders::corners_of;
 use visibility_core::glam::{DMat3, DVec3, DVec4};
 use visibility_core::{Aabb, Depth, Eye, View};
 
@@ -76,15 +77,6 @@ impl Line {
         // Each number: two products of factors up to 1, off by the errors of both, and three roundings of numbers up to 2.
         let error = 2.0 * (a.error + b.error) + 8.0 * U;
         Self::scaled(n, error)
-    }
-
-    /// A plane about through two directions, for parting what is on it from what is not and nothing else: as its numbers are, so it is meant. A
-    /// third direction is on its inner side.
-    pub(crate) fn between(a: [f64; 3], b: [f64; 3], inner: [f64; 3]) -> Option<Self> {
-        let n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        let size = n[0].abs().max(n[1].abs()).max(n[2].abs());
-        let size = if dot(n, inner) < 0.0 { -size } else { size };
-        (size.abs() > TOO_WRONG * TOO_WRONG).then(|| Self { n: n.map(|x| x / size), slack: 16.0 * U })
     }
 
     fn scaled(n: [f64; 3], error: f64) -> Option<Self> {
@@ -294,6 +286,21 @@ impl Sight {
                 if reached >= 0.0 && farthest.is_finite() { farthest.max(reached) } else { f64::INFINITY };
         }
         1.1 * farthest
+    }
+
+    /// Whether the eye is outside of a box, and all of the box that is in the picture surely beyond the near plane; `clear` is the clearance.
+    pub(crate) fn is_outside(&self, &[min, max]: &[DVec3; 2], clear: f64) -> bool {
+        match self.eye {
+            Eye::Point(eye) => {
+                let away = (min - eye).max(eye - max).max(DVec3::ZERO);
+                // Rounding takes four units of the distance, which the clearance has to spare; NaN is not outside.
+                away.length() > clear.max(f64::MIN_POSITIVE) + 4.0 * self.eye_error
+            }
+            Eye::Direction(_) => corners_of([min, max]).all(|p| {
+                let (value, error) = self.beyond_near(p);
+                value > error
+            }),
+        }
     }
 
     /// 1 or -1: the sign of the determinant of the directions of three points whose normal points away from the eye; 0 if unknown.

@@ -20,6 +20,7 @@ mod group;
 mod joint;
 
 use crate::occluders::{Chosen, Occluders, Selector, is_drawn, sides_of};
+use crate::sight::Sight;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use joint::Joint;
@@ -56,6 +57,8 @@ pub struct LargeOccluders {
     active: Vec<u32>,
     /// The objects of all that is active, each once, and what it was found to be usable for: revision and layers.
     sources: Vec<ObjectId>,
+    /// Those of the active polygons that are sections.
+    sections: Vec<u32>,
     usable_for: Option<(u64, u32)>,
     inner: OcclusionCuller<Joint>,
 }
@@ -74,6 +77,7 @@ impl LargeOccluders {
             selected: Vec::new(),
             active: Vec::new(),
             sources: Vec::new(),
+            sections: Vec::new(),
             usable_for: None,
             inner,
         }
@@ -148,18 +152,26 @@ impl Culler for LargeOccluders {
         let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
         let count = sides_of(view, scene, &mut sides);
         let sides = &sides[..count];
-        // While nothing has changed, all that must be looked at is whether the occluders are still drawn.
+        // While nothing has changed, all that must be looked at is whether the occluders are still drawn, and the eye outside of those that are
+        // sections.
         let usable_for = (scene.revision(), view.layers());
         let settled = map.coherent
             && !chosen
             && self.usable_for == Some(usable_for)
             && view.clip_planes().is_empty()
-            && self.sources.iter().all(|&id| is_drawn(scene, visible, sides, id));
+            && self.sources.iter().all(|&id| is_drawn(scene, visible, sides, id))
+            && (self.sections.is_empty() || {
+                let sight = Sight::new(view, scene.origin());
+                let clear = sight.clearance();
+                let mut solids = self.sections.iter().flat_map(|&polygon| self.occluders.solids_of(polygon));
+                solids.all(|solid| sight.is_outside(solid, clear))
+            });
         if !settled {
+            let sight = Sight::new(view, scene.origin());
             self.selector.chosen.clear();
             let all = self.selected.iter().map(|&polygon| Chosen { polygon, bound: 0.0 });
             self.selector.chosen.extend(all);
-            self.selector.keep_usable(&self.occluders, scene, view, visible, sides);
+            self.selector.keep_usable(&self.occluders, scene, view, &sight, visible, sides);
             let usable = self.selector.chosen.iter().map(|chosen| chosen.polygon);
             let same = !news && self.active.iter().copied().eq(usable.clone());
             if !same || !map.coherent {
@@ -173,6 +185,9 @@ impl Culler for LargeOccluders {
             }
             self.sources.sort_unstable();
             self.sources.dedup();
+            self.sections.clear();
+            let is_section = |&polygon: &u32| !self.occluders.solids_of(polygon).is_empty();
+            self.sections.extend(self.active.iter().copied().filter(is_section));
             // Those that were left out may be of use in the next frame.
             self.usable_for = (self.active.len() == self.selected.len()).then_some(usable_for);
         }

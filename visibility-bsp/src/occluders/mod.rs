@@ -2,14 +2,16 @@
 //!
 //! A wall of a model is many triangles, often of several objects; what it hides is best described by few large polygons. So triangles are
 //! joined wherever they surely lie in one plane and leave nothing open: along the axes into all the largest rectangles of
-//! which every point is covered (`rectangles`), in other directions across shared edges (`patches`). Faces of closed meshes count
+//! which every point is covered (`rectangles`), in other directions across shared edges (`patches`). Where closed boxes abut or overlap, rectangles inside of them are
+//! larger than any face (`sections`). Faces of closed meshes count
 //! from outside only; their backs hide nothing that their fronts do not.
 
 mod patches;
 mod rectangles;
+mod sections;
 mod select;
 
-pub(crate) use select::{Chosen, Selector, angle_of, is_drawn, sides_of};
+pub(crate) use select::{Chosen, Selector, angle_of, corners_of, is_drawn, sides_of};
 
 use crate::shadow::{Plate, plane_of};
 use alloc::collections::BTreeMap;
@@ -31,6 +33,8 @@ pub(crate) struct Piece {
 pub(crate) struct Outline {
     pub(crate) vertices: Vec<DVec3>,
     pub(crate) sources: Vec<u32>,
+    /// Of a section, the boxes that it is inside of.
+    pub(crate) solids: Vec<u32>,
     pub(crate) two_sided: bool,
 }
 
@@ -43,6 +47,9 @@ struct Polygon {
     /// Where its sources begin, and how many they are.
     first_source: u32,
     sources: u32,
+    /// Where the boxes begin that it is a section of, and how many they are.
+    first_solid: u32,
+    solids: u32,
     normal: DVec3,
     reach: [f64; 2],
     area: f64,
@@ -96,6 +103,8 @@ pub struct Occluders {
     blocks: Vec<Block>,
     vertices: Vec<DVec3>,
     sources: Vec<ObjectId>,
+    /// The boxes of sections, least and greatest corner.
+    solids: Vec<[DVec3; 2]>,
     /// The polygons of an object, by its index.
     of_object: BTreeMap<u32, Vec<u32>>,
     revision: u64,
@@ -193,6 +202,12 @@ impl Occluders {
         &self.sources[polygon.first_source as usize..(polygon.first_source + polygon.sources) as usize]
     }
 
+    /// The boxes that a polygon is a section of: an eye must be outside of all of them. None of a polygon that is there itself.
+    pub(crate) fn solids_of(&self, polygon: u32) -> &[[DVec3; 2]] {
+        let polygon = &self.polygons[polygon as usize];
+        &self.solids[polygon.first_solid as usize..(polygon.first_solid + polygon.solids) as usize]
+    }
+
     /// The middle of a polygon, and its radius about it.
     pub(crate) fn about(&self, polygon: u32) -> (DVec3, f64) {
         let p = &self.polygons[polygon as usize];
@@ -213,7 +228,11 @@ impl Occluders {
                 take_apart(mesh, transform, source, is_closed(mesh.triangles()), &mut pieces);
             }
         }
-        let mut outlines = rectangles::join(&mut pieces);
+        let levels = rectangles::take_rectangles(&mut pieces);
+        let mut outlines = rectangles::join(&levels);
+        let solids = sections::solids(&levels);
+        outlines.extend(sections::sections(&solids));
+        sections::drop_covered(&mut outlines);
         outlines.extend(patches::join(&pieces));
         let middle = |outline: &Outline| {
             let mut center = DVec3::ZERO;
@@ -245,6 +264,8 @@ impl Occluders {
                 count: outline.vertices.len() as u32,
                 first_source: self.sources.len() as u32,
                 sources: outline.sources.len() as u32,
+                first_solid: self.solids.len() as u32,
+                solids: outline.solids.len() as u32,
                 normal,
                 reach,
                 area,
@@ -253,6 +274,8 @@ impl Occluders {
                 two_sided: outline.two_sided,
             });
             self.vertices.extend_from_slice(&outline.vertices);
+            let solids = outline.solids.iter().map(|&solid| &solids[solid as usize]);
+            self.solids.extend(solids.map(|solid| [solid.min, solid.max]));
             for &source in &outline.sources {
                 let id = ids[source as usize];
                 self.sources.push(id);

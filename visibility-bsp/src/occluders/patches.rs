@@ -69,6 +69,7 @@ pub(super) fn join(pieces: &[Piece]) -> Vec<Outline> {
         .map(|polygon| Outline {
             vertices: polygon.vertices.into_iter().map(place).collect(),
             sources: polygon.sources,
+            solids: Vec::new(),
             two_sided: polygon.two_sided,
         })
         .collect()

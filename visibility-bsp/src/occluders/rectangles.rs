@@ -12,32 +12,33 @@ use visibility_core::glam::DVec3;
 
 /// A rectangle of a plane along the axes.
 #[derive(Clone, Debug)]
-struct Rectangle {
-    low: [f64; 2],
-    high: [f64; 2],
-    source: u32,
+pub(super) struct Rectangle {
+    pub(super) low: [f64; 2],
+    pub(super) high: [f64; 2],
+    pub(super) source: u32,
 }
 
 /// Planes along the axes: which axis they are across, where on it (as ordered bits), and which way they face (0 down, 1 up, 2 both).
-type Level = (usize, u64, u8);
+pub(super) type Level = (usize, u64, u8);
+/// The rectangles in each.
+pub(super) type Levels = BTreeMap<Level, Vec<Rectangle>>;
 
 /// Cells of a grid beyond which a group is joined no further.
 const MOST_CELLS: usize = 1 << 14;
 /// No more rectangles than this from one group.
 const MOST_PICKS: usize = 64;
 
-/// Takes the rectangles out of the pieces, and joins them.
-pub(super) fn join(pieces: &mut Vec<Piece>) -> Vec<Outline> {
-    let mut levels: BTreeMap<Level, Vec<Rectangle>> = BTreeMap::new();
-    take_rectangles(pieces, &mut levels);
+/// Joins rectangles.
+pub(super) fn join(levels: &Levels) -> Vec<Outline> {
     let mut outlines = Vec::new();
-    for (&(axis, bits, facing), rectangles) in &levels {
+    for (&(axis, bits, facing), rectangles) in levels {
         let at = from_ordered(bits);
         for group in groups(rectangles) {
             join_group(&group, |low, high, sources| {
                 outlines.push(Outline {
                     vertices: corners(axis, at, low, high, facing == 0),
                     sources,
+                    solids: Vec::new(),
                     two_sided: facing == 2,
                 });
             });
@@ -47,17 +48,17 @@ pub(super) fn join(pieces: &mut Vec<Piece>) -> Vec<Outline> {
 }
 
 /// Bits in the order of the numbers; zeros of either sign are one.
-fn ordered(x: f64) -> u64 {
+pub(super) fn ordered(x: f64) -> u64 {
     let bits = (x + 0.0).to_bits();
     if bits >> 63 != 0 { !bits } else { bits | 1 << 63 }
 }
 
-fn from_ordered(bits: u64) -> f64 {
+pub(super) fn from_ordered(bits: u64) -> f64 {
     f64::from_bits(if bits >> 63 != 0 { bits & !(1 << 63) } else { !bits })
 }
 
 /// The corners of a rectangle, counter-clockwise as seen from the side that it faces.
-fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down: bool) -> Vec<DVec3> {
+pub(super) fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down: bool) -> Vec<DVec3> {
     let mut around = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
     if down {
         around.reverse();
@@ -73,8 +74,9 @@ fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down: bool) -> V
         .into()
 }
 
-/// Moves pairs of triangles that make up a rectangle from the pieces to the levels.
-fn take_rectangles(pieces: &mut Vec<Piece>, levels: &mut BTreeMap<Level, Vec<Rectangle>>) {
+/// Takes pairs of triangles that make up a rectangle out of the pieces.
+pub(super) fn take_rectangles(pieces: &mut Vec<Piece>) -> Levels {
+    let mut levels = Levels::new();
     // Halves that wait for their other half: by level, rectangle and source, the piece with each corner missing.
     type Key = (Level, [u64; 4], u32);
     let mut halves: BTreeMap<Key, [Option<usize>; 4]> = BTreeMap::new();
@@ -115,10 +117,11 @@ fn take_rectangles(pieces: &mut Vec<Piece>, levels: &mut BTreeMap<Level, Vec<Rec
     }
     let mut taken = taken.iter();
     pieces.retain(|_| !taken.next().copied().unwrap_or(false));
+    levels
 }
 
 /// Rectangles that touch one another along a side or overlap, directly or by way of others.
-fn groups(rectangles: &[Rectangle]) -> Vec<Vec<&Rectangle>> {
+pub(super) fn groups(rectangles: &[Rectangle]) -> Vec<Vec<&Rectangle>> {
     let mut order: Vec<usize> = (0..rectangles.len()).collect();
     order.sort_unstable_by(|&a, &b| rectangles[a].low[0].total_cmp(&rectangles[b].low[0]).then(a.cmp(&b)));
     let mut leader: Vec<usize> = (0..rectangles.len()).collect();
@@ -238,7 +241,7 @@ impl Grid {
 }
 
 /// Hands over rectangles that cover all that a group covers, those that add most first.
-fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f64; 2], Vec<u32>)) {
+pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f64; 2], Vec<u32>)) {
     let grid = if group.len() > 1 { Grid::new(group) } else { None };
     let Some(grid) = grid else {
         for r in group {
@@ -304,7 +307,7 @@ mod tests {
         ];
         let mut pieces: Vec<Piece> =
             parts.iter().zip(0..).flat_map(|(&(low, high), source)| quad(low, high, source)).collect();
-        let outlines = join(&mut pieces);
+        let outlines = join(&take_rectangles(&mut pieces));
         assert!(pieces.is_empty());
         let mut boxes: Vec<_> = outlines.iter().map(|o| (o.vertices[0].truncate(), o.vertices[2])).collect();
         boxes.sort_by(|a, b| (a.0.y, a.1.z).partial_cmp(&(b.0.y, b.1.z)).unwrap());
@@ -328,7 +331,7 @@ mod tests {
         let mut shifted = quad([1.0, 0.0], [2.0, 1.0], 2);
         shifted.iter_mut().flat_map(|p| &mut p.corners).for_each(|p| p.x = 1.0 + f64::EPSILON);
         pieces.extend(shifted);
-        assert_eq!(join(&mut pieces).len(), 3);
+        assert_eq!(join(&take_rectangles(&mut pieces)).len(), 3);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::{Block, Occluders, Polygon};
 use crate::shadow::Corner;
 use crate::sight::Sight;
 use alloc::vec::Vec;
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{BVec3, DVec3};
 use visibility_core::{Changes, Eye, ObjectId, Plane, Scene, View, VisibleSet};
 
 /// A half of all directions, in steradians.
@@ -137,31 +137,45 @@ impl Selector {
         self.chosen.truncate(count);
     }
 
-    /// Of the chosen, keeps those that may hide in this frame: unchanged, drawn in this view, and on the inner side of its clip planes.
+    /// Of the chosen, keeps those that may hide in this frame: unchanged, drawn in this view, and on the inner side of its clip planes; sections
+    /// only if the eye is outside.
     pub(crate) fn keep_usable(
         &mut self,
         occluders: &Occluders,
         scene: &Scene,
         view: &View,
+        sight: &Sight,
         visible: &VisibleSet,
         sides: &[Plane],
     ) {
         let mut chosen = core::mem::take(&mut self.chosen);
         let shift = scene.origin() - view.origin();
+        let clear = sight.clearance();
+        let is_within = |v: DVec3| {
+            view.clip_planes().iter().all(|plane| {
+                let p = v + shift;
+                let size = plane.normal.abs().dot(v.abs() + shift.abs()) + plane.offset.abs();
+                plane.signed_distance(p) > 1e-9 * size
+            })
+        };
         chosen.retain(|chosen| {
-            let within = occluders.plate(chosen.polygon).vertices.iter().all(|&v| {
-                view.clip_planes().iter().all(|plane| {
-                    let p = v + shift;
-                    let size = plane.normal.abs().dot(v.abs() + shift.abs()) + plane.offset.abs();
-                    plane.signed_distance(p) > 1e-9 * size
-                })
-            });
+            let solids = occluders.solids_of(chosen.polygon);
+            // Of a section, what is drawn are the faces of its boxes.
+            let within = view.clip_planes().is_empty()
+                || occluders.plate(chosen.polygon).vertices.iter().all(|&v| is_within(v))
+                    && solids.iter().all(|&solid| corners_of(solid).all(is_within));
             within
+                && solids.iter().all(|solid| sight.is_outside(solid, clear))
                 && self.is_usable(occluders, chosen.polygon, scene, view)
                 && occluders.sources_of(chosen.polygon).iter().all(|&id| is_drawn(scene, visible, sides, id))
         });
         self.chosen = chosen;
     }
+}
+
+/// The corners of a box.
+pub(crate) fn corners_of([min, max]: [DVec3; 2]) -> impl Iterator<Item = DVec3> {
+    (0..8).map(move |i| DVec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min))
 }
 
 /// Whether an object is drawn, or out of view. What an earlier culler took out for another reason is not drawn, so it must not hide.

@@ -7,7 +7,7 @@
 //! sides say so, and one of them is theirs. So two shadows that share an edge leave no gap, and none is wider than it is. Each cut
 //! adds four roundings to the error.
 
-use super::nodes::{AWAY, Child, HIDDEN, LIT, Nodes};
+use super::nodes::{AWAY, Child, HIDDEN, LIT, MOST_PLANES, Nodes};
 use crate::sight::{Cone, Sight, U, dot, slack_of};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Eye, Occlusion};
@@ -145,19 +145,32 @@ impl Walk<'_> {
         let lit = match leaf {
             AWAY => return true,
             LIT => true,
-            _ => {
-                let plane = (leaf & !HIDDEN) as usize;
-                match self.nodes.planes[plane].side(self.min, self.max) {
-                    -1 => false,
-                    1 => true,
-                    _ if self.is_behind(plane, part) => false,
-                    _ => return false,
-                }
-            }
+            _ => match self.side_of(leaf, part) {
+                0 => return false,
+                side => side > 0,
+            },
         };
         self.found.lit |= lit;
         self.found.hidden |= !lit;
         !(self.found.lit && self.found.hidden)
+    }
+
+    /// Whether a part of a box is hidden in a leaf (`-1`), before all that hides there (`1`) or neither.
+    fn side_of(&self, leaf: Child, part: &Part) -> i32 {
+        let (mut leaf, mut all) = (leaf, 1);
+        for _ in 0..MOST_PLANES {
+            let Some(hide) = self.nodes.hides.get((leaf & !HIDDEN) as usize).filter(|_| leaf < AWAY) else {
+                break;
+            };
+            let plane = hide.plane as usize;
+            let side = self.nodes.planes[plane].side(self.min, self.max);
+            if side < 0 || side == 0 && self.is_behind(plane, part) {
+                return -1;
+            }
+            all = all.min(side);
+            leaf = hide.under;
+        }
+        all
     }
 
     /// Whether a part of a box that itself is on both sides of a plane is behind it: if along each of its lines of sight, the plane comes before

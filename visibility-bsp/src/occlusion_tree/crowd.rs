@@ -84,18 +84,18 @@ impl Crowd {
         if area > 0.0 { (worth * (0.5 * twice.abs() / area).min(1.0)) as f32 } else { 0.0 }
     }
 
-    /// About what a polygon is worth of which only the middle, the radius and the area, as seen from the eye, are known.
-    pub(super) fn about(&self, sight: &Sight, middle: DVec3, radius: f64, area: f64) -> f32 {
+    /// About what a polygon is worth of which only the middle, the radius and the area, as seen from the eye, are known; none of one that is close,
+    /// or large.
+    pub(super) fn about(&self, sight: &Sight, middle: DVec3, radius: f64, area: f64) -> Option<f32> {
         let [x, y, w] = sight.values(middle);
         let [across, up] = sight.scale().map(|scale| radius * scale / w);
         if !(w > 0.0 && across < 1.0 && up < 1.0) {
-            // Close, or large: it is looked at in any case.
-            return f32::MAX;
+            return None;
         }
         let (x, y) = (x / w, y / w);
         let (worth, _) =
             self.rectangle([place(x - across), place(y - up)], [place(x + across), place(y + up)]);
-        (worth * (area / (4.0 * radius * radius)).min(1.0)) as f32
+        Some((worth * (area / (4.0 * radius * radius)).min(1.0)) as f32)
     }
 }
 

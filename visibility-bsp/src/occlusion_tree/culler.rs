@@ -34,6 +34,8 @@ pub struct OcclusionTreeCuller {
 /// So many times more polygons than are used are looked at, by where they are, and so many of these closely.
 const LOOKED_AT: usize = 8;
 const CLOSER: usize = 2;
+/// What is close by is worth more than anything else, and among itself by its solid angle.
+const CERTAIN: f32 = 1e30;
 
 impl OcclusionTreeCuller {
     /// Uses the 64 polygons that cover most of the picture.
@@ -100,9 +102,9 @@ impl Culler for OcclusionTreeCuller {
             } else {
                 f64::from(bound)
             };
-            crowd.about(&sight, middle, radius, area)
+            crowd.about(&sight, middle, radius, area).unwrap_or(CERTAIN * bound)
         });
-        self.selector.keep_usable(occluders, scene, view, visible, sides);
+        self.selector.keep_usable(occluders, scene, view, &sight, visible, sides);
         tree.waiting.clear();
         tree.vertices.clear();
         for chosen in &self.selector.chosen {

@@ -14,13 +14,16 @@ pub(crate) type Child = u32;
 pub(crate) const LIT: Child = u32::MAX;
 /// A leaf of directions that are not in the picture.
 pub(crate) const AWAY: Child = u32::MAX - 1;
-/// With a number below: a leaf of directions in which everything behind that back plane is hidden.
+/// With a number below: a leaf of directions in which everything behind the back planes that the number stands for is hidden.
 pub(crate) const HIDDEN: Child = 1 << 31;
 
 /// No more nodes than this: a bound on time and memory for hostile occluders.
 const MOST_NODES: usize = 1 << 16;
 /// No path is longer than this, which bounds the stack that tests take.
 const DEEPEST: u16 = 480;
+
+/// So many of the polygons that hide in a leaf are asked.
+pub(crate) const MOST_PLANES: usize = 16;
 
 /// A plane through the eye.
 #[derive(Clone, Copy, Debug)]
@@ -48,6 +51,14 @@ impl Task {
     }
 }
 
+/// What hides in a leaf: a polygon, and what was there before it. The leaf is inside the shadows of both, so what is behind either is hidden; of
+/// polygons that cross, neither is nearer everywhere.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hide {
+    pub(crate) plane: u32,
+    pub(crate) under: Child,
+}
+
 /// The planes of a frame, in memory that is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nodes {
@@ -55,6 +66,7 @@ pub(crate) struct Nodes {
     pub(crate) planes: Vec<BackPlane>,
     /// The same as directions meet them.
     pub(crate) approaches: Vec<Option<Approach>>,
+    pub(crate) hides: Vec<Hide>,
     pub(crate) root: Child,
     corners: Vec<Corner>,
     /// What a plane is at the corners of the fragment that it parts.
@@ -93,6 +105,7 @@ impl Nodes {
         self.nodes.clear();
         self.planes.clear();
         self.approaches.clear();
+        self.hides.clear();
         self.arrivals.clear();
         self.arrived.clear();
         self.reached.clear();
@@ -157,10 +170,10 @@ impl Nodes {
             let (front, weight) = match leaf {
                 AWAY => continue,
                 LIT => (task, 1.0),
+                // The order of occluders is approximate, and those that cross one another have none: so something nearer may come late.
                 _ => match self.before(&task, leaf) {
-                    Before::None => continue,
-                    Before::All => (task, 0.1),
-                    Before::Part(front) => (front, 0.1),
+                    Some(front) => (front, 0.1),
+                    None => continue,
                 },
             };
             gain += weight * worth.of(sight, &self.corners[front.range()]);
@@ -182,28 +195,26 @@ impl Nodes {
             let task = self.arrivals[arrival];
             self.corners.clear();
             self.corners.extend_from_slice(&self.arrived[task.range()]);
-            let mut task = Task { first: 0, ..task };
             let old = self.child(task.parent);
-            // Where it goes through the plane of what hides there, the line along which it does parts the leaf first.
-            if old != LIT
-                && let Before::Part(front) = self.before(&task, old)
-            {
-                let [a, b, c] = [0, 1, front.count - 1].map(|i| self.corners[(front.first + i) as usize].v);
-                let Some(line) = Line::between(c, a, b).filter(|_| self.nodes.len() < MOST_NODES) else {
-                    continue;
-                };
-                let parent = self.add_node(task.parent, line, old, [DVec3::NAN; 2]) << 1 | 1;
-                task = Task { parent, ..front };
-            }
-            self.augment(shadows, shadow, &task, old, plane);
+            self.augment(shadows, shadow, &Task { first: 0, ..task }, old, plane);
         }
     }
 
-    /// What of a fragment is before the plane of a leaf; a part of it begins and ends where it meets that.
-    ///
-    /// The order of occluders is approximate, and those that cross one another have none: so something nearer may come late, and then takes over.
-    fn before(&mut self, task: &Task, leaf: Child) -> Before {
-        let plane = self.planes[(leaf & !HIDDEN) as usize];
+    /// What of a fragment is before all planes of a leaf.
+    fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
+        let (mut task, mut leaf) = (*task, leaf);
+        for _ in 0..MOST_PLANES {
+            let Some(&hide) = self.hides.get((leaf & !HIDDEN) as usize).filter(|_| leaf < AWAY) else {
+                break;
+            };
+            task = self.before_plane(&task, hide.plane)?;
+            leaf = hide.under;
+        }
+        Some(task)
+    }
+
+    fn before_plane(&mut self, task: &Task, plane: u32) -> Option<Task> {
+        let plane = self.planes[plane as usize];
         let size = plane.offset.abs() * 1e-12;
         let range = task.range();
         let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -212,18 +223,15 @@ impl Nodes {
             (least, greatest) = (least.min(at), greatest.max(at));
         }
         if !(greatest > size) {
-            return Before::None;
+            return None;
         }
         if least >= -size {
-            return Before::All;
+            return Some(*task);
         }
         let corner = |corners: &[Corner], i: usize| corners[range.start + i % range.len()];
         let is_before = |corners: &[Corner], i: usize| plane.at(corner(corners, i).p) > 0.0;
-        let Some(start) =
-            (0..range.len()).find(|&i| !is_before(&self.corners, i) && is_before(&self.corners, i + 1))
-        else {
-            return Before::None;
-        };
+        let start =
+            (0..range.len()).find(|&i| !is_before(&self.corners, i) && is_before(&self.corners, i + 1))?;
         let first = self.corners.len();
         for i in start..start + range.len() {
             let (a, b) = (corner(&self.corners, i), corner(&self.corners, i + 1));
@@ -233,12 +241,11 @@ impl Nodes {
             }
             if (at_a > 0.0) != (at_b > 0.0) {
                 let edge = if at_a > 0.0 { u8::MAX } else { a.edge };
-                let Some(met) = between(&a, &b, at_a / (at_a - at_b)) else { return Before::None };
-                self.corners.push(Corner { edge, ..met });
+                self.corners.push(Corner { edge, ..between(&a, &b, at_a / (at_a - at_b))? });
             }
         }
         let count = (self.corners.len() - first) as u32;
-        if count < 3 { Before::None } else { Before::Part(Task { first: first as u32, count, ..*task }) }
+        (count >= 3).then_some(Task { first: first as u32, count, ..*task })
     }
 
     fn child(&self, parent: u32) -> Child {
@@ -326,7 +333,9 @@ impl Nodes {
             }
         }
         // With no edge at all the whole leaf is in shadow.
-        self.set_child(parent, HIDDEN | plane);
+        let hide = self.hides.len() as u32;
+        self.hides.push(Hide { plane, under: old });
+        self.set_child(parent, HIDDEN | hide);
     }
 
     /// The edges, as a mask, without which the rest of a leaf's directions still are in the shadow.
@@ -363,7 +372,7 @@ impl Nodes {
                     needless |= 1 << i;
                     continue;
                 }
-                if present >> i & 1 != 0 {
+                if (present | needless) >> i & 1 != 0 {
                     continue;
                 }
                 let [a, b] = &edge.directions;
@@ -394,13 +403,6 @@ enum Parted {
     Side(u32),
     /// Its parts outside and inside.
     Both(Task, Task),
-}
-
-/// What of a fragment is before a plane.
-enum Before {
-    None,
-    Part(Task),
-    All,
 }
 
 /// Where a segment meets a plane through the eye that has these values at its ends. Directions are scaled one by one, points are not: so the

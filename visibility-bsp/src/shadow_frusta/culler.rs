@@ -82,7 +82,7 @@ impl Culler for ShadowFrustaCuller {
         }
         let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
         let count = sides_of(view, scene, &mut sides);
-        self.selector.keep_usable(occluders, scene, view, visible, &sides[..count]);
+        self.selector.keep_usable(occluders, scene, view, &sight, visible, &sides[..count]);
         let map = self.inner.map_mut();
         map.shadows.clear();
         for chosen in &self.selector.chosen {

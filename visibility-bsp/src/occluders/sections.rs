@@ -1,0 +1,251 @@
+//! Sections of solids: rectangles inside closed boxes, which hide like walls though no face is there (the inside of what is opaque as an occluder:
+//! Schaufler, Dorsey, Decoret, Sillion, "Conservative Volumetric Visibility with Occluder Fusion", 2000).
+//!
+//! # Why it is sound
+//! A line of sight that meets a point of a closed box has met a face of that box before, or at that point, if it begins outside. So a rectangle
+//! of which every point is in a box of some set hides what is behind it from every eye outside of them all; `Selector` sees to
+//! that, and to it that no such face is cut away by the near plane. Boxes may abut or overlap, their faces need not lie in one
+//! plane: a front of walls, of the edges of the floors between them and of the ends of other walls is cut by one plane, and has no slits in it.
+//!
+//! # Which
+//! Boxes along the axes are found as six rectangles of one object. Of all planes across an axis, those through the near sides of boxes cut the
+//! largest sets of boxes at once, since nothing more is cut until the next one begins; of what a plane cuts, only what touches a box that
+//! begins there is looked at. Sections that are little larger than what faces of their boxes make up are left out, and faces that a
+//! section close by covers are dropped: one polygon is to hide what several did.
+
+use super::rectangles::{Level, Levels, Rectangle, corners, from_ordered, groups, join_group, ordered};
+use super::{BLOCK, Outline, halve};
+use alloc::collections::{BTreeMap, BTreeSet};
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+/// A closed box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Solid {
+    pub(crate) min: DVec3,
+    pub(crate) max: DVec3,
+    pub(super) source: u32,
+}
+
+/// A section has at least so many times the area of what is in one plane anyway.
+const GAIN: f64 = 1.25;
+/// A face is dropped for a section no farther from it than this share of its smaller side.
+const CLOSE: f64 = 0.25;
+/// Larger groups of boxes are not looked at.
+const MOST_BOXES: usize = 256;
+
+/// The boxes of which all six faces are there.
+pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
+    // Faces by object, level and sides; and pairs of those across x, which a box is found by.
+    let mut faces: BTreeSet<(u32, Level, [u64; 4])> = BTreeSet::new();
+    let mut pairs: Vec<(u32, [u64; 4], u64, u8)> = Vec::new();
+    for (&(axis, at, facing), rectangles) in levels {
+        for r in rectangles {
+            let sides = [r.low[0], r.low[1], r.high[0], r.high[1]].map(ordered);
+            for side in (0..2).filter(|&side| facing == side || facing == 2) {
+                faces.insert((r.source, (axis, at, side), sides));
+            }
+            if axis == 0 {
+                pairs.push((r.source, sides, at, facing));
+            }
+        }
+    }
+    pairs.sort_unstable();
+    let mut solids = Vec::new();
+    for alike in pairs.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        for (i, &(source, sides, x0, near)) in alike.iter().enumerate() {
+            // Where boxes abut, the far side of the one comes with the near side of the next.
+            let far = alike[i + 1..].iter().find(|&&(_, _, x1, far)| x1 > x0 && far != 0);
+            let Some(&(_, _, x1, _)) = far.filter(|_| near != 1) else { continue };
+            let [y0, z0, y1, z1] = sides;
+            let has = |axis, at, facing, sides| faces.contains(&(source, (axis, at, facing), sides));
+            let closed = [(y0, 0), (y1, 1)].iter().all(|&(y, facing)| has(1, y, facing, [z0, x0, z1, x1]))
+                && [(z0, 0), (z1, 1)].iter().all(|&(z, facing)| has(2, z, facing, [x0, y0, x1, y1]));
+            if closed {
+                let at = |p: [u64; 3]| DVec3::from_array(p.map(from_ordered));
+                solids.push(Solid { min: at([x0, y0, z0]), max: at([x1, y1, z1]), source });
+            }
+        }
+    }
+    solids
+}
+
+/// The two axes across one.
+fn flat(v: DVec3, axis: usize) -> [f64; 2] {
+    [v[(axis + 1) % 3], v[(axis + 2) % 3]]
+}
+
+/// Boxes in runs of those near one another, to find those that touch a box.
+struct Near {
+    order: Vec<u32>,
+    boxes: Vec<(DVec3, DVec3)>,
+    /// About each block of the level below, beginning with the boxes in order.
+    levels: Vec<Vec<(DVec3, DVec3)>>,
+}
+
+impl Near {
+    fn new(boxes: Vec<(DVec3, DVec3)>) -> Self {
+        let centers: Vec<DVec3> = boxes.iter().map(|(min, max)| *min * 0.5 + *max * 0.5).collect();
+        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
+        halve(&mut order, &centers);
+        let mut levels = Vec::new();
+        let mut level: Vec<(DVec3, DVec3)> = order.iter().map(|&i| boxes[i as usize]).collect();
+        while level.len() > BLOCK {
+            let about = |run: &[(DVec3, DVec3)]| {
+                run.iter()
+                    .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |all, b| (all.0.min(b.0), all.1.max(b.1)))
+            };
+            level = level.chunks(BLOCK).map(about).collect();
+            levels.push(level.clone());
+        }
+        Self { order, boxes, levels }
+    }
+
+    /// Hands over all that touch a box.
+    fn touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(u32)) {
+        let touches = |b: &(DVec3, DVec3)| b.0.cmple(max).all() && b.1.cmpge(min).all();
+        // Blocks by level and number, those of the last level first.
+        let last = self.levels.len();
+        let all = self.levels.last().map_or(self.order.len(), Vec::len);
+        let mut open: Vec<(usize, usize)> = (0..all).map(|block| (last, block)).collect();
+        while let Some((level, block)) = open.pop() {
+            let Some(below) = level.checked_sub(1) else {
+                let number = self.order[block];
+                if touches(&self.boxes[number as usize]) {
+                    each(number);
+                }
+                continue;
+            };
+            if touches(&self.levels[below][block]) {
+                let count = below.checked_sub(1).map_or(self.order.len(), |below| self.levels[below].len());
+                open.extend((block * BLOCK..((block + 1) * BLOCK).min(count)).map(|block| (below, block)));
+            }
+        }
+    }
+}
+
+/// All sections of boxes that are worth it.
+pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
+    let near = Near::new(solids.iter().map(|solid| (solid.min, solid.max)).collect());
+    let mut outlines = Vec::new();
+    for axis in 0..3 {
+        let mut planes: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
+        for (number, solid) in (0..).zip(solids) {
+            planes.entry(ordered(solid.min[axis])).or_default().push(number);
+        }
+        for (&at, beginning) in &planes {
+            let at = from_ordered(at);
+            let mut cut = beginning.clone();
+            for &number in beginning {
+                let Solid { min, mut max, .. } = solids[number as usize];
+                max[axis] = at;
+                near.touching(min, max, |other| {
+                    if solids[other as usize].min[axis] < at {
+                        cut.push(other);
+                    }
+                });
+            }
+            cut.sort_unstable();
+            cut.dedup();
+            if cut.len() == beginning.len() {
+                continue;
+            }
+            let rectangle = |&number: &u32| {
+                let Solid { min, max, .. } = solids[number as usize];
+                Rectangle { low: flat(min, axis), high: flat(max, axis), source: number }
+            };
+            let rectangles: Vec<Rectangle> = cut.iter().map(rectangle).collect();
+            for group in groups(&rectangles) {
+                if !(2..=MOST_BOXES).contains(&group.len()) {
+                    continue;
+                }
+                join_group(&group, |low, high, boxes| {
+                    if !is_gain(solids, axis, low, high, &boxes) {
+                        return;
+                    }
+                    let mut sources: Vec<u32> =
+                        boxes.iter().map(|&number| solids[number as usize].source).collect();
+                    sources.sort_unstable();
+                    sources.dedup();
+                    let vertices = corners(axis, at, low, high, false);
+                    outlines.push(Outline { vertices, sources, solids: boxes, two_sided: true });
+                });
+            }
+        }
+    }
+    outlines
+}
+
+/// Whether a section is much larger than what faces of its boxes in one plane make up of it.
+fn is_gain(solids: &[Solid], axis: usize, low: [f64; 2], high: [f64; 2], boxes: &[u32]) -> bool {
+    let area = |low: [f64; 2], high: [f64; 2]| (high[0] - low[0]) * (high[1] - low[1]);
+    let mut level: Vec<(u64, u32)> = Vec::new();
+    let mut largest = 0.0f64;
+    for side in 0..2 {
+        level.clear();
+        level.extend(boxes.iter().map(|&number| {
+            let solid = &solids[number as usize];
+            (ordered(if side == 0 { solid.min[axis] } else { solid.max[axis] }), number)
+        }));
+        level.sort_unstable();
+        for one in level.chunk_by(|a, b| a.0 == b.0) {
+            let parts: Vec<Rectangle> = one
+                .iter()
+                .map(|&(_, number)| {
+                    let (min, max) =
+                        (flat(solids[number as usize].min, axis), flat(solids[number as usize].max, axis));
+                    let (low, high) =
+                        ([0, 1].map(|i| min[i].max(low[i])), [0, 1].map(|i| max[i].min(high[i])));
+                    Rectangle { low, high, source: number }
+                })
+                .collect();
+            for group in groups(&parts) {
+                join_group(&group, |low, high, _| largest = largest.max(area(low, high)));
+            }
+        }
+    }
+    area(low, high) > GAIN * largest
+}
+
+/// Drops faces, and sections, for sections close by that cover them.
+pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
+    let about = |outline: &Outline| {
+        outline
+            .vertices
+            .iter()
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |all, v| (all.0.min(*v), all.1.max(*v)))
+    };
+    let boxes: Vec<(DVec3, DVec3)> = outlines.iter().map(about).collect();
+    let axis_of = |(min, max): &(DVec3, DVec3)| (0..3).find(|&axis| min[axis] == max[axis]);
+    let near = Near::new(boxes.clone());
+    let mut kept = alloc::vec![true; outlines.len()];
+    for (number, section) in outlines.iter().enumerate() {
+        let (min, max) = boxes[number];
+        let Some(axis) = axis_of(&boxes[number]).filter(|_| !section.solids.is_empty()) else { continue };
+        let size = |min: DVec3, max: DVec3| {
+            let [x, y] = flat(max - min, axis);
+            x.min(y)
+        };
+        let (mut low, mut high) = (min, max);
+        low[axis] -= CLOSE * size(min, max);
+        high[axis] += CLOSE * size(min, max);
+        near.touching(low, high, |other| {
+            let (from, to) = boxes[other as usize];
+            let (mut within_min, mut within_max) = (min, max);
+            (within_min[axis], within_max[axis]) = (from[axis], to[axis]);
+            let covered = other as usize != number
+                && axis_of(&(from, to)) == Some(axis)
+                && within_min.cmple(from).all()
+                && within_max.cmpge(to).all()
+                && (from[axis] - min[axis]).abs() <= CLOSE * size(from, to)
+                && outlines[other as usize].sources.iter().all(|source| section.sources.contains(source));
+            // Of two sections alike, one stays.
+            let alike = !outlines[other as usize].solids.is_empty() && within_min == from && within_max == to;
+            if covered && !(alike && number > other as usize) {
+                kept[other as usize] = false;
+            }
+        });
+    }
+    let mut kept = kept.iter();
+    outlines.retain(|_| kept.next().copied().unwrap_or(true));
+}
