@@ -11,7 +11,7 @@ use visibility_core::{CellId, Pose, View, Viewcells};
 use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::pvs::solids::boxes;
 use visibility_examples::pvs::stabs::Random;
-use visibility_examples::walkthrough::cell_sets::{Detail, matrix, objects, sets_of};
+use visibility_examples::walkthrough::cell_sets::{Detail, matrix, objects, sets_of, settings};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{built_in, load};
 
@@ -97,9 +97,10 @@ fn no_object_of_an_arena_is_missed() {
 #[test]
 fn objects_are_those_of_seen_cells_and_fewer() {
     let world = World::new(built_in("office:2,8").unwrap(), (64, 36), Some(1)).unwrap();
-    let graph = &world.cells().unwrap().graph;
-    let matrix = matrix(graph).unwrap();
-    let outcome = objects(&world.scene, graph, &matrix).unwrap();
+    let cells = world.cells().unwrap();
+    let (graph, settings) = (&cells.graph, settings(&cells.viewcells));
+    let matrix = matrix(graph, settings).unwrap();
+    let outcome = objects(&world.scene, graph, &matrix, settings).unwrap();
     assert!(outcome.complete && outcome.fallbacks.is_empty());
     let mut by_cells = 0;
     for cell in (0..graph.cell_count() as u32).map(CellId) {

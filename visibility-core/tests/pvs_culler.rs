@@ -110,6 +110,25 @@ fn where_the_near_plane_reaches_the_next_viewcell_what_that_sees_is_seen_too() {
     assert_eq!(seen(&mut culler, &scene, &ids, 4.85), [0, 2, 4, 6, 8]);
 }
 
+/// The rooms end at y = 15. The near plane is 0.16 m to either side of the middle, 0.1 m before the eye.
+#[test]
+fn a_near_plane_that_reaches_out_of_all_viewcells_sees_everything() {
+    use visibility_core::Culler;
+    let (scene, ids, pvs, viewcells) = world();
+    let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+    let mut culler = PvsCuller::new(&shared);
+    for (y, expected) in [(14.6, 5), (14.9, 10), (14.6, 5)] {
+        let eye = DVec3::new(1e6 + 2.0, y, 0.5);
+        let view =
+            View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 2.0, 1.0, 0.1, 1e3).unwrap();
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view);
+        culler.cull(&scene, &view, &mut visible);
+        assert_eq!(ids.iter().filter(|&&id| visible.contains(&scene, id)).count(), expected, "{y}");
+        assert_eq!(culler.viewcell(), Some(CellId(0)));
+    }
+}
+
 #[test]
 fn an_eye_that_a_clip_plane_cuts_away_sees_everything() {
     use visibility_core::Culler;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::pvs::built::{Origin, cells};
-use visibility_examples::walkthrough::cell_sets::{matrix, objects};
+use visibility_examples::walkthrough::cell_sets::{matrix, objects, settings};
 use visibility_examples::walkthrough::{World, world::objects_in_cells};
 use visibility_examples::{built_in, load};
 use visibility_portals::prt;
@@ -78,14 +78,15 @@ fn run(arguments: &Arguments) -> Result<(), String> {
             .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
     }
     let start = Instant::now();
-    let matrix = matrix(&cells.graph)?;
+    let settings = settings(&cells.viewcells);
+    let matrix = matrix(&cells.graph, settings)?;
     println!(
         "{:.2} cells seen in the mean, in {:.2} s",
         matrix.mean_visible(),
         start.elapsed().as_secs_f64()
     );
     let start = Instant::now();
-    let objects = objects(&world.scene, &cells.graph, &matrix)?;
+    let objects = objects(&world.scene, &cells.graph, &matrix, settings)?;
     println!(
         "{:.1} of {} objects seen in the mean, in {:.2} s",
         objects.mean_visible(),

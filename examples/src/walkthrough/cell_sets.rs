@@ -3,6 +3,7 @@
 use super::World;
 use super::world::objects_in_cells;
 use crate::pvs::built::{Origin, cells};
+use crate::source::clearance;
 use std::sync::Arc;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, CellId, ObjectId, Scene, ScenePvs, Viewcells};
@@ -27,6 +28,9 @@ pub fn sets_of(world: &World, origin: Origin, detail: Detail) -> Result<Arc<Scen
             let cells = world.cells()?;
             return bake(&world.scene, &cells.graph, &cells.viewcells, detail);
         }
+        if world.origin() != DVec3::ZERO {
+            return Err("cells are made of walls only where the world's origin is zero".to_owned());
+        }
         let mut cells = cells(&world.source, origin)?;
         let ids: Vec<ObjectId> = world.scene.ids().collect();
         let pairs = objects_in_cells(&world.scene, &ids, &cells.viewcells);
@@ -45,7 +49,8 @@ pub fn bake(
     viewcells: &Viewcells,
     detail: Detail,
 ) -> Result<ScenePvs, String> {
-    let matrix = matrix(graph)?;
+    let settings = settings(viewcells);
+    let matrix = matrix(graph, settings)?;
     let cells = || (0..graph.cell_count() as u32).map(CellId);
     let pairs = cells().flat_map(|cell| graph.objects_in(cell).iter().map(move |&id| (cell, id)));
     let (pvs, pairs): (_, Vec<(ObjectId, u32)>) = match detail {
@@ -54,7 +59,7 @@ pub fn bake(
             let mut ids: Vec<ObjectId> = pairs.map(|(_, id)| id).collect();
             ids.sort_unstable();
             ids.dedup();
-            let pvs = objects(scene, graph, &matrix)?.to_pvs(graph, scene.index_limit());
+            let pvs = objects(scene, graph, &matrix, settings)?.to_pvs(graph, scene.index_limit());
             (pvs, ids.into_iter().map(|id| (id, id.index() as u32)).collect())
         }
     };
@@ -62,12 +67,17 @@ pub fn bake(
     Ok(ScenePvs::new(scene, pvs, viewcells.clone(), pairs))
 }
 
+/// How cells are baked, whatever their size.
+pub fn settings(viewcells: &Viewcells) -> Settings {
+    Settings { clearance: clearance(viewcells), ..Settings::default() }
+}
+
 /// Which cells see which.
 ///
 /// # Errors
 /// Cells that cannot be baked.
-pub fn matrix(graph: &CellGraph) -> Result<CellMatrix, String> {
-    let mut bake = CellBake::new(graph, Settings::default()).map_err(|error| error.to_string())?;
+pub fn matrix(graph: &CellGraph, settings: Settings) -> Result<CellMatrix, String> {
+    let mut bake = CellBake::new(graph, settings).map_err(|error| error.to_string())?;
     while bake.advance().is_some() {}
     Ok(bake.finish().matrix)
 }
@@ -76,13 +86,17 @@ pub fn matrix(graph: &CellGraph) -> Result<CellMatrix, String> {
 ///
 /// # Errors
 /// Cells that cannot be baked.
-pub fn objects(scene: &Scene, graph: &CellGraph, matrix: &CellMatrix) -> Result<ObjectOutcome, String> {
+pub fn objects(
+    scene: &Scene,
+    graph: &CellGraph,
+    matrix: &CellMatrix,
+    settings: Settings,
+) -> Result<ObjectOutcome, String> {
     let bounds = |id| -> Option<[DVec3; 2]> {
         let bounds = scene.bounds(id).ok().filter(|bounds| bounds.is_finite())?;
         Some([bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin()))
     };
-    let mut bake =
-        ObjectBake::new(graph, matrix, bounds, Settings::default()).map_err(|error| error.to_string())?;
+    let mut bake = ObjectBake::new(graph, matrix, bounds, settings).map_err(|error| error.to_string())?;
     while bake.advance().is_some() {}
     Ok(bake.finish())
 }

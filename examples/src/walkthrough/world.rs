@@ -43,17 +43,22 @@ impl World {
             poses.push((pose, frame.walk));
         }
 
-        Ok(Self::with_views(source, views, poses, size))
+        Ok(Self::with_views(source, DVec3::ZERO, views, poses, size))
     }
 
-    /// The same with views made elsewhere; `poses` may be empty where nothing is drawn.
+    /// The same with views made elsewhere, and an origin that the objects are relative to; `poses` may be empty where nothing is drawn.
+    ///
+    /// # Panics
+    /// If the origin is not finite, or the cells are not those of their graph.
     pub fn with_views(
         mut source: SceneSource,
+        origin: DVec3,
         views: Vec<View>,
         poses: Vec<(Pose, usize)>,
         size: (u32, u32),
     ) -> Self {
         let mut scene = Scene::new();
+        scene.set_origin(origin).expect("a finite origin");
         let ids = scene.insert_batch(source.objects.iter().map(|object| Object {
             cost: u32::try_from(object.triangles.len()).unwrap_or(u32::MAX),
             occluder: object.opaque,

@@ -8,6 +8,7 @@
 
 #[path = "../../../visibility-core/tests/common/mod.rs"]
 mod common;
+mod maze;
 mod metamorphic;
 mod oracle;
 mod paths;
@@ -25,6 +26,11 @@ fn entries() -> Vec<String> {
         Ok(list) => all.filter(|entry| list.split(',').any(|name| entry.starts_with(name))).collect(),
         Err(_) => all.collect(),
     }
+}
+
+/// Whether a culler looks through portals.
+fn is_of_rooms(entry: &str) -> bool {
+    entry.starts_with("portals") || entry.starts_with("pvs")
 }
 
 /// How many random worlds to try.
@@ -56,6 +62,8 @@ fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tal
     let mut pipeline = made.remove(0).1;
     tally.worlds += 1;
     let accuracy = pipeline.accuracy();
+    let rooms = world.source.cells.as_ref().filter(|_| is_of_rooms(entry));
+    let rooms = rooms.map(|cells| oracle::Rooms::new(cells, entry.contains("pvs"))).unwrap_or_default();
     let mut visible = VisibleSet::new();
     for (number, view) in world.views.iter().enumerate() {
         let seen = shown(world, &mut pipeline, view, &mut visible);
@@ -65,7 +73,9 @@ fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tal
             continue;
         }
         for &index in &hidden {
-            if let Some(point) = oracle::seen_point(world, view, index, accuracy, rng, &mut tally.rays) {
+            if let Some(point) =
+                oracle::seen_point(world, view, index, accuracy, &rooms, rng, &mut tally.rays)
+            {
                 panic!(
                     "{entry} hides object {index} of {} ({}), view {number}, though the point {point} of it is seen",
                     world.source.name, case.what
@@ -75,12 +85,11 @@ fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tal
     }
 }
 
-#[test]
-fn random_worlds_at_the_extremes() {
-    let entries = entries();
+/// Shows random worlds to cullers, each of which must hide something in them.
+fn try_worlds(entries: &[String], make: fn(&mut Random) -> strategies::Case, count: u64) {
     let mut tallies: Vec<Tally> = entries.iter().map(|_| Tally::default()).collect();
-    for seed in 0..cases(60) {
-        let case = strategies::random(&mut Random(seed));
+    for seed in 0..count {
+        let case = make(&mut Random(seed));
         for (entry, tally) in entries.iter().zip(&mut tallies) {
             check(entry, &case, &mut Random(seed), tally);
         }
@@ -90,6 +99,19 @@ fn random_worlds_at_the_extremes() {
         let easy = tally.worlds > 0 && tally.hidden == 0;
         assert!(!easy, "{entry} hid nothing in {} worlds: too easy", tally.worlds);
     }
+}
+
+#[test]
+fn random_worlds_at_the_extremes() {
+    try_worlds(&entries(), strategies::random, cases(60));
+}
+
+#[test]
+fn rooms_at_the_extremes() {
+    let mut entries: Vec<String> = entries().into_iter().filter(|entry| is_of_rooms(entry)).collect();
+    // Cells made of the walls instead of those that are given.
+    entries.extend(["pvs:walls", "pvs:bsp"].map(String::from));
+    try_worlds(&entries, strategies::rooms, cases(500));
 }
 
 #[test]

@@ -7,7 +7,8 @@ use crate::strategies::{Case, World, random, world};
 use crate::{cases, entries, parse, shown};
 use glam::{DMat3, DMat4, DVec3};
 use std::collections::BTreeMap;
-use visibility_core::{Accuracy, View, VisibleSet};
+use visibility_core::{Accuracy, CellGraph, View, Viewcell, Viewcells, VisibleSet};
+use visibility_examples::source::SourceCells;
 
 /// A change of the world that leaves every picture as it is.
 struct Change {
@@ -60,7 +61,29 @@ fn changed(old: &World, change: &Change, rng: &mut Random) -> (World, Vec<usize>
         let matrix = view.clip_from(old.origin()) * back;
         View::from_clip_from_world(matrix.to_cols_array(), view.depth()).expect("no worse than the old one")
     });
-    (world(objects, views.collect()), order)
+    let cells = old.source.cells.as_ref().map(|cells| changed_cells(cells, change, old.origin()));
+    (world(objects, cells, DVec3::ZERO, views.collect()), order)
+}
+
+/// Cells and portals where the change takes them.
+fn changed_cells(old: &SourceCells, change: &Change, origin: DVec3) -> SourceCells {
+    let place = |p: DVec3| change.map * (p - origin);
+    let portals = old.graph.portals().iter().map(|portal| {
+        let mut corners: Vec<_> = portal.polygon().vertices().iter().map(|&p| place(p)).collect();
+        if change.map.determinant() < 0.0 {
+            corners.reverse();
+        }
+        (corners, portal.cells())
+    });
+    let rooms = old.viewcells.cells().iter().map(|cell| {
+        let ends = [cell.min, cell.max].map(place);
+        Viewcell::from_box(ends[0].min(ends[1]), ends[0].max(ends[1]))
+    });
+    SourceCells {
+        graph: CellGraph::from_vertices(old.graph.cell_count(), portals).expect("no worse than the old ones"),
+        viewcells: Viewcells::new(rooms),
+        ..old.clone()
+    }
 }
 
 /// Coordinates that no change brings to the ends of `f32`, in a world that is where its coordinates say.

@@ -2,7 +2,8 @@
 
 use crate::common::Random;
 use visibility_core::glam::{DVec2, DVec3, Vec3};
-use visibility_core::{Accuracy, Eye, View};
+use visibility_core::{Accuracy, Eye, View, Viewcell};
+use visibility_examples::source::{SourceCells, clearance, tolerance};
 use visibility_examples::walkthrough::World;
 
 /// Points tried on each object.
@@ -10,12 +11,13 @@ const POINTS: usize = 6;
 
 /// A random point of an object to which an unobstructed segment runs from the eye, inside the view, beyond any doubt of rounding.
 /// For exact cullers, which may miss what is narrower than they say (of the one that there is, a ten-millionth of half the picture), the
-/// same must be true of a disc about the point. `rays` counts the segments that were in view.
+/// same must be true of a disc about the point. The segment is one that the rooms let pass. `rays` counts the segments that were in view.
 pub(crate) fn seen_point(
     world: &World,
     view: &View,
     object: usize,
     accuracy: Accuracy,
+    rooms: &Rooms,
     rng: &mut Random,
     rays: &mut usize,
 ) -> Option<DVec3> {
@@ -38,6 +40,9 @@ pub(crate) fn seen_point(
         *rays += 1;
         let is_blocked = |point: DVec3| {
             sight_line(view, origin, point).is_none_or(|from| {
+                if rooms.may_hide(&from, origin) {
+                    return true;
+                }
                 source.objects.iter().enumerate().any(|(index, other)| {
                     (other.triangles.iter().enumerate()).any(|(number, triangle)| {
                         (index, number) != (object, which) && from.may_meet(triangle)
@@ -121,12 +126,64 @@ fn sight_line(view: &View, origin: DVec3, point: DVec3) -> Option<Segment> {
     from.is_finite().then_some(Segment { from, to: point })
 }
 
+/// What cullers that look through portals are allowed: not to know a room's outside from its inside within a tolerance; and, where sets are
+/// baked, not to count lines that pass an edge of a portal too closely.
+#[derive(Default)]
+pub(crate) struct Rooms {
+    rooms: Vec<Viewcell>,
+    tolerance: f64,
+    edges: Vec<Segment>,
+    clearance: f64,
+}
+
+impl Rooms {
+    pub(crate) fn new(cells: &SourceCells, baked: bool) -> Self {
+        let polygons = cells.graph.portals().iter().map(|portal| portal.polygon().vertices());
+        let edge = |v: &[DVec3], i: usize| Segment { from: v[i], to: v[(i + 1) % v.len()] };
+        let edges = polygons.flat_map(|v| (0..v.len()).map(move |i| edge(v, i)));
+        Self {
+            rooms: cells.viewcells.cells().to_vec(),
+            tolerance: 4.0 * tolerance(&cells.viewcells),
+            edges: if baked { edges.collect() } else { Vec::new() },
+            clearance: clearance(&cells.viewcells),
+        }
+    }
+
+    /// Whether a culler may not know of the segment, which is relative to the origin; false only if that is certain.
+    fn may_hide(&self, segment: &Segment, origin: DVec3) -> bool {
+        let segment = Segment { from: segment.from + origin, to: segment.to + origin };
+        let size = segment.from.abs().max(segment.to.abs()).max_element();
+        let start = segment.from;
+        let is_close = |room: &Viewcell| {
+            start.distance(start.clamp(room.min, room.max)) <= self.tolerance + 3e-14 * size
+        };
+        let begins_outside = !self.rooms.iter().any(|room| room.contains(start));
+        begins_outside && self.rooms.iter().any(is_close)
+            || self.edges.iter().any(|edge| {
+                let distance = segment.distance(edge) - ROUNDING * size;
+                distance <= self.clearance * 1.001 || distance.is_nan()
+            })
+    }
+}
+
 struct Segment {
     from: DVec3,
     to: DVec3,
 }
 
 impl Segment {
+    /// The least distance of two segments.
+    fn distance(&self, other: &Self) -> f64 {
+        let (u, v, w) = (self.to - self.from, other.to - other.from, self.from - other.from);
+        let [uu, uv, vv, uw, vw] = [u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w)];
+        // The nearest point on this one to the other's line, then on the other, then back again, each kept between the ends.
+        let within = |x: f64| if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) };
+        let on_this = within((uv * vw - vv * uw) / (uu * vv - uv * uv));
+        let on_other = within((vw + uv * on_this) / vv);
+        let on_this = within((uv * on_other - uw) / uu);
+        (w + u * on_this - v * on_other).length()
+    }
+
     /// Whether the segment may meet the triangle; false only if that is certain.
     fn may_meet(&self, triangle: &[Vec3; 3]) -> bool {
         let corners = triangle.map(|p| p.as_dvec3());

@@ -1,8 +1,10 @@
 //! Worlds at the extremes: what every culler is tried on.
 
 use crate::common::{DEPTHS, Random, projection};
+use crate::maze::Maze;
 use glam::{DMat4, DVec3, DVec4, Vec3};
 use visibility_core::{Pose, View, Window};
+use visibility_examples::source::SourceCells;
 pub(crate) use visibility_examples::walkthrough::World;
 use visibility_examples::{SceneSource, SourceObject};
 
@@ -14,8 +16,13 @@ pub(crate) struct Case {
 
 /// Objects are made around the origin with a size of about one, spoiled, and then stretched to their scale.
 pub(crate) fn random(rng: &mut Random) -> Case {
+    let kind = rng.below(6);
+    if kind == 5 { rooms(rng) } else { loose(rng, kind) }
+}
+
+/// Objects anywhere.
+fn loose(rng: &mut Random, kind: usize) -> Case {
     let mut objects = Vec::new();
-    let kind = rng.below(5);
     let count = 1 + rng.below(40);
     for number in 0..count {
         let triangles = match kind {
@@ -38,37 +45,58 @@ pub(crate) fn random(rng: &mut Random) -> Case {
         objects.push(copy);
     }
     let mut what = format!("kind {kind}");
-    let scale = stretch(rng, &mut objects, &mut what);
+    if rng.one_in(4) {
+        what += ", each object at its own scale";
+        for object in &mut objects {
+            let own = power(rng).powf(0.5);
+            place(object.triangles.as_flattened_mut(), DVec3::splat(own), DVec3::ZERO);
+        }
+    }
+    let (scale, far) = stretch(rng, &mut what);
+    objects.iter_mut().for_each(|object| place(object.triangles.as_flattened_mut(), scale, far));
     spoil(rng, &mut objects, &mut what);
-    // The whole world far away, as planets are, by the origin in `f64`.
+    let origin = origin(rng, &mut what);
+    let views = (0..4).map(|_| view(rng, &objects, 6.0, scale, origin)).collect();
+    Case { what, world: world(objects, None, origin, views) }
+}
+
+/// Objects in rooms that come as cells and portals.
+pub(crate) fn rooms(rng: &mut Random) -> Case {
+    let mut maze = Maze::random(rng);
+    let mut what = format!("{} rooms, {} holes", maze.rooms.len(), maze.holes.len());
+    let (scale, far) = stretch(rng, &mut what);
+    maze.objects.iter_mut().for_each(|object| place(object.triangles.as_flattened_mut(), scale, far));
+    maze.rooms.iter_mut().for_each(|corners| place(corners, scale, far));
+    maze.holes.iter_mut().for_each(|(corners, _)| place(corners, scale, far));
+    spoil(rng, &mut maze.objects[maze.walls..], &mut what);
+    let origin = origin(rng, &mut what);
+    let views = (0..4).map(|_| view(rng, &maze.objects, 2.0, scale, origin)).collect();
+    let cells = maze.cells(origin);
+    Case { what, world: world(maze.objects, cells, origin, views) }
+}
+
+/// The whole world far away, as planets are, by the origin in `f64`.
+fn origin(rng: &mut Random, what: &mut String) -> DVec3 {
     let origin = if rng.one_in(3) { rng.vector(1e8) } else { DVec3::ZERO };
-    what += &format!(", origin {origin}");
-    let views = (0..4).map(|_| view(rng, &objects, scale, origin)).collect();
-    let mut case = case(what, objects, views);
-    case.world.scene.set_origin(origin).expect("a finite origin");
-    case
+    *what += &format!(", origin {origin}");
+    origin
 }
 
-fn case(what: String, objects: Vec<SourceObject>, views: Vec<View>) -> Case {
-    Case { what, world: world(objects, views) }
+/// A world of objects and views, and of cells where there are some.
+pub(crate) fn world(
+    objects: Vec<SourceObject>,
+    cells: Option<SourceCells>,
+    origin: DVec3,
+    views: Vec<View>,
+) -> World {
+    let source =
+        SceneSource { name: "extremes".into(), up: Vec3::Z, near: 0.1, objects, walks: Vec::new(), cells };
+    World::with_views(source, origin, views, Vec::new(), (64, 36))
 }
 
-/// A world of objects and views.
-pub(crate) fn world(objects: Vec<SourceObject>, views: Vec<View>) -> World {
-    let source = SceneSource {
-        name: "extremes".into(),
-        up: Vec3::Z,
-        near: 0.1,
-        objects,
-        walks: Vec::new(),
-        cells: None,
-    };
-    World::with_views(source, views, Vec::new(), (64, 36))
-}
+pub(crate) type Triangles = Vec<[Vec3; 3]>;
 
-type Triangles = Vec<[Vec3; 3]>;
-
-fn soup(rng: &mut Random) -> Triangles {
+pub(crate) fn soup(rng: &mut Random) -> Triangles {
     let centre = rng.vector(4.0);
     let mut triangles = Triangles::new();
     for _ in 0..1 + rng.below(8) {
@@ -94,7 +122,7 @@ fn soup(rng: &mut Random) -> Triangles {
     triangles
 }
 
-fn cuboid(centre: DVec3, half: DVec3) -> Triangles {
+pub(crate) fn cuboid(centre: DVec3, half: DVec3) -> Triangles {
     let (low, high) = ((centre - half).as_vec3(), (centre + half).as_vec3());
     let corner = |i: usize| {
         Vec3::new(
@@ -122,32 +150,27 @@ fn wall(rng: &mut Random) -> Triangles {
     cuboid(rng.vector(4.0).round(), half)
 }
 
-/// Brings everything to a scale, or each object to one of its own, or each axis; returns the scale that eyes are placed by.
-fn stretch(rng: &mut Random, objects: &mut [SourceObject], what: &mut String) -> DVec3 {
-    let power = |rng: &mut Random| 10f64.powi(rng.between(-30, 30));
+fn power(rng: &mut Random) -> f64 {
+    10f64.powi(rng.between(-30, 30))
+}
+
+/// A scale of the world, which eyes are placed by too, and how far it is moved before that.
+fn stretch(rng: &mut Random, what: &mut String) -> (DVec3, DVec3) {
     let scale = match rng.below(4) {
         0 => DVec3::ONE,
         1 => DVec3::splat(power(rng)),
         // Axes differ, within what keeps most volumes within the range of numbers.
         2 => DVec3::new(power(rng), power(rng), power(rng)).powf(0.3),
-        _ => {
-            *what += ", each object at its own scale";
-            for object in objects.iter_mut() {
-                let own = power(rng).powf(0.5);
-                place(object, DVec3::splat(own), DVec3::ZERO);
-            }
-            DVec3::splat(power(rng).powf(0.3))
-        }
+        _ => DVec3::splat(power(rng).powf(0.3)),
     };
     // Far from the origin, where coordinates are coarse.
     let far = if rng.one_in(4) { rng.vector(1e4) } else { DVec3::ZERO };
     *what += &format!(", scale {:e} {:e} {:e}, moved by {far}", scale.x, scale.y, scale.z);
-    objects.iter_mut().for_each(|object| place(object, scale, far));
-    scale
+    (scale, far)
 }
 
-fn place(object: &mut SourceObject, scale: DVec3, offset: DVec3) {
-    for point in object.triangles.iter_mut().flatten() {
+fn place(points: &mut [Vec3], scale: DVec3, offset: DVec3) {
+    for point in points {
         *point = ((point.as_dvec3() + offset) * scale).as_vec3();
     }
 }
@@ -180,7 +203,7 @@ fn spoil(rng: &mut Random, objects: &mut [SourceObject], what: &mut String) {
 }
 
 /// An eye somewhere, or in one of the worst places: a vertex, an edge, a plane, inside an object.
-fn view(rng: &mut Random, objects: &[SourceObject], scale: DVec3, origin: DVec3) -> View {
+fn view(rng: &mut Random, objects: &[SourceObject], reach: f64, scale: DVec3, origin: DVec3) -> View {
     let mut corners = || {
         let object = &objects[rng.below(objects.len())];
         object.triangles[rng.below(object.triangles.len())].map(|p| p.as_dvec3())
@@ -192,7 +215,7 @@ fn view(rng: &mut Random, objects: &[SourceObject], scale: DVec3, origin: DVec3)
         1 => (a + b) / 2.0,
         2 => a + (b - a) * 1.7 + (c - a) * 0.3,
         3 => (a + b + c) / 3.0 + rng.vector(0.5) * scale,
-        _ => a + rng.vector(6.0) * scale,
+        _ => a + rng.vector(reach) * scale,
     };
     let eye = if eye.is_finite() { eye } else { DVec3::ZERO };
     let towards = if rng.one_in(3) { eye + rng.vector(1.0) * scale } else { other[0] };
@@ -237,7 +260,11 @@ fn by_matrix(rng: &mut Random, pose: &Pose, size: f64) -> Result<View, visibilit
 /// Objects that are all the same point.
 pub(crate) fn crowd(count: usize) -> Case {
     let point = |_: usize| SourceObject::new("point", vec![[Vec3::X * 5.0; 3]]);
-    case(format!("{count} in one point"), (0..count).map(point).collect(), straight_ahead())
+    case(format!("{count} in one point"), (0..count).map(point).collect())
+}
+
+fn case(what: String, objects: Vec<SourceObject>) -> Case {
+    Case { what, world: world(objects, None, DVec3::ZERO, straight_ahead()) }
 }
 
 fn straight_ahead() -> Vec<View> {
@@ -250,10 +277,10 @@ pub(crate) fn degenerate_counts() -> Vec<Case> {
     let one = SourceObject::new("one", cuboid(DVec3::new(5.0, 0.0, 0.0), DVec3::ONE));
     let empty = SourceObject::new("without triangles", Vec::new());
     vec![
-        case("nothing".into(), Vec::new(), straight_ahead()),
-        case("one object".into(), vec![one.clone()], straight_ahead()),
-        case("an object without triangles".into(), vec![empty.clone(), one.clone(), empty], straight_ahead()),
-        case("one many times".into(), vec![one; 500], straight_ahead()),
+        case("nothing".into(), Vec::new()),
+        case("one object".into(), vec![one.clone()]),
+        case("an object without triangles".into(), vec![empty.clone(), one.clone(), empty]),
+        case("one many times".into(), vec![one; 500]),
         crowd(20_000),
         random(&mut Random(7)),
     ]

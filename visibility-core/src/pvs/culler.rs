@@ -59,10 +59,10 @@ impl ScenePvs {
 /// Hides what the viewcell of the eye cannot see.
 ///
 /// Nothing before the near plane is drawn, so lines of sight begin there: an eye close to a wall sees through it, and then sees what the
-/// viewcells beyond see too. (What is seen from inside of something solid, in no viewcell, is in no set.)
+/// viewcells beyond see.
 ///
-/// Owns one view's memory; the [`ScenePvs`] is shared, by reference or by `Arc`. An eye in no viewcell, one at infinity, and one that a clip
-/// plane cuts away sees everything.
+/// Owns one view's memory; the [`ScenePvs`] is shared, by reference or by `Arc`. An eye in no viewcell, one whose near plane is partly in
+/// none, one at infinity, and one that a clip plane cuts away sees everything.
 ///
 /// ```
 /// use visibility_core::{Aabb, Pipeline, Pose, Pvs, PvsCuller, PvsTargets, Scene, ScenePvs, View, Viewcell, Viewcells, VisibleSet};
@@ -85,7 +85,7 @@ pub struct PvsCuller<S> {
     shared: S,
     /// The viewcell that the eye is in.
     viewcell: Option<CellId>,
-    /// The viewcells that lines of sight begin in: what `hidden` is for, and memory for those of the next frame.
+    /// The viewcells that lines of sight begin in: those that `hidden` is for, and memory for those of the next frame.
     entered: Vec<CellId>,
     entering: Vec<CellId>,
     /// The targets seen from there, and memory for those of one of several.
@@ -170,26 +170,20 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.follow(scene);
-        let (viewcell, front) = match view.eye(DVec3::ZERO) {
-            Eye::Point(eye) => (self.shared.borrow().viewcells.locate(eye), front(view, eye)),
-            Eye::Direction(_) => (None, None),
-        };
-        self.viewcell = viewcell;
-        self.entering.clear();
-        if let (Some(viewcell), Some((min, max))) = (viewcell, front) {
-            self.entering.push(viewcell);
-            let entering = &mut self.entering;
-            self.shared.borrow().viewcells.for_each_touching(min, max, |other| {
-                if other != viewcell {
-                    entering.push(other);
-                }
-            });
-            if self.entering != self.entered {
-                core::mem::swap(&mut self.entering, &mut self.entered);
-                self.enter();
+        self.viewcell = None;
+        let mut inside = false;
+        if let Eye::Point(eye) = view.eye(DVec3::ZERO) {
+            let viewcells = &self.shared.borrow().viewcells;
+            self.viewcell = viewcells.locate(eye);
+            if let (Some(_), Some((corners, margin))) = (self.viewcell, front(view, eye)) {
+                inside = viewcells.reached(&corners, eye, margin, &mut self.entering);
             }
         }
-        let idle = viewcell.is_none() || front.is_none() || self.lost;
+        if inside && self.entering != self.entered {
+            core::mem::swap(&mut self.entering, &mut self.entered);
+            self.enter();
+        }
+        let idle = !inside || self.lost;
         let objects = &self.shared.borrow().objects;
         visible.retain(scene, |id, _| {
             let index = id.index();
@@ -199,9 +193,8 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
     }
 }
 
-/// The box around the eye and the part of the near plane that a view begins on, in the world. `None` where that has no bounds, or where
-/// a clip plane cuts the eye away, so that lines of sight begin elsewhere.
-fn front(view: &View, eye: DVec3) -> Option<(DVec3, DVec3)> {
+/// The corners of the rectangle on the near plane that a view begins on, relative to the eye, in order, and how far they may be off. `None` where that has no bounds, or where a clip plane cuts the eye away, so that lines of sight begin elsewhere.
+fn front(view: &View, eye: DVec3) -> Option<([DVec3; 4], f64)> {
     let planes = view.planes(eye);
     let mut first = [None; 5];
     for (slot, plane) in planes.with_slots() {
@@ -213,16 +206,17 @@ fn front(view: &View, eye: DVec3) -> Option<(DVec3, DVec3)> {
         }
     }
     let [left, right, bottom, top, near] = first;
-    let (mut min, mut max) = (DVec3::ZERO, DVec3::ZERO);
-    for side in [left?, right?] {
-        for other in [bottom?, top?] {
-            let corner = meet(near?, side, other).filter(|corner| corner.is_finite())?;
-            (min, max) = (min.min(corner), max.max(corner));
-        }
+    let [left, right, bottom, top, near] = [left?, right?, bottom?, top?, near?];
+    let mut corners = [DVec3::ZERO; 4];
+    let mut reach: f64 = 0.0;
+    for (corner, [side, other]) in
+        corners.iter_mut().zip([[left, bottom], [right, bottom], [right, top], [left, top]])
+    {
+        *corner = meet(near, side, other).filter(|corner| corner.is_finite())?;
+        reach = reach.max(corner.abs().max_element());
     }
     // Rounding, with much to spare: one viewcell too many costs little.
-    let margin = 1e-6 * (max - min).max_element() + 1e-12 * eye.abs().max_element();
-    Some((eye + (min - margin), eye + (max + margin)))
+    Some((corners, 1e-6 * reach + 1e-14 * eye.abs().max_element()))
 }
 
 /// Where three planes meet.

@@ -14,6 +14,7 @@
 
 mod culler;
 mod error;
+mod reached;
 mod read;
 mod runs;
 mod viewcells;

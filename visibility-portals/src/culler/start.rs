@@ -10,10 +10,8 @@ use super::side::{Corner, Edge, Side, U, clip};
 use super::sight::{Lines, Sight};
 use alloc::vec::Vec;
 use smallvec::SmallVec;
+use visibility_core::CellId;
 use visibility_core::glam::{DMat3, DVec3};
-use visibility_core::{CellId, Plane, Viewcell};
-
-type Piece = SmallVec<[DVec3; 12]>;
 
 /// Memory for finding the cells of a front.
 #[derive(Clone, Debug, Default)]
@@ -22,9 +20,6 @@ pub(super) struct Front {
     clipped: Vec<Corner>,
     touching: Vec<CellId>,
 }
-
-/// How many pieces a front may fall into while cells are taken from it.
-const MOST_PIECES: u32 = 2000;
 
 impl Front {
     /// Calls `each` with the cells that lines of sight begin in, some maybe more than once. False if some begin in none.
@@ -101,90 +96,14 @@ impl Front {
         error: f64,
         each: &mut impl FnMut(CellId),
     ) -> bool {
-        let corners: Piece = self.corners.iter().map(|corner| corner.at).collect();
-        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for &at in &corners {
-            (min, max) = (min.min(at), max.max(at));
-        }
-        let reach = min.abs().max(max.abs()).max_element() + sight.anchor.abs().max_element();
+        let corners: SmallVec<[DVec3; 12]> = self.corners.iter().map(|corner| corner.at).collect();
+        let farthest = corners.iter().fold(DVec3::ZERO, |most, at| most.max(at.abs())).max_element();
+        let reach = farthest + sight.anchor.abs().max_element();
         let margin = cells.tolerance + error + 32.0 * U * reach;
-        let (low, high) = (sight.anchor + min - margin, sight.anchor + max + margin);
-        self.touching.clear();
-        cells.viewcells.for_each_touching(low, high, |cell| self.touching.push(cell));
-        let all = cells.viewcells.cells();
-        // Only those that the polygon itself reaches into.
-        self.touching.retain(|cell| {
-            let mut left = corners.clone();
-            for plane in faces(&all[cell.index()], sight.anchor) {
-                left = part(&left, &plane, margin);
-            }
-            !left.is_empty()
-        });
+        let covered = cells.viewcells.reached(&corners, sight.anchor, margin, &mut self.touching);
         self.touching.iter().for_each(|&cell| each(cell));
-        let mut pieces = MOST_PIECES;
-        is_covered(&corners, &self.touching, all, sight.anchor, margin, &mut pieces)
+        covered
     }
-}
-
-/// Whether cells cover a piece, but for gaps of twice the margin. Each cell in turn takes its part; what lies beyond one of its faces is
-/// left to the others. Gives up, with false, when there are too many pieces.
-fn is_covered(
-    piece: &[DVec3],
-    by: &[CellId],
-    all: &[Viewcell],
-    anchor: DVec3,
-    margin: f64,
-    pieces: &mut u32,
-) -> bool {
-    let Some((first, others)) = by.split_first() else { return false };
-    if *pieces == 0 {
-        return false;
-    }
-    *pieces -= 1;
-    let mut rest: Piece = SmallVec::from_slice(piece);
-    for plane in faces(&all[first.index()], anchor) {
-        let beyond = |at: &DVec3| plane.signed_distance(*at) < -margin;
-        if !rest.iter().any(beyond) {
-            continue;
-        }
-        let outer = part(&rest, &plane.flipped(), -margin);
-        if !outer.is_empty() && !is_covered(&outer, others, all, anchor, margin, pieces) {
-            return false;
-        }
-        rest = part(&rest, &plane, margin);
-        if rest.is_empty() {
-            return true;
-        }
-    }
-    true
-}
-
-/// The planes of a viewcell, with normals to the inside, for points relative to the anchor.
-fn faces(cell: &Viewcell, anchor: DVec3) -> impl Iterator<Item = Plane> + '_ {
-    let (min, max) = (cell.min - anchor, cell.max - anchor);
-    let sides = (0..3).flat_map(move |axis| {
-        let normal = DVec3::AXES[axis];
-        [Plane::new(normal, -min[axis]), Plane::new(-normal, max[axis])]
-    });
-    let planes = cell.planes.iter().filter_map(Plane::normalized);
-    sides.chain(planes.map(move |plane| Plane::new(plane.normal, plane.signed_distance(anchor))))
-}
-
-/// The part of a convex polygon on the inner side of a plane that is moved out by a margin.
-fn part(piece: &[DVec3], plane: &Plane, margin: f64) -> Piece {
-    let mut out = Piece::new();
-    let height = |at: DVec3| plane.signed_distance(at) + margin;
-    for (i, &a) in piece.iter().enumerate() {
-        let b = piece[(i + 1) % piece.len()];
-        let (ha, hb) = (height(a), height(b));
-        if ha >= 0.0 {
-            out.push(a);
-        }
-        if (ha >= 0.0) != (hb >= 0.0) {
-            out.push(a + (b - a) * (ha / (ha - hb)));
-        }
-    }
-    out
 }
 
 /// The point in which three planes meet.

@@ -1,6 +1,7 @@
 //! Cells and portals.
 
 use super::{Known, World};
+use crate::source::tolerance;
 use visibility_core::Culler;
 use visibility_portals::{Narrowing, PortalCuller, PortalEye, SceneCells};
 
@@ -11,9 +12,6 @@ pub(super) const KNOWN: &[Known] = &[Known {
     make: |dial, world| Ok(Box::new(portals(dial, world)?) as Box<dyn Culler + Send>),
 }];
 
-/// How far the cells of recipes and maps may be off, in metres.
-const TOLERANCE: f64 = 1e-6;
-
 /// The portal culler of a world, with its dial's setting.
 pub fn portals(dial: Option<&str>, world: &World) -> Result<PortalCuller, String> {
     let narrowing = match dial {
@@ -22,7 +20,8 @@ pub fn portals(dial: Option<&str>, world: &World) -> Result<PortalCuller, String
         Some(other) => return Err(format!("it narrows to polygon or rectangle, not to `{other}`")),
     };
     let source = world.cells_to_look_through()?;
-    let mut cells = SceneCells::new(source.graph.clone(), source.viewcells.clone(), TOLERANCE)
+    let tolerance = tolerance(&source.viewcells);
+    let mut cells = SceneCells::new(source.graph.clone(), source.viewcells.clone(), tolerance)
         .map_err(|error| error.to_string())?;
     cells.sync(&world.scene);
     Ok(PortalCuller::new(cells).with_eye(PortalEye::new().with_narrowing(narrowing)))
