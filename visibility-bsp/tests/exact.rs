@@ -314,6 +314,25 @@ fn a_flat_world_narrower_than_the_tolerance_hides_only_what_is_covered() {
 }
 
 #[test]
+fn nothing_is_hidden_where_coordinates_are_the_largest_that_there_are() {
+    let mut scene = Scene::new();
+    let corner = Vec3::new(4.0, 4.0, -4.0);
+    let wall = add(&mut scene, &[[Vec3::new(4.0, 2.0, -4.0), Vec3::new(4.0, 4.0, -2.0), corner]], true);
+    // Two slivers that reach past everything, behind it.
+    let slivers = [
+        [[2.03, 2.12, -1.918], [2.025, 2.11, -1.92], [2.025, f32::MAX, -1.92]],
+        [[2.03, 2.12, -1.918], [-f32::MAX, 2.11, -1.92], [2.025, 2.11, -1.92]],
+    ];
+    add(&mut scene, &slivers.map(|sliver| sliver.map(Vec3::from)), true);
+    let window = Window { left: -2.0, right: 2.0, bottom: -2.0, top: 2.0 };
+    let eye = corner.as_dvec3();
+    let pose = Pose::look_at(eye, eye + DVec3::new(-4.0, 0.0, 1.0), DVec3::Z);
+    let view = View::orthographic(pose, window, 0.0, 40.0).unwrap();
+    let mut naylor = Naylor::new(std::sync::Arc::new(SceneTree::new(&scene).unwrap()));
+    assert!(reported(&mut naylor, &scene, &view).contains(&(wall.index() as u32)));
+}
+
+#[test]
 fn extreme_scenes_and_views_hide_nothing_by_mistake() {
     let mut random = Random(23);
     let values = [0.0f32, 1.0, -1.0, 1e-30, 1e30, -1e30, 3e38, 1e-45, f32::NAN, f32::INFINITY, 5.0];

@@ -191,3 +191,42 @@ fn hostile_boxes_and_views_do_no_harm() {
         }
     }
 }
+
+/// The near plane cuts one end off a ridge, and with it what two slopes would hide there; whichever way round their corners go.
+#[test]
+fn two_polygons_hide_nothing_where_the_near_plane_cuts_the_edge_that_they_share() {
+    let mut hidden = 0;
+    for turned in 0..4 {
+        let mut scene = Scene::new();
+        let ridge = [Vec3::new(0.0, 4.0, 0.0), Vec3::ZERO];
+        for (side, bit) in [(4.0, 1), (-4.0, 2)] {
+            let eaves = [Vec3::new(side, 0.0, -1.0), Vec3::new(side, 4.0, -1.0)];
+            let [a, b, c, d] = [ridge[0], ridge[1], eaves[0], eaves[1]];
+            let mut slope = [[a, b, c], [a, c, d]];
+            if turned & bit != 0 {
+                slope.iter_mut().for_each(|triangle| triangle.reverse());
+            }
+            let bounds = Aabb::from_points(slope.into_iter().flatten());
+            let id = scene
+                .insert(visibility_core::Object { occluder: true, ..visibility_core::Object::new(bounds) });
+            scene.set_triangles(id, slope).unwrap();
+        }
+        scene.prepare_occluders(&visibility_core::Preparation { two_sided: true, ..Default::default() });
+        let small = |y: f32| Aabb::new(Vec3::new(-0.1, y - 0.05, -0.6), Vec3::new(0.1, y + 0.05, -0.5));
+        let [behind_what_is_cut, behind] = [3.6, 1.0].map(|y| scene.insert(small(y)));
+        // 1.15 of depth at the far end of the ridge, 0.2 at the eaves there.
+        let along = DVec3::new(0.0, -0.3, -1.0);
+        let start = DVec3::ZERO + along.normalize() * (-0.7 / along.length());
+        let pose = visibility_core::Pose::look_at(start, start + along, DVec3::X);
+        let window = visibility_core::Window::centered(20.0, 20.0);
+        let view = View::orthographic(pose, window, 0.0, 50.0).unwrap();
+        for (name, mut culler) in cullers(&scene) {
+            let mut visible = VisibleSet::new();
+            visible.fill(&scene, &view);
+            culler.cull(&scene, &view, &mut visible);
+            assert!(visible.contains(&scene, behind_what_is_cut), "{name}, turned {turned}");
+            hidden += usize::from(!visible.contains(&scene, behind));
+        }
+    }
+    assert!(hidden >= 12, "{hidden}: too easy");
+}

@@ -145,13 +145,14 @@ impl Groups {
         for number in 0..self.groups.len() {
             let group = &self.groups[number];
             let joined = self.is_joined(group);
-            // Parallel views have no distance within which the near plane is: a polygon that is not beyond it all is of no use.
-            let surely_beyond = |edge: &Edge| {
-                let (value, error) = sight.beyond_near(edge.ends[0]);
+            // Parallel views have no distance within which the near plane is: a polygon that is not beyond it all is of no use. Both ends of
+            // each edge, since of two polygons that go the same way round, the edges that are left begin nowhere at one end of the shared one.
+            let surely_beyond = |end: &DVec3| {
+                let (value, error) = sight.beyond_near(*end);
                 value > error
             };
             let cut = matches!(eye, Eye::Direction(_))
-                && !self.edges[group.edges.clone()].iter().all(surely_beyond);
+                && !self.edges[group.edges.clone()].iter().flat_map(|edge| &edge.ends).all(surely_beyond);
             self.groups[number].joined = joined && !cut;
         }
     }

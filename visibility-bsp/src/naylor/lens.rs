@@ -56,6 +56,10 @@ impl Lens {
         let origin = scene.origin();
         let clip = view.clip_from(origin);
         let reach = bounds.min.abs().max(bounds.max.abs()).as_dvec3();
+        // Rounded outwards, the largest numbers are infinite, and nothing that is computed from them tells so.
+        if !reach.is_finite() {
+            return None;
+        }
         let [x, y, w] = [clip.row(0), clip.row(1), clip.row(3)];
         let size = |row: DVec4| row.truncate().abs().dot(reach) + row.w.abs();
         let error = 6.0 * f64::EPSILON * size(x).max(size(y)).max(size(w));
