@@ -251,8 +251,13 @@ impl View {
 
 /// The vector orthogonal to three others in four dimensions, by cofactors.
 fn orthogonal(a: DVec4, b: DVec4, c: DVec4) -> DVec4 {
-    // Rows of a projection may differ by many orders of magnitude; only directions matter here.
-    let [a, b, c] = [a, b, c].map(|r| r / r.abs().max_element());
+    // Rows of a projection may differ by many orders of magnitude; only directions matter here. Divided by powers of two, nothing is rounded,
+    // and the eye of a scaled view is the scaled eye.
+    let [a, b, c] = [a, b, c].map(|r| {
+        let most = r.abs().max_element();
+        let power = f64::from_bits(most.to_bits() & (0x7ff << 52));
+        r / if power.is_normal() { power } else { most }
+    });
     let minor = |i: usize, j: usize, k: usize| {
         a[i] * (b[j] * c[k] - b[k] * c[j]) - a[j] * (b[i] * c[k] - b[k] * c[i])
             + a[k] * (b[i] * c[j] - b[j] * c[i])
