@@ -134,6 +134,24 @@ impl Room {
 }
 
 #[test]
+fn a_wall_that_the_eye_comes_too_close_to_hides_no_longer() {
+    let mut room = Room::new();
+    let occluders = Arc::new(Occluders::new(&room.scene));
+    let mut culler = LargeOccluders::new(occluders);
+    let mut hidden = Vec::new();
+    // Steps are small, so that the same occluders stay chosen and all boxes are remembered.
+    for step in 0..20 {
+        let eye = DVec3::X * (3.94 + 0.003 * f64::from(step));
+        let pose = Pose::look_at(eye, DVec3::X * 20.0, DVec3::Z);
+        room.view = View::perspective(pose, 1.0, 1.5, 0.02, f64::INFINITY).unwrap();
+        hidden.push(room.hides(&mut culler));
+        // Beyond 3.98, the near plane cuts the wall away.
+        assert!(!(eye.x > 3.98 && hidden[step as usize]), "{eye}");
+    }
+    assert!(hidden[0] && !hidden[19]);
+}
+
+#[test]
 fn an_occluder_that_has_changed_hides_no_longer() {
     type Change = fn(&mut Room);
     let changes: [(&str, Change); 6] = [

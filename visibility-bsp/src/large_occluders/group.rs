@@ -36,8 +36,8 @@ pub(super) struct Face {
     two_sided: bool,
     /// The side that the eye is before, as the plane that all vertices are before.
     pub(super) back: BackPlane,
-    /// By how much the eye is far enough before it; by how much it is not, if negative.
-    pub(super) slack: f64,
+    /// Whether the eye surely is far enough before it.
+    pub(super) before: bool,
     /// Whether the eye is before its front.
     pub(super) from_front: bool,
 }
@@ -47,7 +47,7 @@ impl Face {
         let front = BackPlane { normal: plate.normal, offset: -plate.reach[0] };
         let rear = BackPlane { normal: -plate.normal, offset: plate.reach[1] };
         let two_sided = plate.two_sided;
-        Self { front: [front, rear], two_sided, back: front, slack: 0.0, from_front: true }
+        Self { front: [front, rear], two_sided, back: front, before: false, from_front: true }
     }
 
     /// Takes in the eye. What is within `clear` of it may be before the near plane, so a polygon must be farther than that.
@@ -59,21 +59,16 @@ impl Face {
                 let size = near.normal.abs().dot(eye.abs()) + near.offset.abs() + far.offset.abs();
                 let before = near.normal.dot(*eye) + near.offset.min(-far.offset);
                 let error = 16.0 * U * size + 2.0 * eye_error;
-                // Certain on either side, or neither.
-                if before > clear + error {
-                    before - clear - error
-                } else {
-                    (before - clear + error).min(0.0)
-                }
+                before - clear - error
             }
             Eye::Direction(along) => -near.normal.dot(*along) - 16.0 * U - 2.0 * eye_error,
         };
         let [front, rear] = &self.front;
         let (before, behind) = (height(front, rear), height(rear, front));
         if before > 0.0 || !self.two_sided || before >= behind {
-            (self.back, self.slack, self.from_front) = (*front, before, true);
+            (self.back, self.before, self.from_front) = (*front, before > 0.0, true);
         } else {
-            (self.back, self.slack, self.from_front) = (*rear, behind, false);
+            (self.back, self.before, self.from_front) = (*rear, behind > 0.0, false);
         }
     }
 }

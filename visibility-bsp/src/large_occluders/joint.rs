@@ -46,8 +46,6 @@ const FORGET: u64 = 64;
 pub(super) struct Joint {
     pub(super) coherent: bool,
     sight: Sight,
-    /// Distance from the eye within which something may be in view and before the near plane.
-    clear: f64,
     frame: u64,
     memory: RefCell<Memory>,
     /// Edges of all polygons, by their ends, to find those that are shared.
@@ -56,14 +54,7 @@ pub(super) struct Joint {
 
 impl Joint {
     pub(super) fn new() -> Self {
-        Self {
-            coherent: true,
-            sight: Sight::BLIND,
-            clear: f64::INFINITY,
-            frame: 0,
-            memory: RefCell::default(),
-            shared: Vec::new(),
-        }
+        Self { coherent: true, sight: Sight::BLIND, frame: 0, memory: RefCell::default(), shared: Vec::new() }
     }
 
     pub(super) fn computed(&self) -> u64 {
@@ -126,19 +117,28 @@ impl Joint {
         memory.computed += 1;
         if memory.groups.looked != self.frame {
             memory.groups.looked = self.frame;
-            memory.groups.look(&self.sight, self.clear);
+            memory.groups.look(&self.sight);
         }
         memory.groups.compute(&self.sight.eye, self.coherent, min, max)
     }
 }
 
 impl Groups {
-    /// Takes in the eye.
-    fn look(&mut self, sight: &Sight, clear: f64) {
-        let (eye, error) = (sight.eye, sight.eye_error);
+    /// Takes in which side of each polygon the eye is surely before, if any, and says whether that is another than the last time.
+    fn turn(&mut self, sight: &Sight) -> bool {
+        let clear = sight.clearance();
+        let mut turned = false;
         for face in &mut self.faces {
-            face.look(&eye, error, clear);
+            let known = (face.before, face.from_front);
+            face.look(&sight.eye, sight.eye_error, clear);
+            turned |= known != (face.before, face.from_front);
         }
+        turned
+    }
+
+    /// Takes in the eye.
+    fn look(&mut self, sight: &Sight) {
+        let (eye, error) = (sight.eye, sight.eye_error);
         for edge in &mut self.edges {
             edge.look(&eye, error);
         }
@@ -187,15 +187,12 @@ impl Groups {
         let mut radius = f64::INFINITY;
         for group in &self.groups {
             let [a, b] = group.polygons.map(|polygon| &self.faces[polygon]);
-            if !(a.slack > 0.0 && b.slack > 0.0) {
-                // It stays so until the eye is before the plane that it now is not before.
-                let slack = if a.slack > 0.0 { b.slack } else { a.slack };
-                radius = radius.min(slack.abs());
-                continue;
-            }
-            if !group.joined || a.back.side(min, max) != -1 || b.back.side(min, max) != -1 {
-                // That depends on the eye only as to which side of a polygon it sees.
-                radius = radius.min(a.slack).min(b.slack);
+            // All this depends on the eye only as to which side of a polygon it sees.
+            if !(a.before && b.before)
+                || !group.joined
+                || a.back.side(min, max) != -1
+                || b.back.side(min, max) != -1
+            {
                 continue;
             }
             let edges = &self.edges[group.edges.clone()];
@@ -208,7 +205,7 @@ impl Groups {
                 }
                 (None, None) => return (Occlusion::Hidden, 0.0),
                 (None, Some(point)) => {
-                    let mut holds = a.slack.min(b.slack);
+                    let mut holds = f64::INFINITY;
                     for edge in edges {
                         holds = holds.min(edge.support(point, min, max).unwrap_or(0.0).max(0.0));
                     }
@@ -218,12 +215,6 @@ impl Groups {
         }
         (Occlusion::Partial, radius)
     }
-}
-
-/// To the next of 64 numbers an octave, so that it stays the same while a camera turns, whose matrix is rounded otherwise each time.
-fn rounded_up(clear: f64) -> f64 {
-    const KEPT: u32 = 52 - 6;
-    if clear.is_finite() { f64::from_bits(((clear.to_bits() >> KEPT) + 1) << KEPT) } else { clear }
 }
 
 /// The ends of an edge as ordered bits, whichever comes first.
@@ -245,11 +236,9 @@ impl OcclusionMap for Joint {
     fn begin(&mut self, view: &View, origin: DVec3) {
         self.frame += 1;
         self.sight = Sight::new(view, origin);
-        let clear = rounded_up(self.sight.clearance());
         let memory = self.memory.get_mut();
         memory.computed = 0;
-        if clear != self.clear {
-            self.clear = clear;
+        if memory.groups.turn(&self.sight) {
             memory.known.clear();
         }
         if self.frame.is_multiple_of(FORGET) {

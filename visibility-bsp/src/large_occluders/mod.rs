@@ -13,7 +13,8 @@
 //! # Coherence
 //! An answer for a box holds until the eye crosses one of the supporting planes that certify it: those of the occluder that hides it, or, for each
 //! occluder that does not, one that the eye is beyond. What is kept for a box is a ball about the eye that crosses none of them;
-//! while the eye is in the ball, one comparison is all that the box costs. Which occluders are used depends on where the eye is to a
+//! while the eye is in the ball, one comparison is all that the box costs. Which side of each occluder the eye is before is looked at each frame,
+//! and all is forgotten when that changes. Which occluders are used depends on where the eye is to a
 //! coarse grid only, so that it seldom changes.
 
 mod group;
@@ -112,7 +113,7 @@ impl LargeOccluders {
         let whole = |x: f64| {
             let cells = x / pitch;
             // Past this, numbers are whole anyway.
-            if cells.abs() < 1e15 { ((cells + 1e15) - 1e15 + 0.5) * pitch } else { x }
+            if cells.abs() < 2e15 { ((cells + WHOLE) - WHOLE) * pitch } else { x }
         };
         match eye {
             Eye::Point(p) => Eye::Point(DVec3::from_array(p.to_array().map(whole))),
@@ -120,6 +121,9 @@ impl LargeOccluders {
         }
     }
 }
+
+/// Adding it leaves no bits for fractions.
+const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
 
 /// About a sixty-fourth of the size of the largest polygon, a power of two.
 fn pitch_of(occluders: &Occluders) -> f64 {
