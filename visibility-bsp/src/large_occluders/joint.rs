@@ -188,8 +188,7 @@ impl Groups {
         for group in &self.groups {
             let [a, b] = group.polygons.map(|polygon| &self.faces[polygon]);
             // All this depends on the eye only as to which side of a polygon it sees.
-            if !(a.before && b.before)
-                || !group.joined
+            if !(a.before && b.before && group.joined)
                 || a.back.side(min, max) != -1
                 || b.back.side(min, max) != -1
             {
