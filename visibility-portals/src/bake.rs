@@ -308,10 +308,12 @@ impl CellBake {
             let portal = &self.portals.all[source as usize];
             (portal.from as usize, portal.reverse)
         };
-        self.steps[from] += found.steps;
-        self.total += found.steps;
-        self.rejected += found.rejected;
-        self.fallbacks[from] += u32::from(found.gave_up);
+        // What was saved, and then forged, may be any number.
+        let add = |sum: &mut u64, more: u64| *sum = sum.saturating_add(more);
+        add(&mut self.steps[from], found.steps);
+        add(&mut self.total, found.steps);
+        add(&mut self.rejected, found.rejected);
+        self.fallbacks[from] = self.fallbacks[from].saturating_add(u32::from(found.gave_up));
         for portal in found.hidden {
             let other = self.portals.all[portal as usize].reverse;
             self.clear(source, portal);

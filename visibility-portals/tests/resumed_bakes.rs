@@ -76,3 +76,27 @@ fn damaged_and_foreign_bytes_are_refused() {
         refused(&graph, Settings::default(), &good[..place]);
     }
 }
+
+/// The checksum is no secret: whoever forges a state gets an answer all the same.
+#[test]
+fn forged_counts_are_counted_on_as_far_as_numbers_go() {
+    let graph = rooms(0.0);
+    let bake = CellBake::new(&graph, Settings { steps_per_cell: 40, ..Settings::default() }).unwrap();
+    let mut words: Vec<u64> =
+        bake.save().chunks_exact(8).map(|word| u64::from_le_bytes(word.try_into().unwrap())).collect();
+    words.pop();
+    // Steps and rejections of all, then, behind the portals that wait, each cell's portals that gave up and its steps.
+    let waiting = words[4] as usize;
+    for place in (2..4).chain(5 + waiting..5 + waiting + 2 * 49) {
+        words[place] = u64::MAX;
+    }
+    let sum = words.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, word| {
+        let mixed = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3);
+        mixed ^ mixed >> 29
+    });
+    words.push(sum);
+    let forged: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let settings = Settings { steps_per_cell: 40, ..Settings::default() };
+    let outcome = to_the_end(CellBake::resume(&graph, settings, &forged).unwrap());
+    assert!(outcome.complete && outcome.steps.iter().all(|&steps| steps == u64::MAX));
+}

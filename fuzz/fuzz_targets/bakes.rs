@@ -1,0 +1,60 @@
+//! Any changes to an interrupted bake, its checksum made right again: refused with a reason, or gone on with to an end.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use visibility_core::{CellGraph, CellId, ConvexPolygon, glam::DVec3};
+use visibility_portals::{CellBake, Settings};
+
+/// Rooms in a row, with doors to the left and to the right in turn.
+fn rooms() -> CellGraph {
+    let door = |room: u32| {
+        let (x, y) = (f64::from(room + 1) * 4.0, f64::from(room % 3));
+        let corners = [[y, 0.0], [y + 0.8, 0.0], [y + 0.8, 2.0], [y, 2.0]];
+        let polygon = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(x, y, z)));
+        (polygon.expect("a rectangle"), [CellId(room), CellId(room + 1)])
+    };
+    CellGraph::new(9, (0..8).map(door)).expect("doors between rooms")
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let Some((&[rounds, settings], changes)) = bytes.split_first_chunk::<2>() else { return };
+    let steps_per_cell = if settings & 1 == 0 { u64::MAX } else { 20 };
+    let settings = Settings { steps_per_cell, exact: settings & 2 != 0, ..Settings::default() };
+    let graph = rooms();
+    let mut bake = CellBake::new(&graph, settings).expect("rooms that can be baked");
+    for _ in 0..rounds % 4 {
+        bake.advance();
+    }
+    let mut words: Vec<u64> = bake
+        .save()
+        .chunks_exact(8)
+        .map(|word| u64::from_le_bytes(word.try_into().expect("eight bytes")))
+        .collect();
+    words.pop();
+    // A place, and what it is to be; past the end, another length.
+    for change in changes.chunks_exact(10) {
+        let place = usize::from(u16::from_le_bytes([change[0], change[1]])) % (words.len() + 2);
+        let value = u64::from_le_bytes(change[2..].try_into().expect("eight bytes"));
+        match words.get_mut(place) {
+            Some(word) => *word = value,
+            None => words.resize(value as usize % 300, value),
+        }
+        if words.is_empty() {
+            return;
+        }
+    }
+    let sum = words.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, word| {
+        let mixed = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3);
+        mixed ^ mixed >> 29
+    });
+    words.push(sum);
+    let saved: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let Ok(mut bake) = CellBake::resume(&graph, settings, &saved) else { return };
+    for _ in 0..1000 {
+        if bake.advance().is_none() {
+            bake.finish().matrix.to_pvs(&graph).expect("as many cells as the graph");
+            return;
+        }
+    }
+    panic!("no end in a thousand rounds");
+});
