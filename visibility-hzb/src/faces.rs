@@ -22,6 +22,8 @@ use crate::tiles::{SIDE, Tiles};
 
 /// Boxes that lie in more tiles than this are not looked at: they mostly hold others, which are.
 const MOST: u32 = 64;
+/// The same, where outlines are fused: among those that pays for larger ones, which lie along walls.
+const MOST_FUSED: u32 = 256;
 
 /// The sides of a box, greatest first, and two that are none: so many lanes that the compiler keeps them together.
 pub(crate) const LANES: usize = 8;
@@ -135,14 +137,32 @@ impl Faces {
         slabs
     }
 
+    /// As [`hides`](Self::hides), with occluder fusion within pixels. Apart from it, which is compiled into every loop over boxes.
+    #[inline(never)]
+    pub(crate) fn hides_fused(
+        &self,
+        tiles: &Tiles,
+        rectangle: &Rectangle,
+        sides: [f32; 6],
+        nearest: f32,
+    ) -> bool {
+        self.hides::<true>(tiles, rectangle, sides, nearest)
+    }
+
     /// Whether all of a box within a rectangle around it is behind what the tiles hold. `nearest` is a nearness that no point of it exceeds; it
     /// is before the eye as a whole.
     #[inline(always)]
-    pub(crate) fn hides(&self, tiles: &Tiles, rectangle: &Rectangle, sides: [f32; 6], nearest: f32) -> bool {
+    pub(crate) fn hides<const FUSED: bool>(
+        &self,
+        tiles: &Tiles,
+        rectangle: &Rectangle,
+        sides: [f32; 6],
+        nearest: f32,
+    ) -> bool {
         const STEP: u32 = SIDE as u32;
         let ([x0, x1], [y0, y1]) = (rectangle.columns, rectangle.lines);
         let (across, down) = ((x1 - 1) / STEP + 1 - x0 / STEP, (y1 - 1) / STEP + 1 - y0 / STEP);
-        if !(self.scale > 0.0) || across * down > MOST {
+        if !(self.scale > 0.0) || across * down > if FUSED { MOST_FUSED } else { MOST } {
             return false;
         }
         let slabs = self.slabs(sides);
@@ -161,7 +181,10 @@ impl Faces {
                 let pixels = slabs.undecided(tiles, tile, pixels, [left, right, top, bottom], nearest);
                 let (x, y) = (middle[0].clamp(left, right - 1), middle[1].clamp(top, bottom - 1));
                 let pixel = pixels & 1 << (y % STEP * STEP + x % STEP);
-                if pixel != 0 && slabs.undecided(tiles, tile, pixel, [x, x + 1, y, y + 1], nearest) != 0 {
+                if pixel != 0
+                    && slabs.undecided(tiles, tile, pixel, [x, x + 1, y, y + 1], nearest) != 0
+                    && !(FUSED && tiles.fuse(tile, [x as usize, y as usize], &mut (&slabs, nearest)))
+                {
                     return false;
                 }
                 let mut rest = pixels & !pixel;
@@ -175,7 +198,9 @@ impl Faces {
                         let x = column * STEP + own.trailing_zeros() % STEP;
                         let pixel = own & own.wrapping_neg();
                         own &= own - 1;
-                        if slabs.undecided(tiles, tile, pixel, [x, x + 1, y, end], nearest) != 0 {
+                        if slabs.undecided(tiles, tile, pixel, [x, x + 1, y, end], nearest) != 0
+                            && !(FUSED && tiles.fuse(tile, [x as usize, y as usize], &mut (&slabs, nearest)))
+                        {
                             return false;
                         }
                     }
@@ -187,6 +212,14 @@ impl Faces {
 }
 
 impl Slabs {
+    /// So many bounds from above, and others that are none.
+    #[cfg(test)]
+    pub(crate) fn of(planes: [[f64; 3]; LANES], uppers: usize) -> Self {
+        let [slope0, slope1, constant] = [0, 1, 2].map(|k| planes.map(|plane| plane[k]));
+        let upper = core::array::from_fn(|i| if i < uppers { 0.0 } else { f64::INFINITY });
+        Self { slope: [slope0, slope1], constant, upper, lower: [f64::INFINITY; LANES] }
+    }
+
     /// Whether some bound from above is below a plane, given by slopes and constant, in all of a rectangle; by side. Both are linear, so their
     /// difference is least at a corner.
     #[inline(always)]
@@ -198,6 +231,28 @@ impl Slabs {
             below[i] = least + (c - self.constant[i]) > self.upper[i];
         }
         below
+    }
+
+    /// Which bounds are from above.
+    pub(crate) fn uppers(&self) -> [bool; LANES] {
+        self.upper.map(|upper| upper == 0.0)
+    }
+
+    /// The least bound from above at a point.
+    pub(crate) fn nearness(&self, [x, y]: [f64; 2]) -> f64 {
+        let mut values = [0.0; LANES];
+        for i in 0..LANES {
+            values[i] = self.slope[0][i] * x + self.slope[1][i] * y + self.constant[i] + self.upper[i];
+        }
+        lowest(&values)
+    }
+
+    /// Keeps those bounds that, moved by so many pixels, are below a nearness at a point.
+    pub(crate) fn keep_below(&self, kept: &mut [bool; LANES], [x, y]: [f64; 2], nearness: f64, moved: f64) {
+        for i in 0..LANES {
+            let (a, b) = (self.slope[0][i], self.slope[1][i]);
+            kept[i] &= a * x + b * y + self.constant[i] + (a.abs() + b.abs()) * moved < nearness;
+        }
     }
 
     /// In which of some pixels, those within the given sides, the box may be and is not hidden.

@@ -2,7 +2,7 @@
 
 use crate::pyramid::{Rectangle, below as lines_below, mask as mask_of};
 use crate::shape::{MAX_PLANES, Shape};
-use crate::tiles::{SIDE, Surface, Tiles};
+use crate::tiles::{SIDE, Tiles};
 
 /// Added to a number below 2^22, leaves the nearest whole number in the low bits.
 const WHOLE: f32 = 12_582_912.0;
@@ -37,7 +37,7 @@ pub(crate) fn fill(shape: &Shape, tiles: &mut Tiles) -> bool {
     if !seen {
         return false;
     }
-    let surface = tiles.add_surface(Surface::of(&shape.planes[..shape.plane_count]));
+    let surface = tiles.add_surface(shape);
     let mut row = first_row;
     while row < end_row {
         let bands = bands(shape, row, columns);
@@ -235,6 +235,7 @@ fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, bands: &Bands, i: usiz
                 let i = part.trailing_zeros() as usize % WIDTH;
                 part &= part - 1;
                 let mask = u64::from_le_bytes(tiles.spans.masks[i]) & lines;
+                tiles.meet(base + column + i, surface);
                 tiles.cover(base + column + i, mask, nearness[i], surface);
             }
         }

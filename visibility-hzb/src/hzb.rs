@@ -32,8 +32,8 @@ const MISSED: usize = 32;
 
 /// A hierarchical z-buffer.
 ///
-/// Its size is its own, whatever the size of the picture that is drawn; it should have the shape of the view. Memory is 3 bytes a
-/// pixel, all taken when it is made.
+/// Its size is its own, whatever the size of the picture that is drawn; it should have the shape of the view. Memory is 4 bytes a
+/// pixel, one of them for [fusion](Self::with_fusion), and some 130 bytes for each convex occluder that a frame draws; all is kept from frame to frame.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
@@ -52,6 +52,7 @@ const MISSED: usize = 32;
 pub struct Hzb {
     size: [usize; 2],
     coverage: Coverage,
+    fusion: bool,
     pub(crate) simd: Simd,
     lens: Lens,
     pub(crate) lens32: Lens32,
@@ -98,6 +99,7 @@ impl Hzb {
         Self {
             size: [width, height],
             coverage: Coverage::Conservative,
+            fusion: true,
             simd: Simd::best(),
             lens: Lens::BLIND,
             lens32: Lens32::default(),
@@ -119,6 +121,18 @@ impl Hzb {
     /// The same buffer with another rule of what is covered.
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { coverage, ..self }
+    }
+
+    /// The same buffer, with or without occluder fusion within pixels: with it, the default, several boxes and other convex occluders that cover a pixel
+    /// together hide what is behind, as along the edge between a wall and the floor. Indoors, at low resolution, up to a third less is reported
+    /// visible; where little is gained, as outdoors, leaving it out saves a tenth to a fifth of the time. [`Coverage::Sampled`] does without.
+    ///
+    /// ```
+    /// let hzb = visibility_hzb::Hzb::new(512, 288)?.with_fusion(false);
+    /// # Ok::<(), visibility_hzb::SizeError>(())
+    /// ```
+    pub fn with_fusion(self, fusion: bool) -> Self {
+        Self { fusion, ..self }
     }
 
     /// The same buffer, using the given instructions: for tests and comparisons.
@@ -292,7 +306,7 @@ impl OcclusionMap for Hzb {
         self.lens = Lens::new(view, origin, self.size, whole);
         self.lens32 = Lens32::new(&self.lens);
         self.faces = Faces::new(&self.lens);
-        self.tiles.clear();
+        self.tiles.clear(self.fusion && self.coverage == Coverage::Conservative);
         self.queue.count = 0;
         self.missed = 0;
         self.nearest = f32::NEG_INFINITY;

@@ -53,6 +53,7 @@ mod canvas;
 mod cuboid;
 mod faces;
 mod fill;
+mod fusion;
 mod hom;
 mod hzb;
 mod lens;

@@ -338,6 +338,13 @@ fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
     mask
 }
 
+/// Whether a box may be hidden although nothing covers its middle: that may be a pixel that several outlines cover together. Two of them would be rare.
+#[inline(always)]
+fn second_look(tiles: &Tiles, rectangle: &Rectangle, farthest: f32) -> bool {
+    let [x, y] = [rectangle.columns[0], rectangle.lines[0]].map(|first| first as usize);
+    tiles.fuses() && tiles.pixel(x, y) > farthest
+}
+
 #[inline(always)]
 fn decide<const N: usize>(
     query: &Query,
@@ -374,7 +381,8 @@ fn decide<const N: usize>(
         let (rectangle, nearest) = (footprints.rectangle(i), footprints.nearest[i]);
         // One look tells most of those that are visible: what is behind their middle.
         let behind = query.tiles.pixel_around(&rectangle);
-        if !(behind > footprints.farthest[i]) {
+        if !(behind > footprints.farthest[i]) && !second_look(query.tiles, &rectangle, footprints.farthest[i])
+        {
             continue;
         }
         let mut sides = [0.0; 6];
@@ -382,7 +390,8 @@ fn decide<const N: usize>(
             sides[row] = boxes[row][i];
         }
         if behind > nearest && query.pyramid.hides(query.tiles, &rectangle, nearest)
-            || query.faces.hides(query.tiles, &rectangle, sides, nearest)
+            || query.faces.hides::<false>(query.tiles, &rectangle, sides, nearest)
+            || query.tiles.fuses() && query.faces.hides_fused(query.tiles, &rectangle, sides, nearest)
         {
             hidden |= 1 << i;
         }

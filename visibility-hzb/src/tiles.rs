@@ -7,8 +7,9 @@
 
 use crate::faces::{LANES, Slabs};
 use crate::fill::Spans;
+use crate::fusion::{Behind, Fusion, Outline};
 use crate::pyramid::{Rectangle, UNCHANGED, join};
-use crate::shape::down;
+use crate::shape::{Shape, down};
 use alloc::vec::Vec;
 
 /// Pixels along the side of a tile.
@@ -16,6 +17,9 @@ pub(crate) const SIDE: usize = 8;
 
 /// Sets of pixels that a tile can tell apart.
 pub(crate) const LAYERS: usize = 4;
+
+/// Outlines that are remembered to cover part of a tile, on average.
+const LINKS: usize = 8;
 
 /// Tiles that can be read beyond the end of any row.
 pub(crate) const PADDING: usize = 16;
@@ -44,6 +48,13 @@ pub(crate) struct Tiles {
     pub(crate) surface: Vec<u32>,
     /// The first is none.
     surfaces: Vec<Surface>,
+    /// The outlines of what surfaces belong to; none if nothing is to be fused.
+    outlines: Vec<Outline>,
+    /// By tile, where the chain of surfaces begins whose outlines cover part of it; each link has one, and where the next link is. The first is none.
+    met: Vec<u32>,
+    links: Vec<[u32; 2]>,
+    /// The most links, none if nothing is to be fused.
+    limit: usize,
     /// How many layers count.
     counts: Vec<u8>,
     /// Those beyond the count are of earlier frames.
@@ -75,6 +86,21 @@ impl Surface {
             surface.count = least.len();
         }
         surface
+    }
+
+    /// The nearness at a point, at least; what is rounded is as in [`least`](Self::least).
+    pub(crate) fn at(&self, [x, y]: [f64; 2]) -> f64 {
+        const SHARE: f64 = 1.0 / SIDE as f64;
+        let mut least = if self.count > 0 { f64::INFINITY } else { f64::NEG_INFINITY };
+        for &[a, b, c] in &self.planes[..self.count] {
+            let [a, b, c] = [f64::from(a), f64::from(b), f64::from(c)];
+            // The value in a tile is that of its farthest corner.
+            let lowest = if a < 0.0 { a } else { 0.0 } + if b < 0.0 { b } else { 0.0 };
+            let value = a * SHARE * x + b * SHARE * y + (c - lowest);
+            // A NaN is the least of all.
+            least = if value >= least { least } else { value };
+        }
+        least
     }
 
     /// The least nearness within a rectangle; [`NOTHING`] if this is no surface.
@@ -117,6 +143,20 @@ impl Surface {
         any
     }
 
+    /// As [`least`](Self::least), the greatest; no less than nearness is anywhere if this is no surface, but for rounding.
+    pub(crate) fn most(&self, [left, right, top, bottom]: [f64; 4]) -> f64 {
+        const SHARE: f64 = 1.0 / SIDE as f64;
+        let mut most = f64::INFINITY;
+        for &[a, b, c] in &self.planes[..self.count] {
+            let [a, b, c] = [f64::from(a), f64::from(b), f64::from(c)];
+            let x = if a < 0.0 { left * SHARE - 1.0 } else { right * SHARE };
+            let y = if b < 0.0 { top * SHARE - 1.0 } else { bottom * SHARE };
+            let value = a * x + b * y + c;
+            most = if value < most { value } else { most };
+        }
+        most
+    }
+
     /// Whether all within a rectangle is nearer. A NaN hides nothing.
     #[inline(always)]
     fn hides(&self, sides: [f64; 4], nearness: f32) -> bool {
@@ -134,6 +174,10 @@ impl Tiles {
             whole: alloc::vec![NOTHING; columns * rows + PADDING],
             surface: alloc::vec![0; columns * rows + PADDING],
             surfaces: alloc::vec![Surface::NONE],
+            outlines: alloc::vec![Outline::NONE],
+            met: alloc::vec![0; columns * rows],
+            links: Vec::new(),
+            limit: 0,
             counts: alloc::vec![0; columns * rows],
             layers: alloc::vec![layers; columns * rows],
             changed: alloc::vec![UNCHANGED; rows],
@@ -142,11 +186,18 @@ impl Tiles {
         }
     }
 
-    pub(crate) fn clear(&mut self) {
+    /// Forgets all; outlines are to be fused in what comes, or not.
+    pub(crate) fn clear(&mut self, fuses: bool) {
         self.whole.fill(NOTHING);
         self.counts.fill(0);
         self.surface.fill(0);
         self.surfaces.truncate(1);
+        self.outlines.truncate(1);
+        self.met.fill(0);
+        self.links.clear();
+        self.links.push([0; 2]);
+        self.limit = if fuses { LINKS * self.met.len() } else { 0 };
+        self.links.reserve(self.limit);
         self.changed.fill(UNCHANGED);
         self.changed_rows = UNCHANGED;
     }
@@ -166,11 +217,49 @@ impl Tiles {
         self.note(row, [column, column + 1]);
     }
 
-    /// Makes a surface known; the number stands for it in this frame.
+    /// Makes the surface of a shape known; the number stands for it in this frame.
     #[inline(always)]
-    pub(crate) fn add_surface(&mut self, surface: Surface) -> u32 {
-        self.surfaces.push(surface);
+    pub(crate) fn add_surface(&mut self, shape: &Shape) -> u32 {
+        self.surfaces.push(Surface::of(&shape.planes[..shape.plane_count]));
+        if self.fuses() {
+            self.outlines.push(Outline::of(shape));
+        }
         (self.surfaces.len() - 1) as u32
+    }
+
+    /// Whether outlines are fused.
+    #[inline(always)]
+    pub(crate) fn fuses(&self) -> bool {
+        self.limit > 0
+    }
+
+    /// Remembers that the outline of a surface covers part of a tile, while there is room.
+    #[inline(always)]
+    pub(crate) fn meet(&mut self, tile: usize, surface: u32) {
+        if self.links.len() < self.limit {
+            let link = self.links.len() as u32;
+            self.links.push([surface, core::mem::replace(&mut self.met[tile], link)]);
+        }
+    }
+
+    /// Whether several outlines cover a pixel of a tile together, before what is `behind`.
+    pub(crate) fn fuse(&self, tile: usize, pixel: [usize; 2], behind: &mut impl Behind) -> bool {
+        let mut link = self.met[tile];
+        if link == 0 {
+            return false;
+        }
+        let mut fusion = Fusion::new(pixel, behind);
+        while let Some(&[surface, next]) = self.links.get(link as usize)
+            && link != 0
+        {
+            if let (Some(surface), Some(outline)) =
+                (self.surfaces.get(surface as usize), self.outlines.get(surface as usize))
+            {
+                fusion.add(surface, outline);
+            }
+            link = next;
+        }
+        fusion.covers()
     }
 
     /// In which of some pixels a box may be seen, looked at through the surfaces that cover them. It is no nearer than `nearness` there, and within
@@ -356,7 +445,8 @@ impl Tiles {
                 nearness = nearness.max(of(layers.surfaces[i]));
             }
         }
-        nearness
+        let mut fused = f64::INFINITY;
+        if self.fuse(tile, [column, row], &mut fused) { nearness.max(down(fused)) } else { nearness }
     }
 
     /// The nearness of a pixel as the tile has it, [`NOTHING`] where nothing covers it.

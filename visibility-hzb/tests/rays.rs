@@ -3,8 +3,8 @@
 mod common;
 
 use common::{Occluder, Random, Ray, faces, occluder, view};
-use visibility_core::glam::DVec3;
-use visibility_core::{OcclusionMap, View};
+use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
 use visibility_hzb::Hzb;
 
 /// Points of a pixel: corners, a hair inside, the middle, and one anywhere.
@@ -20,10 +20,16 @@ fn points(random: &mut Random) -> [[f64; 2]; 6] {
     ]
 }
 
-fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, what: &str) -> (u64, u64) {
+fn check(
+    occluders: &[Occluder],
+    view: &View,
+    [hzb, alone]: &[Hzb; 2],
+    random: &mut Random,
+    what: &str,
+) -> [u64; 3] {
     let size = [hzb.width(), hzb.height()];
     let faces = faces(occluders);
-    let (mut samples, mut pixels) = (0, 0);
+    let [mut samples, mut pixels, mut several] = [0; 3];
     for row in 0..size[1] {
         for column in 0..size[0] {
             let stored = f64::from(hzb.nearness(column, row));
@@ -40,7 +46,13 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
             if !lonely && random.below(8) != 0 {
                 continue;
             }
-            for [x, y] in points(random) {
+            // What several cover together may have a gap anywhere.
+            let fused = stored > f64::from(alone.nearness(column, row));
+            several += u64::from(fused);
+            let within = (0..if fused { 40 } else { 0 })
+                .map(|_| [random.within(1e-6, 1.0 - 1e-6), random.within(1e-6, 1.0 - 1e-6)])
+                .collect::<Vec<_>>();
+            for [x, y] in points(random).into_iter().chain(within) {
                 let met = Ray::new(view, size, column as f64 + x, row as f64 + y).nearest(&faces);
                 samples += 1;
                 assert!(
@@ -53,29 +65,60 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
             }
         }
     }
-    (samples, pixels)
+    [samples, pixels, several]
+}
+
+/// Boxes side by side and end to end, turned as one or not at all: some touch, some overlap a little, and some leave gaps too narrow for a pixel.
+fn room(random: &mut Random) -> Vec<Occluder> {
+    let transform = if random.below(2) == 0 { Affine3A::IDENTITY } else { occluder(random).transform };
+    let mut low = random.vec(-2.0, 0.0);
+    (0..random.below(6) + 2)
+        .filter_map(|_| {
+            let high = low + random.vec(0.1, 2.5);
+            let mesh = OccluderMesh::cuboid(&Aabb::new(low, high)).ok()?;
+            let axis = random.below(3) as usize;
+            let gap = [0.0, 0.0, -0.05, 0.003, 0.03][random.below(5) as usize] as f32;
+            low[axis] = high[axis] + gap;
+            Some(Occluder { mesh, transform })
+        })
+        .collect()
 }
 
 #[test]
 fn covered_pixels_are_covered_and_no_farther_than_they_say() {
     let mut random = Random(7);
-    let (mut samples, mut pixels, mut rounds) = (0, 0, 0);
+    let (mut samples, mut pixels, mut fused, mut rounds) = (0, 0, 0, 0);
     while samples < 1_200_000 {
         let sizes = [[64, 36], [33, 57], [16, 16], [120, 40]];
         let size = sizes[random.below(4) as usize];
-        let view = view(&mut random);
-        let occluders: Vec<_> = (0..random.below(4) + 1).map(|_| occluder(&mut random)).collect();
-        let mut hzb = Hzb::new(size[0], size[1]).unwrap();
-        hzb.begin(&view, DVec3::ZERO);
-        for o in &occluders {
-            hzb.add(&o.mesh, &o.transform);
+        let mut view = view(&mut random);
+        let mut occluders: Vec<_> = (0..random.below(4) + 1).map(|_| occluder(&mut random)).collect();
+        if random.below(2) == 0 {
+            occluders = room(&mut random);
+            // Some edges level and some upright.
+            if random.below(3) == 0 {
+                let eye = random.vec(-1.0, 1.0).as_dvec3() - 4.0 * DVec3::X;
+                let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+                view = View::perspective(pose, 1.0, size[0] as f64 / size[1] as f64, 0.1, f64::INFINITY)
+                    .unwrap();
+            }
         }
-        hzb.flush();
-        let (s, p) = check(&occluders, &view, &hzb, &mut random, &format!("round {rounds}"));
+        let maps = [true, false].map(|fusion| {
+            let mut hzb = Hzb::new(size[0], size[1]).unwrap().with_fusion(fusion);
+            hzb.begin(&view, DVec3::ZERO);
+            for o in &occluders {
+                hzb.add(&o.mesh, &o.transform);
+            }
+            hzb.flush();
+            hzb
+        });
+        let [s, p, f] = check(&occluders, &view, &maps, &mut random, &format!("round {rounds}"));
         samples += s;
         pixels += p;
+        fused += f;
         rounds += 1;
         assert!(rounds < 40_000, "too little is covered: {pixels} pixels");
     }
-    println!("{rounds} scenes, {pixels} covered pixels, {samples} rays");
+    println!("{rounds} scenes, {pixels} covered pixels, {fused} of them by several, {samples} rays");
+    assert!(fused > 3_000, "only {fused} pixels are covered by several");
 }
