@@ -82,7 +82,15 @@ fuzz_target!(|bytes: &[u8]| {
             continue;
         }
         for index in (0..seen.len()).filter(|&index| !seen[index]) {
-            let point = oracle::seen_point(&world, view, index, pipeline.accuracy(), &mut Random(1), &mut 0);
+            let point = oracle::seen_point(
+                &world,
+                view,
+                index,
+                pipeline.accuracy(),
+                &oracle::Rooms::default(),
+                &mut Random(1),
+                &mut 0,
+            );
             assert_eq!(point, None, "{} hides object {index}", known.name);
         }
     }

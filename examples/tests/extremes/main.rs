@@ -8,6 +8,7 @@
 
 #[path = "../../../visibility-core/tests/common/mod.rs"]
 mod common;
+mod exact;
 mod maze;
 mod metamorphic;
 mod oracle;
@@ -77,7 +78,7 @@ fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tal
         }
         // Where rounding blurs the picture, what is exact says nothing.
         if accuracy == Accuracy::Exact && shown(world, &mut frustum, view, &mut visible) != seen {
-            for index in (0..seen.len()).filter(|&index| oracle::surely_hidden(world, view, index)) {
+            for index in (0..seen.len()).filter(|&index| exact::surely_hidden(world, view, index)) {
                 tally.surely += 1;
                 assert!(
                     !seen[index],

@@ -1,0 +1,67 @@
+//! What an exact culler must hide: objects of which each triangle is behind one of another.
+
+use crate::oracle::{NARROWEST, sight_line};
+use visibility_bsp::BspTree;
+use visibility_core::View;
+use visibility_core::glam::{DMat4, DVec2, DVec3};
+use visibility_examples::walkthrough::World;
+
+/// Whether an object is hidden beyond any doubt, with none of what leaves an exact culler free to show it: each of its triangles is behind one
+/// of another object, by more than such a culler may miss.
+pub(crate) fn surely_hidden(world: &World, view: &View, object: usize) -> bool {
+    let (objects, origin) = (&world.source.objects, world.origin());
+    let (clip, near) = (view.clip_from(origin), view.planes(origin).as_slice()[4].plane);
+    // What is broken is never hidden, and hides nothing.
+    let corners = |object: usize| objects[object].triangles.iter().map(|t| t.map(|p| p.as_dvec3()));
+    let is_whole = |object: usize| corners(object).len() > 0 && corners(object).all(|t| BspTree::accepts(&t));
+    let behind_one = |triangle: [DVec3; 3]| {
+        let lines = triangle.map(|p| sight_line(view, origin, p));
+        let hides = |other: [DVec3; 3]| {
+            lines.iter().flatten().filter(|line| line.surely_meets(other)).count() == 3
+                && triangle.iter().all(|&p| inside_by(&clip, p, other) > NARROWEST)
+        };
+        (0..objects.len()).filter(|&other| other != object && is_whole(other)).flat_map(corners).any(hides)
+    };
+    let is_beyond_near = |triangle: [DVec3; 3]| triangle.iter().all(|&p| near.signed_distance(p) > 0.0);
+    is_whole(object)
+        && corners(object).all(|triangle| is_beyond_near(triangle) && behind_one(triangle))
+        && width(&clip, corners(object).flatten()) > 10.0 * NARROWEST
+}
+
+/// The width of points in the picture, across the longest line through two of them, in halves of it; `NAN` unless all are before the eye.
+fn width(clip: &DMat4, points: impl Iterator<Item = DVec3> + Clone) -> f64 {
+    let places = points.map(|p| in_picture(clip, p));
+    let farthest = |from: DVec2| {
+        places.clone().fold(from, |best, p| if p.distance(from) > best.distance(from) { p } else { best })
+    };
+    let a = farthest(places.clone().next().unwrap_or(DVec2::NAN));
+    let along = farthest(a) - a;
+    places.fold(0.0, |most: f64, p| {
+        let off = along.perp_dot(p - a).abs() / along.length();
+        if off >= most {
+            off
+        } else if off < most {
+            most
+        } else {
+            f64::NAN
+        }
+    })
+}
+
+fn in_picture(clip: &DMat4, p: DVec3) -> DVec2 {
+    let at = *clip * p.extend(1.0);
+    if at.w > 0.0 { at.truncate().truncate() / at.w } else { DVec2::NAN }
+}
+
+/// How far a point is inside of a triangle in the picture, in halves of it; not a positive number unless all of them are before the eye.
+fn inside_by(clip: &DMat4, point: DVec3, corners: [DVec3; 3]) -> f64 {
+    let (at, [a, b, c]) = (in_picture(clip, point), corners.map(|p| in_picture(clip, p)));
+    let turn = (b - a).perp_dot(c - a).signum();
+    let height = |a: DVec2, b: DVec2| (b - a).perp_dot(at - a) * turn / (b - a).length();
+    let heights = [height(a, b), height(b, c), height(c, a)];
+    if heights.iter().any(|height| height.is_nan()) {
+        f64::NAN
+    } else {
+        heights.into_iter().fold(f64::INFINITY, f64::min)
+    }
+}
