@@ -137,30 +137,3 @@ fn what_looks_the_same_is_culled_the_same() {
     }
     assert!(wrong.is_empty(), "too many answers differ:\n{}", wrong.join("\n"));
 }
-#[test]
-fn zz() {
-    let world = (0..).map(|seed| random(&mut Random(seed))).filter_map(plain).nth(7).unwrap();
-    let change = &changes()[0];
-    let (new, _) = changed(&world, change, &mut Random(8));
-    let k = 1024.0;
-    println!("eyes {:?} {:?}", world.views[0].eye(DVec3::ZERO), new.views[0].eye(DVec3::ZERO));
-    let [a, b] = [&world, &new].map(|w| visibility_bsp::Occluders::new(&w.scene));
-    let (pa, pb): (Vec<_>, Vec<_>) = (
-        a.polygons().map(|p| p.iter().map(|v| *v * k).collect::<Vec<_>>()).collect(),
-        b.polygons().map(|p| p.to_vec()).collect(),
-    );
-    println!("{} {} equal {}", pa.len(), pb.len(), pa == pb);
-    let [fa, fb] =
-        [(&world, a), (&new, b)].map(|(w, o)| visibility_bsp::ShadowFrusta::new(&w.scene, o, 256, 8));
-    println!("{} {}", fa.regions(), fb.regions());
-    println!(
-        "{}",
-        format!("{fa:?}").split("chosen").last().unwrap()
-            == format!("{fb:?}").split("chosen").last().unwrap()
-    );
-    println!("{}", format!("{fa:?}").split("chosen").last().unwrap());
-    println!("{}", format!("{fb:?}").split("chosen").last().unwrap());
-    let (da, db) = (format!("{fa:#?}"), format!("{fb:#?}"));
-    std::fs::write("/tmp/fa.txt", da).unwrap();
-    std::fs::write("/tmp/fb.txt", db).unwrap();
-}
