@@ -32,7 +32,7 @@ pub struct OcclusionTreeCuller {
 }
 
 /// So many times more polygons than are used are looked at, by where they are, and so many of these closely.
-const LOOKED_AT: usize = 8;
+const LOOKED_AT: usize = 6;
 const CLOSER: usize = 2;
 /// What is close by is worth more than anything else, and among itself by its solid angle.
 const CERTAIN: f32 = 1e30;
