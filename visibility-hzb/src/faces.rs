@@ -137,8 +137,7 @@ impl Faces {
         slabs
     }
 
-    /// As [`hides`](Self::hides), with occluder fusion within pixels. Apart from it, which is compiled into every loop over boxes.
-    #[inline(never)]
+    /// As [`hides`](Self::hides), with occluder fusion within pixels.
     pub(crate) fn hides_fused(
         &self,
         tiles: &Tiles,

@@ -269,7 +269,10 @@ impl Hzb {
     }
 
     fn fill(&mut self) {
-        if self.simd.fill(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
+        let (shape, tiles) = (&self.shape, &mut self.tiles);
+        let seen =
+            if tiles.fuses() { self.simd.fill_and_fuse(shape, tiles) } else { self.simd.fill(shape, tiles) };
+        if seen && self.shape.ceiling > self.nearest {
             self.nearest = self.shape.ceiling;
         }
     }

@@ -338,11 +338,30 @@ fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
     mask
 }
 
-/// Whether a box may be hidden although nothing covers its middle: that may be a pixel that several outlines cover together. Two of them would be rare.
-#[inline(always)]
-fn second_look(tiles: &Tiles, rectangle: &Rectangle, farthest: f32) -> bool {
-    let [x, y] = [rectangle.columns[0], rectangle.lines[0]].map(|first| first as usize);
-    tiles.fuses() && tiles.pixel(x, y) > farthest
+/// Of boxes that are not hidden so far, those that are once outlines are fused. Apart from the loop over all boxes, for the sake of its speed.
+#[inline(never)]
+fn hidden_by_several<const N: usize>(
+    query: &Query,
+    footprints: &Footprints<N>,
+    lanes: u64,
+    boxes: &[[f32; N]; 6],
+) -> u64 {
+    let (mut hidden, mut left) = (0, lanes);
+    while left != 0 {
+        let i = left.trailing_zeros() as usize % N;
+        left &= left - 1;
+        let (rectangle, farthest) = (footprints.rectangle(i), footprints.farthest[i]);
+        // The middle may be a pixel that several outlines cover. Two of them would be rare.
+        let [x, y] = [rectangle.columns[0], rectangle.lines[0]].map(|first| first as usize);
+        if !(query.tiles.pixel_around(&rectangle) > farthest) && !(query.tiles.pixel(x, y) > farthest) {
+            continue;
+        }
+        let sides = [0, 1, 2, 3, 4, 5].map(|row| boxes[row][i]);
+        if query.faces.hides_fused(query.tiles, &rectangle, sides, footprints.nearest[i]) {
+            hidden |= 1 << i;
+        }
+    }
+    hidden
 }
 
 #[inline(always)]
@@ -381,8 +400,7 @@ fn decide<const N: usize>(
         let (rectangle, nearest) = (footprints.rectangle(i), footprints.nearest[i]);
         // One look tells most of those that are visible: what is behind their middle.
         let behind = query.tiles.pixel_around(&rectangle);
-        if !(behind > footprints.farthest[i]) && !second_look(query.tiles, &rectangle, footprints.farthest[i])
-        {
+        if !(behind > footprints.farthest[i]) {
             continue;
         }
         let mut sides = [0.0; 6];
@@ -391,10 +409,12 @@ fn decide<const N: usize>(
         }
         if behind > nearest && query.pyramid.hides(query.tiles, &rectangle, nearest)
             || query.faces.hides::<false>(query.tiles, &rectangle, sides, nearest)
-            || query.tiles.fuses() && query.faces.hides_fused(query.tiles, &rectangle, sides, nearest)
         {
             hidden |= 1 << i;
         }
+    }
+    if query.tiles.fuses() && rest & !hidden != 0 {
+        hidden |= hidden_by_several(query, footprints, rest & !hidden, boxes);
     }
     (hidden, visible)
 }

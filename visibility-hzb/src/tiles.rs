@@ -219,9 +219,9 @@ impl Tiles {
 
     /// Makes the surface of a shape known; the number stands for it in this frame.
     #[inline(always)]
-    pub(crate) fn add_surface(&mut self, shape: &Shape) -> u32 {
+    pub(crate) fn add_surface<const FUSED: bool>(&mut self, shape: &Shape) -> u32 {
         self.surfaces.push(Surface::of(&shape.planes[..shape.plane_count]));
-        if self.fuses() {
+        if FUSED {
             self.outlines.push(Outline::of(shape));
         }
         (self.surfaces.len() - 1) as u32
