@@ -1,8 +1,9 @@
 //! What the cells of a tessellation hold: the primitives that meet each, and how much of it they fill.
 
+use crate::exposure::exposures;
 use crate::facing::Facing;
 use crate::grouped::Grouped;
-use crate::layers::{Layer, Layers, area_of, class_of_object, push_list};
+use crate::layers::{Kind, Layer, Layers, Sides, push_list};
 use alloc::vec::Vec;
 use visibility_core::{Changes, ObjectId, Scene};
 
@@ -12,7 +13,8 @@ use visibility_core::{Changes, ObjectId, Scene};
 /// objects of one triangle each. An object is in every cell that its triangles meet, or that its bounds meet if the scene has no triangles of
 /// it. What is in no cell (it has changed since, or was never placed) is a *stray*, and counts as visible.
 ///
-/// A cell holds its objects in layers of like size, the largest first, since what is large is more likely seen.
+/// A cell holds its objects by the axis that they face and in layers of like size and exposure: what is large and has nothing close before it is
+/// more likely seen.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -30,8 +32,7 @@ pub struct Content {
     /// Where the list of each cell begins in `lists`, and where the last one ends.
     pub(crate) starts: Vec<u32>,
     pub(crate) lists: Vec<u8>,
-    /// For each cell, the share of rays along x, y and z that its content stops, of 255; and one more than the class of its largest objects, or 0 if
-    /// it is empty.
+    /// For each cell, the share of rays along x, y and z that its content stops, of 255; and whether it holds anything.
     pub(crate) cover: Vec<[u8; 4]>,
     pub(crate) max_count: u32,
     /// How long an array by object index is.
@@ -58,7 +59,7 @@ impl Content {
     pub fn new(scene: &Scene, pairs: &[(u32, u32)], mut cover: Vec<[u8; 4]>) -> Self {
         let Grouped { mut starts, mut items } = Grouped::new(cover.len(), pairs);
         let max_count = starts.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0);
-        let classes = classes_of(scene);
+        let kinds = kinds_of(scene);
         let mut lists = Vec::new();
         let mut held = alloc::vec![0u64; scene.index_limit().div_ceil(64)];
         for cell in 0..cover.len() {
@@ -67,9 +68,8 @@ impl Content {
             for &mut object in &mut *list {
                 held[object as usize / 64] |= 1 << (object % 64);
             }
-            push_list(&mut lists, list, &classes);
-            cover[cell][3] =
-                Layers::new(&lists[starts[cell] as usize..]).class().map_or(0, |class| class + 1);
+            push_list(&mut lists, list, &kinds);
+            cover[cell][3] = u8::from(!list.is_empty());
         }
         starts[cover.len()] = lists.len() as u32;
         lists.shrink_to_fit();
@@ -111,22 +111,30 @@ impl Content {
         if content.held.len() != scene.index_limit().div_ceil(64) {
             return Err("the marks of objects are of another number of objects");
         }
-        let classes = classes_of(scene);
-        let (mut again, mut objects) = (Vec::new(), Vec::new());
+        let mut objects = Vec::new();
         for cell in 0..cells as u32 {
             objects.clear();
-            objects.extend(content.primitives(cell));
+            let mut sides = content.sides(cell);
+            for mut layers in sides.by_ref() {
+                for layer in layers.by_ref() {
+                    let before = objects.len();
+                    objects.extend(layer);
+                    if objects.len() == before || !objects[before..].is_sorted_by(|a, b| a < b) {
+                        return Err("a layer of a cell is empty or not in order");
+                    }
+                }
+                if layers.len() > 0 {
+                    return Err("the layers of a cell do not fit together");
+                }
+            }
+            if sides.len() > 0 {
+                return Err("the list of a cell ends too early");
+            }
             if objects.iter().any(|&object| object >= content.index_limit) {
                 return Err("a cell names an unknown object");
             }
-            again.clear();
-            push_list(&mut again, &mut objects, &classes);
-            if again != content.list(cell) {
-                return Err("the list of a cell is not in the order of its objects' sizes");
-            }
-            let largest = content.layers(cell).class().map_or(0, |class| class + 1);
-            if content.cover[cell as usize][3] != largest {
-                return Err("a cell says that it holds objects of another size");
+            if content.cover[cell as usize][3] != u8::from(!objects.is_empty()) {
+                return Err("a cell says that it holds something, or nothing, and is wrong");
             }
             content.max_count = content.max_count.max(objects.len() as u32);
         }
@@ -152,16 +160,16 @@ impl Content {
         range.and_then(|(&start, &end)| self.lists.get(start as usize..end as usize)).unwrap_or(&[])
     }
 
-    /// The layers of a cell; none for an unknown one.
+    /// What a cell holds, by the side that it faces; nothing for an unknown cell.
     #[inline]
-    pub(crate) fn layers(&self, cell: u32) -> Layers<'_> {
-        Layers::new(self.list(cell))
+    pub(crate) fn sides(&self, cell: u32) -> Sides<'_> {
+        Sides::new(self.list(cell))
     }
 
-    /// The objects in a cell, the largest first; none for an unknown cell.
+    /// The objects in a cell, each once; none for an unknown cell.
     #[inline]
     pub fn primitives(&self, cell: u32) -> Primitives<'_> {
-        Primitives { layers: self.layers(cell), layer: Layer::default() }
+        Primitives { sides: self.sides(cell), layers: Layers::default(), layer: Layer::default() }
     }
 
     /// How many objects are in a cell; 0 for an unknown one.
@@ -174,13 +182,6 @@ impl Content {
     #[inline]
     pub fn is_empty(&self, cell: u32) -> bool {
         self.cover.get(cell as usize).is_none_or(|cover| cover[3] == 0)
-    }
-
-    /// About the area of the largest objects in a cell, in square metres; none if there are none.
-    #[inline]
-    pub(crate) fn largest(&self, cell: u32) -> Option<f32> {
-        let class = self.cover.get(cell as usize)?[3].checked_sub(1)?;
-        Some(area_of(class))
     }
 
     /// The most objects in any cell.
@@ -268,7 +269,7 @@ impl Content {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Primitives<'a> {
-    /// From the layer that is being read.
+    sides: Sides<'a>,
     layers: Layers<'a>,
     layer: Layer<'a>,
 }
@@ -278,24 +279,26 @@ impl Iterator for Primitives<'_> {
 
     #[inline]
     fn next(&mut self) -> Option<u32> {
-        while self.layer.left == 0 {
-            self.layer = self.layers.next()?;
-            self.layers.pass(&self.layer);
+        loop {
+            if let Some(object) = self.layer.next() {
+                return Some(object);
+            }
+            match self.layers.next() {
+                Some(layer) => self.layer = layer,
+                None => self.layers = self.sides.next()?,
+            }
         }
-        self.layer.left -= 1;
-        let object = self.layer.take();
-        self.layers.pass(&self.layer);
-        Some(object)
     }
 }
 
-/// The class of each object by index; 0 where there is none.
-fn classes_of(scene: &Scene) -> Vec<u8> {
-    let mut classes = alloc::vec![0; scene.index_limit()];
+/// The kind of each object by index.
+fn kinds_of(scene: &Scene) -> Vec<Kind> {
+    let exposures = exposures(scene);
+    let mut kinds = alloc::vec![Kind::default(); scene.index_limit()];
     for id in scene.ids() {
-        classes[id.index()] = class_of_object(scene, id);
+        kinds[id.index()] = Kind::of_object(scene, id, exposures[id.index()]);
     }
-    classes
+    kinds
 }
 
 #[cfg(test)]

@@ -67,6 +67,12 @@ impl Front {
         }
     }
 
+    /// The least solidity in it; none if it is empty.
+    #[inline]
+    pub fn least(&self) -> Option<f32> {
+        self.heap.first().map(|entry| f32::from_bits((entry.0 >> 32) as u32))
+    }
+
     /// Takes out the least solid cell, the first that came among equals.
     #[inline]
     pub fn pop(&mut self) -> Option<u32> {

@@ -1,72 +1,162 @@
-//! How the list of a cell is kept: in layers of objects of like size, the largest first, as differences between ascending indices, mostly of one
-//! byte each.
+//! How the list of a cell is kept: in layers of objects that face alike, are of like size and of like exposure, as differences between ascending
+//! indices, mostly of one byte each.
 //!
-//! A list is the least index in it, and then for each layer its size (a byte), how many it holds, the first as a difference from the least, and
-//! the others as differences each from the one before. Numbers are in seven bits a byte.
+//! A list is the least index in it, and then for each side that objects face: the side, how many bytes follow of it, and in these its layers, that
+//! of which most is to be seen first. Of a layer: its areas, its exposure, how many bytes follow, and in these the first index as a difference
+//! from the least in the list, and the others as differences each from the one before. Numbers are in seven bits a byte.
 
 use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, Scene};
 
-/// Fewer objects than this are no layer of their own, which costs about as much as to look at so many.
-const FEW: usize = 16;
+/// Fewer objects than this are no layer of their own, which costs about as much as to look at so many. Smaller layers find more at small budgets.
+const FEW: usize = 8;
 
-/// The class of an area: each holds areas up to four times its least. Greater areas have greater classes; NaN the greatest.
+/// Fewer objects than this that face one side are put with those that face others.
+const FEW_ON_SIDE: usize = 8;
+
+/// What the objects of a layer are like.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub(crate) struct Kind {
+    /// The class of their areas: each holds areas up to four times its least. Greater areas have greater classes; NaN the greatest.
+    area: u8,
+    /// Along which axis of the scene they face most, twice, and one more if downwards; or [`ANYWHERE`].
+    pub(crate) facing: u8,
+    /// How exposed they are: two steps are twice as much, and [`OPEN`] is 1.
+    exposure: u8,
+}
+
+/// Facing no side above all.
+pub(crate) const ANYWHERE: u8 = 6;
+
+/// The greatest exposure.
+const OPEN: u8 = 31;
+
+/// The class of an area.
 fn class_of(area: f32) -> u8 {
     // The sign bit is clear, and the exponent without its lowest bit is left.
     if area.is_nan() { 0x7f } else { (area.max(0.0).to_bits() >> 24) as u8 }
 }
 
 /// An area in the middle of a class.
-pub(crate) fn area_of(class: u8) -> f32 {
+fn area_of(class: u8) -> f32 {
     f32::from_bits(u32::from(class) << 24 | 1 << 23)
 }
 
-/// The class of an object: that of the area of its triangles, or of its box if it has none.
-pub(crate) fn class_of_object(scene: &Scene, id: ObjectId) -> u8 {
-    let triangles = scene.triangles(id).unwrap_or(&[]);
-    let mut area = 0.0;
-    for [a, b, c] in triangles {
-        area += (b - a).cross(c - a).length() * 0.5;
+impl Kind {
+    /// The kind of an object by itself, from its exposure, 0 to 1: by the area of its triangles, or of its box if it has none.
+    pub(crate) fn of_object(scene: &Scene, id: ObjectId, exposure: f32) -> Self {
+        let triangles = scene.triangles(id).unwrap_or(&[]);
+        let mut area = 0.0;
+        for [a, b, c] in triangles {
+            area += (b - a).cross(c - a).length() * 0.5;
+        }
+        if triangles.is_empty()
+            && let Ok(bounds) = scene.bounds(id)
+        {
+            let size = bounds.max - bounds.min;
+            area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
+        }
+        let facing = match triangles {
+            [[a, b, c]] => facing((b - a).as_dvec3().cross((c - a).as_dvec3())),
+            _ => ANYWHERE,
+        };
+        // Half octaves: the exponent, and the highest bit of the fraction.
+        let below_one = (1.0f32.to_bits() >> 22).saturating_sub(exposure.clamp(0.0, 1.0).to_bits() >> 22);
+        Self { area: class_of(area), facing, exposure: OPEN - below_one.min(OPEN.into()) as u8 }
     }
-    if triangles.is_empty()
-        && let Ok(bounds) = scene.bounds(id)
-    {
-        let size = bounds.max - bounds.min;
-        area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
+
+    /// An area in the middle of its class.
+    #[inline]
+    pub(crate) fn area(self) -> f32 {
+        area_of(self.area)
     }
-    class_of(area)
+
+    /// An exposure in its class.
+    #[inline]
+    pub(crate) fn exposure(self) -> f32 {
+        f32::from_bits(
+            (1.0f32.to_bits() >> 22).saturating_sub(u32::from(OPEN - self.exposure.min(OPEN))) << 22,
+        )
+    }
+
+    /// How much there is of it to be seen, in half octaves.
+    fn rank(self) -> u32 {
+        u32::from(self.area) * 4 + u32::from(self.exposure)
+    }
+
+    /// One kind for many.
+    fn mean(kinds: impl Iterator<Item = Self> + Clone) -> Self {
+        let count = kinds.clone().count().max(1);
+        let area: f32 = kinds.clone().map(Self::area).sum();
+        let exposure: usize = kinds.clone().map(|kind| usize::from(kind.exposure)).sum();
+        let first = kinds.clone().next().map_or(ANYWHERE, |kind| kind.facing);
+        let facing = if kinds.clone().all(|kind| kind.facing == first) { first } else { ANYWHERE };
+        Self { area: class_of(area / count as f32), facing, exposure: (exposure / count) as u8 }
+    }
 }
 
-/// Adds the list of a cell. Classes are by index of the object.
-pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], classes: &[u8]) {
+/// The side that a normal faces most.
+fn facing(normal: DVec3) -> u8 {
+    let size = normal.abs();
+    let axis = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
+    if size[axis] > 0.0 { axis as u8 * 2 + u8::from(normal[axis] < 0.0) } else { ANYWHERE }
+}
+
+/// Adds the list of a cell. Kinds are by index of the object.
+pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], kinds: &[Kind]) {
     let Some(&least) = objects.iter().min() else { return };
-    let class = |object: u32| classes.get(object as usize).copied().unwrap_or(0);
-    objects.sort_unstable_by_key(|&object| (u8::MAX - class(object), object));
+    let kind = |object: u32| kinds.get(object as usize).copied().unwrap_or_default();
     push_number(bytes, least);
-    let mut rest = objects;
-    while !rest.is_empty() {
-        let (layer, smaller) = rest.split_at_mut(layer_length(rest, class));
-        rest = smaller;
-        let area: f32 = layer.iter().map(|&object| area_of(class(object))).sum();
-        bytes.push(class_of(area / layer.len() as f32));
-        push_number(bytes, layer.len() as u32);
-        layer.sort_unstable();
-        let mut last = least;
-        for &mut object in layer {
-            push_number(bytes, object - last);
-            last = object;
+    // Sides of few objects are no sides of their own.
+    let mut counts = [0usize; 256];
+    for &object in &*objects {
+        counts[usize::from(kind(object).facing)] += 1;
+    }
+    let side = |object: u32| {
+        let facing = kind(object).facing;
+        if counts[usize::from(facing)] < FEW_ON_SIDE { ANYWHERE } else { facing }
+    };
+    objects.sort_unstable_by_key(|&object| (side(object), u32::MAX - kind(object).rank(), object));
+    let (mut of_side, mut of_layer) = (Vec::new(), Vec::new());
+    for mut rest in objects.chunk_by_mut(|&a, &b| side(a) == side(b)) {
+        bytes.push(side(rest[0]));
+        of_side.clear();
+        while !rest.is_empty() {
+            let (layer, others) = rest.split_at_mut(layer_length(rest, |object| kind(object).rank()));
+            rest = others;
+            of_layer.clear();
+            let mean = Kind::mean(layer.iter().map(|&object| kind(object)));
+            layer.sort_unstable();
+            let mut last = least;
+            for &mut object in layer {
+                push_number(&mut of_layer, object - last);
+                last = object;
+            }
+            of_side.extend_from_slice(&[mean.area, mean.exposure]);
+            push_number(&mut of_side, of_layer.len() as u32);
+            of_side.extend_from_slice(&of_layer);
         }
+        push_number(bytes, of_side.len() as u32);
+        bytes.extend_from_slice(&of_side);
     }
 }
 
-/// How many of the objects of a cell, the largest first, its first layer takes: those of a class, and of more where they are few.
-fn layer_length(objects: &[u32], class: impl Fn(u32) -> u8) -> usize {
+/// Ranks that differ by less than this go together.
+const ALIKE: u32 = 4;
+
+/// How many of the objects of one side of a cell, the highest in rank first, its first layer takes: those of like rank, and more where they are few.
+fn layer_length(objects: &[u32], rank: impl Fn(u32) -> u32) -> usize {
     let mut length = 0;
-    for of_class in objects.chunk_by(|&a, &b| class(a) == class(b)) {
-        if length >= FEW {
-            break;
-        }
-        length += of_class.len();
+    while length < objects.len() && length < FEW {
+        let least = rank(objects[length]).saturating_sub(ALIKE);
+        length += objects[length..].partition_point(|&object| rank(object) > least);
     }
     if objects.len() - length < FEW { objects.len() } else { length }
 }
@@ -103,30 +193,60 @@ fn take_number(bytes: &mut &[u8]) -> Option<u32> {
 /// One layer of a cell, or what is left of it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layer<'a> {
-    pub(crate) left: u32,
+    pub(crate) kind: Kind,
     last: u32,
-    /// Its numbers, and all after it.
+    /// The numbers of its objects.
     bytes: &'a [u8],
 }
 
-impl Layer<'_> {
-    /// The index of its next object. To be called as often as it has objects left; anything after that.
+impl Iterator for Layer<'_> {
+    type Item = u32;
+
+    /// The index of its next object.
     #[inline]
-    pub(crate) fn take(&mut self) -> u32 {
-        let number = take_number(&mut self.bytes).unwrap_or(0);
-        self.last = self.last.wrapping_add(number);
-        self.last
+    fn next(&mut self) -> Option<u32> {
+        self.last = self.last.wrapping_add(take_number(&mut self.bytes)?);
+        Some(self.last)
     }
 }
 
-/// The list of a cell, from one of its layers on.
+/// The layers of one side of a cell, or those that are left.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layers<'a> {
+    pub(crate) facing: u8,
     least: u32,
     bytes: &'a [u8],
 }
 
 impl<'a> Layers<'a> {
+    /// How many bytes are left.
+    #[inline]
+    pub(crate) fn len(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
+impl<'a> Iterator for Layers<'a> {
+    type Item = Layer<'a>;
+
+    #[inline]
+    fn next(&mut self) -> Option<Layer<'a>> {
+        let (&[area, exposure], mut bytes) = self.bytes.split_first_chunk()?;
+        let length = take_number(&mut bytes)?;
+        let (bytes, rest) = bytes.split_at_checked(length as usize)?;
+        self.bytes = rest;
+        Some(Layer { kind: Kind { area, facing: self.facing, exposure }, last: self.least, bytes })
+    }
+}
+
+/// The list of a cell, from one of its sides on.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Sides<'a> {
+    least: u32,
+    bytes: &'a [u8],
+}
+
+impl<'a> Sides<'a> {
     /// All of a list.
     #[inline]
     pub(crate) fn new(list: &'a [u8]) -> Self {
@@ -136,34 +256,30 @@ impl<'a> Layers<'a> {
     }
 
     /// How many bytes are left.
+    #[inline]
     pub(crate) fn len(&self) -> usize {
         self.bytes.len()
     }
 
-    /// Goes on with so many bytes left.
-    pub(crate) fn with_left(self, len: usize) -> Self {
-        let passed = self.bytes.len().saturating_sub(len);
-        Self { bytes: &self.bytes[passed..], ..self }
-    }
-
-    /// The next layer's class, without taking it.
+    /// Those layers of the side at hand that lie so many bytes before the end of the list.
     #[inline]
-    pub(crate) fn class(&self) -> Option<u8> {
-        self.bytes.first().copied()
+    pub(crate) fn layers(&self, facing: u8, from: usize, to: usize) -> Layers<'a> {
+        let place = |left: usize| self.bytes.len().saturating_sub(left);
+        let bytes = self.bytes.get(place(from)..place(to)).unwrap_or(&[]);
+        Layers { facing, least: self.least, bytes }
     }
+}
 
-    /// The next layer. What it holds is to be taken, and [`pass`](Self::pass) told, before the one after it.
-    #[inline]
-    pub(crate) fn next(&self) -> Option<Layer<'a>> {
-        let (_, mut bytes) = self.bytes.split_first()?;
-        let left = take_number(&mut bytes)?;
-        Some(Layer { left, last: self.least, bytes })
-    }
+impl<'a> Iterator for Sides<'a> {
+    type Item = Layers<'a>;
 
-    /// Goes on after a layer of which all was taken.
     #[inline]
-    pub(crate) fn pass(&mut self, layer: &Layer<'a>) {
-        self.bytes = layer.bytes;
+    fn next(&mut self) -> Option<Layers<'a>> {
+        let (&facing, mut bytes) = self.bytes.split_first()?;
+        let length = take_number(&mut bytes)?;
+        let (bytes, rest) = bytes.split_at_checked(length as usize)?;
+        self.bytes = rest;
+        Some(Layers { facing, least: self.least, bytes })
     }
 }
 
@@ -180,5 +296,24 @@ mod tests {
         }
         assert!(class_of(2.1) < class_of(8.1) && class_of(f32::NAN) >= class_of(f32::INFINITY));
         assert_eq!(class_of(-1.0), 0);
+    }
+
+    #[test]
+    fn kinds_tell_sides_and_exposures() {
+        let kind = |exposure: f32, t: [[f32; 3]; 3]| {
+            let mut scene = Scene::new();
+            let t = t.map(visibility_core::glam::Vec3::from_array);
+            let id = scene.insert(visibility_core::Aabb::from_points(t));
+            scene.set_triangles(id, [t]).unwrap();
+            Kind::of_object(&scene, id, exposure)
+        };
+        let up = [[0.0; 3], [1.0, 0.0, 0.2], [0.0, 1.0, -0.2]];
+        assert_eq!((kind(1.0, up).facing, kind(1.0, [up[0], up[2], up[1]]).facing), (4, 5));
+        assert_eq!(kind(1.0, [up[0], up[1], up[1]]).facing, ANYWHERE);
+        for exposure in [1.0, 0.7, 0.5, 0.3, 0.02, 1e-4] {
+            let told = kind(exposure, up).exposure();
+            assert!(told <= exposure && exposure < told * 1.51, "{exposure}: {told}");
+        }
+        assert!(kind(0.0, up).exposure() < 1e-4 && kind(f32::NAN, up).exposure() == 1.0);
     }
 }

@@ -16,6 +16,7 @@ mod content;
 mod cover;
 mod culler;
 mod delaunay;
+mod exposure;
 mod facing;
 mod front;
 mod grid;

@@ -3,7 +3,7 @@
 use crate::sight::Sight;
 use crate::{Face, Tessellation};
 use visibility_core::Eye;
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{DVec3, Vec3};
 
 /// How the solidity of cells in the front is estimated, and handed on from a cell to those behind it.
 ///
@@ -17,7 +17,7 @@ pub enum Solidity {
     /// the rest on through its far faces, to each by the share that the face has of the next cell as seen from the eye. The transfer
     /// `v . n` of the paper's figure 5, so weighed that shares add up to one, with what came through several faces added up; a cell that
     /// is reached otherwise than along lines of sight gets little light by itself, and needs no penalty. What a cell holds waits for its turn
-    /// in layers, those of large primitives before those of small ones, which with as much light show less for their cost.
+    /// in layers: what is small, seen at a slant, or has something close before it shows less for its cost with as much light.
     ///
     /// The paper names normals of the content as future work: how much it covers seen along each axis stands for them.
     #[default]
@@ -76,6 +76,26 @@ pub(crate) fn nearness(sight: &Sight, center: DVec3, area: f64) -> f32 {
 pub(crate) fn worth(angle: f32) -> f32 {
     if angle < f32::MAX { (angle / (angle + LARGE)).max(1e-6) } else { 1.0 }
 }
+
+/// How much larger than on average a primitive appears that faces along an axis, upwards or downwards, or anywhere, seen along a direction.
+pub(crate) fn shown(direction: Vec3, is_around: bool, one_sided: bool) -> [f32; 7] {
+    let mut shown = [1.0; 7];
+    // About the eye there is no one direction.
+    if is_around {
+        return shown;
+    }
+    for (side, shown) in shown.iter_mut().take(6).enumerate() {
+        let along = direction[side / 2];
+        let toward = if side % 2 == 0 { -along } else { along };
+        let toward = if one_sided { toward } else { toward.abs() };
+        // Normals of a side are up to half a right angle off its axis.
+        *shown = ((toward + SPREAD) * (2.0 / (1.0 + SPREAD))).max(0.02);
+    }
+    shown
+}
+
+/// By how much the cosine to the axis may differ from that to a normal, or nearly.
+const SPREAD: f32 = 0.35;
 
 /// The paper's solidity of a cell, from that of the one before it.
 pub(crate) fn count_solidity<T: Tessellation + ?Sized>(

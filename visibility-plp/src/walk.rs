@@ -2,9 +2,9 @@
 
 use crate::content::bit;
 use crate::facing::{Side, Toward};
-use crate::layers::{Layers, area_of};
+use crate::layers::{ANYWHERE, Layer, Layers};
 use crate::sight::{Place, Sight};
-use crate::solidity::{From, count_solidity, nearness, share, stopped, worth};
+use crate::solidity::{From, count_solidity, nearness, share, shown, stopped, worth};
 use crate::{Face, Front, Solidity, Tessellation};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
@@ -32,12 +32,14 @@ struct Cell {
     crossed: u16,
     /// The light that reaches it, or its solidity; NaN before it is in the front.
     value: f32,
-    /// How many bytes of its list hold what is not projected yet; [`ALL`] before any is.
-    left: u32,
+    /// Which of the sides are its own, as far as they hold what is not projected yet: from here on, and up to there; [`ALL`] before it is opened.
+    from: u32,
+    to: u32,
     /// Unit direction of sight to its centre.
     direction: Vec3,
     /// Its area seen along that direction.
     area: f32,
+    /// What part of its light its best layer is worth.
     worth: f32,
     /// What part of the directions a square metre in it takes up.
     nearness: f32,
@@ -47,7 +49,8 @@ impl Cell {
     const UNKNOWN: Self = Self {
         crossed: 0,
         value: f32::NAN,
-        left: 0,
+        from: 0,
+        to: 0,
         direction: Vec3::ZERO,
         area: 0.0,
         nearness: 0.0,
@@ -55,7 +58,20 @@ impl Cell {
     };
 }
 
-/// More bytes than any list has.
+/// What is not projected yet of one side of a cell.
+#[derive(Clone, Copy, Debug)]
+struct Rest {
+    /// What part of its light its first layer is worth.
+    worth: f32,
+    /// The solid angle that a square metre takes up.
+    nearness: f32,
+    /// Where it begins and ends, in bytes from the end of the list.
+    from: u32,
+    to: u32,
+    facing: u8,
+}
+
+/// More sides than there are ever.
 const ALL: u32 = u32::MAX;
 
 /// What is asked of the objects that are projected.
@@ -106,12 +122,26 @@ pub(crate) struct Walk {
     pub(crate) projected: u64,
     /// Faces of the cell at hand.
     faces: Vec<Face>,
+    /// What is left of the cells that were opened, by the side that it faces.
+    sides: Vec<Rest>,
     /// Objects of the layer at hand that are new and do not turn their backs.
     sifted: Vec<(u32, Side)>,
     /// Where the eye lies before planes, as [`Facing::planes`](crate::facing::Facing::planes) tells.
     planes: Vec<[f64; 2]>,
     /// Those of them that are in the set.
     seen: Vec<(ObjectId, Side)>,
+}
+
+impl Rest {
+    /// Goes on with these layers. False if there is none.
+    #[inline]
+    fn look(&mut self, mut layers: Layers<'_>) -> bool {
+        self.from = self.to + layers.len() as u32;
+        let next = layers.next();
+        let worth = |layer: Layer<'_>| worth(layer.kind.area() * self.nearness) * layer.kind.exposure();
+        self.worth = next.clone().map_or(0.0, worth);
+        next.is_some()
+    }
 }
 
 fn set(words: &mut [u64], index: u32) {
@@ -136,6 +166,7 @@ impl Walk {
             bits.resize(content.cell_count().div_ceil(64), 0);
         }
         self.front.clear();
+        self.sides.clear();
         self.order.clear();
         self.sifted.clear();
         self.sifted.resize(content.max_count() as usize, (0, Side::Unknown));
@@ -217,7 +248,7 @@ impl Walk {
     #[inline]
     fn know<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32, crossed: u16) {
         let content = stage.tessellation.content();
-        let mut known = Cell { crossed, left: if content.is_empty(cell) { 0 } else { ALL }, ..Cell::UNKNOWN };
+        let mut known = Cell { crossed, to: if content.is_empty(cell) { 0 } else { ALL }, ..Cell::UNKNOWN };
         if stage.rules.solidity == Solidity::Coverage {
             let center = stage.tessellation.center(cell);
             let direction = stage.sight.direction(center);
@@ -225,9 +256,13 @@ impl Walk {
             known.direction = direction.as_vec3();
             known.area = area as f32;
             known.nearness = nearness(&stage.sight, center, area);
-            known.worth = content.largest(cell).map_or(1.0, |area| worth(area * known.nearness));
         }
         self.cells[cell as usize] = known;
+        if stage.rules.solidity == Solidity::Coverage {
+            self.open(stage, cell);
+            // What holds nothing costs nothing.
+            self.cells[cell as usize].worth = self.best_side(cell).map_or(1.0, |(_, worth)| worth);
+        }
     }
 
     /// Puts a cell into the front, or again with another value.
@@ -258,26 +293,26 @@ impl Walk {
         None
     }
 
-    /// Goes on with a cell out of the front: through it when it comes first, then through its layers each time it comes again.
+    /// Goes on with a cell out of the front: through it when it comes first, then through its layers, as long as no other cell has better.
     #[inline]
     pub(crate) fn step<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) -> Projected {
         if !bit(&self.closed, cell as usize) {
             self.go_through(stage, cell);
         }
-        if self.project(stage, cell, false) == Projected::Cut {
-            return Projected::Cut;
-        }
-        let known = &self.cells[cell as usize];
-        if known.left > 0 {
+        self.open(stage, cell);
+        while let Some((side, worth)) = self.best_side(cell) {
             let solidity = match stage.rules.solidity {
-                Solidity::Coverage => {
-                    let class = self.layers(stage, cell).class().unwrap_or(0);
-                    1.0 - known.value * worth(area_of(class) * known.nearness)
-                }
+                Solidity::Coverage => 1.0 - self.cells[cell as usize].value * worth,
                 // As in the paper, all that a cell holds at once.
                 Solidity::Count => 0.0,
             };
-            self.front.push(solidity, cell);
+            if self.front.least().is_some_and(|least| least < solidity) {
+                self.front.push(solidity, cell);
+                break;
+            }
+            if self.project(stage, cell, side, false) == Projected::Cut {
+                return Projected::Cut;
+            }
         }
         Projected::Whole
     }
@@ -289,53 +324,83 @@ impl Walk {
 
     /// Takes a cell out of the frame: nothing goes through it.
     pub(crate) fn shut(&mut self, cell: u32) {
-        self.cells[cell as usize].left = 0;
+        self.cells[cell as usize].to = 0;
         set(&mut self.closed, cell);
     }
 
     /// Whether a cell holds what is not projected yet.
     pub(crate) fn has_content(&self, cell: u32) -> bool {
-        self.cells[cell as usize].left > 0
+        let known = &self.cells[cell as usize];
+        known.from < known.to
     }
 
     /// Projects all that is left in a cell whatever the budget, and goes through it, if it was not shut and neither was done yet.
     pub(crate) fn finish<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
-        while self.has_content(cell) {
-            self.project(stage, cell, true);
+        self.open(stage, cell);
+        while let Some((side, _)) = self.best_side(cell) {
+            self.project(stage, cell, side, true);
         }
         if !bit(&self.closed, cell as usize) {
             self.go_through(stage, cell);
         }
     }
 
-    /// The layers of a cell that are not projected yet.
+    /// Opens a cell: looks up what it holds, by the side that it faces, if that was not done yet.
     #[inline]
-    fn layers<'a, T: Tessellation + ?Sized>(&self, stage: &Stage<'a, T>, cell: u32) -> Layers<'a> {
-        stage.tessellation.content().layers(cell).with_left(self.cells[cell as usize].left as usize)
+    fn open<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
+        let known = &mut self.cells[cell as usize];
+        if known.to != ALL {
+            return;
+        }
+        known.from = self.sides.len() as u32;
+        let shown = shown(known.direction, known.nearness * known.area > 0.45, stage.rules.one_sided);
+        let mut sides = stage.tessellation.content().sides(cell);
+        while let Some(layers) = sides.next() {
+            let nearness = known.nearness * shown[usize::from(layers.facing.min(ANYWHERE))];
+            let (facing, to) = (layers.facing, sides.len());
+            let from = to + layers.len();
+            let mut rest = Rest { worth: 0.0, nearness, from: from as u32, to: to as u32, facing };
+            if rest.look(layers) {
+                self.sides.push(rest);
+            }
+        }
+        known.to = self.sides.len() as u32;
     }
 
-    /// Projects the next layer of a cell, each object once, as far as the budget lasts.
+    /// Which side of a cell shows most with its next layer, and how much that is worth; none when nothing is left of the cell.
+    #[inline]
+    fn best_side(&self, cell: u32) -> Option<(u32, f32)> {
+        let known = &self.cells[cell as usize];
+        let mut best = None;
+        for side in known.from..known.to {
+            let worth = self.sides[side as usize].worth;
+            if best.is_none_or(|(_, most)| worth > most) {
+                best = Some((side, worth));
+            }
+        }
+        best
+    }
+
+    /// Projects the next layer of a side of a cell, each object once, as far as the budget lasts.
     fn project<T: Tessellation + ?Sized>(
         &mut self,
         stage: &Stage<'_, T>,
         cell: u32,
+        side: u32,
         unlimited: bool,
     ) -> Projected {
         let content = stage.tessellation.content();
         let crossed = self.cells[cell as usize].crossed;
-        let mut layers = self.layers(stage, cell);
-        let Some(mut layer) = layers.next() else {
-            self.cells[cell as usize].left = 0;
-            return Projected::Whole;
-        };
+        let rest = self.sides[side as usize];
+        let mut layers = content.sides(cell).layers(rest.facing, rest.from as usize, rest.to as usize);
+        let layer = layers.next().unwrap_or_default();
         // Without branches on what cannot be foretold: every object is written down, and counts if it is new and does not turn its back.
         let toward = stage
             .rules
             .one_sided
             .then(|| Toward::new(stage.sight.eye, &stage.tessellation.cell_bounds(cell)));
         let mut count = 0;
-        for _ in 0..layer.left {
-            let index = layer.take();
+        for index in layer {
             let (place, mark) = (index as usize / 64, 1u64 << (index % 64));
             let (Some(word), Some(sifted)) = (self.taken.get_mut(place), self.sifted.get_mut(count)) else {
                 continue;
@@ -348,7 +413,6 @@ impl Walk {
             *sifted = (index, side);
             count += usize::from(is_new & (side != Side::Back));
         }
-        layers.pass(&layer);
         self.seen.clear();
         for &(index, side) in &self.sifted[..count] {
             if let Some(id) = stage.visible.id_at(stage.scene, index as usize) {
@@ -376,7 +440,11 @@ impl Walk {
             }
             self.order.push(id);
         }
-        self.cells[cell as usize].left = layers.len() as u32;
+        if !self.sides[side as usize].look(layers) {
+            let known = &mut self.cells[cell as usize];
+            known.to -= 1;
+            self.sides.swap(side as usize, known.to as usize);
+        }
         Projected::Whole
     }
 

@@ -237,3 +237,41 @@ fn an_order_alone_takes_nothing_out() {
         assert_eq!((all.len(), &all[..first.len()]), (500, &first[..]));
     }
 }
+
+/// A row of small panels across the view, every other one close behind a plate that turns its back.
+#[test]
+fn what_has_something_close_before_it_comes_last() {
+    let mut scene = visibility_core::Scene::new();
+    let mut add = |x: f32, y: f32, size: f32, flip: bool| {
+        let (v, w) = (Vec3::Y * size, Vec3::Z * size);
+        let p = Vec3::new(x, y, 0.0);
+        let t = if flip { [p - v, p + v, p + w] } else { [p - v, p + w, p + v] };
+        let id = scene.insert(Aabb::from_points(t));
+        scene.set_triangles(id, [t]).unwrap();
+        id
+    };
+    let (mut open, mut covered) = (Vec::new(), Vec::new());
+    for i in 0..40 {
+        let y = (i as f32 - 20.0) * 0.4;
+        covered.push(add(10.0, y, 0.1, false));
+        add(9.98, y, 0.15, true);
+        open.push(add(10.0, y + 0.2, 0.1, false));
+    }
+    // Cells that hold many of both kinds.
+    const COARSE: Fineness = Fineness { vertices: 100, halvings: 2 };
+    let view = looking_along_x(0.0);
+    let octree = Arc::new(OctreeTessellation::with_fineness(&scene, COARSE));
+    let delaunay = Arc::new(DelaunayTessellation::with_fineness(&scene, COARSE));
+    let all = Budget::Objects(usize::MAX);
+    let cullers: [Box<dyn Culler>; 2] = [
+        Box::new(PlpCuller::new(octree, all).with_one_sided(true)),
+        Box::new(PlpCuller::new(delaunay, all).with_one_sided(true)),
+    ];
+    for mut culler in cullers {
+        let order = run(&mut *culler, &scene, &view);
+        let shown = order.iter().filter(|id| open.contains(id)).count();
+        assert_eq!(order.iter().filter(|id| covered.contains(id)).count(), shown, "nothing is left out");
+        let first = order[..shown].iter().filter(|id| open.contains(id)).count();
+        assert!(first * 10 >= shown * 8, "{first} of {shown}");
+    }
+}
