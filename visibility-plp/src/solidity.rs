@@ -135,3 +135,18 @@ fn is_star_shaped<T: Tessellation + ?Sized>(
     let distance = face.normal.dot(center - far) / across;
     tessellation.contains(cell, center - direction * distance.max(0.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_faces_the_eye_shows_most() {
+        let one_sided = shown(Vec3::X, false, true);
+        // Along x, what faces against it shows its front, what faces along it its back, and the others their edges.
+        assert!(one_sided[1] > 1.5 && one_sided[0] < 0.1 && one_sided[2] < 1.0 && one_sided[6] == 1.0);
+        let two_sided = shown(Vec3::X, false, false);
+        assert!(two_sided[0] == two_sided[1] && two_sided[0] > two_sided[4]);
+        assert_eq!(shown(Vec3::X, true, true), [1.0; 7]);
+    }
+}

@@ -258,7 +258,7 @@ fn what_has_something_close_before_it_comes_last() {
         open.push(add(10.0, y + 0.2, 0.1, false));
     }
     // Cells that hold many of both kinds.
-    const COARSE: Fineness = Fineness { vertices: 100, halvings: 2 };
+    const COARSE: Fineness = Fineness { vertices: 10_000, halvings: 0 };
     let view = looking_along_x(0.0);
     let octree = Arc::new(OctreeTessellation::with_fineness(&scene, COARSE));
     let delaunay = Arc::new(DelaunayTessellation::with_fineness(&scene, COARSE));
@@ -272,6 +272,6 @@ fn what_has_something_close_before_it_comes_last() {
         let shown = order.iter().filter(|id| open.contains(id)).count();
         assert_eq!(order.iter().filter(|id| covered.contains(id)).count(), shown, "nothing is left out");
         let first = order[..shown].iter().filter(|id| open.contains(id)).count();
-        assert!(first * 10 >= shown * 8, "{first} of {shown}");
+        assert!(first * 10 >= shown * 7, "{first} of {shown}");
     }
 }
