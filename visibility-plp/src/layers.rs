@@ -10,7 +10,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, Scene};
 
 /// Fewer objects than this are no layer of their own, which costs about as much as to look at so many. Smaller layers find more at small budgets.
-const FEW: usize = 8;
+const FEW: usize = 12;
 
 /// Fewer objects than this that face one side are put with those that face others.
 const FEW_ON_SIDE: usize = 8;

@@ -40,7 +40,7 @@ impl Default for Fineness {
 /// A tessellation into cubes, the leaves of an octree.
 ///
 /// # Cost
-/// Two microseconds a triangle to build; about 60 bytes a cell, 1.2 for each cell that a primitive is in, and up to three a triangle.
+/// Three microseconds a triangle to build; about 60 bytes a cell, 1.2 for each cell that a primitive is in, and up to three a triangle.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
