@@ -8,7 +8,7 @@
 use crate::parts::for_each_part;
 use alloc::vec::Vec;
 use visibility_core::Scene;
-use visibility_core::glam::{Vec2, Vec3};
+use visibility_core::glam::{DVec2, Vec2, Vec3};
 
 /// Directions of lines.
 const DIRECTIONS: u32 = 12;
@@ -17,7 +17,7 @@ const DIRECTIONS: u32 = 12;
 const SIDE: u32 = 2048;
 
 /// How many lines go through a triangle, on average over all of them, at most.
-const LINES: f32 = 3.0;
+const LINES: f64 = 3.0;
 
 /// Pieces of this share of the scene's radius and all longer ones count alike.
 const FAR: f32 = 0.5;
@@ -42,12 +42,16 @@ pub(crate) fn exposures(scene: &Scene) -> Vec<f32> {
     let corners = || triangles.iter().flat_map(|(_, t)| t);
     let (min, max) = corners().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)));
     let center = min * 0.5 + max * 0.5;
-    let radius = (max - center).length();
-    if !(radius > 0.0 && radius < 1e18) {
+    // Squares of areas are beyond single precision in worlds that are not.
+    let radius = (max - center).as_dvec3().length();
+    if !(radius > 0.0 && radius < f64::from(f32::MAX)) {
         return exposures;
     }
-    let area: f32 = triangles.iter().map(|(_, [a, b, c])| (*b - *a).cross(*c - *a).length() * 0.5).sum();
-    let spacing = (radius * 2.0 / SIDE as f32).max(sqrt(area * 0.5 / (LINES * triangles.len() as f32)));
+    let wide = |v: Vec3| v.as_dvec3();
+    let area: f64 =
+        triangles.iter().map(|(_, [a, b, c])| wide(b - a).cross(wide(c - a)).length() * 0.5).sum();
+    let apart = DVec2::splat(area * 0.5 / (LINES * triangles.len() as f64)).sqrt().x;
+    let (radius, spacing) = (radius as f32, (radius * 2.0 / f64::from(SIDE)).max(apart) as f32);
     let mut free = alloc::vec![(0.0f32, 0.0f32); triangles.len()];
     let mut lines = Lines { side: (radius * 2.0 / spacing) as u32 + 2, ..Lines::default() };
     for number in 0..DIRECTIONS {

@@ -47,10 +47,12 @@ impl Kind {
     /// The kind of an object by itself, from its exposure, 0 to 1: by the area of its triangles, or of its box if it has none.
     pub(crate) fn of_object(scene: &Scene, id: ObjectId, exposure: f32) -> Self {
         let triangles = scene.triangles(id).unwrap_or(&[]);
+        // In single precision, squares of areas come to an end before coordinates do.
         let mut area = 0.0;
         for [a, b, c] in triangles {
-            area += (b - a).cross(c - a).length() * 0.5;
+            area += (b - a).as_dvec3().cross((c - a).as_dvec3()).length() * 0.5;
         }
+        let mut area = area as f32;
         if triangles.is_empty()
             && let Ok(bounds) = scene.bounds(id)
         {
