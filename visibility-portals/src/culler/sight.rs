@@ -153,9 +153,9 @@ mod tests {
         for _ in 0..2000 {
             // Rows and an eye of whole numbers, so that the matrix is exactly that of this eye.
             let eye = DVec3::new(whole(9_000_000), whole(9_000_000), whole(9_000_000));
-            let rows = [(); 4].map(|()| DVec3::new(whole(1000), whole(1000), whole(1000)));
+            let rows = [(); 4].map(|()| DVec3::new(whole(1_000_000), whole(1_000_000), whole(1_000_000)));
             let mut rows = rows.map(|row| row.extend(-row.dot(eye)));
-            rows[2].w -= 1000.0;
+            rows[2].w -= 1e6;
             let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
             let Ok(view) = View::from_clip_from_world(matrix, Depth::ZeroToOne) else { continue };
             let Some(sight) = Sight::new(&view).filter(|sight| sight.lines == Lines::FromAnchor) else {
