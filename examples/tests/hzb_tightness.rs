@@ -101,7 +101,7 @@ fn check(source: SceneSource, frames: usize, limits: &[f64]) {
     let occluders: Occluders = Arc::new(opaque.map(|object| object.triangles.clone()).collect());
     for (size, &limit) in [[320, 180], [640, 360]].into_iter().zip(limits) {
         let ideal = count(&mut OcclusionCuller::new(Ideal::new(occluders.clone(), size)), &world);
-        let all = OcclusionCuller::new(Hzb::new(size[0], size[1]).unwrap());
+        let all = OcclusionCuller::new(Hzb::new(size[0], size[1]).unwrap().with_fusion(true));
         let [all, budget] =
             [10_000_000, 8192].map(|budget| count(&mut all.clone().with_budget(budget), &world));
         let ratio = |found: usize| found as f64 / ideal as f64;

@@ -68,8 +68,7 @@ impl Stage {
         let mut boxes = Scene::new();
         boxes.insert_batch(visc.boxes.iter().map(|b| Object { occluder: false, ..Object::new(*b) }));
         boxes.rebuild();
-        // Boxes that stand apart have little to fuse.
-        let map = Filled(Hzb::new(size[0], size[1])?.with_coverage(coverage).with_fusion(false));
+        let map = Filled(Hzb::new(size[0], size[1])?.with_coverage(coverage));
         Ok(Self {
             occluders,
             meshes,
