@@ -51,9 +51,14 @@ pub(crate) fn exposures(scene: &Scene) -> Vec<f32> {
     let area: f64 =
         triangles.iter().map(|(_, [a, b, c])| wide(b - a).cross(wide(c - a)).length() * 0.5).sum();
     let apart = DVec2::splat(area * 0.5 / (LINES * triangles.len() as f64)).sqrt().x;
-    let (radius, spacing) = (radius as f32, (radius * 2.0 / f64::from(SIDE)).max(apart) as f32);
+    let spacing = (radius * 2.0 / f64::from(SIDE)).max(apart);
+    let side = (radius * 2.0 / spacing) as u32;
+    let (radius, spacing) = (radius as f32, spacing as f32);
+    if !(radius.is_normal() && spacing.is_normal()) {
+        return exposures;
+    }
     let mut free = alloc::vec![(0.0f32, 0.0f32); triangles.len()];
-    let mut lines = Lines { side: (radius * 2.0 / spacing) as u32 + 2, ..Lines::default() };
+    let mut lines = Lines { side: side.min(SIDE) + 2, ..Lines::default() };
     for number in 0..DIRECTIONS {
         let axes = axes(number);
         // In distances between lines, from a corner of a cube around all.
