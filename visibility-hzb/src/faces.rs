@@ -137,19 +137,8 @@ impl Faces {
         slabs
     }
 
-    /// As [`hides`](Self::hides), with occluder fusion within pixels.
-    pub(crate) fn hides_fused(
-        &self,
-        tiles: &Tiles,
-        rectangle: &Rectangle,
-        sides: [f32; 6],
-        nearest: f32,
-    ) -> bool {
-        self.hides::<true>(tiles, rectangle, sides, nearest)
-    }
-
     /// Whether all of a box within a rectangle around it is behind what the tiles hold. `nearest` is a nearness that no point of it exceeds; it
-    /// is before the eye as a whole.
+    /// is before the eye as a whole. If fused, with occluder fusion within pixels.
     #[inline(always)]
     pub(crate) fn hides<const FUSED: bool>(
         &self,

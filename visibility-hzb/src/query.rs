@@ -357,7 +357,7 @@ fn hidden_by_several<const N: usize>(
             continue;
         }
         let sides = [0, 1, 2, 3, 4, 5].map(|row| boxes[row][i]);
-        if query.faces.hides_fused(query.tiles, &rectangle, sides, footprints.nearest[i]) {
+        if query.faces.hides::<true>(query.tiles, &rectangle, sides, footprints.nearest[i]) {
             hidden |= 1 << i;
         }
     }
