@@ -239,6 +239,19 @@ impl Behind for f64 {
     }
 }
 
+/// Something at a known nearness, or farther.
+pub(crate) struct AtLeast(pub(crate) f64);
+
+impl Behind for AtLeast {
+    fn nearness(&self, _: [f64; 2]) -> f64 {
+        f64::NEG_INFINITY
+    }
+
+    fn is_behind(&mut self, surface: &Surface, [x, y]: [f64; 2], corners: &[[f64; 2]]) -> bool {
+        corners.iter().all(|corner| surface.at([x + corner[0], y + corner[1]]) >= self.0)
+    }
+}
+
 /// A pixel, and the outlines that cover part of it.
 pub(crate) struct Fusion<'a, B> {
     pixel: [f64; 2],

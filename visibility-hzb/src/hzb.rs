@@ -202,7 +202,8 @@ impl Hzb {
     }
 
     fn draw_occluder(&mut self, mesh: &OccluderMesh, transform: &Affine3A) {
-        self.draw_mesh(&solid::Parts::of(mesh), mesh.bounds(), transform, mesh.is_convex());
+        let parts = solid::Parts::of(mesh, *transform == Affine3A::IDENTITY);
+        self.draw_mesh(&parts, mesh.bounds(), transform, mesh.is_convex());
     }
 
     /// Draws the boxes that wait.
@@ -240,7 +241,9 @@ impl Hzb {
 
     fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A, extent: Option<&Extent>, two_sided: bool) {
         match self.simd.cuboid(bounds, transform, &self.lens, extent, self.coverage, &mut self.shape) {
-            Made::Shape => self.fill(),
+            Made::Shape => {
+                self.fill();
+            }
             Made::Nothing => {}
             Made::Near => {
                 let corners = bounds.corners();
@@ -256,7 +259,14 @@ impl Hzb {
         let convex = convex || parts.triangles.len() == 1;
         if convex || parts.triangles.len() <= SMALL {
             match self.simd.solid(parts, &placed, lens, facing, coverage, convex, scratch, &mut self.shape) {
-                Made::Shape => return self.fill(),
+                Made::Shape => {
+                    if self.fill() && self.tiles.fuses() {
+                        let Scratch { corners, drawn, .. } = &self.scratch;
+                        let drawn = |i: usize| drawn.get(i).is_some_and(|&drawn| drawn);
+                        crate::mesh::remember(parts, corners, drawn, &placed, &self.lens, &mut self.tiles);
+                    }
+                    return;
+                }
                 Made::Nothing => return,
                 Made::Near => {}
             }
@@ -268,13 +278,15 @@ impl Hzb {
         }
     }
 
-    fn fill(&mut self) {
+    /// Whether any of the shape is seen.
+    fn fill(&mut self) -> bool {
         let (shape, tiles) = (&self.shape, &mut self.tiles);
         let seen =
             if tiles.fuses() { self.simd.fill_and_fuse(shape, tiles) } else { self.simd.fill(shape, tiles) };
         if seen && self.shape.ceiling > self.nearest {
             self.nearest = self.shape.ceiling;
         }
+        seen
     }
 
     /// Whether an occluder reaches beyond one of the view's own planes, which would cut it.

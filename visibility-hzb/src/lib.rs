@@ -65,6 +65,7 @@ mod shape;
 mod simd;
 mod solid;
 mod tiles;
+mod weld;
 
 pub use hom::{DepthEstimate, Hom, OccluderCriteria, OccluderDatabase};
 pub use hzb::Hzb;

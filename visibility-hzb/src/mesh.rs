@@ -27,6 +27,7 @@ use crate::lens::{Lens, Placed};
 use crate::shape::{Coverage, up};
 use crate::solid::{Parts, cross, cut, dot, less, point};
 use crate::tiles::Tiles;
+use crate::weld::{self, Name};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 
@@ -102,6 +103,10 @@ pub(crate) fn draw(
         return f32::NEG_INFINITY;
     }
 
+    if tiles.fuses() {
+        let drawn = |i: usize| drawn.get(i).is_some_and(|&side| side != 0);
+        remember(mesh, corners, drawn, placed, lens, tiles);
+    }
     let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
     let marked = coverage == Coverage::Conservative;
     // Fronts and backs are meshes of their own: no edge between them is inner, and neither makes the other farther.
@@ -296,6 +301,61 @@ fn choose(
         drawn.push(turn);
     }
     u8::from(fronts) | if backs { 2 } else { 0 }
+}
+
+/// Remembers the triangles of a mesh that are `drawn`, for those that join others without a seam.
+pub(crate) fn remember(
+    mesh: &Parts,
+    corners: &[[f64; 5]],
+    drawn: impl Fn(usize) -> bool,
+    placed: &Placed,
+    lens: &Lens,
+    tiles: &mut Tiles,
+) {
+    let beyond = 1024.0 * placed.error[4];
+    let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
+    let Tiles { weld, whole, .. } = tiles;
+    let number = weld.begin_mesh();
+    let corner = |corner: &[f64; 5], name: Name| {
+        let mut reach = Reach { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
+        let Corner { x, y, far } = on_screen(corner, placed, &mut reach);
+        weld::Corner { at: [x, y], far, slack: up(2.0 * reach.error + TINY), name }
+    };
+    let mut first = None;
+    for (i, t) in mesh.triangles.iter().enumerate() {
+        if !drawn(i) {
+            continue;
+        }
+        let first = *first.get_or_insert_with(|| {
+            let first = weld.count();
+            for (vertex, (position, at)) in (0..).zip(mesh.positions.iter().zip(corners)) {
+                let name =
+                    if mesh.still { Name::of_place(position) } else { Name::of_vertex(number, vertex) };
+                weld.push(corner(at, name));
+            }
+            first
+        });
+        let [a, b, c] = t.map(|i| &corners[i as usize]);
+        let plane = plane([a, b, c], placed, lens, &errors);
+        if a[4] > beyond && b[4] > beyond && c[4] > beyond {
+            weld.add(&t.map(|i| first + i), plane, lens.size, whole);
+            continue;
+        }
+        // What is left beyond the near plane.
+        let (mut rest, mut count) = ([0; 4], 0);
+        for k in 0..3 {
+            let (i, j) = (t[k], t[(k + 1) % 3]);
+            let (a, b) = (&corners[i as usize], &corners[j as usize]);
+            if a[4] > beyond && count < 4 {
+                (rest[count], count) = (first + i, count + 1);
+            }
+            if (a[4] > beyond) != (b[4] > beyond) && count < 4 {
+                let name = Name::of_cut(number, i, j);
+                (rest[count], count) = (weld.push(corner(&cut(a, b, beyond), name)), count + 1);
+            }
+        }
+        weld.add(&rest[..count], plane, lens.size, whole);
+    }
 }
 
 /// The nearness of a triangle as a function of pixel coordinates, moved away by its error.

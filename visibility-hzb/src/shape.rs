@@ -185,21 +185,27 @@ impl Shape {
 
     /// Bounds nearness from below by a plane `a x + b y + c` in pixel coordinates, already moved by the error of its coefficients. False if
     /// there is no room for one more.
-    ///
-    /// In `f32`, three coefficients, two products and two sums are rounded: `4u` of the magnitudes' sum at most, and `8u` are taken off.
     #[inline(always)]
     pub(crate) fn bound(&mut self, [a, b, c]: [f64; 3], size: [f64; 2]) -> bool {
         if self.plane_count == MAX_PLANES {
             return false;
         }
-        let side = crate::tiles::SIDE as f64;
-        let worst = c + side * (a.min(0.0) + b.min(0.0));
-        let slack = F32 * (a.abs() * (size[0] + side) + b.abs() * (size[1] + side) + c.abs())
-            + f64::from(f32::MIN_POSITIVE);
-        self.planes[self.plane_count] = [(a * side) as f32, (b * side) as f32, (worst - slack) as f32];
+        self.planes[self.plane_count] = lowered([a, b, c], size);
         self.plane_count += 1;
         true
     }
+}
+
+/// The least nearness in a tile as a function of its column and row, of a plane `a x + b y + c` in pixel coordinates.
+///
+/// In `f32`, three coefficients, two products and two sums are rounded: `4u` of the magnitudes' sum at most, and `8u` are taken off.
+#[inline(always)]
+pub(crate) fn lowered([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
+    let side = crate::tiles::SIDE as f64;
+    let worst = c + side * (a.min(0.0) + b.min(0.0));
+    let slack = F32 * (a.abs() * (size[0] + side) + b.abs() * (size[1] + side) + c.abs())
+        + f64::from(f32::MIN_POSITIVE);
+    [(a * side) as f32, (b * side) as f32, (worst - slack) as f32]
 }
 
 /// To `f32`, not above.

@@ -27,21 +27,24 @@ pub(crate) struct Parts<'a> {
     pub(crate) triangles: &'a [[u32; 3]],
     pub(crate) edges: &'a [Edge],
     pub(crate) two_sided: bool,
+    /// Whether positions are those of the scene.
+    pub(crate) still: bool,
 }
 
 impl<'a> Parts<'a> {
-    pub(crate) fn of(mesh: &'a OccluderMesh) -> Self {
+    pub(crate) fn of(mesh: &'a OccluderMesh, still: bool) -> Self {
         Self {
             positions: mesh.positions(),
             triangles: mesh.triangles(),
             edges: mesh.edges(),
             two_sided: mesh.is_two_sided(),
+            still,
         }
     }
 
     /// A box, by its corners.
     pub(crate) fn of_box(corners: &'a [Vec3; 8], two_sided: bool) -> Self {
-        Self { positions: corners, triangles: &BOX_TRIANGLES, edges: &BOX_EDGES, two_sided }
+        Self { positions: corners, triangles: &BOX_TRIANGLES, edges: &BOX_EDGES, two_sided, still: false }
     }
 }
 

@@ -7,9 +7,10 @@
 
 use crate::faces::{LANES, Slabs};
 use crate::fill::Spans;
-use crate::fusion::{Behind, Fusion, Outline};
+use crate::fusion::{AtLeast, Behind, Fusion, Outline};
 use crate::pyramid::{Rectangle, UNCHANGED, join};
-use crate::shape::{Shape, down};
+use crate::shape::{Shape, down, lowered};
+use crate::weld::Weld;
 use alloc::vec::Vec;
 
 /// Pixels along the side of a tile.
@@ -20,6 +21,9 @@ pub(crate) const LAYERS: usize = 4;
 
 /// Outlines that are remembered to cover part of a tile, on average.
 const LINKS: usize = 8;
+
+/// Depths that a pixel is asked about, for what triangles cover together.
+const TRIED: usize = 64;
 
 /// Tiles that can be read beyond the end of any row.
 pub(crate) const PADDING: usize = 16;
@@ -64,6 +68,8 @@ pub(crate) struct Tiles {
     pub(crate) changed_rows: [usize; 2],
     /// Of the row of tiles that is being filled.
     pub(crate) spans: Spans,
+    /// Triangles that may cover a pixel together.
+    pub(crate) weld: Weld,
 }
 
 /// What bounds the nearness of a shape from below: the least of up to three planes, where that is greater than the floor.
@@ -84,6 +90,26 @@ impl Surface {
         if least.len() <= 3 {
             surface.planes[..least.len()].copy_from_slice(least);
             surface.count = least.len();
+        }
+        surface
+    }
+
+    /// Of the same nearness everywhere.
+    #[inline(always)]
+    pub(crate) fn flat(nearness: f32) -> Self {
+        let mut surface = Self::NONE;
+        (surface.planes[0][2], surface.count) = (nearness, 1);
+        surface
+    }
+
+    /// Of one plane in pixel coordinates, already moved by its error; none if it is not finite.
+    #[inline(always)]
+    pub(crate) fn of_plane(plane: [f64; 3], size: [f64; 2]) -> Self {
+        let mut surface = Self::NONE;
+        let least = lowered(plane, size);
+        // NaN is none either.
+        if least[0].abs() + least[1].abs() + least[2].abs() < f32::INFINITY {
+            (surface.planes[0], surface.count) = (least, 1);
         }
         surface
     }
@@ -183,6 +209,7 @@ impl Tiles {
             changed: alloc::vec![UNCHANGED; rows],
             changed_rows: UNCHANGED,
             spans: Spans::NONE,
+            weld: Weld::new(columns, rows),
         }
     }
 
@@ -198,6 +225,7 @@ impl Tiles {
         self.links.push([0; 2]);
         self.limit = if fuses { LINKS * self.met.len() } else { 0 };
         self.links.reserve(self.limit);
+        self.weld.clear();
         self.changed.fill(UNCHANGED);
         self.changed_rows = UNCHANGED;
     }
@@ -242,8 +270,13 @@ impl Tiles {
         }
     }
 
-    /// Whether several outlines cover a pixel of a tile together, before what is `behind`.
-    pub(crate) fn fuse(&self, tile: usize, pixel: [usize; 2], behind: &mut impl Behind) -> bool {
+    /// Whether several occluders cover a pixel of a tile together, before what is `behind`.
+    pub(crate) fn cover_together(&self, tile: usize, pixel: [usize; 2], behind: &mut impl Behind) -> bool {
+        self.fuse(tile, pixel, behind) || self.weld.covers(tile, pixel, behind)
+    }
+
+    /// Whether several outlines do.
+    fn fuse(&self, tile: usize, pixel: [usize; 2], behind: &mut impl Behind) -> bool {
         let mut link = self.met[tile];
         if link == 0 {
             return false;
@@ -446,7 +479,21 @@ impl Tiles {
             }
         }
         let mut fused = f64::INFINITY;
-        if self.fuse(tile, [column, row], &mut fused) { nearness.max(down(fused)) } else { nearness }
+        if self.fuse(tile, [column, row], &mut fused) {
+            nearness = nearness.max(down(fused));
+        }
+        // The nearest first, and not too many of them.
+        let mut limit = f64::INFINITY;
+        for _ in 0..TRIED {
+            match self.weld.next_below(tile, [column, row], limit) {
+                Some(next) if next > f64::from(nearness) => limit = next,
+                _ => break,
+            }
+            if self.weld.covers(tile, [column, row], &mut AtLeast(limit)) {
+                return down(limit);
+            }
+        }
+        nearness
     }
 
     /// The nearness of a pixel as the tile has it, [`NOTHING`] where nothing covers it.
