@@ -171,7 +171,8 @@ impl Faces {
                 let pixel = pixels & 1 << (y % STEP * STEP + x % STEP);
                 if pixel != 0
                     && slabs.undecided(tiles, tile, pixel, [x, x + 1, y, y + 1], nearest) != 0
-                    && !(FUSED && tiles.cover_together(tile, [x as usize, y as usize], &mut (&slabs, nearest)))
+                    && !(FUSED
+                        && tiles.cover_together(tile, [x as usize, y as usize], &mut (&slabs, nearest)))
                 {
                     return false;
                 }
@@ -187,7 +188,12 @@ impl Faces {
                         let pixel = own & own.wrapping_neg();
                         own &= own - 1;
                         if slabs.undecided(tiles, tile, pixel, [x, x + 1, y, end], nearest) != 0
-                            && !(FUSED && tiles.cover_together(tile, [x as usize, y as usize], &mut (&slabs, nearest)))
+                            && !(FUSED
+                                && tiles.cover_together(
+                                    tile,
+                                    [x as usize, y as usize],
+                                    &mut (&slabs, nearest),
+                                ))
                         {
                             return false;
                         }

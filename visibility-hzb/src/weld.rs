@@ -175,7 +175,10 @@ impl Weld {
             certain += ax.abs() + ay.abs() + bx.abs() + by.abs() + f64::from(slack);
         }
         // Neither NaN nor infinity gets past this.
-        if !(slack <= MOST_SLACK && area.abs() > 2.0 * f64::from(slack) * certain && area.abs() < f64::INFINITY) {
+        if !(slack <= MOST_SLACK
+            && area.abs() > 2.0 * f64::from(slack) * certain
+            && area.abs() < f64::INFINITY)
+        {
             return;
         }
         if area < 0.0 {

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Occluder, Random, Ray, faces, occluder, view};
-use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
 use visibility_hzb::Hzb;
 
@@ -84,16 +84,63 @@ fn room(random: &mut Random) -> Vec<Occluder> {
         .collect()
 }
 
+/// Sheets of triangles, one behind the other, that are dealt out to meshes: most edges are shared, within meshes or between them, but some corners
+/// are off by a little, some triangles are missing, some are there twice or thrice, and some run the other way round.
+fn sheets(random: &mut Random) -> Vec<Occluder> {
+    let transform = if random.below(3) == 0 { occluder(random).transform } else { Affine3A::IDENTITY };
+    let mut meshes = vec![Vec::new(); random.below(4) as usize + 1];
+    let count = meshes.len() as u64;
+    for sheet in 0..random.below(3) + 1 {
+        let (cells, height) = (random.below(4) as usize + 1, [0.0, 0.02, 0.3, 1.5][random.below(4) as usize]);
+        let middle = random.vec(-1.0, 1.0) - Vec3::Z * sheet as f32;
+        let folded = random.below(3) == 0;
+        let corners: Vec<_> = (0..(cells + 1) * (cells + 1))
+            .map(|k| {
+                let [i, j] = [k % (cells + 1), k / (cells + 1)].map(|k| k as f32 / cells as f32 - 0.5);
+                let up = random.within(-height, height) as f32;
+                // To and fro, so that folds are seen, or flat.
+                let across = if folded { (k % (cells + 1) % 2) as f32 * 4.0 + up - 2.0 } else { i * 5.0 };
+                middle + Vec3::new(across, j * 5.0, if folded { i * 2.0 } else { up })
+            })
+            .collect();
+        for k in 0..cells * cells {
+            let a = k / cells * (cells + 1) + k % cells;
+            let quad = [a, a + 1, a + cells + 2, a + cells + 1].map(|i| corners[i]);
+            for mut t in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
+                if random.below(12) == 0 {
+                    t[random.below(3) as usize] +=
+                        random.vec(-1.0, 1.0) * [1e-4, 1e-2][random.below(2) as usize];
+                }
+                if random.below(10) == 0 {
+                    t.swap(0, 1);
+                }
+                for _ in 0..[0, 2, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1][random.below(12) as usize] {
+                    meshes[random.below(count) as usize].push(t);
+                }
+            }
+        }
+    }
+    let two_sided = random.below(2) == 0;
+    meshes
+        .iter()
+        .filter_map(|triangles| OccluderMesh::from_triangles(triangles).ok())
+        .map(|mesh| Occluder { mesh: mesh.with_two_sided(two_sided), transform })
+        .collect()
+}
+
 #[test]
 fn covered_pixels_are_covered_and_no_farther_than_they_say() {
     let mut random = Random(7);
-    let (mut samples, mut pixels, mut fused, mut rounds) = (0, 0, 0, 0);
-    while samples < 1_200_000 {
+    let (mut samples, mut pixels, mut fused, mut seamless, mut rounds) = (0, 0, 0, 0, 0);
+    while samples < 6_000_000 {
         let sizes = [[64, 36], [33, 57], [16, 16], [120, 40]];
         let size = sizes[random.below(4) as usize];
         let mut view = view(&mut random);
         let mut occluders: Vec<_> = (0..random.below(4) + 1).map(|_| occluder(&mut random)).collect();
-        if random.below(2) == 0 {
+        let welded = random.below(3) == 0;
+        if welded {
+            occluders = sheets(&mut random);
+        } else if random.below(2) == 0 {
             occluders = room(&mut random);
             // Some edges level and some upright.
             if random.below(3) == 0 {
@@ -115,10 +162,13 @@ fn covered_pixels_are_covered_and_no_farther_than_they_say() {
         let [s, p, f] = check(&occluders, &view, &maps, &mut random, &format!("round {rounds}"));
         samples += s;
         pixels += p;
-        fused += f;
+        *(if welded { &mut seamless } else { &mut fused }) += f;
         rounds += 1;
         assert!(rounds < 40_000, "too little is covered: {pixels} pixels");
     }
-    println!("{rounds} scenes, {pixels} covered pixels, {fused} of them by several, {samples} rays");
+    println!(
+        "{rounds} scenes, {pixels} covered pixels, {fused} of them by several, {seamless} in sheets, {samples} rays"
+    );
     assert!(fused > 3_000, "only {fused} pixels are covered by several");
+    assert!(seamless > 3_000, "only {seamless} pixels are covered by triangles that join");
 }
