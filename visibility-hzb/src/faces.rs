@@ -155,6 +155,9 @@ impl Faces {
         }
         let slabs = self.slabs(sides);
         let middle = [(x0 + x1) / 2, (y0 + y1) / 2];
+        if FUSED && slabs.sees_pixel(tiles, middle, nearest) {
+            return false;
+        }
         for row in y0 / STEP..y0 / STEP + down {
             for column in x0 / STEP..x0 / STEP + across {
                 let tile = row as usize * tiles.columns + column as usize;
@@ -206,6 +209,17 @@ impl Faces {
 }
 
 impl Slabs {
+    /// Whether the box may be seen in a pixel, whatever covers that.
+    #[inline(always)]
+    fn sees_pixel(&self, tiles: &Tiles, [x, y]: [u32; 2], nearest: f32) -> bool {
+        const STEP: u32 = SIDE as u32;
+        let tile = (y / STEP) as usize * tiles.columns + (x / STEP) as usize;
+        let pixel = 1 << (y % STEP * STEP + x % STEP);
+        !tiles.hides(tile, pixel, nearest)
+            && self.undecided(tiles, tile, pixel, [x, x + 1, y, y + 1], nearest) != 0
+            && !tiles.cover_together(tile, [x as usize, y as usize], &mut (self, nearest))
+    }
+
     /// So many bounds from above, and others that are none.
     #[cfg(test)]
     pub(crate) fn of(planes: [[f64; 3]; LANES], uppers: usize) -> Self {

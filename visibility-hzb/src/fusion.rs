@@ -27,7 +27,7 @@
 //! `2^-22` of them for each column and row of the picture were taken off ([`Shape::bound`]); bounds on a box are moved by `2^-30` of theirs.
 
 use crate::faces::Slabs;
-use crate::shape::{Line, Shape};
+use crate::shape::{Line, Shape, down};
 use crate::tiles::Surface;
 
 /// The most edges of outlines that are remembered: boxes have six, and two are level.
@@ -47,6 +47,37 @@ const CORNERS: usize = 12;
 
 /// By how much bounds on boxes are moved, in pixels.
 const TINY: f64 = 1.0 / (1 << 30) as f64;
+
+/// What tells most outlines that a pixel has nothing to do with.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Head {
+    /// First and end columns, first and end rows, in pixels.
+    sides: [u16; 4],
+    /// Nearness that nothing of the shape exceeds.
+    ceiling: f32,
+}
+
+impl Head {
+    /// That of nothing.
+    pub(crate) const NONE: Self = Self { sides: [0; 4], ceiling: f32::NEG_INFINITY };
+
+    #[inline(always)]
+    pub(crate) fn of(shape: &Shape) -> Self {
+        let [left, right] = shape.columns;
+        let [top, bottom] = shape.lines;
+        // Heights are not rounded to pixels: there may be part of a row before the first whole one, and after the last.
+        let sides =
+            [left as u16, right as u16, top.saturating_sub(1) as u16, bottom.saturating_add(1) as u16];
+        Self { sides, ceiling: shape.ceiling }
+    }
+
+    /// Whether a shape may cover part of a pixel, and be nearer there than `limit`.
+    #[inline(always)]
+    pub(crate) fn may_cover(&self, [column, row]: [usize; 2], limit: f32) -> bool {
+        let [left, right, top, bottom] = self.sides.map(usize::from);
+        self.ceiling > limit && left <= column && column < right && top <= row && row < bottom
+    }
+}
 
 /// The half-planes of a shape.
 #[derive(Clone, Copy, Debug)]
@@ -271,6 +302,12 @@ impl<'a, B: Behind> Fusion<'a, B> {
         let none = (&Surface::NONE, Cuts { lines: [[0.0; 3]; CUTS], count: 0 });
         let limit = behind.nearness(pixel.map(|side| side + 0.5));
         Self { pixel, met: [none; MET], added: 0, middle: false, limit, steps: STEPS, behind }
+    }
+
+    /// What is farther than this in the middle of the pixel is of no use.
+    #[inline(always)]
+    pub(crate) fn limit(&self) -> f32 {
+        down(self.limit)
     }
 
     /// Adds an outline and the surface within it, nearest last. What was added first gives way where there are too many.

@@ -381,7 +381,12 @@ impl OcclusionMap for Hzb {
     }
 
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
-        self.simd.test(&self.query(), boxes.coordinates(), candidates)
+        let query = self.query();
+        if self.tiles.fuses() {
+            self.simd.test_fused(&query, boxes.coordinates(), candidates)
+        } else {
+            self.simd.test(&query, boxes.coordinates(), candidates)
+        }
     }
 }
 

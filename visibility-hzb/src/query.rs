@@ -304,6 +304,17 @@ pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> F
 /// Decides those of 64 boxes that are candidates. Lanes whose box is improper must not be among them.
 #[inline(always)]
 pub(crate) fn test(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64 {
+    test_and::<false>(query, boxes, candidates)
+}
+
+/// The same with occluder fusion. Apart from it for the sake of its speed.
+#[inline(always)]
+pub(crate) fn test_fused(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64 {
+    test_and::<true>(query, boxes, candidates)
+}
+
+#[inline(always)]
+fn test_and<const FUSED: bool>(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64 {
     let mut answer = Occlusion64::default();
     for chunk in 0..64 / WIDTH {
         let lanes = candidates >> (chunk * WIDTH) & ((1 << WIDTH) - 1);
@@ -314,18 +325,23 @@ pub(crate) fn test(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64
         for row in 0..6 {
             part[row] = boxes[row].as_chunks::<WIDTH>().0[chunk];
         }
-        let (hidden, visible) = decide(query, &project(query.lens, &part), lanes, &part);
+        let (hidden, visible) = decide::<WIDTH, FUSED>(query, &project(query.lens, &part), lanes, &part);
         answer.hidden |= hidden << (chunk * WIDTH);
         answer.visible |= visible << (chunk * WIDTH);
     }
     answer
 }
 
-/// As [`test()`], for one box.
+/// As [`test()`] or [`test_fused`], for one box.
 #[inline(always)]
 pub(crate) fn test_one(query: &Query, sides: [f32; 6]) -> Occlusion64 {
     let part = sides.map(|side| [side]);
-    let (hidden, visible) = decide(query, &project(query.lens, &part), 1, &part);
+    let footprints = project(query.lens, &part);
+    let (hidden, visible) = if query.tiles.fuses() {
+        decide::<1, true>(query, &footprints, 1, &part)
+    } else {
+        decide::<1, false>(query, &footprints, 1, &part)
+    };
     Occlusion64 { hidden, visible }
 }
 
@@ -338,34 +354,8 @@ fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
     mask
 }
 
-/// Of boxes that are not hidden so far, those that are once outlines are fused. Apart from the loop over all boxes, for the sake of its speed.
-#[inline(never)]
-fn hidden_by_several<const N: usize>(
-    query: &Query,
-    footprints: &Footprints<N>,
-    lanes: u64,
-    boxes: &[[f32; N]; 6],
-) -> u64 {
-    let (mut hidden, mut left) = (0, lanes);
-    while left != 0 {
-        let i = left.trailing_zeros() as usize % N;
-        left &= left - 1;
-        let (rectangle, farthest) = (footprints.rectangle(i), footprints.farthest[i]);
-        // The middle may be a pixel that several outlines cover. Two of them would be rare.
-        let [x, y] = [rectangle.columns[0], rectangle.lines[0]].map(|first| first as usize);
-        if !(query.tiles.pixel_around(&rectangle) > farthest) && !(query.tiles.pixel(x, y) > farthest) {
-            continue;
-        }
-        let sides = [0, 1, 2, 3, 4, 5].map(|row| boxes[row][i]);
-        if query.faces.hides::<true>(query.tiles, &rectangle, sides, footprints.nearest[i]) {
-            hidden |= 1 << i;
-        }
-    }
-    hidden
-}
-
 #[inline(always)]
-fn decide<const N: usize>(
+fn decide<const N: usize, const FUSED: bool>(
     query: &Query,
     footprints: &Footprints<N>,
     lanes: u64,
@@ -400,7 +390,7 @@ fn decide<const N: usize>(
         let (rectangle, nearest) = (footprints.rectangle(i), footprints.nearest[i]);
         // One look tells most of those that are visible: what is behind their middle.
         let behind = query.tiles.pixel_around(&rectangle);
-        if !(behind > footprints.farthest[i]) {
+        if !FUSED && !(behind > footprints.farthest[i]) {
             continue;
         }
         let mut sides = [0.0; 6];
@@ -408,13 +398,10 @@ fn decide<const N: usize>(
             sides[row] = boxes[row][i];
         }
         if behind > nearest && query.pyramid.hides(query.tiles, &rectangle, nearest)
-            || query.faces.hides::<false>(query.tiles, &rectangle, sides, nearest)
+            || query.faces.hides::<FUSED>(query.tiles, &rectangle, sides, nearest)
         {
             hidden |= 1 << i;
         }
-    }
-    if query.tiles.fuses() && rest & !hidden != 0 {
-        hidden |= hidden_by_several(query, footprints, rest & !hidden, boxes);
     }
     (hidden, visible)
 }

@@ -131,4 +131,5 @@ compiled! {
     update_maps / update_maps_avx2 / update_maps_avx512 = crate::hom::update,
         (opacity: &mut Opacity, boundary: &mut Boundary, tiles: &Tiles, region: &Region) -> ();
     test / test_avx2 / test_avx512 = crate::query::test, (query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64;
+    test_fused / test_fused_avx2 / test_fused_avx512 = crate::query::test_fused, (query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64;
 }

@@ -7,7 +7,7 @@
 
 use crate::faces::{LANES, Slabs};
 use crate::fill::Spans;
-use crate::fusion::{AtLeast, Behind, Fusion, Outline};
+use crate::fusion::{AtLeast, Behind, Fusion, Head, Outline};
 use crate::pyramid::{Rectangle, UNCHANGED, join};
 use crate::shape::{Shape, down, lowered};
 use crate::weld::Weld;
@@ -54,6 +54,8 @@ pub(crate) struct Tiles {
     surfaces: Vec<Surface>,
     /// The outlines of what surfaces belong to; none if nothing is to be fused.
     outlines: Vec<Outline>,
+    /// What is to be known of each before it is looked at.
+    heads: Vec<Head>,
     /// By tile, where the chain of surfaces begins whose outlines cover part of it; each link has one, and where the next link is. The first is none.
     met: Vec<u32>,
     links: Vec<[u32; 2]>,
@@ -201,6 +203,7 @@ impl Tiles {
             surface: alloc::vec![0; columns * rows + PADDING],
             surfaces: alloc::vec![Surface::NONE],
             outlines: alloc::vec![Outline::NONE],
+            heads: alloc::vec![Head::NONE],
             met: alloc::vec![0; columns * rows],
             links: Vec::new(),
             limit: 0,
@@ -220,6 +223,7 @@ impl Tiles {
         self.surface.fill(0);
         self.surfaces.truncate(1);
         self.outlines.truncate(1);
+        self.heads.truncate(1);
         self.met.fill(0);
         self.links.clear();
         self.links.push([0; 2]);
@@ -251,6 +255,7 @@ impl Tiles {
         self.surfaces.push(Surface::of(&shape.planes[..shape.plane_count]));
         if FUSED {
             self.outlines.push(Outline::of(shape));
+            self.heads.push(Head::of(shape));
         }
         (self.surfaces.len() - 1) as u32
     }
@@ -282,11 +287,13 @@ impl Tiles {
             return false;
         }
         let mut fusion = Fusion::new(pixel, behind);
+        let limit = fusion.limit();
         while let Some(&[surface, next]) = self.links.get(link as usize)
             && link != 0
         {
-            if let (Some(surface), Some(outline)) =
-                (self.surfaces.get(surface as usize), self.outlines.get(surface as usize))
+            if self.heads.get(surface as usize).is_some_and(|head| head.may_cover(pixel, limit))
+                && let Some(outline) = self.outlines.get(surface as usize)
+                && let Some(surface) = self.surfaces.get(surface as usize)
             {
                 fusion.add(surface, outline);
             }
