@@ -1,6 +1,7 @@
 //! What the cells of a tessellation hold: the primitives that meet each, and how much of it they fill.
 
-use crate::exposure::exposures;
+use crate::compass::Compass;
+use crate::exposure::{Exposure, exposures};
 use crate::facing::Facing;
 use crate::grouped::Grouped;
 use crate::layers::{Kind, Layer, Layers, Sides, push_list};
@@ -40,6 +41,7 @@ pub struct Content {
     /// By index, a bit for each object that is in cells and has not changed since.
     pub(crate) held: Vec<u64>,
     pub(crate) facing: Facing,
+    pub(crate) compass: Compass,
     strays: Vec<ObjectId>,
     revision: u64,
 }
@@ -59,7 +61,8 @@ impl Content {
     pub fn new(scene: &Scene, pairs: &[(u32, u32)], mut cover: Vec<[u8; 4]>) -> Self {
         let Grouped { mut starts, mut items } = Grouped::new(cover.len(), pairs);
         let max_count = starts.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0);
-        let kinds = kinds_of(scene);
+        let exposures = exposures(scene);
+        let (kinds, compass) = (kinds_of(scene, &exposures), Compass::new());
         let mut lists = Vec::new();
         let mut held = alloc::vec![0u64; scene.index_limit().div_ceil(64)];
         for cell in 0..cover.len() {
@@ -68,7 +71,7 @@ impl Content {
             for &mut object in &mut *list {
                 held[object as usize / 64] |= 1 << (object % 64);
             }
-            push_list(&mut lists, list, &kinds);
+            push_list(&mut lists, list, &kinds, &exposures, &compass);
             cover[cell][3] = u8::from(!list.is_empty());
         }
         starts[cover.len()] = lists.len() as u32;
@@ -82,6 +85,7 @@ impl Content {
             index_limit,
             held,
             facing: Facing::new(scene),
+            compass,
             strays: Vec::new(),
             revision: scene.revision(),
         };
@@ -98,9 +102,10 @@ impl Content {
         held: Vec<u64>,
     ) -> Result<Self, &'static str> {
         let index_limit = scene.index_limit() as u32;
-        let (facing, strays, revision) = (Facing::new(scene), Vec::new(), scene.revision());
+        let (facing, compass) = (Facing::new(scene), Compass::new());
+        let (strays, revision) = (Vec::new(), scene.revision());
         let mut content =
-            Self { starts, lists, cover, max_count: 0, index_limit, held, facing, strays, revision };
+            Self { starts, lists, cover, max_count: 0, index_limit, held, facing, compass, strays, revision };
         let cells = content.cover.len();
         let starts = &content.starts;
         let ascending = starts.windows(2).all(|pair| pair[0] <= pair[1]);
@@ -256,6 +261,7 @@ impl Content {
             + size_of_val(&self.cover[..])
             + size_of_val(&self.held[..])
             + self.facing.memory()
+            + self.compass.memory()
             + size_of_val(&self.strays[..])
     }
 }
@@ -292,11 +298,10 @@ impl Iterator for Primitives<'_> {
 }
 
 /// The kind of each object by index.
-fn kinds_of(scene: &Scene) -> Vec<Kind> {
-    let exposures = exposures(scene);
+fn kinds_of(scene: &Scene, exposures: &[Exposure]) -> Vec<Kind> {
     let mut kinds = alloc::vec![Kind::default(); scene.index_limit()];
     for id in scene.ids() {
-        kinds[id.index()] = Kind::of_object(scene, id, exposures[id.index()]);
+        kinds[id.index()] = Kind::of_object(scene, id, exposures[id.index()].mean);
     }
     kinds
 }

@@ -5,19 +5,17 @@
 //! the directions before a surface, tells how likely it is seen from anywhere. Engines under hoods and the inner sides of double walls have
 //! little of it, wherever the eye may be (Sbert, "An integral geometry based method for fast form-factor computation", 1993, has such lines).
 
+use crate::compass::{LINES, axes};
 use crate::parts::for_each_part;
 use alloc::vec::Vec;
 use visibility_core::Scene;
-use visibility_core::glam::{DVec2, Vec2, Vec3};
-
-/// Directions of lines.
-const DIRECTIONS: u32 = 12;
+use visibility_core::glam::{DVec2, Vec3};
 
 /// Lines along each side of the square that is seen along a direction, at most.
 const SIDE: u32 = 2048;
 
-/// How many lines go through a triangle, on average over all of them, at most.
-const LINES: f64 = 3.0;
+/// How many lines of a direction go through a triangle, on average over all of them, at most.
+const THROUGH: f64 = 3.0;
 
 /// Pieces of this share of the scene's radius and all longer ones count alike.
 const FAR: f32 = 0.5;
@@ -29,16 +27,42 @@ const EDGE_ON: f32 = 1e-3;
 /// Next surfaces nearer than this, in distances between lines, pass for the same.
 const SAME: f32 = 0.25;
 
-/// By object index, a number from 0 to 1, the mean length of what is free before it, that of its most
-/// exposed triangle. 1 for what has no surface, and where lengths cannot be told.
-pub(crate) fn exposures(scene: &Scene) -> Vec<f32> {
+/// How exposed an object is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Exposure {
+    /// From 0 to 1, the mean length of what is free before it, that of its most exposed triangle. 1 for what has no surface, and where lengths cannot
+    /// be told.
+    pub(crate) mean: f32,
+    /// If it is a single triangle, by line what [`code`] says; else 0.
+    pub(crate) along: [u8; LINES],
+}
+
+/// What is free before a triangle along a line, from 0 to 1, and whether that is in the line's own direction. 0 where nothing is known.
+fn code(free: f32, forth: bool) -> u8 {
+    ((free * 126.0) as u8).min(126) + 1 + if forth { FORTH } else { 0 }
+}
+
+const FORTH: u8 = 0x80;
+
+impl Exposure {
+    const OPEN: Self = Self { mean: 1.0, along: [0; LINES] };
+
+    /// What is free before it along a line, from 0 to 1, and whether that is in the line's own direction; none where it is not known.
+    pub(crate) fn along(&self, line: usize) -> Option<(f32, bool)> {
+        let code = self.along[line];
+        (code != 0).then(|| (f32::from((code & !FORTH) - 1) / 126.0, code & FORTH != 0))
+    }
+}
+
+/// How exposed objects are, by index.
+pub(crate) fn exposures(scene: &Scene) -> Vec<Exposure> {
     let mut triangles: Vec<(u32, [Vec3; 3])> = Vec::new();
     for id in scene.ids() {
         for_each_part(scene, id, &mut |part| {
             part.for_each_triangle(|t| triangles.push((id.index() as u32, t.map(|p| p.as_vec3()))));
         });
     }
-    let mut exposures = alloc::vec![1.0; scene.index_limit()];
+    let mut exposures = alloc::vec![Exposure::OPEN; scene.index_limit()];
     let corners = || triangles.iter().flat_map(|(_, t)| t);
     let (min, max) = corners().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)));
     let center = min * 0.5 + max * 0.5;
@@ -50,7 +74,7 @@ pub(crate) fn exposures(scene: &Scene) -> Vec<f32> {
     let wide = |v: Vec3| v.as_dvec3();
     let area: f64 =
         triangles.iter().map(|(_, [a, b, c])| wide(b - a).cross(wide(c - a)).length() * 0.5).sum();
-    let apart = DVec2::splat(area * 0.5 / (LINES * triangles.len() as f64)).sqrt().x;
+    let apart = DVec2::splat(area * 0.5 / (THROUGH * triangles.len() as f64)).sqrt().x;
     let spacing = (radius * 2.0 / f64::from(SIDE)).max(apart);
     let side = (radius * 2.0 / spacing) as u32;
     let (radius, spacing) = (radius as f32, spacing as f32);
@@ -59,8 +83,8 @@ pub(crate) fn exposures(scene: &Scene) -> Vec<f32> {
     }
     let mut free = alloc::vec![(0.0f32, 0.0f32); triangles.len()];
     let mut lines = Lines { side: side.min(SIDE) + 2, ..Lines::default() };
-    for number in 0..DIRECTIONS {
-        let axes = axes(number);
+    for line in 0..LINES {
+        let axes = axes(line);
         // In distances between lines, from a corner of a cube around all.
         let place = |p: Vec3| {
             let p = (p - center) / spacing;
@@ -68,46 +92,29 @@ pub(crate) fn exposures(scene: &Scene) -> Vec<f32> {
         };
         let placed: Vec<[Vec3; 3]> = triangles.iter().map(|(_, t)| t.map(place)).collect();
         lines.cut(&placed);
-        for (t, (sum, weight)) in placed.iter().zip(&mut free) {
+        for ((t, (object, _)), (sum, weight)) in placed.iter().zip(&triangles).zip(&mut free) {
             if let Some(tilt) = Tilt::new(t, OBLIQUE) {
                 let length = lines.free(t, &tilt) * spacing;
-                *sum += tilt.across * (length / (radius * FAR)).min(1.0);
+                let length = (length / (radius * FAR)).min(1.0);
+                *sum += tilt.across * length;
                 *weight += tilt.across;
+                exposures[*object as usize].along[line] = code(length, tilt.up);
             }
         }
     }
     let mut last = u32::MAX;
     for ((object, _), (sum, weight)) in triangles.iter().zip(free) {
         let mine = if weight > 0.0 { sum / weight } else { 0.5 };
-        let most = &mut exposures[*object as usize];
-        *most = if *object == last { most.max(mine) } else { mine };
+        let exposure = &mut exposures[*object as usize];
+        if *object == last {
+            *exposure = Exposure { mean: exposure.mean.max(mine), along: [0; LINES] };
+        } else {
+            exposure.mean = mine;
+        }
         last = *object;
     }
     exposures
 }
-
-/// Without `std` there is no other.
-fn sqrt(x: f32) -> f32 {
-    Vec2::splat(x).sqrt().x
-}
-
-/// Unit axes, the last of them along lines: directions spread over half the sphere, none along an axis of the scene.
-fn axes(number: u32) -> [Vec3; 3] {
-    // Points of a spiral by the golden angle.
-    let (sin, cos) = GOLDEN;
-    let mut around = (0.8f32, 0.6f32);
-    for _ in 0..number {
-        around = (around.0 * cos - around.1 * sin, around.0 * sin + around.1 * cos);
-    }
-    let z = (number as f32 + 0.5) / DIRECTIONS as f32;
-    let r = sqrt(1.0 - z * z);
-    let along = Vec3::new(around.0 * r, around.1 * r, z).normalize();
-    let u = along.any_orthonormal_vector();
-    [u, along.cross(u), along]
-}
-
-/// Sine and cosine of the golden angle.
-const GOLDEN: (f32, f32) = (0.675_490_3, -0.737_368_9);
 
 /// How a triangle lies to lines along z: depth grows by these along x and y.
 struct Tilt {
@@ -239,7 +246,7 @@ mod tests {
                     cube(&mut scene, center, half, turn);
                 }
                 cube(&mut scene, center + turn * Vec3::X * 12.0, 1.0, turn);
-                let exposures = exposures(&scene);
+                let exposures: Vec<f32> = exposures(&scene).iter().map(|exposure| exposure.mean).collect();
                 let of = |cube: usize| &exposures[cube * 12..cube * 12 + 12];
                 let most_inside = of(0).iter().copied().fold(0.0, f32::max);
                 let least_outside = of(1).iter().chain(of(2)).copied().fold(1.0, f32::min);
@@ -256,7 +263,7 @@ mod tests {
         let triangle = |z: f32| [Vec3::new(-0.5, -0.5, z), Vec3::new(0.5, -0.5, z), Vec3::new(0.0, 0.5, z)];
         scene.set_triangles(both, [triangle(0.9), triangle(9.0), triangle(0.8)]).unwrap();
         let boxed = scene.insert(Aabb::from_arrays([-0.1; 3], [0.1; 3]));
-        let exposures = exposures(&scene);
+        let exposures: Vec<f32> = exposures(&scene).iter().map(|exposure| exposure.mean).collect();
         assert!(exposures[both.index()] > 0.9, "{exposures:?}");
         assert!(exposures[boxed.index()] < 0.6, "{exposures:?}");
     }
@@ -270,8 +277,8 @@ mod tests {
             scene.insert(Aabb::from_arrays([0.0; 3], [0.0; 3]));
             let id = scene.insert(Aabb::from_arrays([-1.0; 3], [1.0; 3]));
             scene.set_triangles(id, [[Vec3::ZERO, Vec3::X, Vec3::X], [Vec3::NAN; 3]]).unwrap();
-            for exposure in exposures(&scene) {
-                assert!((0.0..=1.0).contains(&exposure), "{size}: {exposure}");
+            for Exposure { mean, .. } in exposures(&scene) {
+                assert!((0.0..=1.0).contains(&mean), "{size}: {mean}");
             }
         }
     }

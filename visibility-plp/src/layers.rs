@@ -2,9 +2,12 @@
 //! indices, mostly of one byte each.
 //!
 //! A list is the least index in it, and then for each side that objects face: the side, how many bytes follow of it, and in these its layers, that
-//! of which most is to be seen first. Of a layer: its areas, its exposure, how many bytes follow, and in these the first index as a difference
-//! from the least in the list, and the others as differences each from the one before. Numbers are in seven bits a byte.
+//! of which most is to be seen first. Of a layer: its areas, its exposure, on the whole and in half a byte for each line of the
+//! [compass](crate::compass), how many bytes follow, and in these the first index as a difference from the least in the list, and the others as
+//! differences each from the one before. Numbers are in seven bits a byte.
 
+use crate::compass::{Compass, LINES, Near};
+use crate::exposure::Exposure;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, Scene};
@@ -26,8 +29,11 @@ pub(crate) struct Kind {
     exposure: u8,
 }
 
+/// Sides that can be faced.
+pub(crate) const SIDES: usize = 6;
+
 /// Facing no side above all.
-pub(crate) const ANYWHERE: u8 = 6;
+pub(crate) const ANYWHERE: u8 = SIDES as u8;
 
 /// The greatest exposure.
 const OPEN: u8 = 31;
@@ -41,6 +47,18 @@ fn class_of(area: f32) -> u8 {
 /// An area in the middle of a class.
 fn area_of(class: u8) -> f32 {
     f32::from_bits(u32::from(class) << 24 | 1 << 23)
+}
+
+/// How many half octaves an exposure is below 1: by the exponent, and the highest bit of the fraction.
+fn below_open(exposure: f32) -> u8 {
+    let below = (1.0f32.to_bits() >> 22).saturating_sub(exposure.clamp(0.0, 1.0).to_bits() >> 22);
+    below.min(u8::MAX.into()) as u8
+}
+
+/// The exposure so many half octaves below 1.
+#[inline]
+fn open_less(halves: u8) -> f32 {
+    f32::from_bits(((1.0f32.to_bits() >> 22) - u32::from(halves)) << 22)
 }
 
 impl Kind {
@@ -63,9 +81,7 @@ impl Kind {
             [[a, b, c]] => facing((b - a).as_dvec3().cross((c - a).as_dvec3())),
             _ => ANYWHERE,
         };
-        // Half octaves: the exponent, and the highest bit of the fraction.
-        let below_one = (1.0f32.to_bits() >> 22).saturating_sub(exposure.clamp(0.0, 1.0).to_bits() >> 22);
-        Self { area: class_of(area), facing, exposure: OPEN - below_one.min(OPEN.into()) as u8 }
+        Self { area: class_of(area), facing, exposure: OPEN - below_open(exposure).min(OPEN) }
     }
 
     /// An area in the middle of its class.
@@ -77,9 +93,7 @@ impl Kind {
     /// An exposure in its class.
     #[inline]
     pub(crate) fn exposure(self) -> f32 {
-        f32::from_bits(
-            (1.0f32.to_bits() >> 22).saturating_sub(u32::from(OPEN - self.exposure.min(OPEN))) << 22,
-        )
+        open_less(OPEN - self.exposure.min(OPEN))
     }
 
     /// How much there is of it to be seen, in half octaves.
@@ -111,8 +125,42 @@ fn facing(normal: DVec3) -> u8 {
     if size[axis] > 0.0 { axis as u8 * 2 + u8::from(normal[axis] < 0.0) } else { ANYWHERE }
 }
 
-/// Adds the list of a cell. Kinds are by index of the object.
-pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], kinds: &[Kind]) {
+/// What is free before some objects of one side along each line, two lines a byte; where that is not known, as along lines near to it.
+fn exposures_along(
+    objects: &[u32],
+    side: u8,
+    mean: Kind,
+    exposures: &[Exposure],
+    compass: &Compass,
+) -> [u8; LINES / 2] {
+    let mut known = [None; LINES];
+    for (line, known) in known.iter_mut().enumerate() {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for &object in objects {
+            if let Some((free, forth)) = exposures.get(object as usize).and_then(|exposure| exposure.along(line))
+                && compass.faces(side, line).is_none_or(|faces| faces == forth)
+            {
+                (sum, count) = (sum + free, count + 1.0);
+            }
+        }
+        *known = (count > 0.0).then(|| sum / count);
+    }
+    let mut bytes = [0; LINES / 2];
+    for line in 0..LINES {
+        let free = known[line].or_else(|| compass.guess(side, line, &known)).unwrap_or(mean.exposure());
+        bytes[line / 2] |= below_open(free).min(15) << (line % 2 * 4);
+    }
+    bytes
+}
+
+/// Adds the list of a cell. Kinds and exposures are by index of the object.
+pub(crate) fn push_list(
+    bytes: &mut Vec<u8>,
+    objects: &mut [u32],
+    kinds: &[Kind],
+    exposures: &[Exposure],
+    compass: &Compass,
+) {
     let Some(&least) = objects.iter().min() else { return };
     let kind = |object: u32| kinds.get(object as usize).copied().unwrap_or_default();
     push_number(bytes, least);
@@ -128,13 +176,15 @@ pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], kinds: &[Kind]
     objects.sort_unstable_by_key(|&object| (side(object), u32::MAX - kind(object).rank(), object));
     let (mut of_side, mut of_layer) = (Vec::new(), Vec::new());
     for mut rest in objects.chunk_by_mut(|&a, &b| side(a) == side(b)) {
-        bytes.push(side(rest[0]));
+        let facing = side(rest[0]);
+        bytes.push(facing);
         of_side.clear();
         while !rest.is_empty() {
             let (layer, others) = rest.split_at_mut(layer_length(rest, |object| kind(object).rank()));
             rest = others;
             of_layer.clear();
             let mean = Kind::mean(layer.iter().map(|&object| kind(object)));
+            let along = exposures_along(layer, facing, mean, exposures, compass);
             layer.sort_unstable();
             let mut last = least;
             for &mut object in layer {
@@ -142,6 +192,7 @@ pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], kinds: &[Kind]
                 last = object;
             }
             of_side.extend_from_slice(&[mean.area, mean.exposure]);
+            of_side.extend_from_slice(&along);
             push_number(&mut of_side, of_layer.len() as u32);
             of_side.extend_from_slice(&of_layer);
         }
@@ -196,9 +247,22 @@ fn take_number(bytes: &mut &[u8]) -> Option<u32> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layer<'a> {
     pub(crate) kind: Kind,
+    /// What is free before it by line, two lines a byte.
+    along: [u8; LINES / 2],
     last: u32,
     /// The numbers of its objects.
     bytes: &'a [u8],
+}
+
+impl Layer<'_> {
+    /// What is free before it, from 0 to 1, towards where some lines lead, or on the whole.
+    #[inline]
+    pub(crate) fn exposure(&self, compass: &Compass, towards: Option<&[Near; 3]>) -> f32 {
+        let along = |line: usize| open_less(self.along[line / 2] >> (line % 2 * 4) & 15);
+        towards.map_or(self.kind.exposure(), |near| {
+            compass.mean(near, self.kind.facing, along, self.kind.exposure())
+        })
+    }
 }
 
 impl Iterator for Layer<'_> {
@@ -233,11 +297,12 @@ impl<'a> Iterator for Layers<'a> {
 
     #[inline]
     fn next(&mut self) -> Option<Layer<'a>> {
-        let (&[area, exposure], mut bytes) = self.bytes.split_first_chunk()?;
+        let (&[area, exposure], bytes) = self.bytes.split_first_chunk()?;
+        let (&along, mut bytes) = bytes.split_first_chunk()?;
         let length = take_number(&mut bytes)?;
         let (bytes, rest) = bytes.split_at_checked(length as usize)?;
         self.bytes = rest;
-        Some(Layer { kind: Kind { area, facing: self.facing, exposure }, last: self.least, bytes })
+        Some(Layer { kind: Kind { area, facing: self.facing, exposure }, along, last: self.least, bytes })
     }
 }
 

@@ -11,6 +11,7 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod compass;
 mod conservative;
 mod content;
 mod cover;

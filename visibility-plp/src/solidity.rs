@@ -3,7 +3,7 @@
 use crate::sight::Sight;
 use crate::{Face, Tessellation};
 use visibility_core::Eye;
-use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::glam::{DVec3, Vec2, Vec3};
 
 /// How the solidity of cells in the front is estimated, and handed on from a cell to those behind it.
 ///
@@ -31,8 +31,8 @@ pub enum Solidity {
 /// What the penalty for cells that are not star-shaped adds to twice their solidity. The paper leaves it open.
 const PENALTY: f32 = 0.05;
 
-/// The solid angle, in steradians, of a primitive that is worth half of its light: five pixels across, of a thousand across a radian.
-const LARGE: f32 = 3e-5;
+/// The solid angle, in steradians, of a primitive that is worth half of its light: three pixels across, of a thousand across a radian.
+const LARGE: f32 = 1e-5;
 
 /// A cell that is handed on from.
 #[derive(Clone, Copy, Debug)]
@@ -75,6 +75,14 @@ pub(crate) fn nearness(sight: &Sight, center: DVec3, area: f64) -> f32 {
 #[inline]
 pub(crate) fn worth(angle: f32) -> f32 {
     if angle < f32::MAX { (angle / (angle + LARGE)).max(1e-6) } else { 1.0 }
+}
+
+/// The chance that something is seen which so much light reaches. Light is handed on from cell to cell, and where it was thought to be stopped it often
+/// was not; its square root counts for as much as what is known of surfaces.
+#[inline]
+pub(crate) fn chance(light: f32) -> f32 {
+    // Without `std` there is no other.
+    Vec2::splat(light).sqrt().x
 }
 
 /// How much larger than on average a primitive appears that faces along an axis, upwards or downwards, or anywhere, seen along a direction.

@@ -16,7 +16,7 @@ use visibility_core::Scene;
 use visibility_core::glam::DVec3;
 
 const MAGIC: [u8; 8] = *b"plpcells";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 const HEADER: usize = 40;
 
 /// Why stored cells are refused.

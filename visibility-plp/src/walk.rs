@@ -1,10 +1,11 @@
 //! The walk through the cells of a tessellation that both cullers share: the rendering loop of the paper's figure 4.
 
+use crate::compass::{Compass, Near};
 use crate::content::bit;
 use crate::facing::{Side, Toward};
 use crate::layers::{ANYWHERE, Layer, Layers};
 use crate::sight::{Place, Sight};
-use crate::solidity::{From, count_solidity, nearness, share, shown, stopped, worth};
+use crate::solidity::{From, chance, count_solidity, nearness, share, shown, stopped, worth};
 use crate::{Face, Front, Solidity, Tessellation};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
@@ -58,6 +59,20 @@ impl Cell {
     };
 }
 
+impl Cell {
+    /// Whether the eye is in the cell or near it, so that there is no one direction to it.
+    #[inline]
+    fn is_around(&self) -> bool {
+        self.nearness * self.area > 0.45
+    }
+
+    /// Which lines lead to the eye.
+    #[inline]
+    fn towards<'a>(&self, compass: &'a Compass) -> Option<&'a [Near; 3]> {
+        (!self.is_around()).then(|| compass.near(-self.direction))
+    }
+}
+
 /// What is not projected yet of one side of a cell.
 #[derive(Clone, Copy, Debug)]
 struct Rest {
@@ -70,6 +85,9 @@ struct Rest {
     to: u32,
     facing: u8,
 }
+
+/// What is seen in spite of all that was found before it.
+const LEAST: f32 = 0.02;
 
 /// More sides than there are ever.
 const ALL: u32 = u32::MAX;
@@ -135,10 +153,12 @@ pub(crate) struct Walk {
 impl Rest {
     /// Goes on with these layers. False if there is none.
     #[inline]
-    fn look(&mut self, mut layers: Layers<'_>) -> bool {
+    fn look(&mut self, mut layers: Layers<'_>, compass: &Compass, towards: Option<&[Near; 3]>) -> bool {
         self.from = self.to + layers.len() as u32;
         let next = layers.next();
-        let worth = |layer: Layer<'_>| worth(layer.kind.area() * self.nearness) * layer.kind.exposure();
+        let worth = |layer: Layer<'_>| {
+            worth(layer.kind.area() * self.nearness) * (layer.exposure(compass, towards) + LEAST)
+        };
         self.worth = next.clone().map_or(0.0, worth);
         next.is_some()
     }
@@ -275,7 +295,7 @@ impl Walk {
         self.reached += u64::from(known.value.is_nan());
         known.value = value;
         let solidity = match stage.rules.solidity {
-            Solidity::Coverage => 1.0 - value * known.worth,
+            Solidity::Coverage => 1.0 - chance(value) * known.worth,
             Solidity::Count => value,
         };
         self.front.push(solidity, cell);
@@ -302,7 +322,7 @@ impl Walk {
         self.open(stage, cell);
         while let Some((side, worth)) = self.best_side(cell) {
             let solidity = match stage.rules.solidity {
-                Solidity::Coverage => 1.0 - self.cells[cell as usize].value * worth,
+                Solidity::Coverage => 1.0 - chance(self.cells[cell as usize].value) * worth,
                 // As in the paper, all that a cell holds at once.
                 Solidity::Count => 0.0,
             };
@@ -353,14 +373,17 @@ impl Walk {
             return;
         }
         known.from = self.sides.len() as u32;
-        let shown = shown(known.direction, known.nearness * known.area > 0.45, stage.rules.one_sided);
-        let mut sides = stage.tessellation.content().sides(cell);
+        let shown = shown(known.direction, known.is_around(), stage.rules.one_sided);
+        let content = stage.tessellation.content();
+        let compass = &content.compass;
+        let towards = known.towards(compass);
+        let mut sides = content.sides(cell);
         while let Some(layers) = sides.next() {
             let nearness = known.nearness * shown[usize::from(layers.facing.min(ANYWHERE))];
             let (facing, to) = (layers.facing, sides.len());
             let from = to + layers.len();
             let mut rest = Rest { worth: 0.0, nearness, from: from as u32, to: to as u32, facing };
-            if rest.look(layers) {
+            if rest.look(layers, compass, towards) {
                 self.sides.push(rest);
             }
         }
@@ -440,7 +463,8 @@ impl Walk {
             }
             self.order.push(id);
         }
-        if !self.sides[side as usize].look(layers) {
+        let towards = self.cells[cell as usize].towards(&content.compass);
+        if !self.sides[side as usize].look(layers, &content.compass, towards) {
             let known = &mut self.cells[cell as usize];
             known.to -= 1;
             self.sides.swap(side as usize, known.to as usize);

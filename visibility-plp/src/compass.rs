@@ -1,0 +1,170 @@
+//! A few lines spread over all directions, and which of them are nearest to a direction of sight.
+
+use crate::layers::{ANYWHERE, SIDES};
+use alloc::vec::Vec;
+use visibility_core::glam::{Vec2, Vec3};
+
+/// How many lines there are.
+pub(crate) const LINES: usize = 24;
+
+/// How many of them are asked about a direction.
+const ASKED: usize = 3;
+
+/// Steps along each side of the six faces of a cube, in which directions are looked up.
+const STEPS: usize = 8;
+
+/// One of the lines, seen from one of its ends.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Near {
+    line: u8,
+    /// Whether the direction is rather that of the line than the one against it.
+    forth: bool,
+    /// How much it counts.
+    weight: f32,
+}
+
+/// The lines nearest to each direction.
+#[derive(Clone, Debug)]
+pub(crate) struct Compass {
+    along: [Vec3; LINES],
+    nearest: Vec<[Near; ASKED]>,
+    /// By side of the scene and line, whether that side faces along the line rather than against it.
+    faces: [[bool; LINES]; SIDES],
+}
+
+/// Sine and cosine of the golden angle.
+const GOLDEN: (f32, f32) = (0.675_490_3, -0.737_368_9);
+
+/// Without `std` there is no other.
+fn sqrt(x: f32) -> f32 {
+    Vec2::splat(x).sqrt().x
+}
+
+/// Unit axes, the last of them along a line: directions spread over half the sphere, none along an axis of the scene.
+pub(crate) fn axes(line: usize) -> [Vec3; 3] {
+    // Points of a spiral by the golden angle.
+    let (sin, cos) = GOLDEN;
+    let mut around = (0.8f32, 0.6f32);
+    for _ in 0..line {
+        around = (around.0 * cos - around.1 * sin, around.0 * sin + around.1 * cos);
+    }
+    let z = (line as f32 + 0.5) / LINES as f32;
+    let r = sqrt(1.0 - z * z);
+    let along = Vec3::new(around.0 * r, around.1 * r, z).normalize();
+    let u = along.any_orthonormal_vector();
+    [u, along.cross(u), along]
+}
+
+/// Where a direction is looked up.
+#[inline]
+fn place(direction: Vec3) -> usize {
+    let size = direction.abs();
+    let (axis, length) = if size.x >= size.y && size.x >= size.z {
+        (0, size.x)
+    } else if size.y >= size.z {
+        (1, size.y)
+    } else {
+        (2, size.z)
+    };
+    // Casts of NaN and of what is out of range are defined.
+    let scale = STEPS as f32 * 0.5 / length;
+    let step = |x: f32| ((x * scale + STEPS as f32 * 0.5) as usize).min(STEPS - 1);
+    let d = direction.to_array();
+    let face = axis * 2 + usize::from(d[axis] < 0.0);
+    (face * STEPS + step(d[(axis + 1) % 3])) * STEPS + step(d[(axis + 2) % 3])
+}
+
+/// How much what is known along one direction says of another at an angle with that cosine. A sixteenth power: lines are some 30 degrees apart.
+fn closeness(cosine: f32) -> f32 {
+    let square = cosine * cosine;
+    let fourth = square * square;
+    fourth * fourth * fourth * fourth
+}
+
+impl Default for Compass {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Compass {
+    pub(crate) fn new() -> Self {
+        let along: [Vec3; LINES] = core::array::from_fn(|line| axes(line)[2]);
+        let mut nearest = Vec::with_capacity(6 * STEPS * STEPS);
+        for face in 0..6 {
+            for i in 0..STEPS * STEPS {
+                let middle = |step: usize| (step as f32 + 0.5) * (2.0 / STEPS as f32) - 1.0;
+                let mut direction = [0.0; 3];
+                direction[face / 2] = if face % 2 == 0 { 1.0 } else { -1.0 };
+                direction[(face / 2 + 1) % 3] = middle(i / STEPS);
+                direction[(face / 2 + 2) % 3] = middle(i % STEPS);
+                let direction = Vec3::from_array(direction).normalize();
+                let mut near: Vec<Near> = (0..LINES)
+                    .map(|line| {
+                        let cosine = along[line].dot(direction);
+                        Near { line: line as u8, forth: cosine > 0.0, weight: closeness(cosine) }
+                    })
+                    .collect();
+                near.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+                nearest.push([near[0], near[1], near[2]]);
+            }
+        }
+        let faces = core::array::from_fn(|side| {
+            // No line runs across an axis.
+            along.map(|along| (along[(side / 2).min(2)] > 0.0) != (side % 2 == 1))
+        });
+        Self { along, nearest, faces }
+    }
+
+    /// Bytes held.
+    pub(crate) fn memory(&self) -> usize {
+        size_of_val(&self.nearest[..])
+    }
+
+    /// The lines nearest to a direction.
+    #[inline]
+    pub(crate) fn near(&self, direction: Vec3) -> &[Near; ASKED] {
+        &self.nearest[place(direction)]
+    }
+
+    /// Whether what faces a side faces along a line, rather than against it; none if it may be either.
+    pub(crate) fn faces(&self, side: u8, line: usize) -> Option<bool> {
+        (side < ANYWHERE).then(|| self.faces[usize::from(side)][line])
+    }
+
+    /// What is probably along a line before what faces a side, from what is known along others.
+    pub(crate) fn guess(&self, side: u8, line: usize, known: &[Option<f32>; LINES]) -> Option<f32> {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (other, known) in known.iter().enumerate() {
+            let cosine = self.along[line].dot(self.along[other]);
+            // Those with which it forms an obtuse angle are near to its other end.
+            let same = self.faces(side, line) == self.faces(side, other);
+            let cosine = if side >= ANYWHERE { cosine.abs() } else if same { cosine } else { -cosine };
+            if let Some(known) = known {
+                let counts = closeness(cosine.max(0.01));
+                (sum, weight) = (sum + counts * known, weight + counts);
+            }
+        }
+        (weight > 0.0).then(|| sum / weight)
+    }
+
+    /// The mean of values by line for what faces a side, as seen from where some lines lead; `otherwise` where they lead behind it.
+    #[inline]
+    pub(crate) fn mean(
+        &self,
+        near: &[Near; ASKED],
+        side: u8,
+        value: impl Fn(usize) -> f32,
+        otherwise: f32,
+    ) -> f32 {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for near in near {
+            let line = usize::from(near.line);
+            let before = side >= ANYWHERE || self.faces[usize::from(side)][line] == near.forth;
+            let counts = if before { near.weight } else { 0.0 };
+            sum += counts * value(line);
+            weight += counts;
+        }
+        if weight > 0.0 { sum / weight } else { otherwise }
+    }
+}
