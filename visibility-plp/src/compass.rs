@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::{Vec2, Vec3};
 
 /// How many lines there are.
-pub(crate) const LINES: usize = 24;
+pub(crate) const LINES: usize = 16;
 
 /// How many of them are asked about a direction.
 const ASKED: usize = 3;
@@ -74,11 +74,11 @@ fn place(direction: Vec3) -> usize {
     (face * STEPS + step(d[(axis + 1) % 3])) * STEPS + step(d[(axis + 2) % 3])
 }
 
-/// How much what is known along one direction says of another at an angle with that cosine. A sixteenth power: lines are some 30 degrees apart.
+/// How much what is known along one direction says of another at an angle with that cosine. An eighth power: lines are some 36 degrees apart.
 fn closeness(cosine: f32) -> f32 {
     let square = cosine * cosine;
     let fourth = square * square;
-    fourth * fourth * fourth * fourth
+    fourth * fourth
 }
 
 impl Default for Compass {

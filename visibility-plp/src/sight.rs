@@ -122,13 +122,17 @@ impl Sight {
 
     /// Whether triangles lie all together outside one of some planes, given by bit.
     #[inline]
-    pub(crate) fn is_outside(&self, triangles: &[Triangle], planes: u16) -> bool {
-        // No branch on a distance: it could not be foretold, and would wait for the triangle to come from memory.
+    pub(crate) fn is_outside<'a>(
+        &self,
+        triangles: impl Iterator<Item = &'a Triangle> + Clone,
+        planes: u16,
+    ) -> bool {
+        // No branch on a distance: it could not be foretold.
         let mut outside = false;
         for (i, plane) in self.planes[..self.count].iter().enumerate() {
             if planes >> i & 1 != 0 {
                 let beyond = |p: &Vec3| plane.distance(p.as_dvec3()) < -plane.slack;
-                outside |= triangles.iter().flatten().fold(true, |all, p| all & beyond(p));
+                outside |= triangles.clone().flatten().fold(true, |all, p| all & beyond(p));
             }
         }
         outside
@@ -136,8 +140,8 @@ impl Sight {
 
     /// Whether triangles turn their backs to the eye, all of them and surely. False for those without a side, and for NaN.
     #[inline]
-    pub(crate) fn sees_backs(&self, triangles: &[Triangle]) -> bool {
-        triangles.iter().fold(true, |all, triangle| {
+    pub(crate) fn sees_backs<'a>(&self, mut triangles: impl Iterator<Item = &'a Triangle>) -> bool {
+        triangles.all(|triangle| {
             let [a, b, c] = triangle.map(|p| p.as_dvec3());
             let (u, v) = (b - a, c - a);
             let toward = match self.eye {
@@ -148,8 +152,7 @@ impl Sight {
             // Differences are rounded once, the products of three of them a few times more: 16 roundings of 2^-53 of the product of magnitudes
             // are 2e-15 of it, and the sum of nine such products is no more than nine times that of the greatest.
             let size = u.abs().max_element() * v.abs().max_element() * toward.abs().max_element();
-            // Without a branch, as above.
-            all & (normal.dot(toward) < -2e-14 * size)
+            normal.dot(toward) < -2e-14 * size
         })
     }
 
@@ -194,7 +197,7 @@ mod tests {
             let eye = float(eye) / f64::from(1 << 20);
             sight.eye = Eye::Point(eye);
             let triangle = [a, b, c].map(|p| float(p).as_vec3());
-            if sight.sees_backs(&[triangle]) {
+            if sight.sees_backs([&triangle].into_iter()) {
                 assert!(exact < 0, "{triangle:?} from {eye}");
                 backs += 1;
             }

@@ -9,7 +9,7 @@ use crate::solidity::{From, chance, count_solidity, nearness, share, shown, stop
 use crate::{Face, Front, Solidity, Tessellation};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
-use visibility_core::{Changes, Eye, ObjectId, Scene, VisibleSet};
+use visibility_core::{Changes, Eye, ObjectId, Scene, Triangle, VisibleSet};
 
 /// How much may be projected in a frame.
 ///
@@ -148,6 +148,8 @@ pub(crate) struct Walk {
     planes: Vec<[f64; 2]>,
     /// Those of them that are in the set.
     seen: Vec<(ObjectId, Side)>,
+    /// The triangles of some of these, by place.
+    asked: Vec<(u32, Triangle)>,
 }
 
 impl Rest {
@@ -404,6 +406,31 @@ impl Walk {
         best
     }
 
+    /// Takes objects of few triangles that are surely out of sight from those at hand.
+    fn turn_away<T: ?Sized>(&mut self, stage: &Stage<'_, T>, crossed: u16) {
+        // Triangles are copied before any is looked at: so memory is waited for once, and not by one after the other.
+        self.asked.clear();
+        for (place, &(id, side)) in (0..).zip(&self.seen) {
+            if (side == Side::Unknown || crossed != 0)
+                && let Ok(triangles) = stage.scene.triangles(id)
+                && triangles.len() <= FEW
+            {
+                self.asked.extend(triangles.iter().map(|triangle| (place, *triangle)));
+            }
+        }
+        for of_one in self.asked.chunk_by(|a, b| a.0 == b.0) {
+            let (_, side) = &mut self.seen[of_one[0].0 as usize];
+            let triangles = || of_one.iter().map(|(_, triangle)| triangle);
+            let backs = *side == Side::Unknown && stage.sight.sees_backs(triangles());
+            if backs || stage.sight.is_outside(triangles(), crossed) {
+                *side = Side::Back;
+            }
+        }
+        if !self.asked.is_empty() {
+            self.seen.retain(|&(_, side)| side != Side::Back);
+        }
+    }
+
     /// Projects the next layer of a side of a cell, each object once, as far as the budget lasts.
     fn project<T: Tessellation + ?Sized>(
         &mut self,
@@ -442,14 +469,7 @@ impl Walk {
                 self.seen.push((id, side));
             }
         }
-        let mut count = 0;
-        for place in 0..self.seen.len() {
-            let (id, side) = self.seen[place];
-            let hidden = (side == Side::Unknown || crossed != 0) && is_out_of_sight(stage, id, side, crossed);
-            self.seen[count] = (id, side);
-            count += usize::from(!hidden);
-        }
-        self.seen.truncate(count);
+        self.turn_away(stage, crossed);
         for (place, &(id, _)) in self.seen.iter().enumerate() {
             if !unlimited {
                 let cost = self.cost(stage, id);
@@ -521,14 +541,4 @@ fn surface_light<T: Tessellation + ?Sized>(stage: &Stage<'_, T>, cell: u32, know
         inner += share(area, direction, -face.normal, face.area);
     });
     (1.0 - inner).max(0.0)
-}
-
-/// Whether an object of few triangles is surely out of sight.
-#[inline]
-fn is_out_of_sight<T: ?Sized>(stage: &Stage<'_, T>, id: ObjectId, side: Side, crossed: u16) -> bool {
-    let triangles = stage.scene.triangles(id).unwrap_or(&[]);
-    if triangles.is_empty() || triangles.len() > FEW {
-        return false;
-    }
-    ((side == Side::Unknown) & stage.sight.sees_backs(triangles)) | stage.sight.is_outside(triangles, crossed)
 }
