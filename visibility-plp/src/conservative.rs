@@ -241,6 +241,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
                 break;
             }
         }
+        walk.settle(&stage, false);
         feed(map, scene, view, &walk.order);
         loop {
             waiting.clear();

@@ -211,6 +211,19 @@ impl Toward {
         let farthest = (to_eye.abs() + half).length() as f32;
         Self { eye: to_eye.as_vec3().to_array(), half: half.as_vec3().to_array(), farthest }
     }
+
+    /// Whether the eye lies behind all triangles that meet the box, face a side (an axis, twice, and one more if downwards), and whose normals lean from
+    /// it no farther than so: the other components are no greater than that share of the one along it.
+    #[inline]
+    pub(crate) fn is_behind(&self, side: u8, lean: f32) -> bool {
+        let axis = usize::from(side / 2) % 3;
+        let others = [(axis + 1) % 3, (axis + 2) % 3];
+        let along = if side & 1 == 0 { self.eye[axis] } else { -self.eye[axis] };
+        let across: f32 = others.map(|other| self.eye[other].abs() + self.half[other]).iter().sum();
+        // For the normal (1, s, t) and a point q of the triangle in the box, as in `Facing::side`; rounding is as there, and leaning by 1e-6 more
+        // is less than what is left of the margin. What is not finite compares as false.
+        along + self.half[axis] + lean * across + 1e-5 * self.farthest + f32::MIN_POSITIVE < 0.0
+    }
 }
 
 #[cfg(test)]

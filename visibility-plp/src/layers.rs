@@ -1,13 +1,14 @@
 //! How the list of a cell is kept: in layers of objects that face alike, are of like size and of like exposure, as differences between ascending
 //! indices, mostly of one byte each.
 //!
-//! A list is the least index in it, and then for each side that objects face: the side, how many bytes follow of it, and in these its layers, that
+//! A list is the least index in it, and then for each side that objects face: the side and how far their normals lean from it, how many bytes follow of it, and in these its layers, that
 //! of which most is to be seen first. Of a layer: its areas, its exposure, on the whole and in half a byte for each line of the
 //! [compass](crate::compass), how many bytes follow, and in these the first index as a difference from the least in the list, and the others as
 //! differences each from the one before. Numbers are in seven bits a byte.
 
 use crate::compass::{Compass, LINES, Near};
 use crate::exposure::Exposure;
+use crate::facing::Toward;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, Scene};
@@ -27,7 +28,15 @@ pub(crate) struct Kind {
     pub(crate) facing: u8,
     /// How exposed they are: two steps are twice as much, and [`OPEN`] is 1.
     exposure: u8,
+    /// How far their normals lean from the axis: no component along another axis is greater than this many [`LEANS`]ths of that along it; or [`ANYHOW`].
+    lean: u8,
 }
+
+/// Steps of leaning as far as any that face a side.
+const LEANS: f32 = 14.0;
+
+/// Leaning who knows how.
+const ANYHOW: u8 = 15;
 
 /// Sides that can be faced.
 pub(crate) const SIDES: usize = 6;
@@ -77,11 +86,11 @@ impl Kind {
             let size = bounds.max - bounds.min;
             area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
         }
-        let facing = match triangles {
-            [[a, b, c]] => facing((b - a).as_dvec3().cross((c - a).as_dvec3())),
-            _ => ANYWHERE,
+        let (facing, lean) = match triangles {
+            [[a, b, c]] => facing(b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3()),
+            _ => (ANYWHERE, ANYHOW),
         };
-        Self { area: class_of(area), facing, exposure: OPEN - below_open(exposure).min(OPEN) }
+        Self { area: class_of(area), facing, exposure: OPEN - below_open(exposure).min(OPEN), lean }
     }
 
     /// An area in the middle of its class.
@@ -108,12 +117,13 @@ impl Kind {
         let exposure: usize = kinds.clone().map(|kind| usize::from(kind.exposure)).sum();
         let first = kinds.clone().next().map_or(ANYWHERE, |kind| kind.facing);
         let facing = if kinds.clone().all(|kind| kind.facing == first) { first } else { ANYWHERE };
-        Self { area: class_of(area / count as f32), facing, exposure: (exposure / count) as u8 }
+        Self { area: class_of(area / count as f32), facing, exposure: (exposure / count) as u8, lean: ANYHOW }
     }
 }
 
-/// The side that a normal faces most.
-fn facing(normal: DVec3) -> u8 {
+/// The side that a triangle faces most, from two of its edges, and how far its normal leans from it.
+fn facing(u: DVec3, v: DVec3) -> (u8, u8) {
+    let normal = u.cross(v);
     let size = normal.abs();
     let axis = if size.x >= size.y && size.x >= size.z {
         0
@@ -122,7 +132,16 @@ fn facing(normal: DVec3) -> u8 {
     } else {
         2
     };
-    if size[axis] > 0.0 { axis as u8 * 2 + u8::from(normal[axis] < 0.0) } else { ANYWHERE }
+    if size[axis].is_nan() || size[axis] <= 0.0 {
+        return (ANYWHERE, ANYHOW);
+    }
+    let side = axis as u8 * 2 + u8::from(normal[axis] < 0.0);
+    let lean = size[(axis + 1) % 3].max(size[(axis + 2) % 3]) / size[axis];
+    // The error of the normal is some 1e-15 of the product of lengths, so no more than 1e-8 of what is let through here.
+    let known = size[axis] > 1e-7 * u.length() * v.length() && size[axis] < f64::INFINITY;
+    let steps = (lean - 1e-7).max(0.0) * f64::from(LEANS);
+    // Casts round towards zero.
+    (side, if known { steps as u8 + u8::from(steps > f64::from(steps as u8)) } else { ANYHOW })
 }
 
 /// What is free before some objects of one side along each line, two lines a byte; where that is not known, as along lines near to it.
@@ -177,7 +196,8 @@ pub(crate) fn push_list(
     let (mut of_side, mut of_layer) = (Vec::new(), Vec::new());
     for mut rest in objects.chunk_by_mut(|&a, &b| side(a) == side(b)) {
         let facing = side(rest[0]);
-        bytes.push(facing);
+        let lean = rest.iter().map(|&object| kind(object).lean).max();
+        bytes.push(facing | if facing < ANYWHERE { lean.unwrap_or(ANYHOW) } else { ANYHOW } << 4);
         of_side.clear();
         while !rest.is_empty() {
             let (layer, others) = rest.split_at_mut(layer_length(rest, |object| kind(object).rank()));
@@ -255,6 +275,12 @@ pub(crate) struct Layer<'a> {
 }
 
 impl Layer<'_> {
+    /// No fewer than the objects in it.
+    #[inline]
+    pub(crate) fn most(&self) -> usize {
+        self.bytes.len()
+    }
+
     /// What is free before it, from 0 to 1, towards where some lines lead, or on the whole.
     #[inline]
     pub(crate) fn exposure(&self, compass: &Compass, towards: Option<&[Near; 3]>) -> f32 {
@@ -280,11 +306,18 @@ impl Iterator for Layer<'_> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layers<'a> {
     pub(crate) facing: u8,
+    lean: u8,
     least: u32,
     bytes: &'a [u8],
 }
 
 impl<'a> Layers<'a> {
+    /// Whether all of it turns its back to the eye, surely.
+    #[inline]
+    pub(crate) fn is_back(&self, toward: &Toward) -> bool {
+        self.facing < ANYWHERE && self.lean < ANYHOW && toward.is_behind(self.facing, f32::from(self.lean) / LEANS)
+    }
+
     /// How many bytes are left.
     #[inline]
     pub(crate) fn len(&self) -> usize {
@@ -302,7 +335,7 @@ impl<'a> Iterator for Layers<'a> {
         let length = take_number(&mut bytes)?;
         let (bytes, rest) = bytes.split_at_checked(length as usize)?;
         self.bytes = rest;
-        Some(Layer { kind: Kind { area, facing: self.facing, exposure }, along, last: self.least, bytes })
+        Some(Layer { kind: Kind { area, facing: self.facing, exposure, lean: ANYHOW }, along, last: self.least, bytes })
     }
 }
 
@@ -333,7 +366,7 @@ impl<'a> Sides<'a> {
     pub(crate) fn layers(&self, facing: u8, from: usize, to: usize) -> Layers<'a> {
         let place = |left: usize| self.bytes.len().saturating_sub(left);
         let bytes = self.bytes.get(place(from)..place(to)).unwrap_or(&[]);
-        Layers { facing, least: self.least, bytes }
+        Layers { facing, lean: ANYHOW, least: self.least, bytes }
     }
 }
 
@@ -342,11 +375,11 @@ impl<'a> Iterator for Sides<'a> {
 
     #[inline]
     fn next(&mut self) -> Option<Layers<'a>> {
-        let (&facing, mut bytes) = self.bytes.split_first()?;
+        let (&head, mut bytes) = self.bytes.split_first()?;
         let length = take_number(&mut bytes)?;
         let (bytes, rest) = bytes.split_at_checked(length as usize)?;
         self.bytes = rest;
-        Some(Layers { facing, least: self.least, bytes })
+        Some(Layers { facing: head & 7, lean: head >> 4, least: self.least, bytes })
     }
 }
 

@@ -89,6 +89,21 @@ struct Rest {
 /// What is seen in spite of all that was found before it.
 const LEAST: f32 = 0.02;
 
+/// An object, on which side of it the eye is, and which planes its cell crosses.
+#[derive(Clone, Copy, Debug)]
+struct Sifted {
+    index: u32,
+    side: Side,
+    crossed: u16,
+}
+
+impl Sifted {
+    const NONE: Self = Self { index: 0, side: Side::Unknown, crossed: 0 };
+}
+
+/// So many objects are looked up together: memory is slow, but answers many at once.
+const BATCH: usize = 256;
+
 /// More sides than there are ever.
 const ALL: u32 = u32::MAX;
 
@@ -142,12 +157,13 @@ pub(crate) struct Walk {
     faces: Vec<Face>,
     /// What is left of the cells that were opened, by the side that it faces.
     sides: Vec<Rest>,
-    /// Objects of the layer at hand that are new and do not turn their backs.
-    sifted: Vec<(u32, Side)>,
+    /// Objects that are next in order, the first so many of these: new ones that do not turn their backs.
+    sifted: Vec<Sifted>,
+    waiting: usize,
     /// Where the eye lies before planes, as [`Facing::planes`](crate::facing::Facing::planes) tells.
     planes: Vec<[f64; 2]>,
-    /// Those of them that are in the set.
-    seen: Vec<(ObjectId, Side)>,
+    /// Those of them that are in the set, with the planes that their cells cross.
+    seen: Vec<(ObjectId, Side, u16)>,
     /// The triangles of some of these, by place.
     asked: Vec<(u32, Triangle)>,
 }
@@ -191,7 +207,8 @@ impl Walk {
         self.sides.clear();
         self.order.clear();
         self.sifted.clear();
-        self.sifted.resize(content.max_count() as usize, (0, Side::Unknown));
+        self.sifted.resize(content.max_count() as usize + BATCH, Sifted::NONE);
+        self.waiting = 0;
         if stage.rules.one_sided {
             content.facing.planes(stage.sight.eye, &stage.tessellation.bounds(), &mut self.planes);
         }
@@ -362,6 +379,7 @@ impl Walk {
         while let Some((side, _)) = self.best_side(cell) {
             self.project(stage, cell, side, true);
         }
+        self.settle(stage, true);
         if !bit(&self.closed, cell as usize) {
             self.go_through(stage, cell);
         }
@@ -379,8 +397,13 @@ impl Walk {
         let content = stage.tessellation.content();
         let compass = &content.compass;
         let towards = known.towards(compass);
+        let bounds = || stage.tessellation.cell_bounds(cell);
+        let toward = stage.rules.one_sided.then(|| Toward::new(stage.sight.eye, &bounds()));
         let mut sides = content.sides(cell);
         while let Some(layers) = sides.next() {
+            if toward.as_ref().is_some_and(|toward| layers.is_back(toward)) {
+                continue;
+            }
             let nearness = known.nearness * shown[usize::from(layers.facing.min(ANYWHERE))];
             let (facing, to) = (layers.facing, sides.len());
             let from = to + layers.len();
@@ -406,11 +429,52 @@ impl Walk {
         best
     }
 
+    /// How many objects are surely within the budget.
+    #[inline]
+    fn may_wait<T: ?Sized>(&self, stage: &Stage<'_, T>, unlimited: bool) -> usize {
+        match stage.rules.budget {
+            _ if unlimited => usize::MAX,
+            Budget::Objects(_) => usize::try_from(self.left).unwrap_or(usize::MAX),
+            Budget::Cost(_) => 0,
+        }
+    }
+
+    /// Projects what waits, as far as the budget lasts: those objects that are in the set and not surely out of sight.
+    pub(crate) fn settle<T: ?Sized>(&mut self, stage: &Stage<'_, T>, unlimited: bool) -> Projected {
+        let waiting = self.sifted[..self.waiting].iter();
+        self.waiting = 0;
+        self.seen.clear();
+        self.seen.extend(waiting.filter_map(|&Sifted { index, side, crossed }| {
+            stage.scene.id_at(index as usize).map(|id| (id, side, crossed))
+        }));
+        let mut count = 0;
+        for place in 0..self.seen.len() {
+            self.seen[count] = self.seen[place];
+            count += usize::from(stage.visible.contains(stage.scene, self.seen[count].0));
+        }
+        self.seen.truncate(count);
+        self.turn_away(stage);
+        for (place, &(id, ..)) in self.seen.iter().enumerate() {
+            if !unlimited {
+                let cost = self.cost(stage, id);
+                if cost > self.left {
+                    for (id, ..) in &self.seen[place..] {
+                        clear(&mut self.taken, id.index() as u32);
+                    }
+                    return Projected::Cut;
+                }
+                self.left -= cost;
+            }
+            self.order.push(id);
+        }
+        Projected::Whole
+    }
+
     /// Takes objects of few triangles that are surely out of sight from those at hand.
-    fn turn_away<T: ?Sized>(&mut self, stage: &Stage<'_, T>, crossed: u16) {
-        // Triangles are copied before any is looked at: so memory is waited for once, and not by one after the other.
+    fn turn_away<T: ?Sized>(&mut self, stage: &Stage<'_, T>) {
+        // Triangles are copied before any is looked at, again for the sake of memory.
         self.asked.clear();
-        for (place, &(id, side)) in (0..).zip(&self.seen) {
+        for (place, &(id, side, crossed)) in (0..).zip(&self.seen) {
             if (side == Side::Unknown || crossed != 0)
                 && let Ok(triangles) = stage.scene.triangles(id)
                 && triangles.len() <= FEW
@@ -419,15 +483,15 @@ impl Walk {
             }
         }
         for of_one in self.asked.chunk_by(|a, b| a.0 == b.0) {
-            let (_, side) = &mut self.seen[of_one[0].0 as usize];
+            let (_, side, crossed) = &mut self.seen[of_one[0].0 as usize];
             let triangles = || of_one.iter().map(|(_, triangle)| triangle);
             let backs = *side == Side::Unknown && stage.sight.sees_backs(triangles());
-            if backs || stage.sight.is_outside(triangles(), crossed) {
+            if backs || stage.sight.is_outside(triangles(), *crossed) {
                 *side = Side::Back;
             }
         }
         if !self.asked.is_empty() {
-            self.seen.retain(|&(_, side)| side != Side::Back);
+            self.seen.retain(|&(_, side, _)| side != Side::Back);
         }
     }
 
@@ -444,12 +508,16 @@ impl Walk {
         let rest = self.sides[side as usize];
         let mut layers = content.sides(cell).layers(rest.facing, rest.from as usize, rest.to as usize);
         let layer = layers.next().unwrap_or_default();
+        // What waits is within the budget, whatever becomes of it.
+        if self.waiting + layer.most() > self.may_wait(stage, unlimited).min(BATCH) {
+            self.settle(stage, unlimited);
+        }
         // Without branches on what cannot be foretold: every object is written down, and counts if it is new and does not turn its back.
         let toward = stage
             .rules
             .one_sided
             .then(|| Toward::new(stage.sight.eye, &stage.tessellation.cell_bounds(cell)));
-        let mut count = 0;
+        let mut count = self.waiting;
         for index in layer {
             let (place, mark) = (index as usize / 64, 1u64 << (index % 64));
             let (Some(word), Some(sifted)) = (self.taken.get_mut(place), self.sifted.get_mut(count)) else {
@@ -460,28 +528,12 @@ impl Walk {
             let side = toward
                 .as_ref()
                 .map_or(Side::Front, |toward| content.facing.side(index as usize, toward, &self.planes));
-            *sifted = (index, side);
+            *sifted = Sifted { index, side, crossed };
             count += usize::from(is_new & (side != Side::Back));
         }
-        self.seen.clear();
-        for &(index, side) in &self.sifted[..count] {
-            if let Some(id) = stage.visible.id_at(stage.scene, index as usize) {
-                self.seen.push((id, side));
-            }
-        }
-        self.turn_away(stage, crossed);
-        for (place, &(id, _)) in self.seen.iter().enumerate() {
-            if !unlimited {
-                let cost = self.cost(stage, id);
-                if cost > self.left {
-                    for (id, _) in &self.seen[place..] {
-                        clear(&mut self.taken, id.index() as u32);
-                    }
-                    return Projected::Cut;
-                }
-                self.left -= cost;
-            }
-            self.order.push(id);
+        self.waiting = count;
+        if count > self.may_wait(stage, unlimited) && self.settle(stage, unlimited) == Projected::Cut {
+            return Projected::Cut;
         }
         let towards = self.cells[cell as usize].towards(&content.compass);
         if !self.sides[side as usize].look(layers, &content.compass, towards) {
