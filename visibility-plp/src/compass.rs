@@ -139,7 +139,13 @@ impl Compass {
             let cosine = self.along[line].dot(self.along[other]);
             // Those with which it forms an obtuse angle are near to its other end.
             let same = self.faces(side, line) == self.faces(side, other);
-            let cosine = if side >= ANYWHERE { cosine.abs() } else if same { cosine } else { -cosine };
+            let cosine = if side >= ANYWHERE {
+                cosine.abs()
+            } else if same {
+                cosine
+            } else {
+                -cosine
+            };
             if let Some(known) = known {
                 let counts = closeness(cosine.max(0.01));
                 (sum, weight) = (sum + counts * known, weight + counts);

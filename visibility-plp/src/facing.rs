@@ -26,13 +26,15 @@ struct Bin {
     spread: f32,
 }
 
+/// The code of a triangle's bin, and how far along the normal of its flat bin it lies: so many steps, the lower byte first. Together in three bytes, so
+/// that memory is asked once.
+type Mark = [u8; 3];
+
 /// The bins of all objects, by index.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Facing {
-    codes: Vec<u8>,
+    marks: Vec<Mark>,
     bins: Vec<Bin>,
-    /// How far along the normal of its flat bin a triangle lies: so many steps. Empty without flat bins.
-    offsets: Vec<u16>,
     /// What offset 0 stands for, and how long a step is.
     base: f64,
     step: f64,
@@ -78,12 +80,12 @@ impl Facing {
             Ok([triangle]) => unit_normal(triangle),
             _ => None,
         };
-        let mut codes = alloc::vec![NONE; scene.index_limit()];
+        let mut marks = alloc::vec![[NONE, 0, 0]; scene.index_limit()];
         let mut sums = [DVec3::ZERO; BINS];
         for id in scene.ids() {
             if let Some(normal) = single(id) {
                 let bin = bin_of(normal);
-                codes[id.index()] = bin as u8;
+                marks[id.index()][0] = bin as u8;
                 sums[bin] += normal;
             }
         }
@@ -91,38 +93,41 @@ impl Facing {
         let mut bins: Vec<Bin> = sums.map(|sum| Bin { normal: middle(sum), spread: 0.0 }).to_vec();
         for id in scene.ids() {
             if let Some(normal) = single(id) {
-                let bin = &mut bins[codes[id.index()] as usize];
+                let bin = &mut bins[marks[id.index()][0] as usize];
                 let away = (normal - DVec3::from_array(bin.normal.map(f64::from))).length();
                 bin.spread = bin.spread.max((away as f32).next_up());
             }
         }
         // What has no bin is given one that says nothing.
         bins.resize(usize::from(NONE) + 1, Bin { normal: [f32::NAN; 3], spread: f32::NAN });
-        let mut facing = Self { codes, bins, ..Self::default() };
+        let mut facing = Self { marks, bins, ..Self::default() };
         facing.measure_offsets(scene);
         facing
     }
 
     fn measure_offsets(&mut self, scene: &Scene) {
-        let along = |id: ObjectId| {
-            let bin = self.flat(self.codes[id.index()])?;
+        let along = |facing: &Self, id: ObjectId| {
+            let bin = facing.flat(facing.marks[id.index()][0])?;
             let corner = scene.triangles(id).ok()?.first()?[0].as_dvec3();
             Some(DVec3::from_array(bin.normal.map(f64::from)).dot(corner))
         };
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-        for distance in scene.ids().filter_map(along) {
+        for distance in scene.ids().filter_map(|id| along(self, id)) {
             (least, most) = (least.min(distance), most.max(distance));
         }
         if least > most {
             return;
         }
         let step = ((most - least) / f64::from(u16::MAX)).max(f64::MIN_POSITIVE);
-        let mut offsets = alloc::vec![0; self.codes.len()];
         for id in scene.ids() {
-            // Casts round towards zero.
-            offsets[id.index()] = along(id).map_or(0, |distance| ((distance - least) / step) as u16);
+            if let Some(distance) = along(self, id) {
+                // Casts round towards zero.
+                let [low, high] = (((distance - least) / step) as u16).to_le_bytes();
+                let [_, offset @ ..] = &mut self.marks[id.index()];
+                *offset = [low, high];
+            }
         }
-        (self.offsets, self.base, self.step) = (offsets, least, step);
+        (self.base, self.step) = (least, step);
     }
 
     /// The bin of a code, if all its normals are one.
@@ -135,7 +140,7 @@ impl Facing {
     pub(crate) fn planes(&self, eye: Eye, bounds: &Aabb, planes: &mut Vec<[f64; 2]>) {
         planes.clear();
         planes.resize(self.bins.len(), [0.0, f64::INFINITY]);
-        let (Eye::Point(eye), false) = (eye, self.offsets.is_empty()) else { return };
+        let Eye::Point(eye) = eye else { return };
         let farthest = eye.length() + bounds.min.abs().max(bounds.max.abs()).as_dvec3().length();
         for (code, plane) in (0..NONE).zip(planes) {
             if let Some(bin) = self.flat(code) {
@@ -149,17 +154,17 @@ impl Facing {
     }
 
     pub(crate) fn memory(&self) -> usize {
-        size_of_val(&self.codes[..]) + size_of_val(&self.bins[..]) + size_of_val(&self.offsets[..])
+        size_of_val(&self.marks[..]) + size_of_val(&self.bins[..])
     }
 
     /// On which side of an object's triangle the eye lies, if the triangle meets the cell that `toward` is of. `planes` are of the same eye.
     #[inline]
     pub(crate) fn side(&self, object: usize, toward: &Toward, planes: &[[f64; 2]]) -> Side {
-        let code = self.codes.get(object).copied().unwrap_or(NONE);
-        if let (Some(&[place, sure]), Some(&offset)) = (planes.get(code as usize), self.offsets.get(object))
+        let [code, offset @ ..] = self.marks.get(object).copied().unwrap_or([NONE, 0, 0]);
+        if let Some(&[place, sure]) = planes.get(code as usize)
             && sure < f64::INFINITY
         {
-            let before = place - f64::from(offset);
+            let before = place - f64::from(u16::from_le_bytes(offset));
             // What is not a number compares as false.
             let (front, back) = (before > sure, before < -sure);
             return if front {

@@ -156,7 +156,8 @@ fn exposures_along(
     for (line, known) in known.iter_mut().enumerate() {
         let (mut sum, mut count) = (0.0, 0.0);
         for &object in objects {
-            if let Some((free, forth)) = exposures.get(object as usize).and_then(|exposure| exposure.along(line))
+            if let Some((free, forth)) =
+                exposures.get(object as usize).and_then(|exposure| exposure.along(line))
                 && compass.faces(side, line).is_none_or(|faces| faces == forth)
             {
                 (sum, count) = (sum + free, count + 1.0);
@@ -315,7 +316,9 @@ impl<'a> Layers<'a> {
     /// Whether all of it turns its back to the eye, surely.
     #[inline]
     pub(crate) fn is_back(&self, toward: &Toward) -> bool {
-        self.facing < ANYWHERE && self.lean < ANYHOW && toward.is_behind(self.facing, f32::from(self.lean) / LEANS)
+        self.facing < ANYWHERE
+            && self.lean < ANYHOW
+            && toward.is_behind(self.facing, f32::from(self.lean) / LEANS)
     }
 
     /// How many bytes are left.
@@ -335,7 +338,12 @@ impl<'a> Iterator for Layers<'a> {
         let length = take_number(&mut bytes)?;
         let (bytes, rest) = bytes.split_at_checked(length as usize)?;
         self.bytes = rest;
-        Some(Layer { kind: Kind { area, facing: self.facing, exposure, lean: ANYHOW }, along, last: self.least, bytes })
+        Some(Layer {
+            kind: Kind { area, facing: self.facing, exposure, lean: ANYHOW },
+            along,
+            last: self.least,
+            bytes,
+        })
     }
 }
 

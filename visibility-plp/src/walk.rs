@@ -561,8 +561,12 @@ impl Walk {
         let mut faces = core::mem::take(&mut self.faces);
         faces.clear();
         let open = |neighbour: u32| !bit(&self.closed, neighbour as usize);
-        tessellation.for_each_face(cell, &open, &mut |face| faces.push(*face));
-        for face in faces.iter().filter(|face| stage.sight.may_leave(face.point, face.normal)) {
+        tessellation.for_each_face(cell, &open, &mut |face| {
+            if stage.sight.may_leave(face.point, face.normal) {
+                faces.push(*face);
+            }
+        });
+        for face in &faces {
             let neighbour = face.neighbour;
             if !self.enter(stage, neighbour) {
                 continue;
