@@ -147,11 +147,11 @@ fn little_more_is_visible_than_on_an_ideal_map_in_reference_scenes() {
         println!("skipped: the reference scenes are not at {}", folder.display());
         return;
     }
-    for (name, limits) in [("denhaag", [1.3, 1.25]), ("alpine1", [1.3, 1.3]), ("oa_dm2", [1.35, 1.3])] {
+    for (name, limits) in [("denhaag", [1.1, 1.1]), ("alpine1", [1.15, 1.15]), ("oa_dm2", [1.1, 1.1])] {
         check(load(&folder.join(format!("{name}.vscn"))).unwrap(), 6, &limits);
     }
     let mut clinic = load(&folder.join("clinic.vscn")).unwrap();
     clinic.objects.extend(load(&folder.join("clinic_mep.vscn")).unwrap().objects);
-    check(clinic, 6, &[1.5, 1.35]);
-    check(cars5(&folder.join("car.vscn")).unwrap(), 6, &[1.5, 1.35]);
+    check(clinic, 6, &[1.1, 1.05]);
+    check(cars5(&folder.join("car.vscn")).unwrap(), 6, &[1.25, 1.2]);
 }

@@ -25,8 +25,8 @@ use crate::tiles::{SIDE, Surface};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 
-/// Triangles that are remembered by tile, on average.
-const LINKS: usize = 256;
+/// Triangles that are remembered in tiles, all together: twelve bytes each time. Some 700,000 triangles on a small picture need most of it.
+const LINKS: usize = 1 << 20;
 
 /// Triangles of a tile that are looked at for one pixel.
 const STEPS: usize = 8192;
@@ -154,7 +154,7 @@ impl Weld {
     /// be seen. Its corners come by number, in either order. The plane of its nearness is already moved by its error, and may be none.
     pub(crate) fn add(&mut self, piece: &[u32], plane: [f64; 3], size: [f64; 2], whole: &[f32]) {
         let count = piece.len().min(CORNERS);
-        if count < 3 || self.links.len() + self.chains.len() > LINKS * self.chains.len() {
+        if count < 3 || self.links.len() + self.chains.len() > LINKS {
             return;
         }
         let (mut corners, mut at) = ([0; CORNERS], [[0.0; 2]; CORNERS]);
