@@ -174,3 +174,33 @@ impl Compass {
         if weight > 0.0 { sum / weight } else { otherwise }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_line_is_near_and_in_sense() {
+        let compass = Compass::new();
+        for i in 0..500u32 {
+            let place = |k: u32| (i.wrapping_mul(k) >> 8 & 0xffff) as f32 / 32768.0 - 1.0;
+            let direction =
+                Vec3::new(place(2_654_435_761), place(2_246_822_519), place(3_266_489_917)).normalize();
+            let [first, ..] = compass.near(direction);
+            let along = compass.along[usize::from(first.line)];
+            let cosine = if first.forth { along } else { -along }.dot(direction);
+            assert!(cosine > 0.75, "{direction}: {cosine}");
+        }
+    }
+
+    #[test]
+    fn what_is_open_to_one_side_is_found_open_from_there_alone() {
+        let compass = Compass::new();
+        // All that leads upwards is free.
+        let free = |line: usize| if compass.along[line].z > 0.5 { 1.0 } else { 0.0 };
+        assert!(compass.mean(compass.near(Vec3::Z), 4, free, 0.3) > 0.9);
+        assert!(compass.mean(compass.near(Vec3::X), 0, free, 0.3) < 0.4);
+        // From behind, nothing is known by line.
+        assert_eq!(compass.mean(compass.near(-Vec3::Z), 4, free, 0.3), 0.3);
+    }
+}

@@ -424,4 +424,32 @@ mod tests {
         }
         assert!(kind(0.0, up).exposure() < 1e-4 && kind(f32::NAN, up).exposure() == 1.0);
     }
+
+    /// Triangles in a box, facing everywhere, and eyes around it: never behind what faces it.
+    #[test]
+    fn what_is_behind_a_side_is_behind_its_triangles() {
+        let mut state = 5u64;
+        let mut random = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1 << 23) as f32 - 1.0
+        };
+        let cell = visibility_core::Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        let (mut behind, mut leaning) = (0, 0);
+        for i in 0..20_000 {
+            let mut point = || DVec3::new(random().into(), random().into(), random().into());
+            let (a, mut b, mut c) = (point(), point(), point());
+            if i % 2 == 0 {
+                (b.x, c.x) = (a.x, a.x + (c.x - a.x) * 0.3);
+            }
+            let eye = point() * 8.0;
+            let (side, lean) = facing(b - a, c - a);
+            let toward = Toward::new(visibility_core::Eye::Point(eye), &cell);
+            if lean < ANYHOW && toward.is_behind(side, f32::from(lean) / LEANS) {
+                assert!((b - a).cross(c - a).dot(eye - a) < 0.0, "{a} {b} {c} from {eye}: {side} {lean}");
+                behind += 1;
+                leaning += u32::from(lean > 4);
+            }
+        }
+        assert!(behind > 500 && leaning > 200, "{behind} {leaning}");
+    }
 }
