@@ -402,13 +402,6 @@ impl VisibleSet {
         scene.locate(id).is_some_and(|(leaf, lane)| self.holds(scene, leaf, lane))
     }
 
-    /// The object of that index, if it is in the set: one look for [`Scene::id_at`] and [`contains`](Self::contains).
-    #[inline]
-    pub fn id_at(&self, scene: &Scene, index: usize) -> Option<ObjectId> {
-        let (id, leaf, lane) = scene.locate_index(index)?;
-        self.holds(scene, leaf, lane).then_some(id)
-    }
-
     #[inline]
     fn holds(&self, scene: &Scene, leaf: usize, lane: usize) -> bool {
         let tree = scene.tree();

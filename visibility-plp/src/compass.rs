@@ -23,34 +23,30 @@ pub(crate) struct Near {
     weight: f32,
 }
 
+/// The lines to ask about a direction, nearest first.
+pub(crate) type Nearest = [Near; ASKED];
+
 /// The lines nearest to each direction.
 #[derive(Clone, Debug)]
 pub(crate) struct Compass {
     along: [Vec3; LINES],
-    nearest: Vec<[Near; ASKED]>,
+    nearest: Vec<Nearest>,
     /// By side of the scene and line, whether that side faces along the line rather than against it.
     faces: [[bool; LINES]; SIDES],
 }
 
-/// Sine and cosine of the golden angle.
-const GOLDEN: (f32, f32) = (0.675_490_3, -0.737_368_9);
-
-/// Without `std` there is no other.
-fn sqrt(x: f32) -> f32 {
-    Vec2::splat(x).sqrt().x
-}
+/// Cosine and sine of the golden angle.
+const GOLDEN: Vec2 = Vec2::new(-0.737_368_9, 0.675_490_3);
 
 /// Unit axes, the last of them along a line: directions spread over half the sphere, none along an axis of the scene.
 pub(crate) fn axes(line: usize) -> [Vec3; 3] {
     // Points of a spiral by the golden angle.
-    let (sin, cos) = GOLDEN;
-    let mut around = (0.8f32, 0.6f32);
+    let mut around = Vec2::new(0.8, 0.6);
     for _ in 0..line {
-        around = (around.0 * cos - around.1 * sin, around.0 * sin + around.1 * cos);
+        around = GOLDEN.rotate(around);
     }
     let z = (line as f32 + 0.5) / LINES as f32;
-    let r = sqrt(1.0 - z * z);
-    let along = Vec3::new(around.0 * r, around.1 * r, z).normalize();
+    let along = (around * Vec2::splat(1.0 - z * z).sqrt()).extend(z).normalize();
     let u = along.any_orthonormal_vector();
     [u, along.cross(u), along]
 }
@@ -58,16 +54,9 @@ pub(crate) fn axes(line: usize) -> [Vec3; 3] {
 /// Where a direction is looked up.
 #[inline]
 fn place(direction: Vec3) -> usize {
-    let size = direction.abs();
-    let (axis, length) = if size.x >= size.y && size.x >= size.z {
-        (0, size.x)
-    } else if size.y >= size.z {
-        (1, size.y)
-    } else {
-        (2, size.z)
-    };
+    let axis = direction.abs().max_position();
     // Casts of NaN and of what is out of range are defined.
-    let scale = STEPS as f32 * 0.5 / length;
+    let scale = STEPS as f32 * 0.5 / direction[axis].abs();
     let step = |x: f32| ((x * scale + STEPS as f32 * 0.5) as usize).min(STEPS - 1);
     let d = direction.to_array();
     let face = axis * 2 + usize::from(d[axis] < 0.0);
@@ -123,13 +112,20 @@ impl Compass {
 
     /// The lines nearest to a direction.
     #[inline]
-    pub(crate) fn near(&self, direction: Vec3) -> &[Near; ASKED] {
+    pub(crate) fn near(&self, direction: Vec3) -> &Nearest {
         &self.nearest[place(direction)]
     }
 
     /// Whether what faces a side faces along a line, rather than against it; none if it may be either.
-    pub(crate) fn faces(&self, side: u8, line: usize) -> Option<bool> {
+    #[inline]
+    fn faces(&self, side: u8, line: usize) -> Option<bool> {
         (side < ANYWHERE).then(|| self.faces[usize::from(side)][line])
+    }
+
+    /// Whether a line, forth or back, leads away before what faces a side, or may do so, rather than behind it.
+    #[inline]
+    pub(crate) fn is_before(&self, side: u8, line: usize, forth: bool) -> bool {
+        self.faces(side, line).is_none_or(|faces| faces == forth)
     }
 
     /// What is probably along a line before what faces a side, from what is known along others.
@@ -156,18 +152,11 @@ impl Compass {
 
     /// The mean of values by line for what faces a side, as seen from where some lines lead; `otherwise` where they lead behind it.
     #[inline]
-    pub(crate) fn mean(
-        &self,
-        near: &[Near; ASKED],
-        side: u8,
-        value: impl Fn(usize) -> f32,
-        otherwise: f32,
-    ) -> f32 {
+    pub(crate) fn mean(&self, near: &Nearest, side: u8, value: impl Fn(usize) -> f32, otherwise: f32) -> f32 {
         let (mut sum, mut weight) = (0.0, 0.0);
         for near in near {
             let line = usize::from(near.line);
-            let before = side >= ANYWHERE || self.faces[usize::from(side)][line] == near.forth;
-            let counts = if before { near.weight } else { 0.0 };
+            let counts = if self.is_before(side, line, near.forth) { near.weight } else { 0.0 };
             sum += counts * value(line);
             weight += counts;
         }

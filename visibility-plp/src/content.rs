@@ -4,7 +4,7 @@ use crate::compass::Compass;
 use crate::exposure::{Exposure, exposures};
 use crate::facing::Facing;
 use crate::grouped::Grouped;
-use crate::layers::{Kind, Layer, Layers, Sides, push_list};
+use crate::layers::{ANYHOW, Kind, Layer, Layers, Lean, Sides, push_list};
 use alloc::vec::Vec;
 use visibility_core::{Changes, ObjectId, Scene};
 
@@ -52,9 +52,9 @@ pub(crate) fn bit(words: &[u64], index: usize) -> bool {
 }
 
 impl Content {
-    /// From what each cell holds: pairs of a cell and an object's index, in ascending order of the index, and `cover`, for each cell the share
-    /// of rays along each axis that its content stops, of 255. A cell may name only objects that meet its bounds, or a triangle that faces the eye may
-    /// pass for one that turns its back.
+    /// From what each cell holds: pairs of a cell and an object's index, in ascending order of the index, and `cover`, for each cell the
+    /// share of rays along each axis that its content stops, of 255. A cell may name only objects that meet its bounds, or a triangle that
+    /// faces the eye may pass for one that turns its back.
     ///
     /// # Panics
     /// If a pair names a cell beyond `cover`.
@@ -297,9 +297,9 @@ impl Iterator for Primitives<'_> {
     }
 }
 
-/// The kind of each object by index.
-fn kinds_of(scene: &Scene, exposures: &[Exposure]) -> Vec<Kind> {
-    let mut kinds = alloc::vec![Kind::default(); scene.index_limit()];
+/// The kind of each object by index, and how far it leans.
+fn kinds_of(scene: &Scene, exposures: &[Exposure]) -> Vec<(Kind, Lean)> {
+    let mut kinds = alloc::vec![(Kind::default(), ANYHOW); scene.index_limit()];
     for id in scene.ids() {
         kinds[id.index()] = Kind::of_object(scene, id, exposures[id.index()].mean);
     }

@@ -1,9 +1,10 @@
 //! How far one sees from the surfaces of a scene: what has something close before it is seldom seen.
 //!
-//! Lines through the scene, evenly spaced in each of a few directions, are cut by its triangles into free pieces. From an eye somewhere in the
-//! scene, a point on a surface is seen along a line if the eye lies in the free piece that begins there; so the mean length of these pieces, over
-//! the directions before a surface, tells how likely it is seen from anywhere. Engines under hoods and the inner sides of double walls have
-//! little of it, wherever the eye may be (Sbert, "An integral geometry based method for fast form-factor computation", 1993, has such lines).
+//! Lines through the scene, evenly spaced in each of a few directions, are cut by its triangles into free pieces. From an eye somewhere in
+//! the scene, a point on a surface is seen along a line if the eye lies in the free piece that begins there; so the mean length of these
+//! pieces, over the directions before a surface, tells how likely it is seen from anywhere. Engines under hoods and the inner sides of double
+//! walls have little of it, wherever the eye may be (Sbert, "An integral geometry based method for fast form-factor computation", 1993, has
+//! such lines).
 
 use crate::compass::{LINES, axes};
 use crate::parts::for_each_part;
@@ -30,8 +31,8 @@ const SAME: f32 = 0.25;
 /// How exposed an object is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Exposure {
-    /// From 0 to 1, the mean length of what is free before it, that of its most exposed triangle. 1 for what has no surface, and where lengths cannot
-    /// be told.
+    /// From 0 to 1, the mean length of what is free before it, that of its most exposed triangle. 1 for what has no surface, and where
+    /// lengths cannot be told.
     pub(crate) mean: f32,
     /// If it is a single triangle, by line what [`code`] says; else 0.
     pub(crate) along: [u8; LINES],

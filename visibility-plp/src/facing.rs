@@ -1,8 +1,8 @@
 //! Which way single triangles face, coarsely: a byte each, so that most of those that turn their backs are passed over unread.
 //!
 //! Normals fall into bins over the sphere; a bin knows the middle of its normals and how far they stray from it. A triangle that meets a cell
-//! has a point of its plane in the cell's box, and so bin and box together bound the side on which the eye lies. Where all normals of a bin are one
-//! (walls and floors), two bytes more say where the plane of each triangle lies, to a 65,000th of the scene.
+//! has a point of its plane in the cell's box, and so bin and box together bound the side on which the eye lies. Where all normals of a bin
+//! are one (walls and floors), two bytes more say where the plane of each triangle lies, to a 65,000th of the scene.
 
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -26,8 +26,8 @@ struct Bin {
     spread: f32,
 }
 
-/// The code of a triangle's bin, and how far along the normal of its flat bin it lies: so many steps, the lower byte first. Together in three bytes, so
-/// that memory is asked once.
+/// The code of a triangle's bin, and how far along the normal of its flat bin it lies: so many steps, the lower byte first. Together in three
+/// bytes, so that memory is asked once.
 type Mark = [u8; 3];
 
 /// The bins of all objects, by index.
@@ -60,13 +60,7 @@ fn unit_normal(triangle: &Triangle) -> Option<DVec3> {
 
 fn bin_of(normal: DVec3) -> usize {
     let size = normal.abs();
-    let axis = if size.x >= size.y && size.x >= size.z {
-        0
-    } else if size.y >= size.z {
-        1
-    } else {
-        2
-    };
+    let axis = size.max_position();
     let step = |other: usize| {
         let place = normal[(axis + other) % 3] / size[axis];
         (((place + 1.0) * (0.5 * SIDE as f64)) as usize).min(SIDE - 1)
@@ -135,8 +129,8 @@ impl Facing {
         self.bins.get(usize::from(code)).filter(|bin| bin.spread <= FLAT)
     }
 
-    /// What a frame has to know of the bins, by code: where the eye lies along the normal, in steps, and by how much a triangle's offset must differ
-    /// from that for its side to be sure. Infinite for those that are not flat.
+    /// What a frame has to know of the bins, by code: where the eye lies along the normal, in steps, and by how much a triangle's offset must
+    /// differ from that for its side to be sure. Infinite for those that are not flat.
     pub(crate) fn planes(&self, eye: Eye, bounds: &Aabb, planes: &mut Vec<[f64; 2]>) {
         planes.clear();
         planes.resize(self.bins.len(), [0.0, f64::INFINITY]);
@@ -145,8 +139,9 @@ impl Facing {
         for (code, plane) in (0..NONE).zip(planes) {
             if let Some(bin) = self.flat(code) {
                 let place = DVec3::from_array(bin.normal.map(f64::from)).dot(eye) - self.base;
-                // For the triangle's normal m and corner a, m . (eye - a) is n . eye - n . a and (m - n) . (eye - a), which is no more than the spread
-                // times the farthest way; what rounding does is a thousandth of the rest. Steps are rounded down by up to one, and to 2^-37 of one.
+                // For the triangle's normal m and corner a, m . (eye - a) is n . eye - n . a and (m - n) . (eye - a), which is no more than
+                // the spread times the farthest way; what rounding does is a thousandth of the rest. Steps are rounded down by up to one, and
+                // to 2^-37 of one.
                 let sure = (f64::from(bin.spread) + 1e-9) * farthest / self.step + 1.0 + 1e-6;
                 *plane = [place / self.step, sure];
             }
@@ -217,16 +212,16 @@ impl Toward {
         Self { eye: to_eye.as_vec3().to_array(), half: half.as_vec3().to_array(), farthest }
     }
 
-    /// Whether the eye lies behind all triangles that meet the box, face a side (an axis, twice, and one more if downwards), and whose normals lean from
-    /// it no farther than so: the other components are no greater than that share of the one along it.
+    /// Whether the eye lies behind all triangles that meet the box, face a side (an axis, twice, and one more if downwards), and whose
+    /// normals lean from it no farther than so: the other components are no greater than that share of the one along it.
     #[inline]
     pub(crate) fn is_behind(&self, side: u8, lean: f32) -> bool {
         let axis = usize::from(side / 2) % 3;
         let others = [(axis + 1) % 3, (axis + 2) % 3];
         let along = if side & 1 == 0 { self.eye[axis] } else { -self.eye[axis] };
         let across: f32 = others.map(|other| self.eye[other].abs() + self.half[other]).iter().sum();
-        // For the normal (1, s, t) and a point q of the triangle in the box, as in `Facing::side`; rounding is as there, and leaning by 1e-6 more
-        // is less than what is left of the margin. What is not finite compares as false.
+        // For the normal (1, s, t) and a point q of the triangle in the box, as in `Facing::side`; rounding is as there, and leaning by 1e-6
+        // more is less than what is left of the margin. What is not finite compares as false.
         along + self.half[axis] + lean * across + 1e-5 * self.farthest + f32::MIN_POSITIVE < 0.0
     }
 }

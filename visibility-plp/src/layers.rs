@@ -1,19 +1,20 @@
 //! How the list of a cell is kept: in layers of objects that face alike, are of like size and of like exposure, as differences between ascending
 //! indices, mostly of one byte each.
 //!
-//! A list is the least index in it, and then for each side that objects face: the side and how far their normals lean from it, how many bytes follow of it, and in these its layers, that
-//! of which most is to be seen first. Of a layer: its areas, its exposure, on the whole and in half a byte for each line of the
-//! [compass](crate::compass), how many bytes follow, and in these the first index as a difference from the least in the list, and the others as
-//! differences each from the one before. Numbers are in seven bits a byte.
+//! A list is the least index in it, and then for each side that objects face: the side and how far their normals lean from it, how many bytes
+//! follow of it, and in these its layers, that of which most is to be seen first. Of a layer: its areas, its exposure, on the whole and in half
+//! a byte for each line of the [compass](crate::compass), how many bytes follow, and in these the first index as a difference from the least in
+//! the list, and the others as differences each from the one before. Numbers are in seven bits a byte.
 
-use crate::compass::{Compass, LINES, Near};
+use crate::compass::{Compass, LINES, Nearest};
 use crate::exposure::Exposure;
 use crate::facing::Toward;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, Scene};
 
-/// Fewer objects than this are no layer of their own, which costs about as much as to look at so many. Smaller layers find more at small budgets.
+/// Fewer objects than this are no layer of their own, which costs about as much as to look at so many. Smaller layers find more at small
+/// budgets.
 const FEW: usize = 12;
 
 /// Fewer objects than this that face one side are put with those that face others.
@@ -28,15 +29,17 @@ pub(crate) struct Kind {
     pub(crate) facing: u8,
     /// How exposed they are: two steps are twice as much, and [`OPEN`] is 1.
     exposure: u8,
-    /// How far their normals lean from the axis: no component along another axis is greater than this many [`LEANS`]ths of that along it; or [`ANYHOW`].
-    lean: u8,
 }
+
+/// How far normals lean from the axis that they face: no component along another axis is greater than this many [`LEANS`]ths of that along it;
+/// or [`ANYHOW`].
+pub(crate) type Lean = u8;
 
 /// Steps of leaning as far as any that face a side.
 const LEANS: f32 = 14.0;
 
 /// Leaning who knows how.
-const ANYHOW: u8 = 15;
+pub(crate) const ANYHOW: Lean = 15;
 
 /// Sides that can be faced.
 pub(crate) const SIDES: usize = 6;
@@ -71,8 +74,9 @@ fn open_less(halves: u8) -> f32 {
 }
 
 impl Kind {
-    /// The kind of an object by itself, from its exposure, 0 to 1: by the area of its triangles, or of its box if it has none.
-    pub(crate) fn of_object(scene: &Scene, id: ObjectId, exposure: f32) -> Self {
+    /// The kind of an object by itself, from its exposure, 0 to 1: by the area of its triangles, or of its box if it has none. And how far it
+    /// leans.
+    pub(crate) fn of_object(scene: &Scene, id: ObjectId, exposure: f32) -> (Self, Lean) {
         let triangles = scene.triangles(id).unwrap_or(&[]);
         // In single precision, squares of areas come to an end before coordinates do.
         let mut area = 0.0;
@@ -90,7 +94,7 @@ impl Kind {
             [[a, b, c]] => facing(b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3()),
             _ => (ANYWHERE, ANYHOW),
         };
-        Self { area: class_of(area), facing, exposure: OPEN - below_open(exposure).min(OPEN), lean }
+        (Self { area: class_of(area), facing, exposure: OPEN - below_open(exposure).min(OPEN) }, lean)
     }
 
     /// An area in the middle of its class.
@@ -117,21 +121,15 @@ impl Kind {
         let exposure: usize = kinds.clone().map(|kind| usize::from(kind.exposure)).sum();
         let first = kinds.clone().next().map_or(ANYWHERE, |kind| kind.facing);
         let facing = if kinds.clone().all(|kind| kind.facing == first) { first } else { ANYWHERE };
-        Self { area: class_of(area / count as f32), facing, exposure: (exposure / count) as u8, lean: ANYHOW }
+        Self { area: class_of(area / count as f32), facing, exposure: (exposure / count) as u8 }
     }
 }
 
 /// The side that a triangle faces most, from two of its edges, and how far its normal leans from it.
-fn facing(u: DVec3, v: DVec3) -> (u8, u8) {
+fn facing(u: DVec3, v: DVec3) -> (u8, Lean) {
     let normal = u.cross(v);
     let size = normal.abs();
-    let axis = if size.x >= size.y && size.x >= size.z {
-        0
-    } else if size.y >= size.z {
-        1
-    } else {
-        2
-    };
+    let axis = size.max_position();
     if size[axis].is_nan() || size[axis] <= 0.0 {
         return (ANYWHERE, ANYHOW);
     }
@@ -158,7 +156,7 @@ fn exposures_along(
         for &object in objects {
             if let Some((free, forth)) =
                 exposures.get(object as usize).and_then(|exposure| exposure.along(line))
-                && compass.faces(side, line).is_none_or(|faces| faces == forth)
+                && compass.is_before(side, line, forth)
             {
                 (sum, count) = (sum + free, count + 1.0);
             }
@@ -173,16 +171,17 @@ fn exposures_along(
     bytes
 }
 
-/// Adds the list of a cell. Kinds and exposures are by index of the object.
+/// Adds the list of a cell. Kinds with leaning, and exposures, are by index of the object.
 pub(crate) fn push_list(
     bytes: &mut Vec<u8>,
     objects: &mut [u32],
-    kinds: &[Kind],
+    kinds: &[(Kind, Lean)],
     exposures: &[Exposure],
     compass: &Compass,
 ) {
     let Some(&least) = objects.iter().min() else { return };
-    let kind = |object: u32| kinds.get(object as usize).copied().unwrap_or_default();
+    let known = |object: u32| kinds.get(object as usize).copied().unwrap_or((Kind::default(), ANYHOW));
+    let kind = |object: u32| known(object).0;
     push_number(bytes, least);
     // Sides of few objects are no sides of their own.
     let mut counts = [0usize; 256];
@@ -197,7 +196,7 @@ pub(crate) fn push_list(
     let (mut of_side, mut of_layer) = (Vec::new(), Vec::new());
     for mut rest in objects.chunk_by_mut(|&a, &b| side(a) == side(b)) {
         let facing = side(rest[0]);
-        let lean = rest.iter().map(|&object| kind(object).lean).max();
+        let lean = rest.iter().map(|&object| known(object).1).max();
         bytes.push(facing | if facing < ANYWHERE { lean.unwrap_or(ANYHOW) } else { ANYHOW } << 4);
         of_side.clear();
         while !rest.is_empty() {
@@ -225,7 +224,8 @@ pub(crate) fn push_list(
 /// Ranks that differ by less than this go together.
 const ALIKE: u32 = 4;
 
-/// How many of the objects of one side of a cell, the highest in rank first, its first layer takes: those of like rank, and more where they are few.
+/// How many of the objects of one side of a cell, the highest in rank first, its first layer takes: those of like rank, and more where they
+/// are few.
 fn layer_length(objects: &[u32], rank: impl Fn(u32) -> u32) -> usize {
     let mut length = 0;
     while length < objects.len() && length < FEW {
@@ -284,7 +284,7 @@ impl Layer<'_> {
 
     /// What is free before it, from 0 to 1, towards where some lines lead, or on the whole.
     #[inline]
-    pub(crate) fn exposure(&self, compass: &Compass, towards: Option<&[Near; 3]>) -> f32 {
+    pub(crate) fn exposure(&self, compass: &Compass, towards: Option<&Nearest>) -> f32 {
         let along = |line: usize| open_less(self.along[line / 2] >> (line % 2 * 4) & 15);
         towards.map_or(self.kind.exposure(), |near| {
             compass.mean(near, self.kind.facing, along, self.kind.exposure())
@@ -307,7 +307,7 @@ impl Iterator for Layer<'_> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layers<'a> {
     pub(crate) facing: u8,
-    lean: u8,
+    lean: Lean,
     least: u32,
     bytes: &'a [u8],
 }
@@ -338,12 +338,7 @@ impl<'a> Iterator for Layers<'a> {
         let length = take_number(&mut bytes)?;
         let (bytes, rest) = bytes.split_at_checked(length as usize)?;
         self.bytes = rest;
-        Some(Layer {
-            kind: Kind { area, facing: self.facing, exposure, lean: ANYHOW },
-            along,
-            last: self.least,
-            bytes,
-        })
+        Some(Layer { kind: Kind { area, facing: self.facing, exposure }, along, last: self.least, bytes })
     }
 }
 
@@ -413,7 +408,7 @@ mod tests {
             let t = t.map(visibility_core::glam::Vec3::from_array);
             let id = scene.insert(visibility_core::Aabb::from_points(t));
             scene.set_triangles(id, [t]).unwrap();
-            Kind::of_object(&scene, id, exposure)
+            Kind::of_object(&scene, id, exposure).0
         };
         let up = [[0.0; 3], [1.0, 0.0, 0.2], [0.0, 1.0, -0.2]];
         assert_eq!((kind(1.0, up).facing, kind(1.0, [up[0], up[2], up[1]]).facing), (4, 5));

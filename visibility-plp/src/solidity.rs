@@ -77,8 +77,8 @@ pub(crate) fn worth(angle: f32) -> f32 {
     if angle < f32::MAX { (angle / (angle + LARGE)).max(1e-6) } else { 1.0 }
 }
 
-/// The chance that something is seen which so much light reaches. Light is handed on from cell to cell, and where it was thought to be stopped it often
-/// was not; its square root counts for as much as what is known of surfaces.
+/// The chance that something is seen which so much light reaches. Light is handed on from cell to cell, and where it was thought to be
+/// stopped it often was not; its square root counts for as much as what is known of surfaces.
 #[inline]
 pub(crate) fn chance(light: f32) -> f32 {
     // Without `std` there is no other.

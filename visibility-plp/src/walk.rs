@@ -1,6 +1,6 @@
 //! The walk through the cells of a tessellation that both cullers share: the rendering loop of the paper's figure 4.
 
-use crate::compass::{Compass, Near};
+use crate::compass::{Compass, Nearest};
 use crate::content::bit;
 use crate::facing::{Side, Toward};
 use crate::layers::{ANYWHERE, Layer, Layers};
@@ -68,7 +68,7 @@ impl Cell {
 
     /// Which lines lead to the eye.
     #[inline]
-    fn towards<'a>(&self, compass: &'a Compass) -> Option<&'a [Near; 3]> {
+    fn towards<'a>(&self, compass: &'a Compass) -> Option<&'a Nearest> {
         (!self.is_around()).then(|| compass.near(-self.direction))
     }
 }
@@ -125,6 +125,14 @@ pub(crate) struct Stage<'a, T: ?Sized> {
     pub(crate) rules: Rules,
 }
 
+impl<T: Tessellation + ?Sized> Stage<'_, T> {
+    /// A cell as seen from the eye, if it is asked what turns its back.
+    #[inline]
+    fn toward(&self, cell: u32) -> Option<Toward> {
+        self.rules.one_sided.then(|| Toward::new(self.sight.eye, &self.tessellation.cell_bounds(cell)))
+    }
+}
+
 /// How a cell's projection ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Projected {
@@ -171,7 +179,7 @@ pub(crate) struct Walk {
 impl Rest {
     /// Goes on with these layers. False if there is none.
     #[inline]
-    fn look(&mut self, mut layers: Layers<'_>, compass: &Compass, towards: Option<&[Near; 3]>) -> bool {
+    fn look(&mut self, mut layers: Layers<'_>, compass: &Compass, towards: Option<&Nearest>) -> bool {
         self.from = self.to + layers.len() as u32;
         let next = layers.next();
         let worth = |layer: Layer<'_>| {
@@ -397,8 +405,7 @@ impl Walk {
         let content = stage.tessellation.content();
         let compass = &content.compass;
         let towards = known.towards(compass);
-        let bounds = || stage.tessellation.cell_bounds(cell);
-        let toward = stage.rules.one_sided.then(|| Toward::new(stage.sight.eye, &bounds()));
+        let toward = stage.toward(cell);
         let mut sides = content.sides(cell);
         while let Some(layers) = sides.next() {
             if toward.as_ref().is_some_and(|toward| layers.is_back(toward)) {
@@ -513,10 +520,7 @@ impl Walk {
             self.settle(stage, unlimited);
         }
         // Without branches on what cannot be foretold: every object is written down, and counts if it is new and does not turn its back.
-        let toward = stage
-            .rules
-            .one_sided
-            .then(|| Toward::new(stage.sight.eye, &stage.tessellation.cell_bounds(cell)));
+        let toward = stage.toward(cell);
         let mut count = self.waiting;
         for index in layer {
             let (place, mark) = (index as usize / 64, 1u64 << (index % 64));

@@ -161,7 +161,8 @@ impl Scene {
     /// The object that has an index now, if any: for structures that keep four bytes an object. Whoever keeps an index past a
     /// [change](Self::changes_since) of its object may find another one.
     pub fn id_at(&self, index: usize) -> Option<ObjectId> {
-        self.locate_index(index).map(|(id, ..)| id)
+        let (&generation, &slot) = (self.generations.get(index)?, self.tree.slots.get(index)?);
+        (slot != Slot::NONE).then_some(ObjectId { index: index as u32, generation })
     }
 
     fn slot(&self, id: ObjectId) -> Result<Slot, SceneError> {
@@ -560,14 +561,6 @@ impl Scene {
     /// The leaf and lane of an object, if it is in the scene.
     pub(crate) fn locate(&self, id: ObjectId) -> Option<(usize, usize)> {
         self.slot(id).ok().map(|slot| (slot.node(), slot.lane()))
-    }
-
-    /// The object of an index, with its leaf and lane, if there is one.
-    #[inline]
-    pub(crate) fn locate_index(&self, index: usize) -> Option<(ObjectId, usize, usize)> {
-        let (&generation, &slot) = (self.generations.get(index)?, self.tree.slots.get(index)?);
-        let id = ObjectId { index: index as u32, generation };
-        (slot != Slot::NONE).then(|| (id, slot.node(), slot.lane()))
     }
 
     /// Changes whenever an object gets another slot; masks of another layout say nothing.
