@@ -87,6 +87,8 @@ pub struct OccluderMesh {
     two_sided: bool,
     /// The convex solids that it falls apart into, and what remains.
     parts: Vec<OccluderMesh>,
+    /// How many of its triangles belong to convex solids; asked for each occluder in each frame.
+    solid_triangles: usize,
     /// Area that faces +x, +y, +z, -x, -y, -z, projected along that axis.
     facing: [f32; 6],
     /// A hash of all that it is made of, to tell it from others.
@@ -136,6 +138,12 @@ impl OccluderMesh {
         let mut mesh = Self::whole(&positions, triangles).ok_or(MeshError::Empty)?;
         if !mesh.convex {
             mesh.parts = split(&mesh.positions, &mesh.triangles);
+            let all = mesh.triangles.len();
+            mesh.solid_triangles = match mesh.parts.last() {
+                Some(rest) if rest.convex => all,
+                Some(rest) => all - rest.triangles.len(),
+                None => 0,
+            };
         }
         Ok(mesh)
     }
@@ -170,6 +178,7 @@ impl OccluderMesh {
         }
         let numbers = positions.iter().flat_map(|p| p.to_array().map(f32::to_bits));
         let fingerprint = numbers.chain(triangles.as_flattened().iter().copied()).fold(FNV.0, fnv);
+        let solid_triangles = if convex { triangles.len() } else { 0 };
         Some(Self {
             positions,
             triangles,
@@ -181,6 +190,7 @@ impl OccluderMesh {
             cuboid,
             two_sided: false,
             parts: Vec::new(),
+            solid_triangles,
             facing,
             fingerprint,
         })
@@ -251,12 +261,7 @@ impl OccluderMesh {
     /// # Ok::<(), visibility_core::MeshError>(())
     /// ```
     pub fn solid_triangles(&self) -> usize {
-        let all = self.triangles.len();
-        match self.parts.last() {
-            Some(rest) if !rest.convex => all - rest.triangles.len(),
-            None if !self.convex => 0,
-            _ => all,
-        }
+        self.solid_triangles
     }
 
     /// The vertices, each place once.
