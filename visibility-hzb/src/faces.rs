@@ -15,6 +15,7 @@
 //! scaling, evaluation and all, and the denominator by less than `2 P e`, `64u` of `t` times the six products, and `4u` of itself for its own rounding
 //! and that of `t`. Half-spaces whose denominator is not twice as large as that are left out, which only makes the box larger.
 
+use crate::Simd;
 use crate::lens::{Lens, U};
 use crate::pyramid::{Rectangle, mask};
 use crate::shape::up;
@@ -142,6 +143,7 @@ impl Faces {
     #[inline(always)]
     pub(crate) fn hides<const FUSED: bool>(
         &self,
+        simd: Simd,
         tiles: &Tiles,
         rectangle: &Rectangle,
         sides: [f32; 6],
@@ -153,9 +155,12 @@ impl Faces {
         if !(self.scale > 0.0) || across * down > if FUSED { MOST_FUSED } else { MOST } {
             return false;
         }
-        let slabs = self.slabs(sides);
+        let look = Look { slabs: &self.slabs(sides), simd, tiles, nearest };
+        // The pixel nearest to the middle of the box is looked at first, everywhere: it finds out most of those that are seen.
         let middle = [(x0 + x1) / 2, (y0 + y1) / 2];
-        if FUSED && slabs.sees_pixel(tiles, middle, nearest) {
+        let place = (middle[1] / STEP) as usize * tiles.columns + (middle[0] / STEP) as usize;
+        let pixel = 1 << (middle[1] % STEP * STEP + middle[0] % STEP);
+        if FUSED && !tiles.hides(place, pixel, nearest) && look.sees::<true>(place, pixel, middle) {
             return false;
         }
         for row in y0 / STEP..y0 / STEP + down {
@@ -167,16 +172,12 @@ impl Faces {
                 }
                 let (left, top) = (x0.max(column * STEP), y0.max(row * STEP));
                 let (right, bottom) = (x1.min((column + 1) * STEP), y1.min((row + 1) * STEP));
-                // The tile, then what is left of each line, then each pixel of that; but first the one nearest to the middle of the box, which
-                // finds out most of those that are seen.
-                let pixels = slabs.undecided(tiles, tile, pixels, [left, right, top, bottom], nearest);
+                // The tile, then what is left of each line, then each pixel of that.
+                let pixels = look.slabs.undecided(tiles, tile, pixels, [left, right, top, bottom], nearest);
                 let (x, y) = (middle[0].clamp(left, right - 1), middle[1].clamp(top, bottom - 1));
                 let pixel = pixels & 1 << (y % STEP * STEP + x % STEP);
-                if pixel != 0
-                    && slabs.undecided(tiles, tile, pixel, [x, x + 1, y, y + 1], nearest) != 0
-                    && !(FUSED
-                        && tiles.cover_together(tile, [x as usize, y as usize], &mut (&slabs, nearest)))
-                {
+                // With fusion, the middle itself is done with.
+                if pixel != 0 && !(FUSED && [x, y] == middle) && look.sees::<FUSED>(tile, pixel, [x, y]) {
                     return false;
                 }
                 let mut rest = pixels & !pixel;
@@ -185,19 +186,12 @@ impl Faces {
                     let own = rest & 0xff << (line * STEP);
                     rest &= !own;
                     let (y, end) = (row * STEP + line, row * STEP + line + 1);
-                    let mut own = slabs.undecided(tiles, tile, own, [left, right, y, end], nearest);
+                    let mut own = look.slabs.undecided(tiles, tile, own, [left, right, y, end], nearest);
                     while own != 0 {
                         let x = column * STEP + own.trailing_zeros() % STEP;
                         let pixel = own & own.wrapping_neg();
                         own &= own - 1;
-                        if slabs.undecided(tiles, tile, pixel, [x, x + 1, y, end], nearest) != 0
-                            && !(FUSED
-                                && tiles.cover_together(
-                                    tile,
-                                    [x as usize, y as usize],
-                                    &mut (&slabs, nearest),
-                                ))
-                        {
+                        if look.sees::<FUSED>(tile, pixel, [x, y]) {
                             return false;
                         }
                     }
@@ -208,18 +202,25 @@ impl Faces {
     }
 }
 
-impl Slabs {
-    /// Whether the box may be seen in a pixel, whatever covers that.
-    #[inline(always)]
-    fn sees_pixel(&self, tiles: &Tiles, [x, y]: [u32; 2], nearest: f32) -> bool {
-        const STEP: u32 = SIDE as u32;
-        let tile = (y / STEP) as usize * tiles.columns + (x / STEP) as usize;
-        let pixel = 1 << (y % STEP * STEP + x % STEP);
-        !tiles.hides(tile, pixel, nearest)
-            && self.undecided(tiles, tile, pixel, [x, x + 1, y, y + 1], nearest) != 0
-            && !tiles.cover_together(tile, [x as usize, y as usize], &mut (self, nearest))
-    }
+/// A box that is looked for in pixels.
+struct Look<'a> {
+    slabs: &'a Slabs,
+    simd: Simd,
+    tiles: &'a Tiles,
+    /// Nearness that no point of it exceeds.
+    nearest: f32,
+}
 
+impl Look<'_> {
+    /// Whether it may be seen in a pixel, given by its bit in a tile and its place.
+    #[inline(always)]
+    fn sees<const FUSED: bool>(&self, tile: usize, pixel: u64, [x, y]: [u32; 2]) -> bool {
+        self.slabs.undecided(self.tiles, tile, pixel, [x, x + 1, y, y + 1], self.nearest) != 0
+            && !(FUSED && self.simd.cover_together(self.tiles, tile, [x, y], self.slabs, self.nearest))
+    }
+}
+
+impl Slabs {
     /// So many bounds from above, and others that are none.
     #[cfg(test)]
     pub(crate) fn of(planes: [[f64; 3]; LANES], uppers: usize) -> Self {
@@ -242,11 +243,17 @@ impl Slabs {
     }
 
     /// Which bounds are from above.
+    #[inline(always)]
     pub(crate) fn uppers(&self) -> [bool; LANES] {
-        self.upper.map(|upper| upper == 0.0)
+        let mut uppers = [false; LANES];
+        for i in 0..LANES {
+            uppers[i] = self.upper[i] == 0.0;
+        }
+        uppers
     }
 
     /// The least bound from above at a point.
+    #[inline(always)]
     pub(crate) fn nearness(&self, [x, y]: [f64; 2]) -> f64 {
         let mut values = [0.0; LANES];
         for i in 0..LANES {
@@ -256,6 +263,7 @@ impl Slabs {
     }
 
     /// Keeps those bounds that, moved by so many pixels, are below a nearness at a point.
+    #[inline(always)]
     pub(crate) fn keep_below(&self, kept: &mut [bool; LANES], [x, y]: [f64; 2], nearness: f64, moved: f64) {
         for i in 0..LANES {
             let (a, b) = (self.slope[0][i], self.slope[1][i]);

@@ -22,15 +22,15 @@
 //! W)`. If `|t|` exceeds `2 (|s| H + W)`, the line is nowhere near; else that is less than `2^-34` of a pixel across the line. So a corner that is
 //! taken to be inside is, and with all the more room, inside the half-plane before it was moved. A cut divides a side at a share between 0 and 1; whatever
 //! the error of that share, the new corner lies on the side but for `2^-51` of a pixel, and both parts have it. So of what was cut, they lack
-//! no more than a strip of that width. After [`STEPS`] outlines of [`CUTS`] cuts each, twice, every point of the pixel is within `2^-40` of a
+//! no more than a strip of that width. After [`STEPS`] outlines of [`CUTS`] cuts each, every point of the pixel is within `2^-40` of a
 //! piece that was found inside an outline, and so within that outline. Over such a distance a plane differs by `2^-40` of its slopes, where
 //! `2^-22` of them for each column and row of the picture were taken off ([`Shape::bound`]); bounds on a box are moved by `2^-30` of theirs.
 
 use crate::faces::Slabs;
-use crate::shape::{Line, Shape, down};
+use crate::shape::{Shape, down};
 use crate::tiles::Surface;
 
-/// The most edges of outlines that are remembered: boxes have six, and two are level.
+/// The most edges of outlines that are remembered, two of them level: boxes have six.
 const EDGES: usize = 8;
 
 /// The most of them that may cut a pixel.
@@ -42,8 +42,11 @@ const MET: usize = 8;
 /// Outlines that are tried on pieces of one pixel before it is left undecided.
 const STEPS: usize = 32;
 
+/// Pieces that wait to be covered.
+const BARE: usize = 12;
+
 /// The most corners of a piece. Each cut adds one at most; what would have more is left undecided.
-const CORNERS: usize = 12;
+const CORNERS: usize = 7;
 
 /// By how much bounds on boxes are moved, in pixels.
 const TINY: f64 = 1.0 / (1 << 30) as f64;
@@ -79,69 +82,83 @@ impl Head {
     }
 }
 
-/// The half-planes of a shape.
+/// The half-planes of a shape: `a x + b y + c >= 0`, in pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Outline {
-    /// Bounds from the left, then from the right, on the pixels of a row.
-    edges: [Line; EDGES],
-    lefts: u8,
-    count: u8,
-    /// Between which columns and between which heights all of it lies.
+    /// All zeros where there is none.
+    a: [f32; EDGES],
+    b: [f32; EDGES],
+    c: [f64; EDGES],
+    /// Between which columns all of it lies.
     columns: [f32; 2],
-    heights: [f32; 2],
 }
 
 impl Outline {
     /// That of nothing.
     pub(crate) const NONE: Self = Self {
-        edges: [Line { slope: 0.0, offset: 0.0 }; EDGES],
-        lefts: 0,
-        count: 0,
+        a: [0.0; EDGES],
+        b: [0.0; EDGES],
+        c: [0.0; EDGES],
         columns: [f32::INFINITY, f32::NEG_INFINITY],
-        heights: [f32::INFINITY, f32::NEG_INFINITY],
     };
 
     /// That of a shape with conservative coverage; of nothing if it has too many edges.
     #[inline(always)]
     pub(crate) fn of(shape: &Shape) -> Self {
-        let (lefts, count) = (shape.lefts, shape.lefts + shape.rights);
-        if count > EDGES {
-            return Self::NONE;
+        let mut outline = Self::NONE;
+        // Two more are level.
+        if shape.lefts + shape.rights > EDGES - 2 {
+            return outline;
         }
-        let mut outline = Self {
-            lefts: lefts as u8,
-            count: count as u8,
-            columns: shape.columns,
-            heights: shape.heights,
-            ..Self::NONE
-        };
-        outline.edges[..lefts].copy_from_slice(&shape.left[..lefts]);
-        outline.edges[lefts..count].copy_from_slice(&shape.right[..shape.rights]);
+        outline.columns = shape.columns;
+        let mut count = 2;
+        // A bound on pixels holds at their worst corner; taken back, it is one on points.
+        for line in &shape.left[..shape.lefts] {
+            let (s, t) = (f64::from(line.slope), f64::from(line.offset));
+            (outline.a[count], outline.b[count]) = (1.0, -line.slope);
+            outline.c[count] = -(t - if s > 0.0 { s } else { 0.0 });
+            count += 1;
+        }
+        for line in &shape.right[..shape.rights] {
+            let (s, t) = (f64::from(line.slope), f64::from(line.offset));
+            (outline.a[count], outline.b[count]) = (-1.0, line.slope);
+            outline.c[count] = t - if s < 0.0 { s } else { 0.0 };
+            count += 1;
+        }
+        let [top, bottom] = shape.heights.map(f64::from);
+        (outline.b[0], outline.c[0]) = (1.0, -top);
+        (outline.b[1], outline.c[1]) = (-1.0, bottom);
         outline
     }
 
-    /// What of it cuts a pixel; `None` if it misses the pixel or cuts it too often.
+    /// What of it cuts a pixel; `None` if it misses the pixel or cuts it too often. All edges at once, since most cut nothing.
+    #[inline(always)]
     fn cuts(&self, [x, y]: [f64; 2]) -> Option<Cuts> {
         let [left, right] = self.columns.map(f64::from);
-        let [top, bottom] = self.heights.map(f64::from);
-        // A NaN misses.
-        if !(left < x + 1.0 && right > x && top < y + 1.0 && bottom > y) {
+        let (mut lines, mut cuts) = ([[0.0; EDGES]; 3], [false; EDGES]);
+        // A NaN misses, and is outside.
+        let (mut misses, mut off_middle) = (!(left < x + 1.0) | !(right > x), false);
+        for i in 0..EDGES {
+            let (a, b) = (f64::from(self.a[i]), f64::from(self.b[i]));
+            let c = (a * x + b * y) + self.c[i];
+            let low = if a < 0.0 { a } else { 0.0 } + if b < 0.0 { b } else { 0.0 };
+            let high = if a > 0.0 { a } else { 0.0 } + if b > 0.0 { b } else { 0.0 };
+            (lines[0][i], lines[1][i], lines[2][i]) = (a, b, c);
+            cuts[i] = !(c + low >= 0.0);
+            misses |= cuts[i] & !(c + high > 0.0);
+            off_middle |= !(c + 0.5 * (a + b) >= 0.0);
+        }
+        if misses {
             return None;
         }
-        let mut cuts = Cuts { lines: [[0.0; 3]; CUTS], count: 0 };
-        for (i, edge) in self.edges[..usize::from(self.count)].iter().enumerate() {
-            let (s, t) = (f64::from(edge.slope), f64::from(edge.offset));
-            // A bound on pixels holds at their worst corner; taken back, it is one on points.
-            let line = if i < usize::from(self.lefts) {
-                [1.0, -s, x - s * y - (t - s.max(0.0))]
-            } else {
-                [-1.0, s, s * y - x + (t - s.min(0.0))]
-            };
-            if !cuts.push(line) {
-                return None;
+        let mut all = Cuts { lines: [[0.0; 3]; CUTS], count: 0, leave_middle: !off_middle };
+        for i in 0..EDGES {
+            if cuts[i] {
+                *all.lines.get_mut(all.count)? = [lines[0][i], lines[1][i], lines[2][i]];
+                all.count += 1;
             }
         }
-        (cuts.push([0.0, 1.0, y - top]) && cuts.push([0.0, -1.0, bottom - y])).then_some(cuts)
+        Some(all)
     }
 }
 
@@ -150,76 +167,77 @@ impl Outline {
 struct Cuts {
     lines: [[f64; 3]; CUTS],
     count: usize,
-}
-
-impl Cuts {
-    /// Adds a line unless all of the pixel is inside. False if all of it is outside, or there is no room for one more.
-    fn push(&mut self, [a, b, c]: [f64; 3]) -> bool {
-        let (least, most) = (c + a.min(0.0) + b.min(0.0), c + a.max(0.0) + b.max(0.0));
-        if least >= 0.0 {
-            return true;
-        }
-        // A NaN is outside.
-        if !(most > 0.0) || self.count == CUTS {
-            return false;
-        }
-        self.lines[self.count] = [a, b, c];
-        self.count += 1;
-        true
-    }
-}
-
-impl Cuts {
     /// Whether the middle of the pixel is on the inner side of all.
-    fn leave_middle(&self) -> bool {
-        let mut inside = true;
-        for [a, b, c] in &self.lines[..self.count] {
-            inside &= c + 0.5 * (a + b) >= 0.0;
-        }
-        inside
-    }
+    leave_middle: bool,
 }
 
-/// A convex piece of a pixel.
+/// A convex piece of a pixel, in coordinates that count from its upper left corner.
 #[derive(Clone, Copy)]
-struct Piece {
-    corners: [[f64; 2]; CORNERS],
+pub(crate) struct Piece {
+    /// One more than there may be: what does not count is written there.
+    x: [f64; CORNERS + 1],
+    y: [f64; CORNERS + 1],
     count: usize,
 }
 
 impl Piece {
-    const WHOLE: Self = {
-        let mut corners = [[0.0; 2]; CORNERS];
-        (corners[1], corners[2], corners[3]) = ([1.0, 0.0], [1.0, 1.0], [0.0, 1.0]);
-        Self { corners, count: 4 }
+    const NONE: Self = Self { x: [0.0; CORNERS + 1], y: [0.0; CORNERS + 1], count: 0 };
+
+    pub(crate) const WHOLE: Self = {
+        let mut piece = Self::NONE;
+        (piece.x[1], piece.x[2]) = (1.0, 1.0);
+        (piece.y[2], piece.y[3]) = (1.0, 1.0);
+        piece.count = 4;
+        piece
     };
 
-    /// The part on the inner side of a line, or on the outer side; `None` if it would have too many corners. Both parts have corners where a side
-    /// crosses the line.
-    fn part(&self, [a, b, c]: [f64; 3], inner: bool) -> Option<Self> {
-        let mut part = Self { corners: [[0.0; 2]; CORNERS], count: 0 };
-        let at = |[x, y]: [f64; 2]| a * x + b * y + c;
-        let corners = &self.corners[..self.count];
-        let Some(mut from) = corners.last().copied() else { return Some(part) };
-        let mut before = at(from);
-        for &to in corners {
-            let value = at(to);
-            if (before >= 0.0) != (value >= 0.0) {
-                let share = before / (before - value);
-                part.push([from[0] + (to[0] - from[0]) * share, from[1] + (to[1] - from[1]) * share])?;
-            }
-            if (value >= 0.0) == inner {
-                part.push(to)?;
-            }
-            (from, before) = (to, value);
+    /// The parts on the inner and the outer side of a line; `None` if one would have too many corners. Both have corners where a side crosses
+    /// the line.
+    #[inline(always)]
+    fn split(&self, [a, b, c]: [f64; 3]) -> Option<[Self; 2]> {
+        let count = self.count.min(CORNERS);
+        let (mut values, mut kept) = ([0.0; CORNERS + 1], 0);
+        for i in 0..CORNERS + 1 {
+            values[i] = a * self.x[i] + b * self.y[i] + c;
+            // A NaN is outside.
+            kept += usize::from((values[i] >= 0.0) & (i < count));
         }
-        Some(part)
+        if kept == count {
+            return Some([*self, Self::NONE]);
+        }
+        if kept == 0 {
+            return Some([Self::NONE, *self]);
+        }
+        let [mut inner, mut outer] = [Self::NONE; 2];
+        let mut from = count - 1;
+        for to in 0..count {
+            let (before, value) = (values[from], values[to]);
+            let inside = value >= 0.0;
+            let crosses = inside != (before >= 0.0);
+            let share = before / (before - value);
+            let [dx, dy] = [self.x[to] - self.x[from], self.y[to] - self.y[from]];
+            let between = [self.x[from] + dx * share, self.y[from] + dy * share];
+            inner.push(between, crosses);
+            outer.push(between, crosses);
+            inner.push([self.x[to], self.y[to]], inside);
+            outer.push([self.x[to], self.y[to]], !inside);
+            from = to;
+        }
+        (inner.count <= CORNERS && outer.count <= CORNERS).then_some([inner, outer])
     }
 
-    fn push(&mut self, corner: [f64; 2]) -> Option<()> {
-        *self.corners.get_mut(self.count)? = corner;
-        self.count += 1;
-        Some(())
+    /// Adds a corner if it counts, without a branch.
+    #[inline(always)]
+    fn push(&mut self, [x, y]: [f64; 2], counts: bool) {
+        let place = self.count.min(CORNERS);
+        (self.x[place], self.y[place]) = (x, y);
+        self.count += usize::from(counts);
+    }
+
+    /// The corners, in pixels from a pixel at `at`.
+    #[inline(always)]
+    fn corners(&self, at: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
+        (0..self.count.min(CORNERS)).map(move |i| [at[0] + self.x[i], at[1] + self.y[i]])
     }
 }
 
@@ -228,21 +246,22 @@ pub(crate) trait Behind {
     /// How near it is at a point, more or less: what is farther there is not looked at.
     fn nearness(&self, at: [f64; 2]) -> f64;
 
-    /// Whether a surface is before all of it within a convex polygon, given by corners in pixels from a pixel at `[x, y]`.
-    fn is_behind(&mut self, surface: &Surface, pixel: [f64; 2], corners: &[[f64; 2]]) -> bool;
+    /// Whether a surface is before all of it within a piece of a pixel.
+    fn is_behind(&mut self, surface: &Surface, pixel: [f64; 2], piece: &Piece) -> bool;
 }
 
 /// A box is that, by its sides and by a nearness that none of it exceeds.
 impl Behind for (&Slabs, f32) {
+    #[inline(always)]
     fn nearness(&self, at: [f64; 2]) -> f64 {
         self.0.nearness(at).min(f64::from(self.1))
     }
 
-    fn is_behind(&mut self, surface: &Surface, [x, y]: [f64; 2], corners: &[[f64; 2]]) -> bool {
+    #[inline(always)]
+    fn is_behind(&mut self, surface: &Surface, pixel: [f64; 2], piece: &Piece) -> bool {
         let (slabs, nearest) = (self.0, f64::from(self.1));
         let (mut before, mut all) = (slabs.uppers(), true);
-        for corner in corners {
-            let at = [x + corner[0], y + corner[1]];
+        for at in piece.corners(pixel) {
             let nearness = surface.at(at);
             all &= nearness > nearest;
             slabs.keep_below(&mut before, at, nearness, TINY);
@@ -260,9 +279,9 @@ impl Behind for f64 {
         f64::NEG_INFINITY
     }
 
-    fn is_behind(&mut self, surface: &Surface, [x, y]: [f64; 2], corners: &[[f64; 2]]) -> bool {
-        for corner in corners {
-            let nearness = surface.at([x + corner[0], y + corner[1]]);
+    fn is_behind(&mut self, surface: &Surface, pixel: [f64; 2], piece: &Piece) -> bool {
+        for at in piece.corners(pixel) {
+            let nearness = surface.at(at);
             // A NaN is the least of all.
             *self = if nearness >= *self { *self } else { nearness };
         }
@@ -278,8 +297,8 @@ impl Behind for AtLeast {
         f64::NEG_INFINITY
     }
 
-    fn is_behind(&mut self, surface: &Surface, [x, y]: [f64; 2], corners: &[[f64; 2]]) -> bool {
-        corners.iter().all(|corner| surface.at([x + corner[0], y + corner[1]]) >= self.0)
+    fn is_behind(&mut self, surface: &Surface, pixel: [f64; 2], piece: &Piece) -> bool {
+        piece.corners(pixel).all(|at| surface.at(at) >= self.0)
     }
 }
 
@@ -297,9 +316,10 @@ pub(crate) struct Fusion<'a, B> {
 }
 
 impl<'a, B: Behind> Fusion<'a, B> {
+    #[inline(always)]
     pub(crate) fn new([column, row]: [usize; 2], behind: &'a mut B) -> Self {
         let pixel = [column as f64, row as f64];
-        let none = (&Surface::NONE, Cuts { lines: [[0.0; 3]; CUTS], count: 0 });
+        let none = (&Surface::NONE, Cuts { lines: [[0.0; 3]; CUTS], count: 0, leave_middle: false });
         let limit = behind.nearness(pixel.map(|side| side + 0.5));
         Self { pixel, met: [none; MET], added: 0, middle: false, limit, steps: STEPS, behind }
     }
@@ -311,52 +331,56 @@ impl<'a, B: Behind> Fusion<'a, B> {
     }
 
     /// Adds an outline and the surface within it, nearest last. What was added first gives way where there are too many.
+    #[inline(always)]
     pub(crate) fn add(&mut self, surface: &'a Surface, outline: &Outline) {
         let [x, y] = self.pixel;
         if let Some(cuts) = outline.cuts(self.pixel)
             && surface.most([x, x + 1.0, y, y + 1.0]) > self.limit
         {
-            self.middle |= cuts.leave_middle();
+            self.middle |= cuts.leave_middle;
             self.met[self.added % MET] = (surface, cuts);
             self.added += 1;
         }
     }
 
     /// Whether the outlines cover the pixel together, each part of it before what is behind.
+    #[inline(always)]
     pub(crate) fn covers(&mut self) -> bool {
-        self.added > 1 && self.middle && self.covers_piece(&Piece::WHOLE, self.added)
-    }
-
-    /// Whether the first so many outlines cover a piece, as far as they are still there.
-    fn covers_piece(&mut self, piece: &Piece, count: usize) -> bool {
-        for i in (self.added.saturating_sub(MET)..count).rev() {
-            if self.steps == 0 {
-                return false;
-            }
-            self.steps -= 1;
-            let (surface, cuts) = self.met[i % MET];
-            let mut inside = *piece;
-            for &line in &cuts.lines[..cuts.count] {
-                let Some(part) = inside.part(line, true) else { return false };
-                inside = part;
-            }
-            let corners = &inside.corners[..inside.count];
-            if corners.is_empty() || !self.behind.is_behind(surface, self.pixel, corners) {
-                continue;
-            }
-            let mut rest = *piece;
-            for &line in &cuts.lines[..cuts.count] {
-                let (Some(inner), Some(outer)) = (rest.part(line, true), rest.part(line, false)) else {
-                    return false;
-                };
-                if outer.count > 0 && !self.covers_piece(&outer, i) {
+        if self.added < 2 || !self.middle {
+            return false;
+        }
+        // What has to be covered, each by the first so many outlines, as far as they are still there.
+        let mut bare = [(Piece::NONE, 0); BARE];
+        bare[0] = (Piece::WHOLE, self.added);
+        let mut count = 1;
+        while count > 0 {
+            count -= 1;
+            let (piece, mut i) = bare[count];
+            // The nearest outline that covers part of it; without one, it stays bare.
+            count = loop {
+                if i <= self.added.saturating_sub(MET) || self.steps == 0 {
                     return false;
                 }
-                rest = inner;
-            }
-            return true;
+                (i, self.steps) = (i - 1, self.steps - 1);
+                let (surface, cuts) = &self.met[i % MET];
+                let (mut inside, mut end) = (piece, count);
+                for &line in &cuts.lines[..cuts.count.min(CUTS)] {
+                    let Some([inner, outer]) = inside.split(line) else { return false };
+                    if outer.count > 0 {
+                        let Some(place) = bare.get_mut(end) else { return false };
+                        (*place, end) = ((outer, i), end + 1);
+                    }
+                    inside = inner;
+                    if inside.count == 0 {
+                        break;
+                    }
+                }
+                if inside.count > 0 && self.behind.is_behind(surface, self.pixel, &inside) {
+                    break end;
+                }
+            };
         }
-        false
+        true
     }
 }
 
@@ -378,6 +402,8 @@ mod tests {
         for _ in 0..4000 {
             let pixel = [random(0.0, 60.0).floor(), random(0.0, 30.0).floor()];
             let corners: Vec<_> = (0..5).map(|_| [random(0.0, 1.0), random(0.0, 1.0)]).collect();
+            let mut piece = Piece::NONE;
+            corners.iter().for_each(|&corner| piece.push(corner, true));
             let mut planes = || {
                 let [a, b] = [random(-0.2, 0.2), random(-0.2, 0.2)];
                 [a, b, 5.0 - a * pixel[0] - b * pixel[1] + random(-0.2, 0.2)]
@@ -387,9 +413,9 @@ mod tests {
             for _ in 0..2 {
                 assert!(shape.bound(planes(), [64.0, 32.0]));
             }
-            let surface = Surface::of(&shape.planes[..shape.plane_count]);
+            let surface = Surface::of(&shape);
             let nearest = random(4.7, 5.3) as f32;
-            let behind = (&slabs, nearest).is_behind(&surface, pixel, &corners);
+            let behind = (&slabs, nearest).is_behind(&surface, pixel, &piece);
             *(if behind { &mut yes } else { &mut no }) += 1;
             for i in 0..60 {
                 // Corners first of all.

@@ -12,7 +12,9 @@
 //! rectangle, and
 //! one computed inside is off by no more than that.
 
+use crate::Simd;
 use crate::faces::Faces;
+use crate::fill::bits;
 use crate::lens::{Lens, Row};
 use crate::pyramid::{Pyramid, Rectangle};
 use crate::shape::Extent;
@@ -89,6 +91,7 @@ impl Lens32 {
 /// All that a query looks at.
 #[derive(Clone, Copy)]
 pub(crate) struct Query<'a> {
+    pub(crate) simd: Simd,
     pub(crate) lens: &'a Lens32,
     pub(crate) tiles: &'a Tiles,
     pub(crate) pyramid: &'a Pyramid,
@@ -347,11 +350,11 @@ pub(crate) fn test_one(query: &Query, sides: [f32; 6]) -> Occlusion64 {
 
 #[inline(always)]
 fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
-    let mut mask = 0;
-    for (i, &lane) in lanes.iter().enumerate() {
-        mask |= u64::from(lane) << i;
+    let mut bytes = [0; WIDTH];
+    for i in 0..N.min(WIDTH) {
+        bytes[i] = u8::from(lanes[i]);
     }
-    mask
+    bits(&bytes).into()
 }
 
 #[inline(always)]
@@ -398,7 +401,7 @@ fn decide<const N: usize, const FUSED: bool>(
             sides[row] = boxes[row][i];
         }
         if behind > nearest && query.pyramid.hides(query.tiles, &rectangle, nearest)
-            || query.faces.hides::<FUSED>(query.tiles, &rectangle, sides, nearest)
+            || query.faces.hides::<FUSED>(query.simd, query.tiles, &rectangle, sides, nearest)
         {
             hidden |= 1 << i;
         }

@@ -85,15 +85,12 @@ pub(crate) struct Surface {
 impl Surface {
     pub(crate) const NONE: Self = Self { planes: [[0.0; 3]; 3], count: 0 };
 
-    /// Of planes that give the least nearness in a tile as functions of its column and row; none if there are too many.
+    /// Of the planes of a shape; none if there are too many.
     #[inline(always)]
-    pub(crate) fn of(least: &[[f32; 3]]) -> Self {
-        let mut surface = Self::NONE;
-        if least.len() <= 3 {
-            surface.planes[..least.len()].copy_from_slice(least);
-            surface.count = least.len();
-        }
-        surface
+    pub(crate) fn of(shape: &Shape) -> Self {
+        let [p, q, r, ..] = shape.planes;
+        // All three whatever their number: a copy of known length.
+        Self { planes: [p, q, r], count: if shape.plane_count <= 3 { shape.plane_count } else { 0 } }
     }
 
     /// Of the same nearness everywhere.
@@ -117,6 +114,7 @@ impl Surface {
     }
 
     /// The nearness at a point, at least; what is rounded is as in [`least`](Self::least).
+    #[inline(always)]
     pub(crate) fn at(&self, [x, y]: [f64; 2]) -> f64 {
         const SHARE: f64 = 1.0 / SIDE as f64;
         let mut least = if self.count > 0 { f64::INFINITY } else { f64::NEG_INFINITY };
@@ -172,6 +170,7 @@ impl Surface {
     }
 
     /// As [`least`](Self::least), the greatest; no less than nearness is anywhere if this is no surface, but for rounding.
+    #[inline(always)]
     pub(crate) fn most(&self, [left, right, top, bottom]: [f64; 4]) -> f64 {
         const SHARE: f64 = 1.0 / SIDE as f64;
         let mut most = f64::INFINITY;
@@ -252,7 +251,7 @@ impl Tiles {
     /// Makes the surface of a shape known; the number stands for it in this frame.
     #[inline(always)]
     pub(crate) fn add_surface<const FUSED: bool>(&mut self, shape: &Shape) -> u32 {
-        self.surfaces.push(Surface::of(&shape.planes[..shape.plane_count]));
+        self.surfaces.push(Surface::of(shape));
         if FUSED {
             self.outlines.push(Outline::of(shape));
             self.heads.push(Head::of(shape));
@@ -276,11 +275,13 @@ impl Tiles {
     }
 
     /// Whether several occluders cover a pixel of a tile together, before what is `behind`.
+    #[inline(always)]
     pub(crate) fn cover_together(&self, tile: usize, pixel: [usize; 2], behind: &mut impl Behind) -> bool {
         self.fuse(tile, pixel, behind) || self.weld.covers(tile, pixel, behind)
     }
 
     /// Whether several outlines do.
+    #[inline(always)]
     fn fuse(&self, tile: usize, pixel: [usize; 2], behind: &mut impl Behind) -> bool {
         let mut link = self.met[tile];
         if link == 0 {
@@ -517,6 +518,18 @@ impl Tiles {
     }
 }
 
+/// Whether several occluders cover a pixel of a tile together, before a box within `slabs` that is nowhere nearer than `nearest`.
+#[inline(always)]
+pub(crate) fn cover_together(
+    tiles: &Tiles,
+    tile: usize,
+    [x, y]: [u32; 2],
+    slabs: &Slabs,
+    nearest: f32,
+) -> bool {
+    tiles.cover_together(tile, [x as usize, y as usize], &mut (slabs, nearest))
+}
+
 /// Joins two of one layer too many: those whose joining gives away least, in pixels times nearness.
 #[cold]
 fn merge(layers: &mut [(u64, f32, u32); LAYERS + 1]) -> usize {
@@ -548,7 +561,7 @@ mod tests {
             let plane = [a, b, 5.0];
             let mut shape = Shape::EMPTY;
             assert!(shape.bound(plane, [64.0, 64.0]));
-            let surface = Surface::of(&shape.planes[..shape.plane_count]);
+            let surface = Surface::of(&shape);
             for (left, top, size) in [(8.0, 16.0, 8.0), (11.0, 19.0, 1.0), (40.0, 50.0, 3.0), (0.0, 0.0, 1.0)]
             {
                 let sides = [left, left + size, top, top + size];

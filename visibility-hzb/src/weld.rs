@@ -20,7 +20,7 @@
 //! off by `16u` of the greatest coordinate, half of what the slack has for roundings (32 units, doubled). The point that is asked for lies within a
 //! triangle by the slack, and so in the triangle itself. Depth is that of the plane or of the farthest corner, both lowered by their errors.
 
-use crate::fusion::Behind;
+use crate::fusion::{Behind, Piece};
 use crate::tiles::{SIDE, Surface};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
@@ -239,6 +239,7 @@ impl Weld {
     }
 
     /// Whether triangles that join cover a pixel of a tile, before what is `behind`.
+    #[inline(always)]
     pub(crate) fn covers(&self, tile: usize, pixel: [usize; 2], behind: &mut impl Behind) -> bool {
         let mut next = self.chains[tile][0];
         if next == 0 {
@@ -360,8 +361,8 @@ const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 /// Whether a triangle is before all of what is behind, where it meets the pixel.
 #[inline(always)]
 fn is_before(patch: &Patch, pixel: [f64; 2], behind: &mut impl Behind) -> bool {
-    behind.is_behind(&patch.surface, pixel, &SQUARE)
-        || behind.is_behind(&Surface::flat(patch.floor), pixel, &SQUARE)
+    behind.is_behind(&patch.surface, pixel, &Piece::WHOLE)
+        || behind.is_behind(&Surface::flat(patch.floor), pixel, &Piece::WHOLE)
 }
 
 /// The nearness that a triangle has at least where it meets a pixel.
