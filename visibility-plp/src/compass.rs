@@ -1,6 +1,6 @@
 //! A few lines spread over all directions, and which of them are nearest to a direction of sight.
 
-use crate::layers::{ANYWHERE, SIDES};
+use crate::kind::{ANYWHERE, SIDES};
 use alloc::vec::Vec;
 use visibility_core::glam::{Vec2, Vec3};
 
@@ -191,5 +191,37 @@ mod tests {
         assert!(compass.mean(compass.near(Vec3::X), 0, free, 0.3) < 0.4);
         // From behind, nothing is known by line.
         assert_eq!(compass.mean(compass.near(-Vec3::Z), 4, free, 0.3), 0.3);
+    }
+
+    #[test]
+    fn what_is_not_known_is_guessed_from_lines_near_to_it() {
+        let compass = Compass::new();
+        for side in 0..=ANYWHERE {
+            for line in 0..LINES {
+                assert_eq!(compass.guess(side, line, &[None; LINES]), None);
+                // Its direction away from the side; what may face either way, along the line or against it.
+                let away = |line: usize| {
+                    compass.along[line] * if compass.faces(side, line) == Some(false) { -1.0 } else { 1.0 }
+                };
+                if side < ANYWHERE {
+                    let outwards = away(line)[usize::from(side / 2)] * if side % 2 == 0 { 1.0 } else { -1.0 };
+                    assert!(outwards > 0.0, "{side} {line}");
+                }
+                let cosine = |other: usize| {
+                    let cosine = away(line).dot(away(other));
+                    if side == ANYWHERE { cosine.abs() } else { cosine }
+                };
+                let mut others: Vec<usize> = (0..LINES).filter(|&other| other != line).collect();
+                others.sort_by(|&a, &b| cosine(b).total_cmp(&cosine(a)));
+                // Free along the nearest of them, or the farthest, and along no other.
+                let guess = |free: usize| {
+                    let mut known = [Some(0.0); LINES];
+                    (known[line], known[free]) = (None, Some(1.0));
+                    compass.guess(side, line, &known).unwrap()
+                };
+                let (near, far) = (guess(others[0]), guess(others[14]));
+                assert!(near > 0.15 && far < 0.02, "{side} {line}: {near} {far}");
+            }
+        }
     }
 }

@@ -4,7 +4,8 @@ use crate::compass::Compass;
 use crate::exposure::{Exposure, exposures};
 use crate::facing::Facing;
 use crate::grouped::Grouped;
-use crate::layers::{ANYHOW, Kind, Layer, Layers, Lean, Sides, push_list};
+use crate::kind::{ANYHOW, Kind, Lean};
+use crate::layers::{Layer, Layers, Sides, push_list};
 use alloc::vec::Vec;
 use visibility_core::{Changes, ObjectId, Scene};
 

@@ -283,4 +283,32 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn what_is_free_along_lines_lies_before_a_surface() {
+        let mut scene = Scene::new();
+        let turn = Quat::from_rotation_x(0.7) * Quat::from_rotation_z(1.9);
+        cube(&mut scene, Vec3::ZERO, 1.0, turn);
+        // A larger one close before one of its sides.
+        let side = turn * Vec3::X;
+        cube(&mut scene, side * 5.0, 3.0, turn);
+        let exposures = exposures(&scene);
+        let mut known = 0;
+        for id in scene.ids().take(12) {
+            let [a, b, c] = scene.triangles(id).unwrap()[0];
+            let out = (b - a).cross(c - a).normalize();
+            for line in 0..LINES {
+                let Some((free, forth)) = exposures[id.index()].along(line) else { continue };
+                let cosine = axes(line)[2].dot(out);
+                assert_eq!(forth, cosine > 0.0, "{id}, line {line}: {cosine}");
+                if out.dot(side) > 0.9 && cosine.abs() > 0.7 {
+                    assert!(free < 0.5, "{id}, line {line}: {free}");
+                } else if out.dot(side) < -0.9 {
+                    assert_eq!(free, 1.0, "{id}, line {line}");
+                }
+                known += 1;
+            }
+        }
+        assert!(known > 12 * LINES * 2 / 3, "{known}");
+    }
 }

@@ -140,9 +140,10 @@ impl Facing {
             if let Some(bin) = self.flat(code) {
                 let place = DVec3::from_array(bin.normal.map(f64::from)).dot(eye) - self.base;
                 // For the triangle's normal m and corner a, m . (eye - a) is n . eye - n . a and (m - n) . (eye - a), which is no more than
-                // the spread times the farthest way; what rounding does is a thousandth of the rest. Steps are rounded down by up to one, and
-                // to 2^-37 of one.
-                let sure = (f64::from(bin.spread) + 1e-9) * farthest / self.step + 1.0 + 1e-6;
+                // the spread times the farthest way. Rounding of products with n, of m and of spread is less than a thousandth of the rest; it
+                // does nothing to normals along an axis, and 1e-9 is for what comes as near to f32 as that by chance. Steps are rounded down by
+                // up to one; the division by them keeps the order of what is divided.
+                let sure = (f64::from(bin.spread) + 1e-9) * farthest / self.step + 1.0;
                 *plane = [place / self.step, sure];
             }
         }
@@ -229,6 +230,7 @@ impl Toward {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::whole::Random;
     use visibility_core::Object;
     use visibility_core::glam::Vec3;
 
@@ -311,6 +313,93 @@ mod tests {
             }
         }
         assert!(all * 30 < sure, "{all} of {sure} unknown");
+    }
+
+    /// Two triangles in a bin, as far from its middle as each other, in the corner of a small box, and eyes far away in their planes and just beside
+    /// them: there the bound is as tight as it gets, and numbers of 24 bits are too coarse for it.
+    #[test]
+    fn eyes_far_away_beside_a_plane_are_not_on_its_wrong_side() {
+        let mut random = Random(61);
+        let (mut told, mut planes) = (0, Vec::new());
+        let all = Aabb::from_arrays([-1500.0; 3], [1500.0; 3]);
+        for round in 0..2000 {
+            let normal = random.direction();
+            // So much that they are two normals, or so little that they are one.
+            let lean = if round % 2 == 0 { 3e-6 } else { 5e-7 } * (1.0 + 0.5 * random.float());
+            let lean = normal.any_orthonormal_vector() * lean;
+            let mut scene = Scene::new();
+            for m in [normal + lean, normal - lean].map(DVec3::normalize) {
+                // Large, so that its normal is known to ten digits, and about the origin.
+                let (u, v) = m.any_orthonormal_pair();
+                let t = [u * 1e3, v * 1e3, -(u + v) * 1e3].map(|p| p.as_vec3());
+                let id = scene.insert(Object::new(Aabb::from_points(t)));
+                scene.set_triangles(id, [t]).unwrap();
+            }
+            let facing = Facing::new(&scene);
+            for id in scene.ids() {
+                let triangle = scene.triangles(id).unwrap()[0];
+                let (Some(m), bin) =
+                    (unit_normal(&triangle), facing.bins[facing.marks[id.index()][0] as usize])
+                else {
+                    continue;
+                };
+                let n = DVec3::from_array(bin.normal.map(f64::from));
+                if bin.spread == 0.0 || (bin.spread <= FLAT) != (round % 2 == 1) {
+                    // Not in one bin.
+                    continue;
+                }
+                let away = (m - n).normalize() * 1000.0;
+                let q = triangle[0].as_dvec3() / 3.0
+                    + triangle[1].as_dvec3() / 3.0
+                    + triangle[2].as_dvec3() / 3.0;
+                for (sign, corner) in [(1.0, -1.0), (-1.0, 1.0)] {
+                    // A box whose corner, towards the normal or against it, is a point of the triangle.
+                    let half = Vec3::splat(0.001);
+                    let center = q.as_vec3() - n.as_vec3().signum() * half * corner;
+                    let cell = Aabb::new(center - half, center + half);
+                    let eye = q + away * sign;
+                    let eye = eye - m * (m.dot(eye - q) - sign * 1e-7);
+                    facing.planes(Eye::Point(eye), &all, &mut planes);
+                    let side = facing.side(id.index(), &Toward::new(Eye::Point(eye), &cell), &planes);
+                    assert_ne!(side, if sign > 0.0 { Side::Back } else { Side::Front }, "{triangle:?} {eye}");
+                    told += 1;
+                }
+            }
+        }
+        assert!(told > 2000, "{told}");
+    }
+
+    /// The same of all that lean one way no farther than so.
+    #[test]
+    fn eyes_far_away_are_not_behind_what_faces_them() {
+        let mut random = Random(62);
+        let mut wrong_without = 0;
+        for round in 0..20_000 {
+            let (side, axis) = ((round % 6) as u8, round % 6 / 2);
+            let lean = (round / 6 % 15) as f32 / 14.0;
+            let mut normal = [0.0; 3];
+            normal[axis] = if side % 2 == 0 { 1.0 } else { -1.0 };
+            let across = (axis + 1 + round % 2) % 3;
+            normal[across] = f64::from(lean) * if random.float() < 0.0 { 1.0 } else { -1.0 };
+            let normal = DVec3::from_array(normal);
+            // Flat where the normal has no part, so that no more is given away there.
+            let mut half = random.direction().abs().as_vec3() * 0.01;
+            half[3 - axis - across] = 0.0;
+            let center = random.direction().as_vec3();
+            let cell = Aabb::new(center - half, center + half);
+            let (min, max) = (cell.min.as_dvec3(), cell.max.as_dvec3());
+            let q = DVec3::select(normal.cmpgt(DVec3::ZERO), min, max);
+            // In the plane through that corner, but for what rounding does and a hair.
+            let mut eye = (min + max) * 0.5;
+            eye[across] += normal[across].signum() * 1000.0 * random.float().abs();
+            eye[axis] = q[axis] - (normal[across] * (eye[across] - q[across]) - 1e-7) / normal[axis];
+            assert!(normal.dot(eye - q) > 0.0);
+            let toward = Toward::new(Eye::Point(eye), &cell);
+            assert!(!toward.is_behind(side, lean), "{side} {lean} {cell:?} {eye}");
+            let bare = Toward { farthest: 0.0, ..toward };
+            wrong_without += u32::from(bare.is_behind(side, lean));
+        }
+        assert!(wrong_without > 100, "{wrong_without}");
     }
 
     #[test]

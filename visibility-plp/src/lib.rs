@@ -22,6 +22,7 @@ mod facing;
 mod front;
 mod grid;
 mod grouped;
+mod kind;
 mod layers;
 mod octree;
 mod overlap;
@@ -31,6 +32,8 @@ mod solidity;
 mod stored;
 mod tessellation;
 mod walk;
+#[cfg(test)]
+mod whole;
 
 pub use conservative::{ConservativePlpCuller, Report};
 pub use content::{Content, Primitives};

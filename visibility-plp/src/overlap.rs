@@ -6,8 +6,10 @@ use visibility_core::glam::DVec3;
 /// Whether a triangle meets a box, given by its centre and half its size. True where rounding could tell otherwise.
 pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVec3) -> bool {
     let [a, b, c] = triangle.map(|p| p - center);
-    // Coordinates come from f32 and the box from a grid in f64: each subtraction rounds by 2^-53 of its result, each product and
-    // sum below a few times more, of magnitudes no greater than `size` squared. 1e-12 is two thousand times as much as all of it.
+    // Coordinates come from f32 and the box from a grid in f64: each subtraction rounds by 2^-53 of its result, which is less than `size`, and
+    // each product and sum below by as much of its own. So products of an edge and a point are known to a dozen times 2^-53 of `size` squared,
+    // and the normal of two edges, the shortest of which may be all rounding, times a point to as much of `size` squared times the longest.
+    // 1e-12 is several hundred times that.
     let size = a.abs().max(b.abs()).max(c.abs()).max(half).max_element() + center.abs().max_element();
     let slack = 1e-12 * size;
     let half = half + DVec3::splat(slack);
@@ -17,7 +19,8 @@ pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVe
     }
     let edges = [b - a, c - b, a - c];
     let normal = edges[0].cross(edges[1]);
-    let reach = normal.abs().dot(half) + slack * size;
+    let longest = edges[0].abs().max(edges[1].abs()).max_element();
+    let reach = normal.abs().dot(half) + slack * size * longest;
     if normal.dot(a).abs() > reach {
         return false;
     }
@@ -135,5 +138,108 @@ pub(crate) fn part_meets(part: &Part, solid: &Tetrahedron) -> bool {
             let axes = [DVec3::X, DVec3::Y, DVec3::Z];
             !axes.iter().any(|axis| edges.iter().any(|edge| apart(axis.cross(*edge).normalize_or_zero())))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::whole::{Random, Whole, cross, dot, fine, minus, within};
+
+    /// A corner, edge or face of a box and the inside, an edge or a corner of a triangle that touch each other and no more, exactly: they meet, and
+    /// a step away they do not.
+    #[test]
+    fn what_touches_a_box_meets_it() {
+        let mut random = Random(11);
+        let mut apart = 0;
+        for round in 0..100_000 {
+            // Large and small ones: where the numbers are as large as they get, differences of them are rounded too.
+            let shift = |random: &mut Random, most: i64| (random.whole(most).max(0)) as u32;
+            let (a, size) = (random.vector(1 << 23), 23 - shift(&mut random, 22));
+            let [b, mut c] = [(); 2].map(|()| {
+                let along = random.vector(1 << size);
+                [0, 1, 2].map(|i| a[i] + along[i])
+            });
+            if round % 2 == 0 {
+                // A sliver: where its normal points depends on the last digits.
+                let beside = random.vector(4);
+                c = [0, 1, 2].map(|i| a[i] + (b[i] - a[i]) / 2 + beside[i]);
+            }
+            let half: Whole = [(); 3].map(|()| {
+                let half = 1 + (random.whole(1 << 54).abs() >> shift(&mut random, 40));
+                // As many digits as there are.
+                half & !(half >> 53)
+            });
+            // Towards where the box lies from the point.
+            let (point, mut sides, inside) = match round % 3 {
+                0 => {
+                    let (s, t) = (random.whole(1 << 29).abs(), random.whole(1 << 29).abs());
+                    (within([a, b, c], s, t), cross(minus(b, a), minus(c, a)), None)
+                }
+                1 => {
+                    let axis = round / 3 % 3;
+                    let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+                    let (edge, mut sides) = (minus(b, a), [0; 3]);
+                    (sides[i], sides[j]) = (-i128::from(edge[j]), i128::from(edge[i]));
+                    let away = if dot(sides, minus(c, a)) > 0 { -1 } else { 1 };
+                    let s = random.whole(1 << 29).abs();
+                    (within([a, b, c], s, 0), sides.map(|x| x * away), Some(axis))
+                }
+                _ => {
+                    let axis = round / 3 % 3;
+                    let most = [a, b, c].into_iter().max_by_key(|p| p[axis]).unwrap_or(a);
+                    (most.map(|x| x << 30), [0, 1, 2].map(|i| i128::from(i == axis)), None)
+                }
+            };
+            if round % 3 == 0 && random.whole(2) < 0 {
+                sides = sides.map(|x| -x);
+            }
+            let mut center: Whole = [0, 1, 2].map(|i| point[i] + sides[i].signum() as i64 * half[i]);
+            if let Some(axis) = inside {
+                center[axis] += random.whole(half[axis]);
+            }
+            if center.iter().any(|x| x.abs() > 1 << 53) {
+                continue;
+            }
+            let triangle = [a, b, c].map(|p| DVec3::from_array(p.map(|x| x as f64)));
+            let meets = |center: Whole| triangle_meets_box(&triangle, fine(center), fine(half));
+            assert!(meets(center), "round {round}: {triangle:?}, {center:?}, {half:?}");
+            apart += u32::from(!meets([0, 1, 2].map(|i| center[i] + ((sides[i].signum() as i64) << 30))));
+        }
+        assert!(apart > 40_000, "{apart}");
+    }
+
+    /// A corner of a tetrahedron in the plane of a triangle, and all of it on one side.
+    #[test]
+    fn what_touches_a_tetrahedron_meets_it() {
+        let mut random = Random(12);
+        let (mut rounds, mut apart) = (0, 0);
+        while rounds < 20_000 {
+            let q = random.vector(1 << 16);
+            let (u, v) = (random.vector(1 << 16), random.vector(1 << 16));
+            let normal = cross(u, v);
+            let others = [(); 3].map(|()| {
+                let w = random.vector(1 << 16);
+                if dot(normal, w) < 0 { w.map(|x| -x) } else { w }
+            });
+            if dot(cross(others[0], others[1]), others[2]) == 0 || others.iter().any(|&w| dot(normal, w) == 0)
+            {
+                continue;
+            }
+            rounds += 1;
+            // The triangle about the corner: q - s u - t v and so on, in sixteenths.
+            let (s, t) = (1 + random.whole(6).abs(), 1 + random.whole(6).abs());
+            let at = |x: i64, y: i64| {
+                DVec3::from_array([0, 1, 2].map(|i| q[i] as f64 + (x * u[i] + y * v[i]) as f64 / 16.0))
+            };
+            let triangle = [at(-s, -t), at(16 - s, -t), at(-s, 16 - t)];
+            let corner = |w: Whole| DVec3::from_array([0, 1, 2].map(|i| (q[i] + w[i]) as f64));
+            let solid =
+                Tetrahedron::new([corner([0; 3]), corner(others[0]), corner(others[1]), corner(others[2])]);
+            assert!(part_meets(&Part::Triangle(triangle), &solid), "{triangle:?} {solid:?}");
+            let away = DVec3::from_array(normal.map(|x| x as f64)).normalize() * 0.1;
+            apart += u32::from(!part_meets(&Part::Triangle(triangle.map(|p| p - away)), &solid));
+        }
+        assert!(apart > 19_000, "{apart}");
     }
 }

@@ -1,7 +1,7 @@
 //! What a view sees of cells and of single primitives.
 
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, Eye, MAX_PLANES, Triangle, View};
+use visibility_core::{Aabb, Eye, MAX_PLANES, Triangle, View, ViewPlane};
 
 /// A plane with the bound on what rounding may do to distances from it.
 #[derive(Clone, Copy, Debug)]
@@ -12,6 +12,13 @@ struct Bound {
 }
 
 impl Bound {
+    /// For points whose coordinates are no greater than `reach`.
+    fn new(plane: &ViewPlane, reach: f64) -> Self {
+        let (normal, offset) = (plane.plane.normal, plane.plane.offset);
+        // Centre and half size of a box, three products and sums of each: a dozen roundings by 2^-53 of no more than this.
+        Self { normal, offset, slack: plane.error + 1e-14 * (4.0 * reach + offset.abs()) }
+    }
+
     fn distance(&self, p: DVec3) -> f64 {
         self.normal.x * p.x + self.normal.y * p.y + self.normal.z * p.z + self.offset
     }
@@ -54,23 +61,22 @@ impl Sight {
         let before = match eye {
             // Point and normal are known to a few times 2^-52 of the greatest coordinate. 1e-9 of it is a million times as much, and costs nothing.
             Eye::Point(eye) => -1e-9 * (reach + eye.abs().max_element()),
+            // Two unit vectors: next to nothing goes out where they are at right angles, as far as can be told, and it goes out.
             Eye::Direction(_) => -1e-9,
         };
         let none = Bound { normal: DVec3::ZERO, offset: 0.0, slack: 0.0 };
         let mut sight = Self { eye, planes: [none; MAX_PLANES], count: 0, sides: 0, before };
         for at_side in [true, false] {
             for plane in view.planes(origin).as_slice() {
-                let (normal, offset) = (plane.plane.normal, plane.plane.offset);
-                // Centre and half size of a box, three products and sums of each: a dozen roundings by 2^-53 of no more than this.
-                let slack = plane.error + 1e-14 * (4.0 * reach + offset.abs());
-                let bound = Bound { normal, offset, slack };
+                let bound = Bound::new(plane, reach);
+                // The products and sums of a distance are rounded by less than 1e-15 of these, beside what the plane's own numbers are.
                 let eye_is_inside = match eye {
                     Eye::Point(eye) => {
                         bound.distance(eye)
-                            >= -plane.error - 1e-15 * (4.0 * eye.abs().max_element() + offset.abs())
+                            >= -plane.error - 1e-15 * (4.0 * eye.abs().max_element() + bound.offset.abs())
                     }
                     // An eye at infinity is outside of what lines of sight run into.
-                    Eye::Direction(along) => normal.dot(along) <= 1e-12,
+                    Eye::Direction(along) => bound.normal.dot(along) <= 1e-12,
                 };
                 if eye_is_inside == at_side {
                     sight.planes[sight.count] = bound;
@@ -169,32 +175,104 @@ impl Sight {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visibility_core::Pose;
+    use crate::whole::{Random, Whole, cross, dot, fine, minus, within};
+    use visibility_core::{Plane, Pose, Window};
+
+    /// All planes but the near one have the eye on their inner side, or in them: they bound what is on the way to anything in view.
+    #[test]
+    fn only_the_near_plane_is_crossed_before_the_view() {
+        let mut random = Random(31);
+        for round in 0..3000 {
+            let eye = random.direction() * 10f64.powi(round % 7);
+            let pose = Pose::look_at(eye, eye + random.direction(), random.direction());
+            let (angle, shape) = (1.6 + random.float(), 1.5 + random.float());
+            let view = match round % 2 {
+                0 => View::perspective(pose, angle, shape, 0.1, 1000.0),
+                _ => View::orthographic(pose, Window::centered(angle * 10.0, shape * 10.0), -10.0, 300.0),
+            };
+            let sight = Sight::new(&view.unwrap(), DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
+            assert_eq!((sight.sides, sight.count), (5, 6), "round {round}, {pose:?}");
+        }
+    }
+
+    /// Boxes and triangles with a corner in a plane, or on one side of it by less than can be told: neither outside nor inside.
+    #[test]
+    fn what_touches_a_plane_is_neither_outside_nor_inside() {
+        let mut random = Random(32);
+        let view = View::orthographic(
+            Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z),
+            Window::centered(1.0, 1.0),
+            0.0,
+            1.0,
+        );
+        let mut sight = Sight::new(&view.unwrap(), DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
+        let (mut outside, mut inside) = (0, 0);
+        for _ in 0..20_000 {
+            let normal = random.vector(1 << 52);
+            let corner = random.vector(1 << 23);
+            let size = [(); 3].map(|()| random.whole(1 << 22).abs());
+            // In units of 2^-53, rounded to what f64 can hold.
+            let exact = -(0..3).map(|i| i128::from(normal[i]) * i128::from(corner[i])).sum::<i128>();
+            for sign in [1, -1] {
+                let nearest = exact as f64;
+                let too_small = (nearest as i128 - exact) * sign < 0;
+                let offset = match (too_small, sign) {
+                    (false, _) => nearest,
+                    (true, 1) => nearest.next_up(),
+                    _ => nearest.next_down(),
+                };
+                // All of the box beyond the corner: on the outer side, but for the corner, or on the inner one.
+                let beyond = [0, 1, 2].map(|i| corner[i] - sign as i64 * normal[i].signum() * size[i]);
+                let float = |p: Whole| Vec3::from_array(p.map(|x| x as f32));
+                let bounds = Aabb::from_points([float(corner), float(beyond)]);
+                let plane = ViewPlane {
+                    plane: Plane::new(
+                        DVec3::from_array(normal.map(|x| x as f64 / 2f64.powi(53))),
+                        offset / 2f64.powi(53),
+                    ),
+                    error: 0.0,
+                };
+                // What a plane says of its own error counts too.
+                let unsure = ViewPlane { error: 1e3, ..plane };
+                assert_eq!(Bound::new(&unsure, 0.0).slack, 1e3 + 1e-14 * plane.plane.offset.abs());
+                sight.planes[0] =
+                    Bound::new(&plane, f64::from(bounds.min.abs().max(bounds.max.abs()).max_element()));
+                (sight.count, sight.sides) = (1, 1);
+                assert_eq!(sight.place(&bounds), Place::Crossing(1), "{plane:?} {bounds:?}");
+                let triangle = [float(corner), float(beyond), bounds.center()];
+                assert!(!sight.is_outside([&triangle].into_iter(), 1), "{plane:?} {triangle:?}");
+                let shifted = |by: f32| {
+                    let by = float(normal.map(i64::signum)) * by;
+                    Aabb::new(bounds.min + by, bounds.max + by)
+                };
+                outside += u32::from(sign > 0 && sight.place(&shifted(-1.0)) == Place::Outside);
+                inside += u32::from(sign < 0 && sight.place(&shifted(1.0)) == Place::Crossing(0));
+            }
+        }
+        assert!(outside > 19_900 && inside > 19_900, "{outside} {inside}");
+    }
 
     /// Triangles of whole numbers and eyes so near their planes that rounding would tell the wrong side: never a back that is a front.
     #[test]
     fn no_front_passes_for_a_back() {
-        let mut state = 3u64;
-        let mut random = move |below: i64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) as i64 % (2 * below) - below
-        };
+        let mut random = Random(3);
         let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0);
         let mut sight = Sight::new(&view.unwrap(), DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
         let (mut backs, mut wrong_without) = (0, 0);
         for round in 0..60_000 {
-            let [a, b, c] = [(); 3].map(|_| [(); 3].map(|_| random(1 << 23)));
-            let (s, t) = (random(1 << 27), random(1 << 27));
-            // In steps of 2^-20, the eye is in the plane or beside it, by a step or by many.
-            let beside = if round % 2 == 0 { random(2) } else { random(1 << 24) };
-            let eye = [0, 1, 2]
-                .map(|i| (a[i] << 20) + s * (b[i] - a[i]) + t * (c[i] - a[i]) + beside * i64::from(i == 0));
-            let minus = |p: [i64; 3], q: [i64; 3]| [0, 1, 2].map(|i| i128::from(p[i]) - i128::from(q[i]));
-            let (u, v, w) = (minus(b, a), minus(c, a), minus(eye, a.map(|x| x << 20)));
-            let cross = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
-            let exact: i128 = (0..3).map(|i| cross[i] * w[i]).sum();
+            let [a, b, c] = [(); 3].map(|()| random.vector(1 << 23));
+            let (s, t) = (random.whole(1 << 30), random.whole(1 << 30));
+            // In steps of 2^-30, the eye is in the plane or beside it, by a step or by many.
+            let beside = if round % 2 == 0 { random.whole(2) } else { random.whole(1 << 34) };
+            let mut eye = within([a, b, c], s, t);
+            eye[0] += beside;
+            // Where f64 has no more digits, the eye is not there.
+            if eye.iter().any(|x| x.abs() > 1 << 53) {
+                continue;
+            }
+            let exact = dot(cross(minus(b, a), minus(c, a)), minus(eye, a.map(|x| x << 30)));
             let float = |p: [i64; 3]| DVec3::from_array(p.map(|x| x as f64));
-            let eye = float(eye) / f64::from(1 << 20);
+            let eye = fine(eye);
             sight.eye = Eye::Point(eye);
             let triangle = [a, b, c].map(|p| float(p).as_vec3());
             if sight.sees_backs([&triangle].into_iter()) {

@@ -3,7 +3,8 @@
 use crate::compass::{Compass, Nearest};
 use crate::content::bit;
 use crate::facing::{Side, Toward};
-use crate::layers::{ANYWHERE, Layer, Layers};
+use crate::kind::ANYWHERE;
+use crate::layers::{Layer, Layers};
 use crate::sight::{Place, Sight};
 use crate::solidity::{From, chance, count_solidity, nearness, share, shown, stopped, worth};
 use crate::{Face, Front, Solidity, Tessellation};

@@ -7,7 +7,9 @@ use common::{Blank, Walls, looking_along_x, rooms, triangles, views};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, Containment, Culler, FrustumCuller, ObjectId, Plane, Scene, View, VisibleSet};
+use visibility_core::{
+    Aabb, Containment, Culler, FrustumCuller, ObjectId, Plane, Pose, Scene, View, VisibleSet,
+};
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity,
     Tessellation,
@@ -62,6 +64,40 @@ fn without_a_budget_everything_in_view_is_reached() {
         }
     }
     assert!(found > 3000, "{found}");
+}
+
+/// Eyes in the planes of faces, as far as numbers go, and beside them by the least that there is.
+#[test]
+fn an_eye_in_the_plane_of_a_face_sees_both_sides_of_it() {
+    let scene = triangles(7, 600);
+    let octree = OctreeTessellation::with_fineness(&scene, FINE);
+    let delaunay = DelaunayTessellation::with_fineness(&scene, FINE);
+    let all = Budget::Objects(usize::MAX);
+    let mut found = 0;
+    for cells in [&octree as &dyn Tessellation, &delaunay] {
+        let mut culler = PlpCuller::new(cells, all);
+        for cell in (0..cells.content().cell_count() as u32).step_by(37) {
+            let mut faces = Vec::new();
+            cells.for_each_face(cell, &|_| true, &mut |face| faces.push(*face));
+            for (number, face) in faces.iter().enumerate().take(3) {
+                let center = cells.center(cell);
+                let eye = center - face.normal * face.normal.dot(center - face.point);
+                let up = DVec3::from_array(eye.to_array().map(f64::next_up));
+                let down = DVec3::from_array(eye.to_array().map(f64::next_down));
+                for eye in [eye, up, down] {
+                    let along = if number % 2 == 0 { face.normal } else { -face.normal };
+                    let pose = Pose::look_at(eye, eye + along, DVec3::new(0.3, 0.4, 0.5));
+                    let view = View::perspective(pose, 1.0, 1.3, 0.01, f64::INFINITY).unwrap();
+                    let set: BTreeSet<_> = run(&mut culler, &scene, &view).into_iter().collect();
+                    let wanted = surely_in_view(&scene, &view);
+                    let lost: Vec<_> = wanted.iter().filter(|id| !set.contains(id)).collect();
+                    assert!(lost.is_empty(), "from {eye} along {along}: {lost:?}");
+                    found += wanted.len();
+                }
+            }
+        }
+    }
+    assert!(found > 10_000, "{found}");
 }
 
 #[test]

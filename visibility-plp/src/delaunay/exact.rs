@@ -38,6 +38,7 @@ pub(crate) fn is_in_sphere([a, b, c, d]: [Point; 4], p: Point) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::whole::Random;
 
     const CORNER: [Point; 4] = [[0, 0, 0], [8, 0, 0], [0, 8, 0], [0, 0, 8]];
 
@@ -55,5 +56,33 @@ mod tests {
         let n = 1 << 17;
         let large = [[0, 0, 0], [n, 0, 0], [0, n, 0], [0, 0, n]];
         assert!(!is_in_sphere(large, [n, n, n]) && is_in_sphere(large, [n, n, n - 1]));
+    }
+
+    /// Points on one sphere, and a step off it: all that differ from its centre by the same three numbers in any order, with any signs.
+    #[test]
+    fn points_on_a_sphere_are_told_from_points_beside_it() {
+        let mut random = Random(41);
+        let mut told = 0;
+        for _ in 0..20_000 {
+            let [x, y, z] = random.vector(1 << 15).map(|x| x as i32);
+            let mut point = || {
+                let order = [[x, y, z], [y, z, x], [z, x, y], [x, z, y], [z, y, x], [y, x, z]];
+                let picked = order[random.whole(6).unsigned_abs() as usize % 6];
+                picked.map(|x| if random.whole(2) < 0 { 65_536 - x } else { 65_536 + x })
+            };
+            let (mut solid, p) = ([(); 4].map(|()| point()), point());
+            if volume(solid) == 0 || p[0] == 65_536 {
+                continue;
+            }
+            if volume(solid) < 0 {
+                solid.swap(0, 1);
+            }
+            let inwards = (65_536 - p[0]).signum();
+            assert!(!is_in_sphere(solid, p), "{solid:?} {p:?}");
+            assert!(is_in_sphere(solid, [p[0] + inwards, p[1], p[2]]), "{solid:?} {p:?}");
+            assert!(!is_in_sphere(solid, [p[0] - inwards, p[1], p[2]]), "{solid:?} {p:?}");
+            told += 1;
+        }
+        assert!(told > 10_000, "{told}");
     }
 }
