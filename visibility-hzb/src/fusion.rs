@@ -390,6 +390,85 @@ mod tests {
     use crate::faces::LANES;
     use std::vec::Vec;
 
+    #[test]
+    fn parts_are_all_of_a_piece() {
+        let mut state = 3u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let area = |piece: &Piece| {
+            let corners: Vec<_> = piece.corners([0.0; 2]).collect();
+            let twice = |i: usize| {
+                let ([a, b], [c, d]) = (corners[i], corners[(i + 1) % corners.len()]);
+                a * d - b * c
+            };
+            (0..corners.len()).map(twice).sum::<f64>() * 0.5
+        };
+        let mut refused = 0;
+        for _ in 0..2_000 {
+            let mut piece = Piece::WHOLE;
+            // Cuts that take corners off leave more of them.
+            for _ in 0..12 {
+                let (turn, distance) = (6.3 * random(), 0.4 + 0.2 * random());
+                let (a, b) = (turn.cos(), turn.sin());
+                match piece.split([a, b, distance - 0.5 * (a + b)]) {
+                    Some([inner, outer]) => {
+                        assert!((area(&inner) + area(&outer) - area(&piece)).abs() < 1e-12);
+                        piece = inner;
+                    }
+                    None => refused += 1,
+                }
+            }
+        }
+        assert!(refused > 100, "{refused}");
+    }
+
+    /// Quadrilaterals at random before something that covers all of the pixel, or all but a part: what is found covered is, at every point.
+    #[test]
+    fn what_is_found_covered_has_no_hole() {
+        let mut state = 7u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let mut found = [[0; 2]; 2];
+        for trial in 0..20_000 {
+            let mut outlines = [Outline { columns: [-1.0, 2.0], ..Outline::NONE }; MET];
+            let hole = trial % 2 == 1;
+            let line = |outline: &mut Outline, i: usize, turn: f64, at: [f64; 2]| {
+                (outline.a[i], outline.b[i]) = (turn.cos() as f32, turn.sin() as f32);
+                outline.c[i] = -(f64::from(outline.a[i]) * at[0] + f64::from(outline.b[i]) * at[1]);
+            };
+            let [base, quads @ ..] = &mut outlines;
+            if hole {
+                line(base, 0, 6.3 * random(), [random(), random()]);
+            }
+            for quad in quads {
+                let (center, size, turn) = ([random(), random()], 0.1 + 0.4 * random(), 6.3 * random());
+                for i in 0..CUTS {
+                    let turn = turn + 1.6 * i as f64 + 0.5 * random();
+                    line(quad, i, turn, [center[0] - size * turn.cos(), center[1] - size * turn.sin()]);
+                }
+            }
+            let (mut nearness, surface) = (f64::INFINITY, Surface::flat(1.0));
+            let mut fusion = Fusion::new([0, 0], &mut nearness);
+            outlines.iter().for_each(|outline| fusion.add(&surface, outline));
+            let covers = fusion.covers();
+            found[usize::from(hole)][usize::from(covers)] += 1;
+            for _ in 0..if covers { 200 } else { 0 } {
+                let (x, y) = (random(), random());
+                let inside = |outline: &Outline| {
+                    (0..EDGES).all(|i| {
+                        f64::from(outline.a[i]) * x + f64::from(outline.b[i]) * y + outline.c[i] > -1e-9
+                    })
+                };
+                assert!(outlines.iter().any(inside), "{trial}: {x} {y} {outlines:?}");
+            }
+        }
+        assert!(found[0][1] > 1_000 && found[1][0] > 5_000 && found[1][1] > 50, "{found:?}");
+    }
+
     /// What is found behind a surface at the corners of a piece is behind it at all points of the piece, by some bound.
     #[test]
     fn a_box_behind_at_the_corners_is_behind_throughout() {

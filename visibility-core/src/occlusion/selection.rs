@@ -109,11 +109,15 @@ impl Candidate {
 /// Keeps those that were seen and then those that cover most, or the nearest, within a budget of triangles, nearest first. One that does
 /// not fit is passed over, since a smaller one behind it may.
 pub(super) fn choose(candidates: &mut Vec<Candidate>, budget: usize, nearest: bool) {
-    candidates.sort_unstable_by(|a, b| {
-        let by_gap = if nearest { a.gap.total_cmp(&b.gap) } else { core::cmp::Ordering::Equal };
-        let by_angle = b.angle.total_cmp(&a.angle);
-        b.seen.cmp(&a.seen).then(by_gap).then(by_angle).then(a.id.cmp(&b.id))
-    });
+    let all = candidates.iter().fold(0, |sum: usize, candidate| sum.saturating_add(candidate.cost));
+    // Which go first matters only where some have to stay out.
+    if all > budget {
+        candidates.sort_unstable_by(|a, b| {
+            let by_gap = if nearest { a.gap.total_cmp(&b.gap) } else { core::cmp::Ordering::Equal };
+            let by_angle = b.angle.total_cmp(&a.angle);
+            b.seen.cmp(&a.seen).then(by_gap).then(by_angle).then(a.id.cmp(&b.id))
+        });
+    }
     let mut left = budget;
     candidates.retain(|candidate| {
         let fits = candidate.cost <= left && candidate.angle > 0.0;
