@@ -298,6 +298,81 @@ impl Slabs {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visibility_core::glam::DVec3;
+    use visibility_core::{Pose, View};
+
+    /// A sum and a product, as two numbers each, with twice the precision (Dekker, "A Floating-Point Technique for Extending the Available
+    /// Precision", 1971).
+    fn sum(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+        let s = a[0] + b[0];
+        let v = s - a[0];
+        let e = (a[0] - (s - v)) + (b[0] - v) + a[1] + b[1];
+        [s + e, e - ((s + e) - s)]
+    }
+
+    fn product(a: [f64; 2], b: f64) -> [f64; 2] {
+        let p = a[0] * b;
+        let e = a[0].mul_add(b, -p) + a[1] * b;
+        [p + e, e - ((p + e) - p)]
+    }
+
+    /// Points on the faces themselves are on the right side of the bounds, also where the eye is almost in the plane of a face.
+    #[test]
+    fn bounds_hold_on_the_faces() {
+        let mut state = 5u64;
+        let mut random = |low: f64, high: f64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            low + (high - low) * ((state >> 11) as f64 / (1u64 << 53) as f64)
+        };
+        let (mut above, mut below) = (0, 0);
+        for _ in 0..20_000 {
+            let far = 10f64.powf(random(0.0, 6.0));
+            let eye = DVec3::from_array([0; 3].map(|_| far * random(-1.0, 1.0)));
+            let target = eye + DVec3::from_array([0; 3].map(|_| random(-1.0, 1.0)));
+            let pose = Pose::look_at(eye, target, DVec3::Z);
+            let view = View::perspective(pose, random(0.3, 2.0), 1.5, 0.01, f64::INFINITY).unwrap();
+            // By its matrix alone, the eye is not known so well, the less the farther it is from the origin.
+            let matrix = view.clip_from(DVec3::ZERO);
+            let view = View::from_clip_from_world(matrix, view.depth()).unwrap();
+            let lens = Lens::new(&view, DVec3::ZERO, [192, 128], [192, 128]);
+            let faces = Faces::new(&lens);
+            let mut sides = [0.0f32; 6];
+            for axis in 0..3 {
+                let near = eye[axis] + random(-1.0, 1.0).powi(9);
+                let (a, b) = (near as f32, (near + random(-40.0, 40.0)) as f32);
+                (sides[axis], sides[axis + 3]) = (a.min(b), a.max(b));
+            }
+            let slabs = faces.slabs(sides);
+            for lane in 0..6 {
+                let axis = lane % 3;
+                let mut q = [0, 1, 2].map(|i| random(f64::from(sides[i]), f64::from(sides[i + 3])));
+                q[axis] = f64::from(if lane < 3 { sides[axis + 3] } else { sides[axis] });
+                let clip = [0, 1, 3].map(|row| {
+                    let row = matrix.row(row);
+                    (0..3).fold([row.w, 0.0], |all, i| sum(all, product([row[i], 0.0], q[i])))
+                });
+                let minus_y = clip[1].map(|y| -y);
+                let at =
+                    [product(sum(clip[2], clip[0]), 96.0), product(sum(clip[2], minus_y), 64.0), clip[2]];
+                let [x, y, w] = at.map(|value| value[0]);
+                if !(w > 0.0 && x >= 0.0 && x <= 192.0 * w && y >= 0.0 && y <= 128.0 * w) {
+                    continue;
+                }
+                let factors = [slabs.slope[0][lane], slabs.slope[1][lane], slabs.constant[lane]];
+                let value = (0..3).fold([0.0; 2], |all, i| sum(all, product(at[i], factors[i])));
+                // Nearness is 1 / w: the bounds times w are compared with 1.
+                if slabs.upper[lane] == 0.0 {
+                    above += 1;
+                    assert!(sum(value, [-1.0, 0.0])[0] >= 0.0, "{lane} {q:?} {sides:?} {value:?}");
+                }
+                if slabs.lower[lane] == 0.0 {
+                    below += 1;
+                    assert!(sum(value, [1.0, 0.0])[0] >= 0.0, "{lane} {q:?} {sides:?} {value:?}");
+                }
+            }
+        }
+        assert!(above > 2_000 && below > 2_000, "{above} {below}");
+    }
 
     #[test]
     fn a_plane_is_before_a_bound_where_it_is_at_all_corners() {
