@@ -3,6 +3,7 @@
 use super::culler::nearness;
 use crate::{Eye, ObjectId, OccluderMesh, Scene, ViewPlanes};
 use alloc::vec::Vec;
+use core::cmp::Ordering;
 use glam::{Affine3A, Vec3};
 
 /// How occluders are chosen each frame.
@@ -109,24 +110,109 @@ impl Candidate {
 /// Keeps those that were seen and then those that cover most, or the nearest, within a budget of triangles, nearest first. One that does
 /// not fit is passed over, since a smaller one behind it may.
 pub(super) fn choose(candidates: &mut Vec<Candidate>, budget: usize, nearest: bool) {
-    let all = candidates.iter().fold(0, |sum: usize, candidate| sum.saturating_add(candidate.cost));
-    // Which go first matters only where some have to stay out.
-    if all > budget {
-        candidates.sort_unstable_by(|a, b| {
-            let by_gap = if nearest { a.gap.total_cmp(&b.gap) } else { core::cmp::Ordering::Equal };
-            let by_angle = b.angle.total_cmp(&a.angle);
-            b.seen.cmp(&a.seen).then(by_gap).then(by_angle).then(a.id.cmp(&b.id))
-        });
-    }
+    candidates.retain(|candidate| candidate.angle > 0.0);
+    let best_first = |a: &Candidate, b: &Candidate| {
+        let by_gap = if nearest { a.gap.total_cmp(&b.gap) } else { Ordering::Equal };
+        let by_angle = b.angle.total_cmp(&a.angle);
+        b.seen.cmp(&a.seen).then(by_gap).then(by_angle).then(a.id.cmp(&b.id))
+    };
     let mut left = budget;
-    candidates.retain(|candidate| {
-        let fits = candidate.cost <= left && candidate.angle > 0.0;
-        if fits {
-            left -= candidate.cost;
-        }
-        fits
-    });
+    let taken = take(candidates, &mut left, &best_first);
+    candidates.truncate(taken);
     candidates.sort_unstable_by(|a, b| {
         a.gap.total_cmp(&b.gap).then(a.distance.total_cmp(&b.distance)).then(a.id.cmp(&b.id))
     });
+}
+
+/// So few are put in order at once.
+const FEW: usize = 16;
+
+/// Moves to the front those that fit into what is left of a budget, taken one after another in an order; returns how many. Those that surely
+/// all fit, or surely none, are not put in order: most of a large scene's occluders are on one side or the other.
+fn take(
+    candidates: &mut [Candidate],
+    left: &mut usize,
+    order: &impl Fn(&Candidate, &Candidate) -> Ordering,
+) -> usize {
+    let (mut all, mut least) = (0usize, usize::MAX);
+    for candidate in candidates.iter() {
+        all = all.saturating_add(candidate.cost);
+        least = least.min(candidate.cost);
+    }
+    if all <= *left {
+        *left -= all;
+        return candidates.len();
+    }
+    if least > *left {
+        return 0;
+    }
+    if candidates.len() <= FEW {
+        candidates.sort_unstable_by(order);
+        let mut taken = 0;
+        for i in 0..candidates.len() {
+            if candidates[i].cost <= *left {
+                *left -= candidates[i].cost;
+                candidates.swap(taken, i);
+                taken += 1;
+            }
+        }
+        return taken;
+    }
+    let middle = candidates.len() / 2;
+    candidates.select_nth_unstable_by(middle, order);
+    let (first, second) = candidates.split_at_mut(middle);
+    let taken = take(first, left, order);
+    let more = take(second, left, order);
+    for i in 0..more {
+        candidates.swap(taken + i, middle + i);
+    }
+    taken + more
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn those_are_chosen_that_fit_one_after_another() {
+        let mut state = 1u32;
+        let mut random = |below: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) % below
+        };
+        let mut passed_over = 0;
+        for trial in 0..2_000 {
+            let mut candidates: Vec<Candidate> = (0..random(120))
+                .map(|index| Candidate {
+                    id: ObjectId { index, generation: 0 },
+                    angle: random(20) as f32 * 0.1,
+                    distance: random(9) as f32,
+                    gap: random(9) as f32,
+                    cost: random(if trial % 3 == 0 { 3 } else { 40 }) as usize,
+                    seen: random(4) == 0,
+                })
+                .collect();
+            let (budget, nearest) = (random(1_500) as usize, random(2) == 0);
+            let mut ordered = candidates.clone();
+            ordered.sort_by(|a, b| {
+                let by_gap = if nearest { a.gap.total_cmp(&b.gap) } else { Ordering::Equal };
+                (b.seen.cmp(&a.seen)).then(by_gap).then(b.angle.total_cmp(&a.angle)).then(a.id.cmp(&b.id))
+            });
+            let (mut left, mut expected, mut refused) = (budget, Vec::new(), false);
+            for candidate in ordered.iter().filter(|candidate| candidate.angle > 0.0) {
+                if candidate.cost <= left {
+                    left -= candidate.cost;
+                    expected.push((candidate.gap, candidate.distance, candidate.id));
+                    passed_over += usize::from(refused);
+                } else {
+                    refused = true;
+                }
+            }
+            expected.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+            choose(&mut candidates, budget, nearest);
+            let chosen: Vec<_> = candidates.iter().map(|c| (c.gap, c.distance, c.id)).collect();
+            assert_eq!(chosen, expected, "{trial}: budget {budget}");
+        }
+        assert!(passed_over > 1_000, "{passed_over}");
+    }
 }
