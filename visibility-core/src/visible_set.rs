@@ -311,11 +311,18 @@ impl VisibleSet {
         grown.clear();
         grown.resize(tree.node_count(), 0);
         for &id in ids {
-            let Some((leaf, lane)) = scene.locate(id).filter(|&(leaf, _)| !tree.is_unculled_leaf(leaf))
-            else {
-                continue;
+            let Some((leaf, lane)) = scene.locate(id) else { continue };
+            let is_new = if grown[leaf] != 0 {
+                // What lies above the leaf is in both sets, then.
+                let new = self.mask(scene, leaf) & !grown[leaf] & 1 << lane;
+                grown[leaf] |= new;
+                new != 0
+            } else {
+                !tree.is_unculled_leaf(leaf)
+                    && self.holds(scene, leaf, lane)
+                    && add(&mut grown, tree, leaf, lane)
             };
-            if self.holds(scene, leaf, lane) && add(&mut grown, tree, leaf, lane) {
+            if is_new {
                 order.push(id);
             }
         }
@@ -398,6 +405,7 @@ impl VisibleSet {
     }
 
     /// Whether an object is in the set. False for an unknown one.
+    #[inline]
     pub fn contains(&self, scene: &Scene, id: ObjectId) -> bool {
         scene.locate(id).is_some_and(|(leaf, lane)| self.holds(scene, leaf, lane))
     }

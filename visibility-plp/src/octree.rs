@@ -351,6 +351,9 @@ impl Tessellation for OctreeTessellation {
     #[inline]
     fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face)) {
         let mine = self.blocks[cell as usize];
+        let (place, side) = self.place(cell);
+        // The corners that the lower and the upper three sides have in common.
+        let corners = [self.grid.corner(place), self.grid.corner(place.map(|x| x + side))];
         for &link in self.links.get(cell as usize) {
             let (neighbour, axis, upwards) = linked(link);
             if !wanted(neighbour) {
@@ -359,10 +362,8 @@ impl Tessellation for OctreeTessellation {
             let other = self.blocks[neighbour as usize];
             let mut normal = DVec3::ZERO;
             normal[axis] = if upwards { 1.0 } else { -1.0 };
-            let mut corner = [mine[0], mine[1], mine[2]];
-            corner[axis] += if upwards { mine[3] } else { 0 };
             let side = f64::from(mine[3].min(other[3])) * self.grid.step;
-            let point = self.grid.corner(corner.map(u32::from));
+            let point = corners[usize::from(upwards)];
             each(&Face { neighbour, point, normal, area: side * side });
         }
     }

@@ -10,7 +10,7 @@ use crate::solidity::{From, chance, count_solidity, nearness, share, shown, stop
 use crate::{Face, Front, Solidity, Tessellation};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
-use visibility_core::{Changes, Eye, ObjectId, Scene, Triangle, VisibleSet};
+use visibility_core::{Aabb, Changes, Eye, ObjectId, Scene, Triangle, VisibleSet};
 
 /// How much may be projected in a frame.
 ///
@@ -127,10 +127,10 @@ pub(crate) struct Stage<'a, T: ?Sized> {
 }
 
 impl<T: Tessellation + ?Sized> Stage<'_, T> {
-    /// A cell as seen from the eye, if it is asked what turns its back.
+    /// The box of a cell as seen from the eye, if it is asked what turns its back.
     #[inline]
-    fn toward(&self, cell: u32) -> Option<Toward> {
-        self.rules.one_sided.then(|| Toward::new(self.sight.eye, &self.tessellation.cell_bounds(cell)))
+    fn toward(&self, bounds: &Aabb) -> Option<Toward> {
+        self.rules.one_sided.then(|| Toward::new(self.sight.eye, bounds))
     }
 }
 
@@ -249,7 +249,7 @@ impl Walk {
         {
             // Whatever the planes say: all lines of sight begin here.
             if !self.enter(stage, cell) {
-                self.know(stage, cell, u16::MAX);
+                self.know(stage, cell, u16::MAX, &stage.tessellation.cell_bounds(cell));
                 clear(&mut self.closed, cell);
             }
             let first = match stage.rules.solidity {
@@ -284,17 +284,24 @@ impl Walk {
             return !bit(&self.closed, cell as usize);
         }
         set(&mut self.known, cell);
-        let Place::Crossing(crossed) = stage.sight.place(&stage.tessellation.cell_bounds(cell)) else {
+        let bounds = stage.tessellation.cell_bounds(cell);
+        let Place::Crossing(crossed) = stage.sight.place(&bounds) else {
             set(&mut self.closed, cell);
             return false;
         };
-        self.know(stage, cell, crossed);
+        self.know(stage, cell, crossed, &bounds);
         true
     }
 
     /// Fills in what a cell's neighbours and its content ask for.
     #[inline]
-    fn know<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32, crossed: u16) {
+    fn know<T: Tessellation + ?Sized>(
+        &mut self,
+        stage: &Stage<'_, T>,
+        cell: u32,
+        crossed: u16,
+        bounds: &Aabb,
+    ) {
         let content = stage.tessellation.content();
         let mut known = Cell { crossed, to: if content.is_empty(cell) { 0 } else { ALL }, ..Cell::UNKNOWN };
         if stage.rules.solidity == Solidity::Coverage {
@@ -307,7 +314,7 @@ impl Walk {
         }
         self.cells[cell as usize] = known;
         if stage.rules.solidity == Solidity::Coverage {
-            self.open(stage, cell);
+            self.open(stage, cell, bounds);
             // What holds nothing costs nothing.
             self.cells[cell as usize].worth = self.best_side(cell).map_or(1.0, |(_, worth)| worth);
         }
@@ -347,7 +354,7 @@ impl Walk {
         if !bit(&self.closed, cell as usize) {
             self.go_through(stage, cell);
         }
-        self.open(stage, cell);
+        self.open_late(stage, cell);
         while let Some((side, worth)) = self.best_side(cell) {
             let solidity = match stage.rules.solidity {
                 Solidity::Coverage => 1.0 - chance(self.cells[cell as usize].value) * worth,
@@ -384,7 +391,7 @@ impl Walk {
 
     /// Projects all that is left in a cell whatever the budget, and goes through it, if it was not shut and neither was done yet.
     pub(crate) fn finish<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
-        self.open(stage, cell);
+        self.open_late(stage, cell);
         while let Some((side, _)) = self.best_side(cell) {
             self.project(stage, cell, side, true);
         }
@@ -394,9 +401,17 @@ impl Walk {
         }
     }
 
-    /// Opens a cell: looks up what it holds, by the side that it faces, if that was not done yet.
+    /// Opens a cell if that was not done yet.
     #[inline]
-    fn open<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
+    fn open_late<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
+        if self.cells[cell as usize].to == ALL {
+            self.open(stage, cell, &stage.tessellation.cell_bounds(cell));
+        }
+    }
+
+    /// Opens a cell with that box: looks up what it holds, by the side that it faces. Once, and not if it holds nothing.
+    #[inline]
+    fn open<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32, bounds: &Aabb) {
         let known = &mut self.cells[cell as usize];
         if known.to != ALL {
             return;
@@ -406,7 +421,7 @@ impl Walk {
         let content = stage.tessellation.content();
         let compass = &content.compass;
         let towards = known.towards(compass);
-        let toward = stage.toward(cell);
+        let toward = stage.toward(bounds);
         let mut sides = content.sides(cell);
         while let Some(layers) = sides.next() {
             if toward.as_ref().is_some_and(|toward| layers.is_back(toward)) {
@@ -521,7 +536,7 @@ impl Walk {
             self.settle(stage, unlimited);
         }
         // Without branches on what cannot be foretold: every object is written down, and counts if it is new and does not turn its back.
-        let toward = stage.toward(cell);
+        let toward = stage.toward(&stage.tessellation.cell_bounds(cell));
         let mut count = self.waiting;
         for index in layer {
             let (place, mark) = (index as usize / 64, 1u64 << (index % 64));
