@@ -265,7 +265,14 @@ impl Hzb {
                     if self.fill() && self.tiles.fuses() {
                         let Scratch { corners, drawn, .. } = &self.scratch;
                         let drawn = |i: usize| drawn.get(i).is_some_and(|&drawn| drawn);
-                        crate::mesh::remember(parts, corners, drawn, &placed, &self.lens, &mut self.tiles);
+                        crate::mesh::remember_solid(
+                            parts,
+                            corners,
+                            drawn,
+                            &placed,
+                            &self.lens,
+                            &mut self.tiles,
+                        );
                     }
                     return;
                 }

@@ -66,6 +66,11 @@ struct Reach {
     nearest: f64,
 }
 
+impl Reach {
+    /// Of nothing.
+    const NONE: Self = Self { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
+}
+
 /// Draws a mesh; returns a nearness that nothing of it exceeds.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
@@ -81,17 +86,12 @@ pub(crate) fn draw(
 ) -> f32 {
     // Beyond this, a point is surely beyond the near plane, by a margin that dwarfs rounding of the cuts.
     let beyond = 1024.0 * placed.error[4];
-    let mut reach = Reach { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
+    let mut reach = Reach::NONE;
     project(mesh.positions, placed, beyond, setup, &mut reach);
     let Setup { corners, screen, facing: drawn } = setup;
     let whole = reach.nearest > beyond;
     if !whole {
-        for edge in mesh.edges {
-            let [a, b] = edge.vertices.map(|i| &corners[i as usize]);
-            if (a[4] > beyond) != (b[4] > beyond) {
-                on_screen(&cut(a, b, beyond), placed, &mut reach);
-            }
-        }
+        reach_cuts(mesh, corners, placed, beyond, &mut reach);
     }
     // NaN is too far as well.
     if !(reach.error <= 0.125) {
@@ -105,7 +105,7 @@ pub(crate) fn draw(
 
     if tiles.fuses() {
         let drawn = |i: usize| drawn.get(i).is_some_and(|&side| side != 0);
-        remember(mesh, corners, drawn, placed, lens, tiles);
+        remember(mesh, corners, |i| screen[i], slack, drawn, placed, lens, tiles);
     }
     let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
     let marked = coverage == Coverage::Conservative;
@@ -303,8 +303,19 @@ fn choose(
     u8::from(fronts) | if backs { 2 } else { 0 }
 }
 
-/// Remembers the triangles of a mesh that are `drawn`, for those that join others without a seam.
-pub(crate) fn remember(
+/// Takes what the near plane's limit makes of edges into the reach of a mesh.
+#[inline(always)]
+fn reach_cuts(mesh: &Parts, corners: &[[f64; 5]], placed: &Placed, beyond: f64, reach: &mut Reach) {
+    for edge in mesh.edges {
+        let [a, b] = edge.vertices.map(|i| &corners[i as usize]);
+        if (a[4] > beyond) != (b[4] > beyond) {
+            on_screen(&cut(a, b, beyond), placed, reach);
+        }
+    }
+}
+
+/// As [`remember`], for a mesh that was drawn by its outline.
+pub(crate) fn remember_solid(
     mesh: &Parts,
     corners: &[[f64; 5]],
     drawn: impl Fn(usize) -> bool,
@@ -313,14 +324,35 @@ pub(crate) fn remember(
     tiles: &mut Tiles,
 ) {
     let beyond = 1024.0 * placed.error[4];
+    let mut reach = Reach::NONE;
+    for corner in corners.iter().filter(|corner| corner[4] > beyond) {
+        on_screen(corner, placed, &mut reach);
+    }
+    reach_cuts(mesh, corners, placed, beyond, &mut reach);
+    let slack = 2.0 * reach.error + TINY;
+    let screen = |i: usize| on_screen(&corners[i], placed, &mut { Reach::NONE });
+    remember(mesh, corners, screen, slack, drawn, placed, lens, tiles);
+}
+
+/// Remembers the triangles of a mesh that are `drawn`, for those that join others without a seam. Its corners may be off by `slack` on the `screen`.
+#[inline(always)]
+#[expect(clippy::too_many_arguments)]
+fn remember(
+    mesh: &Parts,
+    corners: &[[f64; 5]],
+    screen: impl Fn(usize) -> Corner,
+    slack: f64,
+    drawn: impl Fn(usize) -> bool,
+    placed: &Placed,
+    lens: &Lens,
+    tiles: &mut Tiles,
+) {
+    let beyond = 1024.0 * placed.error[4];
     let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
+    let (slack, size) = (up(slack), lens.size);
     let Tiles { weld, whole, .. } = tiles;
     let number = weld.begin_mesh();
-    let corner = |corner: &[f64; 5], name: Name| {
-        let mut reach = Reach { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
-        let Corner { x, y, far } = on_screen(corner, placed, &mut reach);
-        weld::Corner { at: [x, y], far, slack: up(2.0 * reach.error + TINY), name }
-    };
+    let corner = |Corner { x, y, far }: Corner, name: Name| weld::Corner { at: [x, y], far, name };
     let mut first = None;
     for (i, t) in mesh.triangles.iter().enumerate() {
         if !drawn(i) {
@@ -328,17 +360,17 @@ pub(crate) fn remember(
         }
         let first = *first.get_or_insert_with(|| {
             let first = weld.count();
-            for (vertex, (position, at)) in (0..).zip(mesh.positions.iter().zip(corners)) {
+            for (i, position) in mesh.positions.iter().enumerate() {
                 let name =
-                    if mesh.still { Name::of_place(position) } else { Name::of_vertex(number, vertex) };
-                weld.push(corner(at, name));
+                    if mesh.still { Name::of_place(position) } else { Name::of_vertex(number, i as u32) };
+                weld.push(corner(screen(i), name));
             }
             first
         });
         let [a, b, c] = t.map(|i| &corners[i as usize]);
         let plane = plane([a, b, c], placed, lens, &errors);
         if a[4] > beyond && b[4] > beyond && c[4] > beyond {
-            weld.add(&t.map(|i| first + i), plane, lens.size, whole);
+            weld.add(&t.map(|i| first + i), slack, plane, size, whole);
             continue;
         }
         // What is left beyond the near plane.
@@ -351,10 +383,11 @@ pub(crate) fn remember(
             }
             if (a[4] > beyond) != (b[4] > beyond) && count < 4 {
                 let name = Name::of_cut(number, i, j);
-                (rest[count], count) = (weld.push(corner(&cut(a, b, beyond), name)), count + 1);
+                let at = on_screen(&cut(a, b, beyond), placed, &mut { Reach::NONE });
+                (rest[count], count) = (weld.push(corner(at, name)), count + 1);
             }
         }
-        weld.add(&rest[..count], plane, lens.size, whole);
+        weld.add(&rest[..count], slack, plane, size, whole);
     }
 }
 

@@ -74,8 +74,6 @@ pub(crate) struct Corner {
     pub(crate) at: [f64; 2],
     /// Nearness, rounded away.
     pub(crate) far: f32,
-    /// How far it may be off, in pixels, with room for the arithmetic here.
-    pub(crate) slack: f32,
     pub(crate) name: Name,
 }
 
@@ -151,19 +149,19 @@ impl Weld {
     }
 
     /// Remembers a triangle, or what is left of one, for those tiles that it meets where `whole`, the least nearness of each, leaves anything of it to
-    /// be seen. Its corners come by number, in either order. The plane of its nearness is already moved by its error, and may be none.
-    pub(crate) fn add(&mut self, piece: &[u32], plane: [f64; 3], size: [f64; 2], whole: &[f32]) {
+    /// be seen. Its corners come by number, in either order, and may be off by `slack` pixels, with room for the arithmetic here. The plane of its
+    /// nearness is already moved by its error, and may be none.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, piece: &[u32], slack: f32, plane: [f64; 3], size: [f64; 2], whole: &[f32]) {
         let count = piece.len().min(CORNERS);
         if count < 3 || self.links.len() + self.chains.len() > LINKS {
             return;
         }
         let (mut corners, mut at) = ([0; CORNERS], [[0.0; 2]; CORNERS]);
-        let (mut slack, mut floor, mut ceiling) = (0.0f32, f32::INFINITY, f32::NEG_INFINITY);
+        let (mut floor, mut ceiling) = (f32::INFINITY, f32::NEG_INFINITY);
         for (i, &number) in piece[..count].iter().enumerate() {
             let Some(corner) = self.corners.get(number as usize) else { return };
             (corners[i], at[i]) = (number, corner.at);
-            // Written so that NaN comes through.
-            slack = if corner.slack <= slack { slack } else { corner.slack };
             floor = floor.min(corner.far);
             ceiling = ceiling.max(corner.far);
         }
