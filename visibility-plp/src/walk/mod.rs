@@ -1,14 +1,17 @@
 //! The walk through the cells of a tessellation that both cullers share: the rendering loop of the paper's figure 4.
 
+mod projection;
+mod sides;
+
 use crate::compass::{Compass, Nearest};
 use crate::content::bit;
 use crate::facing::{Side, Toward};
-use crate::kind::ANYWHERE;
-use crate::layers::{Layer, Layers};
 use crate::sight::{Place, Sight};
-use crate::solidity::{From, chance, count_solidity, nearness, share, shown, stopped, worth};
+use crate::solidity::{From, chance, count_solidity, nearness, share, stopped};
 use crate::{Face, Front, Solidity, Tessellation};
 use alloc::vec::Vec;
+use projection::{BATCH, Sifted};
+use sides::{ALL, Rest};
 use visibility_core::glam::Vec3;
 use visibility_core::{Aabb, Changes, Eye, ObjectId, Scene, Triangle, VisibleSet};
 
@@ -73,40 +76,6 @@ impl Cell {
         (!self.is_around()).then(|| compass.near(-self.direction))
     }
 }
-
-/// What is not projected yet of one side of a cell.
-#[derive(Clone, Copy, Debug)]
-struct Rest {
-    /// What part of its light its first layer is worth.
-    worth: f32,
-    /// The solid angle that a square metre takes up.
-    nearness: f32,
-    /// Where it begins and ends, in bytes from the end of the list.
-    from: u32,
-    to: u32,
-    facing: u8,
-}
-
-/// What is seen in spite of all that was found before it.
-const LEAST: f32 = 0.02;
-
-/// An object, on which side of it the eye is, and which planes its cell crosses.
-#[derive(Clone, Copy, Debug)]
-struct Sifted {
-    index: u32,
-    side: Side,
-    crossed: u16,
-}
-
-impl Sifted {
-    const NONE: Self = Self { index: 0, side: Side::Unknown, crossed: 0 };
-}
-
-/// So many objects are looked up together: memory is slow, but answers many at once.
-const BATCH: usize = 256;
-
-/// More sides than there are ever.
-const ALL: u32 = u32::MAX;
 
 /// What is asked of the objects that are projected.
 #[derive(Clone, Copy, Debug)]
@@ -177,20 +146,6 @@ pub(crate) struct Walk {
     asked: Vec<(u32, Triangle)>,
 }
 
-impl Rest {
-    /// Goes on with these layers. False if there is none.
-    #[inline]
-    fn look(&mut self, mut layers: Layers<'_>, compass: &Compass, towards: Option<&Nearest>) -> bool {
-        self.from = self.to + layers.len() as u32;
-        let next = layers.next();
-        let worth = |layer: Layer<'_>| {
-            worth(layer.kind.area() * self.nearness) * (layer.exposure(compass, towards) + LEAST)
-        };
-        self.worth = next.clone().map_or(0.0, worth);
-        next.is_some()
-    }
-}
-
 fn set(words: &mut [u64], index: u32) {
     words[index as usize / 64] |= 1 << (index % 64);
 }
@@ -198,9 +153,6 @@ fn set(words: &mut [u64], index: u32) {
 fn clear(words: &mut [u64], index: u32) {
     words[index as usize / 64] &= !(1 << (index % 64));
 }
-
-/// More triangles than this are not looked at to find that an object turns its back or lies outside the view.
-const FEW: usize = 4;
 
 impl Walk {
     /// Begins a frame: strays are projected, and the cells put into the front from which the walk begins. False if the tessellation is of another
@@ -267,13 +219,6 @@ impl Walk {
                 };
                 self.put(stage, cell, value);
             }
-        }
-    }
-
-    fn cost<T: ?Sized>(&self, stage: &Stage<'_, T>, id: ObjectId) -> u64 {
-        match stage.rules.budget {
-            Budget::Objects(_) => 1,
-            Budget::Cost(_) => stage.scene.object(id).map_or(0, |object| object.cost.into()),
         }
     }
 
@@ -399,169 +344,6 @@ impl Walk {
         if !bit(&self.closed, cell as usize) {
             self.go_through(stage, cell);
         }
-    }
-
-    /// Opens a cell if that was not done yet.
-    #[inline]
-    fn open_late<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32) {
-        if self.cells[cell as usize].to == ALL {
-            self.open(stage, cell, &stage.tessellation.cell_bounds(cell));
-        }
-    }
-
-    /// Opens a cell with that box: looks up what it holds, by the side that it faces. Once, and not if it holds nothing.
-    #[inline]
-    fn open<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>, cell: u32, bounds: &Aabb) {
-        let known = &mut self.cells[cell as usize];
-        if known.to != ALL {
-            return;
-        }
-        known.from = self.sides.len() as u32;
-        let shown = shown(known.direction, known.is_around(), stage.rules.one_sided);
-        let content = stage.tessellation.content();
-        let compass = &content.compass;
-        let towards = known.towards(compass);
-        let toward = stage.toward(bounds);
-        let mut sides = content.sides(cell);
-        while let Some(layers) = sides.next() {
-            if toward.as_ref().is_some_and(|toward| layers.is_back(toward)) {
-                continue;
-            }
-            let nearness = known.nearness * shown[usize::from(layers.facing.min(ANYWHERE))];
-            let (facing, to) = (layers.facing, sides.len());
-            let from = to + layers.len();
-            let mut rest = Rest { worth: 0.0, nearness, from: from as u32, to: to as u32, facing };
-            if rest.look(layers, compass, towards) {
-                self.sides.push(rest);
-            }
-        }
-        known.to = self.sides.len() as u32;
-    }
-
-    /// Which side of a cell shows most with its next layer, and how much that is worth; none when nothing is left of the cell.
-    #[inline]
-    fn best_side(&self, cell: u32) -> Option<(u32, f32)> {
-        let known = &self.cells[cell as usize];
-        let mut best = None;
-        for side in known.from..known.to {
-            let worth = self.sides[side as usize].worth;
-            if best.is_none_or(|(_, most)| worth > most) {
-                best = Some((side, worth));
-            }
-        }
-        best
-    }
-
-    /// How many objects are surely within the budget.
-    #[inline]
-    fn may_wait<T: ?Sized>(&self, stage: &Stage<'_, T>, unlimited: bool) -> usize {
-        match stage.rules.budget {
-            _ if unlimited => usize::MAX,
-            Budget::Objects(_) => usize::try_from(self.left).unwrap_or(usize::MAX),
-            Budget::Cost(_) => 0,
-        }
-    }
-
-    /// Projects what waits, as far as the budget lasts: those objects that are in the set and not surely out of sight.
-    pub(crate) fn settle<T: ?Sized>(&mut self, stage: &Stage<'_, T>, unlimited: bool) -> Projected {
-        let waiting = self.sifted[..self.waiting].iter();
-        self.waiting = 0;
-        self.seen.clear();
-        self.seen.extend(waiting.filter_map(|&Sifted { index, side, crossed }| {
-            stage.scene.id_at(index as usize).map(|id| (id, side, crossed))
-        }));
-        let mut count = 0;
-        for place in 0..self.seen.len() {
-            self.seen[count] = self.seen[place];
-            count += usize::from(stage.visible.contains(stage.scene, self.seen[count].0));
-        }
-        self.seen.truncate(count);
-        self.turn_away(stage);
-        for (place, &(id, ..)) in self.seen.iter().enumerate() {
-            if !unlimited {
-                let cost = self.cost(stage, id);
-                if cost > self.left {
-                    for (id, ..) in &self.seen[place..] {
-                        clear(&mut self.taken, id.index() as u32);
-                    }
-                    return Projected::Cut;
-                }
-                self.left -= cost;
-            }
-            self.order.push(id);
-        }
-        Projected::Whole
-    }
-
-    /// Takes objects of few triangles that are surely out of sight from those at hand.
-    fn turn_away<T: ?Sized>(&mut self, stage: &Stage<'_, T>) {
-        // Triangles are copied before any is looked at, again for the sake of memory.
-        self.asked.clear();
-        for (place, &(id, side, crossed)) in (0..).zip(&self.seen) {
-            if (side == Side::Unknown || crossed != 0)
-                && let Ok(triangles) = stage.scene.triangles(id)
-                && triangles.len() <= FEW
-            {
-                self.asked.extend(triangles.iter().map(|triangle| (place, *triangle)));
-            }
-        }
-        for of_one in self.asked.chunk_by(|a, b| a.0 == b.0) {
-            let (_, side, crossed) = &mut self.seen[of_one[0].0 as usize];
-            let triangles = || of_one.iter().map(|(_, triangle)| triangle);
-            let backs = *side == Side::Unknown && stage.sight.sees_backs(triangles());
-            if backs || stage.sight.is_outside(triangles(), *crossed) {
-                *side = Side::Back;
-            }
-        }
-        if !self.asked.is_empty() {
-            self.seen.retain(|&(_, side, _)| side != Side::Back);
-        }
-    }
-
-    /// Projects the next layer of a side of a cell, each object once, as far as the budget lasts.
-    fn project<T: Tessellation + ?Sized>(
-        &mut self,
-        stage: &Stage<'_, T>,
-        cell: u32,
-        side: u32,
-        unlimited: bool,
-    ) -> Projected {
-        let content = stage.tessellation.content();
-        let crossed = self.cells[cell as usize].crossed;
-        let rest = self.sides[side as usize];
-        let mut layers = content.sides(cell).layers(rest.facing, rest.from as usize, rest.to as usize);
-        let layer = layers.next().unwrap_or_default();
-        // What waits is within the budget, whatever becomes of it.
-        if self.waiting + layer.most() > self.may_wait(stage, unlimited).min(BATCH) {
-            self.settle(stage, unlimited);
-        }
-        // Without branches on what cannot be foretold: every object is written down, and counts if it is new and does not turn its back.
-        let toward = stage.toward(&stage.tessellation.cell_bounds(cell));
-        let mut count = self.waiting;
-        for index in layer {
-            let (place, mark) = (index as usize / 64, 1u64 << (index % 64));
-            let (Some(word), Some(sifted)) = (self.taken.get_mut(place), self.sifted.get_mut(count)) else {
-                continue;
-            };
-            let is_new = *word & mark == 0;
-            *word |= mark;
-            let side = toward
-                .as_ref()
-                .map_or(Side::Front, |toward| content.facing.side(index as usize, toward, &self.planes));
-            *sifted = Sifted { index, side, crossed };
-            count += usize::from(is_new & (side != Side::Back));
-        }
-        self.waiting = count;
-        if count > self.may_wait(stage, unlimited) && self.settle(stage, unlimited) == Projected::Cut {
-            return Projected::Cut;
-        }
-        let towards = self.cells[cell as usize].towards(&content.compass);
-        if !self.sides[side as usize].look(layers, &content.compass, towards) {
-            let known = &mut self.cells[cell as usize];
-            known.to -= 1;
-            self.sides.swap(side as usize, known.to as usize);
-        }
-        Projected::Whole
     }
 
     /// Hands the solidity of a cell on to those neighbours that lines of sight may enter from it, and puts them into the front.
