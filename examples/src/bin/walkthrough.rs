@@ -40,7 +40,7 @@ struct Arguments {
 
     /// Cullers to compare, separated by commas; a+b runs b after a, and `auto` is the best of all for the scene. All but `frustum`
     /// itself run after the frustum.
-    #[arg(long, default_value = "frustum", value_name = "LIST")]
+    #[arg(long, default_value = "frustum,hzb", value_name = "LIST")]
     cullers: String,
 
     /// Number of frames, spread evenly over the walks. By default every key of the walks is a frame.
