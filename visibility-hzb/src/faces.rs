@@ -298,23 +298,9 @@ impl Slabs {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::twice::{product, sum};
     use visibility_core::glam::DVec3;
     use visibility_core::{Pose, View};
-
-    /// A sum and a product, as two numbers each, with twice the precision (Dekker, "A Floating-Point Technique for Extending the Available
-    /// Precision", 1971).
-    fn sum(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
-        let s = a[0] + b[0];
-        let v = s - a[0];
-        let e = (a[0] - (s - v)) + (b[0] - v) + a[1] + b[1];
-        [s + e, e - ((s + e) - s)]
-    }
-
-    fn product(a: [f64; 2], b: f64) -> [f64; 2] {
-        let p = a[0] * b;
-        let e = a[0].mul_add(b, -p) + a[1] * b;
-        [p + e, e - ((p + e) - p)]
-    }
 
     /// Points on the faces themselves are on the right side of the bounds, also where the eye is almost in the plane of a face.
     #[test]

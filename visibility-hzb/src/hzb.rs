@@ -458,7 +458,7 @@ pub(crate) fn make_box(
 
 /// The occluder as the lens sees it, and the sense in which its fronts turn; `None` if nothing can be said of it.
 #[inline(always)]
-fn place(lens: &Lens, bounds: &Aabb, transform: &Affine3A) -> Option<(Placed, f64)> {
+pub(crate) fn place(lens: &Lens, bounds: &Aabb, transform: &Affine3A) -> Option<(Placed, f64)> {
     let reach = bounds.min.abs().max(bounds.max.abs()).to_array().map(f64::from);
     let placed = lens.place(transform, reach);
     let mut finite = lens.facing != 0.0;

@@ -27,7 +27,7 @@
 //! # Why nothing visible is hidden
 //! - A pixel counts as covered only if all of it is, up to its corners, and rounding cannot change that; it holds the farthest
 //!   depth that what covers it can have. Boxes and other convex solids go by their outline, whose proof is in `shape.rs`; meshes of any
-//!   form go by contract 2 of the design, in `mesh.rs`. Both are tested by rays through the corners of covered pixels.
+//!   form by the rule of `mesh.rs`. Both are tested by rays through the corners of covered pixels.
 //! - A box is hidden only if each pixel that it can meet, rounded outwards, holds something strictly nearer than the box's nearest
 //!   point, rounded nearer.
 //! - So the size of the buffer costs or saves time and tightness, never correctness: 512 x 288 is a good size for a picture of any size.
@@ -65,6 +65,8 @@ mod shape;
 mod simd;
 mod solid;
 mod tiles;
+#[cfg(test)]
+mod twice;
 mod weld;
 
 pub use hom::{DepthEstimate, Hom, OccluderCriteria, OccluderDatabase};

@@ -1,4 +1,4 @@
-//! Meshes of any form: the rule of contract 2, mesh by mesh.
+//! Meshes of any form, mesh by mesh.
 //!
 //! # The rule
 //! Triangles that surely face the eye are drawn; for two-sided meshes those that surely face away as well, as a second mesh. An edge is inner if
@@ -93,7 +93,6 @@ pub(crate) fn draw(
     if !whole {
         reach_cuts(mesh, corners, placed, beyond, &mut reach);
     }
-    // NaN is too far as well.
     if !(reach.error <= 0.125) {
         return f32::NEG_INFINITY;
     }
@@ -205,8 +204,7 @@ fn project(positions: &[Vec3], placed: &Placed, beyond: f64, setup: &mut Setup, 
             (sx[i], sy[i]) = (x[i] * over, y[i] * over);
             let size = greater(x[i].abs(), y[i].abs()) * over;
             let off = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
-            // A NaN stays one.
-            error[i] = if known { off } else { 0.0 };
+            error[i] = if known { known_or_infinite(off) } else { 0.0 };
             let nearness = n[i] * over;
             let margin = 2.0 * (en + nearness.abs() * ew) * over + 4.0 * f64::EPSILON * nearness.abs();
             far[i] = lower(nearness - margin);
@@ -214,8 +212,7 @@ fn project(positions: &[Vec3], placed: &Placed, beyond: f64, setup: &mut Setup, 
             nearest[i] = near[i];
         }
         for i in 0..LANES {
-            // Written so that NaN comes through.
-            reach.error = if error[i] <= reach.error { reach.error } else { error[i] };
+            reach.error = greater(error[i], reach.error);
             reach.greatest = greater(most[i], reach.greatest);
             reach.nearest = if nearest[i] >= reach.nearest { reach.nearest } else { nearest[i] };
         }
@@ -237,6 +234,12 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
+/// An error, or infinity for NaN: that of a corner in the eye itself.
+#[inline(always)]
+fn known_or_infinite(error: f64) -> f64 {
+    if error < f64::INFINITY { error } else { f64::INFINITY }
+}
+
 /// Where a corner is on the screen.
 #[inline(always)]
 fn on_screen(c: &[f64; 5], placed: &Placed, reach: &mut Reach) -> Corner {
@@ -244,7 +247,7 @@ fn on_screen(c: &[f64; 5], placed: &Placed, reach: &mut Reach) -> Corner {
     let over = 1.0 / if c[2] > 8.0 * ew { c[2] } else { 0.0 };
     let size = greater(c[0].abs(), c[1].abs()) * over;
     let error = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
-    reach.error = if error <= reach.error { reach.error } else { error };
+    reach.error = greater(known_or_infinite(error), reach.error);
     let nearness = c[3] * over;
     let margin = 2.0 * (en + nearness.abs() * ew) * over + 4.0 * f64::EPSILON * nearness.abs();
     reach.greatest = greater(nearness + margin, reach.greatest);
@@ -351,6 +354,9 @@ fn remember(
     let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
     let (slack, size) = (up(slack), lens.size);
     let Tiles { weld, whole, .. } = tiles;
+    if weld.is_full() {
+        return;
+    }
     let number = weld.begin_mesh();
     let corner = |Corner { x, y, far }: Corner, name: Name| weld::Corner { at: [x, y], far, name };
     let mut first = None;

@@ -130,6 +130,12 @@ impl Weld {
         self.mesh = 0;
     }
 
+    /// Whether no more is remembered in this frame.
+    #[inline(always)]
+    pub(crate) fn is_full(&self) -> bool {
+        self.links.len() + self.chains.len() > LINKS
+    }
+
     /// A number for a mesh.
     pub(crate) fn begin_mesh(&mut self) -> u32 {
         self.mesh += 1;
@@ -154,7 +160,7 @@ impl Weld {
     #[inline(always)]
     pub(crate) fn add(&mut self, piece: &[u32], slack: f32, plane: [f64; 3], size: [f64; 2], whole: &[f32]) {
         let count = piece.len().min(CORNERS);
-        if count < 3 || self.links.len() + self.chains.len() > LINKS {
+        if count < 3 || self.is_full() {
             return;
         }
         let (mut corners, mut at) = ([0; CORNERS], [[0.0; 2]; CORNERS]);
@@ -521,4 +527,167 @@ fn is_same(a: [u32; 2], b: [u32; 2], corners: &[Corner]) -> bool {
         }
     }
     true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Coverage;
+    use crate::canvas::Cells;
+    use crate::lens::Lens;
+    use crate::mesh::{self, Setup};
+    use crate::solid::Parts;
+    use crate::tiles::Tiles;
+    use crate::twice::{product, sum};
+    use std::vec::Vec;
+    use visibility_core::glam::{Affine3A, DVec3};
+    use visibility_core::{OccluderMesh, Pose, View};
+
+    /// What is remembered of triangles seen from far off the origin, many of them through the near plane: vertices are where they ought to
+    /// be, and cuts on their edges, but for the slack.
+    #[test]
+    fn corners_are_off_by_less_than_the_slack() {
+        let mut state = 9u64;
+        let mut random = |low: f64, high: f64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            low + (high - low) * ((state >> 11) as f64 / (1u64 << 53) as f64)
+        };
+        let mut tiles = Tiles::new(192, 128);
+        let (mut setup, mut cells) = (Setup::default(), Cells::new(&tiles));
+        let mut seen = [0; 2];
+        for trial in 0..20_000 {
+            let far = 10f64.powf(random(0.0, 9.0));
+            let eye = DVec3::from_array([0; 3].map(|_| far * random(-1.0, 1.0)));
+            let forward = DVec3::from_array([0; 3].map(|_| random(-1.0, 1.0)));
+            let pose = Pose::look_at(eye, eye + forward, DVec3::Z);
+            let view = View::perspective(pose, random(0.3, 2.0), 1.5, 0.01, f64::INFINITY).unwrap();
+            // By its matrix alone, the eye is not known so well, the less the farther it is from the origin.
+            let matrix = view.clip_from(DVec3::ZERO);
+            let view = View::from_clip_from_world(matrix, view.depth()).unwrap();
+            let lens = Lens::new(&view, DVec3::ZERO, [192, 128], [192, 128]);
+            let reach = (far * 1e-6).max(1.0) * 10f64.powf(random(-1.0, 2.0));
+            let positions = [0; 3]
+                .map(|_| (eye + reach * DVec3::from_array([0; 3].map(|_| random(-1.0, 1.0)))).as_vec3());
+            let Ok(mesh) = OccluderMesh::from_indexed(&positions, &[[0, 1, 2]]) else { continue };
+            let mesh = mesh.with_two_sided(true);
+            let Some((placed, facing)) = crate::hzb::place(&lens, mesh.bounds(), &Affine3A::IDENTITY) else {
+                continue;
+            };
+            let parts = Parts::of(&mesh, false);
+            tiles.clear(true);
+            if trial % 2 == 0 {
+                let corners: Vec<_> =
+                    mesh.positions().iter().map(|p| placed.at(p.to_array().map(f64::from))).collect();
+                mesh::remember_solid(&parts, &corners, |_| true, &placed, &lens, &mut tiles);
+            } else {
+                let (setup, cells) = (&mut setup, &mut cells);
+                mesh::draw(&parts, &placed, &lens, facing, Coverage::Conservative, setup, cells, &mut tiles);
+            }
+            // Where its corners ought to be: `x`, `y` and `w`.
+            let exact = [0, 1, 2].map(|i: usize| {
+                let p = mesh.positions()[i].to_array().map(f64::from);
+                let clip = [0, 1, 3].map(|row| {
+                    let row = matrix.row(row);
+                    (0..3).fold([row.w, 0.0], |all, i| sum(all, product([row[i], 0.0], p[i])))
+                });
+                let minus_y = clip[1].map(|y| -y);
+                [product(sum(clip[2], clip[0]), 96.0), product(sum(clip[2], minus_y), 64.0), clip[2]]
+            });
+            let at = |p: [[f64; 2]; 3]| [p[0][0] / p[2][0], p[1][0] / p[2][0]];
+            let Weld { corners, patches, mesh: number, .. } = &tiles.weld;
+            for patch in patches {
+                let slack = f64::from(patch.slack);
+                for corner in patch.corners[..patch.count as usize].iter().map(|&i| corners[i as usize]) {
+                    for i in 0..3 {
+                        if corner.name == Name::of_vertex(*number, i as u32) {
+                            let [x, y] = less(corner.at, at(exact[i]));
+                            seen[0] += 1;
+                            assert!(x.abs().max(y.abs()) < slack, "{trial}: {x} {y} {slack}");
+                        }
+                        let j = (i + 1) % 3;
+                        if corner.name == Name::of_cut(*number, i as u32, j as u32) {
+                            seen[1] += 1;
+                            let off = distance(corner.at, exact[i], exact[j]);
+                            assert!(off < slack, "{trial}: {off} {slack}");
+                        }
+                    }
+                }
+            }
+        }
+        assert!(seen[0] > 5_000 && seen[1] > 5_000, "{seen:?}");
+    }
+
+    /// However corners are moved within the slack, what is said of a triangle and a pixel holds.
+    #[test]
+    fn what_is_seen_holds_within_the_slack() {
+        let mut state = 11u64;
+        let mut random = |low: f64, high: f64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            low + (high - low) * ((state >> 11) as f64 / (1u64 << 53) as f64)
+        };
+        let pixel = [20.0, 12.0];
+        let size = [64.0, 32.0];
+        let name = Name([0; 4]);
+        let mut found = [0; 4];
+        for _ in 0..20_000 {
+            let mut weld = Weld::new(8, 4);
+            let reach = 10f64.powf(random(0.0, 1.5));
+            for _ in 0..3 {
+                let at = pixel.map(|side| side + random(-reach, reach));
+                weld.push(Corner { at, far: 1.0, name });
+            }
+            let slack = random(0.0, 0.2) as f32;
+            weld.add(&[0, 1, 2], slack, [0.0, 0.0, 1.0], size, &[0.0; 32]);
+            let Some(patch) = weld.patches.first() else { continue };
+            let seen = weld.look_at(patch, pixel);
+            for _ in 0..20 {
+                // To the ends of the slack, mostly.
+                let mut moved = patch.corners.map(|i| weld.corners[i as usize].at);
+                for side in moved.as_flattened_mut() {
+                    *side +=
+                        (f64::from(slack) * random(-3.0, 3.0)).clamp(-f64::from(slack), f64::from(slack));
+                }
+                let value = |i: usize, [x, y]: [f64; 2]| {
+                    let ([ax, ay], [bx, by]) = (moved[i], moved[(i + 1) % 3]);
+                    (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+                };
+                let inside = |p: [f64; 2]| (0..3).all(|i| value(i, p) > 0.0);
+                let points = SQUARE.map(|[x, y]| [pixel[0] + x, pixel[1] + y]);
+                let Some(seen) = &seen else {
+                    found[0] += 1;
+                    assert!(!points.into_iter().any(inside));
+                    continue;
+                };
+                if seen.all {
+                    found[1] += 1;
+                    assert!(points.into_iter().all(inside));
+                }
+                if seen.probed {
+                    found[2] += 1;
+                    assert!(inside([pixel[0] + 0.5 + PROBE[0], pixel[1] + 0.5 + PROBE[1]]));
+                }
+                for i in 0..3 {
+                    let (a, b) = (moved[i], moved[(i + 1) % 3]);
+                    if seen.edges >> i & 1 == 0 {
+                        found[3] += 1;
+                        for step in 0..=32 {
+                            let share = f64::from(step) / 32.0;
+                            let [x, y] = [0, 1].map(|k| a[k] + (b[k] - a[k]) * share - pixel[k]);
+                            assert!(!(0.0..=1.0).contains(&x) || !(0.0..=1.0).contains(&y));
+                        }
+                    }
+                }
+            }
+        }
+        assert!(found.iter().all(|&found| found > 10_000), "{found:?}");
+    }
+
+    /// How far a place on the screen is from the line through two points.
+    fn distance([x, y]: [f64; 2], a: [[f64; 2]; 3], b: [[f64; 2]; 3]) -> f64 {
+        let times = |p: [f64; 2], q: [f64; 2]| sum(product(p, q[0]), product(p, q[1]));
+        let minor = |i: usize, j: usize| sum(times(a[i], b[j]), times(a[j], b[i]).map(|value| -value));
+        let (p, q, r) = (minor(1, 2), minor(2, 0), minor(0, 1));
+        let value = sum(sum(product(p, x), product(q, y)), r);
+        value[0].abs() / p[0].hypot(q[0])
+    }
 }
