@@ -12,8 +12,8 @@
 //! the adjugate `C` of `M` and its determinant `D`, `w (C s) = D q + C e`. Entries of `M` are off by `3u` of themselves, so those of `C`, two
 //! products each, by less than `16u` of the sum `P` of the magnitudes of these, and `D` by less than `32u` of the sum of magnitudes of its six
 //! products. So on `q = t`, nearness is `(C s) / (D t)`, where the numerator is off by less than `64u` of `P s`, taken at the picture's far corner,
-//! scaling, evaluation and all, and the denominator by less than `2 P e`, `64u` of `t` times the six products, and `4u` of itself for its own rounding
-//! and that of `t`. Half-spaces whose denominator is not twice as large as that are left out, which only makes the box larger.
+//! scaling, evaluation and all, and the denominator by less than `2 P e` and `64u` of `t` times the six products, where half would do but for its own
+//! rounding and that of `t`. Half-spaces whose denominator is not twice as large as that are left out, which only makes the box larger.
 
 use crate::Simd;
 use crate::lens::{Lens, U};
@@ -123,7 +123,7 @@ impl Faces {
         for i in 0..LANES {
             let distance = SIGNS[i] * (f64::from(sides[i]) - self.anchor[i]);
             let size = self.scale * distance.abs();
-            let off = self.shift[i] + self.spread * distance.abs() + 4.0 * U * size;
+            let off = self.shift[i] + self.spread * distance.abs();
             // Written so that NaN bounds nothing.
             let known = (size > 2.0 * off) & (size < f64::INFINITY);
             let inside = distance > 0.0;
@@ -299,7 +299,7 @@ impl Slabs {
 mod tests {
     use super::*;
     use crate::twice::{product, sum};
-    use visibility_core::glam::DVec3;
+    use visibility_core::glam::{DMat3, DVec3};
     use visibility_core::{Pose, View};
 
     /// Points on the faces themselves are on the right side of the bounds, also where the eye is almost in the plane of a face.
@@ -311,14 +311,25 @@ mod tests {
             low + (high - low) * ((state >> 11) as f64 / (1u64 << 53) as f64)
         };
         let (mut above, mut below) = (0, 0);
-        for _ in 0..20_000 {
-            let far = 10f64.powf(random(0.0, 6.0));
+        for trial in 0..20_000 {
+            // At the origin all rounding is that of the determinant.
+            let far = if trial % 2 == 0 { 0.0 } else { 10f64.powf(random(0.0, 6.0)) };
             let eye = DVec3::from_array([0; 3].map(|_| far * random(-1.0, 1.0)));
             let target = eye + DVec3::from_array([0; 3].map(|_| random(-1.0, 1.0)));
             let pose = Pose::look_at(eye, target, DVec3::Z);
             let view = View::perspective(pose, random(0.3, 2.0), 1.5, 0.01, f64::INFINITY).unwrap();
-            // By its matrix alone, the eye is not known so well, the less the farther it is from the origin.
-            let matrix = view.clip_from(DVec3::ZERO);
+            // By its matrix alone, the eye is not known so well, the less the farther it is from the origin. And far off the middle of a picture,
+            // its determinant is the difference of large products.
+            let mut matrix = view.clip_from(DVec3::ZERO);
+            let aside = random(0.0, 1.0).powi(9) * 1e7;
+            for axis in 0..4 {
+                let column = matrix.col_mut(axis);
+                column.x += aside * column.w;
+            }
+            let rows = [0, 1, 3].map(|row| matrix.row(row));
+            let inverse =
+                DMat3::from_cols_array_2d(&rows.map(|row| row.truncate().to_array())).transpose().inverse();
+            let apex = -(inverse * DVec3::from_array(rows.map(|row| row.w)));
             let view = View::from_clip_from_world(matrix, view.depth()).unwrap();
             let lens = Lens::new(&view, DVec3::ZERO, [192, 128], [192, 128]);
             let faces = Faces::new(&lens);
@@ -331,12 +342,14 @@ mod tests {
             let slabs = faces.slabs(sides);
             for lane in 0..6 {
                 let axis = lane % 3;
-                let mut q = [0, 1, 2].map(|i| random(f64::from(sides[i]), f64::from(sides[i + 3])));
-                q[axis] = f64::from(if lane < 3 { sides[axis + 3] } else { sides[axis] });
-                let clip = [0, 1, 3].map(|row| {
-                    let row = matrix.row(row);
-                    (0..3).fold([row.w, 0.0], |all, i| sum(all, product([row[i], 0.0], q[i])))
-                });
+                // A point of the face that shows somewhere in the picture.
+                let side = f64::from(if lane < 3 { sides[axis + 3] } else { sides[axis] });
+                let (x, y) = (random(-1.0, 1.0), random(-1.0, 1.0));
+                let way = inverse * DVec3::new(x, y, 1.0);
+                let mut q = (apex + way * ((side - apex[axis]) / way[axis])).to_array();
+                q[axis] = side;
+                let clip = rows
+                    .map(|row| (0..3).fold([row.w, 0.0], |all, i| sum(all, product([row[i], 0.0], q[i]))));
                 let minus_y = clip[1].map(|y| -y);
                 let at =
                     [product(sum(clip[2], clip[0]), 96.0), product(sum(clip[2], minus_y), 64.0), clip[2]];

@@ -510,4 +510,22 @@ mod tests {
         }
         assert!(yes > 500 && no > 500, "{yes} {no}");
     }
+
+    /// Corners of pieces are off by a little, and a bound on a box that is as near there as a surface rises above it beyond.
+    #[test]
+    fn bounds_have_room_for_the_rounding_of_pieces() {
+        let turns: Vec<f64> = (0..16).map(|i| f64::from(i) * 0.4).collect();
+        for turn in turns {
+            let (a, b) = (turn.cos(), turn.sin());
+            let behind = |below: f64| {
+                let slabs = Slabs::of([[a, b, 1.0 - 0.3 * a - 0.6 * b - below]; LANES], 1);
+                let mut piece = Piece::NONE;
+                piece.push([0.3, 0.6], true);
+                (&slabs, 2.0).is_behind(&Surface::flat(1.0), [0.0; 2], &piece)
+            };
+            // At a distance of 2^-40 it is that much nearer.
+            assert!(!behind(0.5f64.powi(40)));
+            assert!(behind(4.0 * TINY));
+        }
+    }
 }
