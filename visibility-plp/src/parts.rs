@@ -152,4 +152,45 @@ mod tests {
             }
         }
     }
+
+    /// The same far from the origin, of cells so small beside that way that their own size does not bound how their faces are rounded. There f32
+    /// has numbers so near to a face only where that is a round number itself: every 25 steps from the middle of the grid, which is 51/50 as wide
+    /// as the scene, if that is of whole numbers.
+    #[test]
+    fn nothing_falls_between_cells_far_away() {
+        let mut random = Random(22);
+        let mut between = 0;
+        for round in 0..20_000 {
+            let (axis, sign) = (round % 3, if round % 2 == 0 { 1 } else { -1 });
+            // Half the scene is 1024 times so large; cells have so many steps a side, and the wall is 25 times so many from the middle.
+            let size = 1 + random.whole(8).abs();
+            let side = 1 << random.whole(2).abs();
+            let steps = side * random.whole(20 / side);
+            // Just below a power of two, beyond which numbers are coarser: cells on the two sides are rounded differently.
+            let wall = (1 << (22 + random.whole(2))) - 1 - random.whole(8).abs();
+            let mut middle = random.vector(1 << 20);
+            middle[axis] = (wall - 51 * size * steps) * sign;
+            let ends = [-1024 * size, 1024 * size].map(|by| middle.map(|x| (x + by) as f32));
+            let grid = Grid::around(&Aabb::from_arrays(ends[0], ends[1]));
+            let [mut upper, mut lower] = [[STEPS / 2; 3]; 2];
+            upper[axis] = (i64::from(STEPS / 2) + 25 * steps * sign) as u32;
+            lower[axis] = upper[axis] - side as u32;
+            let half = side as f64 * 0.5 * grid.step;
+            let [a, b] = [upper, lower].map(|place| grid.corner(place) + DVec3::splat(half));
+            let wall_at = [[-0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[u, v]| {
+                let mut point = a;
+                point[axis] = (wall * sign) as f64;
+                point[(axis + 1) % 3] += u * half;
+                point[(axis + 2) % 3] += v * half;
+                point
+            });
+            for part in [Part::Solid(wall_at[0], wall_at[1]), Part::Triangle(wall_at)] {
+                assert!(part.meets_box(a, half) || part.meets_box(b, half), "{part:?} {a} {b} {half}");
+            }
+            // A margin in halves alone would be too little.
+            let (x, reach) = (wall_at[0][axis], half * (1.0 + 1e-12));
+            between += u32::from(x < a[axis] - reach && x > b[axis] + reach);
+        }
+        assert!(between > 100, "{between}");
+    }
 }
