@@ -298,18 +298,15 @@ impl Slabs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::twice::{product, sum};
+    use crate::random::random;
+    use crate::twice::{on_screen, product, sum};
     use visibility_core::glam::{DMat3, DVec3};
     use visibility_core::{Pose, View};
 
     /// Points on the faces themselves are on the right side of the bounds, also where the eye is almost in the plane of a face.
     #[test]
     fn bounds_hold_on_the_faces() {
-        let mut state = 5u64;
-        let mut random = |low: f64, high: f64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            low + (high - low) * ((state >> 11) as f64 / (1u64 << 53) as f64)
-        };
+        let mut random = random(5);
         let (mut above, mut below) = (0, 0);
         for trial in 0..20_000 {
             // At the origin all rounding is that of the determinant.
@@ -348,11 +345,7 @@ mod tests {
                 let way = inverse * DVec3::new(x, y, 1.0);
                 let mut q = (apex + way * ((side - apex[axis]) / way[axis])).to_array();
                 q[axis] = side;
-                let clip = rows
-                    .map(|row| (0..3).fold([row.w, 0.0], |all, i| sum(all, product([row[i], 0.0], q[i]))));
-                let minus_y = clip[1].map(|y| -y);
-                let at =
-                    [product(sum(clip[2], clip[0]), 96.0), product(sum(clip[2], minus_y), 64.0), clip[2]];
+                let at = on_screen(rows, q, [192.0, 128.0]);
                 let [x, y, w] = at.map(|value| value[0]);
                 if !(w > 0.0 && x >= 0.0 && x <= 192.0 * w && y >= 0.0 && y <= 128.0 * w) {
                     continue;

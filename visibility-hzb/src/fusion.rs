@@ -236,7 +236,7 @@ impl Piece {
 
     /// The corners, in pixels from a pixel at `at`.
     #[inline(always)]
-    fn corners(&self, at: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
+    pub(crate) fn corners(&self, at: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
         (0..self.count.min(CORNERS)).map(move |i| [at[0] + self.x[i], at[1] + self.y[i]])
     }
 }
@@ -388,15 +388,13 @@ impl<'a, B: Behind> Fusion<'a, B> {
 mod tests {
     use super::*;
     use crate::faces::LANES;
+    use crate::random::random;
     use std::vec::Vec;
 
     #[test]
     fn parts_are_all_of_a_piece() {
-        let mut state = 3u64;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1u64 << 53) as f64
-        };
+        let mut source = random(3);
+        let mut random = || source(0.0, 1.0);
         let area = |piece: &Piece| {
             let corners: Vec<_> = piece.corners([0.0; 2]).collect();
             let twice = |i: usize| {
@@ -427,11 +425,8 @@ mod tests {
     /// Quadrilaterals at random before something that covers all of the pixel, or all but a part: what is found covered is, at every point.
     #[test]
     fn what_is_found_covered_has_no_hole() {
-        let mut state = 7u64;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1u64 << 53) as f64
-        };
+        let mut source = random(7);
+        let mut random = || source(0.0, 1.0);
         let mut found = [[0; 2]; 2];
         for trial in 0..20_000 {
             let mut outlines = [Outline { columns: [-1.0, 2.0], ..Outline::NONE }; MET];
@@ -472,11 +467,7 @@ mod tests {
     /// What is found behind a surface at the corners of a piece is behind it at all points of the piece, by some bound.
     #[test]
     fn a_box_behind_at_the_corners_is_behind_throughout() {
-        let mut state = 1u64;
-        let mut random = |low: f64, high: f64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            low + (high - low) * ((state >> 11) as f64 / (1u64 << 53) as f64)
-        };
+        let mut random = random(1);
         let (mut yes, mut no) = (0, 0);
         for _ in 0..4000 {
             let pixel = [random(0.0, 60.0).floor(), random(0.0, 30.0).floor()];

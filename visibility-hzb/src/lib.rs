@@ -61,6 +61,8 @@ mod mesh;
 mod pyramid;
 mod query;
 mod queue;
+#[cfg(test)]
+mod random;
 mod shape;
 mod simd;
 mod solid;

@@ -359,9 +359,6 @@ struct Seen {
     edges: u32,
 }
 
-/// The corners of a pixel.
-const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-
 /// Whether a triangle is before all of what is behind, where it meets the pixel.
 #[inline(always)]
 fn is_before(patch: &Patch, pixel: [f64; 2], behind: &mut impl Behind) -> bool {
@@ -370,10 +367,10 @@ fn is_before(patch: &Patch, pixel: [f64; 2], behind: &mut impl Behind) -> bool {
 }
 
 /// The nearness that a triangle has at least where it meets a pixel.
-fn least(patch: &Patch, [x, y]: [f64; 2]) -> f64 {
+fn least(patch: &Patch, pixel: [f64; 2]) -> f64 {
     let mut least = f64::INFINITY;
-    for corner in SQUARE {
-        least = least.min(patch.surface.at([x + corner[0], y + corner[1]]));
+    for corner in Piece::WHOLE.corners(pixel) {
+        least = least.min(patch.surface.at(corner));
     }
     least.max(f64::from(patch.floor))
 }
@@ -536,9 +533,10 @@ mod tests {
     use crate::canvas::Cells;
     use crate::lens::Lens;
     use crate::mesh::{self, Setup};
+    use crate::random::random;
     use crate::solid::Parts;
     use crate::tiles::Tiles;
-    use crate::twice::{product, sum};
+    use crate::twice::{on_screen, product, sum};
     use std::vec::Vec;
     use visibility_core::glam::{Affine3A, DVec3};
     use visibility_core::{OccluderMesh, Pose, View};
@@ -547,11 +545,7 @@ mod tests {
     /// be, and cuts on their edges, but for the slack.
     #[test]
     fn corners_are_off_by_less_than_the_slack() {
-        let mut state = 9u64;
-        let mut random = |low: f64, high: f64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            low + (high - low) * ((state >> 11) as f64 / (1u64 << 53) as f64)
-        };
+        let mut random = random(9);
         let mut tiles = Tiles::new(192, 128);
         let (mut setup, mut cells) = (Setup::default(), Cells::new(&tiles));
         let mut seen = [0; 2];
@@ -583,15 +577,10 @@ mod tests {
                 let (setup, cells) = (&mut setup, &mut cells);
                 mesh::draw(&parts, &placed, &lens, facing, Coverage::Conservative, setup, cells, &mut tiles);
             }
-            // Where its corners ought to be: `x`, `y` and `w`.
+            // Where its corners ought to be.
             let exact = [0, 1, 2].map(|i: usize| {
                 let p = mesh.positions()[i].to_array().map(f64::from);
-                let clip = [0, 1, 3].map(|row| {
-                    let row = matrix.row(row);
-                    (0..3).fold([row.w, 0.0], |all, i| sum(all, product([row[i], 0.0], p[i])))
-                });
-                let minus_y = clip[1].map(|y| -y);
-                [product(sum(clip[2], clip[0]), 96.0), product(sum(clip[2], minus_y), 64.0), clip[2]]
+                on_screen([0, 1, 3].map(|row| matrix.row(row)), p, [192.0, 128.0])
             });
             let at = |p: [[f64; 2]; 3]| [p[0][0] / p[2][0], p[1][0] / p[2][0]];
             let Weld { corners, patches, mesh: number, .. } = &tiles.weld;
@@ -620,11 +609,7 @@ mod tests {
     /// However corners are moved within the slack, what is said of a triangle and a pixel holds.
     #[test]
     fn what_is_seen_holds_within_the_slack() {
-        let mut state = 11u64;
-        let mut random = |low: f64, high: f64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            low + (high - low) * ((state >> 11) as f64 / (1u64 << 53) as f64)
-        };
+        let mut random = random(11);
         let pixel = [20.0, 12.0];
         let size = [64.0, 32.0];
         let name = Name([0; 4]);
@@ -652,15 +637,14 @@ mod tests {
                     (bx - ax) * (y - ay) - (by - ay) * (x - ax)
                 };
                 let inside = |p: [f64; 2]| (0..3).all(|i| value(i, p) > 0.0);
-                let points = SQUARE.map(|[x, y]| [pixel[0] + x, pixel[1] + y]);
                 let Some(seen) = &seen else {
                     found[0] += 1;
-                    assert!(!points.into_iter().any(inside));
+                    assert!(!Piece::WHOLE.corners(pixel).any(inside));
                     continue;
                 };
                 if seen.all {
                     found[1] += 1;
-                    assert!(points.into_iter().all(inside));
+                    assert!(Piece::WHOLE.corners(pixel).all(inside));
                 }
                 if seen.probed {
                     found[2] += 1;

@@ -237,14 +237,10 @@ mod tests {
     /// Triangles facing everywhere, each through a point of the unit box, and eyes near and far: never the wrong side.
     #[test]
     fn sides_are_those_of_the_triangles() {
-        let mut state = 7u64;
-        let mut random = move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f32 / (1 << 23) as f32 - 1.0
-        };
+        let mut random = Random(7);
         let mut scene = Scene::new();
         for i in 0..6000 {
-            let mut point = || Vec3::new(random(), random(), random());
+            let mut point = || DVec3::new(random.float(), random.float(), random.float()).as_vec3();
             let (q, u, v) = (point(), point(), point());
             let triangle = match i % 3 {
                 // Corners in the box; a corner alone, of a large one; nearly along an axis.

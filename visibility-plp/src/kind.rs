@@ -165,15 +165,11 @@ mod tests {
     /// Triangles in a box, facing everywhere, and eyes around it: never behind what faces it.
     #[test]
     fn what_is_behind_a_side_is_behind_its_triangles() {
-        let mut state = 5u64;
-        let mut random = move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f32 / (1 << 23) as f32 - 1.0
-        };
+        let mut random = Random(5);
         let cell = visibility_core::Aabb::from_arrays([-1.0; 3], [1.0; 3]);
         let (mut behind, mut leaning) = (0, 0);
         for i in 0..20_000 {
-            let mut point = || DVec3::new(random().into(), random().into(), random().into());
+            let mut point = || DVec3::new(random.float(), random.float(), random.float());
             let (a, mut b, mut c) = (point(), point(), point());
             if i % 2 == 0 {
                 (b.x, c.x) = (a.x, a.x + (c.x - a.x) * 0.3);
