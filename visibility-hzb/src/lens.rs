@@ -183,6 +183,12 @@ impl Placed {
         out
     }
 
+    /// The limit of the near plane: what is farther than this before it is surely so, by a margin that dwarfs rounding of the cuts.
+    #[inline(always)]
+    pub(crate) fn beyond(&self) -> f64 {
+        1024.0 * self.error[4]
+    }
+
     /// How far rounding can move the determinant of three points (`x`, `y`, `w`), or of a point and two differences of points.
     ///
     /// It is a sum of six products of three values each. Replacing one value by its error, in turn, gives at most two products for each

@@ -84,8 +84,7 @@ pub(crate) fn draw(
     cells: &mut Cells,
     tiles: &mut Tiles,
 ) -> f32 {
-    // Beyond this, a point is surely beyond the near plane, by a margin that dwarfs rounding of the cuts.
-    let beyond = 1024.0 * placed.error[4];
+    let beyond = placed.beyond();
     let mut reach = Reach::NONE;
     project(mesh.positions, placed, beyond, setup, &mut reach);
     let Setup { corners, screen, facing: drawn } = setup;
@@ -194,21 +193,14 @@ fn project(positions: &[Vec3], placed: &Placed, beyond: f64, setup: &mut Setup, 
             }
         }
         let [x, y, w, n, near] = &values;
-        let [ex, ey, ew, en, _] = placed.error;
         let (mut sx, mut sy, mut far) = ([0.0; LANES], [0.0; LANES], [0.0f32; LANES]);
         let (mut error, mut most, mut nearest) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             let known = near[i] > beyond;
-            // A corner at or behind the eye makes the error infinite.
-            let over = 1.0 / if w[i] > 8.0 * ew { w[i] } else { 0.0 };
-            (sx[i], sy[i]) = (x[i] * over, y[i] * over);
-            let size = greater(x[i].abs(), y[i].abs()) * over;
-            let off = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
-            error[i] = if known { known_or_infinite(off) } else { 0.0 };
-            let nearness = n[i] * over;
-            let margin = 2.0 * (en + nearness.abs() * ew) * over + 4.0 * f64::EPSILON * nearness.abs();
-            far[i] = lower(nearness - margin);
-            most[i] = if known { nearness + margin } else { f64::NEG_INFINITY };
+            let (corner, off, high) = seen_at([x[i], y[i], w[i], n[i]], placed);
+            (sx[i], sy[i], far[i]) = (corner.x, corner.y, corner.far);
+            error[i] = if known { off } else { 0.0 };
+            most[i] = if known { high } else { f64::NEG_INFINITY };
             nearest[i] = near[i];
         }
         for i in 0..LANES {
@@ -234,24 +226,28 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// An error, or infinity for NaN: that of a corner in the eye itself.
+/// Where a corner is on the screen, by how much it may be off there, and a nearness that it does not exceed.
 #[inline(always)]
-fn known_or_infinite(error: f64) -> f64 {
-    if error < f64::INFINITY { error } else { f64::INFINITY }
+fn seen_at([x, y, w, n]: [f64; 4], placed: &Placed) -> (Corner, f64, f64) {
+    let [ex, ey, ew, en, _] = placed.error;
+    // A corner at or behind the eye makes the error infinite.
+    let over = 1.0 / if w > 8.0 * ew { w } else { 0.0 };
+    let size = greater(x.abs(), y.abs()) * over;
+    let error = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
+    // In the eye itself it is NaN.
+    let error = if error < f64::INFINITY { error } else { f64::INFINITY };
+    let nearness = n * over;
+    let margin = 2.0 * (en + nearness.abs() * ew) * over + 4.0 * f64::EPSILON * nearness.abs();
+    (Corner { x: x * over, y: y * over, far: lower(nearness - margin) }, error, nearness + margin)
 }
 
-/// Where a corner is on the screen.
+/// As [`seen_at`], taken into the reach of a mesh.
 #[inline(always)]
-fn on_screen(c: &[f64; 5], placed: &Placed, reach: &mut Reach) -> Corner {
-    let [ex, ey, ew, en, _] = placed.error;
-    let over = 1.0 / if c[2] > 8.0 * ew { c[2] } else { 0.0 };
-    let size = greater(c[0].abs(), c[1].abs()) * over;
-    let error = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
-    reach.error = greater(known_or_infinite(error), reach.error);
-    let nearness = c[3] * over;
-    let margin = 2.0 * (en + nearness.abs() * ew) * over + 4.0 * f64::EPSILON * nearness.abs();
-    reach.greatest = greater(nearness + margin, reach.greatest);
-    Corner { x: c[0] * over, y: c[1] * over, far: lower(nearness - margin) }
+fn on_screen(&[x, y, w, n, _]: &[f64; 5], placed: &Placed, reach: &mut Reach) -> Corner {
+    let (corner, error, most) = seen_at([x, y, w, n], placed);
+    reach.error = greater(error, reach.error);
+    reach.greatest = greater(most, reach.greatest);
+    corner
 }
 
 /// Decides which triangles are drawn: those that surely face the eye, and are not wholly before the near plane. With `slack`, all corners
@@ -326,7 +322,7 @@ pub(crate) fn remember_solid(
     lens: &Lens,
     tiles: &mut Tiles,
 ) {
-    let beyond = 1024.0 * placed.error[4];
+    let beyond = placed.beyond();
     let mut reach = Reach::NONE;
     for corner in corners.iter().filter(|corner| corner[4] > beyond) {
         on_screen(corner, placed, &mut reach);
@@ -350,7 +346,7 @@ fn remember(
     lens: &Lens,
     tiles: &mut Tiles,
 ) {
-    let beyond = 1024.0 * placed.error[4];
+    let beyond = placed.beyond();
     let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
     let (slack, size) = (up(slack), lens.size);
     let Tiles { weld, whole, .. } = tiles;

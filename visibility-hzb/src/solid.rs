@@ -127,8 +127,7 @@ pub(crate) fn make(
 ) -> Made {
     let Scratch { corners, screen, drawn } = scratch;
     corners.clear();
-    // Beyond this, a point is surely beyond the near plane, by a margin that dwarfs rounding of the cuts.
-    let beyond = 1024.0 * placed.error[4];
+    let beyond = placed.beyond();
     let mut nearest = f64::INFINITY;
     for p in mesh.positions {
         let corner = placed.at([f64::from(p.x), f64::from(p.y), f64::from(p.z)]);
