@@ -138,12 +138,7 @@ impl OccluderMesh {
         let mut mesh = Self::whole(&positions, triangles).ok_or(MeshError::Empty)?;
         if !mesh.convex {
             mesh.parts = split(&mesh.positions, &mesh.triangles);
-            let all = mesh.triangles.len();
-            mesh.solid_triangles = match mesh.parts.last() {
-                Some(rest) if rest.convex => all,
-                Some(rest) => all - rest.triangles.len(),
-                None => 0,
-            };
+            mesh.solid_triangles = mesh.parts.iter().map(Self::solid_triangles).sum();
         }
         Ok(mesh)
     }

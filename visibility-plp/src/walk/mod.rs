@@ -183,7 +183,7 @@ impl Walk {
         let Changes::Objects(changed) = content.changes(stage.scene) else { return false };
         for &id in content.strays().iter().chain(changed) {
             if stage.scene.contains(id) && !bit(&self.taken, id.index()) {
-                self.taken[id.index() / 64] |= 1 << (id.index() % 64);
+                set(&mut self.taken, id.index() as u32);
                 if stage.visible.contains(stage.scene, id) {
                     self.order.push(id);
                     self.left = self.left.saturating_sub(self.cost(stage, id));
