@@ -51,7 +51,9 @@ pub mod occlusion;
 mod pipeline;
 pub mod pvs;
 pub mod scene;
+mod serial;
 mod simd;
+mod stamp;
 pub mod view;
 mod visible_set;
 
@@ -72,6 +74,7 @@ pub use pipeline::{Explanation, Pipeline};
 pub use pvs::{Pvs, PvsCuller, PvsError, PvsTargets, ScenePvs, Viewcell, Viewcells};
 pub use scene::{Boxes64, Changes, Maintenance, MeshId, Object, ObjectId, Scene, SceneError, Triangle};
 pub use simd::Simd;
+pub use stamp::{SceneCursor, Stamp};
 pub use view::{
     ClipMatrix, Depth, Eye, MAX_CLIP_PLANES, MAX_PLANES, Pose, View, ViewError, ViewPlane, ViewPlanes, Window,
 };

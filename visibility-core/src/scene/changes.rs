@@ -1,8 +1,8 @@
 //! The log of changes, by which whoever derives state from a scene keeps it up to date in time proportional to
 //! what changed (after the design of VISAPI, whose visibility modules keep the scene and are told of changes).
 
-use super::serial::next_range;
 use crate::ObjectId;
+use crate::serial::next_range;
 use alloc::vec::Vec;
 
 /// What changed in a scene since some revision.

@@ -6,7 +6,6 @@ mod changes;
 mod curve;
 mod maintain;
 mod object;
-mod serial;
 mod tree;
 
 pub use boxes64::Boxes64;
@@ -16,6 +15,7 @@ pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub(crate) use tree::{NONE, Tree};
 
+use crate::serial::next_range;
 use crate::{Aabb, Child, OccluderMesh};
 use alloc::{boxed::Box, vec::Vec};
 use build::Entry;
@@ -82,7 +82,7 @@ impl Clone for Scene {
             free: self.free.clone(),
             layered: self.layered,
             log: ChangeLog::new(),
-            layout: serial::next_range(),
+            layout: next_range(),
         }
     }
 }
@@ -109,7 +109,7 @@ impl Scene {
             free: Vec::new(),
             layered: 0,
             log: ChangeLog::new(),
-            layout: serial::next_range(),
+            layout: next_range(),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Numbers that no two scenes share, so that what belongs to one is not taken for what belongs to another.
+//! Numbers that are handed out once, so that what belongs to one scene or structure is not taken for what belongs to another.
 
 use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
@@ -6,8 +6,13 @@ static LAST: AtomicUsize = AtomicUsize::new(0);
 
 /// Where a scene begins to count its layouts and its revisions. Distinct for the first 16 million calls: 2^40 numbers belong
 /// to each.
-pub(super) fn next_range() -> u64 {
-    (next() as u64) << 40
+pub(crate) fn next_range() -> u64 {
+    next_serial() << 40
+}
+
+/// A number that was not returned before, never 0. Repeats after as many calls as `usize` has values.
+pub(crate) fn next_serial() -> u64 {
+    next() as u64
 }
 
 /// 1, 2, 3 ...

@@ -1,0 +1,103 @@
+//! What derived state was made from: the one type by which a culler or a shared structure tells its sources apart.
+
+use crate::serial::next_serial;
+use crate::{Changes, Scene};
+
+/// Identifies the content of a structure that others derive state from: a cell graph, a PVS, a set of occluders.
+///
+/// A structure takes a [new](Self::new) stamp when it is made and after every change of its content, so equal stamps mean equal content. A
+/// clone keeps the stamp of the original until either of them changes. Whatever is derived from the structure keeps the stamp
+/// beside it, and is made anew when the two differ. Stamps have no order: two that differ say nothing else about their owners.
+///
+/// ```
+/// use visibility_core::Stamp;
+/// let mut cells = Stamp::new();
+/// let cached_for = cells;
+/// assert_eq!(cached_for, cells);
+/// cells = Stamp::new(); // the content has changed
+/// assert_ne!(cached_for, cells);
+/// assert_ne!(Stamp::NONE, cells);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
+pub struct Stamp(u64);
+
+impl Stamp {
+    /// The stamp of no content: what a cache holds before it is filled for the first time.
+    pub const NONE: Self = Self(0);
+
+    /// A stamp that no other content has.
+    #[expect(clippy::new_without_default, reason = "a default would suggest a fixed value")]
+    pub fn new() -> Self {
+        Self(next_serial())
+    }
+}
+
+/// How far a reader of a scene's changes has come: the scene, and the revision up to which its changes are taken in.
+///
+/// Every structure that derives state from a [`Scene`] keeps one cursor. A scene that differs from the one read before, a clone of it
+/// included, and a scene that no longer lists the changes since then, report [`Changes::Everything`].
+///
+/// ```
+/// use visibility_core::{Aabb, Changes, Scene, SceneCursor};
+/// let mut scene = Scene::new();
+/// let mut cursor = SceneCursor::START;
+/// assert_eq!(cursor.follow(&scene), Changes::Everything);
+/// let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+/// assert_eq!(cursor.follow(&scene), Changes::Objects(&[id]));
+/// assert!(cursor.is_current(&scene));
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct SceneCursor {
+    revision: u64,
+}
+
+impl SceneCursor {
+    /// Before the first change of any scene.
+    pub const START: Self = Self { revision: u64::MAX };
+
+    /// The present state of a scene.
+    pub fn at(scene: &Scene) -> Self {
+        Self { revision: scene.revision() }
+    }
+
+    /// The changes since the cursor, which stays where it is.
+    pub fn peek(self, scene: &Scene) -> Changes<'_> {
+        scene.changes_since(self.revision)
+    }
+
+    /// The changes since the cursor, which moves to the present state of the scene.
+    pub fn follow<'a>(&mut self, scene: &'a Scene) -> Changes<'a> {
+        let changes = self.peek(scene);
+        *self = Self::at(scene);
+        changes
+    }
+
+    /// Whether nothing of the scene has changed since the cursor. False for another scene.
+    pub fn is_current(self, scene: &Scene) -> bool {
+        self == Self::at(scene)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Aabb;
+
+    #[test]
+    fn a_cursor_of_one_scene_sees_everything_in_another() {
+        let mut a = Scene::new();
+        a.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+        let b = a.clone();
+        let cursor = SceneCursor::at(&a);
+        assert!(cursor.is_current(&a) && !cursor.is_current(&b));
+        assert_eq!(cursor.peek(&a), Changes::Objects(&[]));
+        assert_eq!(cursor.peek(&b), Changes::Everything);
+        assert_eq!(SceneCursor::START.peek(&Scene::new()), Changes::Everything);
+    }
+
+    #[test]
+    fn stamps_are_distinct() {
+        let stamps = core::array::from_fn::<Stamp, 8, _>(|_| Stamp::new());
+        assert!((0..8).all(|i| stamps[i] != Stamp::NONE && !stamps[..i].contains(&stamps[i])));
+    }
+}
