@@ -16,7 +16,7 @@ mod validate;
 pub use error::CellGraphError;
 pub use leak::Leak;
 
-use crate::{ConvexPolygon, ObjectId, Plane};
+use crate::{ConvexPolygon, ObjectId, Plane, Stamp};
 use alloc::vec::Vec;
 use glam::DVec3;
 
@@ -82,8 +82,9 @@ impl Portal {
 /// assert_eq!(graph.portals_of(CellId(1)).len(), 1);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, PartialEq, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct CellGraph {
+    stamp: Stamp,
     portals: Vec<Portal>,
     /// Where each cell's portals begin in `of_cells`, and at the end where the last ones stop.
     first: Vec<u32>,
@@ -142,6 +143,7 @@ impl CellGraph {
             }
         }
         Ok(Self {
+            stamp: Stamp::new(),
             portals: all,
             first,
             of_cells,
@@ -166,6 +168,11 @@ impl CellGraph {
             all.push((polygon, ends));
         }
         Self::new(cells, all)
+    }
+
+    /// Identifies cells, portals and lists of objects: a new stamp after each [`set_objects`](Self::set_objects). Clones share it.
+    pub fn stamp(&self) -> Stamp {
+        self.stamp
     }
 
     /// How many cells there are.
@@ -213,12 +220,31 @@ impl CellGraph {
             self.first_object[i] += self.first_object[i - 1];
         }
         self.objects = pairs.into_iter().map(|(_, object)| object).collect();
+        self.stamp = Stamp::new();
         Ok(())
     }
 
     /// The objects in a cell, ascending; none for an unknown cell.
     pub fn objects_in(&self, cell: CellId) -> &[ObjectId] {
         slice_of(&self.first_object, &self.objects, cell)
+    }
+}
+
+impl Default for CellGraph {
+    /// A graph without cells.
+    fn default() -> Self {
+        let (portals, first, of_cells) = (Vec::new(), Vec::new(), Vec::new());
+        let (first_object, objects) = (Vec::new(), Vec::new());
+        Self { stamp: Stamp::new(), portals, first, of_cells, first_object, objects }
+    }
+}
+
+impl PartialEq for CellGraph {
+    /// Whether both have the same cells, portals and lists of objects. Stamps are not compared.
+    fn eq(&self, other: &Self) -> bool {
+        self.portals == other.portals
+            && self.first_object == other.first_object
+            && self.objects == other.objects
     }
 }
 

@@ -113,6 +113,13 @@ fn objects_are_found_by_cell() {
     assert_eq!(graph.objects_in(CellId(0)), [ids[0], ids[2]]);
     assert_eq!(graph.objects_in(CellId(1)), []);
     assert_eq!(graph.objects_in(CellId(2)), [ids[1]]);
+    let (before, stamp) = (graph.clone(), graph.stamp());
     assert!(graph.set_objects([(CellId(3), ids[0])]).is_err());
     assert_eq!(graph.objects_in(CellId(2)), [ids[1]]);
+    assert_eq!(graph.stamp(), stamp, "nothing has changed");
+    assert_eq!(before.stamp(), stamp, "a clone has the same content");
+    graph.set_objects([(CellId(2), ids[0])]).unwrap();
+    assert!(graph.stamp() != stamp && graph != before);
+    graph.set_objects([(CellId(0), ids[0]), (CellId(2), ids[1]), (CellId(0), ids[2])]).unwrap();
+    assert!(graph.stamp() != stamp && graph == before, "equal content may have another stamp");
 }

@@ -23,7 +23,7 @@ pub use culler::{PvsCuller, ScenePvs};
 pub use error::PvsError;
 pub use viewcells::{Viewcell, Viewcells};
 
-use crate::CellId;
+use crate::{CellId, Stamp};
 use alloc::vec::Vec;
 use runs::write_runs;
 
@@ -48,10 +48,20 @@ pub enum PvsTargets {
 /// assert!(loaded.sees(CellId(2), 70) && !loaded.sees(CellId(1), 70));
 /// # Ok::<(), visibility_core::PvsError>(())
 /// ```
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, Debug)]
 pub struct Pvs {
     bytes: Vec<u8>,
+    stamp: Stamp,
 }
+
+impl PartialEq for Pvs {
+    /// Whether the stored bytes are the same. Stamps are not compared.
+    fn eq(&self, other: &Self) -> bool {
+        self.bytes == other.bytes
+    }
+}
+
+impl Eq for Pvs {}
 
 const MAGIC: [u8; 8] = *b"VISI-PVS";
 const VERSION: u32 = 1;
@@ -121,12 +131,17 @@ impl Pvs {
         bytes[24..32].copy_from_slice(&length.to_le_bytes());
         let checksum = checksum(&bytes);
         bytes[32..40].copy_from_slice(&checksum.to_le_bytes());
-        Ok(Self { bytes })
+        Ok(Self { bytes, stamp: Stamp::new() })
     }
 
     /// The binary form, to be written to a file as it is.
     pub fn as_bytes(&self) -> &[u8] {
         &self.bytes
+    }
+
+    /// Identifies the sets. They never change, so a clone has the same stamp; the same bytes loaded twice have two.
+    pub fn stamp(&self) -> Stamp {
+        self.stamp
     }
 
     /// What the targets are.

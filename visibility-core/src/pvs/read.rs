@@ -2,7 +2,7 @@
 
 use super::runs::Runs;
 use super::{HEADER, MAGIC, Pvs, PvsError, VERSION, checksum};
-use crate::CellId;
+use crate::{CellId, Stamp};
 use alloc::vec::Vec;
 
 impl Pvs {
@@ -21,7 +21,7 @@ impl Pvs {
         if bytes.len() < HEADER {
             return Err(length(HEADER as u64));
         }
-        let pvs = Self { bytes };
+        let pvs = Self { bytes, stamp: Stamp::new() };
         if pvs.word(8) != VERSION {
             return Err(PvsError::Version { found: pvs.word(8) });
         }

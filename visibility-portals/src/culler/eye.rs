@@ -87,6 +87,17 @@ impl PortalEye {
         self
     }
 
+    /// Forgets the last frame and keeps the settings. Needed for nothing but to start anew: other cells, another PVS, another scene and cuts
+    /// of the camera are noticed.
+    pub fn reset(&mut self) {
+        *self = Self {
+            narrowing: self.narrowing,
+            steps: self.steps,
+            reflections: self.reflections.anew(),
+            ..Self::new()
+        };
+    }
+
     /// Removes from `visible` what cannot be seen through open portals. An object that changed after the cells were last
     /// [told](SceneCells::sync) stays.
     pub fn cull(
@@ -102,15 +113,17 @@ impl PortalEye {
         self.walk.begin(cells);
         let Some(sight) = Sight::new(view) else { return self.fall_back(NotCulled::View, scene, visible) };
         self.anchor = sight.anchor;
-        if !self.follow(cells, scene) {
-            return self.fall_back(NotCulled::NotSynced, scene, visible);
-        }
+        let synced = self.follow(cells, scene);
         let walk = &mut self.walk;
-        let within = self.front.find(cells, &sight, |cell| walk.start_whole(cell));
-        let mut why = (!within).then_some(NotCulled::OutsideCells);
-        if within && !self.walk.go(cells, &sight, self.narrowing, self.steps, &mut self.stats) {
-            why = Some(NotCulled::Steps);
-        }
+        let why = if !synced {
+            Some(NotCulled::NotSynced)
+        } else if !self.front.find(cells, &sight, |cell| walk.start_whole(cell)) {
+            Some(NotCulled::OutsideCells)
+        } else if !walk.go(cells, &sight, self.narrowing, self.steps, &mut self.stats) {
+            Some(NotCulled::Steps)
+        } else {
+            None
+        };
         let mut result = match why {
             Some(why) => {
                 self.walk.look_at_all_mirrors(cells, &sight);
@@ -139,8 +152,7 @@ impl PortalEye {
 
     /// Notes what has changed since the cells were told. False if that cannot be known.
     fn follow(&mut self, cells: &SceneCells, scene: &Scene) -> bool {
-        let Some(revision) = cells.revision else { return false };
-        let Changes::Objects(changed) = scene.changes_since(revision) else { return false };
+        let Changes::Objects(changed) = cells.cursor.peek(scene) else { return false };
         if !changed.is_empty() && self.unknown.len() < scene.index_limit() {
             self.unknown.resize(scene.index_limit(), 0);
         }

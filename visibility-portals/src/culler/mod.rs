@@ -117,4 +117,8 @@ impl Culler for PortalCuller {
         self.cells.sync(scene);
         self.eye.cull(&self.cells, scene, view, visible)
     }
+
+    fn reset(&mut self) {
+        self.eye.reset();
+    }
 }

@@ -75,6 +75,11 @@ impl Reflections {
         Self { all, count: 0, walk: Walk::default(), seen, sides, most: 8, deepest: 2 }
     }
 
+    /// Without reflections, with the same limits.
+    pub(super) fn anew(&self) -> Self {
+        Self { most: self.most, deepest: self.deepest, ..Self::new() }
+    }
+
     pub(super) fn limit(&mut self, most: usize, deepest: u32) {
         (self.most, self.deepest) = (most, deepest);
     }
@@ -150,10 +155,12 @@ impl Reflections {
                 let seen = Seen { cells, scene, walk: &self.walk, sight: &sight };
                 let (unknown, frame) = known;
                 seen.retain(unknown, frame, &mut self.all[place].visible, &mut stats.tests);
-                let walk = core::mem::take(&mut self.walk);
-                self.take(Some(place), &walk);
-                self.walk = walk;
+            } else {
+                self.walk.look_at_all_mirrors(cells, &sight);
             }
+            let walk = core::mem::take(&mut self.walk);
+            self.take(Some(place), &walk);
+            self.walk = walk;
         }
     }
 

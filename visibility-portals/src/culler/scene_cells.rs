@@ -6,7 +6,8 @@ use core::fmt;
 use smallvec::SmallVec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, CellGraph, CellId, Changes, ConvexPolygon, ObjectId, PortalId, Pvs, PvsTargets, Scene, Viewcells,
+    Aabb, CellGraph, CellId, Changes, ConvexPolygon, ObjectId, PortalId, Pvs, PvsTargets, Scene, SceneCursor,
+    Stamp, Viewcells,
 };
 
 /// A mirror of [`SceneCells`], by its number.
@@ -127,7 +128,9 @@ pub struct SceneCells {
     pub(super) first_mirror: Vec<u32>,
     /// By index of the object.
     objects: Vec<Entry>,
-    pub(super) revision: Option<u64>,
+    /// How far the scene's changes are taken in; the start before the first scene.
+    pub(super) cursor: SceneCursor,
+    stamp: Stamp,
 }
 
 /// Which object was last known by an index, and the cells that it is in.
@@ -170,7 +173,8 @@ impl SceneCells {
             mirrors: Vec::new(),
             first_mirror: alloc::vec![NONE; cells],
             objects: Vec::new(),
-            revision: None,
+            cursor: SceneCursor::START,
+            stamp: Stamp::new(),
             graph,
             viewcells,
             tolerance,
@@ -187,7 +191,14 @@ impl SceneCells {
             return Err(SceneCellsError::Pvs { cells, viewcells, targets });
         }
         self.pvs = Some(pvs);
+        self.stamp = Stamp::new();
         Ok(self)
+    }
+
+    /// Identifies cells, PVS, mirrors, the state of all doors, and the cells of each object: a new stamp after every call that may have
+    /// changed any of these. Clones share it until either changes.
+    pub fn stamp(&self) -> Stamp {
+        self.stamp
     }
 
     /// Cells and portals.
@@ -201,7 +212,9 @@ impl SceneCells {
     }
 
     fn passage(&mut self, portal: PortalId) -> Result<&mut u8, SceneCellsError> {
-        self.passages.get_mut(portal.index()).ok_or(SceneCellsError::UnknownPortal(portal))
+        let passage = self.passages.get_mut(portal.index()).ok_or(SceneCellsError::UnknownPortal(portal))?;
+        self.stamp = Stamp::new();
+        Ok(passage)
     }
 
     /// Opens or closes a portal, as a door does, for all frames from here on. Constant time, no allocation.
@@ -257,6 +270,7 @@ impl SceneCells {
             next: core::mem::replace(head, id),
             uncovered: true,
         });
+        self.stamp = Stamp::new();
         Ok(MirrorId(id))
     }
 
@@ -267,6 +281,7 @@ impl SceneCells {
     pub fn set_mirror(&mut self, mirror: MirrorId, uncovered: bool) -> Result<(), SceneCellsError> {
         let found = self.mirrors.get_mut(mirror.0 as usize).ok_or(SceneCellsError::UnknownMirror(mirror))?;
         found.uncovered = uncovered;
+        self.stamp = Stamp::new();
         Ok(())
     }
 
@@ -274,8 +289,11 @@ impl SceneCells {
     /// the first call, and one after more changes than the scene remembers, looks at every object. Allocates only where an object comes to be in
     /// more cells than ever, or is new.
     pub fn sync(&mut self, scene: &Scene) {
-        let changes = self.revision.map_or(Changes::Everything, |revision| scene.changes_since(revision));
-        match changes {
+        if self.cursor.is_current(scene) {
+            return;
+        }
+        let first = self.cursor == SceneCursor::START;
+        match self.cursor.follow(scene) {
             Changes::Objects(ids) => {
                 for &id in ids {
                     self.place(scene, id);
@@ -283,7 +301,7 @@ impl SceneCells {
             }
             Changes::Everything => {
                 self.objects.iter_mut().for_each(|entry| entry.id = None);
-                if self.revision.is_none() {
+                if first {
                     self.take_listed(scene);
                 }
                 for id in scene.ids() {
@@ -293,7 +311,7 @@ impl SceneCells {
                 }
             }
         }
-        self.revision = Some(scene.revision());
+        self.stamp = Stamp::new();
     }
 
     /// The objects that the graph lists.

@@ -13,7 +13,7 @@ use super::stats::PortalStats;
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::{DVec3, DVec4};
-use visibility_core::{CellId, PortalId};
+use visibility_core::{CellId, PortalId, Stamp};
 
 /// The most sides that a window keeps: those beyond are forgotten, which can only show more.
 const MOST_SIDES: usize = 24;
@@ -58,6 +58,8 @@ pub(super) struct SeenMirror {
 /// The memory of a walk, and what it found.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Walk {
+    /// The graph that `heads`, `counts`, `wide` and `passed` have the sizes of.
+    graph: Option<Stamp>,
     pub(super) ways: Vec<Way>,
     pub(super) sides: Vec<Side>,
     pub(super) corners: Vec<DVec3>,
@@ -75,42 +77,44 @@ pub(super) struct Walk {
     clipped: Vec<Corner>,
     /// The cells that may be seen from those where the walk began, a bit each; empty without sets.
     allowed: Vec<u64>,
+    /// What `allowed` was made from: the PVS, and the cells where that walk began.
+    allowed_pvs: Option<Stamp>,
     allowed_for: Vec<CellId>,
     row: Vec<u64>,
     begun: Vec<CellId>,
 }
 
+/// Makes a list of `count` times the same.
+fn refill<T: Clone>(list: &mut Vec<T>, count: usize, value: T) {
+    list.clear();
+    list.resize(count, value);
+}
+
 impl Walk {
-    /// Forgets the last walk.
+    /// Forgets the last walk. Takes time in proportion to what that walk touched; after one in another graph, to the size of the new graph.
     pub(super) fn begin(&mut self, cells: &SceneCells) {
-        let (count, portals) = (cells.graph.cell_count(), cells.graph.portals().len());
-        if self.heads.len() != count || self.passed.len() != portals * 2 {
-            self.heads.clear();
-            self.heads.resize(count, NONE);
-            self.counts.clear();
-            self.counts.resize(count, 0);
-            self.wide.clear();
-            self.wide.resize(count, false);
-            self.passed.clear();
-            self.passed.resize(portals * 2, false);
-            self.allowed_for.clear();
+        if self.graph != Some(cells.graph.stamp()) {
+            self.graph = Some(cells.graph.stamp());
+            let (count, portals) = (cells.graph.cell_count(), cells.graph.portals().len());
+            refill(&mut self.heads, count, NONE);
+            refill(&mut self.counts, count, 0);
+            refill(&mut self.wide, count, false);
+            refill(&mut self.passed, portals * 2, false);
         } else {
-            // Only what the last walk touched.
             for way in &self.ways {
                 let cell = way.cell.index();
                 (self.heads[cell], self.counts[cell], self.wide[cell]) = (NONE, 0, false);
             }
-        }
-        for &(way, _) in &self.stack {
-            // A walk that was given up.
-            if let Some(way) = self.ways.get(way as usize).filter(|way| way.parent != NONE) {
-                let portal = way.portal.index() * 2;
-                self.passed[portal] = false;
-                self.passed[portal + 1] = false;
+            // What a walk that was given up still had to do.
+            for &(way, _) in &self.stack {
+                let way = &self.ways[way as usize];
+                if way.parent != NONE {
+                    self.passed[way.portal.index() * 2..][..2].fill(false);
+                }
             }
-        }
-        for &cell in &self.waiting {
-            self.wide[cell.index()] = false;
+            for &cell in &self.waiting {
+                self.wide[cell.index()] = false;
+            }
         }
         self.ways.clear();
         self.sides.clear();
@@ -184,11 +188,13 @@ impl Walk {
     fn allow(&mut self, cells: &SceneCells) {
         let Some(pvs) = &cells.pvs else {
             self.allowed.clear();
+            self.allowed_pvs = None;
             return;
         };
-        if self.allowed_for == self.begun && !self.allowed.is_empty() {
+        if self.allowed_pvs == Some(pvs.stamp()) && self.allowed_for == self.begun {
             return;
         }
+        self.allowed_pvs = Some(pvs.stamp());
         self.allowed.clear();
         self.allowed.resize(cells.graph.cell_count().div_ceil(64), 0);
         for &cell in &self.begun {
