@@ -53,6 +53,11 @@ impl<S: Borrow<SceneTree>> BspOrder<S> {
         Self { shared, standing: Standing::default(), order: Order::new(), most: 1 << 16, ranks: Vec::new() }
     }
 
+    /// The tree, to replace it, or to bring it up to date if it is this culler's own.
+    pub fn shared_mut(&mut self) -> &mut S {
+        &mut self.shared
+    }
+
     /// Looks at no more nodes of the tree than so many.
     pub fn with_nodes(self, most: u64) -> Self {
         Self { most, ..self }

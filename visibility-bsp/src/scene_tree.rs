@@ -2,7 +2,7 @@
 
 use crate::tree::{BspError, BspTree};
 use alloc::vec::Vec;
-use visibility_core::{Changes, ObjectId, Scene};
+use visibility_core::{Changes, ObjectId, Scene, SceneCursor};
 
 /// A [`BspTree`] of the triangles of a [`Scene`], in scene coordinates; each fragment's owner is the index of its object.
 ///
@@ -27,7 +27,8 @@ pub struct SceneTree {
     tree: BspTree,
     /// By index: the object whose triangles are all in the tree.
     whole: Vec<Option<ObjectId>>,
-    revision: u64,
+    /// The scene, and the revision of it, that is in the tree.
+    cursor: SceneCursor,
 }
 
 impl SceneTree {
@@ -44,7 +45,7 @@ impl SceneTree {
         }
         let tree =
             BspTree::build(scene.ids().flat_map(|id| corners(scene, id).map(move |t| (index(id), t))))?;
-        Ok(Self { tree, whole, revision: scene.revision() })
+        Ok(Self { tree, whole, cursor: SceneCursor::at(scene) })
     }
 
     /// Takes in what has changed in the scene.
@@ -52,11 +53,11 @@ impl SceneTree {
     /// # Errors
     /// [`BspError::TooManyFragments`]; what could not be taken in is never hidden.
     pub fn sync(&mut self, scene: &Scene) -> Result<(), BspError> {
-        match scene.changes_since(self.revision) {
+        match self.cursor.peek(scene) {
             Changes::Everything => *self = Self::new(scene)?,
             Changes::Objects(ids) => {
                 self.whole.resize(scene.index_limit(), None);
-                self.revision = scene.revision();
+                self.cursor = SceneCursor::at(scene);
                 for &id in ids {
                     self.tree.remove(index(id));
                     self.whole[id.index()] = None;
@@ -125,7 +126,7 @@ impl Standing {
             self.frame = 1;
         }
         self.lost = false;
-        match scene.changes_since(shared.revision) {
+        match shared.cursor.peek(scene) {
             Changes::Everything => self.lost = true,
             Changes::Objects(ids) => {
                 for id in ids {

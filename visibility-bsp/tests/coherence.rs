@@ -151,6 +151,42 @@ fn a_wall_that_the_eye_comes_too_close_to_hides_no_longer() {
     assert!(hidden[0] && !hidden[19]);
 }
 
+/// Boxes whose edges are next to the edge of the wall's shadow, by a hair or by a hand.
+#[test]
+fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_better() {
+    let mut random = Random(15);
+    let mut room = Room::new();
+    let eye = DVec3::new(0.3, 0.2, 0.1);
+    let edge = eye.y + (5.0 - eye.y) * (8.0 - eye.x) / (4.0 - eye.x);
+    for _ in 0..600 {
+        let clear = 10f64.powf(random.within(-7.0, -1.0));
+        let min = Vec3::new(8.0, edge as f32 - 2.0, -1.0);
+        room.scene.insert(Aabb::new(min, Vec3::new(9.0, (edge - clear) as f32, 1.0)));
+    }
+    let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+    let sharp = View::perspective(pose, 2.2, 1.5, 0.1, f64::INFINITY).unwrap();
+    let occluders = Arc::new(Occluders::new(&room.scene));
+    let mut counts = Vec::new();
+    for blur in [1e-6, 1e-8, 1e-10, 1e-11, 1e-12] {
+        // Rows of x and y that are all but opposite tell little of where the eye is along one of the two.
+        let matrix = sharp.clip_from(DVec3::ZERO);
+        let (x, y) = (matrix.row(0), matrix.row(1));
+        let mut rows = matrix.transpose();
+        rows.x_axis = y / blur + x;
+        rows.y_axis = y / blur - x;
+        let blurred = View::from_clip_from_world(rows.transpose(), sharp.depth()).unwrap();
+        let mut live = LargeOccluders::new(occluders.clone());
+        let all = reported(&room.scene, &sharp, &mut live).len();
+        let live = reported(&room.scene, &blurred, &mut live);
+        let fresh = reported(&room.scene, &blurred, &mut LargeOccluders::new(occluders.clone()));
+        println!("{blur}: {all} sharp, {} live, {} fresh", live.len(), fresh.len());
+        // An eye that surely is within the ball of an answer has that answer, though a new culler may not find it.
+        assert!(live.len() <= fresh.len());
+        counts.push(live.len());
+    }
+    assert!(counts.is_sorted() && counts[1] > counts[0] && counts[4] > counts[3] + 50, "{counts:?}");
+}
+
 #[test]
 fn an_occluder_that_has_changed_hides_no_longer() {
     type Change = fn(&mut Room);

@@ -15,6 +15,8 @@ struct Known {
     /// Where the eye was, and how far from there it may be.
     eye: DVec3,
     radius: f64,
+    /// How far the true eye may have been from `eye`: already taken off the radius.
+    eye_error: f64,
     answer: Occlusion,
     /// When it was last asked for.
     frame: u64,
@@ -266,8 +268,11 @@ impl OcclusionMap for Joint {
         let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
         let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
         let bits = [x0, y0, z0, x1, y1, z1];
+        let eye_error = self.sight.eye_error;
         if let Some(known) = memory.known.get_mut(&bits)
-            && known.eye.distance_squared(eye) <= known.radius * known.radius
+            && let radius = known.radius - (eye_error - known.eye_error).max(0.0)
+            && radius >= 0.0
+            && known.eye.distance_squared(eye) <= radius * radius
         {
             known.frame = self.frame;
             return known.answer;
@@ -275,9 +280,9 @@ impl OcclusionMap for Joint {
         let (answer, radius) = self.compute(&mut memory, min, max);
         // Well inside what was computed: distances to planes are off by far less than a millionth of the box's own distance.
         let size = eye.abs().max(min.abs()).max(max.abs()).max_element();
-        let doubt = 1e-9 * size + 4.0 * self.sight.eye_error;
+        let doubt = 1e-9 * size + 4.0 * eye_error;
         let radius = (radius * (1.0 - 1e-6) - doubt).max(0.0);
-        memory.known.insert(bits, Known { eye, radius, answer, frame: self.frame });
+        memory.known.insert(bits, Known { eye, radius, eye_error, answer, frame: self.frame });
         answer
     }
 

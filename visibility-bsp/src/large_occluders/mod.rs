@@ -56,11 +56,12 @@ pub struct LargeOccluders {
     chosen_at: Option<Eye>,
     selected: Vec<u32>,
     active: Vec<u32>,
-    /// The objects of all that is active, each once, and what it was found to be usable for: revision and layers.
+    /// The objects of all active polygons, each once.
     sources: Vec<ObjectId>,
     /// Those of the active polygons that are sections.
     sections: Vec<u32>,
-    usable_for: Option<(u64, u32)>,
+    /// Whether all selected polygons are active.
+    all_active: bool,
     inner: OcclusionCuller<Joint>,
 }
 
@@ -79,7 +80,7 @@ impl LargeOccluders {
             active: Vec::new(),
             sources: Vec::new(),
             sections: Vec::new(),
-            usable_for: None,
+            all_active: false,
             inner,
         }
     }
@@ -156,12 +157,11 @@ impl Culler for LargeOccluders {
         let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
         let count = sides_of(view, scene, &mut sides);
         let sides = &sides[..count];
-        // While nothing has changed, all that must be looked at is whether the occluders are still drawn, and the eye outside of those that are
-        // sections.
-        let usable_for = (scene.revision(), view.layers());
+        // While neither the scene nor the choice has changed, what remains to be tested is that the occluders are still drawn, in this view's
+        // layers too, and that the eye is outside of the boxes of sections.
         let settled = map.coherent
             && !chosen
-            && self.usable_for == Some(usable_for)
+            && self.all_active
             && view.clip_planes().is_empty()
             && self.sources.iter().all(|&id| is_drawn(scene, visible, sides, id))
             && (self.sections.is_empty() || {
@@ -193,7 +193,7 @@ impl Culler for LargeOccluders {
             let is_section = |&polygon: &u32| !self.occluders.solids_of(polygon).is_empty();
             self.sections.extend(self.active.iter().copied().filter(is_section));
             // Those that were left out may be of use in the next frame.
-            self.usable_for = (self.active.len() == self.selected.len()).then_some(usable_for);
+            self.all_active = self.active.len() == self.selected.len();
         }
         self.inner.cull(scene, view, visible)
     }
@@ -201,6 +201,7 @@ impl Culler for LargeOccluders {
     fn reset(&mut self) {
         self.selector.reset();
         self.chosen_at = None;
+        self.all_active = false;
         self.active.clear();
         self.inner.map_mut().forget();
         self.inner.reset();

@@ -59,8 +59,8 @@ pub struct Naylor<S> {
     image: Image,
     /// By index: what part an object plays, once it has been met.
     parts: Vec<Part>,
-    /// By index: where it was seen first.
-    witnesses: Vec<Witness>,
+    /// By index: the object that was seen in the last frame, and where it was seen first.
+    witnesses: Vec<Option<(ObjectId, Witness)>>,
 }
 
 /// What part an object plays in a frame.
@@ -92,8 +92,13 @@ impl<S: Borrow<SceneTree>> Naylor<S> {
 
     /// Where an object was seen in the last frame, before all of its other parts; `None` if it was hidden, or is visible only because nothing is known of it.
     pub fn witness(&self, id: ObjectId) -> Option<Witness> {
-        let seen = matches!(self.parts.get(id.index())?, Part::Seen { .. });
-        seen.then(|| self.witnesses[id.index()])
+        let (seen, witness) = self.witnesses.get(id.index()).copied().flatten()?;
+        (seen == id).then_some(witness)
+    }
+
+    /// The tree, to replace it, or to bring it up to date if it is this culler's own.
+    pub fn shared_mut(&mut self) -> &mut S {
+        &mut self.shared
     }
 }
 
@@ -109,13 +114,14 @@ impl<S: Borrow<SceneTree>> Culler for Naylor<S> {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let Self { shared, standing, order, beams, image, parts, witnesses } = self;
         let shared = (*shared).borrow();
+        witnesses.clear();
         let Some(lens) = Lens::new(view, scene, &shared.tree().bounds()) else {
             return visible.retain(scene, |_, _| true);
         };
         standing.begin(shared, scene);
         parts.clear();
         parts.resize(scene.index_limit(), Part::Unknown);
-        witnesses.resize(scene.index_limit(), Witness::default());
+        witnesses.resize(scene.index_limit(), None);
         beams.begin(lens.error());
         let mut frame = Frame {
             shared,
@@ -153,7 +159,7 @@ struct Frame<'a> {
     beams: &'a mut Beams,
     image: &'a mut Image,
     parts: &'a mut [Part],
-    witnesses: &'a mut [Witness],
+    witnesses: &'a mut [Option<(ObjectId, Witness)>],
     stats: CullStats,
 }
 
@@ -200,7 +206,7 @@ impl Frame<'_> {
         let Part::Hidden { glimpsed, .. } = part else { return };
         let owner = fragment.owner() as usize;
         self.parts[owner] = if sight == Sight::Seen {
-            self.witnesses[owner] = self.beams.witness();
+            self.witnesses[owner] = self.shared.object(owner as u32).map(|id| (id, self.beams.witness()));
             Part::Seen { occluder }
         } else {
             Part::Hidden { occluder, glimpsed: glimpsed || sight == Sight::Glimpsed }

@@ -17,7 +17,7 @@ use crate::shadow::{Plate, plane_of};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};
-use visibility_core::{Changes, ObjectId, OccluderMesh, Scene};
+use visibility_core::{Changes, ObjectId, OccluderMesh, Scene, SceneCursor, Stamp};
 
 /// A triangle of an occluder, in scene coordinates.
 #[derive(Clone, Copy, Debug)]
@@ -97,7 +97,7 @@ const BLOCK: usize = 32;
 /// assert_eq!(occluders.largest_area(), 24.0);
 /// # Ok::<(), visibility_core::SceneError>(())
 /// ```
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Occluders {
     polygons: Vec<Polygon>,
     blocks: Vec<Block>,
@@ -107,14 +107,33 @@ pub struct Occluders {
     solids: Vec<[DVec3; 2]>,
     /// The polygons of an object, by its index.
     of_object: BTreeMap<u32, Vec<u32>>,
-    revision: u64,
+    /// The scene, and the revision of it, that the polygons were made from.
+    cursor: SceneCursor,
+    /// Names these polygons and their numbers. A new one after every change.
+    stamp: Stamp,
+}
+
+impl Default for Occluders {
+    /// No polygons, of no scene.
+    fn default() -> Self {
+        Self {
+            polygons: Vec::new(),
+            blocks: Vec::new(),
+            vertices: Vec::new(),
+            sources: Vec::new(),
+            solids: Vec::new(),
+            of_object: BTreeMap::new(),
+            cursor: SceneCursor::START,
+            stamp: Stamp::new(),
+        }
+    }
 }
 
 impl Occluders {
     /// From the meshes of a scene's occluders as they are now.
     pub fn new(scene: &Scene) -> Self {
         let ids: Vec<ObjectId> = scene.ids().filter(|&id| scene.occluder(id).is_some()).collect();
-        let mut occluders = Self { revision: scene.revision(), ..Self::default() };
+        let mut occluders = Self { cursor: SceneCursor::at(scene), ..Self::default() };
         occluders.add_from(scene, &ids);
         occluders
     }
@@ -122,14 +141,14 @@ impl Occluders {
     /// Takes in what has changed in the scene since: polygons of changed objects are dropped and made anew, object by object. Costs time in
     /// proportion to the changed objects; [`new`](Self::new), which also joins polygons across objects, gives larger polygons.
     pub fn sync(&mut self, scene: &Scene) {
-        let changes = scene.changes_since(self.revision);
-        let Changes::Objects(changed) = changes else {
+        let Changes::Objects(changed) = self.cursor.follow(scene) else {
             *self = Self::new(scene);
             return;
         };
         if changed.is_empty() {
             return;
         }
+        self.stamp = Stamp::new();
         // Those that shared a polygon with a changed object lose it too, and bring in their own part again.
         let mut affected: Vec<ObjectId> = changed.to_vec();
         for id in changed {
@@ -151,7 +170,6 @@ impl Occluders {
             }
         }
         let dropped = self.polygons.iter().filter(|polygon| polygon.count == 0).count();
-        self.revision = scene.revision();
         if dropped > 64 && dropped * 2 > self.polygons.len() {
             // More holes than polygons: time to begin anew, which costs as much as made the holes.
             *self = Self::new(scene);
@@ -160,11 +178,6 @@ impl Occluders {
         for &id in affected.iter().filter(|&&id| scene.occluder(id).is_some()) {
             self.add_from(scene, &[id]);
         }
-    }
-
-    /// The revision of the scene that was last taken in.
-    pub fn revision(&self) -> u64 {
-        self.revision
     }
 
     /// How many polygons there are.

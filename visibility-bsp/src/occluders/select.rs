@@ -6,7 +6,7 @@ use crate::shadow::Corner;
 use crate::sight::Sight;
 use alloc::vec::Vec;
 use visibility_core::glam::{BVec3, DVec3};
-use visibility_core::{Changes, Eye, ObjectId, Plane, Scene, View, VisibleSet};
+use visibility_core::{Changes, Eye, ObjectId, Plane, Scene, SceneCursor, Stamp, View, VisibleSet};
 
 /// A half of all directions, in steradians.
 const MOST_ANGLE: f32 = core::f32::consts::TAU;
@@ -20,53 +20,66 @@ pub(crate) struct Chosen {
 }
 
 /// Chooses polygons for one view, and remembers which objects have changed since the polygons were made.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Selector {
     pub(crate) chosen: Vec<Chosen>,
     blocks: Vec<(f32, u32)>,
-    /// The revision of the polygons that the rest is about.
-    base: Option<u64>,
-    seen: u64,
-    /// By object index, a bit for those that have changed since.
+    /// The polygons that the rest is about; `Stamp::NONE` if it is about none.
+    occluders: Stamp,
+    /// Changes of the scene up to here are in `stale`.
+    seen: SceneCursor,
+    /// By object index, a bit for those that have changed since the polygons were made.
     stale: Vec<u64>,
-    /// More has changed than was listed: no polygon can be trusted.
+    /// The polygons are of another scene, or more has changed than was listed: none of them can be trusted.
     lost: bool,
 }
 
+impl Default for Selector {
+    fn default() -> Self {
+        Self {
+            chosen: Vec::new(),
+            blocks: Vec::new(),
+            occluders: Stamp::NONE,
+            seen: SceneCursor::START,
+            stale: Vec::new(),
+            lost: false,
+        }
+    }
+}
+
 impl Selector {
-    /// Notes what has changed in the scene. Whether any polygon has become useless or useful again since the last call.
+    /// Takes in changes of the scene and of the polygons. Returns whether any polygon may be another, or has become usable or unusable,
+    /// since the last call.
     pub(crate) fn follow(&mut self, occluders: &Occluders, scene: &Scene) -> bool {
-        let mut news = false;
-        if self.base != Some(occluders.revision) {
-            self.base = Some(occluders.revision);
-            self.seen = occluders.revision;
+        let mut news = self.occluders != occluders.stamp;
+        let mut changes = self.seen.peek(scene);
+        if news || self.lost || changes == Changes::Everything {
+            // Other polygons, or another scene than in the last frame: what has changed is counted again from where the polygons were made.
+            self.occluders = occluders.stamp;
             self.stale.clear();
-            self.lost = false;
-            news = true;
+            changes = occluders.cursor.peek(scene);
+            let lost = changes == Changes::Everything;
+            news |= !(lost && self.lost);
+            self.lost = lost;
         }
         if self.stale.len() * 64 < scene.index_limit() {
             self.stale.resize(scene.index_limit().div_ceil(64), 0);
         }
-        match scene.changes_since(self.seen) {
-            Changes::Everything => {
-                news |= !self.lost;
-                self.lost = true;
-            }
-            Changes::Objects(changed) => {
-                for id in changed {
-                    if occluders.of_object.contains_key(&(id.index() as u32)) {
-                        news = true;
-                        self.stale[id.index() / 64] |= 1 << (id.index() % 64);
-                    }
+        if let Changes::Objects(changed) = changes {
+            for id in changed {
+                if occluders.of_object.contains_key(&(id.index() as u32)) {
+                    news = true;
+                    self.stale[id.index() / 64] |= 1 << (id.index() % 64);
                 }
-                self.seen = scene.revision();
             }
+            self.seen = SceneCursor::at(scene);
         }
         news
     }
 
+    /// Forgets which polygons the memory is about: the next call of `follow` begins anew.
     pub(crate) fn reset(&mut self) {
-        self.base = None;
+        self.occluders = Stamp::NONE;
     }
 
     /// Whether an object is as it was when the polygons were made.

@@ -93,6 +93,7 @@ impl Culler for ShadowFrustaCuller {
 
     fn reset(&mut self) {
         self.selector.reset();
+        self.inner.reset();
     }
 }
 
