@@ -26,6 +26,16 @@ pub(crate) struct Row {
     pub(crate) error: f64,
 }
 
+/// The power of two that scales the linear part of a row to a sum of magnitudes from 1 to 2, or the constant of a row
+/// whose linear part is zero. Multiplying by it is exact. It is 1 for a row of unit length: that sum is then from 1 to
+/// the square root of 3, and the factor in the code outweighs its rounding.
+fn scale_to_one(row: DVec4) -> f64 {
+    let linear = row.truncate().abs().element_sum();
+    let size = if linear > 0.0 { linear } else { row.w.abs() } * (1.0 + 1.0 / 524_288.0);
+    let exponent = (size.to_bits() >> 52) as i64 - 1023;
+    f64::from_bits(((1023 - exponent.clamp(-1000, 1000)) as u64) << 52)
+}
+
 /// A view made ready for one frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Lens {
@@ -66,6 +76,10 @@ impl Lens {
         // The view's own matrix and eye: subtracting origins later keeps the precision of a camera far from the scene's origin.
         let matrix = view.clip_from(view.origin());
         let [x, y, z, w] = [0, 1, 2, 3].map(|i| matrix.row(i));
+        // A clip matrix may come with any factor; at 1e-43 its rows would be denormals in `f32`, and at 1e-105 the
+        // determinants of three rows would be in `f64`.
+        let scale = scale_to_one(w);
+        let [x, y, z, w] = [x, y, z, w].map(|row| row * scale);
         let offset = view.origin() - origin;
         let (perspective, local) = match view.eye(view.origin()) {
             Eye::Point(eye) => (true, eye),
@@ -90,11 +104,13 @@ impl Lens {
             (false, false) => -z,
         };
         let rows = [row((x + w) * (0.5 * picture[0])), row((w - y) * (0.5 * picture[1])), row(w), row(n)];
-        let near = row(match view.depth() {
+        let near = match view.depth() {
             Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => w + z,
             Depth::ZeroToOne | Depth::Infinite => z,
             Depth::Reversed | Depth::ReversedInfinite => w - z,
-        });
+        };
+        // Only its sign counts.
+        let near = row(near * scale_to_one(near));
         // The determinant of three corners is that of the rows' linear parts times the corners' own, seen from the eye; for parallel
         // views it is the area on the screen.
         let [lx, ly, lw] = [0, 1, 2].map(|i: usize| DVec3::from_array(rows[i].linear));

@@ -1,10 +1,14 @@
-//! Scenes of any size, from 1e-15 to 1e15, with planes of the view up to 1e9 apart: nothing goes wrong, and what is clear is decided.
+//! Scenes of any size, from 1e-15 to 1e15, with planes of the view up to 1e9 apart: nothing goes wrong, and what is
+//! clear is decided. Clip matrices of any factor.
 
+mod common;
+
+use common::{Random, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, OccluderMesh, Occlusion, OcclusionMap, Pose, View};
-use visibility_hzb::{Coverage, Hzb};
+use visibility_hzb::{Coverage, Hom, Hzb};
 
-/// Walls across the way: a box, a sheet of many triangles, and one of two, towards an eye at the origin that looks along x.
+/// Walls that face an eye at the origin looking along x: a box, a sheet of many triangles, and a sheet of two.
 fn walls(scale: f32) -> Vec<OccluderMesh> {
     let at = |i: u32, j: u32, x: f32| Vec3::new(x, i as f32 * 2.0 - 8.0, j as f32 * 2.0 - 8.0) * scale;
     let mut positions = Vec::new();
@@ -58,4 +62,40 @@ fn scenes_of_any_size_are_decided_alike() {
             }
         }
     }
+}
+
+/// The factor of a clip matrix means nothing. A power of two multiplies without rounding, so not even depths change.
+#[test]
+fn a_clip_matrix_times_any_factor_gives_the_same_answers() {
+    let mut random = Random(43);
+    let mut hidden = 0;
+    for round in 0..60 {
+        let view = view(&mut random);
+        let occluders: Vec<_> = (0..20).map(|_| occluder(&mut random)).collect();
+        let boxes: Vec<_> = (0..200)
+            .map(|_| (random.vec(-9.0, 9.0), random.within(0.01, 0.5) as f32))
+            .map(|(middle, half)| Aabb::new(middle - half, middle + half))
+            .collect();
+        let answers = |exponent: i32| {
+            let matrix = view.clip_from(DVec3::ZERO) * 2f64.powi(exponent);
+            let view = View::from_clip_from_world(matrix, view.depth()).unwrap();
+            let (mut hzb, mut hom) = (Hzb::new(64, 40).unwrap(), Hom::new(64, 40).unwrap());
+            for map in [&mut hzb as &mut dyn OcclusionMap, &mut hom] {
+                map.begin(&view, DVec3::ZERO);
+                for o in &occluders {
+                    map.add(&o.mesh, &o.transform);
+                }
+                map.flush();
+            }
+            let depths: Vec<_> = (0..64 * 40).map(|i| hzb.nearness(i % 64, i / 64)).collect();
+            let answers: Vec<_> = boxes.iter().map(|b| (hzb.test(b), hom.test(b))).collect();
+            (answers, depths)
+        };
+        let expected = answers(0);
+        hidden += expected.0.iter().filter(|(hzb, _)| *hzb == Occlusion::Hidden).count();
+        for exponent in [-700, -350, -143, -130, 1, 100, 300] {
+            assert!(answers(exponent) == expected, "round {round}, times 2^{exponent}");
+        }
+    }
+    assert!(hidden > 1000, "something is hidden: {hidden}");
 }
