@@ -127,7 +127,7 @@ impl Selector {
                     self.chosen.push(Chosen { polygon: number, bound });
                 }
             }
-            if self.chosen.len() >= 2 * count {
+            if self.chosen.len() >= count.saturating_mul(2) {
                 self.chosen.select_nth_unstable_by(count - 1, by_angle);
                 self.chosen.truncate(count);
                 least = self.chosen[count - 1].bound;

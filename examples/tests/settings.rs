@@ -1,0 +1,304 @@
+//! Every culler, baker and tessellation at the limits of its settings: nothing, one, all that the type holds, negative, not a number. Each must be
+//! refused with an error, or be made and show a few frames, without a panic and without memory for what is not there.
+
+use peak_alloc::PeakAlloc;
+use std::sync::Arc;
+use visibility_bsp::{
+    BspOrder, LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, SceneTree, ShadowFrusta,
+    ShadowFrustaCuller,
+};
+use visibility_core::glam::DVec3;
+use visibility_core::measure::ItemBuffer;
+use visibility_core::{
+    Aabb, BackfaceCuller, CasterCuller, Culler, FrustumCuller, HardwareQueries, Late, Light, OcclusionCuller,
+    Pipeline, Pose, Preparation, QueryDevice, Scene, Selection, View, VisibleSet, Window,
+};
+use visibility_examples::built_in;
+use visibility_examples::walkthrough::World;
+use visibility_examples::walkthrough::cullers::{known, parse};
+use visibility_hzb::{
+    Coverage, DepthEstimate, Hom, HomCuller, Hzb, HzbCuller, OccluderCriteria, OccluderDatabase,
+};
+use visibility_plp::{
+    Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
+};
+use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
+use visibility_portals::{CellBake, PortalCuller, PortalEye, SceneCells, Settings};
+
+#[global_allocator]
+static MEMORY: PeakAlloc = PeakAlloc;
+
+/// More than this is absurd for the scenes here, whatever the setting.
+const MOST_MEGABYTES: f32 = 1500.0;
+
+const COUNTS: [usize; 9] =
+    [0, 1, 2, 1 << 31, u32::MAX as usize, 1 << 62, 1 << 63, 1_537_228_672_809_129_302, usize::MAX];
+const LENGTHS: [f64; 11] =
+    [0.0, -0.0, 5e-324, 1e-300, -1.0, 1e30, 1e300, f64::MAX, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
+
+fn world(name: &str) -> World {
+    World::new(built_in(name).unwrap(), (64, 36), Some(2)).unwrap()
+}
+
+/// Two frames in perspective, one parallel view, one of which nothing is in view, and the first again.
+fn show(what: &str, world: &World, culler: impl Culler + Send + 'static) {
+    run(what, world, &mut Pipeline::new().with(FrustumCuller::new()).with(culler));
+}
+
+fn run(what: &str, world: &World, pipeline: &mut Pipeline) {
+    let pose = Pose::look_at(DVec3::splat(50.0), DVec3::ZERO, DVec3::Z);
+    let parallel = View::orthographic(pose, Window::centered(100.0, 60.0), 0.1, 500.0).unwrap();
+    let away = Pose::look_at(DVec3::splat(5000.0), DVec3::splat(6000.0), DVec3::Z);
+    let nothing = View::perspective(away, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
+    let mut visible = VisibleSet::new();
+    for view in [&world.views[0], &world.views[1], &parallel, &nothing, &world.views[0]] {
+        pipeline.cull(&world.scene, view, &mut visible);
+    }
+    pipeline.reset();
+    pipeline.cull(&world.scene, &world.views[0], &mut visible);
+    check_memory(what);
+}
+
+fn check_memory(what: &str) {
+    let peak = MEMORY.peak_usage_as_mb();
+    assert!(peak < MOST_MEGABYTES, "{what}: {peak} MB");
+}
+
+#[test]
+fn dials_on_the_command_line() {
+    let dials = [
+        "",
+        "0",
+        "1",
+        "-1",
+        "0.5",
+        "4294967296",
+        "9223372036854775808",
+        "1537228672809129302",
+        "18446744073709551615",
+        "18446744073709551616",
+        "NaN",
+        "inf",
+        "-inf",
+        "1e308",
+        "0%",
+        "1e-300%",
+        "100%",
+        "-5%",
+        "NaN%",
+        "inf%",
+        "0x0",
+        "1x1",
+        "16x16",
+        "4096x4096",
+        "65536x65536",
+        "18446744073709551615x18446744073709551615",
+        "x",
+        ":",
+        "%",
+    ];
+    let world = world("office:1,1");
+    for culler in known() {
+        for dial in dials {
+            let entry = format!("{}:{dial}", culler.name);
+            if let Ok(mut made) = parse(&entry, &world) {
+                run(&entry, &world, &mut made[0].1);
+            }
+        }
+    }
+}
+
+#[test]
+fn object_space() {
+    let world = world("office:1,1");
+    let occluders = Arc::new(Occluders::new(&world.scene));
+    let tree = Arc::new(SceneTree::new(&world.scene).unwrap());
+    for count in COUNTS {
+        let what = format!("{count} polygons");
+        show(&what, &world, OcclusionTreeCuller::new(occluders.clone()).with_polygons(count));
+        show(
+            &what,
+            &world,
+            OcclusionCuller::new(OcclusionTree::new().with_polygons(count)).with_budget(count),
+        );
+        for coherent in [false, true] {
+            let culler = LargeOccluders::new(occluders.clone()).with_polygons(count).with_coherence(coherent);
+            show(&what, &world, culler);
+        }
+        for regions in [0, 1, 5] {
+            let frusta = ShadowFrusta::new(&world.scene, (*occluders).clone(), regions, count);
+            show(&what, &world, ShadowFrustaCuller::new(frusta.into()));
+        }
+        show(&what, &world, BspOrder::new(tree.clone()).with_nodes(count as u64));
+    }
+    let empty = Scene::new();
+    for regions in COUNTS {
+        let frusta = ShadowFrusta::new(&empty, Occluders::new(&empty), regions, 8);
+        show("regions of nothing", &world, ShadowFrustaCuller::new(frusta.into()));
+    }
+    // More regions than can be: of a scene of one box, since each costs a while.
+    let mut small = Scene::new();
+    small.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    assert!(ShadowFrusta::new(&small, Occluders::new(&small), usize::MAX, usize::MAX).regions() <= 1 << 16);
+}
+
+/// A device that never answers.
+struct Silent;
+
+impl QueryDevice for Silent {
+    fn ask(&mut self, _: u64, _: &Aabb) {}
+    fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
+}
+
+#[test]
+fn core_and_image_space() {
+    let mut world = world("town:1");
+    for count in COUNTS {
+        let what = format!("a budget of {count}");
+        let selections =
+            [Selection::LastVisible, Selection::Nearest, Selection::Interleaved, Selection::Ordered];
+        for selection in selections {
+            let map = Hzb::new(64, 64).unwrap();
+            show(&what, &world, OcclusionCuller::new(map).with_selection(selection).with_budget(count));
+        }
+        show(&what, &world, HzbCuller::new(Hzb::new(64, 64).unwrap()).with_budget(count));
+        let frames = count as u32;
+        let device = HardwareQueries::new(Silent, Late::Trusted { frames });
+        show(&what, &world, OcclusionCuller::new(device).with_budget(count));
+        assert!(Hzb::new(count, 64).is_err() || Hzb::new(count, 64).is_ok_and(|map| map.width() == count));
+        assert!(Hom::new(64, count).is_err() || Hom::new(64, count).is_ok_and(|map| map.height() == count));
+        check_memory(&what);
+        for share in LENGTHS {
+            let criteria = OccluderCriteria {
+                least_size: share as f32,
+                most_triangles: count,
+                redundancy: share as f32,
+            };
+            let database = OccluderDatabase::new(&world.scene, &criteria);
+            assert!(database.occluders().len() <= world.scene.len());
+        }
+    }
+    for share in LENGTHS {
+        let what = format!("a share of {share}");
+        for estimate in [DepthEstimate::NoBackground, DepthEstimate::Buffer, DepthEstimate::Plane] {
+            let mut map =
+                Hom::new(64, 64).unwrap().with_threshold(share as f32).with_depth_estimate(estimate);
+            for level in COUNTS {
+                map = map.with_level_threshold(level, share as f32);
+            }
+            show(&what, &world, HomCuller::new(map.with_coverage(Coverage::Sampled)));
+        }
+        let receivers = Aabb::from_arrays([share as f32; 3], [-share as f32; 3]);
+        for light in [
+            Light::Directional { toward_light: DVec3::new(share, 1.0, -1.0) },
+            Light::Point { position: DVec3::splat(share), range: share },
+            Light::Spot {
+                position: DVec3::ZERO,
+                direction: DVec3::new(1.0, 0.0, share),
+                half_angle: share,
+                range: 50.0,
+            },
+        ] {
+            if let Ok(culler) = CasterCuller::new(light) {
+                show(&what, &world, culler.with_receivers(receivers));
+            }
+        }
+        for two_sided in [false, true] {
+            let preparation = Preparation { sliver: share as f32, least_area: share as f32, two_sided };
+            world.scene.prepare_occluders(&preparation);
+            show(&what, &world, HzbCuller::new(Hzb::new(64, 64).unwrap()));
+        }
+        show(&what, &world, BackfaceCuller::new());
+    }
+    for budget in COUNTS {
+        world.scene.maintain(budget);
+        for (width, height) in [(budget as u32, 1), (1, budget as u32), (budget as u32, budget as u32)] {
+            drop(ItemBuffer::new(width, height));
+        }
+        check_memory("an item buffer");
+    }
+}
+
+#[test]
+fn budgets() {
+    let world = world("town:1");
+    let octree = Arc::new(OctreeTessellation::new(&world.scene));
+    for count in COUNTS {
+        for budget in [Budget::Objects(count), Budget::Cost(count as u64)] {
+            let what = format!("{budget:?}");
+            for keep_all in [false, true] {
+                show(&what, &world, PlpCuller::new(octree.clone(), budget).with_all_kept(keep_all));
+            }
+            let map = Hzb::new(64, 64).unwrap();
+            show(&what, &world, ConservativePlpCuller::new(octree.clone(), budget, map));
+        }
+    }
+    for vertices in [0, 1, usize::MAX] {
+        for halvings in [0, 1, 10, 11, 32, u32::MAX] {
+            let fineness = Fineness { vertices, halvings };
+            let what = format!("{fineness:?}");
+            // As fine as it gets, of little.
+            let mut scene = Scene::new();
+            scene.insert_batch((0..4).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
+            assert!(OctreeTessellation::with_fineness(&scene, fineness).memory() > 0);
+            assert!(DelaunayTessellation::with_fineness(&scene, fineness).memory() > 0);
+            check_memory(&what);
+        }
+    }
+}
+
+#[test]
+fn cells_and_portals() {
+    let world = world("office:1,1");
+    let source = world.cells().unwrap();
+    let cells = |tolerance| SceneCells::new(source.graph.clone(), source.viewcells.clone(), tolerance);
+    for count in COUNTS {
+        let eye = PortalEye::new().with_step_limit(count as u64).with_reflections(count, count as u32);
+        let mut cells = cells(1e-4).unwrap();
+        cells.sync(&world.scene);
+        show(&format!("{count} steps"), &world, PortalCuller::new(cells).with_eye(eye));
+    }
+    for tolerance in LENGTHS {
+        let what = format!("a tolerance of {tolerance}");
+        if let Ok(mut cells) = cells(tolerance) {
+            cells.sync(&world.scene);
+            show(&what, &world, PortalCuller::new(cells));
+        }
+        for steps in [0, 1, u64::MAX] {
+            let settings = Settings { clearance: tolerance, steps_per_cell: steps, exact: steps > 1 };
+            if let Ok(mut bake) = CellBake::new(&source.graph, settings) {
+                while bake.advance().is_some() {}
+            }
+        }
+        let walls: Vec<[DVec3; 2]> = (0..6)
+            .map(|i| [DVec3::new(f64::from(i), 0.0, 0.0), DVec3::new(f64::from(i) + 0.1, 3.0, 3.0)])
+            .collect();
+        for most_cells in COUNTS {
+            for (least_share, least_area, margin) in
+                [(tolerance, None, 1.0), (0.3, Some(tolerance), 1.0), (0.3, None, tolerance)]
+            {
+                let settings = WallSettings { tolerance: 1e-4, least_share, least_area, margin, most_cells };
+                drop(from_walls(&walls, &settings));
+                drop(from_walls(&walls, &WallSettings { tolerance, ..settings }));
+                let settings = PolygonSettings {
+                    least_share,
+                    least_area,
+                    margin,
+                    most_cells,
+                    ..PolygonSettings::default()
+                };
+                let polygons: Vec<_> = walls
+                    .iter()
+                    .map(|&[min, max]| {
+                        let corners = [[min.y, min.z], [max.y, min.z], [max.y, max.z], [min.y, max.z]];
+                        let corners = corners.map(|[y, z]| DVec3::new(min.x, y, z));
+                        visibility_core::ConvexPolygon::new(corners).unwrap()
+                    })
+                    .collect();
+                drop(from_polygons(&polygons, &settings));
+                drop(from_polygons(&polygons, &PolygonSettings { tolerance: Some(tolerance), ..settings }));
+            }
+        }
+        check_memory(&what);
+    }
+}
