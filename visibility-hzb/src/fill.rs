@@ -15,17 +15,6 @@ fn whole(x: f32) -> i32 {
 /// Fills a shape. Whether any of it was in front of what there was, at the first glance.
 #[inline(always)]
 pub(crate) fn fill(shape: &Shape, tiles: &mut Tiles) -> bool {
-    fill_and::<false>(shape, tiles)
-}
-
-/// The same, and remembers the outline for tiles that it covers in part.
-#[inline(always)]
-pub(crate) fn fill_and_fuse(shape: &Shape, tiles: &mut Tiles) -> bool {
-    fill_and::<true>(shape, tiles)
-}
-
-#[inline(always)]
-fn fill_and<const FUSED: bool>(shape: &Shape, tiles: &mut Tiles) -> bool {
     let columns = tiles.columns;
     let first_row = shape.lines[0] / SIDE;
     let end_row = shape.lines[1].div_ceil(SIDE).min(tiles.rows);
@@ -48,12 +37,12 @@ fn fill_and<const FUSED: bool>(shape: &Shape, tiles: &mut Tiles) -> bool {
     if !seen {
         return false;
     }
-    let surface = tiles.add_surface::<FUSED>(shape);
+    let surface = tiles.add_surface(shape);
     let mut row = first_row;
     while row < end_row {
         let bands = bands(shape, row, columns);
         for i in 0..SIDE.min(end_row - row) {
-            fill_row::<FUSED>(shape, tiles, row + i, &bands, i, surface);
+            fill_row(shape, tiles, row + i, &bands, i, surface);
         }
         row += SIDE;
     }
@@ -196,14 +185,7 @@ fn spans(shape: &Shape, row: usize) -> [[f32; SIDE]; 2] {
 }
 
 #[inline(always)]
-fn fill_row<const FUSED: bool>(
-    shape: &Shape,
-    tiles: &mut Tiles,
-    row: usize,
-    bands: &Bands,
-    i: usize,
-    surface: u32,
-) {
+fn fill_row(shape: &Shape, tiles: &mut Tiles, row: usize, bands: &Bands, i: usize, surface: u32) {
     let (start, stop) = (bands.met[0][i] as usize, bands.met[1][i] as usize);
     if start >= stop {
         return;
@@ -253,9 +235,6 @@ fn fill_row<const FUSED: bool>(
                 let i = part.trailing_zeros() as usize % WIDTH;
                 part &= part - 1;
                 let mask = u64::from_le_bytes(tiles.spans.masks[i]) & lines;
-                if FUSED {
-                    tiles.meet(base + column + i, surface);
-                }
                 tiles.cover(base + column + i, mask, nearness[i], surface);
             }
         }

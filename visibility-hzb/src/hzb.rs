@@ -33,9 +33,7 @@ const MISSED: usize = 32;
 /// A hierarchical z-buffer.
 ///
 /// Its size is its own, whatever the size of the picture that is drawn; it should have the shape of the view. Memory is 4 bytes a
-/// pixel, one of them for [fusion](Self::with_fusion), and 48 bytes for each convex occluder that a frame draws. Fusion takes 148 more of these,
-/// 40 for each vertex and 80 for each triangle of all that are no boxes, and 12 for each tile that such a triangle meets, up to 12 MB.
-/// All is kept from frame to frame.
+/// pixel and 48 bytes for each convex occluder that a frame draws, kept from frame to frame.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
@@ -54,7 +52,6 @@ const MISSED: usize = 32;
 pub struct Hzb {
     size: [usize; 2],
     coverage: Coverage,
-    fusion: bool,
     pub(crate) simd: Simd,
     lens: Lens,
     pub(crate) lens32: Lens32,
@@ -101,7 +98,6 @@ impl Hzb {
         Self {
             size: [width, height],
             coverage: Coverage::Conservative,
-            fusion: false,
             simd: Simd::best(),
             lens: Lens::BLIND,
             lens32: Lens32::default(),
@@ -123,20 +119,6 @@ impl Hzb {
     /// The same buffer with another rule of what is covered.
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { coverage, ..self }
-    }
-
-    /// The same buffer, with or without occluder fusion within pixels; without it by default. With it, several boxes and other convex occluders
-    /// that cover a pixel together hide what is behind, as along the edge between a wall and the floor, and so do triangles that join without a seam,
-    /// of one mesh or of several. Indoors and in a dense city a quarter to two fifths less is reported visible, for a quarter to four fifths more
-    /// time: that pays where an object that is drawn in vain costs more than some 3 to 8 us. In the open it hides hardly more.
-    /// [`Coverage::Sampled`] does without.
-    ///
-    /// ```
-    /// let hzb = visibility_hzb::Hzb::new(512, 288)?.with_fusion(true);
-    /// # Ok::<(), visibility_hzb::SizeError>(())
-    /// ```
-    pub fn with_fusion(self, fusion: bool) -> Self {
-        Self { fusion, ..self }
     }
 
     /// The same buffer, using the given instructions: for tests and comparisons.
@@ -188,7 +170,7 @@ impl Hzb {
 
     fn query(&self) -> Query<'_> {
         let (lens, tiles, pyramid, faces) = (&self.lens32, &self.tiles, &self.pyramid, &self.faces);
-        Query { simd: self.simd, lens, tiles, pyramid, faces, nearest: self.nearest }
+        Query { lens, tiles, pyramid, faces, nearest: self.nearest }
     }
 
     /// Lets a box wait to be drawn.
@@ -206,7 +188,7 @@ impl Hzb {
     }
 
     fn draw_occluder(&mut self, mesh: &OccluderMesh, transform: &Affine3A) {
-        let parts = solid::Parts::of(mesh, *transform == Affine3A::IDENTITY);
+        let parts = solid::Parts::of(mesh);
         self.draw_mesh(&parts, mesh.bounds(), transform, mesh.is_convex());
     }
 
@@ -245,9 +227,7 @@ impl Hzb {
 
     fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A, extent: Option<&Extent>, two_sided: bool) {
         match self.simd.cuboid(bounds, transform, &self.lens, extent, self.coverage, &mut self.shape) {
-            Made::Shape => {
-                self.fill();
-            }
+            Made::Shape => self.fill(),
             Made::Nothing => {}
             Made::Near => {
                 let corners = bounds.corners();
@@ -264,18 +244,7 @@ impl Hzb {
         if convex || parts.triangles.len() <= SMALL {
             match self.simd.solid(parts, &placed, lens, facing, coverage, convex, scratch, &mut self.shape) {
                 Made::Shape => {
-                    if self.fill() && self.tiles.fuses() {
-                        let Scratch { corners, drawn, .. } = &self.scratch;
-                        let drawn = |i: usize| drawn.get(i).is_some_and(|&drawn| drawn);
-                        crate::mesh::remember_solid(
-                            parts,
-                            corners,
-                            drawn,
-                            &placed,
-                            &self.lens,
-                            &mut self.tiles,
-                        );
-                    }
+                    self.fill();
                     return;
                 }
                 Made::Nothing => return,
@@ -289,15 +258,11 @@ impl Hzb {
         }
     }
 
-    /// Whether any of the shape is seen.
-    fn fill(&mut self) -> bool {
-        let (shape, tiles) = (&self.shape, &mut self.tiles);
-        let seen =
-            if tiles.fuses() { self.simd.fill_and_fuse(shape, tiles) } else { self.simd.fill(shape, tiles) };
-        if seen && self.shape.ceiling > self.nearest {
+    /// Fills the shape.
+    fn fill(&mut self) {
+        if self.simd.fill(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
             self.nearest = self.shape.ceiling;
         }
-        seen
     }
 
     /// Whether an occluder reaches beyond one of the view's own planes, which would cut it.
@@ -332,7 +297,7 @@ impl OcclusionMap for Hzb {
         self.lens = Lens::new(view, origin, self.size, whole);
         self.lens32 = Lens32::new(&self.lens);
         self.faces = Faces::new(&self.lens);
-        self.tiles.clear(self.fusion && self.coverage == Coverage::Conservative);
+        self.tiles.clear();
         self.queue.count = 0;
         self.missed = 0;
         self.nearest = f32::NEG_INFINITY;
@@ -392,12 +357,7 @@ impl OcclusionMap for Hzb {
     }
 
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
-        let query = self.query();
-        if self.tiles.fuses() {
-            self.simd.test_fused(&query, boxes.coordinates(), candidates)
-        } else {
-            self.simd.test(&query, boxes.coordinates(), candidates)
-        }
+        self.simd.test(&self.query(), boxes.coordinates(), candidates)
     }
 }
 

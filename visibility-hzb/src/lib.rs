@@ -53,7 +53,6 @@ mod canvas;
 mod cuboid;
 mod faces;
 mod fill;
-mod fusion;
 mod hom;
 mod hzb;
 mod lens;
@@ -69,7 +68,6 @@ mod solid;
 mod tiles;
 #[cfg(test)]
 mod twice;
-mod weld;
 
 pub use hom::{DepthEstimate, Hom, OccluderCriteria, OccluderDatabase};
 pub use hzb::Hzb;

@@ -27,7 +27,6 @@ use crate::lens::{Lens, Placed};
 use crate::shape::{Coverage, up};
 use crate::solid::{Parts, cross, cut, dot, less, point};
 use crate::tiles::Tiles;
-use crate::weld::{self, Name};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 
@@ -99,11 +98,6 @@ pub(crate) fn draw(
     let sides = choose(mesh, corners, screen, whole.then_some(slack), placed, facing, beyond, drawn);
     if sides == 0 {
         return f32::NEG_INFINITY;
-    }
-
-    if tiles.fuses() {
-        let drawn = |i: usize| drawn.get(i).is_some_and(|&side| side != 0);
-        remember(mesh, corners, |i| screen[i], slack, drawn, placed, lens, tiles);
     }
     let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
     let marked = coverage == Coverage::Conservative;
@@ -310,86 +304,6 @@ fn reach_cuts(mesh: &Parts, corners: &[[f64; 5]], placed: &Placed, beyond: f64, 
         if (a[4] > beyond) != (b[4] > beyond) {
             on_screen(&cut(a, b, beyond), placed, reach);
         }
-    }
-}
-
-/// As [`remember`], for a mesh that was drawn by its outline.
-pub(crate) fn remember_solid(
-    mesh: &Parts,
-    corners: &[[f64; 5]],
-    drawn: impl Fn(usize) -> bool,
-    placed: &Placed,
-    lens: &Lens,
-    tiles: &mut Tiles,
-) {
-    let beyond = placed.beyond();
-    let mut reach = Reach::NONE;
-    for corner in corners.iter().filter(|corner| corner[4] > beyond) {
-        on_screen(corner, placed, &mut reach);
-    }
-    reach_cuts(mesh, corners, placed, beyond, &mut reach);
-    let slack = 2.0 * reach.error + TINY;
-    let screen = |i: usize| on_screen(&corners[i], placed, &mut { Reach::NONE });
-    remember(mesh, corners, screen, slack, drawn, placed, lens, tiles);
-}
-
-/// Remembers the triangles of a mesh that are `drawn`, for those that join others without a seam. Its corners may be off by `slack` on the `screen`.
-#[inline(always)]
-#[expect(clippy::too_many_arguments)]
-fn remember(
-    mesh: &Parts,
-    corners: &[[f64; 5]],
-    screen: impl Fn(usize) -> Corner,
-    slack: f64,
-    drawn: impl Fn(usize) -> bool,
-    placed: &Placed,
-    lens: &Lens,
-    tiles: &mut Tiles,
-) {
-    let beyond = placed.beyond();
-    let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
-    let (slack, size) = (up(slack), lens.size);
-    let Tiles { weld, whole, .. } = tiles;
-    if weld.is_full() {
-        return;
-    }
-    let number = weld.begin_mesh();
-    let corner = |Corner { x, y, far }: Corner, name: Name| weld::Corner { at: [x, y], far, name };
-    let mut first = None;
-    for (i, t) in mesh.triangles.iter().enumerate() {
-        if !drawn(i) {
-            continue;
-        }
-        let first = *first.get_or_insert_with(|| {
-            let first = weld.count();
-            for (i, position) in mesh.positions.iter().enumerate() {
-                let name =
-                    if mesh.still { Name::of_place(position) } else { Name::of_vertex(number, i as u32) };
-                weld.push(corner(screen(i), name));
-            }
-            first
-        });
-        let [a, b, c] = t.map(|i| &corners[i as usize]);
-        let plane = plane([a, b, c], placed, lens, &errors);
-        if a[4] > beyond && b[4] > beyond && c[4] > beyond {
-            weld.add(&t.map(|i| first + i), slack, plane, size, whole);
-            continue;
-        }
-        // What is left beyond the near plane.
-        let (mut rest, mut count) = ([0; 4], 0);
-        for k in 0..3 {
-            let (i, j) = (t[k], t[(k + 1) % 3]);
-            let (a, b) = (&corners[i as usize], &corners[j as usize]);
-            if a[4] > beyond && count < 4 {
-                (rest[count], count) = (first + i, count + 1);
-            }
-            if (a[4] > beyond) != (b[4] > beyond) && count < 4 {
-                let name = Name::of_cut(number, i, j);
-                let at = on_screen(&cut(a, b, beyond), placed, &mut { Reach::NONE });
-                (rest[count], count) = (weld.push(corner(at, name)), count + 1);
-            }
-        }
-        weld.add(&rest[..count], slack, plane, size, whole);
     }
 }
 

@@ -12,7 +12,6 @@
 //! rectangle, and
 //! one computed inside is off by no more than that.
 
-use crate::Simd;
 use crate::faces::Faces;
 use crate::fill::bits;
 use crate::lens::{Lens, Row};
@@ -95,7 +94,6 @@ impl Lens32 {
 /// All that a query looks at.
 #[derive(Clone, Copy)]
 pub(crate) struct Query<'a> {
-    pub(crate) simd: Simd,
     pub(crate) lens: &'a Lens32,
     pub(crate) tiles: &'a Tiles,
     pub(crate) pyramid: &'a Pyramid,
@@ -311,17 +309,6 @@ pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> F
 /// Decides those of 64 boxes that are candidates. Lanes whose box is improper must not be among them.
 #[inline(always)]
 pub(crate) fn test(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64 {
-    test_and::<false>(query, boxes, candidates)
-}
-
-/// The same with occluder fusion. Apart from it for the sake of its speed.
-#[inline(always)]
-pub(crate) fn test_fused(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64 {
-    test_and::<true>(query, boxes, candidates)
-}
-
-#[inline(always)]
-fn test_and<const FUSED: bool>(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64 {
     let mut answer = Occlusion64::default();
     for chunk in 0..64 / WIDTH {
         let lanes = candidates >> (chunk * WIDTH) & ((1 << WIDTH) - 1);
@@ -332,23 +319,19 @@ fn test_and<const FUSED: bool>(query: &Query, boxes: &Boxes, candidates: u64) ->
         for row in 0..6 {
             part[row] = boxes[row].as_chunks::<WIDTH>().0[chunk];
         }
-        let (hidden, visible) = decide::<WIDTH, FUSED>(query, &project(query.lens, &part), lanes, &part);
+        let (hidden, visible) = decide(query, &project(query.lens, &part), lanes, &part);
         answer.hidden |= hidden << (chunk * WIDTH);
         answer.visible |= visible << (chunk * WIDTH);
     }
     answer
 }
 
-/// As [`test()`] or [`test_fused`], for one box.
+/// As [`test()`], for one box.
 #[inline(always)]
 pub(crate) fn test_one(query: &Query, sides: [f32; 6]) -> Occlusion64 {
     let part = sides.map(|side| [side]);
     let footprints = project(query.lens, &part);
-    let (hidden, visible) = if query.tiles.fuses() {
-        decide::<1, true>(query, &footprints, 1, &part)
-    } else {
-        decide::<1, false>(query, &footprints, 1, &part)
-    };
+    let (hidden, visible) = decide(query, &footprints, 1, &part);
     Occlusion64 { hidden, visible }
 }
 
@@ -362,7 +345,7 @@ fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
 }
 
 #[inline(always)]
-fn decide<const N: usize, const FUSED: bool>(
+fn decide<const N: usize>(
     query: &Query,
     footprints: &Footprints<N>,
     lanes: u64,
@@ -397,7 +380,7 @@ fn decide<const N: usize, const FUSED: bool>(
         let (rectangle, nearest) = (footprints.rectangle(i), footprints.nearest[i]);
         // One look tells most of those that are visible: what is behind their middle.
         let behind = query.tiles.pixel_around(&rectangle);
-        if !FUSED && !(behind > footprints.farthest[i]) {
+        if !(behind > footprints.farthest[i]) {
             continue;
         }
         let mut sides = [0.0; 6];
@@ -405,7 +388,7 @@ fn decide<const N: usize, const FUSED: bool>(
             sides[row] = boxes[row][i];
         }
         if behind > nearest && query.pyramid.hides(query.tiles, &rectangle, nearest)
-            || query.faces.hides::<FUSED>(query.simd, query.tiles, &rectangle, sides, nearest)
+            || query.faces.hides(query.tiles, &rectangle, sides, nearest)
         {
             hidden |= 1 << i;
         }

@@ -79,8 +79,6 @@ pub(crate) struct Shape {
     /// First and end columns, first and end rows, in pixels of the buffer.
     pub(crate) columns: [f32; 2],
     pub(crate) lines: [usize; 2],
-    /// Between which heights all of it lies, not rounded to whole pixels.
-    pub(crate) heights: [f32; 2],
 }
 
 /// Where something is on the screen, rounded outwards: first and end columns, first and end rows in pixels, least and greatest nearness.
@@ -106,7 +104,6 @@ impl Shape {
         ceiling: 0.0,
         columns: [0.0; 2],
         lines: [0; 2],
-        heights: [0.0; 2],
     };
 
     /// Starts anew, as the part of the buffer between the given limits in pixels.
@@ -118,7 +115,6 @@ impl Shape {
         self.columns = columns.map(|x| x as f32);
         // Casts saturate; NaN becomes zero.
         self.lines = lines.map(|y| y as usize);
-        self.heights = self.lines.map(|y| y as f32);
         self.floor = down(floor);
         self.ceiling = up(ceiling);
     }
@@ -128,7 +124,6 @@ impl Shape {
     pub(crate) fn begin_within(&mut self, extent: &Extent) {
         (self.lefts, self.rights, self.plane_count) = (0, 0, 0);
         (self.columns, self.lines) = (extent.columns.map(|x| x as f32), extent.lines);
-        self.heights = extent.lines.map(|y| y as f32);
         [self.floor, self.ceiling] = extent.nearness;
     }
 
@@ -149,11 +144,9 @@ impl Shape {
             if b > 0.0 {
                 let y = y * (1.0 + 8.0 * f64::EPSILON.copysign(y));
                 first = first.max((y - half).ceil_());
-                self.heights[0] = self.heights[0].max(up(y + F32 * size[1]));
             } else if b < 0.0 {
                 let y = y * (1.0 - 8.0 * f64::EPSILON.copysign(y));
                 end = end.min((y + half).floor_());
-                self.heights[1] = self.heights[1].min(down(y - F32 * size[1]));
             } else if !(c >= 0.0) {
                 end = 0.0;
             }
@@ -200,7 +193,7 @@ impl Shape {
 ///
 /// In `f32`, three coefficients, two products and two sums are rounded: `4u` of the magnitudes' sum at most, and `8u` are taken off.
 #[inline(always)]
-pub(crate) fn lowered([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
+fn lowered([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
     let side = crate::tiles::SIDE as f64;
     let worst = c + side * (a.min(0.0) + b.min(0.0));
     let slack = F32 * (a.abs() * (size[0] + side) + b.abs() * (size[1] + side) + c.abs())

@@ -8,7 +8,6 @@
 
 use crate::canvas::Cells;
 use crate::cuboid::Made;
-use crate::faces::Slabs;
 use crate::hom::{Boundary, Opacity, Region};
 use crate::lens::{Lens, Placed};
 use crate::mesh::Setup;
@@ -128,11 +127,7 @@ compiled! {
     solid / solid_avx2 / solid_avx512 = crate::solid::make,
         (mesh: &Parts, placed: &Placed, lens: &Lens, facing: f64, coverage: Coverage, convex: bool, scratch: &mut Scratch, shape: &mut Shape) -> Made;
     fill / fill_avx2 / fill_avx512 = crate::fill::fill, (shape: &Shape, tiles: &mut Tiles) -> bool;
-    fill_and_fuse / fill_and_fuse_avx2 / fill_and_fuse_avx512 = crate::fill::fill_and_fuse, (shape: &Shape, tiles: &mut Tiles) -> bool;
     update_maps / update_maps_avx2 / update_maps_avx512 = crate::hom::update,
         (opacity: &mut Opacity, boundary: &mut Boundary, tiles: &Tiles, region: &Region) -> ();
-    cover_together / cover_together_avx2 / cover_together_avx512 = crate::tiles::cover_together,
-        (tiles: &Tiles, tile: usize, pixel: [u32; 2], slabs: &Slabs, nearest: f32) -> bool;
     test / test_avx2 / test_avx512 = crate::query::test, (query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64;
-    test_fused / test_fused_avx2 / test_fused_avx512 = crate::query::test_fused, (query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64;
 }

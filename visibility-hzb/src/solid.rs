@@ -13,11 +13,11 @@ use visibility_core::{Edge, OccluderMesh};
 /// Memory that is used again from occluder to occluder.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scratch {
-    pub(crate) corners: Vec<[f64; 5]>,
+    corners: Vec<[f64; 5]>,
     /// On the screen, with nearness.
     screen: Vec<[f64; 3]>,
     /// For each triangle, whether it is drawn.
-    pub(crate) drawn: Vec<bool>,
+    drawn: Vec<bool>,
 }
 
 /// What of a mesh is needed.
@@ -27,24 +27,21 @@ pub(crate) struct Parts<'a> {
     pub(crate) triangles: &'a [[u32; 3]],
     pub(crate) edges: &'a [Edge],
     pub(crate) two_sided: bool,
-    /// Whether positions are those of the scene.
-    pub(crate) still: bool,
 }
 
 impl<'a> Parts<'a> {
-    pub(crate) fn of(mesh: &'a OccluderMesh, still: bool) -> Self {
+    pub(crate) fn of(mesh: &'a OccluderMesh) -> Self {
         Self {
             positions: mesh.positions(),
             triangles: mesh.triangles(),
             edges: mesh.edges(),
             two_sided: mesh.is_two_sided(),
-            still,
         }
     }
 
     /// A box, by its corners.
     pub(crate) fn of_box(corners: &'a [Vec3; 8], two_sided: bool) -> Self {
-        Self { positions: corners, triangles: &BOX_TRIANGLES, edges: &BOX_EDGES, two_sided, still: false }
+        Self { positions: corners, triangles: &BOX_TRIANGLES, edges: &BOX_EDGES, two_sided }
     }
 }
 

@@ -7,10 +7,8 @@
 
 use crate::faces::{LANES, Slabs};
 use crate::fill::Spans;
-use crate::fusion::{AtLeast, Behind, Fusion, Head, Outline};
 use crate::pyramid::{Rectangle, UNCHANGED, join};
-use crate::shape::{Shape, down, lowered};
-use crate::weld::Weld;
+use crate::shape::{Shape, down};
 use alloc::vec::Vec;
 
 /// Pixels along the side of a tile.
@@ -18,12 +16,6 @@ pub(crate) const SIDE: usize = 8;
 
 /// Sets of pixels that a tile can tell apart.
 pub(crate) const LAYERS: usize = 4;
-
-/// Outlines that are remembered to cover part of a tile, on average.
-const LINKS: usize = 8;
-
-/// Depths that a pixel is asked about, for what triangles cover together.
-const TRIED: usize = 64;
 
 /// Tiles that can be read beyond the end of any row.
 pub(crate) const PADDING: usize = 16;
@@ -52,15 +44,6 @@ pub(crate) struct Tiles {
     pub(crate) surface: Vec<u32>,
     /// The first is none.
     surfaces: Vec<Surface>,
-    /// The outlines of what surfaces belong to; none if nothing is to be fused.
-    outlines: Vec<Outline>,
-    /// What is to be known of each before it is looked at.
-    heads: Vec<Head>,
-    /// By tile, where the chain of surfaces begins whose outlines cover part of it; each link has one, and where the next link is. The first is none.
-    met: Vec<u32>,
-    links: Vec<[u32; 2]>,
-    /// The most links, none if nothing is to be fused.
-    limit: usize,
     /// How many layers count.
     counts: Vec<u8>,
     /// Those beyond the count are of earlier frames.
@@ -70,8 +53,6 @@ pub(crate) struct Tiles {
     pub(crate) changed_rows: [usize; 2],
     /// Of the row of tiles that is being filled.
     pub(crate) spans: Spans,
-    /// Triangles that may cover a pixel together.
-    pub(crate) weld: Weld,
 }
 
 /// What bounds the nearness of a shape from below: the least of up to three planes, where that is greater than the floor.
@@ -91,42 +72,6 @@ impl Surface {
         let [p, q, r, ..] = shape.planes;
         // All three whatever their number: a copy of known length.
         Self { planes: [p, q, r], count: if shape.plane_count <= 3 { shape.plane_count } else { 0 } }
-    }
-
-    /// Of the same nearness everywhere.
-    #[inline(always)]
-    pub(crate) fn flat(nearness: f32) -> Self {
-        let mut surface = Self::NONE;
-        (surface.planes[0][2], surface.count) = (nearness, 1);
-        surface
-    }
-
-    /// Of one plane in pixel coordinates, already moved by its error; none if it is not finite.
-    #[inline(always)]
-    pub(crate) fn of_plane(plane: [f64; 3], size: [f64; 2]) -> Self {
-        let mut surface = Self::NONE;
-        let least = lowered(plane, size);
-        // NaN is none either.
-        if least[0].abs() + least[1].abs() + least[2].abs() < f32::INFINITY {
-            (surface.planes[0], surface.count) = (least, 1);
-        }
-        surface
-    }
-
-    /// The nearness at a point, at least; what is rounded is as in [`least`](Self::least).
-    #[inline(always)]
-    pub(crate) fn at(&self, [x, y]: [f64; 2]) -> f64 {
-        const SHARE: f64 = 1.0 / SIDE as f64;
-        let mut least = if self.count > 0 { f64::INFINITY } else { f64::NEG_INFINITY };
-        for &[a, b, c] in &self.planes[..self.count] {
-            let [a, b, c] = [f64::from(a), f64::from(b), f64::from(c)];
-            // The value in a tile is that of its farthest corner.
-            let lowest = if a < 0.0 { a } else { 0.0 } + if b < 0.0 { b } else { 0.0 };
-            let value = a * SHARE * x + b * SHARE * y + (c - lowest);
-            // A NaN is the least of all.
-            least = if value >= least { least } else { value };
-        }
-        least
     }
 
     /// The least nearness within a rectangle; [`NOTHING`] if this is no surface.
@@ -169,21 +114,6 @@ impl Surface {
         any
     }
 
-    /// As [`least`](Self::least), the greatest; no less than nearness is anywhere if this is no surface, but for rounding.
-    #[inline(always)]
-    pub(crate) fn most(&self, [left, right, top, bottom]: [f64; 4]) -> f64 {
-        const SHARE: f64 = 1.0 / SIDE as f64;
-        let mut most = f64::INFINITY;
-        for &[a, b, c] in &self.planes[..self.count] {
-            let [a, b, c] = [f64::from(a), f64::from(b), f64::from(c)];
-            let x = if a < 0.0 { left * SHARE - 1.0 } else { right * SHARE };
-            let y = if b < 0.0 { top * SHARE - 1.0 } else { bottom * SHARE };
-            let value = a * x + b * y + c;
-            most = if value < most { value } else { most };
-        }
-        most
-    }
-
     /// Whether all within a rectangle is nearer. A NaN hides nothing.
     #[inline(always)]
     fn hides(&self, sides: [f64; 4], nearness: f32) -> bool {
@@ -201,34 +131,20 @@ impl Tiles {
             whole: alloc::vec![NOTHING; columns * rows + PADDING],
             surface: alloc::vec![0; columns * rows + PADDING],
             surfaces: alloc::vec![Surface::NONE],
-            outlines: alloc::vec![Outline::NONE],
-            heads: alloc::vec![Head::NONE],
-            met: alloc::vec![0; columns * rows],
-            links: Vec::new(),
-            limit: 0,
             counts: alloc::vec![0; columns * rows],
             layers: alloc::vec![layers; columns * rows],
             changed: alloc::vec![UNCHANGED; rows],
             changed_rows: UNCHANGED,
             spans: Spans::NONE,
-            weld: Weld::new(columns, rows),
         }
     }
 
-    /// Forgets all; outlines are to be fused in what comes, or not.
-    pub(crate) fn clear(&mut self, fuses: bool) {
+    /// Forgets all.
+    pub(crate) fn clear(&mut self) {
         self.whole.fill(NOTHING);
         self.counts.fill(0);
         self.surface.fill(0);
         self.surfaces.truncate(1);
-        self.outlines.truncate(1);
-        self.heads.truncate(1);
-        self.met.fill(0);
-        self.links.clear();
-        self.links.push([0; 2]);
-        self.limit = if fuses { LINKS * self.met.len() } else { 0 };
-        self.links.reserve(self.limit);
-        self.weld.clear();
         self.changed.fill(UNCHANGED);
         self.changed_rows = UNCHANGED;
     }
@@ -250,57 +166,9 @@ impl Tiles {
 
     /// Makes the surface of a shape known; the number stands for it in this frame.
     #[inline(always)]
-    pub(crate) fn add_surface<const FUSED: bool>(&mut self, shape: &Shape) -> u32 {
+    pub(crate) fn add_surface(&mut self, shape: &Shape) -> u32 {
         self.surfaces.push(Surface::of(shape));
-        if FUSED {
-            self.outlines.push(Outline::of(shape));
-            self.heads.push(Head::of(shape));
-        }
         (self.surfaces.len() - 1) as u32
-    }
-
-    /// Whether outlines are fused.
-    #[inline(always)]
-    pub(crate) fn fuses(&self) -> bool {
-        self.limit > 0
-    }
-
-    /// Remembers that the outline of a surface covers part of a tile, while there is room.
-    #[inline(always)]
-    pub(crate) fn meet(&mut self, tile: usize, surface: u32) {
-        if self.links.len() < self.limit {
-            let link = self.links.len() as u32;
-            self.links.push([surface, core::mem::replace(&mut self.met[tile], link)]);
-        }
-    }
-
-    /// Whether several occluders cover a pixel of a tile together, before what is `behind`.
-    #[inline(always)]
-    pub(crate) fn cover_together(&self, tile: usize, pixel: [usize; 2], behind: &mut impl Behind) -> bool {
-        self.fuse(tile, pixel, behind) || self.weld.covers(tile, pixel, behind)
-    }
-
-    /// Whether several outlines do.
-    #[inline(always)]
-    fn fuse(&self, tile: usize, pixel: [usize; 2], behind: &mut impl Behind) -> bool {
-        let mut link = self.met[tile];
-        if link == 0 {
-            return false;
-        }
-        let mut fusion = Fusion::new(pixel, behind);
-        let limit = fusion.limit();
-        while let Some(&[surface, next]) = self.links.get(link as usize)
-            && link != 0
-        {
-            if self.heads.get(surface as usize).is_some_and(|head| head.may_cover(pixel, limit))
-                && let Some(outline) = self.outlines.get(surface as usize)
-                && let Some(surface) = self.surfaces.get(surface as usize)
-            {
-                fusion.add(surface, outline);
-            }
-            link = next;
-        }
-        fusion.covers()
     }
 
     /// In which of some pixels a box may be seen, looked at through the surfaces that cover them. It is no nearer than `nearness` there, and within
@@ -486,21 +354,6 @@ impl Tiles {
                 nearness = nearness.max(of(layers.surfaces[i]));
             }
         }
-        let mut fused = f64::INFINITY;
-        if self.fuse(tile, [column, row], &mut fused) {
-            nearness = nearness.max(down(fused));
-        }
-        // The nearest first, and not too many of them.
-        let mut limit = f64::INFINITY;
-        for _ in 0..TRIED {
-            match self.weld.next_below(tile, [column, row], limit) {
-                Some(next) if next > f64::from(nearness) => limit = next,
-                _ => break,
-            }
-            if self.weld.covers(tile, [column, row], &mut AtLeast(limit)) {
-                return down(limit);
-            }
-        }
         nearness
     }
 
@@ -516,18 +369,6 @@ impl Tiles {
         }
         nearness
     }
-}
-
-/// Whether several occluders cover a pixel of a tile together, before a box within `slabs` that is nowhere nearer than `nearest`.
-#[inline(always)]
-pub(crate) fn cover_together(
-    tiles: &Tiles,
-    tile: usize,
-    [x, y]: [u32; 2],
-    slabs: &Slabs,
-    nearest: f32,
-) -> bool {
-    tiles.cover_together(tile, [x as usize, y as usize], &mut (slabs, nearest))
 }
 
 /// Joins two of one layer too many: those whose joining gives away least, in pixels times nearness.

@@ -7,8 +7,10 @@ mod common;
 use allocations::ALLOCATIONS;
 use common::{Random, occluder, view};
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, Occlusion, OcclusionMap};
-use visibility_hzb::Hzb;
+use visibility_core::{
+    Aabb, Culler, FrustumCuller, Object, Occlusion, OcclusionCuller, OcclusionMap, Scene, VisibleSet,
+};
+use visibility_hzb::{Hom, Hzb};
 
 #[test]
 fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {
@@ -39,4 +41,45 @@ fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {
     assert_eq!(ALLOCATIONS.get(), before);
     assert_eq!(first, second);
     assert!(first.iter().sum::<usize>() > 100, "something is hidden: {first:?}");
+}
+
+/// Allocations of a culler in 40 views that it has not seen, after 8 others.
+fn allocations_at_new_views(map: impl OcclusionMap + Clone) -> usize {
+    let mut random = Random(6);
+    let mut scene = Scene::new();
+    for _ in 0..300 {
+        let o = occluder(&mut random);
+        let corners = o.mesh.bounds().corners().map(|p| o.transform.transform_point3(p));
+        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(corners)) });
+        let mesh = scene.add_mesh(o.mesh);
+        scene.set_mesh(id, mesh, o.transform).unwrap();
+    }
+    scene.insert_batch((0..2000).map(|_| {
+        let middle = random.vec(-9.0, 9.0);
+        Aabb::new(middle - 0.3, middle + 0.3)
+    }));
+    scene.rebuild();
+    let (mut frustum, mut culler) = (FrustumCuller::new(), OcclusionCuller::new(map));
+    let mut set = VisibleSet::new();
+    let mut hidden = 0;
+    let mut before = 0;
+    for number in 0..48 {
+        if number == 8 {
+            before = ALLOCATIONS.get();
+        }
+        let view = view(&mut random);
+        set.fill(&scene, &view);
+        frustum.cull(&scene, &view, &mut set);
+        let candidates = set.count(&scene);
+        culler.cull(&scene, &view, &mut set);
+        hidden += candidates - set.count(&scene);
+    }
+    assert!(hidden > 1000, "something is hidden: {hidden}");
+    ALLOCATIONS.get() - before
+}
+
+#[test]
+fn views_that_are_new_allocate_nothing() {
+    assert_eq!(allocations_at_new_views(Hzb::new(320, 180).unwrap()), 0, "hzb");
+    assert_eq!(allocations_at_new_views(Hom::new(320, 180).unwrap()), 0, "hom");
 }

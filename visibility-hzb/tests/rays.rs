@@ -20,16 +20,10 @@ fn points(random: &mut Random) -> [[f64; 2]; 6] {
     ]
 }
 
-fn check(
-    occluders: &[Occluder],
-    view: &View,
-    [hzb, alone]: &[Hzb; 2],
-    random: &mut Random,
-    what: &str,
-) -> [u64; 3] {
+fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, what: &str) -> [u64; 2] {
     let size = [hzb.width(), hzb.height()];
     let faces = faces(occluders);
-    let [mut samples, mut pixels, mut several] = [0; 3];
+    let [mut samples, mut pixels] = [0; 2];
     for row in 0..size[1] {
         for column in 0..size[0] {
             let stored = f64::from(hzb.nearness(column, row));
@@ -46,13 +40,7 @@ fn check(
             if !lonely && random.below(8) != 0 {
                 continue;
             }
-            // What several cover together may have a gap anywhere.
-            let fused = stored > f64::from(alone.nearness(column, row));
-            several += u64::from(fused);
-            let within = (0..if fused { 40 } else { 0 })
-                .map(|_| [random.within(1e-6, 1.0 - 1e-6), random.within(1e-6, 1.0 - 1e-6)])
-                .collect::<Vec<_>>();
-            for [x, y] in points(random).into_iter().chain(within) {
+            for [x, y] in points(random) {
                 let met = Ray::new(view, size, column as f64 + x, row as f64 + y).nearest(&faces);
                 samples += 1;
                 assert!(
@@ -65,7 +53,7 @@ fn check(
             }
         }
     }
-    [samples, pixels, several]
+    [samples, pixels]
 }
 
 /// Boxes side by side and end to end, turned as one or not at all: some touch, some overlap a little, and some leave gaps too narrow for a pixel.
@@ -131,14 +119,13 @@ fn sheets(random: &mut Random) -> Vec<Occluder> {
 #[test]
 fn covered_pixels_are_covered_and_no_farther_than_they_say() {
     let mut random = Random(7);
-    let (mut samples, mut pixels, mut fused, mut seamless, mut rounds) = (0, 0, 0, 0, 0);
+    let (mut samples, mut pixels, mut rounds) = (0, 0, 0);
     while samples < 6_000_000 {
         let sizes = [[64, 36], [33, 57], [16, 16], [120, 40]];
         let size = sizes[random.below(4) as usize];
         let mut view = view(&mut random);
         let mut occluders: Vec<_> = (0..random.below(4) + 1).map(|_| occluder(&mut random)).collect();
-        let welded = random.below(3) == 0;
-        if welded {
+        if random.below(3) == 0 {
             occluders = sheets(&mut random);
         } else if random.below(2) == 0 {
             occluders = room(&mut random);
@@ -150,25 +137,17 @@ fn covered_pixels_are_covered_and_no_farther_than_they_say() {
                     .unwrap();
             }
         }
-        let maps = [true, false].map(|fusion| {
-            let mut hzb = Hzb::new(size[0], size[1]).unwrap().with_fusion(fusion);
-            hzb.begin(&view, DVec3::ZERO);
-            for o in &occluders {
-                hzb.add(&o.mesh, &o.transform);
-            }
-            hzb.flush();
-            hzb
-        });
-        let [s, p, f] = check(&occluders, &view, &maps, &mut random, &format!("round {rounds}"));
+        let mut hzb = Hzb::new(size[0], size[1]).unwrap();
+        hzb.begin(&view, DVec3::ZERO);
+        for o in &occluders {
+            hzb.add(&o.mesh, &o.transform);
+        }
+        hzb.flush();
+        let [s, p] = check(&occluders, &view, &hzb, &mut random, &format!("round {rounds}"));
         samples += s;
         pixels += p;
-        *(if welded { &mut seamless } else { &mut fused }) += f;
         rounds += 1;
         assert!(rounds < 40_000, "too little is covered: {pixels} pixels");
     }
-    println!(
-        "{rounds} scenes, {pixels} covered pixels, {fused} of them by several, {seamless} in sheets, {samples} rays"
-    );
-    assert!(fused > 3_000, "only {fused} pixels are covered by several");
-    assert!(seamless > 3_000, "only {seamless} pixels are covered by triangles that join");
+    println!("{rounds} scenes, {pixels} covered pixels, {samples} rays");
 }

@@ -24,11 +24,7 @@ fn extreme(random: &mut Random) -> Option<Occluder> {
 }
 
 fn draw(occluders: &[Occluder], view: &View, size: [usize; 2], simd: Simd, coverage: Coverage) -> Hzb {
-    let mut hzb = Hzb::new(size[0], size[1])
-        .unwrap()
-        .with_simd(simd)
-        .with_coverage(coverage)
-        .with_fusion(size[0] == 40);
+    let mut hzb = Hzb::new(size[0], size[1]).unwrap().with_simd(simd).with_coverage(coverage);
     hzb.begin(view, DVec3::ZERO);
     for o in occluders {
         hzb.add(&o.mesh, &o.transform);

@@ -13,12 +13,6 @@ pub(super) const KNOWN: &[Known] = &[
         make: |dial, _| made(dial, Coverage::Conservative),
     },
     Known {
-        name: "hzb-fused",
-        what: "as hzb, but what several outlines cover together counts as covered: hides more, and costs more",
-        dials: &["512x288", "256x144"],
-        make: |dial, _| Ok(Box::new(HzbCuller::new(map(dial)?.with_fusion(true)))),
-    },
-    Known {
         name: "hzb-sampled",
         what: "as hzb, but a pixel counts as covered if its centre is: hides what shows only between centres",
         dials: &["512x288", "256x144"],
