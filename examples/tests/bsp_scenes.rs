@@ -8,7 +8,7 @@ use glam::{DMat4, DQuat, DVec3};
 use shared_scenes::stored;
 use std::collections::HashSet;
 use visibility_bsp::{BspOrder, Naylor, SceneTree, Witness};
-use visibility_core::measure::ItemBuffer;
+use visibility_core::measure::{Comparison, ItemBuffer};
 use visibility_core::{Culler, ObjectId, View, VisibleSet};
 use visibility_examples::walkthrough::World;
 use visibility_examples::{SceneSource, built_in, cars5, load};
@@ -49,17 +49,15 @@ fn explain(world: &World, view: &View, culler: &Naylor<&SceneTree>, id: ObjectId
     let close = close_up(view, world, witness);
     let is_opaque = |key: u32| world.source.objects[key as usize].opaque;
     let own = world.source.objects[id.index()].triangles.as_slice();
-    let mut shows = |glass: bool, first: bool| {
+    let mut shows = |glass: bool| {
         let others = world.items().filter(|&(k, _)| k != key && (glass || is_opaque(k)));
-        let (before, after) = if first { (Some((key, own)), None) } else { (None, Some((key, own))) };
-        let items = before.into_iter().chain(others).chain(after);
-        let exact = crop.draw(&close, world.origin(), items).unwrap();
-        exact.objects().iter().any(|object| object.key == key && object.pixels > 0)
+        let exact = crop.draw(&close, world.origin(), others.chain([(key, own)])).unwrap();
+        *exact.objects().last().unwrap()
     };
     match () {
-        () if shows(true, false) => reasons.between_pixels += 1,
-        () if shows(false, false) => reasons.behind_glass += 1,
-        () if shows(false, true) || is_tied(world, view, id, witness) => reasons.in_one_plane += 1,
+        () if shows(true).pixels > 0 => reasons.between_pixels += 1,
+        () if shows(false).pixels > 0 => reasons.behind_glass += 1,
+        () if shows(false).is_visible() || is_tied(world, view, id, witness) => reasons.in_one_plane += 1,
         () => reasons.wrong += 1,
     }
 }
@@ -99,7 +97,8 @@ fn check(source: SceneSource, frames: usize) {
     let mut order = BspOrder::new(&tree);
     let mut buffer = ItemBuffer::new(JUDGE.0, JUDGE.1).unwrap();
     let (mut set, mut in_view) = (VisibleSet::new(), VisibleSet::new());
-    let (mut seen_sum, mut reported_sum, mut reasons) = (0, 0, Reasons::default());
+    let mut comparison = Comparison::default();
+    let (mut seen_sum, mut reported_sum, mut tied_sum, mut reasons) = (0, 0, 0, Reasons::default());
     for (frame, view) in world.views.iter().enumerate() {
         set.fill(&world.scene, view);
         culler.cull(&world.scene, view, &mut set);
@@ -107,11 +106,13 @@ fn check(source: SceneSource, frames: usize) {
         order.cull(&world.scene, view, &mut in_view);
         let exact = buffer.draw(view, world.origin(), world.items()).unwrap();
         let seen: HashSet<u32> =
-            exact.objects().iter().filter(|object| object.pixels > 0).map(|object| object.key).collect();
+            exact.objects().iter().filter(|object| object.is_visible()).map(|object| object.key).collect();
         let reported: Vec<ObjectId> = set.iter(&world.scene).collect();
         let keys: HashSet<u32> = reported.iter().map(|id| id.index() as u32).collect();
-        let hidden: Vec<_> = seen.difference(&keys).collect();
+        exact.compare(|_, key| keys.contains(&key), &mut comparison);
+        let hidden = &comparison.false_hidden_keys;
         assert!(hidden.is_empty(), "{}, frame {frame}: {hidden:?} hidden", world.source.name);
+        tied_sum += comparison.tied_hidden_objects;
         assert!(reported.iter().all(|&id| in_view.contains(&world.scene, id)));
         for &id in reported.iter().filter(|id| !seen.contains(&(id.index() as u32))) {
             explain(&world, view, &culler, id, &mut reasons);
@@ -119,7 +120,10 @@ fn check(source: SceneSource, frames: usize) {
         seen_sum += seen.len();
         reported_sum += reported.len();
     }
-    println!("{}: {seen_sum} seen, {reported_sum} reported, the others: {reasons:?}", world.source.name);
+    let name = &world.source.name;
+    println!(
+        "{name}: {seen_sum} seen, {tied_sum} of them hidden in ties; {reported_sum} reported, the others: {reasons:?}"
+    );
     assert_eq!(reasons.wrong, 0, "{}: {reasons:?}", world.source.name);
 }
 

@@ -102,7 +102,7 @@ fn is_confirmed(scene: &Scene, view: &View, id: ObjectId, witness: Witness) -> b
     let items =
         core::iter::once(id).chain(others).map(|id| (id.index() as u32, scene.triangles(id).unwrap()));
     let exact = crop.draw(&close, DVec3::ZERO, items).unwrap();
-    exact.objects()[0].pixels > 0
+    exact.objects()[0].is_visible()
 }
 
 #[test]

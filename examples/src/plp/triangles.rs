@@ -57,8 +57,9 @@ impl TriangleWorld {
         let candidates: Vec<u32> = (0..self.triangles.len() as u32).filter(is_candidate).collect();
         let items = candidates.iter().map(|&i| (i, std::slice::from_ref(&self.triangles[i as usize])));
         let seen = buffer.draw(view, DVec3::ZERO, items)?;
-        let visible = seen.objects().iter().filter(|object| object.is_visible());
-        let visible = visible.map(|object| (object.key, object.pixels)).collect();
+        // Each object is one triangle. A tie counts for the triangle that the picture shows.
+        let pixels = candidates.iter().copied().zip(seen.triangle_pixels().iter().copied());
+        let visible = pixels.filter(|&(_, pixels)| pixels > 0).collect();
         Ok(Seen { visible, pixels: buffer.width() * buffer.height(), candidates })
     }
 

@@ -10,6 +10,8 @@ use visibility_core::measure::{Comparison, ItemBuffer, MeasureError};
 pub struct Verdict {
     /// Visible objects that were hidden: a lower bound, since an item buffer samples.
     pub false_hidden: u64,
+    /// Objects that were hidden and show only in pixels that show a reported object alike: no errors.
+    pub tied_hidden: u64,
     /// Objects that were reported and do not show: an upper bound.
     pub false_visible: u64,
     /// Triangles of the reported objects: what would be drawn.
@@ -88,6 +90,7 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
     for frame in &mut judged {
         for (verdict, comparison) in verdicts.iter_mut().zip(&mut frame.comparisons) {
             verdict.false_hidden += u64::from(comparison.false_hidden_objects);
+            verdict.tied_hidden += u64::from(comparison.tied_hidden_objects);
             verdict.reported_triangles += u64::from(comparison.reported_triangles);
             verdict.false_visible += u64::from(comparison.false_visible_objects);
             verdict.false_visible_triangles += u64::from(comparison.false_visible_triangles);

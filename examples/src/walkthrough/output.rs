@@ -18,6 +18,7 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
         "us a frame",
         "p99",
         "false hidden",
+        "ties",
         "false visible",
         "wrong pixels",
     ]);
@@ -30,6 +31,7 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
             format!("{:.2}", trial.quantile(0.5)),
             format!("{:.2}", trial.quantile(0.99)),
             verdict.false_hidden.to_string(),
+            verdict.tied_hidden.to_string(),
             format!("{:.1}", verdict.false_visible as f64 / frames),
             format!("{:.1}", verdict.wrong_pixels as f64 / frames),
         ]);
@@ -45,6 +47,7 @@ pub const LEGEND: &str = "\
 reported, visible: objects a frame, by the culler and in truth (an item buffer that draws every triangle)
 us a frame, p99: median and 99th percentile of the time to cull one frame, one thread
 false hidden: visible objects that the culler hid, all frames together: what a user sees vanish
+ties: hidden objects that show only where a reported object shows alike, on an edge or in one plane with it, all frames together
 false visible: reported objects of which no pixel shows, a frame
 wrong pixels: pixels that are not what they should be when only the reported objects are drawn, a frame";
 
@@ -60,11 +63,12 @@ struct Line<'a> {
     mean_visible: f64,
     mean_exact: f64,
     false_hidden: u64,
+    tied_hidden: u64,
     false_visible: u64,
     mean_wrong_pixels: f64,
 }
 
-/// One line a culler. `false_hidden` and `false_visible` are summed over all frames.
+/// One line a culler. `false_hidden`, `tied_hidden` and `false_visible` are summed over all frames.
 pub fn json(out: &mut impl Write, world: &World, trials: &[Trial], judgement: &Judgement) -> io::Result<()> {
     for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
         let line = Line {
@@ -78,6 +82,7 @@ pub fn json(out: &mut impl Write, world: &World, trials: &[Trial], judgement: &J
             mean_visible: trial.mean_visible(),
             mean_exact: judgement.mean_exact(),
             false_hidden: verdict.false_hidden,
+            tied_hidden: verdict.tied_hidden,
             false_visible: verdict.false_visible,
             mean_wrong_pixels: verdict.wrong_pixels as f64 / world.views.len() as f64,
         };

@@ -1,15 +1,17 @@
-//! Which culler for this scene? Answered by measuring: what a few views of it really show, and what each candidate costs and leaves.
+//! Which culler for this scene? Answered by measuring: what a few views of it really show, and what each
+//! candidate costs and leaves.
 //!
-//! The time to cull buys time that need not be spent on drawing, so both are added up, by what drawing costs in the engine at hand
-//! ([`DrawCost`]). A candidate that hides something visible, or that does not promise not to, is out.
+//! The time to cull buys time that need not be spent on drawing, so both are added up, by what drawing costs
+//! in the engine at hand ([`DrawCost`]). A candidate that hides something visible, or that does not promise
+//! not to, is out.
 
 use super::{Comparison, ItemBuffer, MeasureError};
 use crate::{Pipeline, Scene, View, VisibleSet};
 use alloc::vec::Vec;
 use core::fmt;
 
-/// What drawing takes, in microseconds. The default, one for an object and a thousandth for a triangle, suits an engine that issues a
-/// draw call an object.
+/// What drawing takes, in microseconds. The default, one for an object and a thousandth for a triangle, suits
+/// an engine that issues a draw call an object.
 ///
 /// ```
 /// use visibility_core::measure::DrawCost;
@@ -102,8 +104,8 @@ const RUNS: usize = 5;
 
 /// Probes of one scene, to hold candidates against.
 ///
-/// The probes need the triangles of the scene's objects ([`Scene::set_triangles`]); one without any counts as invisible. Meant for the
-/// time when a level is loaded or built: it draws each view once in software.
+/// The probes need the triangles of the scene's objects ([`Scene::set_triangles`]); one without any counts as
+/// invisible. Meant for the time when a level is loaded or built: it draws each view once in software.
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, Aabb, FrustumCuller, Pipeline, Pose, Scene, View};
@@ -177,8 +179,9 @@ impl<'a> Advisor<'a> {
         self.draw.of(self.facts.visible_objects, self.facts.visible_triangles)
     }
 
-    /// Runs a candidate on the views, by a clock that tells seconds. Gives up, with `None`, once it is certain that a view takes longer
-    /// than `limit` microseconds, on average: the best total so far, so that slow candidates do not hold up the rest.
+    /// Runs a candidate on the views, by a clock that tells seconds. Gives up, with `None`, once it is
+    /// certain that a view takes longer than `limit` microseconds, on average: the best total so far, so that
+    /// slow candidates do not hold up the rest.
     pub fn trial(
         &self,
         pipeline: &mut Pipeline,
@@ -192,7 +195,8 @@ impl<'a> Advisor<'a> {
         let share = 1.0 / self.views.len().max(1) as f64;
         let mut least = alloc::vec![f64::INFINITY; self.views.len()];
         pipeline.reset();
-        // All views in turn, several times: the same view again and again would flatter cullers that remember the frame before.
+        // All views in turn, several times: the same view again and again would flatter cullers that remember
+        // the frame before.
         for run in 0..RUNS {
             let mut sum = 0.0;
             for ((view, probe), least) in self.views.iter().zip(&self.probes).zip(&mut least) {
@@ -220,8 +224,9 @@ impl<'a> Advisor<'a> {
         Some(trial)
     }
 
-    /// Runs all candidates and returns the index of the best that promises to hide nothing visible and kept it here, with its trial;
-    /// `None` if there is no such candidate. Candidates that are likely to be good go first, since the rest is then given up sooner.
+    /// Runs all candidates and returns the index of the best that promises to hide nothing visible and kept
+    /// it here, with its trial; `None` if there is no such candidate. Candidates that are likely to be good
+    /// go first, since the rest is then given up sooner.
     pub fn best<'p>(
         &self,
         candidates: impl IntoIterator<Item = &'p mut Pipeline>,

@@ -1,16 +1,17 @@
 //! From triangles in space to triangles on the screen, by way of homogeneous clip space.
 //!
-//! Polygons are cut plane by plane (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) before they are divided
-//! by `w`, as Blinn and Newell do ("Clipping Using Homogeneous Coordinates", 1978). An edge that two triangles share
-//! is cut in both by the same sums in the same order, from its inner to its outer end, and stays shared to the last bit.
+//! Polygons are cut plane by plane (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) before they
+//! are divided by `w`, as Blinn and Newell do ("Clipping Using Homogeneous Coordinates", 1978). An edge that
+//! two triangles share is cut in both by the same sums in the same order, from its inner to its outer end,
+//! and stays shared to the last bit.
 
-use super::raster::{Corner, Image};
+use super::raster::{Corner, DEPTH_TIE, Image};
 use crate::{Depth, Plane, View};
 use glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
 use smallvec::SmallVec;
 
-/// How far beyond the sides of the image, in images, triangles are left uncut. The raster loses 1e-16 of the coordinates,
-/// so 16 images cost it nothing, and few triangles are large enough to need the sides cut.
+/// How far beyond the sides of the image, in images, triangles are left uncut. The raster loses 1e-16 of the
+/// coordinates, so 16 images cost it nothing, and few triangles are large enough to need the sides cut.
 const GUARD: f64 = 16.0;
 
 /// A triangle can gain one vertex at each of six planes, and more at clip planes of the view's own.
@@ -24,6 +25,7 @@ pub(super) struct Lens {
     far: DVec2,
     /// Factor of `z`, and constant, that make the numerator over `w` of the nearness.
     nearness: DVec2,
+    parallel: bool,
     half_size: DVec2,
     /// The view's own clip planes, for points as the triangles have them.
     clip_planes: SmallVec<[Plane; 1]>,
@@ -53,7 +55,14 @@ impl Lens {
         let shift = origin - view.origin();
         let moved = |p: &Plane| Plane::new(p.normal, p.normal.dot(shift) + p.offset);
         let clip_planes = view.clip_planes().iter().map(moved).collect();
-        Self { clip_from_local, near, far, nearness, half_size, clip_planes }
+        Self { clip_from_local, near, far, nearness, parallel, half_size, clip_planes }
+    }
+
+    /// Difference between two values of nearness that counts as none, however small both are. Depth of a
+    /// parallel view is spread evenly over -1 to 1, or 0 to 1, so its zero is as good as any other value; `1
+    /// / w` of a perspective view is zero only at infinity.
+    pub(super) fn least_difference(&self) -> f64 {
+        if self.parallel { DEPTH_TIE } else { 0.0 }
     }
 
     /// Draws what is in view of a triangle.
@@ -75,7 +84,8 @@ impl Lens {
         }
     }
 
-    /// As [`draw`](Self::draw), after cutting by the view's own planes, which is done before projection: they are given in space.
+    /// As [`draw`](Self::draw), after cutting by the view's own planes, which is done before projection: they
+    /// are given in space.
     #[cold]
     #[inline(never)]
     fn draw_clipped(&self, triangle: &[Vec3; 3], item: u32, image: &mut Image) {
@@ -131,7 +141,8 @@ impl Lens {
             clip_polygon(&polygon, |v| distance(plane, v), |v| v, &mut cut);
             core::mem::swap(&mut polygon, &mut cut);
         }
-        // What a guard cuts is put exactly on it: between ends at -1e30 and 1e30, rounding would leave it 1e14 away.
+        // What a guard cuts is put exactly on it: between ends at -1e30 and 1e30, rounding would leave it
+        // 1e14 away.
         for side in [-GUARD, GUARD] {
             let beyond = side.signum();
             clip_polygon(&polygon, |v| GUARD * v.w - beyond * v.x, |v| v.with_x(side * v.w), &mut cut);

@@ -5,8 +5,8 @@ use alloc::vec::Vec;
 
 /// In what a culler's answer differs from an item buffer's, for one view.
 ///
-/// By the nature of sampling, what is false hidden here is a lower bound, what is false visible an upper one: see
-/// [the module](super).
+/// By the nature of sampling, what is false hidden here is a lower bound, what is false visible an upper one:
+/// see [the module](super).
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, measure::{Comparison, ItemBuffer}, Pose, View};
@@ -27,17 +27,24 @@ pub struct Comparison {
     pub reported_objects: u32,
     /// Triangles of those objects: what would be drawn.
     pub reported_triangles: u32,
-    /// Objects with a pixel that were not reported: what users see vanish.
+    /// Objects that were not reported and are what a pixel shows: what users see vanish. A pixel that shows
+    /// several objects in a tie counts against the one that the image shows, and only if none of them was
+    /// reported.
     pub false_hidden_objects: u32,
-    /// Triangles with a pixel, of objects that were not reported.
+    /// Triangles of these objects that have a pixel.
     pub false_hidden_triangles: u32,
-    /// Pixels that show another item, or none, when the reported objects alone are drawn.
+    /// Objects that were not reported and show only in ties with objects that were: no error that this buffer
+    /// could tell. See [ties](super#ties).
+    pub tied_hidden_objects: u32,
+    /// Pixels that show a false hidden object: drawing the reported objects alone leaves something else
+    /// there, or nothing.
     ///
-    /// These are the pixels of the false hidden objects, so nothing need be drawn again to know them: an item is seen in a
-    /// pixel because it is before all others there, and stays so whatever else is left out; only
-    /// leaving out the item itself changes the pixel.
+    /// Nothing need be drawn again to know them: an item is seen in a pixel because it is before all others
+    /// there, and stays so whatever else is left out; only leaving out the item itself changes the pixel.
     pub wrong_pixels: u32,
-    /// Reported objects without a pixel.
+    /// Pixels whose object was not reported, but another one of the same tie was.
+    pub tied_pixels: u32,
+    /// Reported objects without a pixel, alone or in a tie.
     pub false_visible_objects: u32,
     /// Triangles without a pixel, of reported objects, including those of objects that are partly seen.
     pub false_visible_triangles: u32,
@@ -46,7 +53,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Whether exactly the objects with pixels were reported. Triangles do not matter: cullers report objects.
+    /// Whether exactly the objects with pixels were reported. Triangles do not matter: cullers report
+    /// objects.
     pub fn is_exact(&self) -> bool {
         self.false_hidden_objects == 0 && self.false_visible_objects == 0
     }
@@ -57,26 +65,62 @@ impl Comparison {
     }
 }
 
+/// What is to be said of a culler's answer about one object.
+#[derive(Clone, Copy, PartialEq)]
+enum Answer {
+    Reported,
+    /// Not reported, though a pixel shows it.
+    FalseHidden,
+    /// Not reported, and rightly so as far as is known.
+    Hidden,
+}
+
 impl ExactVisibility {
-    /// Compares with a culler's answer: `reported` is asked, once for each object in the order in which they were
-    /// drawn, with the object's index and key. Linear in the number of objects; the memory of `out` is reused.
+    /// Compares with a culler's answer: `reported` is asked, once for each object in the order in which they
+    /// were drawn, with the object's index and key. Linear in the number of objects and of tied pixels;
+    /// allocates a byte an object.
     pub fn compare(&self, mut reported: impl FnMut(usize, u32) -> bool, out: &mut Comparison) {
         let mut keys = core::mem::take(&mut out.false_hidden_keys);
         keys.clear();
-        *out = Comparison { false_hidden_keys: keys, ..Comparison::default() };
-        for (index, object) in self.objects().iter().enumerate() {
+        *out = Comparison::default();
+        let judged = self.objects().iter().enumerate().map(|(index, object)| {
             if reported(index, object.key) {
-                out.reported_objects += 1;
-                out.reported_triangles += object.triangles;
-                out.false_visible_objects += u32::from(!object.is_visible());
-                out.false_visible_triangles += object.triangles - object.visible_triangles;
-            } else if object.is_visible() {
-                out.false_hidden_objects += 1;
-                out.false_hidden_triangles += object.visible_triangles;
-                out.wrong_pixels += object.pixels;
-                out.false_hidden_keys.push(object.key);
+                Answer::Reported
+            } else if object.pixels > 0 {
+                Answer::FalseHidden
+            } else {
+                Answer::Hidden
+            }
+        });
+        let mut answers: Vec<Answer> = judged.collect();
+        for mut tie in self.ties() {
+            let reported = tie.clone().any(|object| answers[object] == Answer::Reported);
+            let Some(shown) = tie.next() else { continue };
+            if !reported {
+                answers[shown] = Answer::FalseHidden;
+                out.wrong_pixels += 1;
+            } else if answers[shown] != Answer::Reported {
+                out.tied_pixels += 1;
             }
         }
+        for (object, &answer) in self.objects().iter().zip(&answers) {
+            match answer {
+                Answer::Reported => {
+                    out.reported_objects += 1;
+                    out.reported_triangles += object.triangles;
+                    out.false_visible_objects += u32::from(!object.is_visible());
+                    out.false_visible_triangles += object.triangles - object.visible_triangles;
+                }
+                Answer::FalseHidden => {
+                    out.false_hidden_objects += 1;
+                    out.false_hidden_triangles += object.visible_triangles;
+                    out.wrong_pixels += object.pixels;
+                    keys.push(object.key);
+                }
+                Answer::Hidden => out.tied_hidden_objects += u32::from(object.is_visible()),
+            }
+        }
+        out.false_hidden_keys = keys;
     }
 }
 
@@ -84,6 +128,7 @@ impl ExactVisibility {
 mod tests {
     use super::*;
     use crate::measure::NONE;
+    use crate::measure::raster::Image;
 
     #[test]
     fn errors_are_counted_both_ways() {
@@ -92,7 +137,7 @@ mod tests {
             exact.push(key, triangles);
         }
         // Triangles 0..4, 4..6, 6..9, 9: objects 10, 11 and 12 are seen with 1, 2 and 1 of them.
-        exact.count(&[0, 0, 4, 5, 5, 8, NONE]);
+        exact.count(&Image::new(7, 1, [0, 0, 4, 5, 5, 8, NONE].into(), [1.0; 7].into()));
         let mut comparison =
             Comparison { false_hidden_keys: [1, 2, 3].into(), wrong_pixels: 9, ..Default::default() };
         exact.compare(|_, key| [10, 13].contains(&key), &mut comparison);
@@ -101,7 +146,9 @@ mod tests {
             reported_triangles: 5,
             false_hidden_objects: 2,
             false_hidden_triangles: 3,
+            tied_hidden_objects: 0,
             wrong_pixels: 4,
+            tied_pixels: 0,
             false_visible_objects: 1,
             false_visible_triangles: 3 + 1,
             false_hidden_keys: [11, 12].into(),

@@ -1,5 +1,6 @@
 //! What an item buffer found: pixels by object and by triangle.
 
+use super::raster::Image;
 use alloc::vec::Vec;
 use core::ops::Range;
 
@@ -7,7 +8,7 @@ use core::ops::Range;
 ///
 /// ```
 /// use visibility_core::measure::ObjectPixels;
-/// let object = ObjectPixels { key: 7, first_triangle: 20, triangles: 12, visible_triangles: 3, pixels: 950 };
+/// let object = ObjectPixels { key: 7, first_triangle: 20, triangles: 12, visible_triangles: 3, pixels: 950, tied_pixels: 0 };
 /// assert!(object.is_visible());
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
@@ -18,16 +19,18 @@ pub struct ObjectPixels {
     pub first_triangle: u32,
     /// How many triangles it has.
     pub triangles: u32,
-    /// How many of them have a pixel.
+    /// How many of them have a pixel of the image.
     pub visible_triangles: u32,
-    /// How many pixels show the object.
+    /// How many pixels show the object and no other.
     pub pixels: u32,
+    /// How many pixels show the object as well as others: see [ties](super#ties).
+    pub tied_pixels: u32,
 }
 
 impl ObjectPixels {
-    /// Whether any pixel shows the object.
+    /// Whether any pixel shows the object, alone or in a tie.
     pub fn is_visible(&self) -> bool {
-        self.pixels > 0
+        self.pixels > 0 || self.tied_pixels > 0
     }
 
     /// The numbers of its triangles.
@@ -46,12 +49,26 @@ impl ObjectPixels {
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct ExactVisibility {
-    pub(super) objects: Vec<ObjectPixels>,
-    pub(super) triangle_pixels: Vec<u32>,
-    pub(super) visible_objects: u32,
-    pub(super) visible_triangles: u32,
-    pub(super) covered_pixels: u32,
-    pub(super) layers: u64,
+    objects: Vec<ObjectPixels>,
+    triangle_pixels: Vec<u32>,
+    /// Objects of the tied pixels, pixel by pixel; of each pixel, the object that the image shows comes
+    /// first.
+    ties: Vec<Tie>,
+    visible_objects: u32,
+    visible_triangles: u32,
+    covered_pixels: u32,
+    tied_pixels: u32,
+    layers: u64,
+}
+
+/// One of the objects that a pixel shows alike.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+struct Tie {
+    pixel: u32,
+    /// Whether the image shows another object there.
+    is_challenger: bool,
+    /// Index of the object.
+    object: u32,
 }
 
 impl ExactVisibility {
@@ -60,17 +77,18 @@ impl ExactVisibility {
         &self.objects
     }
 
-    /// How many pixels show each triangle, by its number.
+    /// How many pixels of the image show each triangle, by its number. Of triangles that tie for a pixel, one
+    /// has it.
     pub fn triangle_pixels(&self) -> &[u32] {
         &self.triangle_pixels
     }
 
-    /// How many objects have a pixel.
+    /// How many objects have a pixel, alone or in a tie.
     pub fn visible_objects(&self) -> u32 {
         self.visible_objects
     }
 
-    /// How many triangles have a pixel.
+    /// How many triangles have a pixel of the image.
     pub fn visible_triangles(&self) -> u32 {
         self.visible_triangles
     }
@@ -80,26 +98,39 @@ impl ExactVisibility {
         self.covered_pixels
     }
 
+    /// How many pixels show several objects alike: see [ties](super#ties).
+    pub fn tied_pixels(&self) -> u32 {
+        self.tied_pixels
+    }
+
+    /// The indices of the objects that each tied pixel shows, pixel by pixel. The first is the one that the
+    /// image shows there.
+    pub(super) fn ties(&self) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone> {
+        self.ties.chunk_by(|a, b| a.pixel == b.pixel).map(|tie| tie.iter().map(|one| one.object as usize))
+    }
+
     /// How many triangles lie behind each other in a covered pixel, on average; zero if none is covered.
     pub fn depth_complexity(&self) -> f64 {
         self.layers as f64 / f64::from(self.covered_pixels.max(1))
     }
 
-    /// The index in [`objects`](Self::objects) of the object that a triangle belongs to; `None` if there is no such
-    /// triangle, as for [`NONE`](super::NONE). Logarithmic in the number of objects.
+    /// The index in [`objects`](Self::objects) of the object that a triangle belongs to; `None` if there is
+    /// no such triangle, as for [`NONE`](super::NONE). Logarithmic in the number of objects.
     pub fn object_of(&self, triangle: u32) -> Option<usize> {
         if triangle as usize >= self.triangle_pixels.len() {
             return None;
         }
-        // Objects without triangles begin where the next one does; the last that begins here has the triangle.
+        // Objects without triangles begin where the next one does; the last that begins here has the
+        // triangle.
         self.objects.partition_point(|o| o.first_triangle <= triangle).checked_sub(1)
     }
 
     pub(super) fn clear(&mut self) {
         self.objects.clear();
         self.triangle_pixels.clear();
-        (self.visible_objects, self.visible_triangles, self.covered_pixels) = (0, 0, 0);
-        self.layers = 0;
+        self.ties.clear();
+        (self.visible_objects, self.visible_triangles) = (0, 0);
+        (self.covered_pixels, self.tied_pixels, self.layers) = (0, 0, 0);
     }
 
     /// Takes in one more object; its number of triangles must still fit. Returns the number of its first.
@@ -110,13 +141,21 @@ impl ExactVisibility {
         u32::try_from(self.objects.len()).ok()?;
         self.triangle_pixels.resize(end as usize, 0);
         let triangles = end - first_triangle;
-        self.objects.push(ObjectPixels { key, first_triangle, triangles, visible_triangles: 0, pixels: 0 });
+        self.objects.push(ObjectPixels {
+            key,
+            first_triangle,
+            triangles,
+            visible_triangles: 0,
+            pixels: 0,
+            tied_pixels: 0,
+        });
         Some(first_triangle)
     }
 
-    /// Counts the pixels of a finished image.
-    pub(super) fn count(&mut self, items: &[u32]) {
-        for &item in items {
+    /// Counts the pixels of a finished image whose claims are settled.
+    pub(super) fn count(&mut self, image: &Image) {
+        self.layers = image.layers;
+        for &item in &image.items {
             if let Some(pixels) = self.triangle_pixels.get_mut(item as usize) {
                 *pixels += 1;
             }
@@ -127,10 +166,39 @@ impl ExactVisibility {
                 object.pixels += pixels;
                 object.visible_triangles += u32::from(pixels > 0);
             }
-            self.visible_objects += u32::from(object.pixels > 0);
             self.visible_triangles += object.visible_triangles;
             self.covered_pixels += object.pixels;
         }
+        self.count_ties(image);
+        self.visible_objects = self.objects.iter().map(|object| u32::from(object.is_visible())).sum();
+    }
+
+    /// Moves tied pixels from the objects that the image shows there to all objects of the tie.
+    fn count_ties(&mut self, image: &Image) {
+        let mut ties = core::mem::take(&mut self.ties);
+        for claim in &image.claims {
+            let holder = self.object_of(image.items[claim.pixel as usize]);
+            let challenger = self.object_of(claim.item);
+            // Triangles of one object do not tie.
+            if let (Some(holder), Some(challenger)) = (holder, challenger)
+                && holder != challenger
+            {
+                for (object, is_challenger) in [(holder, false), (challenger, true)] {
+                    ties.push(Tie { pixel: claim.pixel, is_challenger, object: object as u32 });
+                }
+            }
+        }
+        ties.sort_unstable();
+        ties.dedup();
+        for tie in &ties {
+            let object = &mut self.objects[tie.object as usize];
+            object.tied_pixels += 1;
+            if !tie.is_challenger {
+                object.pixels -= 1;
+                self.tied_pixels += 1;
+            }
+        }
+        self.ties = ties;
     }
 }
 
@@ -156,7 +224,7 @@ mod tests {
         let mut exact = ExactVisibility::default();
         let firsts = [(9, 2), (8, 0), (7, 3)].map(|(key, triangles)| exact.push(key, triangles));
         assert_eq!(firsts, [Some(0), Some(2), Some(2)]);
-        exact.count(&[1, 1, super::super::NONE, 2, 4, 4]);
+        exact.count(&Image::new(6, 1, [1, 1, super::super::NONE, 2, 4, 4].into(), [1.0; 6].into()));
         assert_eq!(exact.triangle_pixels(), [0, 2, 1, 0, 2]);
         let seen: Vec<_> = exact.objects().iter().map(|o| (o.key, o.visible_triangles, o.pixels)).collect();
         assert_eq!(seen, [(9, 1, 2), (8, 0, 0), (7, 2, 3)]);

@@ -15,8 +15,9 @@ pub const MAX_SIDE: u32 = 1 << 14;
 
 /// An image that holds, per pixel, the number of the triangle seen there.
 ///
-/// Takes 12 bytes a pixel, and 4 bytes a triangle drawn; all of it is reused from frame to frame. Drawing costs
-/// 10 to 20 ns a triangle and about 1 ns for each pixel of each triangle, hidden or not.
+/// Takes 12 bytes a pixel, 4 bytes a triangle drawn, and some 40 bytes a pixel for each further object that
+/// it shows in a tie; all of it is reused from frame to frame. Drawing costs 10 to 20 ns a triangle and about
+/// 1 ns for each pixel of each triangle, hidden or not.
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, measure::{ItemBuffer, NONE}, Pose, View};
@@ -37,8 +38,8 @@ pub struct ItemBuffer {
 }
 
 impl ItemBuffer {
-    /// An empty image of `width` columns and `height` rows. For square pixels their ratio should be the aspect
-    /// of the views drawn, but need not be: each view fills the image.
+    /// An empty image of `width` columns and `height` rows. For square pixels their ratio should be the
+    /// aspect of the views drawn, but need not be: each view fills the image.
     ///
     /// # Errors
     /// [`MeasureError::Size`].
@@ -53,8 +54,7 @@ impl ItemBuffer {
         nearness.try_reserve_exact(width * height).map_err(|_| error)?;
         items.resize(width * height, NONE);
         nearness.resize(width * height, f64::NEG_INFINITY);
-        let image = Image { width, height, items, nearness, layers: 0 };
-        Ok(Self { image, exact: ExactVisibility::default() })
+        Ok(Self { image: Image::new(width, height, items, nearness), exact: ExactVisibility::default() })
     }
 
     /// Draws objects and counts their pixels, forgetting the frame before.
@@ -62,8 +62,8 @@ impl ItemBuffer {
     /// Objects are pairs of a key, with which the caller knows them, and triangles relative to `origin`, in
     /// metres: the scene's origin, a point of the world. They are numbered in the order in which they come,
     /// and so are their triangles, through all objects. Which objects to draw is the caller's choice:
-    /// [`View::layers`] is not looked at, and nothing is transparent. A triangle with a coordinate that is NaN or
-    /// infinite, or without area on the screen, covers no pixel.
+    /// [`View::layers`] is not looked at, and nothing is transparent. A triangle with a coordinate that is
+    /// NaN or infinite, or without area on the screen, covers no pixel.
     ///
     /// # Errors
     /// [`MeasureError::TooMany`]; the image is empty then.
@@ -75,17 +75,19 @@ impl ItemBuffer {
     ) -> Result<&ExactVisibility, MeasureError> {
         self.clear();
         let lens = Lens::new(view, origin, &self.image);
+        self.image.least_difference = lens.least_difference();
         for (object, (key, triangles)) in objects.into_iter().enumerate() {
             let Some(first) = self.exact.push(key, triangles.len()) else {
                 self.clear();
                 return Err(MeasureError::TooMany { object });
             };
+            self.image.object_start = first;
             for (item, triangle) in (first..).zip(triangles) {
                 lens.draw(triangle, item, &mut self.image);
             }
         }
-        self.exact.count(&self.image.items);
-        self.exact.layers = self.image.layers;
+        self.image.settle_claims();
+        self.exact.count(&self.image);
         Ok(&self.exact)
     }
 
@@ -93,6 +95,7 @@ impl ItemBuffer {
         self.image.items.fill(NONE);
         self.image.nearness.fill(f64::NEG_INFINITY);
         self.image.layers = 0;
+        self.image.claims.clear();
         self.exact.clear();
     }
 
@@ -106,21 +109,23 @@ impl ItemBuffer {
         self.image.height as u32
     }
 
-    /// Per pixel the number of the triangle seen through its centre, or [`NONE`]; row by row from the top of the picture,
-    /// each from the left. The centre of column `i` is at clip-space `x / w = (i + 0.5) / width * 2 - 1`, that of row `j`
-    /// at `y / w = 1 - (j + 0.5) / height * 2`.
+    /// Per pixel the number of the triangle seen through its centre, or [`NONE`]; row by row from the top of
+    /// the picture, each from the left. The centre of column `i` is at clip-space `x / w = (i + 0.5) / width
+    /// * 2 - 1`, that of row `j` at `y / w = 1 - (j + 0.5) / height * 2`. Of triangles that tie for a pixel,
+    /// the nearest by rounding has it, or the first drawn.
     pub fn items(&self) -> &[u32] {
         &self.image.items
     }
 
-    /// Per pixel how near the triangle is that is seen there, in the order of [`items`](Self::items): over the distance along the line of
-    /// sight for perspective views (`1 / w`), linear in depth for parallel ones; negative infinity where there is none.
+    /// Per pixel how near the triangle is that is seen there, in the order of [`items`](Self::items): over
+    /// the distance along the line of sight for perspective views (`1 / w`), linear in depth for parallel
+    /// ones; negative infinity where there is none.
     pub fn nearness(&self) -> &[f64] {
         &self.image.nearness
     }
 
-    /// The index, in [`ExactVisibility::objects`], of the object seen in a pixel; `None` where there is none or
-    /// outside the image.
+    /// The index, in [`ExactVisibility::objects`], of the object seen in a pixel; `None` where there is none
+    /// or outside the image.
     pub fn object_at(&self, column: u32, row: u32) -> Option<usize> {
         if column >= self.width() || row >= self.height() {
             return None;

@@ -6,13 +6,20 @@
 //! reported ([`ExactVisibility::compare`]) tells where the culler erred.
 //!
 //! # What the numbers mean
-//! The buffer samples the visible set V at pixel centres. A triangle that covers no centre, through a gap narrower
-//! than a pixel or for being far away, is missed. So every *false hidden* object found is a true error, but there may
-//! be more of them: the count is a lower bound. And an object reported but not found may be one of V that fell
-//! between the samples: the *false visible* count is an upper bound. Both approach the truth as the buffer grows.
+//! The buffer samples the visible set V at pixel centres. A triangle that covers no centre, through a gap
+//! narrower than a pixel or for being far away, is missed. So every *false hidden* object found is a true
+//! error, but there may be more of them: the count is a lower bound. And an object reported but not found may
+//! be one of V that fell between the samples: the *false visible* count is an upper bound. Both approach the
+//! truth as the buffer grows.
 //!
-//! Where surfaces of two objects coincide, which of them a pixel shows is rounding, within 1e-12 of the distance; both may
-//! get pixels. A conservative culler reports both, since neither is strictly farther.
+//! # Ties
+//! Two objects tie for a pixel if the pixel's centre lies on the edge of one of them, or if their surfaces
+//! coincide: rounding decides which of them the image shows. To be precise, a triangle ties with the one that
+//! the image shows if it belongs to another object, comes within a millionth of a column and row of the
+//! centre, and is there nearer, or as near to 1e-10 (of the distance; in parallel views, of the depth). Tied
+//! pixels are counted apart from those that show one object alone, and count for all objects of the tie: each
+//! of them is visible. A culler that reports one of them is not charged with hiding the others; one that
+//! reports none is charged with one error.
 //!
 //! # How it draws
 //! Both faces of every triangle, every triangle opaque, in `f64` from the view's own clip matrix:
@@ -22,10 +29,11 @@
 //!   an edge compute it in the same way to the last bit, so that no pixel falls between them.
 //! - Nearest wins; of equally near triangles the first drawn. For perspective views, nearness is `1/w`; for
 //!   orthographic ones, where `w` is constant, it is clip-space `z/w`. Both are linear on the screen. In a
-//!   perspective view the two order the points of a line of sight alike, but `z/w` of a distant point is a constant
-//!   that the convention adds (zero, if reversed), plus a share of `1/w` that shrinks with the distance: at far/near = 1e9 rounding
-//!   leaves seven digits of that share. `1/w` keeps the full relative precision of `f64` at any distance, in all six
-//!   conventions, and does not depend on where an engine puts its near plane.
+//!   perspective view the two order the points of a line of sight alike, but `z/w` of a distant point is a
+//!   constant that the convention adds (zero, if reversed), plus a share of `1/w` that shrinks with the
+//!   distance: at far/near = 1e9 rounding leaves seven digits of that share. `1/w` keeps the full relative
+//!   precision of `f64` at any distance, in all six conventions, and does not depend on where an engine puts
+//!   its near plane.
 //!
 //! Nothing here is shared with the cullers: they test boxes against planes or conservative depth, this draws
 //! triangles. Values are plain data and `Send`; to measure several views at once, give each thread a buffer.
@@ -106,3 +114,5 @@ impl core::error::Error for MeasureError {}
 mod ray_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tie_tests;

@@ -1,13 +1,26 @@
 //! Filling triangles row by row, with the nearest at each pixel centre.
 //!
-//! Coverage is decided on the edges' crossings with each row of centres. An edge is always taken from its upper to its
-//! lower end, whichever triangle it belongs to, so two triangles that share it get the same crossing to the last bit:
-//! one ends where the other begins. A centre is covered if `left <= x < right`, a row is met if `top <= y < bottom`:
-//! the top-left rule of graphics APIs. The crossings of one row cut it into half-open intervals without gaps, so
-//! a mesh has no cracks whatever the rounding; where rounding swaps two crossings that are within 1e-12 pixels, a centre
-//! between them is covered twice, and the nearer triangle has it.
+//! Coverage is decided on the edges' crossings with each row of centres. An edge is always taken from its
+//! upper to its lower end, whichever triangle it belongs to, so two triangles that share it get the same
+//! crossing to the last bit: one ends where the other begins. A centre is covered if `left <= x < right`, a
+//! row is met if `top <= y < bottom`: the top-left rule of graphics APIs. The crossings of one row cut it
+//! into half-open intervals without gaps, so a mesh has no cracks whatever the rounding; where rounding swaps
+//! two crossings that are within 1e-12 pixels, a centre between them is covered twice, and the nearer
+//! triangle has it.
+//!
+//! A *claim* is kept for each triangle that comes within [`EDGE_TIE`] of a centre, is there as near as the
+//! triangle that has the pixel or nearer, up to [`DEPTH_TIE`], and belongs to another object. Rounding alone
+//! decided which of the two has the pixel.
 
 use alloc::vec::Vec;
+
+/// Distance from a pixel's centre, in columns and in rows, within which an edge counts as meeting the centre.
+/// Rounding moves an edge less far, unless coordinates are 10 million times as large as the distance to the
+/// eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is a millionth.
+const EDGE_TIE: f64 = 1e-6;
+
+/// Difference between two depths, relative to them, up to which they count as equal.
+pub(super) const DEPTH_TIE: f64 = 1e-10;
 
 /// A corner of a triangle on the screen.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -31,6 +44,16 @@ impl Corner {
     }
 }
 
+/// An item that may be what a pixel shows, though another item has the pixel.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Claim {
+    /// Index of the pixel, row by row.
+    pub(super) pixel: u32,
+    pub(super) item: u32,
+    /// Nearness of the item at the pixel's centre.
+    nearness: f64,
+}
+
 /// Per pixel, the nearest item so far and how near it is, in rows from the top.
 #[derive(Clone, Debug)]
 pub(super) struct Image {
@@ -40,30 +63,86 @@ pub(super) struct Image {
     pub(super) nearness: Vec<f64>,
     /// Pixels covered so far, each as often as a triangle covers it.
     pub(super) layers: u64,
+    /// Claims so far, in no order; some of them beaten by triangles drawn later, until
+    /// [`settle_claims`](Self::settle_claims).
+    pub(super) claims: Vec<Claim>,
+    /// First item of the object that is being drawn: later items make no claims against it.
+    pub(super) object_start: u32,
+    /// Difference between two values of nearness that counts as none, however small both are: zero for
+    /// perspective views.
+    pub(super) least_difference: f64,
 }
 
 impl Image {
+    pub(super) fn new(width: usize, height: usize, items: Vec<u32>, nearness: Vec<f64>) -> Self {
+        let claims = Vec::new();
+        Self { width, height, items, nearness, layers: 0, claims, object_start: 0, least_difference: 0.0 }
+    }
+
+    /// Drops claims that another triangle has beaten since.
+    pub(super) fn settle_claims(&mut self) {
+        let (nearness, least_difference) = (&self.nearness, self.least_difference);
+        let holds =
+            |claim: &Claim| claim.nearness >= as_near_as(nearness[claim.pixel as usize], least_difference);
+        self.claims.retain(holds);
+    }
+
     /// Draws a triangle with finite corners, of any size and position.
     pub(super) fn fill(&mut self, corners: [Corner; 3], item: u32) {
         let [a, b, c] = corners;
         // Most triangles are small and miss all centres: find that out before anything is divided.
-        let left = first_center(a.x.min(b.x).min(c.x), self.width);
-        let right = first_center(a.x.max(b.x).max(c.x), self.width);
-        let upper = first_center(a.y.min(b.y).min(c.y), self.height);
-        let lower = first_center(a.y.max(b.y).max(c.y), self.height);
+        let left = first_center(a.x.min(b.x).min(c.x) - EDGE_TIE, self.width);
+        let right = first_center(a.x.max(b.x).max(c.x) + EDGE_TIE, self.width);
+        let upper = first_center(a.y.min(b.y).min(c.y) - EDGE_TIE, self.height);
+        let lower = first_center(a.y.max(b.y).max(c.y) + EDGE_TIE, self.height);
         if left >= right || upper >= lower {
             return;
         }
         let [top, middle, bottom] = sorted(corners);
         let Some(plane) = NearnessPlane::through(top, middle, bottom) else { return };
         let long = Edge::new(top, bottom);
-        for short in [Edge::new(top, middle), Edge::new(middle, bottom)] {
+        let short = [Edge::new(top, middle), Edge::new(middle, bottom)];
+        for short in &short {
             let rows = first_center(short.upper.y, self.height)..first_center(short.lower.y, self.height);
             for row in rows {
                 let y = row as f64 + 0.5;
                 let (a, b) = (long.crossing(y), short.crossing(y));
                 let (first, end) = (first_center(a.min(b), self.width), first_center(a.max(b), self.width));
                 self.fill_span(row, first, end, &plane, item);
+                let (left, right) = if a < b { (&long, short) } else { (short, &long) };
+                let (a, b) = (a.min(b) - left.doubt(), a.max(b) + right.doubt());
+                if first_center(a, self.width) < first || first_center(b, self.width) > end {
+                    self.claim_row(row, &[&long, short], &plane, item);
+                }
+            }
+        }
+        // Rows that pass by a corner, where edges end that cross no row.
+        for corner in [top, middle, bottom] {
+            let row = first_center(corner.y - EDGE_TIE, self.height);
+            if row < first_center(corner.y + EDGE_TIE, self.height) {
+                self.claim_row(row, &[&long, &short[0], &short[1]], &plane, item);
+            }
+        }
+    }
+
+    /// Claims the centres of a row that come within [`EDGE_TIE`] of the triangle, those inside it among them.
+    #[cold]
+    #[inline(never)]
+    fn claim_row(&mut self, row: usize, edges: &[&Edge], plane: &NearnessPlane, item: u32) {
+        let y = row as f64 + 0.5;
+        let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
+        for edge in edges {
+            if let Some((a, b)) = edge.near_row(y) {
+                (left, right) = (left.min(a), right.max(b));
+            }
+        }
+        let (first, end) =
+            (first_center(left - EDGE_TIE, self.width), first_center(right + EDGE_TIE, self.width));
+        for column in first..end {
+            let pixel = row * self.width + column;
+            let here = plane.at(column as f64 + 0.5, y);
+            if here >= as_near_as(self.nearness[pixel], self.least_difference) {
+                add_claim(&mut self.claims, Claim { pixel: pixel as u32, item, nearness: here });
             }
         }
     }
@@ -72,23 +151,48 @@ impl Image {
     fn fill_span(&mut self, row: usize, first: usize, end: usize, plane: &NearnessPlane, item: u32) {
         let span = row * self.width + first..row * self.width + end;
         self.layers += (end - first) as u64;
-        let in_row = plane.slope_y * (row as f64 + 0.5 - plane.reference.y);
+        let y = row as f64 + 0.5;
+        let in_row = plane.slope_y * (y - plane.reference.y);
         let mut x = first as f64 + 0.5;
-        let (items, nearness) = (&mut self.items[span.clone()], &mut self.nearness[span]);
-        for (held, held_nearness) in items.iter_mut().zip(nearness) {
+        let mut here = || {
             let linear = plane.reference.nearness + (plane.slope_x * (x - plane.reference.x) + in_row);
-            let here = linear.max(plane.least).min(plane.greatest);
+            x += 1.0;
+            linear.max(plane.least).min(plane.greatest)
+        };
+        let (items, nearness) = (&mut self.items[span.clone()], &mut self.nearness[span.clone()]);
+        for (i, (held, held_nearness)) in items.iter_mut().zip(nearness).enumerate() {
+            let here = here();
+            // What was there is not as near, or nothing was there: the usual cases, and the quick ones.
+            let difference = here - *held_nearness;
+            if difference.abs() <= here.abs() * DEPTH_TIE + self.least_difference && *held < self.object_start
+            {
+                let loser = if difference > 0.0 { (*held, *held_nearness) } else { (item, here) };
+                let claim = Claim { pixel: (span.start + i) as u32, item: loser.0, nearness: loser.1 };
+                add_claim(&mut self.claims, claim);
+            }
             // Strictly: of equally near items the first stays.
-            if here > *held_nearness {
+            if difference > 0.0 {
                 *held_nearness = here;
                 *held = item;
             }
-            x += 1.0;
         }
     }
 }
 
-/// The number of pixel centres `0.5, 1.5, ..` below `v`, at most `limit`: the index of the first centre not below.
+/// The least nearness that counts as near as `nearness`.
+#[inline]
+fn as_near_as(nearness: f64, least_difference: f64) -> f64 {
+    nearness - (nearness.abs() * DEPTH_TIE + least_difference)
+}
+
+#[cold]
+#[inline(never)]
+fn add_claim(claims: &mut Vec<Claim>, claim: Claim) {
+    claims.push(claim);
+}
+
+/// The number of pixel centres `0.5, 1.5, ..` below `v`, at most `limit`: the index of the first centre not
+/// below.
 #[inline]
 fn first_center(v: f64, limit: usize) -> usize {
     // The subtraction is exact for v >= 0.25, and below that the result is negative anyway.
@@ -134,6 +238,27 @@ impl Edge {
     fn crossing(&self, y: f64) -> f64 {
         self.upper.x + (y - self.upper.y) * self.slope
     }
+
+    /// How far the crossing moves when the edge is moved by [`EDGE_TIE`] in columns and in rows.
+    #[inline]
+    fn doubt(&self) -> f64 {
+        EDGE_TIE * (1.0 + self.slope.abs())
+    }
+
+    /// The columns between which the edge lies within [`EDGE_TIE`] of a row, and a little beyond; `None` if
+    /// it comes no closer.
+    fn near_row(&self, y: f64) -> Option<(f64, f64)> {
+        if self.upper.y > y + EDGE_TIE || self.lower.y < y - EDGE_TIE {
+            return None;
+        }
+        let (least, greatest) = (self.upper.x.min(self.lower.x), self.upper.x.max(self.lower.x));
+        let ends = [y - EDGE_TIE, y + EDGE_TIE].map(|y| self.crossing(y.clamp(self.upper.y, self.lower.y)));
+        // A level edge has no crossing.
+        if ends.iter().any(|x| x.is_nan()) {
+            return Some((least, greatest));
+        }
+        Some((ends[0].min(ends[1]).max(least), ends[0].max(ends[1]).min(greatest)))
+    }
 }
 
 /// Nearness as a linear function on the screen.
@@ -166,6 +291,13 @@ impl NearnessPlane {
             greatest: a.nearness.max(b.nearness).max(c.nearness),
         })
     }
+
+    #[inline]
+    fn at(&self, x: f64, y: f64) -> f64 {
+        let in_row = self.slope_y * (y - self.reference.y);
+        let linear = self.reference.nearness + (self.slope_x * (x - self.reference.x) + in_row);
+        linear.max(self.least).min(self.greatest)
+    }
 }
 
 #[cfg(test)]
@@ -182,7 +314,7 @@ mod tests {
 
     fn image() -> Image {
         let nearness = [f64::NEG_INFINITY; 1024].into();
-        Image { width: 32, height: 32, items: [9; 1024].into(), nearness, layers: 0 }
+        Image::new(32, 32, [9; 1024].into(), nearness)
     }
 
     fn at(x: f64, y: f64, nearness: f64) -> Corner {
@@ -209,8 +341,8 @@ mod tests {
 
     #[test]
     fn slivers_are_as_near_as_their_corners() {
-        // A few units in the last place wide, so that a centre may be taken for inside that is one width outside, where
-        // nearness would be anything.
+        // A few units in the last place wide, so that a centre may be taken for inside that is one width
+        // outside, where nearness would be anything.
         let mut random = crate::measure::tests::Random(2);
         let mut drawn = 0;
         for _ in 0..2000 {
@@ -226,5 +358,30 @@ mod tests {
             }
         }
         assert!(drawn > 1000, "{drawn}");
+    }
+
+    /// Edges in all directions that pass a centre on either side: within the limit they claim it, beyond it
+    /// they do not.
+    #[test]
+    fn a_claim_reaches_as_far_as_a_tie() {
+        for step in 0..200 {
+            let angle = f64::from(step) * 0.0314;
+            let (sin, cos) = (angle.sin(), angle.cos());
+            // The distance of the centre beyond the edge, per column and row that the edge is moved.
+            let reach = sin.abs() + cos.abs();
+            for (shift, claims) in [(0.9, 1), (0.5, 1), (-0.5, 1), (1.1, 0)] {
+                let shift = shift * reach * EDGE_TIE;
+                let corner = |along: f64, inwards: f64, nearness: f64| {
+                    let inwards = inwards + shift;
+                    at(16.5 + along * cos - inwards * sin, 16.5 + along * sin + inwards * cos, nearness)
+                };
+                let mut image = image();
+                image.fill([at(-100.0, -100.0, 1.0), at(100.0, -100.0, 1.0), at(0.0, 200.0, 1.0)], 1);
+                image.object_start = 2;
+                image.fill([corner(-7.3, 0.0, 1.0), corner(9.1, 0.0, 1.0), corner(0.7, 11.0, 1.0)], 2);
+                let claimed = image.claims.iter().filter(|claim| claim.pixel == 16 * 32 + 16).count();
+                assert_eq!(claimed.min(1), claims, "{step}, {shift:e}");
+            }
+        }
     }
 }

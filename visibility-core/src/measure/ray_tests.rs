@@ -1,6 +1,6 @@
-//! The item buffer against rays through all pixel centres (Möller and Trumbore, "Fast, Minimum Storage Ray-Triangle
-//! Intersection", 1997). Rays are made from the pose and the window, without any matrix, and are clipped by distance
-//! along the line of sight, so nothing of what is judged is used to judge it.
+//! The item buffer against rays through all pixel centres (Möller and Trumbore, "Fast, Minimum Storage
+//! Ray-Triangle Intersection", 1997). Rays are made from the pose and the window, without any matrix, and are
+//! clipped by distance along the line of sight, so nothing of what is judged is used to judge it.
 
 use super::tests::Random;
 use super::*;
@@ -18,7 +18,8 @@ struct Camera {
 }
 
 impl Camera {
-    /// The start of the ray through a pixel's centre, and its direction, which advances 1 along the line of sight.
+    /// The start of the ray through a pixel's centre, and its direction, which advances 1 along the line of
+    /// sight.
     fn ray(&self, column: usize, row: usize, width: usize, height: usize) -> (DVec3, DVec3) {
         let Window { left, right, bottom, top } = self.window;
         let x = left + (right - left) * (column as f64 + 0.5) / width as f64;
@@ -94,7 +95,8 @@ fn intersect(start: DVec3, direction: DVec3, triangle: &[Vec3; 3]) -> Option<Hit
     Some(Hit { distance: e2.dot(q) / determinant, inside: u.min(v).min(1.0 - u - v) })
 }
 
-/// Draws, casts, and compares each pixel. Returns how many pixels show a triangle, and how many were too close to call.
+/// Draws, casts, and compares each pixel. Returns how many pixels show a triangle, and how many were too
+/// close to call.
 fn check(camera: &Camera, view: &View, triangles: &[[Vec3; 3]], what: &str) -> (usize, usize) {
     let (width, height) = (48, 36);
     let mut buffer = ItemBuffer::new(width as u32, height as u32).unwrap();
@@ -211,8 +213,9 @@ fn orthographic_in_all_conventions_equals_rays() {
 
 #[test]
 fn distant_depths_are_told_apart_in_every_convention() {
-    // Walls from 1 m to 1e9 m, each a millionth farther than the one before it, which is narrower: a staircase of strips.
-    // z/w in [0, 1] with near = 0.01 differs by 1e-17 between the last ones, less than f64 resolves.
+    // Walls from 1 m to 1e9 m, each a millionth farther than the one before it, which is narrower: a
+    // staircase of strips. z/w in [0, 1] with near = 0.01 differs by 1e-17 between the last ones, less than
+    // f64 resolves.
     let camera = Camera {
         pose: Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z),
         window: Window::centered(0.8, 0.6),

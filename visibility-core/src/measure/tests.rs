@@ -23,8 +23,9 @@ impl Random {
     }
 }
 
-/// Shows x right and y down, in pixels of a `width` x `height` image, nearer the smaller z, which is from 0 to 1.
-fn pixels(width: f64, height: f64) -> View {
+/// Shows x right and y down, in pixels of a `width` x `height` image, nearer the smaller z, which is from 0
+/// to 1.
+pub(super) fn pixels(width: f64, height: f64) -> View {
     let matrix = DMat4::from_cols(
         DVec4::X * 2.0 / width,
         DVec4::Y * -2.0 / height,
@@ -75,7 +76,8 @@ fn rectangles_cover_the_centers_inside_half_open() {
 fn a_triangle_covers_the_centers_below_its_diagonal() {
     let view = pixels(20.0, 20.0);
     let mut buffer = ItemBuffer::new(20, 20).unwrap();
-    // Centres with x + y < 10 are inside, those with x + y = 10 lie on the right edge, which does not belong to it.
+    // Centres with x + y < 10 are inside, those with x + y = 10 lie on the right edge, which does not belong
+    // to it.
     let triangle = [flat([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
     let exact = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
     assert_eq!(exact.triangle_pixels(), [45]);
@@ -86,7 +88,7 @@ fn a_triangle_covers_the_centers_below_its_diagonal() {
 }
 
 #[test]
-fn the_nearest_wins_and_ties_go_to_the_first() {
+fn the_nearest_wins_and_the_image_shows_the_first_of_ties() {
     let view = pixels(8.0, 8.0);
     let mut buffer = ItemBuffer::new(8, 8).unwrap();
     let wall = rectangle(0.0, 0.0, 8.0, 8.0, 0.5);
@@ -94,8 +96,9 @@ fn the_nearest_wins_and_ties_go_to_the_first() {
     // The same wall with its corners in other orders: equally near to the last bit.
     let turned = wall.map(|[a, b, c]| [c, a, b]);
     let exact = buffer.draw(&view, DVec3::ZERO, [(9, &turned[..]), (8, &near[..]), (7, &wall[..])]).unwrap();
-    let seen: Vec<_> = exact.objects().iter().map(|o| (o.key, o.pixels, o.visible_triangles)).collect();
-    assert_eq!(seen, [(9, 60, 2), (8, 4, 2), (7, 0, 0)]);
+    let seen: Vec<_> =
+        exact.objects().iter().map(|o| (o.key, o.pixels, o.tied_pixels, o.visible_triangles)).collect();
+    assert_eq!(seen, [(9, 0, 60, 2), (8, 4, 0, 2), (7, 0, 60, 0)]);
     assert_eq!(buffer.object_at(2, 3), Some(1));
     assert_eq!(
         (buffer.object_at(0, 0), buffer.object_at(8, 0), buffer.object_at(0, 8)),
@@ -105,7 +108,7 @@ fn the_nearest_wins_and_ties_go_to_the_first() {
     let tilted = wall.map(|t| t.map(|p| p.with_z(0.1 + p.x * 0.037 + p.y * 0.013)));
     let reversed = tilted.map(|[a, b, c]| [c, b, a]);
     let exact = buffer.draw(&view, DVec3::ZERO, [(1, &reversed[..]), (2, &tilted[..])]).unwrap();
-    assert_eq!(exact.objects().iter().map(|o| o.pixels).collect::<Vec<_>>(), [64, 0]);
+    assert_eq!(exact.objects().iter().map(|o| o.visible_triangles).collect::<Vec<_>>(), [2, 0]);
 }
 
 /// How often each centre is covered when every triangle is drawn alone.
@@ -127,7 +130,8 @@ fn fans_cover_each_center_once() {
     let view = pixels(size, size);
     let mut buffer = ItemBuffer::new(48, 48).unwrap();
     for round in 0..60 {
-        // Hubs anywhere, on centres, on pixel corners; spokes end on a ring outside the image, in places far outside.
+        // Hubs anywhere, on centres, on pixel corners; spokes end on a ring outside the image, in places far
+        // outside.
         let snap = |v: f64| if round % 2 == 0 { v } else { (v * 2.0).round() / 2.0 };
         let hub = [snap(random.range(0.0, size)), snap(random.range(0.0, size))].map(|v| v as f32);
         let reach = [80.0, 1e5, 1e20][round % 3];
@@ -225,7 +229,8 @@ fn wrong_pixels_are_those_that_drawing_the_reported_objects_alone_changes() {
             .collect();
         full.draw(&view, DVec3::ZERO, objects.iter().map(|(k, t)| (*k, &t[..]))).unwrap();
         let reported: Vec<bool> = objects.iter().map(|_| random.unit() < 0.7).collect();
-        // An object that is left out keeps its numbers: its triangles are replaced by none that cover a pixel.
+        // An object that is left out keeps its numbers: its triangles are replaced by none that cover a
+        // pixel.
         let nothing = [[Vec3::NAN; 3]; 5];
         let kept =
             objects.iter().map(|(k, t)| (*k, if reported[*k as usize] { &t[..] } else { &nothing[..] }));
