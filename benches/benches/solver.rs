@@ -7,8 +7,9 @@ use std::time::Duration;
 use visibility_benches::workload::Random;
 use visibility_core::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
+use visibility_portals::antipenumbra;
 use visibility_portals::lp::{HalfSpace, Solver};
-use visibility_portals::stabbing::{Stabber, antipenumbra};
+use visibility_portals::stabbing::Stabber;
 
 const BOUND: f64 = 100.0;
 

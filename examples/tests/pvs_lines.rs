@@ -6,7 +6,7 @@
 
 use std::path::PathBuf;
 use visibility_core::glam::{DQuat, DVec3};
-use visibility_core::{CellGraph, CellId};
+use visibility_core::{CellGraph, CellId, ViewcellId};
 use visibility_examples::pvs::maps::{planted, rooms, rounded, turned};
 use visibility_examples::pvs::stabs::{Random, Verdict, directed_lines, goes_through, random_lines};
 use visibility_examples::pvs::{bake, read};
@@ -151,7 +151,7 @@ fn stored_sets_say_what_the_matrix_says() {
     assert!(stored.as_bytes().len() < matrix.to_bytes().len(), "{}", stored.as_bytes().len());
     let loaded = visibility_core::Pvs::from_bytes(stored.as_bytes()).unwrap();
     for (a, b) in (0..289).flat_map(|a| (0..289).map(move |b| (a, b))) {
-        assert_eq!(loaded.sees(CellId(a), b), matrix.sees(CellId(a), CellId(b)), "{a} {b}");
+        assert_eq!(loaded.sees(ViewcellId(a), b), matrix.sees(CellId(a), CellId(b)), "{a} {b}");
     }
 }
 
@@ -183,7 +183,8 @@ fn a_limit_and_a_stop_show_more_never_less_and_say_so() {
     let settings = Settings { steps_per_cell: 30, ..Settings::default() };
     let limited = bake(&graph, settings, 1, |_| {}).unwrap().outcome;
     assert!(limited.complete && !limited.fallbacks.is_empty());
-    let mut stopped = visibility_portals::CellBake::new(&graph, Settings::default()).unwrap();
+    let baker = visibility_portals::CellBaker::new(&graph, Settings::default()).unwrap();
+    let mut stopped = visibility_core::bake::Bake::new(baker);
     let nothing = stopped.clone().finish();
     assert!(!nothing.complete);
     for _ in 0..5 {

@@ -23,7 +23,7 @@ use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
 };
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
-use visibility_portals::{CellBake, PortalCuller, PortalEye, SceneCells, Settings};
+use visibility_portals::{CellBaker, PortalCuller, PortalEye, SceneCells, Settings};
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -266,7 +266,8 @@ fn cells_and_portals() {
         }
         for steps in [0, 1, u64::MAX] {
             let settings = Settings { clearance: tolerance, steps_per_cell: steps, exact: steps > 1 };
-            if let Ok(mut bake) = CellBake::new(&source.graph, settings) {
+            if let Ok(baker) = CellBaker::new(&source.graph, settings) {
+                let mut bake = visibility_core::bake::Bake::new(baker);
                 while bake.advance().is_some() {}
             }
         }

@@ -3,7 +3,9 @@
 
 use libfuzzer_sys::fuzz_target;
 use visibility_core::{CellGraph, CellId, ConvexPolygon, glam::DVec3};
-use visibility_portals::{CellBake, Settings};
+use visibility_core::bake::Bake;
+use visibility_fuzz::mend;
+use visibility_portals::{CellBaker, Settings};
 
 /// Rooms in a row, with doors to the left and to the right in turn.
 fn rooms() -> CellGraph {
@@ -21,35 +23,22 @@ fuzz_target!(|bytes: &[u8]| {
     let steps_per_cell = if settings & 1 == 0 { u64::MAX } else { 20 };
     let settings = Settings { steps_per_cell, exact: settings & 2 != 0, ..Settings::default() };
     let graph = rooms();
-    let mut bake = CellBake::new(&graph, settings).expect("rooms that can be baked");
+    let mut bake = Bake::new(CellBaker::new(&graph, settings).expect("rooms that can be baked"));
     for _ in 0..rounds % 4 {
         bake.advance();
     }
-    let mut words: Vec<u64> = bake
-        .save()
-        .chunks_exact(8)
-        .map(|word| u64::from_le_bytes(word.try_into().expect("eight bytes")))
-        .collect();
-    words.pop();
+    let mut saved = bake.save();
     // A place, and what it is to be; past the end, another length.
     for change in changes.chunks_exact(10) {
-        let place = usize::from(u16::from_le_bytes([change[0], change[1]])) % (words.len() + 2);
-        let value = u64::from_le_bytes(change[2..].try_into().expect("eight bytes"));
-        match words.get_mut(place) {
-            Some(word) => *word = value,
-            None => words.resize(value as usize % 300, value),
-        }
-        if words.is_empty() {
-            return;
+        let place = usize::from(u16::from_le_bytes([change[0], change[1]])) % (saved.len() + 2);
+        match saved.get_mut(place..place + 8) {
+            Some(bytes) => bytes.copy_from_slice(&change[2..]),
+            None => saved.resize(usize::from(change[2]) * 8, change[3]),
         }
     }
-    let sum = words.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, word| {
-        let mixed = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3);
-        mixed ^ mixed >> 29
-    });
-    words.push(sum);
-    let saved: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    let Ok(mut bake) = CellBake::resume(&graph, settings, &saved) else { return };
+    mend(&mut saved);
+    let baker = CellBaker::new(&graph, settings).expect("rooms that can be baked");
+    let Ok(mut bake) = Bake::resume(baker, &saved) else { return };
     for _ in 0..1000 {
         if bake.advance().is_none() {
             bake.finish().matrix.to_pvs(&graph).expect("as many cells as the graph");

@@ -3,7 +3,8 @@
 
 use libfuzzer_sys::fuzz_target;
 use visibility_core::CellId;
-use visibility_portals::{CellBake, CellMatrix, Settings, prt};
+use visibility_core::bake::Bake;
+use visibility_portals::{CellBaker, CellMatrix, Settings, prt};
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
@@ -14,7 +15,8 @@ fuzz_target!(|bytes: &[u8]| {
     }
     let _ = CellMatrix::from_bytes(cells, bytes);
     let settings = Settings { steps_per_cell: 2_000, ..Settings::default() };
-    let Ok(mut bake) = CellBake::new(&map.graph, settings) else { return };
+    let Ok(baker) = CellBaker::new(&map.graph, settings) else { return };
+    let mut bake = Bake::new(baker);
     while bake.advance().is_some() {}
     let matrix = bake.finish().matrix;
     let cell = |index: usize| CellId(index as u32);

@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use visibility_core::{CellId, Pvs};
+use visibility_core::{Pvs, ViewcellId};
 use visibility_fuzz::mend;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -18,7 +18,7 @@ fn ask(bytes: Vec<u8>) {
         return;
     }
     let mut words = Vec::new();
-    for cell in (0..pvs.viewcell_count() as u32 + 1).map(CellId) {
+    for cell in (0..pvs.viewcell_count() as u32 + 1).map(ViewcellId) {
         pvs.write_bits(cell, &mut words);
         for target in [0, 1, pvs.target_count() as u32 / 2, pvs.target_count() as u32] {
             let bit = words.get(target as usize / 64).is_some_and(|word| word >> (target % 64) & 1 == 1);

@@ -40,9 +40,11 @@ extern crate std;
 compile_error!("visibility-core needs floating point: enable the feature `std` or the feature `libm`");
 
 pub mod backface;
+pub mod bake;
 mod casters;
 pub mod cells;
 mod culler;
+pub mod envelope;
 mod float;
 mod frustum;
 pub mod geometry;
@@ -50,6 +52,7 @@ pub mod measure;
 pub mod occlusion;
 mod pipeline;
 pub mod pvs;
+mod region_culler;
 pub mod scene;
 mod serial;
 mod simd;
@@ -71,7 +74,8 @@ pub use occlusion::{
     OcclusionCuller, OcclusionMap, Preparation, QueryDevice, SceneHierarchy, Selection, prepare,
 };
 pub use pipeline::{Explanation, Pipeline};
-pub use pvs::{Pvs, PvsCuller, PvsError, PvsTargets, ScenePvs, Viewcell, Viewcells};
+pub use pvs::{Pvs, PvsCuller, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells};
+pub use region_culler::RegionCuller;
 pub use scene::{Boxes64, Changes, Maintenance, MeshId, Object, ObjectId, Scene, SceneError, Triangle};
 pub use simd::Simd;
 pub use stamp::{SceneCursor, Stamp};

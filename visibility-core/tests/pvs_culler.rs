@@ -2,7 +2,7 @@
 
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, CellId, ObjectId, Plane, Pose, Pvs, PvsCuller, PvsTargets, Scene, ScenePvs, View, Viewcell,
+    Aabb, ObjectId, Plane, Pose, Pvs, PvsCuller, PvsTargets, Scene, ScenePvs, View, Viewcell, ViewcellId,
     Viewcells, VisibleSet,
 };
 
@@ -30,7 +30,7 @@ fn viewcells_are_found_as_by_looking_at_each() {
         let mut found = 0;
         for _ in 0..4000 {
             let p = DVec3::new(random(&mut state), random(&mut state), random(&mut state)) * 24.0;
-            let plain = cells.iter().position(|cell| cell.contains(p)).map(|i| CellId(i as u32));
+            let plain = cells.iter().position(|cell| cell.contains(p)).map(|i| ViewcellId(i as u32));
             assert_eq!(tree.locate(p), plain);
             found += usize::from(plain.is_some());
         }
@@ -71,7 +71,7 @@ fn what_a_viewcell_does_not_see_is_hidden_and_only_that() {
     let mut culler = PvsCuller::new(&shared);
     // Object 5 was given no target, so nobody can say that it is hidden.
     assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 4, 5, 6, 8]);
-    assert_eq!(culler.viewcell(), Some(CellId(0)));
+    assert_eq!(culler.viewcell(), Some(ViewcellId(0)));
     assert_eq!(seen(&mut culler, &scene, &ids, 7.0), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
     // Outside of all viewcells, everything is seen.
     assert_eq!(seen(&mut culler, &scene, &ids, 12.0).len(), 10);
@@ -106,7 +106,7 @@ fn where_the_near_plane_reaches_the_next_viewcell_what_that_sees_is_seen_too() {
     let mut culler = PvsCuller::new(&shared);
     assert_eq!(seen(&mut culler, &scene, &ids, 4.85), [0, 2, 4, 6, 8]);
     assert_eq!(seen(&mut culler, &scene, &ids, 4.95), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
-    assert_eq!(culler.viewcell(), Some(CellId(0)), "where the eye is");
+    assert_eq!(culler.viewcell(), Some(ViewcellId(0)), "where the eye is");
     assert_eq!(seen(&mut culler, &scene, &ids, 4.85), [0, 2, 4, 6, 8]);
 }
 
@@ -125,7 +125,7 @@ fn a_near_plane_that_reaches_out_of_all_viewcells_sees_everything() {
         visible.fill(&scene, &view);
         culler.cull(&scene, &view, &mut visible);
         assert_eq!(ids.iter().filter(|&&id| visible.contains(&scene, id)).count(), expected, "{y}");
-        assert_eq!(culler.viewcell(), Some(CellId(0)));
+        assert_eq!(culler.viewcell(), Some(ViewcellId(0)));
     }
 }
 

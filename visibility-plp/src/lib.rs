@@ -42,6 +42,5 @@ pub use delaunay::DelaunayTessellation;
 pub use front::Front;
 pub use octree::{Fineness, OctreeTessellation};
 pub use solidity::Solidity;
-pub use stored::StoreError;
 pub use tessellation::{Face, Tessellation};
 pub use walk::Budget;

@@ -4,11 +4,10 @@
 mod common;
 
 use common::{Random, rooms, triangles, views};
+use visibility_core::envelope::EnvelopeError;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Object, Scene, VisibleSet};
-use visibility_plp::{
-    Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, StoreError, Tessellation,
-};
+use visibility_plp::{Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Tessellation};
 
 const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
 
@@ -138,7 +137,7 @@ fn changed_objects_are_strays() {
     assert!(!cells.sync(&Scene::new()), "another scene");
 }
 
-fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<StoreError>) {
+fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<EnvelopeError>) {
     assert_eq!(load(bytes, scene), None);
     for place in 0..bytes.len() {
         let mut wrong = bytes.to_vec();
@@ -150,15 +149,15 @@ fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<StoreEr
     }
     let mut longer = bytes.to_vec();
     longer.push(0);
-    assert!(matches!(load(&longer, scene), Some(StoreError::Length { .. })));
+    assert!(matches!(load(&longer, scene), Some(EnvelopeError::Length { .. })));
     let mut newer = bytes.to_vec();
     newer[8] = 9;
-    assert_eq!(load(&newer, scene), Some(StoreError::Version { found: 9 }));
-    assert_eq!(load(b"something else", scene), Some(StoreError::Magic));
+    assert_eq!(load(&newer, scene), Some(EnvelopeError::Version { found: 9, expected: 4 }));
+    assert_eq!(load(b"something else", scene), Some(EnvelopeError::Magic { expected: *b"plpcells" }));
     let mut other = scene.clone();
     let id = other.ids().next().unwrap();
     other.set_bounds(id, Aabb::from_arrays([0.0; 3], [2.0; 3])).unwrap();
-    assert_eq!(load(bytes, &other), Some(StoreError::Scene));
+    assert_eq!(load(bytes, &other), Some(EnvelopeError::Fingerprint));
     assert!(load(bytes, &scene.clone()).is_none());
 }
 
@@ -173,7 +172,10 @@ fn stored_cells_come_back_or_are_refused() {
     stored(&few, &small, |bytes, scene| OctreeTessellation::from_bytes(bytes, scene).err());
     let small = DelaunayTessellation::with_fineness(&few, FINE).to_bytes(&few);
     stored(&few, &small, |bytes, scene| DelaunayTessellation::from_bytes(bytes, scene).err());
-    assert_eq!(OctreeTessellation::from_bytes(&fours, &scene).err(), Some(StoreError::Kind { found: 1 }));
+    assert_eq!(
+        OctreeTessellation::from_bytes(&fours, &scene).err(),
+        Some(EnvelopeError::Kind { found: 1, expected: 0 })
+    );
     check(&scene, &OctreeTessellation::from_bytes(&bytes, &scene).unwrap());
     check(&scene, &DelaunayTessellation::from_bytes(&fours, &scene).unwrap());
     assert_eq!(OctreeTessellation::from_bytes(&bytes, &scene).unwrap().to_bytes(&scene), bytes);
@@ -190,7 +192,7 @@ fn what_has_changed_is_stored_as_strays() {
 }
 
 /// Turns over a byte here and there and mends the checksum, as no accident would: what is then not refused may be wrong, but harms nobody.
-fn forged<T: Tessellation>(scene: &Scene, bytes: &[u8], load: impl Fn(&[u8]) -> Result<T, StoreError>) {
+fn forged<T: Tessellation>(scene: &Scene, bytes: &[u8], load: impl Fn(&[u8]) -> Result<T, EnvelopeError>) {
     const FACTOR: u64 = 0x0100_0000_01b3;
     let (mut refused, mut taken) = (0, 0);
     for place in (40..bytes.len()).step_by(23) {

@@ -2,8 +2,8 @@
 //!
 //! - [`from_geometry`] makes cells and portals from walls along the axes or from any polygons.
 //! - [`prt`] reads the portal files of map compilers into a [`CellGraph`](visibility_core::CellGraph).
-//! - [`CellBake`] computes which cells see which: the potentially visible set of each, as a [`CellMatrix`].
-//! - [`ObjectBake`] computes which objects each cell sees.
+//! - [`CellBaker`] computes which cells see which: the potentially visible set of each, as a [`CellMatrix`].
+//! - [`ObjectBaker`] computes which objects each cell sees.
 //! - [`stabbing`] answers whether a line passes through a sequence of openings, in a floor plan or in space, and [`lp`] is the solver of small
 //!   linear programs below it; both with certificates.
 //!
@@ -22,23 +22,27 @@ extern crate alloc;
 extern crate std;
 
 mod abreast;
-mod bake;
+mod antipenumbra;
+mod bake_settings;
+mod cell_baker;
 mod culler;
 mod flood;
 pub mod from_geometry;
 pub mod lp;
 mod matrix;
-mod objects;
+mod object_baker;
 mod polygon;
 mod portals;
 pub mod prt;
 mod separators;
 pub mod stabbing;
 
-pub use bake::{BakeError, CellBake, Fallback, Outcome, Progress, Settings};
+pub use antipenumbra::antipenumbra;
+pub use bake_settings::{BakeError, Settings};
+pub use cell_baker::{CellBaker, Fallback, Outcome};
 pub use culler::{
     MirrorId, Narrowing, NotCulled, Passage, PortalCuller, PortalEye, PortalStats, Reflection, SceneCells,
     SceneCellsError,
 };
 pub use matrix::CellMatrix;
-pub use objects::{ObjectBake, ObjectOutcome};
+pub use object_baker::{ObjectBaker, ObjectOutcome};

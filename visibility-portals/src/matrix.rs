@@ -1,7 +1,7 @@
 //! Which cells see which: a bit for each pair.
 
 use alloc::vec::Vec;
-use visibility_core::{CellGraph, CellId, Pvs, PvsError, PvsTargets};
+use visibility_core::{CellGraph, CellId, Pvs, PvsError, PvsTargets, ViewcellId};
 
 /// The cell-to-cell visibility of a map, a row of bits for each cell looked from.
 ///
@@ -110,7 +110,7 @@ impl CellMatrix {
         let cells = (0..self.cells as u32).map(CellId);
         let rows: Vec<Vec<u32>> =
             cells.map(|cell| self.seen_from(cell).map(|seen| seen.0).collect()).collect();
-        Pvs::new(PvsTargets::Cells, self.cells, &rows, |cell| neighbours(graph, cell))
+        Pvs::new(PvsTargets::Cells, self.cells, &rows, |viewcell| neighbours(graph, viewcell))
     }
 
     /// The bits of a row; empty for an unknown cell.
@@ -123,13 +123,11 @@ impl CellMatrix {
     }
 }
 
-/// The cells that share a portal with one.
-pub(crate) fn neighbours(graph: &CellGraph, cell: CellId) -> impl Iterator<Item = CellId> + '_ {
+/// The cells that share a portal with one, as viewcells.
+pub(crate) fn neighbours(graph: &CellGraph, viewcell: ViewcellId) -> impl Iterator<Item = ViewcellId> + '_ {
+    let cell = CellId(viewcell.0);
     let portals = graph.portals_of(cell).iter().filter_map(|&id| graph.portal(id));
-    portals.map(move |portal| {
-        let [a, b] = portal.cells();
-        if a == cell { b } else { a }
-    })
+    portals.map(move |portal| portal.other(cell).into())
 }
 
 /// The numbers of the bits that are set, ascending.

@@ -141,6 +141,14 @@ impl Portals {
         Self { all, vertices, edges, given: all_given, first, margins }
     }
 
+    /// All that the answer of a bake depends on, for a fingerprint.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
+        let cells = self.first.len() as u64;
+        let ends = self.all.iter().map(|portal| u64::from(portal.from) << 32 | u64::from(portal.to));
+        let vertices = self.vertices.iter().flat_map(|v| v.to_array()).map(f64::to_bits);
+        core::iter::once(cells).chain(ends).chain(vertices)
+    }
+
     pub(crate) fn vertices_of(&self, portal: &Directed) -> &[DVec3] {
         &self.vertices[portal.start as usize..portal.end as usize]
     }

@@ -145,7 +145,8 @@ fn check(
         let mut point =
             || DVec3::new(random.between(-0.9, 16.9), random.between(-0.9, 12.9), random.between(-0.6, 3.9));
         let (a, b) = (point(), point());
-        let Some([from, to]) = bodies.locate(turn * a).zip(bodies.locate(turn * b)).map(|(a, b)| [a, b])
+        let Some([from, to]) =
+            bodies.locate(turn * a).zip(bodies.locate(turn * b)).map(|(a, b)| [CellId(a.0), CellId(b.0)])
         else {
             // In a wall, which is no cell.
             continue;
@@ -260,7 +261,10 @@ fn cells_behind_the_outermost_polygons_reach_out() {
         let settings = PolygonSettings { margin: 0.0, ..PolygonSettings::default() };
         let cells = from_polygons(&triangles(&boxes, DMat3::IDENTITY), &settings).unwrap();
         let bodies = Viewcells::new(cells.viewcells.iter().cloned());
-        let cell = bodies.locate(DVec3::new(0.1, 0.2, (room[0] + room[1]) / 2.0)).unwrap();
+        let cell = bodies
+            .locate(DVec3::new(0.1, 0.2, (room[0] + room[1]) / 2.0))
+            .map(|viewcell| CellId(viewcell.0))
+            .unwrap();
         assert!(cells.outside.contains(&cell), "{room:?}: {:?} of {}", cells.outside, bodies.cells().len());
         assert!(cells.graph.portals_of(cell).is_empty());
     }

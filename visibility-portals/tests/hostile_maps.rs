@@ -1,8 +1,9 @@
 //! Maps that are wrong, huge, tiny or odd give an error or an answer, never a panic.
 
+use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, CellId, ConvexPolygon};
-use visibility_portals::{BakeError, CellBake, CellMatrix, Settings, prt};
+use visibility_portals::{BakeError, CellBaker, CellMatrix, Settings, prt};
 
 /// A row of rooms along x with square doors, scaled.
 fn row(rooms: u32, scale: f64) -> CellGraph {
@@ -15,9 +16,7 @@ fn row(rooms: u32, scale: f64) -> CellGraph {
 }
 
 fn bake(graph: &CellGraph, settings: Settings) -> Result<CellMatrix, BakeError> {
-    let mut bake = CellBake::new(graph, settings)?;
-    while bake.advance().is_some() {}
-    Ok(bake.finish().matrix)
+    Ok(Bake::new(CellBaker::new(graph, settings)?).run().matrix)
 }
 
 #[test]
@@ -48,7 +47,7 @@ fn coordinates_too_large_for_the_clearance_are_refused() {
         assert!(bake(&row(3, 1.0), settings).is_err(), "{clearance}");
     }
     assert!(matches!(
-        CellBake::new(&CellGraph::new(70_000, []).unwrap(), Settings::default()),
+        CellBaker::new(&CellGraph::new(70_000, []).unwrap(), Settings::default()),
         Err(BakeError::TooLarge { .. })
     ));
 }

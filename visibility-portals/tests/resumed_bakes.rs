@@ -1,8 +1,10 @@
-//! A bake that is stopped, saved and taken up again gives the same answer as one that is not.
+//! Bakes that are stopped, saved and taken up again give the same answer as those that are not.
 
+use visibility_core::bake::{Bake, Baker};
+use visibility_core::envelope::{EnvelopeError, Format, HEADER, Writer};
 use visibility_core::glam::DVec3;
-use visibility_core::{CellGraph, CellId, ConvexPolygon};
-use visibility_portals::{BakeError, CellBake, Outcome, Settings};
+use visibility_core::{Aabb, CellGraph, CellId, ConvexPolygon, Scene};
+use visibility_portals::{CellBaker, ObjectBaker, Settings};
 
 /// A grid of rooms with doors at odd places.
 fn rooms(shift: f64) -> CellGraph {
@@ -31,44 +33,83 @@ fn rooms(shift: f64) -> CellGraph {
     CellGraph::new(49, portals).unwrap()
 }
 
-fn to_the_end(mut bake: CellBake) -> Outcome {
-    while bake.advance().is_some() {}
-    bake.finish()
+fn baker(graph: &CellGraph, settings: Settings) -> CellBaker {
+    CellBaker::new(graph, settings).unwrap()
+}
+
+/// The answer of a bake that is saved and loaded after every round, also before the first and after the last.
+fn interrupted<B: Baker>(baker: impl Fn() -> B) -> B::Outcome {
+    let mut bake = Bake::new(baker());
+    loop {
+        let progress = bake.progress();
+        bake = Bake::resume(baker(), &bake.save()).unwrap();
+        assert_eq!(bake.progress(), progress);
+        if bake.advance().is_none() {
+            return bake.finish();
+        }
+    }
 }
 
 #[test]
 fn a_saved_bake_goes_on_to_the_same_answer() {
     let graph = rooms(0.0);
     for settings in [Settings::default(), Settings { steps_per_cell: 40, ..Settings::default() }] {
-        let whole = to_the_end(CellBake::new(&graph, settings).unwrap());
+        let whole = Bake::new(baker(&graph, settings)).run();
         assert!(whole.complete && whole.matrix.count() < 49 * 49);
-        let mut bake = CellBake::new(&graph, settings).unwrap();
-        // Saved and loaded after every round; also before the first and after the last.
-        loop {
-            let progress = bake.progress();
-            bake = CellBake::resume(&graph, settings, &bake.save()).unwrap();
-            assert_eq!(bake.progress(), progress);
-            if bake.advance().is_none() {
-                break;
-            }
+        assert_eq!(interrupted(|| baker(&graph, settings)), whole);
+    }
+}
+
+#[test]
+fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
+    let mut graph = rooms(0.0);
+    let mut scene = Scene::new();
+    let boxes: Vec<[DVec3; 2]> = (0..49u32)
+        .map(|i| {
+            let min = DVec3::new(f64::from(i / 7) * 4.0 + 0.3, f64::from(i % 7) * 4.0 + 0.3, 0.5);
+            [min, min + 0.2]
+        })
+        .collect();
+    let ids = boxes.iter().map(|&[min, max]| scene.insert(Aabb::new(min.as_vec3(), max.as_vec3())));
+    graph.set_objects((0..).map(CellId).zip(ids)).unwrap();
+    let matrix = Bake::new(baker(&graph, Settings::default())).run().matrix;
+    let bounds = |id: visibility_core::ObjectId| boxes.get(id.index()).copied();
+    for steps_per_cell in [u64::MAX, 12] {
+        let settings = Settings { steps_per_cell, ..Settings::default() };
+        let new = || ObjectBaker::new(&graph, &matrix, bounds, settings).unwrap();
+        let whole = Bake::new(new()).run();
+        assert_eq!(whole.fallbacks.is_empty(), steps_per_cell == u64::MAX);
+        assert!(whole.complete && whole.rows.iter().any(|row| row.len() > 1));
+        assert_eq!(interrupted(new), whole);
+        // Stopped before its end, it shows no less.
+        let mut bake = Bake::new(new());
+        bake.advance();
+        let stopped = bake.clone().finish();
+        assert!(!stopped.complete && stopped.fallbacks.len() >= whole.fallbacks.len());
+        for (less, more) in whole.rows.iter().zip(&stopped.rows) {
+            assert!(less.iter().all(|object| more.binary_search(object).is_ok()));
         }
-        assert_eq!(bake.finish(), whole);
+        // What the answer depends on is in the fingerprint.
+        let saved = bake.save();
+        let moved = |id: visibility_core::ObjectId| boxes.get(id.index()).map(|&[min, max]| [min, max + 0.1]);
+        let other = ObjectBaker::new(&graph, &matrix, moved, settings).unwrap();
+        assert_eq!(Bake::resume(other, &saved).err(), Some(EnvelopeError::Fingerprint));
+        let cells = Bake::resume(baker(&graph, settings), &saved);
+        assert_eq!(cells.err(), Some(EnvelopeError::Kind { found: 1, expected: 0 }));
     }
 }
 
 #[test]
 fn damaged_and_foreign_bytes_are_refused() {
     let graph = rooms(0.0);
-    let mut bake = CellBake::new(&graph, Settings::default()).unwrap();
+    let mut bake = Bake::new(baker(&graph, Settings::default()));
     bake.advance();
     let good = bake.save();
-    let refused = |graph: &CellGraph, settings, bytes: &[u8]| match CellBake::resume(graph, settings, bytes) {
-        Err(BakeError::Saved { problem }) => problem,
-        other => panic!("{other:?}"),
-    };
+    let refused =
+        |graph: &CellGraph, settings, bytes: &[u8]| Bake::resume(baker(graph, settings), bytes).unwrap_err();
     let other = Settings { steps_per_cell: 9, ..Settings::default() };
-    assert_eq!(refused(&graph, other, &good), "it is of another map or of other settings");
-    assert_eq!(refused(&rooms(1.0), Settings::default(), &good), "it is of another map or of other settings");
+    assert_eq!(refused(&graph, other, &good), EnvelopeError::Fingerprint);
+    assert_eq!(refused(&rooms(1.0), Settings::default(), &good), EnvelopeError::Fingerprint);
     for place in (0..good.len()).step_by(101) {
         let mut bytes = good.clone();
         bytes[place] ^= 0x10;
@@ -81,22 +122,29 @@ fn damaged_and_foreign_bytes_are_refused() {
 #[test]
 fn forged_counts_are_counted_on_as_far_as_numbers_go() {
     let graph = rooms(0.0);
-    let bake = CellBake::new(&graph, Settings { steps_per_cell: 40, ..Settings::default() }).unwrap();
-    let mut words: Vec<u64> =
-        bake.save().chunks_exact(8).map(|word| u64::from_le_bytes(word.try_into().unwrap())).collect();
-    words.pop();
-    // Steps and rejections of all, then, behind the portals that wait, each cell's portals that gave up and its steps.
-    let waiting = words[4] as usize;
-    for place in (2..4).chain(5 + waiting..5 + waiting + 2 * 49) {
-        words[place] = u64::MAX;
-    }
-    let sum = words.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, word| {
-        let mixed = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3);
-        mixed ^ mixed >> 29
-    });
-    words.push(sum);
-    let forged: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
     let settings = Settings { steps_per_cell: 40, ..Settings::default() };
-    let outcome = to_the_end(CellBake::resume(&graph, settings, &forged).unwrap());
+    let saved = Bake::new(baker(&graph, settings)).save();
+    let forged = |change: &dyn Fn(&mut [u8])| {
+        let mut content = saved[HEADER..].to_vec();
+        change(&mut content);
+        let format = Format { magic: saved[..8].try_into().unwrap(), version: 3 };
+        let fingerprint = u64::from_le_bytes(saved[16..24].try_into().unwrap());
+        let mut writer = Writer::new(format, 0, fingerprint);
+        writer.bytes(&content);
+        Bake::resume(baker(&graph, settings), &writer.finish())
+    };
+    let waiting = u32::from_le_bytes(saved[48..52].try_into().unwrap()) as usize;
+    // Behind the steps of all, the portals that wait and the rejections: each cell's portals that gave up and its steps.
+    let counts = 12 + 4 * waiting..12 + 4 * waiting + 8 + 49 * 12;
+    let outcome = forged(&|content| {
+        content[..8].fill(255);
+        content[counts.clone()].fill(255);
+    });
+    let outcome = outcome.unwrap().run();
     assert!(outcome.complete && outcome.steps.iter().all(|&steps| steps == u64::MAX));
+    // Portals that do not exist, or are named twice.
+    for portal in [u32::MAX, waiting as u32, 0] {
+        let error = forged(&|content| content[16..20].copy_from_slice(&portal.to_le_bytes())).unwrap_err();
+        assert!(error.to_string().contains("unknown or out of order"), "{error}");
+    }
 }

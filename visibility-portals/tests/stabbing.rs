@@ -2,7 +2,8 @@
 
 use visibility_core::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
-use visibility_portals::stabbing::{Rectangle, Stab, Stabber, antipenumbra};
+use visibility_portals::antipenumbra;
+use visibility_portals::stabbing::{Rectangle, Stab, Stabber};
 
 struct Random(u64);
 

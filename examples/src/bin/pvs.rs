@@ -80,7 +80,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         bar.set_style(style);
     }
     let baked = bake(&map.graph, settings, threads, |progress| {
-        bar.set_length(progress.portals as u64);
+        bar.set_length(progress.total as u64);
         bar.set_position(progress.done as u64);
     })?;
     bar.finish_and_clear();

@@ -11,7 +11,8 @@ pub use report::{Line, summary};
 use std::path::Path;
 use std::time::Instant;
 use visibility_core::CellGraph;
-use visibility_portals::{CellBake, Outcome, Progress, Settings, prt};
+use visibility_core::bake::{Bake, Progress};
+use visibility_portals::{CellBaker, Outcome, Settings, prt};
 
 /// A map, by the name of its file.
 pub struct Map {
@@ -56,7 +57,7 @@ pub fn bake(
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| error.to_string())?;
     let start = Instant::now();
     let outcome = pool.install(|| -> Result<Outcome, String> {
-        let mut bake = CellBake::new(graph, settings).map_err(|error| error.to_string())?;
+        let mut bake = Bake::new(CellBaker::new(graph, settings).map_err(|error| error.to_string())?);
         while let Some(now) = bake.advance() {
             progress(now);
         }

@@ -5,9 +5,10 @@ use super::world::objects_in_cells;
 use crate::pvs::built::{Origin, cells};
 use crate::source::clearance;
 use std::sync::Arc;
+use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, CellId, ObjectId, Scene, ScenePvs, Viewcells};
-use visibility_portals::{CellBake, CellMatrix, ObjectBake, ObjectOutcome, Settings};
+use visibility_portals::{CellBaker, CellMatrix, ObjectBaker, ObjectOutcome, Settings};
 
 /// What the targets of a set are.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -77,9 +78,8 @@ pub fn settings(viewcells: &Viewcells) -> Settings {
 /// # Errors
 /// Cells that cannot be baked.
 pub fn matrix(graph: &CellGraph, settings: Settings) -> Result<CellMatrix, String> {
-    let mut bake = CellBake::new(graph, settings).map_err(|error| error.to_string())?;
-    while bake.advance().is_some() {}
-    Ok(bake.finish().matrix)
+    let baker = CellBaker::new(graph, settings).map_err(|error| error.to_string())?;
+    Ok(Bake::new(baker).run().matrix)
 }
 
 /// Which objects are seen from which cells.
@@ -96,7 +96,6 @@ pub fn objects(
         let bounds = scene.bounds(id).ok().filter(|bounds| bounds.is_finite())?;
         Some([bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin()))
     };
-    let mut bake = ObjectBake::new(graph, matrix, bounds, settings).map_err(|error| error.to_string())?;
-    while bake.advance().is_some() {}
-    Ok(bake.finish())
+    let baker = ObjectBaker::new(graph, matrix, bounds, settings).map_err(|error| error.to_string())?;
+    Ok(Bake::new(baker).run())
 }

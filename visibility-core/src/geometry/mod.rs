@@ -9,12 +9,14 @@
 
 mod aabb;
 mod convex_polygon;
+mod double_double;
 mod plane;
 mod side;
 mod sphere;
 
 pub use aabb::Aabb;
 pub use convex_polygon::{ConvexPolygon, PolygonError};
+pub use double_double::DoubleDouble;
 pub use plane::Plane;
 pub use side::{PolygonSide, Side, SidePlane, orientation};
 pub use sphere::Sphere;

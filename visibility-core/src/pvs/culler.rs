@@ -1,7 +1,9 @@
 //! Potentially visible sets applied to a frame.
 
 use super::{Pvs, Viewcells};
-use crate::{Accuracy, CellId, Changes, CullStats, Culler, Eye, ObjectId, Plane, Scene, View, VisibleSet};
+use crate::{
+    Accuracy, Changes, CullStats, Culler, Eye, ObjectId, Plane, Scene, View, ViewcellId, VisibleSet,
+};
 use alloc::vec::Vec;
 use core::borrow::Borrow;
 use glam::DVec3;
@@ -84,10 +86,10 @@ impl ScenePvs {
 pub struct PvsCuller<S> {
     shared: S,
     /// The viewcell that the eye is in.
-    viewcell: Option<CellId>,
+    viewcell: Option<ViewcellId>,
     /// The viewcells that lines of sight begin in: those that `hidden` is for, and memory for those of the next frame.
-    entered: Vec<CellId>,
-    entering: Vec<CellId>,
+    entered: Vec<ViewcellId>,
+    entering: Vec<ViewcellId>,
     /// The targets seen from there, and memory for those of one of several.
     seen: Vec<u64>,
     seen_from_one: Vec<u64>,
@@ -119,7 +121,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
     }
 
     /// The viewcell that the eye was in, in the last frame; `None` if it was in none, or nowhere.
-    pub fn viewcell(&self) -> Option<CellId> {
+    pub fn viewcell(&self) -> Option<ViewcellId> {
         self.viewcell
     }
 
@@ -140,15 +142,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
     /// Brings `hidden` up to date with `entered`.
     fn enter(&mut self) {
         let shared = self.shared.borrow();
-        self.seen.clear();
-        self.seen.resize(shared.pvs.target_count().div_ceil(64), 0);
-        for &viewcell in &self.entered {
-            // A viewcell without a set: all is seen.
-            let known = shared.pvs.write_bits(viewcell, &mut self.seen_from_one);
-            for (word, more) in self.seen.iter_mut().zip(&self.seen_from_one) {
-                *word |= if known { *more } else { u64::MAX };
-            }
-        }
+        shared.pvs.write_union(&self.entered, &mut self.seen, &mut self.seen_from_one);
         for (index, pair) in shared.objects.windows(2).enumerate() {
             let targets = &shared.targets[pair[0].1 as usize..pair[1].1 as usize];
             let seen = |&target: &u32| {

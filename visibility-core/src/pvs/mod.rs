@@ -1,9 +1,9 @@
 //! Potentially visible sets, stored: for each viewcell what can be seen from anywhere in it, in a form for memory and disk alike.
 //!
 //! # The form
-//! All numbers are little-endian; version 1:
-//! - 40 bytes: `VISI-PVS`, version, kind (0: cells, 1: objects), viewcells and targets (`u32` each), the length of the whole
-//!   (`u64`), and a checksum of all bytes after it (`u64`);
+//! All numbers are little-endian:
+//! - the header of an [envelope](crate::envelope): `VISI-PVS`, version 1, kind (0: cells, 1: objects), and in place of a fingerprint the
+//!   number of viewcells and that of targets (`u32` each);
 //! - for each viewcell, and once more for the end, where its row begins among the rows (`u32`);
 //! - the rows. A row is a byte 0 and runs, or a byte 1, another viewcell (`u32`) whose row begins with 0, and the runs of what
 //!   differs from that. Runs are the lengths of what is not there and what is, in turn, in 7 bits a byte, least significant first, the top
@@ -21,9 +21,10 @@ mod viewcells;
 
 pub use culler::{PvsCuller, ScenePvs};
 pub use error::PvsError;
-pub use viewcells::{Viewcell, Viewcells};
+pub use viewcells::{Viewcell, ViewcellId, Viewcells};
 
-use crate::{CellId, Stamp};
+use crate::Stamp;
+use crate::envelope::{Format, Writer};
 use alloc::vec::Vec;
 use runs::write_runs;
 
@@ -39,13 +40,13 @@ pub enum PvsTargets {
 /// What can be seen from each viewcell, compressed.
 ///
 /// ```
-/// use visibility_core::{CellId, Pvs, PvsTargets};
+/// use visibility_core::{ViewcellId, Pvs, PvsTargets};
 /// // Three viewcells; the third sees what the second sees, and target 70 too.
 /// let rows = [vec![0], vec![0, 1, 2, 3], vec![0, 1, 2, 3, 70]];
-/// let pvs = Pvs::new(PvsTargets::Objects, 100, &rows, |cell| if cell.0 == 2 { vec![CellId(1)] } else { vec![] })?;
+/// let pvs = Pvs::new(PvsTargets::Objects, 100, &rows, |cell| if cell.0 == 2 { vec![ViewcellId(1)] } else { vec![] })?;
 /// let stored: Vec<u8> = pvs.as_bytes().to_vec();
 /// let loaded = Pvs::from_bytes(stored)?;
-/// assert!(loaded.sees(CellId(2), 70) && !loaded.sees(CellId(1), 70));
+/// assert!(loaded.sees(ViewcellId(2), 70) && !loaded.sees(ViewcellId(1), 70));
 /// # Ok::<(), visibility_core::PvsError>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -63,12 +64,7 @@ impl PartialEq for Pvs {
 
 impl Eq for Pvs {}
 
-const MAGIC: [u8; 8] = *b"VISI-PVS";
-const VERSION: u32 = 1;
-/// Where the offsets of rows begin.
-const HEADER: usize = 40;
-/// Where what the checksum is of begins.
-const CHECKED: usize = HEADER;
+const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 1 };
 
 impl Pvs {
     /// Compresses rows of targets, a row for each viewcell, ascending and without repetition.
@@ -78,11 +74,11 @@ impl Pvs {
     ///
     /// # Errors
     /// [`PvsError::Target`] if a row is not ascending or names a target that does not exist, [`PvsError::TooLarge`].
-    pub fn new<R: AsRef<[u32]>, N: IntoIterator<Item = CellId>>(
+    pub fn new<R: AsRef<[u32]>, N: IntoIterator<Item = ViewcellId>>(
         targets: PvsTargets,
         target_count: usize,
         rows: &[R],
-        neighbours: impl Fn(CellId) -> N,
+        neighbours: impl Fn(ViewcellId) -> N,
     ) -> Result<Self, PvsError> {
         if rows.len() >= u32::MAX as usize || target_count > u32::MAX as usize {
             return Err(PvsError::TooLarge);
@@ -92,16 +88,11 @@ impl Pvs {
             let descends = row.windows(2).find(|pair| pair[0] >= pair[1]).map(|pair| pair[1]);
             let unknown = row.iter().copied().find(|&target| target as usize >= target_count);
             if let Some(target) = descends.or(unknown) {
-                return Err(PvsError::Target { viewcell: CellId(viewcell as u32), target });
+                return Err(PvsError::Target { viewcell: ViewcellId(viewcell as u32), target });
             }
         }
-        let mut bytes = Vec::new();
-        bytes.extend_from_slice(&MAGIC);
-        for word in [VERSION, targets as u32, rows.len() as u32, target_count as u32] {
-            bytes.extend_from_slice(&word.to_le_bytes());
-        }
-        bytes.resize(HEADER + (rows.len() + 1) * 4, 0);
-        let start = bytes.len();
+        // Where rows begin, and the end of the last.
+        let (mut starts, mut bytes) = (alloc::vec![0], Vec::new());
         let (mut plain, mut best, mut trial) = (alloc::vec![false; rows.len()], Vec::new(), Vec::new());
         for (viewcell, row) in rows.iter().enumerate() {
             let row = row.as_ref();
@@ -110,7 +101,7 @@ impl Pvs {
             best.push(0);
             write_runs(row.iter().copied(), &mut best);
             plain[viewcell] = true;
-            for base in neighbours(CellId(viewcell as u32)) {
+            for base in neighbours(ViewcellId(viewcell as u32)) {
                 if base.index() < viewcell && plain[base.index()] {
                     trial.clear();
                     trial.push(1);
@@ -123,15 +114,13 @@ impl Pvs {
                 }
             }
             bytes.extend_from_slice(&best);
-            let end = u32::try_from(bytes.len() - start).map_err(|_| PvsError::TooLarge)?;
-            let place = HEADER + (viewcell + 1) * 4;
-            bytes[place..place + 4].copy_from_slice(&end.to_le_bytes());
+            starts.push(u32::try_from(bytes.len()).map_err(|_| PvsError::TooLarge)?);
         }
-        let length = bytes.len() as u64;
-        bytes[24..32].copy_from_slice(&length.to_le_bytes());
-        let checksum = checksum(&bytes);
-        bytes[32..40].copy_from_slice(&checksum.to_le_bytes());
-        Ok(Self { bytes, stamp: Stamp::new() })
+        let counts = rows.len() as u64 | (target_count as u64) << 32;
+        let mut writer = Writer::new(FORMAT, targets as u32, counts);
+        writer.u32s(starts);
+        writer.bytes(&bytes);
+        Ok(Self { bytes: writer.finish(), stamp: Stamp::new() })
     }
 
     /// The binary form, to be written to a file as it is.
@@ -186,12 +175,6 @@ fn difference<'a>(a: &'a [u32], b: &'a [u32]) -> impl Iterator<Item = u32> + 'a 
             };
         }
     })
-}
-
-/// Fowler, Noll and Vo's hash, FNV-1a in 64 bits, of everything but the checksum itself.
-fn checksum(bytes: &[u8]) -> u64 {
-    let all = bytes[..32].iter().chain(&bytes[CHECKED..]);
-    all.fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! of the front is in no viewcell, nothing is known of what is seen from there.
 
 use super::{Viewcell, Viewcells};
-use crate::{CellId, Plane};
+use crate::{Plane, ViewcellId};
 use alloc::vec::Vec;
 use glam::DVec3;
 use smallvec::SmallVec;
@@ -19,7 +19,13 @@ impl Viewcells {
     /// relative to the anchor, a point of the world, and may be off by the margin. What was in `reached` is gone; no allocation once it
     /// is large enough. Takes time in proportion to the logarithm of their number, and to how many there are; a polygon that falls into
     /// thousands of pieces counts as not covered, and so does one with a NaN.
-    pub fn reached(&self, corners: &[DVec3], anchor: DVec3, margin: f64, reached: &mut Vec<CellId>) -> bool {
+    pub fn reached(
+        &self,
+        corners: &[DVec3],
+        anchor: DVec3,
+        margin: f64,
+        reached: &mut Vec<ViewcellId>,
+    ) -> bool {
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for &at in corners {
             (min, max) = (min.min(at), max.max(at));
@@ -43,7 +49,7 @@ impl Viewcells {
 /// left to the others. Gives up, with false, when there are too many pieces.
 fn is_covered(
     piece: &[DVec3],
-    by: &[CellId],
+    by: &[ViewcellId],
     all: &[Viewcell],
     anchor: DVec3,
     margin: f64,

@@ -1,8 +1,9 @@
 //! Loading a stored set, and asking it.
 
 use super::runs::Runs;
-use super::{HEADER, MAGIC, Pvs, PvsError, VERSION, checksum};
-use crate::{CellId, Stamp};
+use super::{FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
+use crate::Stamp;
+use crate::envelope::{HEADER, Reader};
 use alloc::vec::Vec;
 
 impl Pvs {
@@ -13,40 +14,19 @@ impl Pvs {
     /// [`PvsError`], with the reason.
     pub fn from_bytes(bytes: impl Into<Vec<u8>>) -> Result<Self, PvsError> {
         let bytes = bytes.into();
-        let found = bytes.len() as u64;
-        if !bytes.starts_with(&MAGIC) {
-            return Err(PvsError::Magic);
+        let mut reader = Reader::new(&bytes, FORMAT)?;
+        if reader.kind() > PvsTargets::Objects as u32 {
+            return Err(reader.wrong("the targets are neither cells nor objects").into());
         }
-        let length = |expected| PvsError::Length { found, expected };
-        if bytes.len() < HEADER {
-            return Err(length(HEADER as u64));
-        }
+        reader.bytes((reader.fingerprint() as u32 as usize).saturating_add(1).saturating_mul(4))?;
         let pvs = Self { bytes, stamp: Stamp::new() };
-        if pvs.word(8) != VERSION {
-            return Err(PvsError::Version { found: pvs.word(8) });
-        }
-        let [announced, sum] =
-            [24, 32].map(|place| u64::from(pvs.word(place)) | u64::from(pvs.word(place + 4)) << 32);
-        if announced != found {
-            return Err(length(announced));
-        }
-        let least = HEADER as u64 + (u64::from(pvs.word(16)) + 1) * 4;
-        if found < least {
-            return Err(length(least));
-        }
-        if checksum(&pvs.bytes) != sum {
-            return Err(PvsError::Checksum);
-        }
-        if pvs.word(12) > 1 {
-            return Err(PvsError::Header { problem: "the targets are neither cells nor objects" });
-        }
-        for viewcell in (0..pvs.word(16)).map(CellId) {
+        for viewcell in (0..pvs.word(16)).map(ViewcellId) {
             pvs.check_row(viewcell).map_err(|problem| PvsError::Row { viewcell, problem })?;
         }
         Ok(pvs)
     }
 
-    fn check_row(&self, viewcell: CellId) -> Result<(), &'static str> {
+    fn check_row(&self, viewcell: ViewcellId) -> Result<(), &'static str> {
         let row = self.row(viewcell).ok_or("it lies outside the rows")?;
         let (base, runs) = parts(row).ok_or("it begins with neither 0 nor 1 and a viewcell")?;
         if let Some(base) = base {
@@ -64,7 +44,7 @@ impl Pvs {
     }
 
     /// The bytes of a row.
-    fn row(&self, viewcell: CellId) -> Option<&[u8]> {
+    fn row(&self, viewcell: ViewcellId) -> Option<&[u8]> {
         if viewcell.index() >= self.viewcell_count() {
             return None;
         }
@@ -74,7 +54,7 @@ impl Pvs {
     }
 
     /// The runs of a row, and those that it differs from.
-    fn runs(&self, viewcell: CellId) -> [Runs<'_>; 2] {
+    fn runs(&self, viewcell: ViewcellId) -> [Runs<'_>; 2] {
         let of = |viewcell| self.row(viewcell).and_then(parts).unwrap_or((None, &[]));
         let (base, runs) = of(viewcell);
         [Runs::new(runs), Runs::new(base.map_or(&[][..], |base| of(base).1))]
@@ -82,7 +62,7 @@ impl Pvs {
 
     /// Writes what a viewcell sees, a bit for each target, to `words`, whose memory is reused. False, and then no bit is set, for an
     /// unknown viewcell. Takes time in proportion to the row's bytes and the words; never fails.
-    pub fn write_bits(&self, viewcell: CellId, words: &mut Vec<u64>) -> bool {
+    pub fn write_bits(&self, viewcell: ViewcellId, words: &mut Vec<u64>) -> bool {
         words.clear();
         words.resize(self.target_count().div_ceil(64), 0);
         for (start, end) in self.runs(viewcell).into_iter().flatten().flatten() {
@@ -91,19 +71,34 @@ impl Pvs {
         viewcell.index() < self.viewcell_count()
     }
 
+    /// Writes what any of some viewcells sees, a bit for each target, to `words`, whose memory is reused as that of `row` is. A viewcell without a
+    /// row may see all; no viewcells see none. Takes time in proportion to the rows' bytes and, for each viewcell, to the words.
+    pub fn write_union(&self, viewcells: &[ViewcellId], words: &mut Vec<u64>, row: &mut Vec<u64>) {
+        words.clear();
+        words.resize(self.target_count().div_ceil(64), 0);
+        for &viewcell in viewcells {
+            if !self.write_bits(viewcell, row) {
+                flip(row, 0, self.target_count());
+            }
+            for (word, more) in words.iter_mut().zip(row.iter()) {
+                *word |= more;
+            }
+        }
+    }
+
     /// Whether a viewcell sees a target. False for unknown ones. Takes time in proportion to the row's bytes; for many questions about
     /// one viewcell see [`write_bits`](Self::write_bits).
-    pub fn sees(&self, viewcell: CellId, target: u32) -> bool {
+    pub fn sees(&self, viewcell: ViewcellId, target: u32) -> bool {
         let runs = self.runs(viewcell).into_iter().flatten().flatten();
         runs.filter(|&(start, end)| start <= target && target < end).count() % 2 == 1
     }
 }
 
 /// The viewcell that a row differs from, if any, and its runs.
-fn parts(row: &[u8]) -> Option<(Option<CellId>, &[u8])> {
+fn parts(row: &[u8]) -> Option<(Option<ViewcellId>, &[u8])> {
     match *row {
         [0, ref runs @ ..] => Some((None, runs)),
-        [1, a, b, c, d, ref runs @ ..] => Some((Some(CellId(u32::from_le_bytes([a, b, c, d]))), runs)),
+        [1, a, b, c, d, ref runs @ ..] => Some((Some(ViewcellId(u32::from_le_bytes([a, b, c, d]))), runs)),
         _ => None,
     }
 }

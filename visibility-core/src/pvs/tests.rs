@@ -1,4 +1,5 @@
 use super::*;
+use crate::envelope::HEADER;
 use alloc::string::ToString;
 use alloc::vec;
 use proptest::prelude::*;
@@ -8,14 +9,18 @@ fn sample() -> Pvs {
     let rows = [vec![5, 6, 7, 300, 302], vec![], (0..400).filter(|x| x % 3 == 0).collect::<Vec<u32>>()];
     let mut rows = rows.to_vec();
     rows.push(rows[2].iter().copied().filter(|&x| x != 33).collect());
-    Pvs::new(PvsTargets::Cells, 400, &rows, |cell| (0..cell.0).map(CellId).collect::<Vec<_>>()).unwrap()
+    Pvs::new(PvsTargets::Cells, 400, &rows, |cell| (0..cell.0).map(ViewcellId).collect::<Vec<_>>()).unwrap()
 }
 
 /// The same bytes with the checksum made right again.
 fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
-    let sum = checksum(&bytes);
-    bytes[32..40].copy_from_slice(&sum.to_le_bytes());
-    bytes
+    let content = bytes.split_off(HEADER);
+    let number = |place: usize| u32::from_le_bytes(bytes[place..place + 4].try_into().unwrap());
+    let format = Format { version: number(8), ..FORMAT };
+    let counts = u64::from(number(16)) | u64::from(number(20)) << 32;
+    let mut writer = Writer::new(format, number(12), counts);
+    writer.bytes(&content);
+    writer.finish()
 }
 
 #[test]
@@ -25,8 +30,30 @@ fn rows_next_to_each_other_are_stored_as_differences() {
     let start = pvs.word(HEADER + 3 * 4) as usize;
     // A byte 1, the viewcell 2, a run of 33 and one of 1.
     assert_eq!(pvs.bytes[rows + start..], [1, 2, 0, 0, 0, 33, 1]);
-    assert!(!pvs.sees(CellId(3), 33) && pvs.sees(CellId(2), 33) && pvs.sees(CellId(3), 36));
+    assert!(!pvs.sees(ViewcellId(3), 33) && pvs.sees(ViewcellId(2), 33) && pvs.sees(ViewcellId(3), 36));
     assert_eq!((pvs.targets(), pvs.viewcell_count(), pvs.target_count()), (PvsTargets::Cells, 4, 400));
+}
+
+#[test]
+fn the_form_of_a_stored_set_stays() {
+    let pvs =
+        Pvs::new(PvsTargets::Objects, 300, &[vec![1, 2, 4, 6, 8, 10], vec![1, 2, 4, 6, 8, 10, 299]], |id| {
+            [ViewcellId(id.0 / 2)]
+        })
+        .unwrap();
+    let content = [
+        &[0, 0, 0, 0, 11, 0, 0, 0, 19, 0, 0, 0][..],
+        // One is left out, two follow, and so on; then the difference from row 0, in which 299 are left out and one follows.
+        &[0, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0xab, 2, 1],
+    ];
+    let mut bytes = [b"VISI-PVS", &[1, 0, 0, 0, 1, 0, 0, 0][..], &[2, 0, 0, 0, 44, 1, 0, 0]].concat();
+    bytes.extend([71, 0, 0, 0, 0, 0, 0, 0]);
+    let all = bytes.iter().chain(content.iter().copied().flatten());
+    let sum =
+        all.fold(0xcbf2_9ce4_8422_2325_u64, |sum, &b| (sum ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
+    bytes.extend(sum.to_le_bytes());
+    bytes.extend(content.concat());
+    assert_eq!(pvs.as_bytes(), bytes);
 }
 
 #[test]
@@ -59,8 +86,8 @@ fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
         Pvs::from_bytes(resealed(bytes)).unwrap_err().to_string()
     };
     let last = good.len() - 1;
-    assert_eq!(wrong(8, 2), "version 2 of the form is not known here");
-    assert_eq!(wrong(12, 7), "the header: the targets are neither cells nor objects");
+    assert_eq!(wrong(8, 2), "version 2 of the format, where only version 1 is known");
+    assert_eq!(wrong(12, 7), "at byte 40: the targets are neither cells nor objects");
     assert_eq!(wrong(rows, 9), "the row of viewcell 0: it begins with neither 0 nor 1 and a viewcell");
     assert_eq!(wrong(last, 0x81), "the row of viewcell 3: it ends within a number");
     assert_eq!(wrong(last - 5, 9), "the row of viewcell 3: it differs from an unknown viewcell");
@@ -73,10 +100,32 @@ fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
 }
 
 #[test]
+fn several_viewcells_see_what_any_of_them_sees() {
+    let pvs = sample();
+    let (mut words, mut row) = (vec![7; 99], Vec::new());
+    let all = [0, 1, 2, 3, 4].map(ViewcellId);
+    for set in 0..32u32 {
+        let some: Vec<ViewcellId> = all.into_iter().filter(|id| set >> id.0 & 1 != 0).collect();
+        pvs.write_union(&some, &mut words, &mut row);
+        assert_eq!(words.len(), 400usize.div_ceil(64));
+        for target in 0..400u32 {
+            // There is no row 4: whoever is there may see all.
+            let sees = |&id: &ViewcellId| id.0 == 4 || pvs.sees(id, target);
+            assert_eq!(
+                words[target as usize / 64] >> (target % 64) & 1 != 0,
+                some.iter().any(sees),
+                "{set} {target}"
+            );
+        }
+        assert_eq!(words[6] >> (400 % 64), 0, "no bit of no target");
+    }
+}
+
+#[test]
 fn rows_that_make_no_sense_are_not_taken() {
     let new = |row: &[u32]| Pvs::new(PvsTargets::Cells, 9, &[row], |_| []).unwrap_err();
-    assert_eq!(new(&[3, 3]), PvsError::Target { viewcell: CellId(0), target: 3 });
-    assert_eq!(new(&[3, 9]), PvsError::Target { viewcell: CellId(0), target: 9 });
+    assert_eq!(new(&[3, 3]), PvsError::Target { viewcell: ViewcellId(0), target: 3 });
+    assert_eq!(new(&[3, 9]), PvsError::Target { viewcell: ViewcellId(0), target: 9 });
 }
 
 proptest! {
@@ -86,12 +135,12 @@ proptest! {
     ) {
         let rows: Vec<Vec<u32>> =
             rows.iter().map(|row| (0..).zip(row).filter(|(_, seen)| **seen).map(|(i, _)| i).collect()).collect();
-        let pvs = Pvs::new(PvsTargets::Objects, 150, &rows, |cell| cell.0.checked_sub(1).map(CellId)).unwrap();
+        let pvs = Pvs::new(PvsTargets::Objects, 150, &rows, |cell| cell.0.checked_sub(1).map(ViewcellId)).unwrap();
         let pvs = Pvs::from_bytes(pvs.as_bytes()).unwrap();
         let mut bits = Vec::new();
         for viewcell in 0..rows.len() + 1 {
             let row = rows.get(viewcell).cloned().unwrap_or_default();
-            let viewcell = CellId(viewcell as u32);
+            let viewcell = ViewcellId(viewcell as u32);
             prop_assert_eq!(pvs.write_bits(viewcell, &mut bits), viewcell.index() < rows.len());
             for target in 0..160 {
                 let bit = bits.get(target as usize / 64).is_some_and(|word| word >> (target % 64) & 1 != 0);
@@ -107,8 +156,8 @@ proptest! {
         let place = place % bytes.len();
         bytes[place] = byte;
         if let Ok(pvs) = Pvs::from_bytes(resealed(bytes)) {
-            pvs.sees(CellId(3), target);
-            pvs.write_bits(CellId(3), &mut Vec::new());
+            pvs.sees(ViewcellId(3), target);
+            pvs.write_bits(ViewcellId(3), &mut Vec::new());
         }
     }
 }

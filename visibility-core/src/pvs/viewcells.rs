@@ -4,6 +4,26 @@ use crate::{CellId, Plane};
 use alloc::vec::Vec;
 use glam::DVec3;
 
+/// A viewcell, by its number: its place among the [`Viewcells`] and among the rows of a [`Pvs`](super::Pvs).
+///
+/// Not every viewcell is a cell of a [`CellGraph`](crate::CellGraph); where each is, both have the same number.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub struct ViewcellId(pub u32);
+
+impl ViewcellId {
+    /// The number of the viewcell, to index arrays with.
+    pub const fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+impl From<CellId> for ViewcellId {
+    /// The viewcell with the number of a cell, where viewcells are the cells of a graph.
+    fn from(cell: CellId) -> Self {
+        Self(cell.0)
+    }
+}
+
 /// A region that eyes can be in: the part of a box that is inside of all of some planes.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Viewcell {
@@ -35,10 +55,10 @@ fn in_box(p: DVec3, min: DVec3, max: DVec3) -> bool {
 /// number, as long as their boxes overlap but little.
 ///
 /// ```
-/// use visibility_core::{CellId, Viewcell, Viewcells, glam::DVec3};
+/// use visibility_core::{ViewcellId, Viewcell, Viewcells, glam::DVec3};
 /// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 3.0, 3.0));
 /// let viewcells = Viewcells::new([room(0.0), room(4.0), room(8.0)]);
-/// assert_eq!(viewcells.locate(DVec3::new(9.0, 1.0, 1.0)), Some(CellId(2)));
+/// assert_eq!(viewcells.locate(DVec3::new(9.0, 1.0, 1.0)), Some(ViewcellId(2)));
 /// assert_eq!(viewcells.locate(DVec3::new(9.0, 7.0, 1.0)), None);
 /// ```
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -112,7 +132,7 @@ impl Viewcells {
 
     /// The viewcell that a point of the world is in; of several, the one with the least number. On the boundary between two, either
     /// is right, since each sees all that is seen from its boundary.
-    pub fn locate(&self, p: DVec3) -> Option<CellId> {
+    pub fn locate(&self, p: DVec3) -> Option<ViewcellId> {
         let (mut at, mut found) = (0, None);
         while let Some(node) = self.nodes.get(at) {
             if !in_box(p, node.min, node.max) {
@@ -120,8 +140,8 @@ impl Viewcells {
                 continue;
             }
             for &i in &self.order[node.start as usize..node.end as usize] {
-                if found.is_none_or(|CellId(least)| i < least) && self.cells[i as usize].contains(p) {
-                    found = Some(CellId(i));
+                if found.is_none_or(|ViewcellId(least)| i < least) && self.cells[i as usize].contains(p) {
+                    found = Some(ViewcellId(i));
                 }
             }
             at += 1;
@@ -132,7 +152,7 @@ impl Viewcells {
     /// Calls `each` with the viewcells that may touch a box of the world, boundaries included: those of which a corner or more of the box is
     /// on the inner side of each plane, or so near it that rounding cannot tell. None for a box with a NaN. Takes time in proportion
     /// to the logarithm of their number, and to how many there are.
-    pub fn for_each_touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(CellId)) {
+    pub fn for_each_touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(ViewcellId)) {
         let meets = |low: DVec3, high: DVec3| low.cmple(max).all() && min.cmple(high).all();
         let (magnitude, mut at) = (min.abs().max(max.abs()), 0);
         while let Some(node) = self.nodes.get(at) {
@@ -148,7 +168,7 @@ impl Viewcells {
                     plane.signed_distance(far) < -plane.error_bound(magnitude)
                 };
                 if meets(cell.min, cell.max) && !cell.planes.iter().any(beyond) {
-                    each(CellId(i));
+                    each(ViewcellId(i));
                 }
             }
             at += 1;

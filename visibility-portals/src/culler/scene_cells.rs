@@ -343,7 +343,7 @@ impl SceneCells {
         entry.id = Some(id);
         entry.cells.clear();
         let (min, max) = in_world(&bounds, scene.origin(), self.tolerance);
-        self.viewcells.for_each_touching(min, max, |cell| entry.cells.push(cell));
+        self.viewcells.for_each_touching(min, max, |viewcell| entry.cells.push(CellId(viewcell.0)));
         entry.cells.sort_unstable();
     }
 
@@ -359,7 +359,7 @@ impl SceneCells {
     /// are any, otherwise by whether portals join them at all.
     pub fn can_see(&self, from: CellId, to: CellId) -> bool {
         match &self.pvs {
-            Some(pvs) => pvs.sees(from, to.0),
+            Some(pvs) => pvs.sees(from.into(), to.0),
             None => self.joined(from, to, |_, _| true),
         }
     }
@@ -384,7 +384,7 @@ impl SceneCells {
                 let [first, second] = self.graph.portals()[id.index()].cells();
                 let forward = first == cell;
                 let next = if forward { second } else { first };
-                let seen = || self.pvs.as_ref().is_none_or(|pvs| pvs.sees(from, next.0));
+                let seen = || self.pvs.as_ref().is_none_or(|pvs| pvs.sees(from.into(), next.0));
                 if !reached[next.index()] && passes(id, forward) && seen() {
                     reached[next.index()] = true;
                     waiting.push(next);

@@ -10,15 +10,15 @@ use super::side::{Corner, Edge, Side, U, clip};
 use super::sight::{Lines, Sight};
 use alloc::vec::Vec;
 use smallvec::SmallVec;
-use visibility_core::CellId;
 use visibility_core::glam::{DMat3, DVec3};
+use visibility_core::{CellId, ViewcellId};
 
 /// Memory for finding the cells of a front.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Front {
     corners: Vec<Corner>,
     clipped: Vec<Corner>,
-    touching: Vec<CellId>,
+    touching: Vec<ViewcellId>,
 }
 
 impl Front {
@@ -101,7 +101,7 @@ impl Front {
         let reach = farthest + sight.anchor.abs().max_element();
         let margin = cells.tolerance + error + 32.0 * U * reach;
         let covered = cells.viewcells.reached(&corners, sight.anchor, margin, &mut self.touching);
-        self.touching.iter().for_each(|&cell| each(cell));
+        self.touching.iter().for_each(|viewcell| each(CellId(viewcell.0)));
         covered
     }
 }

@@ -13,7 +13,7 @@ use super::stats::PortalStats;
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::{DVec3, DVec4};
-use visibility_core::{CellId, PortalId, Stamp};
+use visibility_core::{CellId, PortalId, Stamp, ViewcellId};
 
 /// The most sides that a window keeps: those beyond are forgotten, which can only show more.
 const MOST_SIDES: usize = 24;
@@ -79,9 +79,9 @@ pub(super) struct Walk {
     allowed: Vec<u64>,
     /// What `allowed` was made from: the PVS, and the cells where that walk began.
     allowed_pvs: Option<Stamp>,
-    allowed_for: Vec<CellId>,
+    allowed_for: Vec<ViewcellId>,
     row: Vec<u64>,
-    begun: Vec<CellId>,
+    begun: Vec<ViewcellId>,
 }
 
 /// Makes a list of `count` times the same.
@@ -129,7 +129,7 @@ impl Walk {
     pub(super) fn start_whole(&mut self, cell: CellId) {
         if !core::mem::replace(&mut self.wide[cell.index()], true) {
             self.waiting.push(cell);
-            self.begun.push(cell);
+            self.begun.push(cell.into());
         }
     }
 
@@ -145,7 +145,7 @@ impl Walk {
         let start = self.sides.len() as u32;
         self.sides.extend(sides);
         let window = Window { sides: start..self.sides.len() as u32, rectangle, whole: false };
-        self.begun.push(cell);
+        self.begun.push(cell.into());
         self.enter(cells, sight, cell, NONE, PortalId(NONE), window, 0..0);
     }
 
@@ -195,16 +195,9 @@ impl Walk {
             return;
         }
         self.allowed_pvs = Some(pvs.stamp());
-        self.allowed.clear();
-        self.allowed.resize(cells.graph.cell_count().div_ceil(64), 0);
-        for &cell in &self.begun {
-            let known = pvs.write_bits(cell, &mut self.row);
-            for (i, word) in self.allowed.iter_mut().enumerate() {
-                *word |= if known { self.row.get(i).copied().unwrap_or(u64::MAX) } else { u64::MAX };
-            }
-        }
         self.allowed_for.clear();
         self.allowed_for.extend_from_slice(&self.begun);
+        pvs.write_union(&self.begun, &mut self.allowed, &mut self.row);
     }
 
     fn is_allowed(&self, cell: CellId) -> bool {

@@ -11,7 +11,7 @@ use visibility_core::glam::DVec3;
 
 /// What a flood works with; its memory serves one flood after another.
 #[derive(Default)]
-pub(crate) struct Scratch {
+pub struct Scratch {
     /// The portals that may be seen through the source, ascending.
     pub(crate) candidates: Vec<u32>,
     pub(crate) count: usize,

@@ -33,7 +33,7 @@ pub(crate) struct Known<'a> {
 
 /// What one flood found.
 #[derive(Default)]
-pub(crate) struct Found {
+pub struct Found {
     /// The portals, by their numbers among all, that turned out not to be reachable.
     pub(crate) hidden: Vec<u32>,
     /// The cells seen that were not known to be, and whether a line was found that proves it.

@@ -39,7 +39,9 @@ impl Subdivision {
     /// A way from the cell that a point is in to the outside, if there is one: where a map is meant to be closed, the portals on it
     /// lead to the leak. `None` as well for a point in no cell. Takes time in proportion to cells and portals.
     pub fn leak(&self, inside: visibility_core::glam::DVec3) -> Option<Leak> {
-        let from = Viewcells::new(self.viewcells.iter().cloned()).locate(inside)?;
+        let from = Viewcells::new(self.viewcells.iter().cloned())
+            .locate(inside)
+            .map(|viewcell| CellId(viewcell.0))?;
         self.graph.leak(from, |cell| self.outside.binary_search(&cell).is_ok())
     }
 }

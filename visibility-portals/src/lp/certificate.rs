@@ -10,7 +10,7 @@
 //! they are found by elimination in `f64` and corrected in numbers of twice the length, which leaves an `r` of about 2^-100; then the bound is
 //! evaluated, with every rounding counted against it.
 
-use super::double::Double;
+use visibility_core::geometry::DoubleDouble;
 
 /// The most constraints that a certificate needs: by Helly's theorem one more than the dimension, six.
 pub(crate) const MOST: usize = 8;
@@ -18,7 +18,7 @@ pub(crate) const MOST: usize = 8;
 /// `normal . x >= least`, for a normal of which each coordinate is known up to `error`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row<const K: usize> {
-    pub(crate) normal: [Double; K],
+    pub(crate) normal: [DoubleDouble; K],
     pub(crate) error: f64,
     pub(crate) least: f64,
 }
@@ -30,34 +30,39 @@ const UNDERFLOW: f64 = 1e-300;
 const UP: f64 = 1.0 + 1e-12;
 
 /// The left and the right side of the bound, each rounded against a proof.
-fn sides<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[Double]) -> (f64, f64) {
+fn sides<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[DoubleDouble]) -> (f64, f64) {
     // The left: each term is a product of numbers that are exact, the smaller part of the multiplier below 2^-53 of the greater, and the
     // sum of at most eight is wrong by less than 2^-49 of the sum of their sizes.
-    let (mut left, mut size) = (Double::ZERO, 0.0);
+    let (mut left, mut size) = (DoubleDouble::ZERO, 0.0);
     for (row, &l) in rows.iter().zip(multipliers) {
-        let term = l.times(Double::from(row.least));
+        let term = l.times(DoubleDouble::from(row.least));
         left = left.plus(term);
         size += term.hi.abs();
     }
-    let left = (left.hi + left.lo) - size * (16.0 * Double::ERROR) * UP - left.hi.abs() * 4.0 * f64::EPSILON;
+    let left =
+        (left.hi + left.lo) - size * (16.0 * DoubleDouble::ERROR) * UP - left.hi.abs() * 4.0 * f64::EPSILON;
     let mut right = 0.0;
     for (k, bound) in bounds.iter().enumerate() {
         // Eight products and eight sums, each wrong by at most ERROR of what has been added up so far.
-        let (mut sum, mut size, mut unknown) = (Double::ZERO, 0.0, 0.0);
+        let (mut sum, mut size, mut unknown) = (DoubleDouble::ZERO, 0.0, 0.0);
         for (row, &l) in rows.iter().zip(multipliers) {
             let term = l.times(row.normal[k]);
             sum = sum.plus(term);
             size += term.hi.abs();
             unknown += l.hi * row.error;
         }
-        let most = sum.hi.abs() * UP + (size * (32.0 * Double::ERROR) + unknown) * UP;
+        let most = sum.hi.abs() * UP + (size * (32.0 * DoubleDouble::ERROR) + unknown) * UP;
         right += most * bound * UP;
     }
     (left - UNDERFLOW, right * UP + UNDERFLOW)
 }
 
 /// Whether the multipliers prove that no `x` satisfies all rows.
-pub(crate) fn proves<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[Double]) -> bool {
+pub(crate) fn proves<const K: usize>(
+    rows: &[Row<K>],
+    bounds: &[f64; K],
+    multipliers: &[DoubleDouble],
+) -> bool {
     // Not the other way round: what is not a number proves nothing.
     if !multipliers.iter().all(|l| l.hi >= l.lo.abs()) || rows.len() > MOST {
         return false;
@@ -68,7 +73,7 @@ pub(crate) fn proves<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipl
 
 /// Multipliers that prove that no `x` satisfies all of at most [`MOST`] rows; zero for rows that are not needed. `None` if none are found,
 /// which proves nothing.
-pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option<[Double; MOST]> {
+pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option<[DoubleDouble; MOST]> {
     if rows.len() > MOST {
         return None;
     }
@@ -191,13 +196,13 @@ impl<const K: usize> Elimination<K> {
     }
 
     /// The multipliers corrected until the sum of normals is zero up to about 2^-100.
-    fn refined(&self, rows: &[Row<K>], multipliers: [f64; MOST]) -> [Double; MOST] {
-        let mut multipliers = multipliers.map(Double::from);
+    fn refined(&self, rows: &[Row<K>], multipliers: [f64; MOST]) -> [DoubleDouble; MOST] {
+        let mut multipliers = multipliers.map(DoubleDouble::from);
         for _ in 0..3 {
             let mut right = [0.0; K];
             for (right, &k) in right.iter_mut().zip(&self.coordinate) {
                 let terms = rows.iter().zip(&multipliers).map(|(row, l)| l.times(row.normal[k]));
-                *right = -terms.fold(Double::ZERO, Double::plus).hi;
+                *right = -terms.fold(DoubleDouble::ZERO, DoubleDouble::plus).hi;
             }
             for k in 0..self.rank {
                 for j in k + 1..K {
@@ -207,7 +212,7 @@ impl<const K: usize> Elimination<K> {
             let correction = self.back(right);
             for (j, &c) in correction[..self.rank].iter().enumerate() {
                 let l = &mut multipliers[self.row[j]];
-                *l = l.plus(Double::from(c * self.scale[j]));
+                *l = l.plus(DoubleDouble::from(c * self.scale[j]));
             }
         }
         multipliers

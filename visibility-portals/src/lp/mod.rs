@@ -7,12 +7,12 @@
 //! [`Feasible::Maybe`].
 
 mod certificate;
-mod double;
 mod seidel;
 
 pub(crate) use certificate::{MOST, Row, find};
-pub(crate) use double::Double;
 pub(crate) use seidel::{BOX, Levels, Stop};
+
+use visibility_core::geometry::DoubleDouble;
 
 /// The points `x` where `normal . x + offset >= 0`.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -28,13 +28,13 @@ pub struct HalfSpace<const D: usize> {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Certificate {
     constraints: [u32; MOST],
-    multipliers: [Double; MOST],
+    multipliers: [DoubleDouble; MOST],
     count: usize,
 }
 
 impl Certificate {
-    pub(crate) fn new(multipliers: impl IntoIterator<Item = (u32, Double)>) -> Self {
-        let mut new = Self { constraints: [0; MOST], multipliers: [Double::ZERO; MOST], count: 0 };
+    pub(crate) fn new(multipliers: impl IntoIterator<Item = (u32, DoubleDouble)>) -> Self {
+        let mut new = Self { constraints: [0; MOST], multipliers: [DoubleDouble::ZERO; MOST], count: 0 };
         for (constraint, multiplier) in multipliers.into_iter().filter(|(_, l)| l.hi > 0.0).take(MOST) {
             new.constraints[new.count] = constraint;
             new.multipliers[new.count] = multiplier;
@@ -158,15 +158,16 @@ impl<const D: usize> Solver<D> {
 
     /// Whether the conflict that was come upon is one.
     fn certificate(&self, constraints: &[HalfSpace<D>], bound: f64) -> Option<Certificate> {
-        let mut rows = [Row { normal: [Double::ZERO; D], error: 0.0, least: -bound }; MOST];
+        let mut rows = [Row { normal: [DoubleDouble::ZERO; D], error: 0.0, least: -bound }; MOST];
         let conflict = self.levels.conflict();
         for (row, &tag) in rows.iter_mut().zip(conflict) {
             if tag >= BOX {
                 let side = tag - BOX;
-                row.normal[side as usize / 2] = Double::from(if side.is_multiple_of(2) { -1.0 } else { 1.0 });
+                row.normal[side as usize / 2] =
+                    DoubleDouble::from(if side.is_multiple_of(2) { -1.0 } else { 1.0 });
             } else {
                 let half = &constraints[tag as usize];
-                *row = Row { normal: half.normal.map(Double::from), error: 0.0, least: -half.offset };
+                *row = Row { normal: half.normal.map(DoubleDouble::from), error: 0.0, least: -half.offset };
             }
         }
         let multipliers = find(&rows[..conflict.len()], &[bound; D])?;
@@ -197,12 +198,12 @@ fn is_inside<const D: usize>(constraints: &[HalfSpace<D>], bound: f64, x: &[f64;
                 return true;
             }
             // Touching points of round numbers are often exact in numbers of twice the length.
-            let (mut sum, mut size) = (Double::from(half.offset), half.offset.abs());
+            let (mut sum, mut size) = (DoubleDouble::from(half.offset), half.offset.abs());
             for (&a, &x) in half.normal.iter().zip(x) {
-                let term = Double::product(a, x);
+                let term = DoubleDouble::product(a, x);
                 sum = sum.plus(term);
                 size += term.hi.abs();
             }
-            sum.hi >= size * (16.0 * Double::ERROR) + 1e-290
+            sum.hi >= size * (16.0 * DoubleDouble::ERROR) + 1e-290
         })
 }

@@ -2,7 +2,7 @@
 //!
 //! [`Stabber`] answers for segments of a floor plan, for axis-aligned rectangles and for convex polygons in space, each time with a line that
 //! does, a certificate that none does, or *maybe*; rounding never makes one of the first two out of the third. The planes that separate portals
-//! answer a part of the same question faster, as the floods of a [`CellBake`] do: [`antipenumbra`].
+//! answer a part of the same question faster, as a [`CellBaker`](crate::CellBaker) does: [`antipenumbra`](crate::antipenumbra).
 //!
 //! In the plane, *maybe* means that lines have less room than rounding takes. In space it can mean, too, that any few edges leave a line but
 //! all together do not: certificates are of linear programs, and the lines among the points of Pluecker space are those of a quadric.
@@ -11,11 +11,10 @@ mod plan;
 pub(crate) mod pluecker;
 
 use crate::lp::Certificate;
-use crate::{BakeError, CellBake, Settings};
 use alloc::vec::Vec;
 use pluecker::{Edge, Opening, Pluecker, Polytope, edges_of};
+use visibility_core::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
-use visibility_core::{CellGraph, CellId, ConvexPolygon};
 
 /// Whether a line passes through a sequence; `L` is the line, by a point and a direction.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -216,32 +215,3 @@ impl Stabber {
 
 /// By how much, relative to the size of things, a line is first looked for inside of all edges.
 const INSIDE: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
-
-/// Whether the planes that separate the polygons of a sequence leave a way through all of them: each polygon clips what is seen of the first one
-/// through those before it, and the other way round (Seth Teller and Pat Hanrahan, "Global Visibility Algorithms for Illumination Computations",
-/// 1993). `false` is certain for lines that stay clear of all edges by the clearance.
-///
-/// # Errors
-/// As [`CellBake::new`].
-///
-/// ```
-/// use visibility_core::{ConvexPolygon, glam::DVec3};
-/// use visibility_portals::stabbing::antipenumbra;
-/// let door = |x: f64, y: f64| ConvexPolygon::new(
-///     [[y, 0.0], [y + 1.0, 0.0], [y + 1.0, 2.0], [y, 2.0]].map(|[y, z]| DVec3::new(x, y, z)));
-/// assert!(antipenumbra(&[door(0.0, 0.0)?, door(1.0, 0.5)?, door(2.0, 1.5)?], 1e-6)?);
-/// assert!(!antipenumbra(&[door(0.0, 0.0)?, door(1.0, 0.5)?, door(2.0, 3.5)?], 1e-6)?);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-pub fn antipenumbra(polygons: &[ConvexPolygon], clearance: f64) -> Result<bool, BakeError> {
-    // A chain of cells is a map like any other.
-    let cells = |i: usize| [CellId(i as u32), CellId(i as u32 + 1)];
-    let portals = polygons.iter().enumerate().map(|(i, polygon)| (polygon.clone(), cells(i)));
-    let Ok(graph) = CellGraph::new(polygons.len() + 1, portals) else {
-        let (cells, portals) = (polygons.len() + 1, polygons.len());
-        return Err(BakeError::TooLarge { cells, portals });
-    };
-    let mut bake = CellBake::new(&graph, Settings { clearance, ..Settings::default() })?;
-    while bake.advance().is_some() {}
-    Ok(bake.finish().matrix.sees(CellId(0), CellId(polygons.len() as u32)))
-}

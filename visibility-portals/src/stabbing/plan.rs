@@ -10,8 +10,9 @@
 //! `n` of unit length: these inequalities, `|c| <= radius` since the line passes that segment, and `n . (left - right) >= 2 r` for it.
 
 use super::Stab;
-use crate::lp::{BOX, Certificate, Double, Levels, Row, Stop, find};
+use crate::lp::{BOX, Certificate, Levels, Row, Stop, find};
 use alloc::vec::Vec;
+use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec2;
 
 #[derive(Clone, Debug, Default)]
@@ -93,19 +94,20 @@ impl Plan {
         while unit < radius {
             unit *= 2.0;
         }
-        let difference = |a: DVec2, b: DVec2| [Double::difference(a.x, b.x), Double::difference(a.y, b.y)];
+        let difference =
+            |a: DVec2, b: DVec2| [DoubleDouble::difference(a.x, b.x), DoubleDouble::difference(a.y, b.y)];
         let [x, y] = difference(square[0], square[1]);
         // Rounded down; differences of coordinates are exact.
         let least = 2.0 * clearance * (1.0 - 1e-12);
-        let mut rows = [Row { normal: [x, y, Double::ZERO], error: 0.0, least }; 4];
+        let mut rows = [Row { normal: [x, y, DoubleDouble::ZERO], error: 0.0, least }; 4];
         let mut count = 1;
         let conflict = self.levels.conflict();
         for &tag in conflict.iter().filter(|tag| **tag < BOX) {
             let (p, is_left) = (segments[tag as usize / 2][tag as usize % 2], tag % 2 == 0);
             let [x, y] = difference(p, origin);
-            let mut normal = [x, y, Double::from(unit)];
+            let mut normal = [x, y, DoubleDouble::from(unit)];
             if !is_left {
-                normal = normal.map(Double::negated);
+                normal = normal.map(DoubleDouble::negated);
             }
             rows[count] = Row { normal, error: 0.0, least: clearance };
             count += 1;

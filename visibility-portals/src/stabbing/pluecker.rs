@@ -30,8 +30,9 @@
 //! every rounding counted (see [`crate::lp`]). The program that proposes which edges to take is solved in plain `f64`, in the five dimensions that
 //! are left when lines are scaled to `n . d = 1`.
 
-use crate::lp::{BOX, Certificate, Double, Levels, MOST, Row, Stop, find};
+use crate::lp::{BOX, Certificate, Levels, MOST, Row, Stop, find};
 use alloc::vec::Vec;
+use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec3;
 
 /// An edge of a portal, which lies to the left of it as seen along lines that pass.
@@ -206,7 +207,7 @@ impl Pluecker {
         while unit < radius {
             unit *= 2.0;
         }
-        let mut rows = [Row { normal: [Double::ZERO; 6], error: 0.0, least: 0.0 }; MOST];
+        let mut rows = [Row { normal: [DoubleDouble::ZERO; 6], error: 0.0, least: 0.0 }; MOST];
         rows[0] = area(&square, origin, clearance);
         let mut count = 1;
         let conflict = self.levels.conflict();
@@ -231,10 +232,10 @@ impl Pluecker {
 }
 
 /// A vector in numbers of twice the length.
-type Long = [Double; 3];
+type Long = [DoubleDouble; 3];
 
 fn difference(a: DVec3, b: DVec3) -> Long {
-    [0, 1, 2].map(|k| Double::difference(a[k], b[k]))
+    [0, 1, 2].map(|k| DoubleDouble::difference(a[k], b[k]))
 }
 
 fn cross(a: &Long, b: &Long) -> Long {
@@ -248,14 +249,14 @@ fn cross(a: &Long, b: &Long) -> Long {
 /// most `ERROR` of the product of the sizes or of the sum of two of them.
 fn error_of_cross(a: &Long, b: &Long) -> f64 {
     let size = |a: &Long| a.iter().fold(0.0, |size: f64, a| size.max(a.hi.abs()));
-    8.0 * Double::ERROR * size(a) * size(b)
+    8.0 * DoubleDouble::ERROR * size(a) * size(b)
 }
 
 /// The row of an edge: `h`, with the edge moved, about an origin, `m` being measured in a unit.
 fn halfspace(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     // a x b = a x (b - a).
     let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));
-    let shift = [0, 1, 2].map(|k| Double::from(edge.shift[k]));
+    let shift = [0, 1, 2].map(|k| DoubleDouble::from(edge.shift[k]));
     let (turn, moved) = (cross(&a, &e), cross(&shift, &e));
     let d = [0, 1, 2].map(|k| turn[k].plus(moved[k]));
     let m = e.map(|e| e.scaled(unit));
@@ -266,7 +267,7 @@ fn halfspace(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
 
 /// The row that says that a portal is not seen from its edge.
 fn area(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
-    let (mut sum, mut error) = ([Double::ZERO; 3], f64::MIN_POSITIVE);
+    let (mut sum, mut error) = ([DoubleDouble::ZERO; 3], f64::MIN_POSITIVE);
     for i in 0..opening.edges.len() {
         let edge = opening.edge(i);
         let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));
@@ -274,10 +275,10 @@ fn area(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
         error += 2.0 * error_of_cross(&a, &e);
         for (sum, part) in sum.iter_mut().zip(part) {
             *sum = sum.plus(part);
-            error += Double::ERROR * (sum.hi.abs() + part.hi.abs());
+            error += DoubleDouble::ERROR * (sum.hi.abs() + part.hi.abs());
         }
     }
-    let zero = Double::ZERO;
+    let zero = DoubleDouble::ZERO;
     // 2 pi c^2, rounded down.
     Row { normal: [sum[0], sum[1], sum[2], zero, zero, zero], error, least: 6.0 * clearance * clearance }
 }

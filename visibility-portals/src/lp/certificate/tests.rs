@@ -24,12 +24,12 @@ impl Random {
 }
 
 /// The nearest number of twice the length.
-fn nearest(v: i128) -> Double {
+fn nearest(v: i128) -> DoubleDouble {
     let hi = v as f64;
-    Double { hi, lo: (v - hi as i128) as f64 }
+    DoubleDouble { hi, lo: (v - hi as i128) as f64 }
 }
 
-fn exact(a: Double) -> i128 {
+fn exact(a: DoubleDouble) -> i128 {
     a.hi as i128 + a.lo as i128
 }
 
@@ -39,7 +39,7 @@ fn row(normal: i128, least: f64) -> Row<1> {
 
 /// Multipliers and numbers whose products have more digits than can be kept; the last one makes the sum as good as nothing. What is left of
 /// it is known exactly.
-fn cancelling(random: &mut Random) -> ([Double; 4], [i128; 4], i128) {
+fn cancelling(random: &mut Random) -> ([DoubleDouble; 4], [i128; 4], i128) {
     let l: [i128; 3] = core::array::from_fn(|_| random.integer(66) | 1 << 65);
     let h: [i128; 3] = core::array::from_fn(|_| random.integer(50) | 1);
     let sum: i128 = l.iter().zip(&h).map(|(l, h)| l * h).sum();
@@ -52,9 +52,9 @@ fn what_rounding_leaves_of_sums_that_cancel_is_no_proof() {
     let (mut random, mut tempting) = (Random(1), [0; 2]);
     for _ in 0..100_000 {
         let (l, h, rest) = cancelling(&mut random);
-        let multipliers = [l[0], l[1], l[2], l[3], Double::from(1.0)];
-        let add = |sum: Double, i: usize| sum.plus(l[i].times(nearest(h[i])));
-        let rounded = exact((0..4).fold(Double::ZERO, add));
+        let multipliers = [l[0], l[1], l[2], l[3], DoubleDouble::from(1.0)];
+        let add = |sum: DoubleDouble, i: usize| sum.plus(l[i].times(nearest(h[i])));
+        let rounded = exact((0..4).fold(DoubleDouble::ZERO, add));
         let near = rest.abs() as f64;
         // The rest of the normals against a least value that it can just reach.
         let rows = |least| [row(h[0], 0.0), row(h[1], 0.0), row(h[2], 0.0), row(-1, 0.0), row(0, least)];
@@ -75,26 +75,26 @@ fn what_rounding_leaves_of_sums_that_cancel_is_no_proof() {
 #[test]
 fn what_is_not_known_of_the_normals_is_no_proof() {
     // 1 <= 0 x for an x of at most 1, if the coefficient may be 1 as well.
-    let zero = |error| [Row { normal: [Double::ZERO], error, least: 1.0 }];
-    assert!(proves(&zero(0.5), &[1.0], &[Double::from(1.0)]));
-    assert!(!proves(&zero(1.0), &[1.0], &[Double::from(1.0)]));
-    assert!(!proves(&zero(0.5), &[2.0], &[Double::from(1.0)]));
+    let zero = |error| [Row { normal: [DoubleDouble::ZERO], error, least: 1.0 }];
+    assert!(proves(&zero(0.5), &[1.0], &[DoubleDouble::from(1.0)]));
+    assert!(!proves(&zero(1.0), &[1.0], &[DoubleDouble::from(1.0)]));
+    assert!(!proves(&zero(0.5), &[2.0], &[DoubleDouble::from(1.0)]));
 }
 
 #[test]
 fn negative_multipliers_and_what_is_no_number_prove_nothing() {
-    let one = Double::from(1.0);
+    let one = DoubleDouble::from(1.0);
     // x >= 1, and x >= 0: their difference would say 0 >= 1.
     let rows = [row(1, 1.0), row(1, 0.0)];
-    for bad in [one.negated(), Double { hi: 1.0, lo: -2.0 }, Double::from(f64::NAN)] {
+    for bad in [one.negated(), DoubleDouble { hi: 1.0, lo: -2.0 }, DoubleDouble::from(f64::NAN)] {
         assert!(!proves(&rows, &[5.0], &[one, bad]), "{bad:?}");
     }
     let contradiction = [row(1, 1.0), row(-1, 0.0)];
     assert!(proves(&contradiction, &[5.0], &[one, one]));
     for bad in [f64::NAN, f64::INFINITY] {
-        assert!(!proves(&contradiction, &[bad], &[one, Double::from(0.5)]));
+        assert!(!proves(&contradiction, &[bad], &[one, DoubleDouble::from(0.5)]));
         assert!(!proves(&[row(1, bad), row(-1, 0.0)], &[5.0], &[one, one]));
-        assert!(!proves(&contradiction, &[5.0], &[Double::from(bad), Double::from(bad)]));
+        assert!(!proves(&contradiction, &[5.0], &[DoubleDouble::from(bad), DoubleDouble::from(bad)]));
     }
 }
 
@@ -120,7 +120,7 @@ fn through_a_point<const K: usize>(random: &mut Random) -> (Vec<[i64; K]>, Vec<i
 
 fn rows_of<const K: usize>((normals, least): &(Vec<[i64; K]>, Vec<i64>)) -> Vec<Row<K>> {
     let row = |(normal, &least): (&[i64; K], &i64)| Row {
-        normal: normal.map(|h| Double::from(h as f64)),
+        normal: normal.map(|h| DoubleDouble::from(h as f64)),
         error: 0.0,
         least: least as f64,
     };

@@ -46,6 +46,16 @@ impl Targets {
         }
     }
 
+    /// All that the answer depends on, for a fingerprint.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
+        let boxes = self
+            .boxes
+            .iter()
+            .flat_map(|&(middle, half)| middle.to_array().into_iter().chain(half.to_array()));
+        let lists = self.index.iter().chain(&self.first).chain(&self.of_cell).copied().map(u64::from);
+        boxes.map(f64::to_bits).chain(lists)
+    }
+
     fn of(&self, cell: u32) -> &[u32] {
         &self.of_cell[self.first[cell as usize] as usize..self.first[cell as usize + 1] as usize]
     }
@@ -86,7 +96,7 @@ struct Link {
 
 /// Memory of the search, used for one cell after another.
 #[derive(Default)]
-pub(super) struct Chains {
+pub struct Chains {
     seen: Vec<bool>,
     points: Vec<DVec3>,
     planes: Vec<Plane>,

@@ -1,69 +1,89 @@
-//! Numbers of twice the length: the unevaluated sum of two `f64`, so that certificates can be checked where `f64` has no digits left.
+//! Double-double arithmetic: numbers of 106 bits, for certificates and for tests of margins, where `f64` has no digits left.
 //!
 //! This work is based on: T. J. Dekker, "A Floating-Point Technique for Extending the Available Precision", 1971, and M. Joldes,
-//! J.-M. Muller and V. Popescu, "Tight and Rigorous Error Bounds for Basic Building Blocks of Double-Word Arithmetic", 2017, who prove that
+//! J.-M. Muller and V. Popescu, "Tight and Rigorous Error Bounds for Basic Building Blocks of DoubleDouble-Word Arithmetic", 2017, who prove that
 //! a sum is wrong by at most 3 u^2 and a product by at most 8 u^2 of its value, u = 2^-53, if nothing underflows or overflows.
 
-/// `hi + lo`, `hi` being the sum rounded to nearest.
+/// The number `hi + lo`, where `hi` is that sum rounded to nearest.
+///
+/// Sums and products are wrong by at most [`ERROR`](Self::ERROR) of their value, as long as nothing overflows and no product is
+/// below 2^-969 in size (its low part would underflow). Infinities and NaN give NaN.
+///
+/// ```
+/// use visibility_core::geometry::DoubleDouble;
+/// let tiny = 1e-20;
+/// let sum = DoubleDouble::sum(1.0, tiny).plus(DoubleDouble::from(-1.0));
+/// assert_eq!(sum.hi, tiny);
+/// ```
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(crate) struct Double {
-    pub(crate) hi: f64,
-    pub(crate) lo: f64,
+pub struct DoubleDouble {
+    /// The number, rounded to `f64`.
+    pub hi: f64,
+    /// What rounding has lost; at most half a unit in the last place of `hi`.
+    pub lo: f64,
 }
 
-impl Double {
-    pub(crate) const ZERO: Self = Self { hi: 0.0, lo: 0.0 };
+impl DoubleDouble {
+    /// Zero.
+    pub const ZERO: Self = Self { hi: 0.0, lo: 0.0 };
 
-    /// How wrong a product or sum of two is at most, relative to it: 16 u^2.
-    pub(crate) const ERROR: f64 = 1.0 / (1u128 << 102) as f64;
+    /// How wrong a sum or a product is at most, relative to its value: 16 u^2, where u = 2^-53.
+    pub const ERROR: f64 = 1.0 / (1u128 << 102) as f64;
 
     /// `a + b`, exactly.
-    pub(crate) fn sum(a: f64, b: f64) -> Self {
+    pub fn sum(a: f64, b: f64) -> Self {
         let hi = a + b;
         let of_b = hi - a;
         Self { hi, lo: (a - (hi - of_b)) + (b - of_b) }
     }
 
     /// `a - b`, exactly.
-    pub(crate) fn difference(a: f64, b: f64) -> Self {
+    pub fn difference(a: f64, b: f64) -> Self {
         Self::sum(a, -b)
     }
 
-    /// `a + b`, exactly, if `a` is not the smaller one.
+    /// `a + b`, exactly, if `a` is not smaller in size than `b`.
     fn sum_ordered(a: f64, b: f64) -> Self {
         let hi = a + b;
         Self { hi, lo: b - (hi - a) }
     }
 
-    /// `a * b`, exactly.
-    pub(crate) fn product(a: f64, b: f64) -> Self {
+    /// `a * b`, exactly, unless the product is below 2^-969 in size.
+    pub fn product(a: f64, b: f64) -> Self {
         let hi = a * b;
         let [(a1, a2), (b1, b2)] = [halves(a), halves(b)];
         Self { hi, lo: ((a1 * b1 - hi) + a1 * b2 + a2 * b1) + a2 * b2 }
     }
 
-    pub(crate) fn plus(self, other: Self) -> Self {
+    /// The sum, up to [`ERROR`](Self::ERROR) of the greater of the summands.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
         let (s, t) = (Self::sum(self.hi, other.hi), Self::sum(self.lo, other.lo));
         let v = Self::sum_ordered(s.hi, s.lo + t.hi);
         Self::sum_ordered(v.hi, t.lo + v.lo)
     }
 
-    pub(crate) fn negated(self) -> Self {
+    /// The number with the other sign, exactly.
+    #[must_use]
+    pub fn negated(self) -> Self {
         Self { hi: -self.hi, lo: -self.lo }
     }
 
-    pub(crate) fn times(self, other: Self) -> Self {
+    /// The product, up to [`ERROR`](Self::ERROR) of itself.
+    #[must_use]
+    pub fn times(self, other: Self) -> Self {
         let p = Self::product(self.hi, other.hi);
         Self::sum_ordered(p.hi, p.lo + (self.hi * other.lo + self.lo * other.hi))
     }
 
-    /// Times a power of two, exactly.
-    pub(crate) fn scaled(self, power: f64) -> Self {
+    /// The number times a power of two, exactly.
+    #[must_use]
+    pub fn scaled(self, power: f64) -> Self {
         Self { hi: self.hi * power, lo: self.lo * power }
     }
 }
 
-impl From<f64> for Double {
+impl From<f64> for DoubleDouble {
     fn from(hi: f64) -> Self {
         Self { hi, lo: 0.0 }
     }
@@ -81,7 +101,7 @@ mod tests {
     use super::*;
 
     /// In units of 2^-80, so that products of the numbers below are integers.
-    fn exact(a: Double) -> i128 {
+    fn exact(a: DoubleDouble) -> i128 {
         let scaled = |v: f64| {
             let v = v * (1u128 << 80) as f64;
             assert_eq!(v, v.trunc());
@@ -101,10 +121,12 @@ mod tests {
         for _ in 0..10_000 {
             let (a, b) = (random(), random());
             let [x, y] = [a, b].map(|v| v as f64 / (1 << 26) as f64);
-            assert_eq!(exact(Double::difference(x, y)), i128::from(a - b) << 54);
+            assert_eq!(exact(DoubleDouble::difference(x, y)), i128::from(a - b) << 54);
             // The product in units of 2^-52.
-            assert_eq!(exact(Double::product(x, y)), (i128::from(a) * i128::from(b)) << 28);
-            let sum = Double::product(x, y).plus(Double::product(y, y)).plus(Double::product(x, -y));
+            assert_eq!(exact(DoubleDouble::product(x, y)), (i128::from(a) * i128::from(b)) << 28);
+            let sum = DoubleDouble::product(x, y)
+                .plus(DoubleDouble::product(y, y))
+                .plus(DoubleDouble::product(x, -y));
             let error = exact(sum) - ((i128::from(b) * i128::from(b)) << 28);
             assert!(error.abs() <= 1 << 26, "{error}");
         }
@@ -114,9 +136,9 @@ mod tests {
     fn products_of_long_numbers_keep_their_digits() {
         // (1 + 2^-60) (1 - 2^-60) = 1 - 2^-120.
         let tiny = 2f64.powi(-60);
-        let p = Double { hi: 1.0, lo: tiny }.times(Double { hi: 1.0, lo: -tiny });
+        let p = DoubleDouble { hi: 1.0, lo: tiny }.times(DoubleDouble { hi: 1.0, lo: -tiny });
         assert_eq!((p.hi, p.lo), (1.0, 0.0));
-        let p = Double { hi: 1.0, lo: tiny }.times(Double { hi: 1.0, lo: tiny });
+        let p = DoubleDouble { hi: 1.0, lo: tiny }.times(DoubleDouble { hi: 1.0, lo: tiny });
         assert_eq!((p.hi, p.lo), (1.0, 2.0 * tiny));
     }
 }

@@ -1,0 +1,378 @@
+//! Stored structures: a header of 40 bytes that says what the bytes are, with a checksum that shows damage.
+//!
+//! PVS, tessellations and interrupted bakes are stored in envelopes. All numbers are little-endian:
+//!
+//! | bytes | what they hold |
+//! |---|---|
+//! | 0 to 8 | magic: eight letters that name the format |
+//! | 8 to 12 | version of the format |
+//! | 12 to 16 | kind: which one of the structures of that format |
+//! | 16 to 24 | fingerprint: a hash of what the structure was made from, or another number of the format's choice |
+//! | 24 to 32 | length of header and content, in bytes |
+//! | 32 to 40 | checksum: FNV-1a, in 64 bits, of all other bytes |
+//! | 40 on | content |
+//!
+//! The checksum finds accidents. It is no protection against forgery: whoever reads the content checks each number of it.
+//!
+//! ```
+//! use visibility_core::envelope::{EnvelopeError, Format, Reader, Writer};
+//! const FORMAT: Format = Format { magic: *b"EXAMPLE.", version: 1 };
+//! let mut writer = Writer::new(FORMAT, 0, 77);
+//! writer.u32(2);
+//! writer.u32s([5, 6]);
+//! let stored = writer.finish();
+//!
+//! let mut reader = Reader::new(&stored, FORMAT)?;
+//! reader.expect(0, 77)?;
+//! let count = reader.u32()? as usize;
+//! assert_eq!(reader.u32s(count)?, [5, 6]);
+//! assert_eq!(reader.expect(0, 78), Err(EnvelopeError::Fingerprint));
+//! # Ok::<(), EnvelopeError>(())
+//! ```
+
+use alloc::vec::Vec;
+use core::fmt;
+
+/// Bytes before the content.
+pub const HEADER: usize = 40;
+
+/// The name and the version of a stored format.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Format {
+    /// The first eight bytes of every envelope of this format.
+    pub magic: [u8; 8],
+    /// The only version that can be read.
+    pub version: u32,
+}
+
+/// Why stored bytes are refused.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
+pub enum EnvelopeError {
+    /// The bytes begin with another magic, or are fewer than eight.
+    Magic {
+        /// The magic of the format asked for.
+        expected: [u8; 8],
+    },
+    /// Another version of the format.
+    Version {
+        /// The version in the header.
+        found: u32,
+        /// The version that can be read.
+        expected: u32,
+    },
+    /// Another structure of the same format.
+    Kind {
+        /// The kind in the header.
+        found: u32,
+        /// The kind asked for.
+        expected: u32,
+    },
+    /// The structure was made from something else, or from an earlier state of it.
+    Fingerprint,
+    /// Bytes are missing, or there are too many.
+    Length {
+        /// How many bytes there are.
+        found: u64,
+        /// How many the header says, or the least that a header takes.
+        expected: u64,
+    },
+    /// The bytes are not those that were written.
+    Checksum,
+    /// The content makes no sense, although the checksum is right: whoever wrote it was wrong.
+    Content {
+        /// Where it was noticed: how many bytes, header included, had been read.
+        place: usize,
+        /// What is wrong.
+        problem: &'static str,
+    },
+}
+
+impl fmt::Display for EnvelopeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Magic { expected } => {
+                write!(f, "the bytes do not begin with \"{}\"", expected.escape_ascii())
+            }
+            Self::Version { found, expected } => {
+                write!(f, "version {found} of the format, where only version {expected} is known")
+            }
+            Self::Kind { found, expected } => {
+                write!(f, "a structure of kind {found}, where one of kind {expected} is expected")
+            }
+            Self::Fingerprint => write!(f, "it was made from something else, or from an earlier state of it"),
+            Self::Length { found, expected } => write!(f, "{found} bytes, where {expected} are expected"),
+            Self::Checksum => write!(f, "the checksum is wrong: the bytes were damaged"),
+            Self::Content { place, problem } => write!(f, "at byte {place}: {problem}"),
+        }
+    }
+}
+
+impl core::error::Error for EnvelopeError {}
+
+/// A hash of numbers, FNV-1a (Fowler, Noll and Vo) with 32 bits at a time: tells structures that were made from different things apart.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Fingerprint(u64);
+
+impl Fingerprint {
+    /// The hash of no numbers.
+    #[expect(clippy::new_without_default, reason = "a hash is begun, not defaulted to")]
+    pub const fn new() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+
+    /// The hash with one more number.
+    #[must_use]
+    pub const fn with(self, number: u32) -> Self {
+        Self((self.0 ^ number as u64).wrapping_mul(0x0100_0000_01b3))
+    }
+
+    /// The hash with one more number, its lower half first.
+    #[must_use]
+    pub const fn with_u64(self, number: u64) -> Self {
+        self.with(number as u32).with((number >> 32) as u32)
+    }
+
+    /// The hash as a number, for [`Writer::new`] and [`Reader::expect`].
+    pub const fn value(self) -> u64 {
+        self.0
+    }
+}
+
+/// The checksum of an envelope: of its header up to the checksum itself, and of its content.
+fn checksum(bytes: &[u8]) -> u64 {
+    let all = bytes[..32].iter().chain(&bytes[HEADER..]);
+    all.fold(Fingerprint::new(), |hash, &byte| hash.with(byte.into())).value()
+}
+
+/// Writes an envelope.
+#[derive(Clone, Debug)]
+pub struct Writer {
+    bytes: Vec<u8>,
+}
+
+impl Writer {
+    /// An envelope without content. What `kind` and `fingerprint` mean is up to the format.
+    pub fn new(format: Format, kind: u32, fingerprint: u64) -> Self {
+        let mut writer = Self { bytes: format.magic.to_vec() };
+        writer.u32s([format.version, kind]);
+        writer.u64(fingerprint);
+        // Length and checksum are known at the end.
+        writer.bytes.resize(HEADER, 0);
+        writer
+    }
+
+    /// Adds a number of 32 bits.
+    pub fn u32(&mut self, number: u32) {
+        self.bytes.extend_from_slice(&number.to_le_bytes());
+    }
+
+    /// Adds a number of 64 bits.
+    pub fn u64(&mut self, number: u64) {
+        self.bytes.extend_from_slice(&number.to_le_bytes());
+    }
+
+    /// Adds numbers of 32 bits. How many there are is not written.
+    pub fn u32s(&mut self, numbers: impl IntoIterator<Item = u32>) {
+        self.bytes.extend(numbers.into_iter().flat_map(u32::to_le_bytes));
+    }
+
+    /// Adds numbers of 64 bits. How many there are is not written.
+    pub fn u64s(&mut self, numbers: impl IntoIterator<Item = u64>) {
+        self.bytes.extend(numbers.into_iter().flat_map(u64::to_le_bytes));
+    }
+
+    /// Adds bytes. How many there are is not written.
+    pub fn bytes(&mut self, bytes: &[u8]) {
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    /// The envelope, to be stored as it is.
+    pub fn finish(mut self) -> Vec<u8> {
+        let length = self.bytes.len() as u64;
+        self.bytes[24..32].copy_from_slice(&length.to_le_bytes());
+        let sum = checksum(&self.bytes);
+        self.bytes[32..HEADER].copy_from_slice(&sum.to_le_bytes());
+        self.bytes
+    }
+}
+
+/// Reads an envelope from its first to its last byte. Memory is taken only for what the bytes really hold.
+#[derive(Clone, Debug)]
+pub struct Reader<'a> {
+    all: &'a [u8],
+    place: usize,
+    kind: u32,
+    fingerprint: u64,
+}
+
+impl<'a> Reader<'a> {
+    /// Checks magic, version, length and checksum. The content comes next. Takes time in proportion to the bytes.
+    ///
+    /// # Errors
+    /// [`EnvelopeError::Magic`], [`EnvelopeError::Version`], [`EnvelopeError::Length`] and [`EnvelopeError::Checksum`], looked for in
+    /// this order.
+    pub fn new(bytes: &'a [u8], format: Format) -> Result<Self, EnvelopeError> {
+        if !bytes.starts_with(&format.magic) {
+            return Err(EnvelopeError::Magic { expected: format.magic });
+        }
+        let length = |expected| EnvelopeError::Length { found: bytes.len() as u64, expected };
+        if bytes.len() < HEADER {
+            return Err(length(HEADER as u64));
+        }
+        let mut reader = Self { all: bytes, place: 8, kind: 0, fingerprint: 0 };
+        let version = reader.u32()?;
+        if version != format.version {
+            return Err(EnvelopeError::Version { found: version, expected: format.version });
+        }
+        (reader.kind, reader.fingerprint) = (reader.u32()?, reader.u64()?);
+        let (expected, sum) = (reader.u64()?, reader.u64()?);
+        if expected != bytes.len() as u64 {
+            return Err(length(expected));
+        }
+        if checksum(bytes) != sum {
+            return Err(EnvelopeError::Checksum);
+        }
+        Ok(reader)
+    }
+
+    /// The kind in the header.
+    pub fn kind(&self) -> u32 {
+        self.kind
+    }
+
+    /// The fingerprint in the header.
+    pub fn fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+
+    /// Checks kind and fingerprint.
+    ///
+    /// # Errors
+    /// [`EnvelopeError::Kind`], [`EnvelopeError::Fingerprint`].
+    pub fn expect(&self, kind: u32, fingerprint: u64) -> Result<(), EnvelopeError> {
+        if self.kind != kind {
+            return Err(EnvelopeError::Kind { found: self.kind, expected: kind });
+        }
+        if self.fingerprint != fingerprint {
+            return Err(EnvelopeError::Fingerprint);
+        }
+        Ok(())
+    }
+
+    /// An error that says what is wrong with the content that was read last.
+    pub fn wrong(&self, problem: &'static str) -> EnvelopeError {
+        EnvelopeError::Content { place: self.place, problem }
+    }
+
+    /// The next bytes.
+    ///
+    /// # Errors
+    /// [`EnvelopeError::Content`] if there are fewer, as for all that reads on.
+    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], EnvelopeError> {
+        let rest = &self.all[self.place..];
+        let taken = rest.get(..count).ok_or_else(|| self.wrong("more is announced than there is"))?;
+        self.place += count;
+        Ok(taken)
+    }
+
+    /// The next number of 32 bits.
+    ///
+    /// # Errors
+    /// [`EnvelopeError::Content`].
+    pub fn u32(&mut self) -> Result<u32, EnvelopeError> {
+        Ok(self.bytes(4)?.iter().rev().fold(0, |number, &byte| number << 8 | u32::from(byte)))
+    }
+
+    /// The next number of 64 bits.
+    ///
+    /// # Errors
+    /// [`EnvelopeError::Content`].
+    pub fn u64(&mut self) -> Result<u64, EnvelopeError> {
+        let [low, high] = [self.u32()?, self.u32()?];
+        Ok(u64::from(low) | u64::from(high) << 32)
+    }
+
+    /// The next numbers of 32 bits.
+    ///
+    /// # Errors
+    /// [`EnvelopeError::Content`] if there are fewer than `count`; then none is read.
+    pub fn u32s(&mut self, count: usize) -> Result<Vec<u32>, EnvelopeError> {
+        let bytes = self.bytes(count.saturating_mul(4))?;
+        Ok(bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+    }
+
+    /// The next numbers of 64 bits.
+    ///
+    /// # Errors
+    /// [`EnvelopeError::Content`] if there are fewer than `count`; then none is read.
+    pub fn u64s(&mut self, count: usize) -> Result<Vec<u64>, EnvelopeError> {
+        let bytes = self.bytes(count.saturating_mul(8))?;
+        Ok(bytes.chunks_exact(8).map(|b| b.iter().rev().fold(0, |w, &b| w << 8 | u64::from(b))).collect())
+    }
+
+    /// Checks that all content was read.
+    ///
+    /// # Errors
+    /// [`EnvelopeError::Content`] if there is more.
+    pub fn end(&self) -> Result<(), EnvelopeError> {
+        if self.place < self.all.len() {
+            Err(self.wrong("the content goes on after its end"))
+        } else {
+            Ok(())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::string::ToString;
+
+    const FORMAT: Format = Format { magic: *b"EXAMPLE.", version: 3 };
+
+    fn sample() -> Vec<u8> {
+        let mut writer = Writer::new(FORMAT, 5, 1 << 40);
+        writer.bytes(b"abc");
+        writer.u64s([u64::MAX, 1 << 33]);
+        writer.finish()
+    }
+
+    #[test]
+    fn every_damaged_missing_or_added_byte_is_noticed() {
+        let good = sample();
+        assert!(Reader::new(&good, FORMAT).is_ok());
+        for i in 0..good.len() {
+            let mut bytes = good.clone();
+            bytes[i] ^= 1;
+            assert!(Reader::new(&bytes, FORMAT).is_err(), "byte {i}");
+            assert!(Reader::new(&good[..i], FORMAT).is_err(), "{i} bytes");
+        }
+        let longer = [&good[..], &[0]].concat();
+        assert_eq!(
+            Reader::new(&longer, FORMAT).unwrap_err(),
+            EnvelopeError::Length { found: longer.len() as u64, expected: good.len() as u64 }
+        );
+    }
+
+    #[test]
+    fn errors_say_what_is_wrong_and_where() {
+        let good = sample();
+        let of = |magic, version| Reader::new(&good, Format { magic, version }).unwrap_err().to_string();
+        assert_eq!(of(*b"EXAMPLES", 3), "the bytes do not begin with \"EXAMPLES\"");
+        assert_eq!(of(FORMAT.magic, 4), "version 3 of the format, where only version 4 is known");
+        let mut reader = Reader::new(&good, FORMAT).unwrap();
+        assert_eq!(reader.expect(5, 1 << 40), Ok(()));
+        assert_eq!(reader.expect(6, 0), Err(EnvelopeError::Kind { found: 5, expected: 6 }));
+        assert_eq!(reader.expect(5, 0), Err(EnvelopeError::Fingerprint));
+        assert_eq!(reader.bytes(3).unwrap(), b"abc");
+        assert_eq!(reader.end().unwrap_err().to_string(), "at byte 43: the content goes on after its end");
+        assert_eq!(reader.u64s(2).unwrap(), [u64::MAX, 1 << 33]);
+        assert_eq!(reader.end(), Ok(()));
+        let short = EnvelopeError::Content { place: 59, problem: "more is announced than there is" };
+        for count in [1, usize::MAX / 4, usize::MAX] {
+            assert_eq!(reader.u32s(count), Err(short));
+            assert_eq!(reader.u64s(count), Err(short));
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! Visibility from a region: what bakers of a PVS ask of an algorithm.
+
+use crate::{Accuracy, CullStats, Scene, Viewcell, VisibleSet};
+
+/// Removes from a set of objects what cannot be seen from anywhere in a viewcell.
+///
+/// The counterpart of [`Culler`](crate::Culler), which answers for one point of view. No plane of a view limits what is seen: every point of
+/// the viewcell, its boundary included, looks in all directions. One value owns the scratch memory of one thread; several work over
+/// one `&Scene`.
+///
+/// ```
+/// use visibility_core::{Aabb, Accuracy, CullStats, Pose, RegionCuller, Scene, View, Viewcell, VisibleSet, glam::DVec3};
+/// /// Hides objects that are farther away than anything is ever drawn.
+/// struct Within(f64);
+/// impl RegionCuller for Within {
+///     fn accuracy(&self) -> Accuracy { Accuracy::Approximate }
+///     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
+///         let origin = scene.origin();
+///         visible.retain(scene, |_, bounds| {
+///             let (min, max) = (bounds.min.as_dvec3() + origin, bounds.max.as_dvec3() + origin);
+///             (min - cell.max).max(cell.min - max).max(DVec3::ZERO).length() <= self.0
+///         })
+///     }
+/// }
+/// let mut scene = Scene::new();
+/// let near = scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [6.0, 1.0, 1.0]));
+/// let far = scene.insert(Aabb::from_arrays([500.0, 0.0, 0.0], [501.0, 1.0, 1.0]));
+/// let mut visible = VisibleSet::new();
+/// // All objects of the layers of a view; `fill` asks for no more of it.
+/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// visible.fill(&scene, &View::perspective(pose, 1.0, 1.0, 0.1, 10.0)?);
+/// Within(100.0).cull(&scene, &Viewcell::from_box(DVec3::ZERO, DVec3::ONE), &mut visible);
+/// assert!(visible.contains(&scene, near) && !visible.contains(&scene, far));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub trait RegionCuller {
+    /// What it promises, with its present settings: conservative if no object is removed to which an unobstructed segment runs from
+    /// some point of the viewcell.
+    fn accuracy(&self) -> Accuracy;
+
+    /// Removes from `visible`, which holds the candidates, what it can prove hidden from all of `cell`. An empty viewcell sees nothing, and
+    /// may keep anything.
+    fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats;
+}

@@ -1,0 +1,284 @@
+//! The visibility of cells from cells: a flow from every portal.
+//!
+//! In each round the portals with the fewest candidates come first: what they prove hidden thins the candidates of the others, at once also
+//! the other way round, since a line can be walked both ways.
+
+use crate::CellMatrix;
+use crate::bake_settings::{BakeError, Settings, prepare};
+use crate::flood::{Found, Known, Scratch, flood};
+use crate::matrix::bits;
+use crate::portals::Portals;
+use alloc::vec::Vec;
+use visibility_core::bake::{Baker, fill_rows};
+use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
+use visibility_core::{CellGraph, CellId};
+
+/// A cell for which the limit of steps was reached.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Fallback {
+    /// The cell.
+    pub cell: CellId,
+    /// How many of its portals count all that is possible as seen.
+    pub portals: u32,
+}
+
+/// What a bake found.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Outcome {
+    /// Which cells see which; symmetric.
+    pub matrix: CellMatrix,
+    /// Cells that see more than they would without a limit of steps, ascending.
+    pub fallbacks: Vec<Fallback>,
+    /// Chains of portals looked at, by cell: what the cell cost.
+    pub steps: Vec<u64>,
+    /// Chains that were tested in Pluecker space and rejected, each with a certificate.
+    pub rejected: u64,
+    /// Whether the bake went to its end; otherwise cells see all that was still possible.
+    pub complete: bool,
+}
+
+/// Finds which cells see which, for a [`Bake`](visibility_core::bake::Bake). Its items are the portals, each direction counted; its steps, the
+/// chains of portals looked at.
+///
+/// ```
+/// use visibility_core::{CellId, bake::Bake};
+/// use visibility_portals::{CellBaker, Settings, prt};
+/// // Three rooms in a row; the last door lies where nobody in the first room can see through both.
+/// let map = "PRT1\n3\n2\n\
+///     4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n\
+///     4 1 2 (4 8 0) (3 8 0) (3 8 2) (4 8 2)\n";
+/// let graph = prt::read(map)?.graph;
+/// let mut bake = Bake::new(CellBaker::new(&graph, Settings::default())?);
+/// while bake.advance().is_some_and(|progress| progress.done < progress.total) {}
+/// let outcome = bake.finish();
+/// assert!(outcome.complete && outcome.matrix.is_symmetric());
+/// assert!(!outcome.matrix.sees(CellId(0), CellId(2)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct CellBaker {
+    portals: Portals,
+    cells: usize,
+    settings: Settings,
+    /// See [`Known`](Known::rows).
+    rows: Vec<u64>,
+    stride: usize,
+    seen: Vec<u64>,
+    cell_stride: usize,
+    /// How many candidates each portal has left.
+    counts: Vec<u32>,
+    steps: Vec<u64>,
+    fallbacks: Vec<u32>,
+    rejected: u64,
+}
+
+impl CellBaker {
+    /// Prepares the portals and finds, for each, the others that can follow it by their planes alone.
+    ///
+    /// # Errors
+    /// [`BakeError`].
+    pub fn new(graph: &CellGraph, settings: Settings) -> Result<Self, BakeError> {
+        let cells = graph.cell_count();
+        let portals = prepare(graph, &settings)?;
+        let directed = portals.all.len();
+        let (stride, cell_stride) = (directed.div_ceil(64), cells.div_ceil(64));
+        let mut baker = Self {
+            rows: alloc::vec![0; directed * stride],
+            stride,
+            seen: alloc::vec![0; cells * cell_stride],
+            cell_stride,
+            counts: alloc::vec![0; directed],
+            steps: alloc::vec![0; cells],
+            fallbacks: alloc::vec![0; cells],
+            rejected: 0,
+            portals,
+            cells,
+            settings,
+        };
+        baker.begin();
+        Ok(baker)
+    }
+
+    /// Candidates by planes and reachability; cells see themselves and their neighbours.
+    fn begin(&mut self) {
+        let (portals, cells) = (&self.portals, self.cells);
+        fill_rows(&mut self.rows, self.stride, |stamps: &mut Vec<u32>, source, row| {
+            stamps.resize(cells, u32::MAX);
+            candidates(portals, source as u32, stamps, row);
+        });
+        // What cannot be reached one way is not seen the other way either.
+        for a in 0..self.portals.all.len() as u32 {
+            for i in 0..self.stride {
+                for bit in bits(self.rows[a as usize * self.stride + i]) {
+                    let b = i as u32 * 64 + bit;
+                    let (back, forth) =
+                        (self.portals.all[b as usize].reverse, self.portals.all[a as usize].reverse);
+                    if self.rows[back as usize * self.stride + forth as usize / 64] >> (forth % 64) & 1 == 0 {
+                        self.rows[a as usize * self.stride + i] &= !(1 << bit);
+                    }
+                }
+            }
+        }
+        self.count();
+        for portal in &self.portals.all {
+            let (a, b) = (portal.from as usize, portal.to as usize);
+            for (a, b) in [(a, a), (a, b), (b, b)] {
+                self.seen[a * self.cell_stride + b / 64] |= 1 << (b % 64);
+            }
+        }
+        // Cells without portals, too.
+        for a in 0..self.cells {
+            self.seen[a * self.cell_stride + a / 64] |= 1 << (a % 64);
+        }
+    }
+
+    /// Counts the candidates of each portal.
+    fn count(&mut self) {
+        for (row, count) in self.rows.chunks_exact(self.stride.max(1)).zip(&mut self.counts) {
+            *count = row.iter().map(|word| word.count_ones()).sum();
+        }
+    }
+
+    fn clear(&mut self, a: u32, b: u32) {
+        let word = &mut self.rows[a as usize * self.stride + b as usize / 64];
+        let bit = 1 << (b % 64);
+        self.counts[a as usize] -= u32::from(*word & bit != 0);
+        *word &= !bit;
+    }
+}
+
+impl Baker for CellBaker {
+    type Scratch = Scratch;
+    type Found = Found;
+    type Outcome = Outcome;
+
+    fn item_count(&self) -> usize {
+        self.portals.all.len()
+    }
+
+    fn rank(&self, portal: u32) -> u64 {
+        self.counts[portal as usize].into()
+    }
+
+    fn work(&self, source: u32, scratch: &mut Scratch) -> Found {
+        let known = Known {
+            portals: &self.portals,
+            rows: &self.rows,
+            stride: self.stride,
+            seen: &self.seen,
+            cell_stride: self.cell_stride,
+            exact: self.settings.exact.then_some(self.settings.clearance),
+        };
+        let spent = self.steps[self.portals.all[source as usize].from as usize];
+        flood(&known, source, self.settings.steps_per_cell.saturating_sub(spent), scratch)
+    }
+
+    fn take_in(&mut self, source: u32, found: Found) -> u64 {
+        let (from, back) = {
+            let portal = &self.portals.all[source as usize];
+            (portal.from as usize, portal.reverse)
+        };
+        // What was saved, and then forged, may be any number.
+        let add = |sum: &mut u64, more: u64| *sum = sum.saturating_add(more);
+        add(&mut self.steps[from], found.steps);
+        add(&mut self.rejected, found.rejected);
+        self.fallbacks[from] = self.fallbacks[from].saturating_add(u32::from(found.gave_up));
+        for portal in found.hidden {
+            let other = self.portals.all[portal as usize].reverse;
+            self.clear(source, portal);
+            self.clear(other, back);
+        }
+        for (cell, proven) in found.cells {
+            let cell = cell as usize;
+            self.seen[from * self.cell_stride + cell / 64] |= 1 << (cell % 64);
+            if proven {
+                self.seen[cell * self.cell_stride + from / 64] |= 1 << (from % 64);
+            }
+        }
+        found.steps
+    }
+
+    /// Of portals that were not looked through, what is still possible counts as visible.
+    fn finish(mut self, waiting: &[u32]) -> Outcome {
+        for &source in waiting {
+            let from = self.portals.all[source as usize].from as usize;
+            let row = &self.rows[source as usize * self.stride..][..self.stride];
+            for (i, &word) in row.iter().enumerate() {
+                for bit in bits(word) {
+                    let to = self.portals.all[i * 64 + bit as usize].to as usize;
+                    self.seen[from * self.cell_stride + to / 64] |= 1 << (to % 64);
+                }
+            }
+        }
+        let mut matrix = CellMatrix::new(self.cells);
+        let sees = |a: usize, b: usize| self.seen[a * self.cell_stride + b / 64] >> (b % 64) & 1 != 0;
+        for a in 0..self.cells {
+            for b in 0..self.cells {
+                if sees(a, b) && sees(b, a) {
+                    matrix.set(a, b);
+                }
+            }
+        }
+        let fallbacks = self.fallbacks.iter().enumerate().filter(|(_, portals)| **portals > 0);
+        let fallbacks =
+            fallbacks.map(|(cell, &portals)| Fallback { cell: CellId(cell as u32), portals }).collect();
+        Outcome {
+            matrix,
+            fallbacks,
+            steps: self.steps,
+            rejected: self.rejected,
+            complete: waiting.is_empty(),
+        }
+    }
+
+    fn fingerprint(&self) -> u64 {
+        let numbers = self.portals.numbers().chain(self.settings.numbers());
+        numbers.fold(Fingerprint::new(), Fingerprint::with_u64).value()
+    }
+
+    fn save(&self, state: &mut Writer) {
+        state.u64(self.rejected);
+        state.u32s(self.fallbacks.iter().copied());
+        for part in [&self.steps, &self.rows, &self.seen] {
+            state.u64s(part.iter().copied());
+        }
+    }
+
+    fn load(&mut self, state: &mut Reader<'_>) -> Result<(), EnvelopeError> {
+        self.rejected = state.u64()?;
+        self.fallbacks = state.u32s(self.fallbacks.len())?;
+        self.steps = state.u64s(self.steps.len())?;
+        // What the planes alone exclude stays excluded, so that no bit of no portal comes in.
+        let rows = state.u64s(self.rows.len())?;
+        for (known, saved) in self.rows.iter_mut().zip(rows) {
+            *known &= saved;
+        }
+        let cells = state.u64s(self.seen.len())?;
+        for (seen, saved) in self.seen.iter_mut().zip(cells) {
+            *seen |= saved;
+        }
+        self.count();
+        Ok(())
+    }
+}
+
+/// Marks the portals that can follow one by their planes and through cells that can be reached. `stamps` has a place for each cell, and in it
+/// no number of this portal yet.
+fn candidates(portals: &Portals, source: u32, stamps: &mut [u32], row: &mut [u64]) {
+    let portal = &portals.all[source as usize];
+    let mut queue = alloc::vec![portal.to];
+    stamps[portal.to as usize] = source;
+    while let Some(cell) = queue.pop() {
+        for next in portals.from(cell) {
+            let other = &portals.all[next as usize];
+            if next == portal.reverse || !portals.can_follow(portal, other) {
+                continue;
+            }
+            row[next as usize / 64] |= 1 << (next % 64);
+            if stamps[other.to as usize] != source {
+                stamps[other.to as usize] = source;
+                queue.push(other.to);
+            }
+        }
+    }
+}
