@@ -11,36 +11,15 @@
 //! bounds are relative, so they hold at any magnitude; what underflows loses at most the least normal number, which is added.
 
 use crate::occluders::corners_of;
-use visibility_core::glam::{DMat3, DVec3, DVec4};
-use visibility_core::{Aabb, Depth, Eye, View};
+use visibility_core::glam::{DMat3, DVec3};
+use visibility_core::view::{ClipRow, ViewProjection};
+use visibility_core::{Aabb, Eye, View};
 
 /// Unit round-off of `f64`.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
 /// Directions and planes that are off by more than this are of no use.
 const TOO_WRONG: f64 = 1.0 / (1u64 << 24) as f64;
-
-/// One linear function of points.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Row {
-    /// Applied to a point less the anchor.
-    linear: DVec3,
-    constant: f64,
-    /// How far rounding may have moved the constant, with what rounding of the anchor does.
-    error: f64,
-}
-
-impl Row {
-    /// The value at a point less the anchor, and a bound on its error: three products, three sums, and the difference that made `q`, so
-    /// at most five roundings for any term.
-    fn at(&self, q: DVec3) -> (f64, f64) {
-        let l = self.linear;
-        let value = l.x * q.x + l.y * q.y + l.z * q.z + self.constant;
-        let size =
-            l.x.abs() * q.x.abs() + l.y.abs() * q.y.abs() + l.z.abs() * q.z.abs() + self.constant.abs();
-        (value, 8.0 * U * size + self.error)
-    }
-}
 
 /// A line of sight, its largest number 1 in magnitude.
 #[derive(Clone, Copy, Debug)]
@@ -127,9 +106,9 @@ impl Cone {
 /// A view made ready for one frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Sight {
-    rows: [Row; 3],
+    rows: [ClipRow; 3],
     /// Positive beyond the near plane.
-    near: Row,
+    near: ClipRow,
     /// What all is relative to, in scene coordinates: the eye of a perspective view.
     anchor: DVec3,
     pub(crate) eye: Eye,
@@ -147,8 +126,8 @@ pub(crate) struct Sight {
 impl Sight {
     /// A view in which nothing is hidden.
     pub(crate) const BLIND: Self = Self {
-        rows: [Row { linear: DVec3::ZERO, constant: 0.0, error: 0.0 }; 3],
-        near: Row { linear: DVec3::ZERO, constant: 0.0, error: 0.0 },
+        rows: [ClipRow { linear: DVec3::ZERO, constant: 0.0, error: 0.0 }; 3],
+        near: ClipRow { linear: DVec3::ZERO, constant: 0.0, error: 0.0 },
         anchor: DVec3::ZERO,
         eye: Eye::Point(DVec3::ZERO),
         eye_error: f64::INFINITY,
@@ -160,53 +139,12 @@ impl Sight {
 
     /// For points relative to `origin`.
     pub(crate) fn new(view: &View, origin: DVec3) -> Self {
-        // The view's own matrix and eye: subtracting origins later keeps the precision of a camera far from the scene's origin.
-        let matrix = view.clip_from(view.origin());
-        let [x, y, z, w] = [0, 1, 2, 3].map(|i| matrix.row(i));
-        let offset = view.origin() - origin;
-        let (local, along) = match view.eye(view.origin()) {
-            Eye::Point(eye) => (eye, None),
-            Eye::Direction(along) => (DVec3::ZERO, Some(along)),
-        };
-        let anchor = local + offset;
-        let row = |r: DVec4| {
-            let linear = r.truncate();
-            let size = linear.abs().dot(local.abs()) + r.w.abs();
-            let moved = linear.abs().dot(anchor.abs() + offset.abs());
-            // The row is at most one sum of two numbers; the constant has three products and sums. The anchor is off by u of its own size and
-            // the offset by u of its own.
-            let error = 16.0 * U * size + 4.0 * U * moved + f64::MIN_POSITIVE;
-            Row { linear, constant: linear.dot(local) + r.w, error }
-        };
-        let rows = [row(x), row(y), row(w)];
-        let near = row(match view.depth() {
-            Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => w + z,
-            Depth::ZeroToOne | Depth::Infinite => z,
-            Depth::Reversed | Depth::ReversedInfinite => w - z,
-        });
+        let projection = ViewProjection::new(view, origin);
+        let rows = [projection.x(), projection.y(), projection.w()];
+        let (near, anchor, turn) = (projection.near(), projection.anchor(), projection.orientation());
+        let (eye, eye_error) = (projection.eye(), projection.eye_error());
         let forth = DMat3::from_cols(rows[0].linear, rows[1].linear, rows[2].linear).transpose();
-        let (back, eye, eye_error) = match along {
-            None => {
-                // The true eye is where the three functions vanish; the anchor misses that by what they are there.
-                let back = forth.inverse();
-                let miss = DVec3::from_array(rows.map(|r| r.constant.abs() + r.error));
-                let [a, b, c] = [back.x_axis.abs(), back.y_axis.abs(), back.z_axis.abs()];
-                let error = (a * miss.x + b * miss.y + c * miss.z).max_element() * 8.0;
-                (back, Eye::Point(anchor), error + 4.0 * U * anchor.abs().max_element())
-            }
-            Some(along) => {
-                // The true direction is that in which neither x nor y changes.
-                let size = rows[0].linear.abs().max_element().max(rows[1].linear.abs().max_element());
-                let across = rows[0].linear.cross(rows[1].linear).length();
-                (DMat3::ZERO, Eye::Direction(along), 64.0 * U * size * size / across)
-            }
-        };
-        let turn = match along {
-            None => rows[0].linear.cross(rows[1].linear).dot(rows[2].linear),
-            // Lines of sight run along, so that a triangle is seen counter-clockwise where its normal is against them; `w` is constant.
-            Some(along) => rows[0].linear.cross(rows[1].linear).dot(along) * rows[2].constant,
-        };
-        let turn = if turn.is_nan() || turn == 0.0 { 0.0 } else { turn.signum() };
+        let back = if let Eye::Point(_) = eye { forth.inverse() } else { DMat3::ZERO };
         let (back_size, back_error) = wrong_by(forth, back);
         Self { rows, near, anchor, eye, eye_error, back, back_size, back_error, turn }
     }

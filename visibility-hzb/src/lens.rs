@@ -9,31 +9,28 @@
 //! for parallel ones. Everything is relative to the *anchor*, the eye of a perspective view, so that precision does not depend on where
 //! in the scene the camera is.
 
-use visibility_core::glam::{Affine3A, DVec3, DVec4};
-use visibility_core::{Depth, Eye, View};
+use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::view::{ClipRow, ViewProjection};
+use visibility_core::{Eye, View};
 
 /// Unit round-off of `f64`.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// One of the four linear functions.
+/// A [`ClipRow`] with its coefficients in an array, as loops over lanes take them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Row {
     /// Applied to a point less the anchor.
     pub(crate) linear: [f64; 3],
     /// Added to that.
     pub(crate) constant: f64,
-    /// How far rounding may have moved the constant, including what rounding of the anchor does.
+    /// Bound on the error of the constant.
     pub(crate) error: f64,
 }
 
-/// The power of two that scales the linear part of a row to a sum of magnitudes from 1 to 2, or the constant of a row
-/// whose linear part is zero. Multiplying by it is exact. It is 1 for a row of unit length: that sum is then from 1 to
-/// the square root of 3, and the factor in the code outweighs its rounding.
-fn scale_to_one(row: DVec4) -> f64 {
-    let linear = row.truncate().abs().element_sum();
-    let size = if linear > 0.0 { linear } else { row.w.abs() } * (1.0 + 1.0 / 524_288.0);
-    let exponent = (size.to_bits() >> 52) as i64 - 1023;
-    f64::from_bits(((1023 - exponent.clamp(-1000, 1000)) as u64) << 52)
+impl From<ClipRow> for Row {
+    fn from(row: ClipRow) -> Self {
+        Self { linear: row.linear.to_array(), constant: row.constant, error: row.error }
+    }
 }
 
 /// A view made ready for one frame.
@@ -73,52 +70,14 @@ impl Lens {
     /// For points relative to `origin`.
     pub(crate) fn new(view: &View, origin: DVec3, picture: [usize; 2], size: [usize; 2]) -> Self {
         let picture = picture.map(|side| side as f64);
-        // The view's own matrix and eye: subtracting origins later keeps the precision of a camera far from the scene's origin.
-        let matrix = view.clip_from(view.origin());
-        let [x, y, z, w] = [0, 1, 2, 3].map(|i| matrix.row(i));
-        // A clip matrix may come with any factor; at 1e-43 its rows would be denormals in `f32`, and at 1e-105 the
-        // determinants of three rows would be in `f64`.
-        let scale = scale_to_one(w);
-        let [x, y, z, w] = [x, y, z, w].map(|row| row * scale);
-        let offset = view.origin() - origin;
-        let (perspective, local) = match view.eye(view.origin()) {
-            Eye::Point(eye) => (true, eye),
-            Eye::Direction(_) => (false, DVec3::ZERO),
-        };
-        let anchor = local + offset;
-        let row = |r: DVec4| {
-            let linear = r.truncate();
-            let size = linear.abs().dot(local.abs()) + r.w.abs();
-            let moved = linear.abs().dot(anchor.abs() + offset.abs());
-            // The row itself is a sum of two products at most (below), rounded thrice; the constant has three products and sums. The anchor
-            // is off by at most u of its own size and of the offset's.
-            Row {
-                linear: linear.to_array(),
-                constant: linear.dot(local) + r.w,
-                error: 16.0 * U * size + 4.0 * U * moved,
-            }
-        };
-        let n = match (perspective, view.depth().is_reversed()) {
-            (true, _) => DVec4::W,
-            (false, true) => z,
-            (false, false) => -z,
-        };
-        let rows = [row((x + w) * (0.5 * picture[0])), row((w - y) * (0.5 * picture[1])), row(w), row(n)];
-        let near = match view.depth() {
-            Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => w + z,
-            Depth::ZeroToOne | Depth::Infinite => z,
-            Depth::Reversed | Depth::ReversedInfinite => w - z,
-        };
-        // Only its sign counts.
-        let near = row(near * scale_to_one(near));
-        // The determinant of three corners is that of the rows' linear parts times the corners' own, seen from the eye; for parallel
-        // views it is the area on the screen.
-        let [lx, ly, lw] = [0, 1, 2].map(|i: usize| DVec3::from_array(rows[i].linear));
-        let turn = match view.eye(view.origin()) {
-            Eye::Point(_) => lx.cross(ly).dot(lw),
-            Eye::Direction(along) => lx.cross(ly).dot(along),
-        };
-        let facing = if turn.is_nan() || turn == 0.0 { 0.0 } else { -turn.signum() };
+        let projection = ViewProjection::new(view, origin);
+        let [x, y] = projection.pixels(picture[0], picture[1]);
+        let rows = [x, y, projection.w(), projection.depth_key()].map(Row::from);
+        let near = projection.near().into();
+        let anchor = projection.anchor();
+        let perspective = matches!(projection.eye(), Eye::Point(_));
+        // Rows of pixels run downwards, which mirrors what clip space does not; a normal towards the eye mirrors it back.
+        let facing = projection.orientation();
         let size = size.map(|side| side as f64);
         let still = Placed::default();
         let mut lens = Self { size, picture, rows, near, anchor, facing, perspective, still };

@@ -36,7 +36,7 @@ fn project(view: &View, size: [usize; 2], Face { corners, one_sided }: &Face) ->
     let clip_points = corners.map(|p| matrix * p.extend(1.0));
     let before_near = |p: DVec4| match view.depth() {
         Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => p.w + p.z,
-        Depth::ZeroToOne | Depth::Infinite => p.z,
+        Depth::ZeroToOne | Depth::ZeroToOneInfinite => p.z,
         Depth::Reversed | Depth::ReversedInfinite => p.w - p.z,
     };
     let mut screen: Vec<DVec3> = clip(&clip_points, before_near, |a, b, t| a + (b - a) * t)

@@ -200,11 +200,7 @@ fn nearest_w(view: &View) -> Option<f64> {
     let clip = view.clip_from(view.origin());
     // Along the near plane w is constant for every camera by the book; an oblique one may have less at a corner of the picture.
     let inverse = clip.inverse();
-    let near = match view.depth() {
-        visibility_core::Depth::NegativeOneToOne | visibility_core::Depth::NegativeOneToOneInfinite => -1.0,
-        visibility_core::Depth::ZeroToOne | visibility_core::Depth::Infinite => 0.0,
-        visibility_core::Depth::Reversed | visibility_core::Depth::ReversedInfinite => 1.0,
-    };
+    let near = view.depth().at_near();
     let mut least = f64::INFINITY;
     for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
         // A point of the picture comes from a point p with clip * p = w (x, y, near, 1).

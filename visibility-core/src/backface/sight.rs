@@ -1,7 +1,8 @@
 //! Where an eye is, as the kernel takes it, and the kernel's body.
 
+use crate::view::ViewProjection;
 use crate::{Eye, View};
-use glam::{DVec3, DVec4};
+use glam::DVec3;
 
 /// An eye in two `f32`, so that its difference to an apex loses nothing where coordinates are great; or minus the
 /// direction of a parallel view, in the same way.
@@ -38,54 +39,14 @@ impl Sight {
     }
 
     /// The eye of a view relative to `origin`, or `None` where rounding leaves open whether it is a point, or where.
-    ///
-    /// `View::eye` gives the same in plain `f64`; here is added how far that may be from the eye of the clip matrix as it is. The
-    /// eye is orthogonal to three rows of the matrix. With the rows scaled, a component is a sum of six products of three
-    /// numbers, each rounded once when scaled, twice as a product and four times in sums (at most): `12u` of the sum of their
-    /// magnitudes is more than the error.
     pub(crate) fn of_view(view: &View, origin: DVec3) -> Option<Self> {
-        const U: f64 = f64::EPSILON / 2.0;
-        // At its own origin the matrix is as it was given.
-        let m = view.clip_from(view.origin());
-        let rows = [m.row(0), m.row(1), m.row(3)].map(|row| row / row.abs().max_element());
-        let eye = minors(rows, |a, b| a - b);
-        let error = minors(rows.map(DVec4::abs), |a, b| a + b) * (16.0 * U) + DVec4::splat(1e-290);
-        let error_at_zero = minors(rows.map(DVec4::abs), |a, b| a + b).w == 0.0;
-        if eye.w == 0.0 && error_at_zero {
-            let p = eye.truncate();
-            let length = p.length();
-            let direction = p / length;
-            let depth = m.row(2).truncate();
-            let depth = if view.depth().is_reversed() { -depth } else { depth };
-            let radius = 2.0 * error.truncate().length() / length + 8.0 * U;
-            let towards = depth.dot(direction);
-            // Not so for NaN: then nothing is decided.
-            let certain = towards.abs() > 2.0 * (radius + 8.0 * U) * depth.abs().element_sum();
-            let away = if towards < 0.0 { -direction } else { direction };
-            return (certain && radius < 1e-3).then(|| Self::around(-away, 0.0, radius));
+        let projection = ViewProjection::new(view, origin);
+        let error = projection.eye_error();
+        match projection.eye() {
+            Eye::Point(eye) => error.is_finite().then(|| Self::around(eye, 1.0, error)),
+            Eye::Direction(along) => (error < 1e-3).then(|| Self::around(-along, 0.0, error)),
         }
-        let certain = eye.w.abs() > 1024.0 * error.w;
-        let position = eye.truncate() / eye.w;
-        let error = (error.truncate() + position.abs() * error.w) / eye.w.abs();
-        let moved = position + (view.origin() - origin);
-        let sums = position.abs() + view.origin().abs() + origin.abs();
-        let radius = 1.01 * error.length() + 8.0 * U * sums.element_sum();
-        (certain && radius.is_finite()).then(|| Self::around(moved, 1.0, radius))
     }
-}
-
-/// The vector orthogonal to three others, by cofactors; with `a + b` for `subtract`, and magnitudes, the sum of all terms.
-fn minors([a, b, c]: [DVec4; 3], subtract: impl Fn(f64, f64) -> f64) -> DVec4 {
-    let minor = |i: usize, j: usize, k: usize| {
-        let (x, y, z) = (
-            subtract(b[j] * c[k], b[k] * c[j]),
-            subtract(b[i] * c[k], b[k] * c[i]),
-            subtract(b[i] * c[j], b[j] * c[i]),
-        );
-        subtract(a[i] * x, a[j] * y) + a[k] * z
-    };
-    let negative = subtract(0.0, 1.0);
-    DVec4::new(minor(1, 2, 3), negative * minor(0, 2, 3), minor(0, 1, 3), negative * minor(0, 1, 2))
 }
 
 /// The numbers of a cone: nine elements of its matrix by rows, apex, margin.

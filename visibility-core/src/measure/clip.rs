@@ -36,7 +36,7 @@ impl Lens {
         let clip_from_local = view.clip_from(origin);
         let near = match view.depth() {
             Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => DVec2::new(1.0, 1.0),
-            Depth::ZeroToOne | Depth::Infinite => DVec2::new(1.0, 0.0),
+            Depth::ZeroToOne | Depth::ZeroToOneInfinite => DVec2::new(1.0, 0.0),
             Depth::Reversed | Depth::ReversedInfinite => DVec2::new(-1.0, 1.0),
         };
         let far = match view.depth() {

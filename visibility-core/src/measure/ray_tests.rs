@@ -38,7 +38,7 @@ impl Camera {
         // Values of z at distances n and f, and of w there: z = slope * distance + constant.
         let (at_near, at_far) = match depth {
             Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 1.0),
-            Depth::ZeroToOne | Depth::Infinite => (0.0, 1.0),
+            Depth::ZeroToOne | Depth::ZeroToOneInfinite => (0.0, 1.0),
             Depth::Reversed | Depth::ReversedInfinite => (1.0, 0.0),
         };
         let (slope, constant) = if self.parallel {
@@ -177,7 +177,7 @@ fn perspective_in_all_conventions_equals_rays() {
             let (a, b) = check(&camera, &view, &triangles, "finite");
             (covered, close) = (covered + a, close + b);
         }
-        for depth in [Depth::NegativeOneToOneInfinite, Depth::Infinite, Depth::ReversedInfinite] {
+        for depth in [Depth::NegativeOneToOneInfinite, Depth::ZeroToOneInfinite, Depth::ReversedInfinite] {
             let view = View::from_clip_from_world(camera.matrix(depth), depth).unwrap();
             check(&endless, &view.relative_to(camera.pose.eye).unwrap(), &triangles, "infinite");
         }
@@ -235,7 +235,7 @@ fn distant_depths_are_told_apart_in_every_convention() {
         };
         // The farthest first, so that ties would show it.
         let triangles: Vec<_> = (0..16).rev().flat_map(strip).collect();
-        for depth in [Depth::NegativeOneToOneInfinite, Depth::Infinite, Depth::ReversedInfinite] {
+        for depth in [Depth::NegativeOneToOneInfinite, Depth::ZeroToOneInfinite, Depth::ReversedInfinite] {
             let view = View::from_clip_from_world(camera.matrix(depth), depth).unwrap();
             let (covered, close) = check(&camera, &view, &triangles, "strips");
             assert!(covered == 48 * 36 && close == 0, "{covered} {close}");

@@ -13,10 +13,12 @@ mod camera;
 mod clip_matrix;
 mod cube;
 mod planes;
+mod projection;
 
 pub use camera::{Pose, Window};
 pub use clip_matrix::ClipMatrix;
 pub use planes::{MAX_CLIP_PLANES, MAX_PLANES, ViewPlane, ViewPlanes};
+pub use projection::{ClipRow, ViewProjection};
 
 use crate::Plane;
 use core::fmt;
@@ -37,7 +39,7 @@ pub enum Depth {
     /// `0` at the near plane, `w` at the far plane: Direct3D, Vulkan, Metal, WebGPU.
     ZeroToOne,
     /// As [`ZeroToOne`](Self::ZeroToOne) with the far plane at infinity.
-    Infinite,
+    ZeroToOneInfinite,
     /// `w` at the near plane, `0` at the far plane.
     Reversed,
     /// `w` at the near plane, `0` at infinity.
@@ -52,7 +54,29 @@ impl Depth {
 
     /// Whether there is no far plane.
     pub const fn is_infinite(self) -> bool {
-        matches!(self, Self::NegativeOneToOneInfinite | Self::Infinite | Self::ReversedInfinite)
+        matches!(self, Self::NegativeOneToOneInfinite | Self::ZeroToOneInfinite | Self::ReversedInfinite)
+    }
+
+    /// Clip depth over `w` on the near plane.
+    pub const fn at_near(self) -> f64 {
+        match self {
+            Self::NegativeOneToOne | Self::NegativeOneToOneInfinite => -1.0,
+            Self::ZeroToOne | Self::ZeroToOneInfinite => 0.0,
+            Self::Reversed | Self::ReversedInfinite => 1.0,
+        }
+    }
+
+    /// The near plane and, if there is one, the far plane, from the rows of the clip matrix for depth and `w`, as rows that are positive for
+    /// what is in view.
+    fn rows(self, z: DVec4, w: DVec4) -> (DVec4, Option<DVec4>) {
+        match self {
+            Self::NegativeOneToOne => (w + z, Some(w - z)),
+            Self::NegativeOneToOneInfinite => (w + z, None),
+            Self::ZeroToOne => (z, Some(w - z)),
+            Self::ZeroToOneInfinite => (z, None),
+            Self::Reversed => (w - z, Some(z)),
+            Self::ReversedInfinite => (w - z, None),
+        }
     }
 }
 
@@ -235,7 +259,8 @@ impl View {
         // The eye is what the matrix maps to x = y = w = 0: the vector orthogonal to those three rows, which
         // exists for every projection, whatever its depth row holds.
         let m = &self.clip_from_local;
-        let eye = orthogonal(m.row(0), m.row(1), m.row(3));
+        let rows = [m.row(0), m.row(1), m.row(3)].map(scaled_by_power_of_two);
+        let eye = orthogonal(rows, |a, b| a - b);
         let position = eye.truncate() / eye.w;
         if eye.w != 0.0 && position.is_finite() {
             return Eye::Point(position + (self.origin - origin));
@@ -249,20 +274,25 @@ impl View {
     }
 }
 
-/// The vector orthogonal to three others in four dimensions, by cofactors.
-fn orthogonal(a: DVec4, b: DVec4, c: DVec4) -> DVec4 {
-    // Rows of a projection may differ by many orders of magnitude; only directions matter here. Divided by powers of two, nothing is rounded,
-    // and the eye of a scaled view is the scaled eye.
-    let [a, b, c] = [a, b, c].map(|r| {
-        let most = r.abs().max_element();
-        let power = f64::from_bits(most.to_bits() & (0x7ff << 52));
-        r / if power.is_normal() { power } else { most }
-    });
+/// A row of the clip matrix divided by the power of two in its largest element. Rows may differ by many orders of magnitude, and only their
+/// directions matter to the eye; nothing is rounded, so the eye of a scaled view is the scaled eye.
+fn scaled_by_power_of_two(row: DVec4) -> DVec4 {
+    let most = row.abs().max_element();
+    let power = f64::from_bits(most.to_bits() & (0x7ff << 52));
+    row / if power.is_normal() { power } else { most }
+}
+
+/// The vector orthogonal to three others in four dimensions, by cofactors; with a sum of magnitudes in place of `subtract`, the sum of
+/// the magnitudes of all terms of each component.
+fn orthogonal([a, b, c]: [DVec4; 3], subtract: impl Fn(f64, f64) -> f64) -> DVec4 {
     let minor = |i: usize, j: usize, k: usize| {
-        a[i] * (b[j] * c[k] - b[k] * c[j]) - a[j] * (b[i] * c[k] - b[k] * c[i])
-            + a[k] * (b[i] * c[j] - b[j] * c[i])
+        let x = subtract(b[j] * c[k], b[k] * c[j]);
+        let y = subtract(b[i] * c[k], b[k] * c[i]);
+        let z = subtract(b[i] * c[j], b[j] * c[i]);
+        subtract(a[i] * x, a[j] * y) + a[k] * z
     };
-    DVec4::new(minor(1, 2, 3), -minor(0, 2, 3), minor(0, 1, 3), -minor(0, 1, 2))
+    let negative = subtract(0.0, 1.0);
+    DVec4::new(minor(1, 2, 3), negative * minor(0, 2, 3), minor(0, 1, 3), negative * minor(0, 1, 2))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The planes that bound a view, extracted from its clip matrix (Gribb and Hartmann, "Fast Extraction of Viewing
 //! Frustum Planes from the World-View-Projection Matrix", 2001).
 
-use super::{Depth, View, ViewError};
+use super::{View, ViewError};
 use crate::Plane;
 use glam::{DVec3, DVec4};
 
@@ -147,15 +147,7 @@ impl View {
 
     /// The near and, if there is one, the far plane, as rows that give what is in view a positive product.
     fn depth_rows(&self) -> (DVec4, Option<DVec4>) {
-        let (z, w) = (self.clip_from_local.row(2), self.clip_from_local.row(3));
-        match self.depth {
-            Depth::NegativeOneToOne => (w + z, Some(w - z)),
-            Depth::NegativeOneToOneInfinite => (w + z, None),
-            Depth::ZeroToOne => (z, Some(w - z)),
-            Depth::Infinite => (z, None),
-            Depth::Reversed => (w - z, Some(z)),
-            Depth::ReversedInfinite => (w - z, None),
-        }
+        self.depth.rows(self.clip_from_local.row(2), self.clip_from_local.row(3))
     }
 
     /// The planes that bound the view, for points relative to `origin`.

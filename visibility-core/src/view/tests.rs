@@ -29,7 +29,7 @@ fn engine_matrices_of_every_convention_give_the_same_view() {
     ];
     let infinite = [
         (project(-1.0, -2.0 * n), Depth::NegativeOneToOneInfinite),
-        (project(-1.0, -n), Depth::Infinite),
+        (project(-1.0, -n), Depth::ZeroToOneInfinite),
         (project(0.0, n), Depth::ReversedInfinite),
     ];
     let built = View::perspective(pose(), 1.0, 1.5, 0.25, 64.0).unwrap();
@@ -72,9 +72,9 @@ fn parallel_lines_of_sight_of_which_w_differs_are_of_no_camera() {
         [2.125, 2.125, -0.375, 2.125],
         [2.125, 2.125, 2.125, -0.6875],
     ]);
-    assert_eq!(View::from_clip_from_world(m, Depth::Infinite).map(|_| ()), Err(ViewError::NoCamera));
+    assert_eq!(View::from_clip_from_world(m, Depth::ZeroToOneInfinite).map(|_| ()), Err(ViewError::NoCamera));
     m.y_axis.w = 2.25;
-    assert!(View::from_clip_from_world(m, Depth::Infinite).is_ok(), "they meet in a point");
+    assert!(View::from_clip_from_world(m, Depth::ZeroToOneInfinite).is_ok(), "they meet in a point");
 }
 
 #[test]

@@ -15,7 +15,7 @@ pub const DEPTHS: [Depth; 6] = [
     Depth::NegativeOneToOne,
     Depth::NegativeOneToOneInfinite,
     Depth::ZeroToOne,
-    Depth::Infinite,
+    Depth::ZeroToOneInfinite,
     Depth::Reversed,
     Depth::ReversedInfinite,
 ];
@@ -111,7 +111,7 @@ pub fn clip_planes(depth: Depth) -> Vec<Vec<(usize, f64)>> {
         Depth::NegativeOneToOne => vec![minus_w, w],
         Depth::NegativeOneToOneInfinite => vec![minus_w],
         Depth::ZeroToOne => vec![zero, w],
-        Depth::Infinite => vec![zero],
+        Depth::ZeroToOneInfinite => vec![zero],
         Depth::Reversed => vec![w, zero],
         Depth::ReversedInfinite => vec![w],
     };
@@ -199,7 +199,7 @@ pub fn projection(depth: Depth, window: [f64; 4], near: f64, far: f64, parallel:
     // Clip depth over w at the near and at the far plane.
     let (at_near, at_far) = match depth {
         Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 1.0),
-        Depth::ZeroToOne | Depth::Infinite => (0.0, 1.0),
+        Depth::ZeroToOne | Depth::ZeroToOneInfinite => (0.0, 1.0),
         Depth::Reversed | Depth::ReversedInfinite => (1.0, 0.0),
     };
     let rows = if parallel {
@@ -269,7 +269,7 @@ pub fn aimed_point(
     let which = rng.below(planes.len());
     let (least_depth, sign) = match camera.depth {
         Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 1.0),
-        Depth::ZeroToOne | Depth::Infinite => (0.0, 1.0),
+        Depth::ZeroToOne | Depth::ZeroToOneInfinite => (0.0, 1.0),
         Depth::Reversed | Depth::ReversedInfinite => (0.0, -1.0),
     };
     let mut clip =

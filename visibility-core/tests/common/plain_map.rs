@@ -58,7 +58,7 @@ impl PlainMap {
         use visibility_core::Depth::*;
         match self.view.map(|view| view.depth()) {
             Some(NegativeOneToOne | NegativeOneToOneInfinite) => p.w + p.z,
-            Some(ZeroToOne | Infinite) | None => p.z,
+            Some(ZeroToOne | ZeroToOneInfinite) | None => p.z,
             Some(Reversed | ReversedInfinite) => p.w - p.z,
         }
     }

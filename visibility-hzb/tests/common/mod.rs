@@ -212,7 +212,7 @@ pub fn convention(view: &View, which: u64) -> View {
     let infinite = view.depth().is_infinite();
     let (z, depth) = match which {
         0 => (w - z * 2.0, if infinite { Depth::NegativeOneToOneInfinite } else { Depth::NegativeOneToOne }),
-        1 => (w - z, if infinite { Depth::Infinite } else { Depth::ZeroToOne }),
+        1 => (w - z, if infinite { Depth::ZeroToOneInfinite } else { Depth::ZeroToOne }),
         _ => return *view,
     };
     let m = DMat4::from_cols(x, y, z, w).transpose();
@@ -269,7 +269,7 @@ impl Ray {
         };
         let (near, far) = match view.depth() {
             Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 0.5),
-            Depth::ZeroToOne | Depth::Infinite => (0.0, 0.5),
+            Depth::ZeroToOne | Depth::ZeroToOneInfinite => (0.0, 0.5),
             Depth::Reversed | Depth::ReversedInfinite => (1.0, 0.5),
         };
         let (from, to) = (at(near), at(far));

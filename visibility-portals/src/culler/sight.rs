@@ -2,7 +2,8 @@
 
 use super::side::{Side, U};
 use smallvec::SmallVec;
-use visibility_core::glam::{DVec3, DVec4};
+use visibility_core::glam::DVec3;
+use visibility_core::view::{ClipRow, ViewProjection};
 use visibility_core::{Eye, View};
 
 /// How the lines of sight of a view run.
@@ -27,17 +28,15 @@ pub(super) struct Sight {
     pub(super) fronts: SmallVec<[Side; 11]>,
     /// Far, if there is one, and again the clip planes: what lines of sight can end at.
     pub(super) ends: SmallVec<[Side; 11]>,
-    /// The rows of the clip matrix for x, y and w, for points relative to the anchor, and how far their last elements may be off.
-    pub(super) rows: [(DVec4, f64); 3],
+    /// Clip-space x, y and w of points relative to the anchor.
+    pub(super) rows: [ClipRow; 3],
 }
 
 impl Sight {
     /// `None` for a view so odd that `f64` cannot tell where it is seen from.
     pub(super) fn new(view: &View) -> Option<Self> {
-        let (anchor, direction) = match view.eye(DVec3::ZERO) {
-            Eye::Point(eye) => (eye, None),
-            Eye::Direction(direction) => (view.origin(), Some(direction)),
-        };
+        let projection = ViewProjection::new(view, DVec3::ZERO);
+        let anchor = projection.anchor();
         let planes = view.planes(anchor);
         let planes = planes.as_slice();
         let far = usize::from(!view.depth().is_infinite());
@@ -46,22 +45,9 @@ impl Sight {
             return None;
         }
         let sides = [0, 1, 2, 3].map(|i| Side::of_view(&planes[i]));
-        let normal = |i: usize| planes[i].plane.normal;
-        let (lines, error) = match direction {
-            None => {
-                // The true eye is on all four planes. With unit normals, the least singular value of three of them is at least a third of
-                // their determinant, so it is within 3 sqrt(3) times the greatest residual, over that, of the anchor.
-                let determinant = normal(0).dot(normal(1).cross(normal(2))).abs();
-                let off = planes[..4].iter().fold(0.0, |off: f64, p| off.max(p.plane.offset.abs() + p.error));
-                (Lines::FromAnchor, 6.0 * (off + 32.0 * U * off) / determinant)
-            }
-            Some(direction) => {
-                // The true direction is in all four planes, so the tilt of the one that was found against two of them, over the sine of
-                // the angle between these, bounds its own error.
-                let sine = normal(0).cross(normal(2)).length();
-                let tilt = (0..4).fold(0.0, |tilt: f64, i| tilt.max(normal(i).dot(direction).abs()));
-                (Lines::Along(direction, 4.0 * (tilt + 32.0 * U) / sine), 0.0)
-            }
+        let (lines, error) = match projection.eye() {
+            Eye::Point(_) => (Lines::FromAnchor, projection.eye_error()),
+            Eye::Direction(direction) => (Lines::Along(direction, projection.eye_error()), 0.0),
         };
         let turn = if let Lines::Along(_, turn) = lines { turn } else { 0.0 };
         // Also refuses NaN.
@@ -71,12 +57,7 @@ impl Sight {
         let clips = &planes[5 + far..];
         let fronts = planes[4..5].iter().chain(clips).map(Side::of_view).collect();
         let ends = planes[5..5 + far].iter().chain(clips).map(Side::of_view).collect();
-        let (matrix, own) = (view.clip_from(anchor), view.clip_from(view.origin()));
-        let shift = (anchor - view.origin()).abs();
-        let rows = [0, 1, 3].map(|i| {
-            let size = own.row(i).truncate().abs().dot(shift) + own.row(i).w.abs();
-            (matrix.row(i), 8.0 * U * size)
-        });
+        let rows = [projection.x(), projection.y(), projection.w()];
         Some(Self { anchor, lines, error, sides, fronts, ends, rows })
     }
 

@@ -12,7 +12,8 @@ use super::sight::{Crossing, Lines, Sight};
 use super::stats::PortalStats;
 use alloc::vec::Vec;
 use core::ops::Range;
-use visibility_core::glam::{DVec3, DVec4};
+use visibility_core::glam::DVec3;
+use visibility_core::view::ClipRow;
 use visibility_core::{CellId, PortalId, Stamp, ViewcellId};
 
 /// The most sides that a window keeps: those beyond are forgotten, which can only show more.
@@ -458,13 +459,11 @@ fn crossing(sight: &Sight, outline: &Outline, vertices: &[DVec3]) -> Crossing {
 
 /// The rectangle on the screen around corners that may each be off by `error`, within `outer`.
 ///
-/// A row of the clip matrix times a corner is off by the row's own error, by `error` times its length, and by `8u` of the sum of magnitudes
-/// for rounding. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most `(dx + |q| dw) / (w - dw)`.
+/// A row of the clip matrix at a corner is off by the row's own error and by `error` times its length. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most `(dx + |q| dw) / (w - dw)`.
 fn around(sight: &Sight, corners: &[Corner], error: f64, outer: Rectangle) -> Rectangle {
-    let value = |row: &(DVec4, f64), at: DVec3| {
-        let (row, own) = *row;
-        let size = row.truncate().abs().dot(at.abs()) + row.w.abs();
-        (row.truncate().dot(at) + row.w, own + error * row.truncate().length() + 8.0 * U * size)
+    let value = |row: &ClipRow, at: DVec3| {
+        let (value, own) = row.at(at);
+        (value, own + error * row.linear.length())
     };
     let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
     for corner in corners {
@@ -486,17 +485,18 @@ fn around(sight: &Sight, corners: &[Corner], error: f64, outer: Rectangle) -> Re
 
 /// The planes of a rectangle on the screen: `x - left w >= 0` and so on, by rows of the clip matrix.
 fn push_rectangle(sight: &Sight, rectangle: Rectangle, sides: &mut Vec<Side>) {
-    let (w, dw) = sight.rows[2];
+    let w = &sight.rows[2];
     for (i, bound) in rectangle.into_iter().enumerate() {
-        let (x, dx) = sight.rows[i / 2];
+        let x = &sight.rows[i / 2];
         let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
-        let row = (x - w * bound) * sign;
-        let length = row.truncate().length();
-        let size = x.truncate().length() + bound.abs() * w.truncate().length();
-        let (slope, slack) = (16.0 * U * size / length, (dx + bound.abs() * dw) / length);
-        let offset = row.w / length;
+        let linear = (x.linear - w.linear * bound) * sign;
+        let length = linear.length();
+        let size = x.linear.length() + bound.abs() * w.linear.length();
+        // The errors of the constants are more than the rounding of their difference, too.
+        let (slope, slack) = (16.0 * U * size / length, (x.error + bound.abs() * w.error) / length);
+        let offset = (x.constant - w.constant * bound) * sign / length;
         if slope < 0.25 && slack.is_finite() && offset.is_finite() {
-            let plane = visibility_core::Plane::new(row.truncate() / length, offset);
+            let plane = visibility_core::Plane::new(linear / length, offset);
             sides.push(Side { plane, slope: slope + 16.0 * U, slack: slack + 8.0 * U * offset.abs() });
         }
     }

@@ -410,7 +410,7 @@ pub const DEPTHS: [Depth; 6] = [
     Depth::NegativeOneToOne,
     Depth::NegativeOneToOneInfinite,
     Depth::ZeroToOne,
-    Depth::Infinite,
+    Depth::ZeroToOneInfinite,
     Depth::Reversed,
     Depth::ReversedInfinite,
 ];
@@ -455,7 +455,7 @@ impl Camera {
         };
         let row = match depth {
             Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => from_near * 2.0 - w,
-            Depth::ZeroToOne | Depth::Infinite => from_near,
+            Depth::ZeroToOne | Depth::ZeroToOneInfinite => from_near,
             Depth::Reversed | Depth::ReversedInfinite => w - from_near,
         };
         let rows = [(pose.right / half.x).extend(0.0), (pose.up / half.y).extend(0.0), row, w];
