@@ -8,10 +8,10 @@ use glam::{DMat4, DQuat, DVec3};
 use shared_scenes::stored;
 use std::collections::HashSet;
 use visibility_bsp::{BspOrder, Naylor, SceneTree, Witness};
-use visibility_core::measure::{Comparison, ItemBuffer};
 use visibility_core::{Culler, ObjectId, View, VisibleSet};
 use visibility_examples::walkthrough::World;
 use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_measure::{Comparison, ItemBuffer};
 
 const JUDGE: (u32, u32) = (2560, 1440);
 

@@ -8,7 +8,6 @@ use visibility_bsp::{
     ShadowFrustaCuller,
 };
 use visibility_core::glam::DVec3;
-use visibility_core::measure::ItemBuffer;
 use visibility_core::{
     Aabb, BackfaceCuller, CasterCuller, Culler, FrustumCuller, HardwareQueries, Late, Light, OcclusionCuller,
     Pipeline, Pose, Preparation, QueryDevice, Scene, Selection, View, VisibleSet, Window,
@@ -19,6 +18,7 @@ use visibility_examples::walkthrough::cullers::{known, parse};
 use visibility_hzb::{
     Coverage, DepthEstimate, Hom, HomCuller, Hzb, HzbCuller, OccluderCriteria, OccluderDatabase,
 };
+use visibility_measure::ItemBuffer;
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
 };

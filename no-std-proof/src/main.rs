@@ -13,7 +13,7 @@ use visibility_core::{
 };
 use visibility_hzb::{Hzb, HzbCuller};
 // Linked, so that they too must do without.
-use {visibility_bsp as _, visibility_plp as _, visibility_portals as _};
+use {visibility_bsp as _, visibility_measure as _, visibility_plp as _, visibility_portals as _};
 
 fn the_answer_is_right() -> bool {
     frustum() && z_buffer().unwrap_or(false)

@@ -8,10 +8,10 @@ use shapes::Random;
 use std::collections::HashSet;
 use visibility_bsp::{BspOrder, Naylor, SceneTree, Witness};
 use visibility_core::glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
-use visibility_core::measure::ItemBuffer;
 use visibility_core::{
     Aabb, Culler, Depth, Object, ObjectId, Pipeline, Pose, Scene, Triangle, View, VisibleSet, Window,
 };
+use visibility_measure::ItemBuffer;
 
 /// Objects of a few triangles each: scraps, boxes on the grid, walls.
 fn scene(random: &mut Random, count: usize) -> Scene {

@@ -1,8 +1,8 @@
 //! Which objects can this camera see?
 //!
 //! The core of the `visibility` crates: the [`Scene`] of objects and its hierarchy, the [`View`] in any engine's convention, the
-//! [`VisibleSet`] that goes through a [`Pipeline`] of [`Culler`]s each frame, the [`FrustumCuller`], and [`measure`], the exact answer
-//! against which every culler can be judged.
+//! [`VisibleSet`] that goes through a [`Pipeline`] of [`Culler`]s each frame, and the [`FrustumCuller`]. The exact answer,
+//! against which every culler can be judged, is in the crate `visibility-measure`.
 //!
 //! ```
 //! use visibility_core::{glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
@@ -48,7 +48,6 @@ pub mod envelope;
 mod float;
 mod frustum;
 pub mod geometry;
-pub mod measure;
 pub mod occlusion;
 mod pipeline;
 pub mod pvs;

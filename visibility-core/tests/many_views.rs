@@ -5,7 +5,6 @@ mod common;
 use common::*;
 use std::collections::BTreeSet;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::measure::ItemBuffer;
 use visibility_core::{
     Aabb, CasterCuller, Culler, FrustumCuller, Light, MAX_CLIP_PLANES, Object, ObjectId, Pipeline, Plane,
     Pose, Scene, View, ViewError, VisibleSet, Window,
@@ -128,38 +127,6 @@ fn bad_clip_planes_are_refused_by_number() {
     ] {
         assert_eq!(view.with_clip_planes(&[good, bad, good]), Err(ViewError::ClipPlane { index: 1 }));
     }
-}
-
-/// The item buffer cuts triangles where the planes are, also through their middle.
-#[test]
-fn the_item_buffer_honours_clip_planes() {
-    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
-    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
-    let square = |x: f32| {
-        let [a, b, c, d] =
-            [(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)].map(|(y, z)| Vec3::new(x, y, z));
-        [[a, b, c], [a, c, d]]
-    };
-    let (near, far) = (square(4.0), square(8.0));
-    let mut buffer = ItemBuffer::new(64, 64).unwrap();
-    let mut pixels = |view: &View| {
-        let exact = buffer.draw(view, DVec3::ZERO, [(0, &near[..]), (1, &far[..])]).unwrap();
-        let mut pixels = [0; 2];
-        exact.objects().iter().for_each(|object| pixels[object.key as usize] = object.pixels as usize);
-        pixels
-    };
-    assert_eq!(pixels(&view), [4096, 0]);
-    // Beyond the near square; the left half (y > 0) of what is there; a corner; and nothing.
-    let beyond = Plane::through(DVec3::X * 6.0, DVec3::X);
-    assert_eq!(pixels(&view.with_clip_planes(&[beyond]).unwrap()), [0, 4096]);
-    let left = Plane::new(DVec3::Y, 0.0);
-    assert_eq!(pixels(&view.with_clip_planes(&[left]).unwrap()), [2048, 0]);
-    assert_eq!(pixels(&view.with_clip_planes(&[left, Plane::new(DVec3::Z, 0.0)]).unwrap()), [1024, 0]);
-    assert_eq!(pixels(&view.with_clip_planes(&[beyond, beyond.flipped()]).unwrap()), [0, 0]);
-    // A slanted plane, x + y >= 6, leaves the near square where y >= 2 and the far one where y >= -2, in a picture that is 4.37 wide
-    // at the distance of the one and twice that at the other: 3 and, less these, 44 of 64 columns.
-    let slanted = Plane::through(DVec3::new(6.0, 0.0, 0.0), DVec3::new(1.0, 1.0, 0.0));
-    assert_eq!(pixels(&view.with_clip_planes(&[slanted]).unwrap()), [3 * 64, 44 * 64]);
 }
 
 /// Neighbours share their planes, so a point between two faces is in both, wherever eye and scene have their origins.

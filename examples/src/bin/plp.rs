@@ -8,7 +8,6 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 use visibility_core::VisibleSet;
-use visibility_core::measure::ItemBuffer;
 use visibility_core::{Culler, FrustumCuller};
 use visibility_examples::picture_size::parse_size;
 use visibility_examples::plp::conservative::{Effort, FINE, conservative, front_to_back, frustum};
@@ -16,6 +15,7 @@ use visibility_examples::plp::{BUDGETS, Coverage, Method, TriangleWorld, coverag
 use visibility_examples::walkthrough::World;
 use visibility_examples::{built_in, cars5, load};
 use visibility_hzb::Hzb;
+use visibility_measure::ItemBuffer;
 use visibility_plp::{
     Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity, Tessellation,
 };

@@ -2,8 +2,8 @@
 
 use super::{Seen, TriangleWorld};
 use std::ops::Deref;
-use visibility_core::measure::{ItemBuffer, MeasureError};
 use visibility_core::{FrustumCuller, Pipeline, View, VisibleSet};
+use visibility_measure::{ItemBuffer, MeasureError};
 use visibility_plp::{Budget, PlpCuller, Solidity, Tessellation};
 
 /// The paper's budgets, as shares of all triangles.

@@ -4,7 +4,7 @@ use super::TriangleWorld;
 use crate::walkthrough::canvas::{Canvas, Color};
 use glam::DVec3;
 use visibility_core::View;
-use visibility_core::measure::{ItemBuffer, MeasureError, NONE};
+use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
 const RIGHT: Color = [255, 255, 255];
 const WRONG: Color = [214, 30, 30];

@@ -2,8 +2,8 @@
 
 use crate::walkthrough::World;
 use glam::DVec3;
-use visibility_core::measure::{ItemBuffer, MeasureError};
 use visibility_core::{Aabb, Containment, Eye, Object, ObjectId, Scene, Triangle, View};
+use visibility_measure::{ItemBuffer, MeasureError};
 
 /// Every triangle of a world as an object of its own, with the same views.
 pub struct TriangleWorld {

@@ -12,7 +12,7 @@ pub use pareto::best;
 pub use sweep::{Effort, Sweep, sweep};
 
 use serde::Serialize;
-use visibility_core::measure::DrawCost;
+use visibility_measure::DrawCost;
 
 /// One culler with one setting on one scene. Counts are means over the frames.
 #[derive(Debug, Clone, PartialEq, Serialize)]

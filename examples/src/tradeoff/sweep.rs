@@ -4,7 +4,7 @@ use super::Point;
 use crate::walkthrough::cullers::{CullerError, parse};
 use crate::walkthrough::{World, judge, run_for};
 use std::time::Duration;
-use visibility_core::measure::MeasureError;
+use visibility_measure::MeasureError;
 
 /// How long to measure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use super::{World, cullers};
 use std::fmt;
 use std::time::Instant;
 use visibility_core::View;
-use visibility_core::measure::{Advisor, CullerTrial, DrawCost, MeasureError, SceneFacts};
+use visibility_measure::{Advisor, CullerTrial, DrawCost, MeasureError, SceneFacts};
 
 /// Views that are probed, spread evenly over the walks.
 const VIEWS: usize = 12;

@@ -6,8 +6,8 @@ use super::map_picture::Map;
 use super::{Trial, World, cullers};
 use crate::source::SourceCells;
 use glam::DVec3;
-use visibility_core::measure::MeasureError;
 use visibility_core::{CellId, Culler, Plane, Viewcell, VisibleSet};
+use visibility_measure::MeasureError;
 
 const PAPER: Color = [250, 250, 247];
 const CELL: Color = [232, 232, 230];

@@ -4,7 +4,7 @@ use super::World;
 use super::canvas::{Canvas, Color};
 use glam::Vec3;
 use visibility_core::View;
-use visibility_core::measure::{ItemBuffer, MeasureError, NONE};
+use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
 const SKY: Color = [198, 215, 232];
 const MARK: [f32; 3] = [1.0, 0.1, 0.1];

@@ -3,8 +3,8 @@
 use super::World;
 use super::canvas::Canvas;
 use super::eye_picture::{self, Shown};
-use visibility_core::measure::MeasureError;
 use visibility_core::{Pipeline, Pose, View, VisibleSet};
+use visibility_measure::MeasureError;
 
 /// Pictures of what is left of a frame after culling: from a bird's place behind and above its camera, and from the next few
 /// cameras of the walk. Each with the words for its file name.

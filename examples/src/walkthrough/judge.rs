@@ -3,7 +3,7 @@
 use super::{Trial, World};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
-use visibility_core::measure::{Comparison, ItemBuffer, MeasureError};
+use visibility_measure::{Comparison, ItemBuffer, MeasureError};
 
 /// How right one pipeline was on a walk, summed over its frames.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -4,8 +4,8 @@ use super::canvas::{Canvas, Color, LETTER};
 use super::judge::Judgement;
 use super::{Trial, World};
 use glam::{DVec3, Vec3};
-use visibility_core::measure::{ItemBuffer, MeasureError, NONE};
 use visibility_core::{Pose, View, Window};
+use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
 const PAPER: Color = [250, 250, 247];
 const CULLED: Color = [205, 207, 210];

@@ -430,8 +430,8 @@ impl Scene {
         self.set_bounds(id, bounds)
     }
 
-    /// Gives an object its triangles, in scene coordinates, for those who need more than bounds: `measure`, occluders, budgets
-    /// in triangles. The bounds must contain them, and stay the caller's to set.
+    /// Gives an object its triangles, in scene coordinates, for those who need more than bounds: the item buffer of
+    /// `visibility-measure`, occluders, budgets in triangles. The bounds must contain them, and stay the caller's to set.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`].

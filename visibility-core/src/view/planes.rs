@@ -91,9 +91,9 @@ impl View {
     /// moves planes and matrix alike, so call it first or mean it. (A view made from a [`Pose`](crate::Pose) has its origin in the eye.)
     ///
     /// Whoever asks for [`planes`](Self::planes) honours them: the [`FrustumCuller`](crate::FrustumCuller) and the
-    /// [`CasterCuller`](crate::CasterCuller); so does the item buffer of [`measure`](crate::measure). They are no part of the clip
-    /// matrix: an occlusion map that draws by the matrix alone may keep objects beyond them, and must not be given occluders that
-    /// they cut away.
+    /// [`CasterCuller`](crate::CasterCuller); so does the item buffer of `visibility-measure`. They are no part of the
+    /// clip matrix: an occlusion map that draws by the matrix alone may keep objects beyond them, and must not be given
+    /// occluders that they cut away.
     ///
     /// # Errors
     /// [`ViewError::TooManyClipPlanes`] beyond [`MAX_CLIP_PLANES`]; [`ViewError::ClipPlane`] for one that is not finite or has

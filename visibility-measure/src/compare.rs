@@ -1,16 +1,18 @@
 //! Judging what a culler reported.
 
-use super::ExactVisibility;
+use crate::exact::ExactVisibility;
 use alloc::vec::Vec;
 
 /// In what a culler's answer differs from an item buffer's, for one view.
 ///
 /// By the nature of sampling, what is false hidden here is a lower bound, what is false visible an upper one:
-/// see [the module](super).
+/// see [the module](crate).
 ///
 /// ```
-/// use visibility_core::{glam::{DVec3, Vec3}, measure::{Comparison, ItemBuffer}, Pose, View};
-/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, f64::INFINITY)?;
+/// use visibility_core::{glam::{DVec3, Vec3}, Pose, View};
+/// use visibility_measure::{Comparison, ItemBuffer};
+/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY)?;
 /// let triangle = [[Vec3::new(3.0, -9.0, -9.0), Vec3::new(3.0, 9.0, -9.0), Vec3::new(3.0, 0.0, 9.0)]];
 /// let mut buffer = ItemBuffer::new(64, 64)?;
 /// buffer.draw(&view, DVec3::ZERO, [(4, &triangle[..])])?;
@@ -34,7 +36,7 @@ pub struct Comparison {
     /// Triangles of these objects that have a pixel.
     pub false_hidden_triangles: u32,
     /// Objects that were not reported and show only in ties with objects that were: no error that this buffer
-    /// could tell. See [ties](super#ties).
+    /// could tell. See [ties](crate#ties).
     pub tied_hidden_objects: u32,
     /// Pixels that show a false hidden object: drawing the reported objects alone leaves something else
     /// there, or nothing.
@@ -127,8 +129,7 @@ impl ExactVisibility {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::NONE;
-    use crate::measure::raster::Image;
+    use crate::raster::{Image, NONE};
 
     #[test]
     fn errors_are_counted_both_ways() {

@@ -1,14 +1,12 @@
 //! The image of triangle numbers.
 
-use super::clip::Lens;
-use super::raster::Image;
-use super::{ExactVisibility, MeasureError};
-use crate::View;
+use crate::clip::ImageProjection;
+use crate::error::MeasureError;
+use crate::exact::ExactVisibility;
+use crate::raster::{Image, NONE};
 use alloc::vec::Vec;
-use glam::{DVec3, Vec3};
-
-/// In place of a triangle's number: the pixel shows nothing.
-pub const NONE: u32 = u32::MAX;
+use visibility_core::View;
+use visibility_core::glam::{DVec3, Vec3};
 
 /// The most columns or rows of an item buffer.
 pub const MAX_SIDE: u32 = 1 << 14;
@@ -20,8 +18,10 @@ pub const MAX_SIDE: u32 = 1 << 14;
 /// 1 ns for each pixel of each triangle, hidden or not.
 ///
 /// ```
-/// use visibility_core::{glam::{DVec3, Vec3}, measure::{ItemBuffer, NONE}, Pose, View};
-/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 2.0, 0.1, f64::INFINITY)?;
+/// use visibility_core::{glam::{DVec3, Vec3}, Pose, View};
+/// use visibility_measure::{ItemBuffer, NONE};
+/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// let view = View::perspective(pose, 1.0, 2.0, 0.1, f64::INFINITY)?;
 /// // Right of the line of sight, which runs along x, is -y.
 /// let triangle = [[Vec3::new(3.0, -9.0, -9.0), Vec3::new(3.0, -9.0, 9.0), Vec3::new(3.0, 0.0, 0.0)]];
 /// let mut buffer = ItemBuffer::new(80, 40)?;
@@ -74,8 +74,8 @@ impl ItemBuffer {
         objects: impl IntoIterator<Item = (u32, &'a [[Vec3; 3]])>,
     ) -> Result<&ExactVisibility, MeasureError> {
         self.clear();
-        let lens = Lens::new(view, origin, &self.image);
-        self.image.least_difference = lens.least_difference();
+        let projection = ImageProjection::new(view, origin, &self.image);
+        self.image.least_difference = projection.least_difference();
         for (object, (key, triangles)) in objects.into_iter().enumerate() {
             let Some(first) = self.exact.push(key, triangles.len()) else {
                 self.clear();
@@ -83,7 +83,7 @@ impl ItemBuffer {
             };
             self.image.object_start = first;
             for (item, triangle) in (first..).zip(triangles) {
-                lens.draw(triangle, item, &mut self.image);
+                projection.draw(triangle, item, &mut self.image);
             }
         }
         self.image.settle_claims();
@@ -110,9 +110,9 @@ impl ItemBuffer {
     }
 
     /// Per pixel the number of the triangle seen through its centre, or [`NONE`]; row by row from the top of
-    /// the picture, each from the left. The centre of column `i` is at clip-space `x / w = (i + 0.5) / width
-    /// * 2 - 1`, that of row `j` at `y / w = 1 - (j + 0.5) / height * 2`. Of triangles that tie for a pixel,
-    /// the nearest by rounding has it, or the first drawn.
+    /// the picture, each from the left. The centre of column `i` is at clip-space
+    /// `x / w = (i + 0.5) / width * 2 - 1`, that of row `j` at `y / w = 1 - (j + 0.5) / height * 2`. Of triangles
+    /// that tie for a pixel, the nearest by rounding has it, or the first drawn.
     pub fn items(&self) -> &[u32] {
         &self.image.items
     }

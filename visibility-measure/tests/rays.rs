@@ -1,12 +1,12 @@
 //! The item buffer against rays through all pixel centres (Möller and Trumbore, "Fast, Minimum Storage
 //! Ray-Triangle Intersection", 1997). Rays are made from the pose and the window, without any matrix, and are
 //! clipped by distance along the line of sight, so nothing of what is judged is used to judge it.
+#![allow(missing_docs)]
 
-use super::tests::Random;
-use super::*;
-use crate::{Depth, Pose, View, Window};
-use alloc::vec::Vec;
-use glam::{DMat4, DVec3, DVec4, Vec3};
+use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};
+use visibility_core::{Depth, Pose, View, Window};
+use visibility_measure::{ItemBuffer, NONE};
+use visibility_testing::Random;
 
 /// What the rays of one camera are made from.
 struct Camera {
@@ -143,16 +143,16 @@ fn check(camera: &Camera, view: &View, triangles: &[[Vec3; 3]], what: &str) -> (
 fn soup(random: &mut Random, eye: DVec3, count: usize) -> Vec<[Vec3; 3]> {
     (0..count)
         .map(|_| {
-            let center = eye + random.point(12.0);
+            let center = eye + random.vector(12.0);
             let size = 10f64.powf(random.range(-1.0, 1.4));
-            core::array::from_fn(|_| (center + random.point(size)).as_vec3())
+            core::array::from_fn(|_| (center + random.vector(size)).as_vec3())
         })
         .collect()
 }
 
 fn camera(random: &mut Random, round: usize, near: f64, far: f64, parallel: bool) -> Camera {
-    let eye = random.point(5.0);
-    let pose = Pose::look_at(eye, eye + random.point(1.0), DVec3::Z);
+    let eye = random.vector(5.0);
+    let pose = Pose::look_at(eye, eye + random.vector(1.0), DVec3::Z);
     let (w, h) = if parallel { (8.0, 6.0) } else { (0.8, 0.6) };
     // Every other camera is off-centre, as the eyes of a headset are.
     let mut window = Window::centered(w, h);

@@ -1,14 +1,21 @@
 //! What an item buffer found: pixels by object and by triangle.
 
-use super::raster::Image;
+use crate::raster::{Image, NONE};
 use alloc::vec::Vec;
 use core::ops::Range;
 
 /// How much of one object is seen.
 ///
 /// ```
-/// use visibility_core::measure::ObjectPixels;
-/// let object = ObjectPixels { key: 7, first_triangle: 20, triangles: 12, visible_triangles: 3, pixels: 950, tied_pixels: 0 };
+/// use visibility_measure::ObjectPixels;
+/// let object = ObjectPixels {
+///     key: 7,
+///     first_triangle: 20,
+///     triangles: 12,
+///     visible_triangles: 3,
+///     pixels: 950,
+///     tied_pixels: 0,
+/// };
 /// assert!(object.is_visible());
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
@@ -23,7 +30,7 @@ pub struct ObjectPixels {
     pub visible_triangles: u32,
     /// How many pixels show the object and no other.
     pub pixels: u32,
-    /// How many pixels show the object as well as others: see [ties](super#ties).
+    /// How many pixels show the object as well as others: see [ties](crate#ties).
     pub tied_pixels: u32,
 }
 
@@ -39,13 +46,13 @@ impl ObjectPixels {
     }
 }
 
-/// The visible set V of one view, sampled at the pixels of an [`ItemBuffer`](super::ItemBuffer).
+/// The visible set V of one view, sampled at the pixels of an [`ItemBuffer`](crate::ItemBuffer).
 ///
 /// ```
-/// use visibility_core::measure::ItemBuffer;
+/// use visibility_measure::ItemBuffer;
 /// let buffer = ItemBuffer::new(64, 36)?;
 /// assert_eq!(buffer.visible().visible_objects(), 0);
-/// # Ok::<(), visibility_core::measure::MeasureError>(())
+/// # Ok::<(), visibility_measure::MeasureError>(())
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct ExactVisibility {
@@ -98,14 +105,14 @@ impl ExactVisibility {
         self.covered_pixels
     }
 
-    /// How many pixels show several objects alike: see [ties](super#ties).
+    /// How many pixels show several objects alike: see [ties](crate#ties).
     pub fn tied_pixels(&self) -> u32 {
         self.tied_pixels
     }
 
     /// The indices of the objects that each tied pixel shows, pixel by pixel. The first is the one that the
     /// image shows there.
-    pub(super) fn ties(&self) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone> {
+    pub(crate) fn ties(&self) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone> {
         self.ties.chunk_by(|a, b| a.pixel == b.pixel).map(|tie| tie.iter().map(|one| one.object as usize))
     }
 
@@ -115,7 +122,7 @@ impl ExactVisibility {
     }
 
     /// The index in [`objects`](Self::objects) of the object that a triangle belongs to; `None` if there is
-    /// no such triangle, as for [`NONE`](super::NONE). Logarithmic in the number of objects.
+    /// no such triangle, as for [`NONE`](crate::NONE). Logarithmic in the number of objects.
     pub fn object_of(&self, triangle: u32) -> Option<usize> {
         if triangle as usize >= self.triangle_pixels.len() {
             return None;
@@ -125,7 +132,7 @@ impl ExactVisibility {
         self.objects.partition_point(|o| o.first_triangle <= triangle).checked_sub(1)
     }
 
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.objects.clear();
         self.triangle_pixels.clear();
         self.ties.clear();
@@ -134,7 +141,7 @@ impl ExactVisibility {
     }
 
     /// Takes in one more object; its number of triangles must still fit. Returns the number of its first.
-    pub(super) fn push(&mut self, key: u32, triangles: usize) -> Option<u32> {
+    pub(crate) fn push(&mut self, key: u32, triangles: usize) -> Option<u32> {
         let first_triangle = self.triangle_pixels.len() as u32;
         let end = end_of_numbers(first_triangle, triangles)?;
         // Objects are numbered by u32 as well, and may be empty.
@@ -153,7 +160,7 @@ impl ExactVisibility {
     }
 
     /// Counts the pixels of a finished image whose claims are settled.
-    pub(super) fn count(&mut self, image: &Image) {
+    pub(crate) fn count(&mut self, image: &Image) {
         self.layers = image.layers;
         for &item in &image.items {
             if let Some(pixels) = self.triangle_pixels.get_mut(item as usize) {
@@ -202,9 +209,9 @@ impl ExactVisibility {
     }
 }
 
-/// One past the last number of `count` triangles; all numbers must be less than [`NONE`](super::NONE).
+/// One past the last number of `count` triangles; all numbers must be less than [`NONE`].
 fn end_of_numbers(first: u32, count: usize) -> Option<u32> {
-    first.checked_add(u32::try_from(count).ok()?).filter(|&end| end < super::NONE)
+    first.checked_add(u32::try_from(count).ok()?).filter(|&end| end < NONE)
 }
 
 #[cfg(test)]
@@ -224,12 +231,12 @@ mod tests {
         let mut exact = ExactVisibility::default();
         let firsts = [(9, 2), (8, 0), (7, 3)].map(|(key, triangles)| exact.push(key, triangles));
         assert_eq!(firsts, [Some(0), Some(2), Some(2)]);
-        exact.count(&Image::new(6, 1, [1, 1, super::super::NONE, 2, 4, 4].into(), [1.0; 6].into()));
+        exact.count(&Image::new(6, 1, [1, 1, NONE, 2, 4, 4].into(), [1.0; 6].into()));
         assert_eq!(exact.triangle_pixels(), [0, 2, 1, 0, 2]);
         let seen: Vec<_> = exact.objects().iter().map(|o| (o.key, o.visible_triangles, o.pixels)).collect();
         assert_eq!(seen, [(9, 1, 2), (8, 0, 0), (7, 2, 3)]);
         assert_eq!((exact.visible_objects(), exact.visible_triangles(), exact.covered_pixels()), (2, 3, 5));
-        let owners = [0, 1, 2, 4, 5, super::super::NONE].map(|t| exact.object_of(t));
+        let owners = [0, 1, 2, 4, 5, NONE].map(|t| exact.object_of(t));
         assert_eq!(owners, [Some(0), Some(0), Some(2), Some(2), None, None]);
     }
 }

@@ -1,39 +1,13 @@
 //! Known pictures, watertight meshes, hostile input.
+#![allow(missing_docs)]
 
-use super::*;
-use crate::{Depth, Pose, View, Window};
-use alloc::vec::Vec;
-use glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
+mod common;
 
-/// Numbers from 0 to 1, the same in each run.
-pub(super) struct Random(pub(super) u64);
-
-impl Random {
-    pub(super) fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (self.0 >> 33) as f64 / (1u64 << 31) as f64
-    }
-
-    pub(super) fn range(&mut self, least: f64, greatest: f64) -> f64 {
-        least + (greatest - least) * self.unit()
-    }
-
-    pub(super) fn point(&mut self, reach: f64) -> DVec3 {
-        DVec3::from_array(core::array::from_fn(|_| self.range(-reach, reach)))
-    }
-}
-
-/// Shows x right and y down, in pixels of a `width` x `height` image, nearer the smaller z, which is from 0
-/// to 1.
-pub(super) fn pixels(width: f64, height: f64) -> View {
-    let matrix = DMat4::from_cols(
-        DVec4::X * 2.0 / width,
-        DVec4::Y * -2.0 / height,
-        DVec4::Z,
-        DVec4::new(-1.0, 1.0, 0.0, 1.0),
-    );
-    View::from_clip_from_world(matrix, Depth::ZeroToOne).unwrap()
-}
+use common::pixels;
+use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
+use visibility_core::{Depth, Pose, View, Window};
+use visibility_measure::{Comparison, ItemBuffer, MAX_SIDE, MeasureError, NONE};
+use visibility_testing::Random;
 
 fn flat(points: [[f32; 2]; 3], z: f32) -> [Vec3; 3] {
     points.map(|[x, y]| Vec3::new(x, y, z))
@@ -113,7 +87,7 @@ fn the_nearest_wins_and_the_image_shows_the_first_of_ties() {
 
 /// How often each centre is covered when every triangle is drawn alone.
 fn coverage(buffer: &mut ItemBuffer, view: &View, triangles: &[[Vec3; 3]]) -> Vec<u32> {
-    let mut counts = alloc::vec![0; buffer.items().len()];
+    let mut counts = vec![0; buffer.items().len()];
     for triangle in triangles {
         buffer.draw(view, DVec3::ZERO, [(0, core::slice::from_ref(triangle))]).unwrap();
         for (count, &item) in counts.iter_mut().zip(buffer.items()) {
@@ -222,8 +196,8 @@ fn wrong_pixels_are_those_that_drawing_the_reported_objects_alone_changes() {
     for round in 0..30 {
         let objects: Vec<(u32, Vec<[Vec3; 3]>)> = (0..20)
             .map(|key| {
-                let center = random.point(32.0) + DVec3::splat(32.0);
-                let corner = |r: &mut Random| (center + r.point(14.0)).as_vec3().with_z(r.unit() as f32);
+                let center = random.vector(32.0) + DVec3::splat(32.0);
+                let corner = |r: &mut Random| (center + r.vector(14.0)).as_vec3().with_z(r.unit() as f32);
                 (key, (0..5).map(|_| core::array::from_fn(|_| corner(&mut random))).collect())
             })
             .collect();

@@ -1,5 +1,9 @@
 //! The answer against which cullers are judged: what a camera sees, pixel by pixel.
 //!
+//! For tests, tools and loading screens; an engine that ships need not link it. [`ItemBuffer`] finds what is
+//! seen, [`Comparison`] holds a culler's answer against it, [`Advisor`] chooses the culler for a scene by
+//! both and the clock.
+//!
 //! An *item buffer* holds, for each pixel, the number of the triangle that is seen through the pixel's centre
 //! (Weghorst, Hooper and Greenberg, "Improved Computational Methods for Ray Tracing", 1984). Counting numbers
 //! tells which triangles and objects are visible, and by how many pixels; setting that against what a culler
@@ -35,18 +39,21 @@
 //!   precision of `f64` at any distance, in all six conventions, and does not depend on where an engine puts
 //!   its near plane.
 //!
-//! Nothing here is shared with the cullers: they test boxes against planes or conservative depth, this draws
-//! triangles. Values are plain data and `Send`; to measure several views at once, give each thread a buffer.
+//! No projection, clipping or raster code is shared with the cullers: they test boxes against planes or
+//! conservative depth, this draws triangles. Values are plain data and `Send`; to measure several views at
+//! once, give each thread a buffer.
 //!
 //! ```
-//! use visibility_core::{glam::{DVec3, Vec3}, measure::{Comparison, ItemBuffer}, Pose, View};
+//! use visibility_core::{glam::{DVec3, Vec3}, Pose, View};
+//! use visibility_measure::{Comparison, ItemBuffer};
 //! // A wall 5 m before the eye, and a tile behind it.
 //! let square = |distance: f32, r: f32| {
 //!     let [a, b, c, d] = [(-r, -r), (r, -r), (r, r), (-r, r)].map(|(y, z)| Vec3::new(distance, y, z));
 //!     [[a, b, c], [a, c, d]]
 //! };
 //! let (wall, tile) = (square(5.0, 4.0), square(8.0, 1.0));
-//! let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
+//! let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+//! let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
 //! let mut buffer = ItemBuffer::new(640, 360)?;
 //! let exact = buffer.draw(&view, DVec3::ZERO, [(7, &wall[..]), (8, &tile[..])])?;
 //! assert_eq!((exact.visible_objects(), exact.visible_triangles()), (1, 2));
@@ -57,62 +64,25 @@
 //! assert_eq!(comparison.false_visible_objects, 1);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! # Features
+//! `std` (default) and `libm` are passed on to `visibility-core`, which needs one of them.
+#![no_std]
+extern crate alloc;
+#[cfg(any(feature = "std", test))]
+extern crate std;
 
 mod advisor;
 mod clip;
 mod compare;
+mod error;
 mod exact;
 mod item_buffer;
 mod raster;
 
 pub use advisor::{Advisor, CullerTrial, DrawCost, SceneFacts};
 pub use compare::Comparison;
+pub use error::MeasureError;
 pub use exact::{ExactVisibility, ObjectPixels};
-pub use item_buffer::{ItemBuffer, MAX_SIDE, NONE};
-
-use core::fmt;
-
-/// Why something cannot be measured.
-///
-/// ```
-/// use visibility_core::measure::{ItemBuffer, MeasureError};
-/// let refused = ItemBuffer::new(0, 360).err();
-/// assert_eq!(refused, Some(MeasureError::Size { width: 0, height: 360 }));
-/// ```
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum MeasureError {
-    /// A side is zero or above [`MAX_SIDE`], or there is no memory for so many pixels.
-    Size {
-        /// Columns asked for.
-        width: u32,
-        /// Rows asked for.
-        height: u32,
-    },
-    /// There are more triangles or objects than 32-bit numbers for them.
-    TooMany {
-        /// Index of the object that went beyond.
-        object: usize,
-    },
-}
-
-impl fmt::Display for MeasureError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Size { width, height } => {
-                write!(f, "cannot make an item buffer of {width} x {height} pixels")
-            }
-            Self::TooMany { object } => {
-                write!(f, "object {object} brings the number of triangles beyond {}", u32::MAX - 1)
-            }
-        }
-    }
-}
-
-impl core::error::Error for MeasureError {}
-
-#[cfg(test)]
-mod ray_tests;
-#[cfg(test)]
-mod tests;
-#[cfg(test)]
-mod tie_tests;
+pub use item_buffer::{ItemBuffer, MAX_SIDE};
+pub use raster::NONE;

@@ -1,10 +1,12 @@
 //! Pixels that show two objects alike are no error of a culler that reports one of them.
+#![allow(missing_docs)]
 
-use super::tests::pixels;
-use super::*;
-use crate::{Depth, Pose, View};
-use alloc::vec::Vec;
-use glam::{DMat4, DVec3, DVec4, Vec3};
+mod common;
+
+use common::pixels;
+use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};
+use visibility_core::{Depth, Pose, View};
+use visibility_measure::{Comparison, ItemBuffer};
 
 /// A box with two sides parallel to the vertical plane through the origin and `along`: from `near` to `far`
 /// along that direction, and from `right` to `left` across it, in units of its length.

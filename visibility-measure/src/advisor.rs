@@ -5,16 +5,18 @@
 //! in the engine at hand ([`DrawCost`]). A candidate that hides something visible, or that does not promise
 //! not to, is out.
 
-use super::{Comparison, ItemBuffer, MeasureError};
-use crate::{Pipeline, Scene, View, VisibleSet};
+use crate::compare::Comparison;
+use crate::error::MeasureError;
+use crate::item_buffer::ItemBuffer;
 use alloc::vec::Vec;
 use core::fmt;
+use visibility_core::{Pipeline, Scene, View, VisibleSet};
 
 /// What drawing takes, in microseconds. The default, one for an object and a thousandth for a triangle, suits
 /// an engine that issues a draw call an object.
 ///
 /// ```
-/// use visibility_core::measure::DrawCost;
+/// use visibility_measure::DrawCost;
 /// let cost = DrawCost::default();
 /// assert_eq!(cost.of(10.0, 5000.0), 15.0);
 /// ```
@@ -42,7 +44,7 @@ impl DrawCost {
 /// What the probes found of a scene. Counts are means over the views.
 ///
 /// ```
-/// use visibility_core::measure::SceneFacts;
+/// use visibility_measure::SceneFacts;
 /// let facts = SceneFacts { objects: 100, depth_complexity: 4.0, ..SceneFacts::default() };
 /// assert!(facts.to_string().starts_with("100 objects"));
 /// ```
@@ -65,8 +67,8 @@ impl fmt::Display for SceneFacts {
         let Self { objects, triangles, visible_objects, visible_triangles, depth_complexity } = self;
         write!(
             f,
-            "{objects} objects of {triangles} triangles; a view shows {visible_objects:.1} of them by {visible_triangles:.0} \
-             triangles, the nearest of {depth_complexity:.1} layers"
+            "{objects} objects of {triangles} triangles; a view shows {visible_objects:.1} of them \
+             by {visible_triangles:.0} triangles, the nearest of {depth_complexity:.1} layers"
         )
     }
 }
@@ -74,7 +76,7 @@ impl fmt::Display for SceneFacts {
 /// What one candidate did on the views.
 ///
 /// ```
-/// use visibility_core::measure::CullerTrial;
+/// use visibility_measure::CullerTrial;
 /// let trial = CullerTrial { cull_us: 5.0, objects: 10.0, triangles: 0.0, false_hidden: 0, total_us: 15.0 };
 /// assert!(trial.is_sound());
 /// ```
@@ -109,14 +111,15 @@ const RUNS: usize = 5;
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, Aabb, FrustumCuller, Pipeline, Pose, Scene, View};
-/// use visibility_core::measure::{Advisor, DrawCost};
+/// use visibility_measure::{Advisor, DrawCost};
 /// let mut scene = Scene::new();
 /// for x in [3.0, -3.0] {
 ///     let triangle = [[Vec3::new(x, -1.0, -1.0), Vec3::new(x, 1.0, -1.0), Vec3::new(x, 0.0, 1.0)]];
 ///     let id = scene.insert(Aabb::from_points(triangle.iter().flatten().copied()));
 ///     scene.set_triangles(id, triangle)?;
 /// }
-/// let views = [View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.5, 0.1, f64::INFINITY)?];
+/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// let views = [View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?];
 /// let advisor = Advisor::new(&scene, &views, DrawCost::default())?;
 /// assert_eq!(advisor.facts().visible_objects, 1.0);
 /// let clock = std::time::Instant::now();
@@ -250,8 +253,8 @@ impl<'a> Advisor<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pose};
-    use glam::{DVec3, Vec3};
+    use visibility_core::glam::{DVec3, Vec3};
+    use visibility_core::{Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pose};
 
     /// Keeps what a function keeps, and takes a while by a clock of its own.
     struct Keep(fn(ObjectId) -> bool, Accuracy);

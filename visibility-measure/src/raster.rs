@@ -14,27 +14,30 @@
 
 use alloc::vec::Vec;
 
+/// In place of a triangle's number: the pixel shows nothing.
+pub const NONE: u32 = u32::MAX;
+
 /// Distance from a pixel's centre, in columns and in rows, within which an edge counts as meeting the centre.
 /// Rounding moves an edge less far, unless coordinates are 10 million times as large as the distance to the
 /// eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is a millionth.
 const EDGE_TIE: f64 = 1e-6;
 
 /// Difference between two depths, relative to them, up to which they count as equal.
-pub(super) const DEPTH_TIE: f64 = 1e-10;
+pub(crate) const DEPTH_TIE: f64 = 1e-10;
 
 /// A corner of a triangle on the screen.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Corner {
+pub(crate) struct Corner {
     /// Columns from the left side of the image; centres are at halves.
-    pub(super) x: f64,
+    pub(crate) x: f64,
     /// Rows from the top of the image.
-    pub(super) y: f64,
+    pub(crate) y: f64,
     /// Linear on the screen, greater for nearer points.
-    pub(super) nearness: f64,
+    pub(crate) nearness: f64,
 }
 
 impl Corner {
-    pub(super) fn is_finite(&self) -> bool {
+    pub(crate) fn is_finite(&self) -> bool {
         self.x.is_finite() && self.y.is_finite() && self.nearness.is_finite()
     }
 
@@ -46,41 +49,41 @@ impl Corner {
 
 /// An item that may be what a pixel shows, though another item has the pixel.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Claim {
+pub(crate) struct Claim {
     /// Index of the pixel, row by row.
-    pub(super) pixel: u32,
-    pub(super) item: u32,
+    pub(crate) pixel: u32,
+    pub(crate) item: u32,
     /// Nearness of the item at the pixel's centre.
     nearness: f64,
 }
 
 /// Per pixel, the nearest item so far and how near it is, in rows from the top.
 #[derive(Clone, Debug)]
-pub(super) struct Image {
-    pub(super) width: usize,
-    pub(super) height: usize,
-    pub(super) items: Vec<u32>,
-    pub(super) nearness: Vec<f64>,
+pub(crate) struct Image {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) items: Vec<u32>,
+    pub(crate) nearness: Vec<f64>,
     /// Pixels covered so far, each as often as a triangle covers it.
-    pub(super) layers: u64,
+    pub(crate) layers: u64,
     /// Claims so far, in no order; some of them beaten by triangles drawn later, until
     /// [`settle_claims`](Self::settle_claims).
-    pub(super) claims: Vec<Claim>,
+    pub(crate) claims: Vec<Claim>,
     /// First item of the object that is being drawn: later items make no claims against it.
-    pub(super) object_start: u32,
+    pub(crate) object_start: u32,
     /// Difference between two values of nearness that counts as none, however small both are: zero for
     /// perspective views.
-    pub(super) least_difference: f64,
+    pub(crate) least_difference: f64,
 }
 
 impl Image {
-    pub(super) fn new(width: usize, height: usize, items: Vec<u32>, nearness: Vec<f64>) -> Self {
+    pub(crate) fn new(width: usize, height: usize, items: Vec<u32>, nearness: Vec<f64>) -> Self {
         let claims = Vec::new();
         Self { width, height, items, nearness, layers: 0, claims, object_start: 0, least_difference: 0.0 }
     }
 
     /// Drops claims that another triangle has beaten since.
-    pub(super) fn settle_claims(&mut self) {
+    pub(crate) fn settle_claims(&mut self) {
         let (nearness, least_difference) = (&self.nearness, self.least_difference);
         let holds =
             |claim: &Claim| claim.nearness >= as_near_as(nearness[claim.pixel as usize], least_difference);
@@ -88,7 +91,7 @@ impl Image {
     }
 
     /// Draws a triangle with finite corners, of any size and position.
-    pub(super) fn fill(&mut self, corners: [Corner; 3], item: u32) {
+    pub(crate) fn fill(&mut self, corners: [Corner; 3], item: u32) {
         let [a, b, c] = corners;
         // Most triangles are small and miss all centres: find that out before anything is divided.
         let left = first_center(a.x.min(b.x).min(c.x) - EDGE_TIE, self.width);
@@ -343,7 +346,7 @@ mod tests {
     fn slivers_are_as_near_as_their_corners() {
         // A few units in the last place wide, so that a centre may be taken for inside that is one width
         // outside, where nearness would be anything.
-        let mut random = crate::measure::tests::Random(2);
+        let mut random = visibility_testing::Random(2);
         let mut drawn = 0;
         for _ in 0..2000 {
             let corners: [Corner; 3] = core::array::from_fn(|_| {

@@ -4,11 +4,15 @@
 //! are divided by `w`, as Blinn and Newell do ("Clipping Using Homogeneous Coordinates", 1978). An edge that
 //! two triangles share is cut in both by the same sums in the same order, from its inner to its outer end,
 //! and stays shared to the last bit.
+//!
+//! The planes of clip space and the meaning of its depth stand here once more, though core has them: an
+//! oracle shares no projection, clipping or raster code with what it judges, or a mistake there would excuse
+//! itself.
 
-use super::raster::{Corner, DEPTH_TIE, Image};
-use crate::{Depth, Plane, View};
-use glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
+use crate::raster::{Corner, DEPTH_TIE, Image};
 use smallvec::SmallVec;
+use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
+use visibility_core::{Depth, Plane, View};
 
 /// How far beyond the sides of the image, in images, triangles are left uncut. The raster loses 1e-16 of the
 /// coordinates, so 16 images cost it nothing, and few triangles are large enough to need the sides cut.
@@ -18,7 +22,7 @@ const GUARD: f64 = 16.0;
 type Polygon = SmallVec<[DVec4; 9]>;
 
 /// How one view maps points onto one image.
-pub(super) struct Lens {
+pub(crate) struct ImageProjection {
     clip_from_local: DMat4,
     /// Signed distances from the near and far planes, as factors of `z` and `w`.
     near: DVec2,
@@ -31,8 +35,8 @@ pub(super) struct Lens {
     clip_planes: SmallVec<[Plane; 1]>,
 }
 
-impl Lens {
-    pub(super) fn new(view: &View, origin: DVec3, image: &Image) -> Self {
+impl ImageProjection {
+    pub(crate) fn new(view: &View, origin: DVec3, image: &Image) -> Self {
         let clip_from_local = view.clip_from(origin);
         let near = match view.depth() {
             Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => DVec2::new(1.0, 1.0),
@@ -61,13 +65,13 @@ impl Lens {
     /// Difference between two values of nearness that counts as none, however small both are. Depth of a
     /// parallel view is spread evenly over -1 to 1, or 0 to 1, so its zero is as good as any other value; `1
     /// / w` of a perspective view is zero only at infinity.
-    pub(super) fn least_difference(&self) -> f64 {
+    pub(crate) fn least_difference(&self) -> f64 {
         if self.parallel { DEPTH_TIE } else { 0.0 }
     }
 
     /// Draws what is in view of a triangle.
     #[inline]
-    pub(super) fn draw(&self, triangle: &[Vec3; 3], item: u32, image: &mut Image) {
+    pub(crate) fn draw(&self, triangle: &[Vec3; 3], item: u32, image: &mut Image) {
         if !self.clip_planes.is_empty() {
             return self.draw_clipped(triangle, item, image);
         }
