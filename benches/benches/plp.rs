@@ -1,15 +1,10 @@
-//! Prioritized-layered projection: cutting a scene into cells, a frame by budget, and the front's operations.
+//! Prioritized-layered projection: cutting a scene into cells, a frame by budget, and cutting crowds of boxes.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-use std::hint::black_box;
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, View, VisibleSet};
-use visibility_plp::{
-    Budget, DelaunayTessellation, Front, OctreeTessellation, PlpCuller, Solidity, Tessellation,
-};
+use visibility_plp::{Budget, DelaunayTessellation, OctreeTessellation, PlpCuller, Solidity, Tessellation};
 
 /// Streets of hollow boxes of many triangles: `side` by `side` of them.
 fn town(side: usize) -> Scene {
@@ -79,60 +74,30 @@ fn frame(criterion: &mut Criterion) {
     group.finish();
 }
 
-fn front(criterion: &mut Criterion) {
-    const CELLS: u32 = 4096;
-    let mut group = criterion.benchmark_group("plp_front");
-    group.throughput(Throughput::Elements(CELLS.into()));
-    // As many cells as a frame reaches, each entered twice, the second time less solid, as when light comes through another face; and one taken
-    // out for every two that are entered, as in a walk.
-    let solidity = |cell: u32, turn: f32| (cell.wrapping_mul(2_654_435_761) >> 8) as f32 * 1e-8 + turn;
-    group.bench_function("decrease_key", |bencher| {
-        let mut front = Front::default();
-        bencher.iter(|| {
-            front.clear();
-            for cell in 0..CELLS {
-                front.push(solidity(cell, 0.5), cell);
-                front.push(solidity(cell / 2, 0.25), cell / 2);
-                if cell % 2 == 0 {
-                    black_box(front.pop());
-                }
-            }
-            while let Some(cell) = front.pop() {
-                black_box(cell);
-            }
-        });
-    });
-    group.bench_function("lazy_deletion", |bencher| {
-        let mut heap = BinaryHeap::new();
-        let mut newest = vec![0u32; CELLS as usize];
-        bencher.iter(|| {
-            let mut ticket = 0;
-            heap.clear();
-            let mut push = |heap: &mut BinaryHeap<_>, newest: &mut [u32], solidity: f32, cell: u32| {
-                ticket += 1;
-                heap.push(Reverse((u64::from(solidity.to_bits()) << 32 | u64::from(ticket), cell)));
-                newest[cell as usize] = ticket;
-            };
-            let pop = |heap: &mut BinaryHeap<Reverse<(u64, u32)>>, newest: &[u32]| loop {
-                let Reverse((key, cell)) = heap.pop()?;
-                if newest[cell as usize] == key as u32 {
-                    return Some(cell);
-                }
-            };
-            for cell in 0..CELLS {
-                push(&mut heap, &mut newest, solidity(cell, 0.5), cell);
-                push(&mut heap, &mut newest, solidity(cell / 2, 0.25), cell / 2);
-                if cell % 2 == 0 {
-                    black_box(pop(&mut heap, &newest));
-                }
-            }
-            while let Some(cell) = pop(&mut heap, &newest) {
-                black_box(cell);
-            }
-        });
-    });
+/// Boxes without triangles that share all their space, or nearly: how building grows with their number.
+fn crowded(criterion: &mut Criterion) {
+    let coincident = |_: f32| Aabb::from_arrays([0.0; 3], [1.0; 3]);
+    let nested = |t: f32| Aabb::from_arrays([-1.0 - t; 3], [1.0 + t; 3]);
+    let coplanar = |t: f32| Aabb::from_arrays([0.0; 3], [1.0 + t, 1.0 + t * 0.5, 0.001]);
+    let kinds: [(&str, &dyn Fn(f32) -> Aabb); 3] =
+        [("coincident", &coincident), ("nested", &nested), ("coplanar", &coplanar)];
+    let mut group = criterion.benchmark_group("plp_crowded");
+    group.sample_size(10);
+    for (kind, make) in kinds {
+        for count in [500, 1000, 2000] {
+            let mut scene = Scene::new();
+            scene.insert_batch((0..count).map(|i| make(i as f32 / count as f32)));
+            group.throughput(Throughput::Elements(count));
+            group.bench_function(BenchmarkId::new(format!("octree_{kind}"), count), |bencher| {
+                bencher.iter(|| OctreeTessellation::new(&scene));
+            });
+            group.bench_function(BenchmarkId::new(format!("delaunay_{kind}"), count), |bencher| {
+                bencher.iter(|| DelaunayTessellation::new(&scene));
+            });
+        }
+    }
     group.finish();
 }
 
-criterion_group!(benches, tessellation, frame, front);
+criterion_group!(benches, tessellation, frame, crowded);
 criterion_main!(benches);

@@ -304,6 +304,7 @@ impl VisibleSet {
         self.prepare(scene);
         let mut order = core::mem::take(&mut self.order);
         order.clear();
+        order.reserve(scene.len());
         order.extend(self.unculled(scene));
         // The masks of the new set, grown from an empty one.
         let tree = scene.tree();
@@ -348,6 +349,7 @@ impl VisibleSet {
         };
         let mut order = core::mem::take(&mut self.order);
         order.clear();
+        order.reserve(scene.len());
         order.extend(self.unculled(scene).filter(&mut take));
         order.extend(ids.iter().copied().filter(|&id| self.contains(scene, id)).filter(&mut take));
         order.extend(self.iter(scene).filter(&mut take));

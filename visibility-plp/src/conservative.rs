@@ -234,6 +234,11 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         if !walk.begin(&stage) {
             return CullStats { visible: visible.count(scene) as u64, ..CullStats::default() };
         }
+        let cells = tessellation.content().cell_count();
+        waiting.clear();
+        waiting.reserve(cells);
+        sorted.clear();
+        sorted.reserve(cells);
         while let Some(cell) = walk.next() {
             if walk.step(&stage, cell) == Projected::Cut {
                 // The rest of it is yet to be looked at.

@@ -1,13 +1,12 @@
 //! What the cells of a tessellation hold: the primitives that meet each, and how much of it they fill.
 
-use crate::compass::Compass;
-use crate::exposure::{Exposure, exposures};
 use crate::facing::Facing;
 use crate::grouped::Grouped;
-use crate::kind::{ANYHOW, Kind, Lean};
 use crate::layers::{Layer, Layers, Sides, push_list};
+use crate::openness::openness_by_index;
+use crate::surface_class::{Lean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
-use visibility_core::{Changes, ObjectId, Scene};
+use visibility_core::{Changes, ObjectId, Scene, SceneCursor, Stamp};
 
 /// The primitives of each cell, and how densely they fill it.
 ///
@@ -15,7 +14,7 @@ use visibility_core::{Changes, ObjectId, Scene};
 /// objects of one triangle each. An object is in every cell that its triangles meet, or that its bounds meet if the scene has no triangles of
 /// it. What is in no cell (it has changed since, or was never placed) is a *stray*, and counts as visible.
 ///
-/// A cell holds its objects by the axis that they face and in layers of like size and exposure: what is large and has nothing close before it is
+/// A cell holds its objects by the axis that they face and in layers of like size and openness: what is large and has nothing close before it is
 /// more likely seen.
 ///
 /// ```
@@ -29,7 +28,7 @@ use visibility_core::{Changes, ObjectId, Scene};
 /// assert_eq!(cells.content().strays(), [id]);
 /// # Ok::<(), visibility_core::SceneError>(())
 /// ```
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Content {
     /// Where the list of each cell begins in `lists`, and where the last one ends.
     pub(crate) starts: Vec<u32>,
@@ -37,14 +36,18 @@ pub struct Content {
     /// For each cell, the share of rays along x, y and z that its content stops, of 255; and whether it holds anything.
     pub(crate) cover: Vec<[u8; 4]>,
     pub(crate) max_count: u32,
+    /// How many sides cells have, all together.
+    pub(crate) side_count: usize,
     /// How long an array by object index is.
     pub(crate) index_limit: u32,
     /// By index, a bit for each object that is in cells and has not changed since.
     pub(crate) held: Vec<u64>,
     pub(crate) facing: Facing,
-    pub(crate) compass: Compass,
     strays: Vec<ObjectId>,
-    revision: u64,
+    /// Up to where the scene's changes are taken in.
+    cursor: SceneCursor,
+    /// Identifies what is in which cell. Strays do not count.
+    stamp: Stamp,
 }
 
 /// Whether a bit is set; false beyond the end.
@@ -53,18 +56,30 @@ pub(crate) fn bit(words: &[u64], index: usize) -> bool {
 }
 
 impl Content {
-    /// From what each cell holds: pairs of a cell and an object's index, in ascending order of the index, and `cover`, for each cell the
-    /// share of rays along each axis that its content stops, of 255. A cell may name only objects that meet its bounds, or a triangle that
-    /// faces the eye may pass for one that turns its back.
+    /// Fills `cover.len()` cells from pairs of a cell and an object's index, in ascending order of the index. Pairs that name
+    /// no cell or no object are left out. `cover` has for each cell the share of rays along x, y and z that its content
+    /// stops, from 0 to 255; the fourth byte is ignored.
     ///
-    /// # Panics
-    /// If a pair names a cell beyond `cover`.
+    /// A cell may hold only objects that meet its bounds. Otherwise a culler may take a triangle that faces the eye for one
+    /// that turns its back.
+    ///
+    /// Cost: O(n log n) in the number of pairs and of the scene's triangles.
     pub fn new(scene: &Scene, pairs: &[(u32, u32)], mut cover: Vec<[u8; 4]>) -> Self {
+        let is_known = |&(cell, object): &(u32, u32)| {
+            (cell as usize) < cover.len() && scene.id_at(object as usize).is_some()
+        };
+        let known: Vec<_>;
+        let pairs = if pairs.iter().all(is_known) {
+            pairs
+        } else {
+            known = pairs.iter().copied().filter(is_known).collect();
+            &known
+        };
         let Grouped { mut starts, mut items } = Grouped::new(cover.len(), pairs);
         let max_count = starts.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0);
-        let exposures = exposures(scene);
-        let (kinds, compass) = (kinds_of(scene, &exposures), Compass::new());
+        let classes = classes_of(scene);
         let mut lists = Vec::new();
+        let mut side_count = 0;
         let mut held = alloc::vec![0u64; scene.index_limit().div_ceil(64)];
         for cell in 0..cover.len() {
             let list = &mut items[starts[cell] as usize..starts[cell + 1] as usize];
@@ -72,7 +87,7 @@ impl Content {
             for &mut object in &mut *list {
                 held[object as usize / 64] |= 1 << (object % 64);
             }
-            push_list(&mut lists, list, &kinds, &exposures, &compass);
+            side_count += push_list(&mut lists, list, &classes);
             cover[cell][3] = u8::from(!list.is_empty());
         }
         starts[cover.len()] = lists.len() as u32;
@@ -83,12 +98,13 @@ impl Content {
             lists,
             cover,
             max_count,
+            side_count,
             index_limit,
             held,
             facing: Facing::new(scene),
-            compass,
             strays: Vec::new(),
-            revision: scene.revision(),
+            cursor: SceneCursor::at(scene),
+            stamp: Stamp::new(),
         };
         content.find_strays(scene);
         content
@@ -103,10 +119,19 @@ impl Content {
         held: Vec<u64>,
     ) -> Result<Self, &'static str> {
         let index_limit = scene.index_limit() as u32;
-        let (facing, compass) = (Facing::new(scene), Compass::new());
-        let (strays, revision) = (Vec::new(), scene.revision());
-        let mut content =
-            Self { starts, lists, cover, max_count: 0, index_limit, held, facing, compass, strays, revision };
+        let mut content = Self {
+            starts,
+            lists,
+            cover,
+            max_count: 0,
+            side_count: 0,
+            index_limit,
+            held,
+            facing: Facing::new(scene),
+            strays: Vec::new(),
+            cursor: SceneCursor::at(scene),
+            stamp: Stamp::new(),
+        };
         let cells = content.cover.len();
         let starts = &content.starts;
         let ascending = starts.windows(2).all(|pair| pair[0] <= pair[1]);
@@ -117,11 +142,12 @@ impl Content {
         if content.held.len() != scene.index_limit().div_ceil(64) {
             return Err("the marks of objects are of another number of objects");
         }
-        let mut objects = Vec::new();
+        let (mut objects, mut side_count) = (Vec::new(), 0);
         for cell in 0..cells as u32 {
             objects.clear();
             let mut sides = content.sides(cell);
             for mut layers in sides.by_ref() {
+                side_count += 1;
                 for layer in layers.by_ref() {
                     let before = objects.len();
                     objects.extend(layer);
@@ -144,6 +170,7 @@ impl Content {
             }
             content.max_count = content.max_count.max(objects.len() as u32);
         }
+        content.side_count = side_count;
         content.find_strays(scene);
         Ok(content)
     }
@@ -222,9 +249,14 @@ impl Content {
         self.index_limit as usize
     }
 
+    /// Identifies what is in which cell: equal stamps, equal cells. A clone has the stamp of its original.
+    pub fn stamp(&self) -> Stamp {
+        self.stamp
+    }
+
     /// What has changed in the scene since the cells were last told.
     pub(crate) fn changes<'a>(&self, scene: &'a Scene) -> Changes<'a> {
-        scene.changes_since(self.revision)
+        self.cursor.peek(scene)
     }
 
     /// Takes in what has changed: changed objects become strays. False if that is everything, or more than an eighth of all objects, and the
@@ -240,7 +272,7 @@ impl Content {
         self.strays.retain(|&id| scene.contains(id));
         self.strays.sort_unstable();
         self.strays.dedup();
-        self.revision = scene.revision();
+        self.cursor = SceneCursor::at(scene);
         self.strays.len() <= scene.len() / 8
     }
 
@@ -262,7 +294,6 @@ impl Content {
             + size_of_val(&self.cover[..])
             + size_of_val(&self.held[..])
             + self.facing.memory()
-            + self.compass.memory()
             + size_of_val(&self.strays[..])
     }
 }
@@ -298,13 +329,14 @@ impl Iterator for Primitives<'_> {
     }
 }
 
-/// The kind of each object by index, and how far it leans.
-fn kinds_of(scene: &Scene, exposures: &[Exposure]) -> Vec<(Kind, Lean)> {
-    let mut kinds = alloc::vec![(Kind::default(), ANYHOW); scene.index_limit()];
+/// Class and lean of every object, by index.
+fn classes_of(scene: &Scene) -> Vec<(SurfaceClass, Lean)> {
+    let openness = openness_by_index(scene);
+    let mut classes = alloc::vec![(SurfaceClass::default(), UNKNOWN_LEAN); scene.index_limit()];
     for id in scene.ids() {
-        kinds[id.index()] = Kind::of_object(scene, id, exposures[id.index()].mean);
+        classes[id.index()] = SurfaceClass::of_object(scene, id, openness[id.index()]);
     }
-    kinds
+    classes
 }
 
 #[cfg(test)]

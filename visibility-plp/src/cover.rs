@@ -28,6 +28,10 @@ impl Cover {
     }
 }
 
+/// Depth of a corner, in half sizes of the box, from which a triangle is surely not between the box's sides. More than 1 by
+/// far more than the rounding of a depth that is interpolated between corners.
+const BEYOND: f64 = 1.0 + 1e-6;
+
 /// Eight by eight rays along each axis through a box, of which a triangle stops those whose bits are set: those that meet it at a point
 /// that `inside` accepts.
 pub(crate) fn stopped_rays(
@@ -44,6 +48,11 @@ pub(crate) fn stopped_rays(
 fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bool) -> u64 {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let [a, b, c] = corners.map(|p| [p[u], p[v], p[axis]]);
+    // Beyond the near or the far side of the box.
+    let depths = [a[2], b[2], c[2]];
+    if depths.iter().all(|&depth| depth < -BEYOND) || depths.iter().all(|&depth| depth > BEYOND) {
+        return 0;
+    }
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     if area.is_nan() || area.abs() <= 1e-9 {
         return 0;

@@ -1,15 +1,13 @@
-//! How the list of a cell is kept: in layers of objects that face alike, are of like size and of like exposure, as differences between ascending
-//! indices, mostly of one byte each.
+//! Objects of a cell, bucketed by facing direction, size and openness, so that a budget takes the best buckets first.
 //!
-//! A list is the least index in it, and then for each side that objects face: the side and how far their normals lean from it, how many bytes
-//! follow of it, and in these its layers, that of which most is to be seen first. Of a layer: its areas, its exposure, on the whole and in half
-//! a byte for each line of the [compass](crate::compass), how many bytes follow, and in these the first index as a difference from the least in
-//! the list, and the others as differences each from the one before. Numbers are in seven bits a byte.
+//! The list of a cell is a byte string. First the least object index in the cell. Then one block for each axis side that
+//! objects face: a byte of side and lean, the number of bytes that follow in the block, and its layers, best first. A
+//! layer is one byte of area class, one byte of openness class, the number of bytes that follow in it, and the objects in
+//! ascending order: the first as a difference from the least index in the cell, each other one as a difference from the
+//! one before. Numbers take seven bits a byte, the lowest bits first.
 
-use crate::compass::{Compass, LINES, Nearest};
-use crate::exposure::Exposure;
 use crate::facing::Toward;
-use crate::kind::{ANYHOW, ANYWHERE, Kind, LEANS, Lean, below_open, open_less};
+use crate::surface_class::{ANY_SIDE, LEAN_STEPS, Lean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
 
 /// Fewer objects than this are no layer of their own, which costs about as much as to look at so many. Smaller layers find more at small
@@ -19,83 +17,51 @@ const FEW: usize = 12;
 /// Fewer objects than this that face one side are put with those that face others.
 const FEW_ON_SIDE: usize = 8;
 
-/// What is free before some objects of one side along each line, two lines a byte; where that is not known, as along lines near to it.
-fn exposures_along(
-    objects: &[u32],
-    side: u8,
-    mean: Kind,
-    exposures: &[Exposure],
-    compass: &Compass,
-) -> [u8; LINES / 2] {
-    let mut known = [None; LINES];
-    for (line, known) in known.iter_mut().enumerate() {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for &object in objects {
-            if let Some((free, forth)) =
-                exposures.get(object as usize).and_then(|exposure| exposure.along(line))
-                && compass.is_before(side, line, forth)
-            {
-                (sum, count) = (sum + free, count + 1.0);
-            }
-        }
-        *known = (count > 0.0).then(|| sum / count);
-    }
-    let mut bytes = [0; LINES / 2];
-    for line in 0..LINES {
-        let free = known[line].or_else(|| compass.guess(side, line, &known)).unwrap_or(mean.exposure());
-        bytes[line / 2] |= below_open(free).min(15) << (line % 2 * 4);
-    }
-    bytes
-}
-
-/// Adds the list of a cell. Kinds with leaning, and exposures, are by index of the object.
-pub(crate) fn push_list(
-    bytes: &mut Vec<u8>,
-    objects: &mut [u32],
-    kinds: &[(Kind, Lean)],
-    exposures: &[Exposure],
-    compass: &Compass,
-) {
-    let Some(&least) = objects.iter().min() else { return };
-    let known = |object: u32| kinds.get(object as usize).copied().unwrap_or((Kind::default(), ANYHOW));
-    let kind = |object: u32| known(object).0;
+/// Adds the list of a cell to `bytes`. `classes` is indexed by object index; an object beyond its end has the default
+/// class. Sorts `objects`. Returns the number of sides. Adds nothing for a cell without objects.
+pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], classes: &[(SurfaceClass, Lean)]) -> usize {
+    let Some(&least) = objects.iter().min() else { return 0 };
+    let known = |object: u32| {
+        classes.get(object as usize).copied().unwrap_or((SurfaceClass::default(), UNKNOWN_LEAN))
+    };
+    let class = |object: u32| known(object).0;
     push_number(bytes, least);
     // Sides of few objects are no sides of their own.
     let mut counts = [0usize; 256];
     for &object in &*objects {
-        counts[usize::from(kind(object).facing)] += 1;
+        counts[usize::from(class(object).side)] += 1;
     }
     let side = |object: u32| {
-        let facing = kind(object).facing;
-        if counts[usize::from(facing)] < FEW_ON_SIDE { ANYWHERE } else { facing }
+        let facing = class(object).side;
+        if counts[usize::from(facing)] < FEW_ON_SIDE { ANY_SIDE } else { facing }
     };
-    objects.sort_unstable_by_key(|&object| (side(object), u32::MAX - kind(object).rank(), object));
-    let (mut of_side, mut of_layer) = (Vec::new(), Vec::new());
+    objects.sort_unstable_by_key(|&object| (side(object), u32::MAX - class(object).rank(), object));
+    let (mut of_side, mut of_layer, mut side_count) = (Vec::new(), Vec::new(), 0);
     for mut rest in objects.chunk_by_mut(|&a, &b| side(a) == side(b)) {
         let facing = side(rest[0]);
         let lean = rest.iter().map(|&object| known(object).1).max();
-        bytes.push(facing | if facing < ANYWHERE { lean.unwrap_or(ANYHOW) } else { ANYHOW } << 4);
+        bytes.push(facing | if facing < ANY_SIDE { lean.unwrap_or(UNKNOWN_LEAN) } else { UNKNOWN_LEAN } << 4);
         of_side.clear();
+        side_count += 1;
         while !rest.is_empty() {
-            let (layer, others) = rest.split_at_mut(layer_length(rest, |object| kind(object).rank()));
+            let (layer, others) = rest.split_at_mut(layer_length(rest, |object| class(object).rank()));
             rest = others;
             of_layer.clear();
-            let mean = Kind::mean(layer.iter().map(|&object| kind(object)));
-            let along = exposures_along(layer, facing, mean, exposures, compass);
+            let mean = SurfaceClass::mean(layer.iter().map(|&object| class(object)));
             layer.sort_unstable();
             let mut last = least;
             for &mut object in layer {
                 push_number(&mut of_layer, object - last);
                 last = object;
             }
-            of_side.extend_from_slice(&[mean.area, mean.exposure]);
-            of_side.extend_from_slice(&along);
+            of_side.extend_from_slice(&[mean.area, mean.openness]);
             push_number(&mut of_side, of_layer.len() as u32);
             of_side.extend_from_slice(&of_layer);
         }
         push_number(bytes, of_side.len() as u32);
         bytes.extend_from_slice(&of_side);
     }
+    side_count
 }
 
 /// Ranks that differ by less than this go together.
@@ -144,9 +110,7 @@ fn take_number(bytes: &mut &[u8]) -> Option<u32> {
 /// One layer of a cell, or what is left of it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layer<'a> {
-    pub(crate) kind: Kind,
-    /// What is free before it by line, two lines a byte.
-    along: [u8; LINES / 2],
+    pub(crate) class: SurfaceClass,
     last: u32,
     /// The numbers of its objects.
     bytes: &'a [u8],
@@ -157,15 +121,6 @@ impl Layer<'_> {
     #[inline]
     pub(crate) fn most(&self) -> usize {
         self.bytes.len()
-    }
-
-    /// What is free before it, from 0 to 1, towards where some lines lead, or on the whole.
-    #[inline]
-    pub(crate) fn exposure(&self, compass: &Compass, towards: Option<&Nearest>) -> f32 {
-        let along = |line: usize| open_less(self.along[line / 2] >> (line % 2 * 4) & 15);
-        towards.map_or(self.kind.exposure(), |near| {
-            compass.mean(near, self.kind.facing, along, self.kind.exposure())
-        })
     }
 }
 
@@ -193,9 +148,9 @@ impl<'a> Layers<'a> {
     /// Whether all of it turns its back to the eye, surely.
     #[inline]
     pub(crate) fn is_back(&self, toward: &Toward) -> bool {
-        self.facing < ANYWHERE
-            && self.lean < ANYHOW
-            && toward.is_behind(self.facing, f32::from(self.lean) / LEANS)
+        self.facing < ANY_SIDE
+            && self.lean < UNKNOWN_LEAN
+            && toward.is_behind(self.facing, f32::from(self.lean) / LEAN_STEPS)
     }
 
     /// How many bytes are left.
@@ -210,12 +165,11 @@ impl<'a> Iterator for Layers<'a> {
 
     #[inline]
     fn next(&mut self) -> Option<Layer<'a>> {
-        let (&[area, exposure], bytes) = self.bytes.split_first_chunk()?;
-        let (&along, mut bytes) = bytes.split_first_chunk()?;
+        let (&[area, openness], mut bytes) = self.bytes.split_first_chunk()?;
         let length = take_number(&mut bytes)?;
         let (bytes, rest) = bytes.split_at_checked(length as usize)?;
         self.bytes = rest;
-        Some(Layer { kind: Kind { area, facing: self.facing, exposure }, along, last: self.least, bytes })
+        Some(Layer { class: SurfaceClass { area, side: self.facing, openness }, last: self.least, bytes })
     }
 }
 
@@ -246,7 +200,7 @@ impl<'a> Sides<'a> {
     pub(crate) fn layers(&self, facing: u8, from: usize, to: usize) -> Layers<'a> {
         let place = |left: usize| self.bytes.len().saturating_sub(left);
         let bytes = self.bytes.get(place(from)..place(to)).unwrap_or(&[]);
-        Layers { facing, lean: ANYHOW, least: self.least, bytes }
+        Layers { facing, lean: UNKNOWN_LEAN, least: self.least, bytes }
     }
 }
 

@@ -11,25 +11,24 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
-mod compass;
 mod conservative;
 mod content;
 mod cover;
 mod culler;
 mod delaunay;
-mod exposure;
 mod facing;
 mod front;
 mod grid;
 mod grouped;
-mod kind;
 mod layers;
 mod octree;
+mod openness;
 mod overlap;
 mod parts;
 mod sight;
 mod solidity;
 mod stored;
+mod surface_class;
 mod tessellation;
 mod walk;
 #[cfg(test)]
@@ -39,7 +38,6 @@ pub use conservative::{ConservativePlpCuller, Report};
 pub use content::{Content, Primitives};
 pub use culler::PlpCuller;
 pub use delaunay::DelaunayTessellation;
-pub use front::Front;
 pub use octree::{Fineness, OctreeTessellation};
 pub use solidity::Solidity;
 pub use tessellation::{Face, Tessellation};

@@ -72,6 +72,17 @@ impl Part {
         }
     }
 
+    /// Whether a cube lies inside of a solid, clear of its surface by far more than rounding. False for triangles.
+    pub(crate) fn has_inside(&self, center: DVec3, half: f64) -> bool {
+        match self {
+            Self::Triangle(_) => false,
+            Self::Solid(min, max) => {
+                let reach = DVec3::splat(half * (1.0 + 1e-6)) + center.abs() * 1e-12;
+                min.cmplt(center - reach).all() && max.cmpgt(center + reach).all()
+            }
+        }
+    }
+
     /// Whether it meets a cube. True where rounding could tell otherwise.
     pub(crate) fn meets_box(&self, center: DVec3, half: f64) -> bool {
         match self {

@@ -15,7 +15,7 @@ use visibility_core::Scene;
 use visibility_core::envelope::{EnvelopeError, Fingerprint, Format, Reader, Writer};
 use visibility_core::glam::DVec3;
 
-const FORMAT: Format = Format { magic: *b"plpcells", version: 4 };
+const FORMAT: Format = Format { magic: *b"plpcells", version: 5 };
 
 /// A hash of all that cells depend on: objects, their bounds and triangles.
 fn fingerprint(scene: &Scene) -> u64 {

@@ -7,7 +7,9 @@ use common::{Random, rooms, triangles, views};
 use visibility_core::envelope::EnvelopeError;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Object, Scene, VisibleSet};
-use visibility_plp::{Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Tessellation};
+use visibility_plp::{
+    Budget, Content, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Tessellation,
+};
 
 const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
 
@@ -121,6 +123,34 @@ fn strange_scenes_are_cut_too() {
     assert!(cells.content().holds(odd) && !cells.content().holds(nan));
 }
 
+/// However many boxes coincide, cells are as few as for one of each place: cutting would not part them.
+#[test]
+fn coincident_boxes_make_no_more_cells() {
+    let of = |count: usize| {
+        let mut scene = Scene::new();
+        scene.insert_batch((0..count).map(|_| Aabb::from_arrays([0.0; 3], [1.0; 3])));
+        let (octree, delaunay) = (OctreeTessellation::new(&scene), DelaunayTessellation::new(&scene));
+        [octree.content(), delaunay.content()].map(|cells| (cells.cell_count(), cells.reference_count()))
+    };
+    for count in [1000, 5000] {
+        let [octree, delaunay] = of(count);
+        assert_eq!(octree, (8, 8 * count as u64), "{count} boxes");
+        assert!(delaunay.0 < 100 && delaunay.1 <= 100 * count as u64, "{count} boxes: {delaunay:?}");
+    }
+}
+
+#[test]
+fn pairs_of_unknown_cells_or_objects_are_left_out() {
+    let mut scene = Scene::new();
+    let gone = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    scene.remove(gone).unwrap();
+    let object = id.index() as u32;
+    let pairs = [(0, gone.index() as u32), (0, object), (7, object), (1, 99), (u32::MAX, u32::MAX)];
+    let content = Content::new(&scene, &pairs, vec![[0; 4]; 2]);
+    assert_eq!((content.primitives(0).collect::<Vec<_>>(), content.reference_count()), (vec![object], 1));
+}
+
 #[test]
 fn changed_objects_are_strays() {
     let (mut scene, walls, _) = rooms(12);
@@ -152,7 +182,7 @@ fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<Envelop
     assert!(matches!(load(&longer, scene), Some(EnvelopeError::Length { .. })));
     let mut newer = bytes.to_vec();
     newer[8] = 9;
-    assert_eq!(load(&newer, scene), Some(EnvelopeError::Version { found: 9, expected: 4 }));
+    assert_eq!(load(&newer, scene), Some(EnvelopeError::Version { found: 9, expected: 5 }));
     assert_eq!(load(b"something else", scene), Some(EnvelopeError::Magic { expected: *b"plpcells" }));
     let mut other = scene.clone();
     let id = other.ids().next().unwrap();

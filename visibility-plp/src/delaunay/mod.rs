@@ -30,7 +30,9 @@ pub(crate) const SIDE: i32 = STEPS as i32 * FINER;
 /// A tessellation into tetrahedra.
 ///
 /// # Cost
-/// Ten microseconds a triangle to build; about 60 bytes a cell, 1.2 for each cell that a primitive is in, and up to three a triangle.
+/// To build: some ten microseconds for each reference, that is, for each pair of an object and a cell that it meets;
+/// references grow as those of the [octree](crate::OctreeTessellation). Memory: about 60 bytes a cell, 1.2 a reference, and
+/// up to three a triangle.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, Scene};

@@ -3,17 +3,17 @@
 mod projection;
 mod sides;
 
-use crate::compass::{Compass, Nearest};
 use crate::content::bit;
 use crate::facing::{Side, Toward};
+use crate::front::Front;
 use crate::sight::{Place, Sight};
 use crate::solidity::{From, chance, count_solidity, nearness, share, stopped};
-use crate::{Face, Front, Solidity, Tessellation};
+use crate::{Face, Solidity, Tessellation};
 use alloc::vec::Vec;
-use projection::{BATCH, Sifted};
+use projection::{BATCH, FEW, Sifted};
 use sides::{ALL, Rest};
 use visibility_core::glam::Vec3;
-use visibility_core::{Aabb, Changes, Eye, ObjectId, Scene, Triangle, VisibleSet};
+use visibility_core::{Aabb, Changes, Eye, ObjectId, Scene, Stamp, Triangle, VisibleSet};
 
 /// How much may be projected in a frame.
 ///
@@ -69,12 +69,6 @@ impl Cell {
     fn is_around(&self) -> bool {
         self.nearness * self.area > 0.45
     }
-
-    /// Which lines lead to the eye.
-    #[inline]
-    fn towards<'a>(&self, compass: &'a Compass) -> Option<&'a Nearest> {
-        (!self.is_around()).then(|| compass.near(-self.direction))
-    }
 }
 
 /// What is asked of the objects that are projected.
@@ -112,8 +106,10 @@ pub(crate) enum Projected {
 }
 
 /// The memory of a walk, kept from frame to frame.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Walk {
+    /// Content that the buffers are large enough for, whatever the view.
+    reserved_for: Stamp,
     /// What the frame knows of those cells that it has come to; of others, nothing.
     cells: Vec<Cell>,
     /// By cell, a bit for those that the frame has come to: memory is slow, and these few bits are near.
@@ -154,11 +150,61 @@ fn clear(words: &mut [u64], index: u32) {
     words[index as usize / 64] &= !(1 << (index % 64));
 }
 
+impl Default for Walk {
+    fn default() -> Self {
+        Self {
+            reserved_for: Stamp::NONE,
+            cells: Vec::new(),
+            known: Vec::new(),
+            closed: Vec::new(),
+            front: Front::default(),
+            taken: Vec::new(),
+            order: Vec::new(),
+            left: 0,
+            reached: 0,
+            projected: 0,
+            faces: Vec::new(),
+            sides: Vec::new(),
+            sifted: Vec::new(),
+            waiting: 0,
+            planes: Vec::new(),
+            seen: Vec::new(),
+            asked: Vec::new(),
+        }
+    }
+}
+
+/// Makes room for `count` items in all.
+fn make_room<T>(items: &mut Vec<T>, count: usize) {
+    items.reserve(count.saturating_sub(items.len()));
+}
+
 impl Walk {
+    /// Makes room in all buffers for the greatest frame that a tessellation allows, so that later frames allocate nothing.
+    /// Once for each content.
+    fn reserve<T: Tessellation + ?Sized>(&mut self, tessellation: &T) {
+        let content = tessellation.content();
+        if self.reserved_for == content.stamp() {
+            return;
+        }
+        let cells = content.cell_count() as u32;
+        self.front.reserve(cells as usize);
+        make_room(&mut self.sides, content.side_count);
+        let mut most_faces = 0;
+        for cell in 0..cells {
+            let mut count = 0;
+            tessellation.for_each_face(cell, &|_| true, &mut |_| count += 1);
+            most_faces = most_faces.max(count);
+        }
+        make_room(&mut self.faces, most_faces);
+        self.reserved_for = content.stamp();
+    }
+
     /// Begins a frame: strays are projected, and the cells put into the front from which the walk begins. False if the tessellation is of another
     /// scene, or of one of which too much has changed to tell what is where.
     pub(crate) fn begin<T: Tessellation + ?Sized>(&mut self, stage: &Stage<'_, T>) -> bool {
         let content = stage.tessellation.content();
+        self.reserve(stage.tessellation);
         self.cells.resize(content.cell_count(), Cell::UNKNOWN);
         for bits in [&mut self.known, &mut self.closed] {
             bits.clear();
@@ -169,6 +215,10 @@ impl Walk {
         self.order.clear();
         self.sifted.clear();
         self.sifted.resize(content.max_count() as usize + BATCH, Sifted::NONE);
+        let at_once = self.sifted.len();
+        make_room(&mut self.seen, at_once);
+        make_room(&mut self.asked, at_once * FEW);
+        make_room(&mut self.order, stage.scene.len());
         self.waiting = 0;
         if stage.rules.one_sided {
             content.facing.planes(stage.sight.eye, &stage.tessellation.bounds(), &mut self.planes);

@@ -21,7 +21,7 @@ impl Sifted {
 pub(super) const BATCH: usize = 256;
 
 /// More triangles than this are not looked at to find that an object turns its back or lies outside the view.
-const FEW: usize = 4;
+pub(super) const FEW: usize = 4;
 
 impl Walk {
     /// What an object takes of the budget.
@@ -135,8 +135,7 @@ impl Walk {
         if count > self.may_wait(stage, unlimited) && self.settle(stage, unlimited) == Projected::Cut {
             return Projected::Cut;
         }
-        let towards = self.cells[cell as usize].towards(&content.compass);
-        if !self.sides[side as usize].look(layers, &content.compass, towards) {
+        if !self.sides[side as usize].look(layers) {
             let known = &mut self.cells[cell as usize];
             known.to -= 1;
             self.sides.swap(side as usize, known.to as usize);

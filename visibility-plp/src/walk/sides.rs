@@ -2,10 +2,9 @@
 
 use super::{Stage, Walk};
 use crate::Tessellation;
-use crate::compass::{Compass, Nearest};
-use crate::kind::ANYWHERE;
 use crate::layers::{Layer, Layers};
 use crate::solidity::{shown, worth};
+use crate::surface_class::ANY_SIDE;
 use visibility_core::Aabb;
 
 /// What is not projected yet of one side of a cell.
@@ -30,17 +29,10 @@ pub(super) const ALL: u32 = u32::MAX;
 impl Rest {
     /// Goes on with these layers. False if there is none.
     #[inline]
-    pub(super) fn look(
-        &mut self,
-        mut layers: Layers<'_>,
-        compass: &Compass,
-        towards: Option<&Nearest>,
-    ) -> bool {
+    pub(super) fn look(&mut self, mut layers: Layers<'_>) -> bool {
         self.from = self.to + layers.len() as u32;
         let next = layers.next();
-        let worth = |layer: Layer<'_>| {
-            worth(layer.kind.area() * self.nearness) * (layer.exposure(compass, towards) + LEAST)
-        };
+        let worth = |Layer { class, .. }| worth(class.area() * self.nearness) * (class.openness() + LEAST);
         self.worth = next.clone().map_or(0.0, worth);
         next.is_some()
     }
@@ -65,19 +57,17 @@ impl Walk {
         known.from = self.sides.len() as u32;
         let shown = shown(known.direction, known.is_around(), stage.rules.one_sided);
         let content = stage.tessellation.content();
-        let compass = &content.compass;
-        let towards = known.towards(compass);
         let toward = stage.toward(bounds);
         let mut sides = content.sides(cell);
         while let Some(layers) = sides.next() {
             if toward.as_ref().is_some_and(|toward| layers.is_back(toward)) {
                 continue;
             }
-            let nearness = known.nearness * shown[usize::from(layers.facing.min(ANYWHERE))];
+            let nearness = known.nearness * shown[usize::from(layers.facing.min(ANY_SIDE))];
             let (facing, to) = (layers.facing, sides.len());
             let from = to + layers.len();
             let mut rest = Rest { worth: 0.0, nearness, from: from as u32, to: to as u32, facing };
-            if rest.look(layers, compass, towards) {
+            if rest.look(layers) {
                 self.sides.push(rest);
             }
         }

@@ -1,66 +1,62 @@
-//! What single objects are like that counts for when they are seen: how large they are, which side they face, and how exposed they are; in
-//! classes, so that like ones go together.
+//! Classes of objects by area, facing direction and openness, coarse enough that like objects share a layer.
 
 use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, Scene};
 
-/// What the objects of a layer are like.
+/// Class of an object, or mean class of a layer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(crate) struct Kind {
-    /// The class of their areas: each holds areas up to four times its least. Greater areas have greater classes; NaN the greatest.
+pub(crate) struct SurfaceClass {
+    /// Class of the surface area in square metres: one class holds areas from its least up to four times that. Greater
+    /// areas have greater classes, NaN the greatest.
     pub(crate) area: u8,
-    /// Along which axis of the scene they face most, twice, and one more if downwards; or [`ANYWHERE`].
-    pub(crate) facing: u8,
-    /// How exposed they are: two steps are twice as much, and [`OPEN`] is 1.
-    pub(crate) exposure: u8,
+    /// Axis side that the surface faces most: twice the axis (0, 1, 2), plus one towards negative coordinates; or
+    /// [`ANY_SIDE`].
+    pub(crate) side: u8,
+    /// Openness in half octaves: [`FULLY_OPEN`] is 1, two less is half as open. At least 0.
+    pub(crate) openness: u8,
 }
 
-/// How far normals lean from the axis that they face: no component along another axis is greater than this many [`LEANS`]ths of that along it;
-/// or [`ANYHOW`].
+/// Upper bound on how far the normals of a side lean from its axis: no component across the axis is greater than
+/// this many [`LEAN_STEPS`]ths of the component along it. [`UNKNOWN_LEAN`] bounds nothing.
 pub(crate) type Lean = u8;
 
-/// Steps of leaning as far as any that face a side.
-pub(crate) const LEANS: f32 = 14.0;
+/// Lean of a normal at 45 degrees to its axis, the most that a normal leans from the axis that it faces most.
+pub(crate) const LEAN_STEPS: f32 = 14.0;
 
-/// Leaning who knows how.
-pub(crate) const ANYHOW: Lean = 15;
+/// Lean of normals that are not known.
+pub(crate) const UNKNOWN_LEAN: Lean = 15;
 
-/// Sides that can be faced.
+/// Number of axis sides.
 pub(crate) const SIDES: usize = 6;
 
-/// Facing no side above all.
-pub(crate) const ANYWHERE: u8 = SIDES as u8;
+/// Side of objects without a single normal.
+pub(crate) const ANY_SIDE: u8 = SIDES as u8;
 
-/// The greatest exposure.
-const OPEN: u8 = 31;
+/// Greatest openness class.
+const FULLY_OPEN: u8 = 31;
 
-/// The class of an area.
+/// Area class of an area in square metres. Negative areas have class 0.
 fn class_of(area: f32) -> u8 {
     // The sign bit is clear, and the exponent without its lowest bit is left.
     if area.is_nan() { 0x7f } else { (area.max(0.0).to_bits() >> 24) as u8 }
 }
 
-/// An area in the middle of a class.
+/// Area in square metres in the middle of an area class, on a logarithmic scale.
 fn area_of(class: u8) -> f32 {
     f32::from_bits(u32::from(class) << 24 | 1 << 23)
 }
 
-/// How many half octaves an exposure is below 1: by the exponent, and the highest bit of the fraction.
-pub(crate) fn below_open(exposure: f32) -> u8 {
-    let below = (1.0f32.to_bits() >> 22).saturating_sub(exposure.clamp(0.0, 1.0).to_bits() >> 22);
+/// Half octaves between 1 and an openness, rounded up: by the exponent, and the highest bit of the fraction. Openness
+/// is clamped to 0 to 1; NaN counts as 1.
+fn halves_below_one(openness: f32) -> u8 {
+    let below = (1.0f32.to_bits() >> 22).saturating_sub(openness.clamp(0.0, 1.0).to_bits() >> 22);
     below.min(u8::MAX.into()) as u8
 }
 
-/// The exposure so many half octaves below 1.
-#[inline]
-pub(crate) fn open_less(halves: u8) -> f32 {
-    f32::from_bits(((1.0f32.to_bits() >> 22) - u32::from(halves)) << 22)
-}
-
-impl Kind {
-    /// The kind of an object by itself, from its exposure, 0 to 1: by the area of its triangles, or of its box if it has none. And how far it
-    /// leans.
-    pub(crate) fn of_object(scene: &Scene, id: ObjectId, exposure: f32) -> (Self, Lean) {
+impl SurfaceClass {
+    /// Class of one object with the given openness, 0 to 1, and the lean of its normal. The area is that of the
+    /// object's triangles, or of its bounds' faces if it has none. Only objects of one triangle face a side.
+    pub(crate) fn of_object(scene: &Scene, id: ObjectId, openness: f32) -> (Self, Lean) {
         let triangles = scene.triangles(id).unwrap_or(&[]);
         // In single precision, squares of areas come to an end before coordinates do.
         let mut area = 0.0;
@@ -74,56 +70,59 @@ impl Kind {
             let size = bounds.max - bounds.min;
             area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
         }
-        let (facing, lean) = match triangles {
-            [[a, b, c]] => facing(b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3()),
-            _ => (ANYWHERE, ANYHOW),
+        let (side, lean) = match triangles {
+            [[a, b, c]] => side_of(b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3()),
+            _ => (ANY_SIDE, UNKNOWN_LEAN),
         };
-        (Self { area: class_of(area), facing, exposure: OPEN - below_open(exposure).min(OPEN) }, lean)
+        let openness = FULLY_OPEN - halves_below_one(openness).min(FULLY_OPEN);
+        (Self { area: class_of(area), side, openness }, lean)
     }
 
-    /// An area in the middle of its class.
+    /// Area in square metres in the middle of the area class.
     #[inline]
     pub(crate) fn area(self) -> f32 {
         area_of(self.area)
     }
 
-    /// An exposure in its class.
+    /// Least openness of the openness class, greater than 0 and at most 1.
     #[inline]
-    pub(crate) fn exposure(self) -> f32 {
-        open_less(OPEN - self.exposure.min(OPEN))
+    pub(crate) fn openness(self) -> f32 {
+        let halves = u32::from(FULLY_OPEN - self.openness.min(FULLY_OPEN));
+        f32::from_bits(((1.0f32.to_bits() >> 22) - halves) << 22)
     }
 
-    /// How much there is of it to be seen, in half octaves.
+    /// Area times openness on a logarithmic scale, in half octaves.
     pub(crate) fn rank(self) -> u32 {
-        u32::from(self.area) * 4 + u32::from(self.exposure)
+        u32::from(self.area) * 4 + u32::from(self.openness)
     }
 
-    /// One kind for many.
-    pub(crate) fn mean(kinds: impl Iterator<Item = Self> + Clone) -> Self {
-        let count = kinds.clone().count().max(1);
-        let area: f32 = kinds.clone().map(Self::area).sum();
-        let exposure: usize = kinds.clone().map(|kind| usize::from(kind.exposure)).sum();
-        let first = kinds.clone().next().map_or(ANYWHERE, |kind| kind.facing);
-        let facing = if kinds.clone().all(|kind| kind.facing == first) { first } else { ANYWHERE };
-        Self { area: class_of(area / count as f32), facing, exposure: (exposure / count) as u8 }
+    /// Class of many objects together: mean area, mean openness class, and the side if all have the same one.
+    pub(crate) fn mean(classes: impl Iterator<Item = Self> + Clone) -> Self {
+        let count = classes.clone().count().max(1);
+        let area: f32 = classes.clone().map(Self::area).sum();
+        let openness: usize = classes.clone().map(|class| usize::from(class.openness)).sum();
+        let first = classes.clone().next().map_or(ANY_SIDE, |class| class.side);
+        let side = if classes.clone().all(|class| class.side == first) { first } else { ANY_SIDE };
+        Self { area: class_of(area / count as f32), side, openness: (openness / count) as u8 }
     }
 }
 
-/// The side that a triangle faces most, from two of its edges, and how far its normal leans from it.
-fn facing(u: DVec3, v: DVec3) -> (u8, Lean) {
+/// Axis side that a triangle faces most, from two of its edges in anticlockwise order, and the lean of its normal.
+/// [`ANY_SIDE`] for a triangle without a normal.
+fn side_of(u: DVec3, v: DVec3) -> (u8, Lean) {
     let normal = u.cross(v);
     let size = normal.abs();
     let axis = size.max_position();
     if size[axis].is_nan() || size[axis] <= 0.0 {
-        return (ANYWHERE, ANYHOW);
+        return (ANY_SIDE, UNKNOWN_LEAN);
     }
     let side = axis as u8 * 2 + u8::from(normal[axis] < 0.0);
     let lean = size[(axis + 1) % 3].max(size[(axis + 2) % 3]) / size[axis];
     // The error of the normal is some 1e-15 of the product of lengths, so no more than 1e-8 of what is let through here.
     let known = size[axis] > 1e-7 * u.length() * v.length() && size[axis] < f64::INFINITY;
-    let steps = (lean - 1e-7).max(0.0) * f64::from(LEANS);
+    let steps = (lean - 1e-7).max(0.0) * f64::from(LEAN_STEPS);
     // Casts round towards zero.
-    (side, if known { steps as u8 + u8::from(steps > f64::from(steps as u8)) } else { ANYHOW })
+    (side, if known { steps as u8 + u8::from(steps > f64::from(steps as u8)) } else { UNKNOWN_LEAN })
 }
 
 #[cfg(test)]
@@ -144,22 +143,22 @@ mod tests {
     }
 
     #[test]
-    fn kinds_tell_sides_and_exposures() {
-        let kind = |exposure: f32, t: [[f32; 3]; 3]| {
+    fn classes_tell_sides_and_openness() {
+        let class = |openness: f32, t: [[f32; 3]; 3]| {
             let mut scene = Scene::new();
             let t = t.map(visibility_core::glam::Vec3::from_array);
             let id = scene.insert(visibility_core::Aabb::from_points(t));
             scene.set_triangles(id, [t]).unwrap();
-            Kind::of_object(&scene, id, exposure).0
+            SurfaceClass::of_object(&scene, id, openness).0
         };
         let up = [[0.0; 3], [1.0, 0.0, 0.2], [0.0, 1.0, -0.2]];
-        assert_eq!((kind(1.0, up).facing, kind(1.0, [up[0], up[2], up[1]]).facing), (4, 5));
-        assert_eq!(kind(1.0, [up[0], up[1], up[1]]).facing, ANYWHERE);
-        for exposure in [1.0, 0.7, 0.5, 0.3, 0.02, 1e-4] {
-            let told = kind(exposure, up).exposure();
-            assert!(told <= exposure && exposure < told * 1.51, "{exposure}: {told}");
+        assert_eq!((class(1.0, up).side, class(1.0, [up[0], up[2], up[1]]).side), (4, 5));
+        assert_eq!(class(1.0, [up[0], up[1], up[1]]).side, ANY_SIDE);
+        for openness in [1.0, 0.7, 0.5, 0.3, 0.02, 1e-4] {
+            let told = class(openness, up).openness();
+            assert!(told <= openness && openness < told * 1.51, "{openness}: {told}");
         }
-        assert!(kind(0.0, up).exposure() < 1e-4 && kind(f32::NAN, up).exposure() == 1.0);
+        assert!(class(0.0, up).openness() < 1e-4 && class(f32::NAN, up).openness() == 1.0);
     }
 
     /// Triangles in a box, facing everywhere, and eyes around it: never behind what faces it.
@@ -175,9 +174,9 @@ mod tests {
                 (b.x, c.x) = (a.x, a.x + (c.x - a.x) * 0.3);
             }
             let eye = point() * 8.0;
-            let (side, lean) = facing(b - a, c - a);
+            let (side, lean) = side_of(b - a, c - a);
             let toward = Toward::new(visibility_core::Eye::Point(eye), &cell);
-            if lean < ANYHOW && toward.is_behind(side, f32::from(lean) / LEANS) {
+            if lean < UNKNOWN_LEAN && toward.is_behind(side, f32::from(lean) / LEAN_STEPS) {
                 assert!((b - a).cross(c - a).dot(eye - a) < 0.0, "{a} {b} {c} from {eye}: {side} {lean}");
                 behind += 1;
                 leaning += u32::from(lean > 4);
@@ -200,8 +199,8 @@ mod tests {
             let float = |p: Whole, scale: f64| DVec3::from_array(p.map(|x| x as f64 * scale));
             let (u, v) = (float(b, scale) - float(a, 1.0), float(c, scale) - float(a, 1.0));
             let exact = cross(a, minus(b, c));
-            let (side, lean) = facing(u, v);
-            if lean == ANYHOW {
+            let (side, lean) = side_of(u, v);
+            if lean == UNKNOWN_LEAN {
                 untold += 1;
                 continue;
             }
@@ -210,7 +209,7 @@ mod tests {
             let along = exact[axis] * if side % 2 == 0 { 1 } else { -1 };
             assert!(along > 0, "{u} {v}: {side}");
             for other in [(axis + 1) % 3, (axis + 2) % 3] {
-                let most = (f64::from(lean) / f64::from(LEANS) + 1e-6) * along as f64;
+                let most = (f64::from(lean) / f64::from(LEAN_STEPS) + 1e-6) * along as f64;
                 assert!(exact[other].abs() as f64 <= most, "{u} {v}: {side}, {lean}");
             }
         }

@@ -1,0 +1,329 @@
+//! Openness of the objects of a scene: mean free distance in front of their surfaces, as a share of a far distance.
+//!
+//! Evenly spaced parallel lines in each of 16 directions are cut by all triangles. The free distance of a triangle along
+//! a line is the length from the triangle to the next surface on its front side. From an eye somewhere in the scene, a
+//! point on a surface is seen along a line only if the eye lies within that length, so its mean over all directions
+//! estimates how likely the surface is seen from anywhere. Engines under hoods and the inner sides of double walls have
+//! low openness from every eye (such lines: Sbert, "An integral geometry based method for fast form-factor
+//! computation", 1993).
+
+use crate::parts::for_each_part;
+use alloc::vec::Vec;
+use visibility_core::Scene;
+use visibility_core::glam::{DVec2, Vec2, Vec3};
+
+/// Number of line directions.
+const DIRECTIONS: usize = 16;
+
+/// Maximum number of lines along each side of the square cross-section of a direction.
+const MAX_SIDE: u32 = 2048;
+
+/// Target number of lines of one direction that cross a triangle, on average over all triangles.
+const LINES_PER_TRIANGLE: f64 = 3.0;
+
+/// Free distance that counts as 1, as a share of the scene's radius. Longer ones count as 1 too.
+const FAR: f32 = 0.5;
+
+/// Minimum cosine between a triangle's normal and the lines for which its free distance is measured.
+const MIN_MEASURED_COSINE: f32 = 0.2;
+
+/// Minimum cosine between a triangle's normal and the lines for which it cuts lines at all.
+const MIN_CUTTING_COSINE: f32 = 1e-3;
+
+/// Surfaces nearer than this to a triangle, in line spacings, count as the same surface.
+const SAME_SURFACE: f32 = 0.25;
+
+/// Openness of every object, indexed by [`ObjectId::index`](visibility_core::ObjectId::index), from 0 (enclosed) to
+/// 1 (nothing in front of it, up to half the scene's radius).
+///
+/// An object has the openness of its most open triangle. Objects without triangles are measured by the faces of their
+/// bounds. 1 for objects that have no finite bounds, for every object of a scene without extent, and where single
+/// precision cannot hold the scene's size. A triangle edge-on to all directions has 1/2.
+///
+/// Cost: O(n log n) in the number of triangles, about a microsecond each.
+pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
+    let mut triangles: Vec<(u32, [Vec3; 3])> = Vec::new();
+    for id in scene.ids() {
+        for_each_part(scene, id, &mut |part| {
+            part.for_each_triangle(|t| triangles.push((id.index() as u32, t.map(|p| p.as_vec3()))));
+        });
+    }
+    let mut by_index = alloc::vec![1.0; scene.index_limit()];
+    let corners = || triangles.iter().flat_map(|(_, t)| t);
+    let (min, max) = corners().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)));
+    let center = min * 0.5 + max * 0.5;
+    // Squares of areas are beyond single precision in worlds that are not.
+    let radius = (max - center).as_dvec3().length();
+    if !(radius > 0.0 && radius < f64::from(f32::MAX)) {
+        return by_index;
+    }
+    let wide = |v: Vec3| v.as_dvec3();
+    let area: f64 =
+        triangles.iter().map(|(_, [a, b, c])| wide(b - a).cross(wide(c - a)).length() * 0.5).sum();
+    // Seen along a line, a triangle shows half its area on average.
+    let wanted = DVec2::splat(area * 0.5 / (LINES_PER_TRIANGLE * triangles.len() as f64)).sqrt().x;
+    let spacing = (radius * 2.0 / f64::from(MAX_SIDE)).max(wanted);
+    let side = (radius * 2.0 / spacing) as u32;
+    let (radius, spacing) = (radius as f32, spacing as f32);
+    if !(radius.is_normal() && spacing.is_normal()) {
+        return by_index;
+    }
+    // By triangle: sum of weighted free distances, and sum of weights.
+    let mut sums = alloc::vec![(0.0f32, 0.0f32); triangles.len()];
+    let mut lines = Lines { side: side.min(MAX_SIDE) + 2, ..Lines::default() };
+    for direction in 0..DIRECTIONS {
+        let axes = axes(direction);
+        let to_lines = |p: Vec3| {
+            let p = (p - center) / spacing;
+            Vec3::from_array(axes.map(|axis| axis.dot(p))) + lines.side as f32 * 0.5
+        };
+        let local: Vec<[Vec3; 3]> = triangles.iter().map(|(_, t)| t.map(to_lines)).collect();
+        lines.cut(&local);
+        for (t, (sum, weight)) in local.iter().zip(&mut sums) {
+            if let Some(slope) = Slope::new(t, MIN_MEASURED_COSINE) {
+                let length = lines.free_distance(t, &slope) * spacing;
+                *sum += slope.cosine * (length / (radius * FAR)).min(1.0);
+                *weight += slope.cosine;
+            }
+        }
+    }
+    let mut last = u32::MAX;
+    for ((object, _), (sum, weight)) in triangles.iter().zip(sums) {
+        let openness = if weight > 0.0 { sum / weight } else { 0.5 };
+        let of_object = &mut by_index[*object as usize];
+        // The triangles of an object are neighbours in the list.
+        *of_object = if *object == last { of_object.max(openness) } else { openness };
+        last = *object;
+    }
+    by_index
+}
+
+/// Cosine and sine of the golden angle.
+const GOLDEN_ANGLE: Vec2 = Vec2::new(-0.737_368_9, 0.675_490_3);
+
+/// Orthonormal axes of a direction, the last of them along its lines. Directions spread over the upper half sphere, none
+/// of them along an axis of the scene.
+fn axes(direction: usize) -> [Vec3; 3] {
+    // Points of a spiral by the golden angle.
+    let mut around = Vec2::new(0.8, 0.6);
+    for _ in 0..direction {
+        around = GOLDEN_ANGLE.rotate(around);
+    }
+    let z = (direction as f32 + 0.5) / DIRECTIONS as f32;
+    let along = (around * Vec2::splat(1.0 - z * z).sqrt()).extend(z).normalize();
+    let u = along.any_orthonormal_vector();
+    [u, along.cross(u), along]
+}
+
+/// Slope of a triangle's plane over the cross-section of lines along z.
+struct Slope {
+    /// Growth of z per step along x.
+    x: f32,
+    /// Growth of z per step along y.
+    y: f32,
+    /// Cosine between the normal and the lines, not negative.
+    cosine: f32,
+    /// Whether the front faces towards greater z.
+    up: bool,
+}
+
+impl Slope {
+    /// `None` for a cosine of `min_cosine` or less, and for a triangle without a normal.
+    fn new([a, b, c]: &[Vec3; 3], min_cosine: f32) -> Option<Self> {
+        let normal = (*b - *a).cross(*c - *a);
+        let cosine = normal.z.abs() / normal.length();
+        (cosine > min_cosine).then(|| Self {
+            x: -normal.x / normal.z,
+            y: -normal.y / normal.z,
+            cosine,
+            up: normal.z > 0.0,
+        })
+    }
+}
+
+/// Lines of one direction, and where triangles cut them. Line (i, j) runs along z at x = i + 1/2, y = j + 1/2, so lengths
+/// are in line spacings.
+#[derive(Default)]
+struct Lines {
+    /// Lines along each side of the square cross-section.
+    side: u32,
+    /// First cut of each line in `depths`, and after the last line one more.
+    starts: Vec<u32>,
+    /// z of every cut, line by line, ascending within a line.
+    depths: Vec<f32>,
+    /// Line and z of every cut, in the order of triangles.
+    cuts: Vec<(u32, f32)>,
+}
+
+impl Lines {
+    /// Cuts all lines by triangles, given in the lines' coordinates. Forgets earlier cuts.
+    fn cut(&mut self, triangles: &[[Vec3; 3]]) {
+        self.cuts.clear();
+        for t in triangles {
+            if let Some(slope) = Slope::new(t, MIN_CUTTING_COSINE) {
+                self.cut_by(t, &slope);
+            }
+        }
+        let count = (self.side * self.side) as usize;
+        self.starts.clear();
+        self.starts.resize(count + 2, 0);
+        for &(line, _) in &self.cuts {
+            self.starts[line as usize + 2] += 1;
+        }
+        for line in 2..count + 2 {
+            self.starts[line] += self.starts[line - 1];
+        }
+        self.depths.clear();
+        self.depths.resize(self.cuts.len(), 0.0);
+        for &(line, depth) in &self.cuts {
+            let place = &mut self.starts[line as usize + 1];
+            self.depths[*place as usize] = depth;
+            *place += 1;
+        }
+        for range in self.starts.windows(2).take(count) {
+            self.depths[range[0] as usize..range[1] as usize].sort_unstable_by(f32::total_cmp);
+        }
+    }
+
+    /// Adds the cuts of one triangle.
+    fn cut_by(&mut self, t: &[Vec3; 3], slope: &Slope) {
+        let (min, max) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
+        let end = |x: f32| ((x + 0.5) as u32).min(self.side);
+        let (x0, x1, y0, y1) = (end(min.x), end(max.x), end(min.y), end(max.y));
+        if x0 >= x1 {
+            return;
+        }
+        for j in y0..y1 {
+            let y = j as f32 + 0.5;
+            let (mut from, mut to) = (f32::INFINITY, f32::NEG_INFINITY);
+            for (p, q) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                if (p.y <= y) != (q.y <= y) {
+                    let x = p.x + (q.x - p.x) * ((y - p.y) / (q.y - p.y));
+                    (from, to) = (from.min(x), to.max(x));
+                }
+            }
+            for i in end(from)..end(to) {
+                let depth = t[0].z + slope.x * (i as f32 + 0.5 - t[0].x) + slope.y * (y - t[0].y);
+                // NaN has no place in an ascending list.
+                if !depth.is_nan() {
+                    self.cuts.push((j * self.side + i, depth));
+                }
+            }
+        }
+    }
+
+    /// Length from a triangle to the next surface in front of it, along the line nearest to its centre. Infinite if no
+    /// surface follows.
+    fn free_distance(&self, t: &[Vec3; 3], slope: &Slope) -> f32 {
+        let center = (t[0] + t[1] + t[2]) / 3.0;
+        let place = |x: f32| (x as u32).min(self.side - 1);
+        let (i, j) = (place(center.x), place(center.y));
+        let depth = center.z + slope.x * (i as f32 + 0.5 - center.x) + slope.y * (j as f32 + 0.5 - center.y);
+        let line = (j * self.side + i) as usize;
+        let depths = &self.depths[self.starts[line] as usize..self.starts[line + 1] as usize];
+        if slope.up {
+            first_beyond(depths, true, |other| other - depth)
+        } else {
+            first_beyond(depths, false, |other| depth - other)
+        }
+    }
+}
+
+/// Least distance of an ascending list that is greater than [`SAME_SURFACE`]; infinite if none is. `distance` must grow
+/// along the list if `grows`, else fall. Calls it O(log n) times.
+fn first_beyond(depths: &[f32], grows: bool, mut distance: impl FnMut(f32) -> f32) -> f32 {
+    let found = if grows {
+        let end = depths.partition_point(|&other| distance(other) <= SAME_SURFACE);
+        depths.get(end)
+    } else {
+        let end = depths.partition_point(|&other| distance(other) > SAME_SURFACE);
+        end.checked_sub(1).and_then(|last| depths.get(last))
+    };
+    // The minimum of infinity and NaN is infinity.
+    found.map_or(f32::INFINITY, |&other| f32::INFINITY.min(distance(other)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Quat;
+    use visibility_core::{Aabb, Object, OccluderMesh};
+
+    /// The twelve triangles of a cube, as objects, outwards.
+    fn cube(scene: &mut Scene, center: Vec3, half: f32, turn: Quat) {
+        let corners = Aabb::new(Vec3::splat(-half), Vec3::splat(half)).corners();
+        for triangle in OccluderMesh::CUBOID {
+            let t = triangle.map(|corner| center + turn * corners[corner as usize]);
+            let id = scene.insert(Object::new(Aabb::from_points(t)));
+            scene.set_triangles(id, [t]).unwrap();
+        }
+    }
+
+    #[test]
+    fn enclosed_objects_have_low_openness() {
+        for turn in [Quat::IDENTITY, Quat::from_rotation_x(0.7) * Quat::from_rotation_z(1.9)] {
+            for center in [Vec3::ZERO, Vec3::new(300.0, -20.0, 7.0)] {
+                let mut scene = Scene::new();
+                for half in [0.8, 1.0] {
+                    cube(&mut scene, center, half, turn);
+                }
+                cube(&mut scene, center + turn * Vec3::X * 12.0, 1.0, turn);
+                let openness = openness_by_index(&scene);
+                let of = |cube: usize| &openness[cube * 12..cube * 12 + 12];
+                let most_inside = of(0).iter().copied().fold(0.0, f32::max);
+                let least_outside = of(1).iter().chain(of(2)).copied().fold(1.0, f32::min);
+                assert!(most_inside < 0.15 && least_outside > 0.6, "{most_inside} {least_outside}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_object_is_as_open_as_its_most_open_triangle() {
+        let mut scene = Scene::new();
+        cube(&mut scene, Vec3::ZERO, 1.0, Quat::IDENTITY);
+        let both = scene.insert(Aabb::from_arrays([-0.9, -0.9, -0.9], [0.9, 0.9, 9.0]));
+        let triangle = |z: f32| [Vec3::new(-0.5, -0.5, z), Vec3::new(0.5, -0.5, z), Vec3::new(0.0, 0.5, z)];
+        scene.set_triangles(both, [triangle(0.9), triangle(9.0), triangle(0.8)]).unwrap();
+        let boxed = scene.insert(Aabb::from_arrays([-0.1; 3], [0.1; 3]));
+        let openness = openness_by_index(&scene);
+        assert!(openness[both.index()] > 0.9, "{openness:?}");
+        assert!(openness[boxed.index()] < 0.6, "{openness:?}");
+    }
+
+    #[test]
+    fn openness_is_within_its_range_for_any_scene() {
+        assert!(openness_by_index(&Scene::new()).is_empty());
+        for size in [0.0, 1e-30, 1e25, f32::MAX, f32::INFINITY, f32::NAN] {
+            let mut scene = Scene::new();
+            scene.insert(Aabb::from_arrays([-size; 3], [size; 3]));
+            scene.insert(Aabb::from_arrays([0.0; 3], [0.0; 3]));
+            let id = scene.insert(Aabb::from_arrays([-1.0; 3], [1.0; 3]));
+            scene.set_triangles(id, [[Vec3::ZERO, Vec3::X, Vec3::X], [Vec3::NAN; 3]]).unwrap();
+            for openness in openness_by_index(&scene) {
+                assert!((0.0..=1.0).contains(&openness), "{size}: {openness}");
+            }
+        }
+    }
+
+    /// Many coincident surfaces on one line: the next one is found by bisection, and is the one that a scan finds.
+    #[test]
+    fn the_next_surface_is_found_in_logarithmically_many_steps() {
+        let mut depths: Vec<f32> = (0..4096).map(|i| (i / 1000) as f32 * 7.0).collect();
+        depths.insert(0, f32::NEG_INFINITY);
+        depths.push(f32::INFINITY);
+        for depth in [-100.0, 0.0, 0.1, 6.9, 7.0, 7.3, 20.0, 28.0, 1e9, f32::NAN] {
+            for up in [true, false] {
+                let distance = |other: f32| if up { other - depth } else { depth - other };
+                let scanned = depths.iter().map(|&other| distance(other));
+                let scanned = scanned.filter(|&d| d > SAME_SURFACE).fold(f32::INFINITY, f32::min);
+                let mut calls = 0;
+                let found = first_beyond(&depths, up, |other| {
+                    calls += 1;
+                    distance(other)
+                });
+                assert_eq!(found, scanned, "{depth} {up}");
+                assert!(calls <= 15, "{calls} steps");
+            }
+        }
+    }
+}
