@@ -1,0 +1,209 @@
+//! Scenes and tessellations that are swapped, mixed, cloned, changed, reverted and dropped under live cullers: each frame is answered as by
+//! a fresh culler, and nothing in view is lost.
+#![allow(missing_docs)]
+
+mod common;
+
+use common::{Blank, Random, triangles, views};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use visibility_core::glam::DVec3;
+use visibility_core::{Aabb, Culler, ObjectId, Scene, View, VisibleSet};
+use visibility_plp::{
+    Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity,
+    Tessellation,
+};
+
+const FINENESS: [Fineness; 2] =
+    [Fineness { vertices: 24, halvings: 5 }, Fineness { vertices: 60, halvings: 4 }];
+
+#[derive(Clone)]
+enum Cells {
+    Octree(Arc<OctreeTessellation>),
+    Delaunay(Arc<DelaunayTessellation>),
+}
+
+impl Cells {
+    fn new(scene: &Scene, number: usize) -> Self {
+        let fineness = FINENESS[number / 2 % 2];
+        if number.is_multiple_of(2) {
+            Self::Octree(Arc::new(OctreeTessellation::with_fineness(scene, fineness)))
+        } else {
+            Self::Delaunay(Arc::new(DelaunayTessellation::with_fineness(scene, fineness)))
+        }
+    }
+
+    fn shared(&self) -> Arc<dyn Tessellation> {
+        match self {
+            Self::Octree(cells) => cells.clone(),
+            Self::Delaunay(cells) => cells.clone(),
+        }
+    }
+
+    fn sync(&mut self, scene: &Scene) -> bool {
+        match self {
+            Self::Octree(cells) => Arc::make_mut(cells).sync(scene),
+            Self::Delaunay(cells) => Arc::make_mut(cells).sync(scene),
+        }
+    }
+}
+
+type Shared = Arc<dyn Tessellation>;
+
+enum Live {
+    Plp(PlpCuller<Shared>),
+    Conservative(ConservativePlpCuller<Shared, Blank>),
+}
+
+impl Live {
+    const KINDS: usize = 4;
+
+    fn new(cells: Shared, kind: usize) -> Self {
+        let all = Budget::Objects(usize::MAX);
+        match kind {
+            0 => Self::Plp(PlpCuller::new(cells, all).with_one_sided(true)),
+            1 => Self::Plp(PlpCuller::new(cells, Budget::Objects(60)).with_solidity(Solidity::Count)),
+            2 => Self::Plp(PlpCuller::new(cells, Budget::Cost(50)).with_all_kept(true)),
+            _ => Self::Conservative(ConservativePlpCuller::new(cells, Budget::Objects(20), Blank)),
+        }
+    }
+
+    fn shared_mut(&mut self) -> &mut Shared {
+        match self {
+            Self::Plp(culler) => culler.shared_mut(),
+            Self::Conservative(culler) => culler.shared_mut(),
+        }
+    }
+
+    fn run(&mut self, scene: &Scene, view: &View) -> Vec<ObjectId> {
+        let culler: &mut dyn Culler = match self {
+            Self::Plp(culler) => culler,
+            Self::Conservative(culler) => culler,
+        };
+        let mut visible = VisibleSet::new();
+        visible.fill(scene, view);
+        culler.cull(scene, view, &mut visible);
+        visible.iter(scene).collect()
+    }
+}
+
+/// Objects with a triangle that faces the eye and whose centre is surely in view.
+fn surely_in_view(scene: &Scene, view: &View) -> Vec<ObjectId> {
+    let planes = view.planes(scene.origin());
+    let visibility_core::Eye::Point(eye) = view.eye(scene.origin()) else { return Vec::new() };
+    let shows = |id: &ObjectId| {
+        scene.triangles(*id).unwrap().iter().any(|t| {
+            let [a, b, c] = t.map(|p| p.as_dvec3());
+            let center = (a + b + c) / 3.0;
+            (b - a).cross(c - a).normalize().dot((eye - a).normalize()) > 1e-6
+                && planes.as_slice().iter().all(|plane| plane.plane.signed_distance(center) > 1e-3)
+        })
+    };
+    scene.ids().filter(shows).collect()
+}
+
+fn change(scene: &mut Scene, random: &mut Random) {
+    let ids: Vec<_> = scene.ids().collect();
+    let id = ids[(random.next() * ids.len() as f64) as usize];
+    let middle = random.vector(30.0);
+    let triangle = [(); 3].map(|()| (middle + random.vector(3.0)).as_vec3());
+    let moved = match (random.next() * 4.0) as usize {
+        0 => {
+            scene.remove(id).unwrap();
+            return;
+        }
+        1 => scene.insert(Aabb::from_points(triangle)),
+        2 => {
+            // The same bounds, other triangles.
+            let turned: Vec<_> = scene.triangles(id).unwrap().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+            scene.set_triangles(id, turned).unwrap();
+            return;
+        }
+        _ => {
+            scene.set_bounds(id, Aabb::from_points(triangle)).unwrap();
+            id
+        }
+    };
+    scene.set_triangles(moved, [triangle]).unwrap();
+}
+
+#[test]
+fn live_cullers_answer_as_fresh_ones_whatever_is_swapped() {
+    let mut random = Random(2024);
+    let pick = |random: &mut Random, count: usize| (random.next() * count as f64) as usize;
+    // As many objects in each, some of them clones of others.
+    let mut scenes: Vec<Scene> = (0..3).map(|seed| triangles(seed, 500)).collect();
+    scenes.push(scenes[0].clone());
+    let saved = scenes.clone();
+    let mut cells: Vec<Cells> = (0..6).map(|i| Cells::new(&scenes[i % 4], i)).collect();
+    let mut live: Vec<Live> = (0..Live::KINDS).map(|kind| Live::new(cells[0].shared(), kind)).collect();
+    let views = views();
+    let (mut culled, mut left, mut wanted_in_all) = (0, 0, 0);
+    for step in 0..600 {
+        let (s, c) = (pick(&mut random, scenes.len()), pick(&mut random, cells.len()));
+        match pick(&mut random, 10) {
+            // Several changes at once, which a tessellation may be told of or not.
+            0..=2 => (0..1 + pick(&mut random, 40)).for_each(|_| change(&mut scenes[s], &mut random)),
+            3 => scenes[s] = scenes[pick(&mut random, 4)].clone(),
+            4 => scenes[s] = saved[pick(&mut random, 4)].clone(),
+            5 | 6 => cells[c] = Cells::new(&scenes[s], step),
+            7 => cells[c] = cells[pick(&mut random, 6)].clone(),
+            8 if step % 4 == 0 => drop(scenes.swap_remove(s)),
+            _ => {
+                cells[c].sync(&scenes[s]);
+            }
+        }
+        if scenes.len() < 4 {
+            scenes.push(triangles(step as u64, 500));
+        }
+        let (c, s) = if step % 2 == 0 { (c, s) } else { (pick(&mut random, 6), pick(&mut random, 4)) };
+        let view = &views[pick(&mut random, views.len())];
+        for scene in [&scenes[s], &scenes[(s + 1) % 4], &scenes[s]] {
+            let wanted = surely_in_view(scene, view);
+            for (kind, culler) in live.iter_mut().enumerate() {
+                *culler.shared_mut() = cells[c].shared();
+                let answer = culler.run(scene, view);
+                let fresh = Live::new(cells[c].shared(), kind).run(scene, view);
+                assert_eq!(answer, fresh, "step {step}, culler {kind}");
+                if kind != 1 {
+                    let set: BTreeSet<_> = answer.iter().collect();
+                    let lost: Vec<_> = wanted.iter().filter(|id| !set.contains(id)).collect();
+                    assert!(lost.is_empty(), "step {step}: culler {kind} lost {} objects", lost.len());
+                    wanted_in_all += wanted.len();
+                } else if answer.len() < scene.len() {
+                    culled += 1;
+                } else {
+                    left += 1;
+                }
+            }
+        }
+    }
+    assert!(culled > 100 && left > 100 && wanted_in_all > 10_000, "{culled} {left} {wanted_in_all}");
+}
+
+/// Cells that are told of the changes of another scene, or of a clone of their own, say nothing about their own from then on.
+#[test]
+fn cells_are_of_one_scene_at_a_time() {
+    let mut scene = triangles(5, 300);
+    let clone = scene.clone();
+    let mut cells = OctreeTessellation::with_fineness(&scene, FINENESS[0]);
+    assert!(cells.sync(&scene) && !cells.sync(&clone) && cells.sync(&scene));
+    let stamp = cells.content().stamp();
+    let id = scene.ids().next().unwrap();
+    scene.set_bounds(id, Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
+    let view = View::perspective(
+        visibility_core::Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z),
+        1.0,
+        1.0,
+        0.1,
+        f64::INFINITY,
+    )
+    .unwrap();
+    let mut of_clone = Live::new(Arc::new(cells.clone()), 1);
+    assert_eq!(of_clone.run(&clone, &view).len(), clone.len());
+    assert!(cells.sync(&scene));
+    assert_eq!(cells.content().strays(), [id]);
+    assert_eq!(cells.content().stamp(), stamp);
+    cells.rebuild(&scene);
+    assert_ne!(cells.content().stamp(), stamp);
+}
