@@ -8,6 +8,7 @@
 //! mistake.
 
 mod aabb;
+mod clip_outward;
 mod convex_polygon;
 mod double_double;
 mod plane;
@@ -15,6 +16,7 @@ mod side;
 mod sphere;
 
 pub use aabb::Aabb;
+pub(crate) use clip_outward::{Corners, clip_outward};
 pub use convex_polygon::{ConvexPolygon, PolygonError};
 pub use double_double::DoubleDouble;
 pub use plane::Plane;

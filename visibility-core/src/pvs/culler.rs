@@ -2,7 +2,8 @@
 
 use super::{Pvs, Viewcells};
 use crate::{
-    Accuracy, Changes, CullStats, Culler, Eye, ObjectId, Plane, Scene, View, ViewcellId, VisibleSet,
+    Accuracy, Changes, CullStats, Culler, Eye, ObjectId, Scene, SceneCursor, Stamp, View, ViewcellId,
+    VisibleSet,
 };
 use alloc::vec::Vec;
 use core::borrow::Borrow;
@@ -16,7 +17,9 @@ pub struct ScenePvs {
     /// Objects by their index, each with where its targets begin in `targets`; ends with one that is no object.
     objects: Vec<(Option<ObjectId>, u32)>,
     targets: Vec<u32>,
-    revision: u64,
+    /// The scene as it was when the sets were given to it.
+    cursor: SceneCursor,
+    stamp: Stamp,
 }
 
 impl ScenePvs {
@@ -44,7 +47,7 @@ impl ScenePvs {
         }
         objects.push((None, next as u32));
         let targets = pairs.into_iter().map(|(_, target)| target).collect();
-        Self { pvs, viewcells, objects, targets, revision: scene.revision() }
+        Self { pvs, viewcells, objects, targets, cursor: SceneCursor::at(scene), stamp: Stamp::new() }
     }
 
     /// The sets.
@@ -58,13 +61,15 @@ impl ScenePvs {
     }
 }
 
-/// Hides what the viewcell of the eye cannot see.
+/// Hides what cannot be seen from the viewcells in which the lines of sight of a view begin.
 ///
-/// Nothing before the near plane is drawn, so lines of sight begin there: an eye close to a wall sees through it, and then sees what the
-/// viewcells beyond see.
+/// These are the viewcells that its near plane reaches into, since nothing before that is drawn: an eye close
+/// to a wall sees through it, and then sees what the viewcells beyond see. Clip planes and parallel views are
+/// told apart by [`View::for_each_sight_start`]. Where that cannot tell, or where lines of sight begin in no
+/// viewcell, everything is seen.
 ///
-/// Owns one view's memory; the [`ScenePvs`] is shared, by reference or by `Arc`. An eye in no viewcell, one whose near plane is partly in
-/// none, one at infinity, and one that a clip plane cuts away sees everything.
+/// Owns one view's memory; the [`ScenePvs`] is shared, by reference or by `Arc`. In a scene other than the
+/// one that the sets were made for, a clone of it included, everything is seen.
 ///
 /// ```
 /// use visibility_core::{Aabb, Pipeline, Pose, Pvs, PvsCuller, PvsTargets, Scene, ScenePvs, View, Viewcell, Viewcells, VisibleSet};
@@ -85,39 +90,51 @@ impl ScenePvs {
 #[derive(Clone, Debug)]
 pub struct PvsCuller<S> {
     shared: S,
+    /// The sets that everything below was derived from.
+    made_from: Stamp,
     /// The viewcell that the eye is in.
     viewcell: Option<ViewcellId>,
-    /// The viewcells that lines of sight begin in: those that `hidden` is for, and memory for those of the next frame.
+    /// The viewcells that lines of sight begin in, ascending: those that `hidden` is for, if it is for any.
     entered: Vec<ViewcellId>,
+    is_entered: bool,
+    /// Memory for the viewcells of the next frame, and for those of one polygon.
     entering: Vec<ViewcellId>,
-    /// The targets seen from there, and memory for those of one of several.
+    reached: Vec<ViewcellId>,
+    /// The targets seen from `entered`, and memory for those of one of several viewcells.
     seen: Vec<u64>,
     seen_from_one: Vec<u64>,
-    /// Objects, by index, that cannot be seen from there.
+    /// Objects, by index, that cannot be seen from `entered`.
     hidden: Vec<bool>,
     /// Objects, by index, that have changed since the sets were made.
     changed: Vec<bool>,
     /// Whether changes were too many to follow.
     lost: bool,
-    revision: u64,
+    cursor: SceneCursor,
 }
 
 impl<S: Borrow<ScenePvs>> PvsCuller<S> {
     /// For one view.
     pub fn new(shared: S) -> Self {
-        let (objects, revision) = (shared.borrow().objects.len(), shared.borrow().revision);
         Self {
             shared,
+            made_from: Stamp::NONE,
             viewcell: None,
             entered: Vec::new(),
+            is_entered: false,
             entering: Vec::new(),
+            reached: Vec::new(),
             seen: Vec::new(),
             seen_from_one: Vec::new(),
-            hidden: alloc::vec![false; objects],
-            changed: alloc::vec![false; objects],
+            hidden: Vec::new(),
+            changed: Vec::new(),
             lost: false,
-            revision,
+            cursor: SceneCursor::START,
         }
+    }
+
+    /// What is shared, to be replaced by other sets; the next frame takes them in.
+    pub fn shared_mut(&mut self) -> &mut S {
+        &mut self.shared
     }
 
     /// The viewcell that the eye was in, in the last frame; `None` if it was in none, or nowhere.
@@ -125,30 +142,43 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         self.viewcell
     }
 
+    /// Takes in other sets than those of the frame before, and what has changed in the scene since they were
+    /// made.
     fn follow(&mut self, scene: &Scene) {
-        match scene.changes_since(self.revision) {
-            Changes::Everything => self.lost = true,
-            Changes::Objects(ids) => {
-                for id in ids {
-                    if let Some(changed) = self.changed.get_mut(id.index()) {
-                        *changed = true;
-                    }
+        let shared = self.shared.borrow();
+        if self.made_from != shared.stamp {
+            self.made_from = shared.stamp;
+            self.is_entered = false;
+            self.cursor = SceneCursor::START;
+        }
+        let mut changes = self.cursor.follow(scene);
+        if changes == Changes::Everything {
+            // Another scene, or one that the culler has not seen for long. The sets themselves may know more.
+            self.changed.clear();
+            self.changed.resize(shared.objects.len(), false);
+            changes = shared.cursor.peek(scene);
+            self.lost = changes == Changes::Everything;
+        }
+        if let Changes::Objects(ids) = changes {
+            for id in ids {
+                if let Some(changed) = self.changed.get_mut(id.index()) {
+                    *changed = true;
                 }
             }
         }
-        self.revision = scene.revision();
     }
 
     /// Brings `hidden` up to date with `entered`.
     fn enter(&mut self) {
         let shared = self.shared.borrow();
         shared.pvs.write_union(&self.entered, &mut self.seen, &mut self.seen_from_one);
-        for (index, pair) in shared.objects.windows(2).enumerate() {
+        self.hidden.clear();
+        for pair in shared.objects.windows(2) {
             let targets = &shared.targets[pair[0].1 as usize..pair[1].1 as usize];
             let seen = |&target: &u32| {
                 self.seen.get(target as usize / 64).is_none_or(|word| word >> (target % 64) & 1 != 0)
             };
-            self.hidden[index] = pair[0].0.is_some() && !targets.iter().any(seen);
+            self.hidden.push(pair[0].0.is_some() && !targets.iter().any(seen));
         }
     }
 }
@@ -164,58 +194,38 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.follow(scene);
-        self.viewcell = None;
-        let mut inside = false;
-        if let Eye::Point(eye) = view.eye(DVec3::ZERO) {
-            let viewcells = &self.shared.borrow().viewcells;
-            self.viewcell = viewcells.locate(eye);
-            if let (Some(_), Some((corners, margin))) = (self.viewcell, front(view, eye)) {
-                inside = viewcells.reached(&corners, eye, margin, &mut self.entering);
+        let viewcells = &self.shared.borrow().viewcells;
+        let anchor = match view.eye(DVec3::ZERO) {
+            Eye::Point(eye) => {
+                self.viewcell = viewcells.locate(eye);
+                eye
             }
-        }
-        if inside && self.entering != self.entered {
+            Eye::Direction(_) => {
+                self.viewcell = None;
+                view.origin()
+            }
+        };
+        self.entering.clear();
+        let mut covered = true;
+        let known = view.for_each_sight_start(anchor, |corners, error| {
+            covered &= viewcells.reached(corners, anchor, error, &mut self.reached);
+            self.entering.extend_from_slice(&self.reached);
+        });
+        self.entering.sort_unstable();
+        self.entering.dedup();
+        let idle = !known || !covered || self.lost;
+        let is_new = !self.is_entered || self.entering != self.entered;
+        if is_new && !idle {
             core::mem::swap(&mut self.entering, &mut self.entered);
+            self.is_entered = true;
             self.enter();
         }
-        let idle = !inside || self.lost;
         let objects = &self.shared.borrow().objects;
         visible.retain(scene, |id, _| {
             let index = id.index();
             let listed = objects.get(index).is_some_and(|&(listed, _)| listed == Some(id));
-            idle || !listed || self.changed[index] || !self.hidden[index]
+            let [changed, hidden] = [&self.changed, &self.hidden].map(|of| of.get(index) == Some(&true));
+            idle || !listed || changed || !hidden
         })
     }
-}
-
-/// The corners of the rectangle on the near plane that a view begins on, relative to the eye, in order, and how far they may be off. `None` where that has no bounds, or where a clip plane cuts the eye away, so that lines of sight begin elsewhere.
-fn front(view: &View, eye: DVec3) -> Option<([DVec3; 4], f64)> {
-    let planes = view.planes(eye);
-    let mut first = [None; 5];
-    for (slot, plane) in planes.with_slots() {
-        match slot {
-            0..=4 => first[usize::from(slot)] = Some(plane.plane),
-            5 => {}
-            _ if plane.plane.offset <= plane.error => return None,
-            _ => {}
-        }
-    }
-    let [left, right, bottom, top, near] = first;
-    let [left, right, bottom, top, near] = [left?, right?, bottom?, top?, near?];
-    let mut corners = [DVec3::ZERO; 4];
-    let mut reach: f64 = 0.0;
-    for (corner, [side, other]) in
-        corners.iter_mut().zip([[left, bottom], [right, bottom], [right, top], [left, top]])
-    {
-        *corner = meet(near, side, other).filter(|corner| corner.is_finite())?;
-        reach = reach.max(corner.abs().max_element());
-    }
-    // Rounding, with much to spare: one viewcell too many costs little.
-    Some((corners, 1e-6 * reach + 1e-14 * eye.abs().max_element()))
-}
-
-/// Where three planes meet.
-fn meet(a: Plane, b: Plane, c: Plane) -> Option<DVec3> {
-    let (bc, ca, ab) = (b.normal.cross(c.normal), c.normal.cross(a.normal), a.normal.cross(b.normal));
-    let determinant = a.normal.dot(bc);
-    (determinant != 0.0).then(|| -(bc * a.offset + ca * b.offset + ab * c.offset) / determinant)
 }

@@ -1,29 +1,44 @@
-//! Where lines of sight begin: in the viewcells that the front of a view reaches into.
+//! Which viewcells a convex polygon reaches into: that in which lines of sight begin
+//! ([`View::for_each_sight_start`](crate::View::for_each_sight_start)).
 //!
-//! Nothing before the near plane is drawn, so lines of sight begin on it, not in the eye: an eye close to a wall sees through it. Where part
-//! of the front is in no viewcell, nothing is known of what is seen from there.
+//! An eye close to a wall sees through it, from the next viewcell. Where part of the polygon is in no
+//! viewcell, nothing is known of what is seen from there.
 
 use super::{Viewcell, Viewcells};
+use crate::geometry::{Corners, clip_outward};
 use crate::{Plane, ViewcellId};
 use alloc::vec::Vec;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-type Piece = SmallVec<[DVec3; 12]>;
-
 /// How many pieces a polygon may fall into while viewcells are taken from it.
 const MOST_PIECES: u32 = 2000;
 
+/// The margin for rounding, relative to the greatest coordinates `a` of the anchor and `r` of the polygon.
+///
+/// With `u = EPSILON / 2`: a plane within reach has an offset of at most `|n . a| + 2 r`. To make its normal
+/// a unit and to move it to the anchor rounds each of these `9u` of itself: `18u |a| + 18u r`, with `|a|` up
+/// to `3^1/2` times the greatest coordinate. The height of a corner rounds by `4u` of reach and offset, `12u
+/// r`; each cut puts its corners `4u r` off the edge. So `32u` of the anchor and `30u` of the reach are
+/// needed, and `4u` more for each cut; `64u` of both are there.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
+
 impl Viewcells {
-    /// Finds the viewcells that a convex polygon reaches into, and whether they cover it, but for gaps of twice the margin. Its corners are
-    /// relative to the anchor, a point of the world, and may be off by the margin. What was in `reached` is gone; no allocation once it
-    /// is large enough. Takes time in proportion to the logarithm of their number, and to how many there are; a polygon that falls into
-    /// thousands of pieces counts as not covered, and so does one with a NaN.
+    /// Writes to `reached` the viewcells that a convex polygon may reach into. True if they cover it, but for
+    /// gaps as wide as twice the margin.
+    ///
+    /// Corners are in order around the polygon, in metres relative to `anchor`, a point of the world, and
+    /// within `error` metres of where they should be. The margin is the error and what rounding adds to it.
+    /// False as well, and then `reached` means nothing, for no corner, for one that is not finite, and for a
+    /// polygon that viewcells cut into thousands of pieces.
+    ///
+    /// What was in `reached` is gone. No allocation once it is large enough. Takes time in proportion to the
+    /// number of viewcells that are reached, and to the logarithm of all.
     pub fn reached(
         &self,
         corners: &[DVec3],
         anchor: DVec3,
-        margin: f64,
+        error: f64,
         reached: &mut Vec<ViewcellId>,
     ) -> bool {
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -31,13 +46,19 @@ impl Viewcells {
             (min, max) = (min.min(at), max.max(at));
         }
         reached.clear();
+        let reach = min.abs().max(max.abs()).max_element();
+        let margin = error + ROUNDING * (reach + anchor.abs().max_element());
+        // Also refuses NaN, which minima and maxima pass over.
+        if !(margin < f64::INFINITY && corners.iter().all(|corner| corner.is_finite())) {
+            return false;
+        }
         self.for_each_touching(anchor + min - margin, anchor + max + margin, |cell| reached.push(cell));
         let all = self.cells();
         // Only those that the polygon itself reaches into.
         reached.retain(|cell| {
-            let mut left = Piece::from_slice(corners);
+            let mut left = Corners::from_slice(corners);
             for plane in faces(&all[cell.index()], anchor) {
-                left = part(&left, &plane, margin);
+                left = clip_outward(&left, &plane, margin);
             }
             !left.is_empty()
         });
@@ -60,17 +81,17 @@ fn is_covered(
         return false;
     }
     *pieces -= 1;
-    let mut rest: Piece = SmallVec::from_slice(piece);
+    let mut rest: Corners = SmallVec::from_slice(piece);
     for plane in faces(&all[first.index()], anchor) {
         let beyond = |at: &DVec3| plane.signed_distance(*at) < -margin;
         if !rest.iter().any(beyond) {
             continue;
         }
-        let outer = part(&rest, &plane.flipped(), -margin);
+        let outer = clip_outward(&rest, &plane.flipped(), -margin);
         if !outer.is_empty() && !is_covered(&outer, others, all, anchor, margin, pieces) {
             return false;
         }
-        rest = part(&rest, &plane, margin);
+        rest = clip_outward(&rest, &plane, margin);
         if rest.is_empty() {
             return true;
         }
@@ -87,21 +108,4 @@ fn faces(cell: &Viewcell, anchor: DVec3) -> impl Iterator<Item = Plane> + '_ {
     });
     let planes = cell.planes.iter().filter_map(Plane::normalized);
     sides.chain(planes.map(move |plane| Plane::new(plane.normal, plane.signed_distance(anchor))))
-}
-
-/// The part of a convex polygon on the inner side of a plane that is moved out by a margin.
-fn part(piece: &[DVec3], plane: &Plane, margin: f64) -> Piece {
-    let mut out = Piece::new();
-    let height = |at: DVec3| plane.signed_distance(at) + margin;
-    for (i, &a) in piece.iter().enumerate() {
-        let b = piece[(i + 1) % piece.len()];
-        let (ha, hb) = (height(a), height(b));
-        if ha >= 0.0 {
-            out.push(a);
-        }
-        if (ha >= 0.0) != (hb >= 0.0) {
-            out.push(a + (b - a) * (ha / (ha - hb)));
-        }
-    }
-    out
 }

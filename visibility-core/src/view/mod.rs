@@ -14,6 +14,7 @@ mod clip_matrix;
 mod cube;
 mod planes;
 mod projection;
+mod sight_start;
 
 pub use camera::{Pose, Window};
 pub use clip_matrix::ClipMatrix;

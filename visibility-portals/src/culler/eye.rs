@@ -117,7 +117,7 @@ impl PortalEye {
         let walk = &mut self.walk;
         let why = if !synced {
             Some(NotCulled::NotSynced)
-        } else if !self.front.find(cells, &sight, |cell| walk.start_whole(cell)) {
+        } else if !self.front.find(cells, view, sight.anchor, |cell| walk.start_whole(cell)) {
             Some(NotCulled::OutsideCells)
         } else if !walk.go(cells, &sight, self.narrowing, self.steps, &mut self.stats) {
             Some(NotCulled::Steps)

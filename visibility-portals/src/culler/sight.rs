@@ -24,8 +24,6 @@ pub(super) struct Sight {
     pub(super) error: f64,
     /// Left, right, bottom and top.
     pub(super) sides: [Side; 4],
-    /// Near, then the view's clip planes: what lines of sight can begin at.
-    pub(super) fronts: SmallVec<[Side; 11]>,
     /// Far, if there is one, and again the clip planes: what lines of sight can end at.
     pub(super) ends: SmallVec<[Side; 11]>,
     /// Clip-space x, y and w of points relative to the anchor.
@@ -55,10 +53,9 @@ impl Sight {
             return None;
         }
         let clips = &planes[5 + far..];
-        let fronts = planes[4..5].iter().chain(clips).map(Side::of_view).collect();
         let ends = planes[5..5 + far].iter().chain(clips).map(Side::of_view).collect();
         let rows = [projection.x(), projection.y(), projection.w()];
-        Some(Self { anchor, lines, error, sides, fronts, ends, rows })
+        Some(Self { anchor, lines, error, sides, ends, rows })
     }
 
     /// Which way lines of sight cross a polygon, relative to the anchor and known up to `error`, whose unit normal is `normal` and whose least

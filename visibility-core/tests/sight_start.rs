@@ -1,0 +1,294 @@
+//! Where lines of sight begin, held against lines of sight followed by whole numbers.
+//!
+//! The rows of a camera, its eye and its clip planes are whole numbers, so that the first point of each line
+//! of sight in the view is a fraction of whole numbers, found without rounding and with nothing of the crate
+//! but the names of the depth conventions.
+
+mod common;
+
+use common::{DEPTHS, Random};
+use visibility_core::glam::{DMat4, DVec3, DVec4};
+use visibility_core::{Depth, Plane, View};
+
+type Whole = [i128; 3];
+
+fn dot(a: Whole, b: Whole) -> i128 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: Whole, b: Whole) -> Whole {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn to_f64(a: Whole) -> DVec3 {
+    DVec3::from_array(a.map(|x| x as f64))
+}
+
+/// Inside is where `normal . (p - eye) + constant >= 0`.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    normal: Whole,
+    constant: i128,
+}
+
+/// A camera of whole numbers. In a parallel one the eye is some point, and `w` is constant.
+#[derive(Clone, Debug)]
+struct Camera {
+    eye: Whole,
+    x: Row,
+    y: Row,
+    w: Row,
+    near: Row,
+    clips: Vec<Row>,
+    depth: Depth,
+    /// The rows are multiplied by this power of two.
+    scale: f64,
+}
+
+/// A line of sight through the picture at `(a, b) / 8`: its direction and a point on it times `whole`.
+struct Line {
+    direction: Whole,
+    start: Whole,
+    whole: i128,
+}
+
+fn random_whole(rng: &mut Random, most: i32) -> Whole {
+    core::array::from_fn(|_| i128::from(rng.between(-most, most)))
+}
+
+impl Camera {
+    fn random(rng: &mut Random) -> Self {
+        let parallel = rng.one_in(4);
+        let row = |normal, constant| Row { normal, constant };
+        let far_off = rng.pick(&[0, 10, 1000, 1_000_000_000]);
+        let eye = random_whole(rng, far_off);
+        let w = if parallel {
+            row([0; 3], i128::from(rng.between(1, 30)))
+        } else {
+            row(random_whole(rng, 20), 0)
+        };
+        let (x, y) = (row(random_whole(rng, 20), 0), row(random_whole(rng, 20), 0));
+        let off = |rng: &mut Random| if parallel { i128::from(rng.between(-20, 20)) } else { 0 };
+        let (x, y) = (row(x.normal, off(rng)), row(y.normal, off(rng)));
+        let near = match rng.below(4) {
+            // By the book: parallel to the picture.
+            0 | 1 if !parallel => {
+                let times = i128::from(rng.between(1, 9));
+                row(w.normal.map(|n| n * times), -i128::from(rng.between(1, 60)))
+            }
+            // Oblique, as for mirrors; the eye may be on either side.
+            2 => row(random_whole(rng, 20), i128::from(rng.between(-20, 2))),
+            // As for mirrors, and nearly by the book.
+            _ => {
+                let turn = random_whole(rng, 3);
+                let normal = core::array::from_fn(|i| 9 * w.normal[i] + turn[i]);
+                row(normal, -i128::from(rng.between(1, 60)))
+            }
+        };
+        let mut camera = Self { eye, x, y, w, near, clips: Vec::new(), depth: rng.pick(&DEPTHS), scale: 1.0 };
+        camera.scale = common::power_of_two(rng.between(-40, 40));
+        for _ in 0..rng.pick(&[0, 0, 0, 1, 2]) {
+            let grazed = camera.line(rng.pick(&[-8, 8]), rng.pick(&[-8, 8]));
+            let clip = match (rng.below(4), grazed) {
+                (0, _) => row(random_whole(rng, 20), i128::from(rng.between(-30, 30))),
+                // Leaves an edge of the picture on the near plane, and little else.
+                (1, _) => {
+                    let (side, sign) = (rng.pick(&[camera.x, camera.y]), rng.pick(&[-1, 1]));
+                    let (more, most) = (i128::from(rng.between(1, 5)), i128::from(rng.between(1, 5)));
+                    let sum = |side: i128, w: i128, near: i128| most * (sign * side - w) + more * near;
+                    let normal = core::array::from_fn(|i| {
+                        sum(side.normal[i], camera.w.normal[i], camera.near.normal[i])
+                    });
+                    row(normal, sum(side.constant, camera.w.constant, camera.near.constant))
+                }
+                // Before the eye, or across a parallel view, by less than rounding can tell; a corner of the
+                // picture meets it far away.
+                (2, Some(line)) if far_off == 0 => {
+                    let (across, turn) = (cross(line.direction, random_whole(rng, 9)), random_whole(rng, 3));
+                    // As long as `f64` holds.
+                    let most = across.iter().fold(1, |most: i128, n| most.max(n.abs()));
+                    let times = (1i128 << 51) / most;
+                    row(core::array::from_fn(|i| across[i] * times + turn[i]), -1)
+                }
+                // Through the eye.
+                _ => row(random_whole(rng, 20), 0),
+            };
+            if clip.normal != [0; 3] {
+                camera.clips.push(clip);
+            }
+        }
+        camera
+    }
+
+    fn is_parallel(&self) -> bool {
+        self.w.normal == [0; 3]
+    }
+
+    fn view(&self) -> Option<View> {
+        let plus = |a: Row, b: Row, times: i128| Row {
+            normal: core::array::from_fn(|i| a.normal[i] + times * b.normal[i]),
+            constant: a.constant + times * b.constant,
+        };
+        // The row of depth that makes the near plane this one. The far plane is as it comes.
+        let z = match self.depth {
+            Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => plus(self.near, self.w, -1),
+            Depth::ZeroToOne | Depth::ZeroToOneInfinite => self.near,
+            Depth::Reversed | Depth::ReversedInfinite => {
+                plus(self.w, Row { normal: self.near.normal.map(|n| -n), constant: -self.near.constant }, 1)
+            }
+        };
+        let rows = [self.x, self.y, z, self.w].map(|row| {
+            let normal = to_f64(row.normal) * self.scale;
+            normal.extend((row.constant - dot(row.normal, self.eye)) as f64 * self.scale)
+        });
+        let matrix = DMat4::from_cols_array_2d(&rows.map(|row: DVec4| row.to_array())).transpose();
+        let view = View::from_clip_from_world(matrix, self.depth).ok()?;
+        let clips: Vec<Plane> = self
+            .clips
+            .iter()
+            .map(|row| Plane::new(to_f64(row.normal), (row.constant - dot(row.normal, self.eye)) as f64))
+            .collect();
+        view.with_clip_planes(&clips).ok()
+    }
+
+    /// The line of sight through `(a, b) / 8` of the picture, from -1 to 1.
+    fn line(&self, a: i128, b: i128) -> Option<Line> {
+        let (x, y, w) = (self.x.normal, self.y.normal, self.w.normal);
+        if self.is_parallel() {
+            // Along the edge of the sides, in the sense in which the near plane is crossed inwards.
+            let along = cross(x, y);
+            let inwards = dot(along, self.near.normal).signum();
+            let square = dot(along, along);
+            // 8 (x . p + cx) = a w: the point of that in the plane across the line.
+            let (u, v) =
+                (a * self.w.constant - 8 * self.x.constant, b * self.w.constant - 8 * self.y.constant);
+            let (p, q) = (cross(y, along), cross(along, x));
+            let start = core::array::from_fn(|i| u * p[i] + v * q[i]);
+            return (inwards != 0).then(|| Line {
+                direction: along.map(|n| n * inwards),
+                start,
+                whole: 8 * square,
+            });
+        }
+        let (yw, wx, xy) = (cross(y, w), cross(w, x), cross(x, y));
+        let determinant = dot(x, yw);
+        let sum: Whole = core::array::from_fn(|i| a * yw[i] + b * wx[i] + 8 * xy[i]);
+        (determinant != 0).then(|| Line {
+            direction: sum.map(|n| n * determinant.signum()),
+            start: [0; 3],
+            whole: 1,
+        })
+    }
+
+    /// The first point of a line of sight that is inside of the near plane and all clip planes, relative to
+    /// the eye; none if there is no such point, or if a parallel one is inside from infinity on.
+    fn first(&self, line: &Line) -> Option<DVec3> {
+        // Along the line at t, a plane is at (whole * constant + normal . start) / whole + t (normal .
+        // direction).
+        let mut first = if self.is_parallel() { None } else { Some((0, 1)) };
+        let mut last: Option<(i128, i128)> = None;
+        let later = |a: (i128, i128), b: (i128, i128)| a.0 * b.1 > b.0 * a.1;
+        for row in self.clips.iter().chain([&self.near]) {
+            let at = line.whole * row.constant + dot(row.normal, line.start);
+            let speed = line.whole * dot(row.normal, line.direction);
+            if speed > 0 {
+                let t = (-at, speed);
+                if first.is_none_or(|first| later(t, first)) {
+                    first = Some(t);
+                }
+            } else if speed < 0 {
+                let t = (at, -speed);
+                if last.is_none_or(|last| later(last, t)) {
+                    last = Some(t);
+                }
+            } else if at < 0 {
+                return None;
+            }
+        }
+        let first = first?;
+        if last.is_some_and(|last| later(first, last)) {
+            return None;
+        }
+        let t = first.0 as f64 / first.1 as f64;
+        Some(to_f64(line.start) / line.whole as f64 + to_f64(line.direction) * t)
+    }
+
+    /// Whether all four edges of the view meet the near plane, and that is before the eye.
+    fn is_by_the_book(&self) -> bool {
+        self.clips.is_empty()
+            && (self.is_parallel() || self.near.constant < 0)
+            && [(-8, -8), (-8, 8), (8, -8), (8, 8)]
+                .iter()
+                .all(|&(a, b)| self.line(a, b).is_some_and(|line| dot(self.near.normal, line.direction) > 0))
+    }
+}
+
+/// The distance of a point from a triangle, by the region that the point projects to (Ericson, "Real-Time
+/// Collision Detection", 2005, 5.1.5).
+fn distance_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let to_segment = |a: DVec3, b: DVec3| {
+        let square = (b - a).length_squared();
+        let t = if square > 0.0 { ((p - a).dot(b - a) / square).clamp(0.0, 1.0) } else { 0.0 };
+        p.distance(a + (b - a) * t)
+    };
+    let edges = to_segment(a, b).min(to_segment(b, c)).min(to_segment(c, a));
+    let normal = (b - a).cross(c - a);
+    let inside = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(normal) >= 0.0;
+    if normal.length() > 0.0 && inside(a, b) && inside(b, c) && inside(c, a) {
+        edges.min((p - a).dot(normal.normalize()).abs())
+    } else {
+        edges
+    }
+}
+
+fn distance(p: DVec3, polygon: &[DVec3]) -> f64 {
+    let last = polygon.len() - 1;
+    (0..last.max(1))
+        .map(|i| distance_to_triangle(p, [polygon[0], polygon[i.min(last)], polygon[(i + 1).min(last)]]))
+        .fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn lines_of_sight_begin_in_the_polygons() {
+    let mut rng = Random(17);
+    let (mut told, mut untold, mut by_the_book, mut lines, mut tight) = (0, 0, 0, 0, 0);
+    for trial in 0..60_000 {
+        let camera = Camera::random(&mut rng);
+        let Some(view) = camera.view() else { continue };
+        let most = rng.pick(&[0, 0, 50, 5000]);
+        let shift = random_whole(&mut rng, most);
+        let anchor = to_f64(core::array::from_fn(|i| camera.eye[i] + shift[i]));
+        let mut polygons: Vec<(Vec<DVec3>, f64)> = Vec::new();
+        if !view.for_each_sight_start(anchor, |corners, error| polygons.push((corners.to_vec(), error))) {
+            // Numbers this small leave no doubt.
+            assert!(!camera.is_by_the_book(), "{trial}: {camera:?}");
+            untold += 1;
+            continue;
+        }
+        told += 1;
+        by_the_book += usize::from(camera.is_by_the_book());
+        for _ in 0..20 {
+            let (a, b) = match rng.below(3) {
+                0 => (rng.pick(&[-8, 8]), rng.pick(&[-8, 8])),
+                1 => (rng.pick(&[-8, 8]), i128::from(rng.between(-8, 8))),
+                _ => (i128::from(rng.between(-8, 8)), i128::from(rng.between(-8, 8))),
+            };
+            let Some(first) = camera.line(a, b).and_then(|line| camera.first(&line)) else { continue };
+            let first = first - to_f64(shift);
+            // What the oracle itself rounds, in fractions and distances.
+            let own = 16.0 * f64::EPSILON * (first.length() + to_f64(shift).length());
+            let off = polygons
+                .iter()
+                .map(|(corners, error)| (distance(first, corners) - own) / error)
+                .fold(f64::INFINITY, f64::min);
+            assert!(
+                off <= 1.0,
+                "{trial}: a line begins {off} error bounds off at {first}: {camera:?} {polygons:?}"
+            );
+            lines += 1;
+            tight += usize::from(off > 1.0 / 256.0);
+        }
+    }
+    println!("told {told}, untold {untold}, by the book {by_the_book}, lines {lines}, nearly off {tight}");
+    assert!(told > 20_000 && by_the_book > 10_000 && lines > 200_000 && tight > 0);
+}
