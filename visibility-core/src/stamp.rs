@@ -1,6 +1,6 @@
 //! What derived state was made from: the one type by which a culler or a shared structure tells its sources apart.
 
-use crate::serial::next_serial;
+use crate::serial::{is_same_range, next_serial};
 use crate::{Changes, Scene};
 
 /// Identifies the content of a structure that others derive state from: a cell graph, a PVS, a set of occluders.
@@ -76,6 +76,12 @@ impl SceneCursor {
     pub fn is_current(self, scene: &Scene) -> bool {
         self == Self::at(scene)
     }
+
+    /// Whether the cursor is in this scene, however much has changed there since. False for a clone of the
+    /// scene.
+    pub fn is_in(self, scene: &Scene) -> bool {
+        is_same_range(self.revision, scene.revision())
+    }
 }
 
 #[cfg(test)]
@@ -90,9 +96,14 @@ mod tests {
         let b = a.clone();
         let cursor = SceneCursor::at(&a);
         assert!(cursor.is_current(&a) && !cursor.is_current(&b));
+        assert!(cursor.is_in(&a) && !cursor.is_in(&b) && !SceneCursor::START.is_in(&a));
         assert_eq!(cursor.peek(&a), Changes::Objects(&[]));
         assert_eq!(cursor.peek(&b), Changes::Everything);
         assert_eq!(SceneCursor::START.peek(&Scene::new()), Changes::Everything);
+        // More changes than the scene lists.
+        a.set_origin(glam::DVec3::ONE).unwrap();
+        assert_eq!(cursor.peek(&a), Changes::Everything);
+        assert!(cursor.is_in(&a));
     }
 
     #[test]

@@ -167,3 +167,75 @@ fn two_sided_and_never_culled_objects_are_kept() {
     culler.set_two_sided(&scene, leaf, false).unwrap();
     assert_eq!(seen(&mut culler, &scene), [false, false, true]);
 }
+
+/// Two scenes whose objects have the same ids, of which each turns its front to where the other turns its
+/// back.
+fn opposite_scenes() -> ([Scene; 2], ObjectId, [View; 2]) {
+    let up: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let down: Triangle = [Vec3::ZERO, Vec3::Y, Vec3::X];
+    let made = [up, down].map(|triangle| {
+        let mut scene = Scene::new();
+        let id = insert(&mut scene, triangle);
+        (scene, id)
+    });
+    let [(a, id), (b, other)] = made;
+    assert_eq!(id, other);
+    ([a, b], id, [5.0, -5.0].map(|z| view_from(DVec3::new(0.3, 0.2, z))))
+}
+
+#[test]
+fn cones_of_one_scene_hide_nothing_in_another() {
+    // In either order: revisions of the scene that was made later are greater.
+    for order in [[0, 1], [1, 0]] {
+        let (scenes, id, views) = opposite_scenes();
+        let [a, b] = order.map(|i| &scenes[i]);
+        let [front_of_a, front_of_b] = order.map(|i| &views[i]);
+        let mut culler = BackfaceCuller::new();
+        culler.sync(b);
+        assert!(!cull(&mut culler, b, front_of_a).contains(b, id), "its back is seen");
+        assert!(cull(&mut culler, a, front_of_a).contains(a, id), "its front is seen");
+        assert_eq!(culler.cone(a, id), None);
+        culler.sync(a);
+        assert!(cull(&mut culler, a, front_of_a).contains(a, id));
+        assert!(!cull(&mut culler, a, front_of_b).contains(a, id));
+        assert!(cull(&mut culler, b, front_of_b).contains(b, id));
+    }
+}
+
+/// The block of a leaf is found right for a layout of its scene, which does not change while the culler is
+/// with another.
+#[test]
+fn blocks_of_a_scene_are_made_anew_after_another() {
+    let ([mut a, _], id, [front, back]) = opposite_scenes();
+    let b = Scene::new();
+    let mut culler = BackfaceCuller::new();
+    culler.sync(&a);
+    assert!(!cull(&mut culler, &a, &back).contains(&a, id));
+    // Turned round meanwhile.
+    culler.sync(&b);
+    a.set_triangles(id, [[Vec3::ZERO, Vec3::Y, Vec3::X]]).unwrap();
+    assert!(cull(&mut culler, &a, &back).contains(&a, id));
+    culler.sync(&a);
+    assert!(cull(&mut culler, &a, &back).contains(&a, id));
+    assert!(!cull(&mut culler, &a, &front).contains(&a, id));
+}
+
+#[test]
+fn two_sided_objects_stay_so_while_the_culler_is_with_another_scene() {
+    let up: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let mut a = Scene::new();
+    let gone = insert(&mut a, up);
+    a.remove(gone).unwrap();
+    // The index of what was removed, in the other scene still that of the first object.
+    let leaf = insert(&mut a, up);
+    let mut b = Scene::new();
+    let other = insert(&mut b, up);
+    assert!(leaf.index() == other.index() && leaf != other);
+    let below = view_from(DVec3::new(0.3, 0.2, -5.0));
+    let mut culler = BackfaceCuller::new();
+    culler.set_two_sided(&a, leaf, true).unwrap();
+    culler.sync(&b);
+    assert!(!cull(&mut culler, &b, &below).contains(&b, other));
+    culler.sync(&a);
+    assert!(cull(&mut culler, &a, &below).contains(&a, leaf));
+}
