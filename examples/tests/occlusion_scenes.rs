@@ -1,19 +1,11 @@
 //! The occlusion driver with the plain map on every scene: nothing visible is hidden, whatever hierarchy drives it.
 #![allow(missing_docs)]
 
-#[path = "../../visibility-core/tests/common/octree.rs"]
-#[allow(dead_code, missing_docs, unreachable_pub)]
-mod octree;
-#[path = "../../visibility-core/tests/common/plain_map.rs"]
-#[allow(dead_code, missing_docs, unreachable_pub)]
-mod plain_map;
-
-use octree::Octree;
-use plain_map::PlainMap;
 use std::path::Path;
 use visibility_core::{BoxHierarchy, FrustumCuller, OcclusionCuller, Pipeline, SceneHierarchy, Selection};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_testing::{Octree, PlainMap};
 
 /// Pixels of the map. Coarse, so that the plain map stays quick; the judge looks much closer.
 const MAP: (usize, usize) = (96, 54);

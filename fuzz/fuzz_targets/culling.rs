@@ -2,17 +2,15 @@
 //! nothing that an exact ray sees.
 #![no_main]
 
-#[path = "../../visibility-core/tests/common/mod.rs"]
-mod common;
 #[path = "../../examples/tests/extremes/oracle.rs"]
 mod oracle;
 
-use common::Random;
 use libfuzzer_sys::fuzz_target;
 use visibility_core::glam::DVec4;
 use visibility_core::{Eye, View, VisibleSet};
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{SceneSource, SourceObject};
+use visibility_testing::{Random, cameras};
 
 /// Takes numbers off the front of the bytes.
 struct Bytes<'a>(&'a [u8]);
@@ -47,7 +45,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut views = Vec::new();
     for _ in 0..2 {
         let (Some(depth), Some(matrix)) = (bytes.byte(), bytes.numbers::<16>()) else { return };
-        let view = View::from_clip_from_world(matrix, common::DEPTHS[usize::from(depth) % 6]);
+        let view = View::from_clip_from_world(matrix, cameras::DEPTHS[usize::from(depth) % 6]);
         views.extend(view.ok().filter(is_of_a_camera));
     }
     let mut objects = vec![SourceObject::new("0", Vec::new())];
@@ -100,7 +98,7 @@ fuzz_target!(|bytes: &[u8]| {
 fn is_of_a_camera(view: &View) -> bool {
     let clip = view.clip_from(view.origin());
     let near: DVec4 =
-        common::clip_planes(view.depth())[4].iter().map(|&(row, sign)| clip.row(row) * sign).sum();
+        cameras::clip_planes(view.depth())[4].iter().map(|&(row, sign)| clip.row(row) * sign).sum();
     // A near plane without a direction leaves nothing in view, or everything.
     if near.truncate().abs().max_element() == 0.0 {
         return false;

@@ -1,11 +1,8 @@
 //! What is remembered changes no answer; what has changed in the scene is never trusted; nothing is allocated once warm.
 #![allow(missing_docs)]
 
-#[path = "../../visibility-core/tests/common/allocations.rs"]
-mod allocations;
 mod common;
 
-use allocations::ALLOCATIONS;
 use common::{Random, Soup, triangles_of};
 use std::sync::Arc;
 use visibility_bsp::{
@@ -16,6 +13,10 @@ use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose,
     Preparation, Scene, View, VisibleSet,
 };
+use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn reported(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<ObjectId> {
     let mut visible = VisibleSet::new();

@@ -1,15 +1,16 @@
 //! Frames of the cullers and objects that move through a tree allocate nothing once warm. Counted by an allocator of our own.
 #![allow(missing_docs)]
 
-#[path = "../../visibility-core/tests/common/allocations.rs"]
-mod allocations;
 mod shapes;
 
-use allocations::ALLOCATIONS;
 use shapes::Random;
 use visibility_bsp::{BspOrder, BspTree, Naylor, SceneTree};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, Triangle, View, VisibleSet};
+use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn scene(random: &mut Random) -> Scene {
     let mut scene = Scene::new();

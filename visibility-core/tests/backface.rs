@@ -1,13 +1,12 @@
 //! Backface culling against exact arithmetic: no triangle whose front an eye sees is ever in a culled cluster.
 
-mod common;
-
-use common::*;
 use visibility_core::backface::{
     BackfaceCuller, ConeTree, Cones, Facing, MeshError, NormalCone, cluster_mesh, facing,
 };
 use visibility_core::glam::{DAffine3, DMat3, DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Eye, Scene, Simd, Triangle, View, VisibleSet};
+use visibility_testing::cameras::{Camera, power_of_two, random_camera};
+use visibility_testing::{FNV_START, Random, fnv, sign_of_sum};
 
 /// A number as an exact sum.
 type Sum = Vec<f64>;

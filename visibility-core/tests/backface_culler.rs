@@ -1,14 +1,12 @@
 //! The backface culler in a scene that changes: what has changed since its cone was built counts as visible, and nothing whose front
 //! is seen is hidden.
 
-mod common;
-
-use common::*;
 use visibility_core::backface::{BackfaceCuller, Facing, NormalCone, facing};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
     Aabb, Accuracy, Culler, Eye, Object, ObjectId, Pose, Scene, Simd, Triangle, View, VisibleSet,
 };
+use visibility_testing::Random;
 
 fn triangle(rng: &mut Random) -> Triangle {
     let at = rng.vector(50.0);

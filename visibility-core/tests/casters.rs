@@ -1,13 +1,14 @@
 //! No object is left out whose shadow falls into a view: checked by segments from points of the view to the light, which know nothing
 //! of planes, hulls and silhouettes.
 
-mod common;
-
-use common::*;
 use visibility_core::glam::{DMat4, DQuat, DVec3};
 use visibility_core::{
     Aabb, CasterCuller, Depth, Light, LightError, ObjectId, Pipeline, Plane, Pose, Scene, Simd, View,
     VisibleSet,
+};
+use visibility_testing::Random;
+use visibility_testing::cameras::{
+    Camera, DEPTHS, power_of_two, projection, random_camera, random_projection,
 };
 
 /// A view by its parts, so that points in it can be made without asking it.

@@ -1,13 +1,15 @@
 //! Contract 1 for the frustum culler: nothing that touches the view is ever hidden, at any magnitude of coordinates and in any
 //! convention, and what is clear of it by more than rounding can reach is.
 
-mod common;
-
-use common::*;
 use proptest::prelude::{ProptestConfig, any};
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use visibility_core::glam::{DMat4, DQuat, DVec3};
 use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Scene, View, VisibleSet};
+use visibility_testing::Random;
+use visibility_testing::cameras::{
+    Camera, DEPTHS, aimed_point, box_behind, clip_planes, power_of_two, projection, random_camera,
+    random_projection,
+};
 
 fn cull(scene: &Scene, view: &View) -> VisibleSet {
     let mut visible = VisibleSet::new();

@@ -1,13 +1,12 @@
 //! Contract 5: no panic on any input, finite or not. Bad input is an error, or an object that is never culled.
 
-mod common;
-
-use common::*;
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Depth, Eye, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, SceneError, View, ViewError,
     VisibleSet, Window,
 };
+use visibility_testing::Random;
+use visibility_testing::cameras::DEPTHS;
 
 /// Any bits, but often those of numbers that make trouble.
 fn any64(rng: &mut Random) -> f64 {
@@ -17,7 +16,7 @@ fn any64(rng: &mut Random) -> f64 {
         0 => rng.pick(&special) * rng.pick(&[1.0, -1.0]),
         1 => rng.range(-2.0, 2.0),
         // Finite, of any magnitude.
-        2 => f64::from_bits(rng.next() & !(1 << 62)) * rng.pick(&[1.0, 1e150, 1e300]),
+        2 => f64::from_bits(rng.bits() & !(1 << 62)) * rng.pick(&[1.0, 1e150, 1e300]),
         _ => rng.bits64(),
     }
 }

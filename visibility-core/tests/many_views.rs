@@ -1,14 +1,13 @@
 //! Many views of one scene: clip planes, cube faces, eyes united, cullers on threads.
 
-mod common;
-
-use common::*;
 use std::collections::BTreeSet;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
     Aabb, CasterCuller, Culler, FrustumCuller, Light, MAX_CLIP_PLANES, Object, ObjectId, Pipeline, Plane,
     Pose, Scene, View, ViewError, VisibleSet, Window,
 };
+use visibility_testing::Random;
+use visibility_testing::cameras::power_of_two;
 
 fn random_box(rng: &mut Random, spread: f64) -> Aabb {
     let min = rng.vector(spread).as_vec3();

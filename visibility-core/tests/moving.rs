@@ -1,11 +1,9 @@
 //! Objects that move for long: culling stays about as cheap as after a rebuild. Judged by the counters of culling, which are the same on every
 //! machine.
 
-mod common;
-
-use common::Random;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_testing::Random;
 
 /// Half the side of the cube in which everything moves.
 const REACH: f32 = 100.0;

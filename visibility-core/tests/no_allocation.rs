@@ -1,16 +1,15 @@
 //! Contract 5: no allocation per frame once warm; and how many bytes an object takes. Counted by an allocator of our own.
 
-#[path = "common/allocations.rs"]
-mod allocations;
-mod common;
-
-use allocations::{ALLOCATIONS, LIVE};
-use common::Random;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
     Aabb, Accuracy, CasterCuller, FrustumCuller, Light, ObjectId, OccluderMesh, Occlusion, OcclusionCuller,
     OcclusionMap, Pipeline, Plane, Pose, Scene, Selection, View, VisibleSet,
 };
+use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator, LIVE};
+use visibility_testing::{Octree, Random};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn random_box(rng: &mut Random) -> Aabb {
     let min = rng.vector(200.0).as_vec3();
@@ -204,7 +203,7 @@ fn occlusion_allocates_nothing_once_warm() {
         [Selection::SolidAngle, Selection::LastVisible, Selection::Nearest, Selection::Interleaved]
     {
         let own = OcclusionCuller::new(Curtain { nearest: 0.0 }).with_selection(selection);
-        let octree = common::octree::Octree::new(&world.scene, 5);
+        let octree = Octree::new(&world.scene, 5);
         let foreign = OcclusionCuller::over(Curtain { nearest: 0.0 }, octree).with_selection(selection);
         let mut pipelines = [
             Pipeline::new().with(FrustumCuller::new()).with(own),

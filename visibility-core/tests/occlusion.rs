@@ -1,15 +1,12 @@
 //! The occlusion driver over the plain map: what it hides, what it must not, and what it costs.
 
-mod common;
-
-use common::octree::Octree;
-use common::plain_map::PlainMap;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
     Aabb, Accuracy, BoxHierarchy, Child, Culler, FrustumCuller, HardwareQueries, Late, Object, ObjectId,
     OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Pipeline, Plane, Pose, Preparation, QueryDevice,
     Scene, SceneError, Selection, Triangle, View, VisibleSet, Window, prepare,
 };
+use visibility_testing::{Octree, PlainMap};
 
 fn view_from(eye: DVec3, target: DVec3) -> View {
     View::perspective(Pose::look_at(eye, target, DVec3::Z), 1.0, 1.6, 0.1, f64::INFINITY).unwrap()

@@ -1,26 +1,10 @@
 //! The bounds of [`ViewProjection`] against arithmetic of twice the precision, which shares nothing with it.
 
-mod common;
-
-use common::Random as Numbers;
 use visibility_core::glam::{DMat4, DVec3, DVec4};
 use visibility_core::view::{ClipRow, ViewProjection};
 use visibility_core::{Depth, Eye, View};
-
-/// Random numbers of which all bits are used.
-#[derive(Clone)]
-struct Random(Numbers);
-
-impl Random {
-    fn new(seed: u64) -> Self {
-        Self(Numbers(seed))
-    }
-
-    /// From 0 to 1, 1 excluded.
-    fn unit(&mut self) -> f64 {
-        (self.0.next() >> 11) as f64 * 2f64.powi(-53)
-    }
-}
+use visibility_testing::Random;
+use visibility_testing::cameras::DEPTHS;
 
 /// A number as an unevaluated sum of two, good to some 100 bits: Dekker, "A Floating-Point Technique for Extending the Available
 /// Precision", 1971.
@@ -69,26 +53,17 @@ fn exact(rows: &[DVec4], factor: f64, view: &View, origin: DVec3, point: DVec3) 
     value.times(Twice(factor, 0.0))
 }
 
-const DEPTHS: [Depth; 6] = [
-    Depth::NegativeOneToOne,
-    Depth::NegativeOneToOneInfinite,
-    Depth::ZeroToOne,
-    Depth::ZeroToOneInfinite,
-    Depth::Reversed,
-    Depth::ReversedInfinite,
-];
-
 /// A view of any matrix with an eye within some metres of `near`, and the matrix.
 fn random_view(random: &mut Random, near: DVec3, origin: DVec3) -> Option<(View, DMat4)> {
-    let vector = |random: &mut Random| DVec3::from_array([(); 3].map(|()| random.unit() * 2.0 - 1.0));
+    let vector = |random: &mut Random| DVec3::from_array([(); 3].map(|()| random.fine_unit() * 2.0 - 1.0));
     let eye = near + vector(random);
     let mut rows = [(); 4].map(|()| {
-        let linear = vector(random) * 2f64.powi((random.unit() * 24.0) as i32 - 12);
+        let linear = vector(random) * 2f64.powi((random.fine_unit() * 24.0) as i32 - 12);
         linear.extend(-linear.dot(eye))
     });
-    rows[2].w += random.unit();
+    rows[2].w += random.fine_unit();
     let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
-    let depth = DEPTHS[(random.unit() * 6.0) as usize];
+    let depth = DEPTHS[(random.fine_unit() * 6.0) as usize];
     let view = View::from_clip_from_world(matrix, depth).ok()?.relative_to(origin).ok()?;
     matches!(view.eye(origin), Eye::Point(_)).then_some((view, matrix))
 }
@@ -121,11 +96,12 @@ fn rows(projection: &ViewProjection, view: &View, m: &DMat4) -> Vec<(ClipRow, Ve
 
 #[test]
 fn rows_are_within_their_error_of_the_exact_value() {
-    let mut random = Random::new(11);
+    let mut random = Random(11);
     let mut closest: f64 = 0.0;
     for case in 0..20_000 {
-        let scale = |random: &mut Random| 10f64.powi((random.unit() * 12.0) as i32 - 3);
-        let vector = |random: &mut Random| DVec3::from_array([(); 3].map(|()| random.unit() * 2.0 - 1.0));
+        let scale = |random: &mut Random| 10f64.powi((random.fine_unit() * 12.0) as i32 - 3);
+        let vector =
+            |random: &mut Random| DVec3::from_array([(); 3].map(|()| random.fine_unit() * 2.0 - 1.0));
         // Far from the view's origin the constant rounds, far from the scene's the anchor does, and far from the eye the products do.
         let (local, view_origin, origin, reach) = match case % 4 {
             0 => (vector(&mut random) * scale(&mut random), DVec3::ZERO, DVec3::ZERO, 0.0),
@@ -154,15 +130,15 @@ fn rows_are_within_their_error_of_the_exact_value() {
 
 #[test]
 fn the_eye_is_within_its_error_of_the_exact_one() {
-    let mut random = Random::new(3);
+    let mut random = Random(3);
     let (mut found, mut off) = (0, 0);
     for case in 0..4000 {
         let most = if case % 2 == 0 { 9_000_000.0 } else { 90.0 };
         // Where only the difference of origins rounds, and where it is nothing.
         let far = if case % 4 == 1 { 1e9 } else { 0.0 };
         let [view_origin, origin] =
-            [(); 2].map(|()| DVec3::from_array([(); 3].map(|()| random.unit() * far)));
-        let mut whole = |most: f64| ((random.unit() * 2.0 - 1.0) * most).round();
+            [(); 2].map(|()| DVec3::from_array([(); 3].map(|()| random.fine_unit() * far)));
+        let mut whole = |most: f64| ((random.fine_unit() * 2.0 - 1.0) * most).round();
         // Rows and an eye of whole numbers, so that the matrix is exactly that of this eye.
         let eye = DVec3::new(whole(most), whole(most), whole(most));
         let rows = [(); 4].map(|()| DVec3::new(whole(1e6), whole(1e6), whole(1e6)));
@@ -190,10 +166,10 @@ fn the_eye_is_within_its_error_of_the_exact_one() {
 
 #[test]
 fn the_direction_of_a_parallel_view_is_within_its_error_of_the_exact_one() {
-    let mut random = Random::new(5);
+    let mut random = Random(5);
     let mut off = 0;
     for _ in 0..4000 {
-        let mut whole = || ((random.unit() * 2.0 - 1.0) * 1e5).round();
+        let mut whole = || ((random.fine_unit() * 2.0 - 1.0) * 1e5).round();
         // Exact cross product of whole numbers, and a depth row that grows along it.
         let [a, b] = [(); 2].map(|()| DVec3::new(whole(), whole(), whole()));
         let along = a.cross(b);
@@ -216,10 +192,11 @@ fn the_direction_of_a_parallel_view_is_within_its_error_of_the_exact_one() {
 
 #[test]
 fn orientation_is_that_of_a_triangle_that_turns_its_back() {
-    let mut random = Random::new(7);
+    let mut random = Random(7);
     let (mut plain, mut mirrored) = (0, 0);
     for case in 0..2000 {
-        let vector = |random: &mut Random| DVec3::from_array([(); 3].map(|()| random.unit() * 2.0 - 1.0));
+        let vector =
+            |random: &mut Random| DVec3::from_array([(); 3].map(|()| random.fine_unit() * 2.0 - 1.0));
         let near = vector(&mut random);
         let Some((view, matrix)) = random_view(&mut random, near, DVec3::ZERO) else { continue };
         let projection = ViewProjection::new(&view, DVec3::ZERO);

@@ -1,11 +1,10 @@
 //! Contract 3, the same clip matrix gives the same answer with any instructions and on any platform; and that answers depend on
 //! where things are relative to each other, not on where the world has its origin.
 
-mod common;
-
-use common::*;
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Depth, FrustumCuller, ObjectId, Pipeline, Pose, Scene, Simd, View, VisibleSet};
+use visibility_testing::cameras::{Camera, box_behind, clip_planes, power_of_two, random_camera};
+use visibility_testing::{FNV_START, Random, fnv};
 
 /// Clip matrices as an engine would pass them, column-major; written out, since trigonometry differs between platforms.
 const MATRICES: [([f32; 16], Depth); 3] = [

@@ -1,13 +1,12 @@
 //! Random changes to a scene, compared with a model of it that is a plain map.
 
-mod common;
-
-use common::*;
 use std::collections::{HashMap, HashSet};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Changes, FrustumCuller, Object, ObjectId, Pipeline, Scene, SceneError, View, VisibleSet,
 };
+use visibility_testing::Random;
+use visibility_testing::cameras::random_camera;
 
 struct Model {
     rng: Random,
@@ -70,8 +69,8 @@ impl Model {
         let rng = &mut self.rng;
         Object {
             bounds,
-            layers: if rng.one_in(5) { rng.next() as u32 & 0xf } else { u32::MAX },
-            cost: rng.next() as u32,
+            layers: if rng.one_in(5) { rng.bits() as u32 & 0xf } else { u32::MAX },
+            cost: rng.bits() as u32,
             never_cull: rng.one_in(40),
             occluder: rng.one_in(3),
         }
@@ -164,7 +163,7 @@ impl Model {
                 self.set(id, |object| object.occluder = occluder);
             }
             33 => {
-                let (id, cost) = (self.some(), self.rng.next() as u32);
+                let (id, cost) = (self.some(), self.rng.bits() as u32);
                 self.scene.set_cost(id, cost).unwrap();
                 self.set(id, |object| object.cost = cost);
             }

@@ -4,11 +4,10 @@
 //! of sight in the view is a fraction of whole numbers, found without rounding and with nothing of the crate
 //! but the names of the depth conventions.
 
-mod common;
-
-use common::{DEPTHS, Random};
 use visibility_core::glam::{DMat4, DVec3, DVec4};
 use visibility_core::{Depth, Plane, View};
+use visibility_testing::Random;
+use visibility_testing::cameras::{DEPTHS, power_of_two};
 
 type Whole = [i128; 3];
 
@@ -86,7 +85,7 @@ impl Camera {
             }
         };
         let mut camera = Self { eye, x, y, w, near, clips: Vec::new(), depth: rng.pick(&DEPTHS), scale: 1.0 };
-        camera.scale = common::power_of_two(rng.between(-40, 40));
+        camera.scale = power_of_two(rng.between(-40, 40));
         for _ in 0..rng.pick(&[0, 0, 0, 1, 2]) {
             let grazed = camera.line(rng.pick(&[-8, 8]), rng.pick(&[-8, 8]));
             let clip = match (rng.below(4), grazed) {

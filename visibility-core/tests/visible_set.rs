@@ -1,14 +1,12 @@
 //! What a [`VisibleSet`] holds, says and forgets, and how cullers compose.
 
-mod common;
-
-use common::Random;
 use std::collections::HashSet;
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View,
     VisibleSet,
 };
+use visibility_testing::Random;
 
 fn at(x: f32, y: f32, z: f32) -> Aabb {
     Aabb::from_arrays([x, y, z], [x + 0.5, y + 0.5, z + 0.5])
@@ -68,7 +66,7 @@ fn a_view_shows_what_shares_a_layer_with_it() {
     for count in [1, 50, 3000] {
         let mut scene = Scene::new();
         let layers: Vec<u32> = (0..count)
-            .map(|_| rng.pick(&[u32::MAX, 0, 1, 2, 3, 1 << 31, rng.clone().next() as u32]))
+            .map(|_| rng.pick(&[u32::MAX, 0, 1, 2, 3, 1 << 31, rng.clone().bits() as u32]))
             .collect();
         let ids = scene.insert_batch(layers.iter().map(|&layers| Object {
             layers,

@@ -1,13 +1,14 @@
 //! Contract 5 for hierarchical occlusion maps: no allocation per frame once warm, in the driver with each way of choosing occluders.
 
-#[path = "../../visibility-core/tests/common/allocations.rs"]
-mod allocations;
 mod common;
 
-use allocations::ALLOCATIONS;
 use common::{Random, occluder, view};
 use visibility_core::{Aabb, Culler, Object, Scene, Selection, VisibleSet};
 use visibility_hzb::{DepthEstimate, Hom, HomCuller};
+use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 #[test]
 fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {

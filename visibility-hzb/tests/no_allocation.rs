@@ -1,16 +1,17 @@
 //! Contract 5: no allocation per frame once warm. Counted by an allocator of our own.
 
-#[path = "../../visibility-core/tests/common/allocations.rs"]
-mod allocations;
 mod common;
 
-use allocations::ALLOCATIONS;
 use common::{Random, occluder, view};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, Occlusion, OcclusionCuller, OcclusionMap, Scene, VisibleSet,
 };
 use visibility_hzb::{Hom, Hzb};
+use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 #[test]
 fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {

@@ -1,17 +1,18 @@
 //! No allocation per frame once warm, counted by an allocator of our own.
 #![allow(missing_docs)]
 
-#[path = "../../visibility-core/tests/common/allocations.rs"]
-mod allocations;
 mod common;
 
-use allocations::ALLOCATIONS;
 use common::{Blank, triangles, views};
 use std::sync::Arc;
 use visibility_core::{Culler, FrustumCuller, VisibleSet};
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
 };
+use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// One frame warms a culler for all views: the first is of next to nothing.
 #[test]

@@ -1,17 +1,18 @@
 //! No allocation once warm: frames through portals and mirrors, doors that open and close, objects that move; linear programs and stabbing
 //! lines. Counted by an allocator of our own.
 
-#[path = "../../visibility-core/tests/common/allocations.rs"]
-mod allocations;
 mod maze;
 
-use allocations::ALLOCATIONS;
 use maze::{Camera, Maze, Random, Style};
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_core::{Aabb, Culler, FrustumCuller, PortalId, VisibleSet};
 use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
 use visibility_portals::stabbing::{Rectangle, Stab, Stabber};
 use visibility_portals::{Narrowing, PortalEye};
+use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 #[test]
 fn frames_doors_and_moving_objects_allocate_nothing_once_warm() {

@@ -6,8 +6,6 @@
 //! `EXTREMES_CASES` sets how many random worlds are tried, 60 by default; `EXTREMES_CULLERS=naylor,bsp` tries only cullers whose names
 //! begin so.
 
-#[path = "../../../visibility-core/tests/common/mod.rs"]
-mod common;
 mod exact;
 mod maze;
 mod metamorphic;
@@ -15,10 +13,10 @@ mod oracle;
 mod paths;
 mod strategies;
 
-use common::Random;
 use strategies::World;
 use visibility_core::{Accuracy, FrustumCuller, Pipeline, View, VisibleSet};
 use visibility_examples::walkthrough::cullers::{self, parse};
+use visibility_testing::Random;
 
 /// All cullers at each setting of their dials, one at a time.
 fn entries() -> Vec<String> {

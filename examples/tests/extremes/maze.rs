@@ -1,11 +1,11 @@
 //! Rooms in a row, a storey or a block, joined by holes in walls without thickness: worlds for what looks through portals.
 
-use super::common::Random;
 use super::strategies::{cuboid, soup};
 use glam::{DVec3, Vec3};
 use visibility_core::{CellGraph, CellId, Viewcell, Viewcells};
 use visibility_examples::SourceObject;
 use visibility_examples::source::SourceCells;
+use visibility_testing::Random;
 
 /// Walls with what stands between them, and the holes in them.
 pub(crate) struct Maze {

@@ -2,13 +2,13 @@
 //! objects in another order. The picture does not change by a bit, since each new coordinate and each new element of the matrix is exact;
 //! so answers may differ only where sums are rounded in another order, or where a culler's own choices hang on the order of objects.
 
-use crate::common::Random;
 use crate::strategies::{Case, World, random, world};
 use crate::{cases, entries, parse, shown};
 use glam::{DMat3, DMat4, DVec3};
 use std::collections::BTreeMap;
 use visibility_core::{Accuracy, CellGraph, View, Viewcell, Viewcells, VisibleSet};
 use visibility_examples::source::SourceCells;
+use visibility_testing::Random;
 
 /// A change of the world that leaves every picture as it is.
 struct Change {

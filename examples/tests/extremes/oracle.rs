@@ -1,10 +1,10 @@
 //! Rays in `f64` with bounds on their own rounding: a point counts as seen only if that is beyond doubt.
 
-use crate::common::Random;
 use visibility_core::glam::{DVec2, DVec3, Vec3};
 use visibility_core::{Accuracy, Eye, View, Viewcell};
 use visibility_examples::source::{SourceCells, clearance, tolerance};
 use visibility_examples::walkthrough::World;
+use visibility_testing::Random;
 
 /// Points tried on each object.
 const POINTS: usize = 6;

@@ -1,10 +1,10 @@
 //! Wide and narrow instructions give the same answers at the extremes too. Only bounds tests and the two maps have more than one form.
 
-use crate::common::Random;
 use crate::shown;
 use crate::strategies::{World, random};
 use visibility_core::{Culler, FrustumCuller, Pipeline, Simd, VisibleSet};
 use visibility_hzb::{Hom, HomCuller, Hzb, HzbCuller};
+use visibility_testing::Random;
 
 /// The sets of all views, one after another.
 fn answers(world: &World, culler: impl Culler + Send + 'static, after: FrustumCuller) -> Vec<bool> {

@@ -1,12 +1,13 @@
 //! Worlds at the extremes: what every culler is tried on.
 
-use crate::common::{DEPTHS, Random, projection};
 use crate::maze::Maze;
 use glam::{DMat4, DVec3, DVec4, Vec3};
 use visibility_core::{Pose, View, Window};
 use visibility_examples::source::SourceCells;
 pub(crate) use visibility_examples::walkthrough::World;
 use visibility_examples::{SceneSource, SourceObject};
+use visibility_testing::Random;
+use visibility_testing::cameras::{DEPTHS, projection};
 
 /// A world, and what is extreme about it.
 pub(crate) struct Case {

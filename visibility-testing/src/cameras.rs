@@ -1,16 +1,15 @@
-//! What the contract tests share: random numbers, cameras, and an oracle in exact arithmetic.
+//! Cameras of all conventions and scales, points near their planes, and an oracle in exact arithmetic for
+//! what they see.
 //!
-//! The oracle takes nothing from the crate under test but the names of the depth conventions. It decides in clip space, straight
-//! from the elements of the matrix, by the exact sign of sums of products (Shewchuk, "Adaptive Precision Floating-Point
-//! Arithmetic and Fast Robust Geometric Predicates", 1997: two-product and grow-expansion).
-#![allow(dead_code, missing_docs, unreachable_pub)]
+//! The oracle takes nothing from the crate under test but the names of the depth conventions. It decides in
+//! clip space, straight from the elements of the matrix, by [`sign_of_sum`].
 
-pub mod octree;
-pub mod plain_map;
-
+use crate::Random;
+use crate::exact::sign_of_sum;
 use visibility_core::glam::{DMat4, DQuat, DVec3, DVec4};
 use visibility_core::{Aabb, Depth};
 
+/// All conventions of depth.
 pub const DEPTHS: [Depth; 6] = [
     Depth::NegativeOneToOne,
     Depth::NegativeOneToOneInfinite,
@@ -20,90 +19,13 @@ pub const DEPTHS: [Depth; 6] = [
     Depth::ReversedInfinite,
 ];
 
-/// SplitMix64: integer arithmetic only, so that it gives the same numbers everywhere.
-#[derive(Clone)]
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    pub fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    pub fn between(&mut self, least: i32, most: i32) -> i32 {
-        least + self.below((most - least + 1) as usize) as i32
-    }
-
-    pub fn one_in(&mut self, n: usize) -> bool {
-        self.below(n) == 0
-    }
-
-    /// From 0 to 1, 1 excluded: 24 bits, so exact in `f32` too.
-    pub fn unit(&mut self) -> f64 {
-        (self.next() >> 40) as f64 / 16777216.0
-    }
-
-    pub fn range(&mut self, least: f64, most: f64) -> f64 {
-        least + (most - least) * self.unit()
-    }
-
-    pub fn vector(&mut self, size: f64) -> DVec3 {
-        DVec3::from_array(core::array::from_fn(|_| self.range(-size, size)))
-    }
-
-    pub fn bits32(&mut self) -> f32 {
-        f32::from_bits(self.next() as u32)
-    }
-
-    pub fn bits64(&mut self) -> f64 {
-        f64::from_bits(self.next())
-    }
-
-    pub fn pick<T: Copy>(&mut self, of: &[T]) -> T {
-        of[self.below(of.len())]
-    }
-}
-
+/// `2^exponent`.
 pub fn power_of_two(exponent: i32) -> f64 {
     2.0f64.powi(exponent)
 }
 
-/// The sign of the exact sum of the products, each of which must be zero or well within the range of `f64`.
-pub fn sign_of_sum(products: impl IntoIterator<Item = (f64, f64)>) -> i32 {
-    // An expansion: numbers that do not overlap, in order of growing magnitude, so that the last one which is not zero has the
-    // sign of all.
-    let (mut expansion, mut length) = ([0.0f64; 96], 0);
-    for (a, b) in products {
-        if a == 0.0 || b == 0.0 {
-            continue;
-        }
-        let high = a * b;
-        assert!((1e-270..1e300).contains(&high.abs()), "{a} * {b} is beyond the oracle");
-        for mut q in [a.mul_add(b, -high), high] {
-            if q == 0.0 {
-                continue;
-            }
-            for h in &mut expansion[..length] {
-                let sum = q + *h;
-                let other = sum - q;
-                *h = (q - (sum - other)) + (*h - other);
-                q = sum;
-            }
-            expansion[length] = q;
-            length += 1;
-        }
-    }
-    let sign = |&x: &f64| if x > 0.0 { 1 } else { -1 };
-    expansion[..length].iter().rev().find(|&&x| x != 0.0).map_or(0, sign)
-}
-
-/// The planes of clip space as sums of rows of the matrix: left, right, bottom, top, near, far. What is in view has no negative one.
+/// The planes of clip space as sums of rows of the matrix: left, right, bottom, top, near, far. What is in
+/// view has no negative one.
 pub fn clip_planes(depth: Depth) -> Vec<Vec<(usize, f64)>> {
     let sides = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)].map(|row| vec![(3, 1.0), row]);
     let (minus_w, zero, w) = (vec![(3, 1.0), (2, 1.0)], vec![(2, 1.0)], vec![(3, 1.0), (2, -1.0)]);
@@ -118,20 +40,27 @@ pub fn clip_planes(depth: Depth) -> Vec<Vec<(usize, f64)>> {
     sides.into_iter().chain(ends).collect()
 }
 
-/// A clip matrix, column-major, with its convention and the points of the world that it and the scene are relative to.
+/// A clip matrix, column-major, with its convention and the points of the world that it and the scene are
+/// relative to.
 #[derive(Clone, Debug)]
 pub struct Camera {
+    /// From positions relative to `origin` to clip space, column by column.
     pub matrix: [f64; 16],
+    /// What clip depth means.
     pub depth: Depth,
+    /// Point of the world that the matrix is relative to.
     pub origin: DVec3,
+    /// Point of the world that the scene's coordinates are relative to.
     pub scene_origin: DVec3,
 }
 
 impl Camera {
+    /// A camera whose matrix and scene are relative to the origin of the world.
     pub fn new(matrix: [f64; 16], depth: Depth) -> Self {
         Self { matrix, depth, origin: DVec3::ZERO, scene_origin: DVec3::ZERO }
     }
 
+    /// The matrix, rounded to `f32`.
     pub fn matrix_f32(&self) -> [f32; 16] {
         self.matrix.map(|x| x as f32)
     }
@@ -156,7 +85,8 @@ impl Camera {
         bounds.corners().iter().any(|corner| self.sees(corner.as_dvec3()))
     }
 
-    /// Normal and offset of a plane, rounded: for choosing points near it, and for what is farther than rounding reaches.
+    /// Normal and offset of a plane, rounded: for choosing points near it, and for what is farther than
+    /// rounding reaches.
     pub fn coefficients(&self, plane: &[(usize, f64)]) -> (DVec3, f64) {
         let sum = |column: usize| plane.iter().map(|&(row, sign)| sign * self.matrix[4 * column + row]).sum();
         let n = DVec3::new(sum(0), sum(1), sum(2));
@@ -165,9 +95,9 @@ impl Camera {
         (n, n.x * shift.x + n.y * shift.y + n.z * shift.z + sum_w)
     }
 
-    /// How far a box is beyond its worst plane, in units of the error bound that the frustum culler documents for its test (at
-    /// `TestPlane`): `8u` of all magnitudes, `2^-125` of the coordinates, `2^-122`, and the error of the plane's offset. More than
-    /// one: outside for certain.
+    /// How far a box is beyond its worst plane, in units of the error bound that the frustum culler documents
+    /// for its test (at `TestPlane`): `8u` of all magnitudes, `2^-125` of the coordinates, `2^-122`, and the
+    /// error of the plane's offset. More than one: outside for certain.
     pub fn error_bounds_outside(&self, bounds: &Aabb) -> f64 {
         let mut worst: f64 = 0.0;
         for plane in clip_planes(self.depth) {
@@ -224,7 +154,8 @@ pub fn projection(depth: Depth, window: [f64; 4], near: f64, far: f64, parallel:
     DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose()
 }
 
-/// A camera somewhere within `reach` of the origin of its matrix, turned anyhow; perspective or parallel, often off-centre.
+/// A camera somewhere within `reach` of the origin of its matrix, turned anyhow; perspective or parallel,
+/// often off-centre.
 pub fn random_projection(rng: &mut Random, depth: Depth, reach: f64) -> DMat4 {
     let turn =
         DQuat::from_xyzw(rng.unit() - 0.5, rng.unit() - 0.5, rng.unit() - 0.5, rng.unit() + 0.01).normalize();
@@ -257,8 +188,8 @@ pub fn random_camera(rng: &mut Random, exponents: [i32; 3]) -> (Camera, DMat4) {
     (Camera::new(matrix, depth), base)
 }
 
-/// A point near one plane of a camera, aimed at within a few of the last places of one coordinate; and the plane's coefficients.
-/// `base` is the matrix before the scaling by `2^-exponents`.
+/// A point near one plane of a camera, aimed at within a few of the last places of one coordinate; and the
+/// plane's coefficients. `base` is the matrix before the scaling by `2^-exponents`.
 pub fn aimed_point(
     rng: &mut Random,
     camera: &Camera,
@@ -297,7 +228,8 @@ pub fn aimed_point(
         }
         p[axis] = x;
     }
-    // Infinite coordinates are beyond this test, and what is far from the scale aimed at is an accident of the inverse.
+    // Infinite coordinates are beyond this test, and what is far from the scale aimed at is an accident of
+    // the inverse.
     (p.is_finite() && (p.as_dvec3() / scale).abs().max_element() < 1e7).then(|| (p.to_array(), n, d))
 }
 
@@ -316,10 +248,3 @@ pub fn box_behind(rng: &mut Random, p: [f32; 3], n: DVec3, exponents: [i32; 3]) 
     let bounds = Aabb::from_arrays(min, max);
     if bounds.is_finite() { bounds } else { Aabb::from_arrays(p, p) }
 }
-
-/// FNV-1a.
-pub fn fnv(hash: u64, bytes: &[u8]) -> u64 {
-    bytes.iter().fold(hash, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
-}
-
-pub const FNV_START: u64 = 0xcbf2_9ce4_8422_2325;

@@ -1,8 +1,8 @@
-//! An occlusion map written to be obviously right, as the reference for every other: a grid of pixels, and for each occluder every
-//! pixel clipped against every triangle in homogeneous coordinates.
+//! An occlusion map written to be obviously right, as the reference for every other: a grid of pixels, and
+//! for each occluder every pixel clipped against every triangle in homogeneous coordinates.
 //!
-//! A mesh covers a pixel if one of its drawn triangles meets the pixel and no contour does; the pixel then holds the farthest point of all
-//! drawn triangles of that mesh in it. Of several meshes the nearest wins.
+//! A mesh covers a pixel if one of its drawn triangles meets the pixel and no contour does; the pixel then
+//! holds the farthest point of all drawn triangles of that mesh in it. Of several meshes the nearest wins.
 
 use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4};
 use visibility_core::{Aabb, Accuracy, Eye, OccluderMesh, Occlusion, OcclusionMap, View};
@@ -10,6 +10,7 @@ use visibility_core::{Aabb, Accuracy, Eye, OccluderMesh, Occlusion, OcclusionMap
 /// Widens what is drawn against, and narrows what is drawn: far above rounding, far below a pixel.
 const SLACK: f64 = 1e-9;
 
+/// A map that holds, per pixel, how far what covers it reaches at most.
 pub struct PlainMap {
     width: usize,
     height: usize,
@@ -23,6 +24,7 @@ pub struct PlainMap {
 }
 
 impl PlainMap {
+    /// An empty map of that many columns and rows.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             width,
@@ -35,7 +37,7 @@ impl PlainMap {
         }
     }
 
-    /// Which pixels are covered.
+    /// How many pixels are covered.
     pub fn covered(&self) -> usize {
         self.depth.iter().filter(|depth| depth.is_finite()).count()
     }
@@ -44,7 +46,8 @@ impl PlainMap {
         self.clip * p.extend(1.0)
     }
 
-    /// Grows along every line of sight: distance from the eye along the view for perspective, clip depth otherwise.
+    /// Grows along every line of sight: distance from the eye along the view for perspective, clip depth
+    /// otherwise.
     fn distance(&self, p: DVec4) -> f64 {
         match self.eye {
             Eye::Point(_) => p.w,

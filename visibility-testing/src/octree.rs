@@ -3,6 +3,7 @@
 use visibility_core::glam::Vec3;
 use visibility_core::{Aabb, BoxHierarchy, Child, ObjectId, Scene};
 
+/// Nodes with up to eight children each, and objects at the leaves.
 pub struct Octree {
     nodes: Vec<Node>,
 }
@@ -14,6 +15,7 @@ struct Node {
 }
 
 impl Octree {
+    /// Sorts the objects whose bounds are finite into cells of up to four, at most `depth` levels deep.
     pub fn new(scene: &Scene, depth: u32) -> Self {
         let objects: Vec<ObjectId> =
             scene.ids().filter(|&id| scene.bounds(id).is_ok_and(|bounds| bounds.is_finite())).collect();

@@ -1,0 +1,31 @@
+//! Signs of sums of products, in exact arithmetic (Shewchuk, "Adaptive Precision Floating-Point Arithmetic
+//! and Fast Robust Geometric Predicates", 1997: two-product and grow-expansion).
+
+/// The sign of the exact sum of the products, each of which must be zero or well within the range of `f64`.
+pub fn sign_of_sum(products: impl IntoIterator<Item = (f64, f64)>) -> i32 {
+    // An expansion: numbers that do not overlap, in order of growing magnitude, so that the last one which is
+    // not zero has the sign of all.
+    let (mut expansion, mut length) = ([0.0f64; 96], 0);
+    for (a, b) in products {
+        if a == 0.0 || b == 0.0 {
+            continue;
+        }
+        let high = a * b;
+        assert!((1e-270..1e300).contains(&high.abs()), "{a} * {b} is beyond the oracle");
+        for mut q in [a.mul_add(b, -high), high] {
+            if q == 0.0 {
+                continue;
+            }
+            for h in &mut expansion[..length] {
+                let sum = q + *h;
+                let other = sum - q;
+                *h = (q - (sum - other)) + (*h - other);
+                q = sum;
+            }
+            expansion[length] = q;
+            length += 1;
+        }
+    }
+    let sign = |&x: &f64| if x > 0.0 { 1 } else { -1 };
+    expansion[..length].iter().rev().find(|&&x| x != 0.0).map_or(0, sign)
+}
