@@ -36,6 +36,8 @@ mod portals;
 pub mod prt;
 mod separators;
 pub mod stabbing;
+#[cfg(test)]
+mod whole_numbers;
 
 pub use antipenumbra::antipenumbra;
 pub use bake_settings::{BakeError, Settings};

@@ -10,6 +10,7 @@ mod eye;
 mod polygon;
 mod reflection;
 mod scene_cells;
+mod screen_rectangle;
 mod side;
 mod sight;
 mod start;

@@ -117,33 +117,82 @@ pub(super) enum Crossing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::whole_numbers::Random;
     use visibility_core::Depth;
-    use visibility_core::glam::DMat4;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::glam::{DMat4, DVec4};
+
+    /// The view of a matrix with these rows for x, y and w.
+    fn view(rows: [DVec3; 3], offsets: [f64; 3]) -> Option<View> {
+        let [x, y, w] = [0, 1, 2].map(|i| rows[i].extend(offsets[i]));
+        let z = (rows[2] * 0.5 + rows[0] + rows[1]).extend(offsets[2] * 0.5 + offsets[0] + offsets[1] - 1.0);
+        View::from_clip_from_world(DMat4::from_cols(x, y, z, w).transpose(), Depth::ZeroToOne).ok()
+    }
 
     #[test]
-    fn the_eye_is_within_its_error_of_the_anchor() {
-        let mut state = 3u64;
-        let mut whole = |most: i64| {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            ((state >> 20) as i64 % (2 * most + 1) - most) as f64
-        };
-        let (mut found, mut off) = (0, 0);
-        for _ in 0..2000 {
-            // Rows and an eye of whole numbers, so that the matrix is exactly that of this eye.
-            let eye = DVec3::new(whole(9_000_000), whole(9_000_000), whole(9_000_000));
-            let rows = [(); 4].map(|()| DVec3::new(whole(1_000_000), whole(1_000_000), whole(1_000_000)));
-            let mut rows = rows.map(|row| row.extend(-row.dot(eye)));
-            rows[2].w -= 1e6;
+    fn parallel_lines_of_sight_are_within_their_turn_of_the_direction() {
+        let mut random = Random(4);
+        let (mut found, mut greatest) = (0, 0.0f64);
+        for _ in 0..4000 {
+            let [x, y] = [(); 2].map(|()| random.vector(1 << 30));
+            // The direction of all lines is at right angles to both rows.
+            let exact = x.cross(y).0.map(|k| {
+                let hi = k as f64;
+                DoubleDouble { hi, lo: (k - hi as i128) as f64 }
+            });
+            let direction = exact.map(|k| k.hi);
+            let length = DVec3::from(direction).length();
+            if length < 1e15 {
+                continue;
+            }
+            let z = DVec3::from(direction) / length * 1e5;
+            let rows = [x.to_f64().extend(0.0), y.to_f64().extend(0.0), z.extend(0.5), DVec4::W];
             let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
             let Ok(view) = View::from_clip_from_world(matrix, Depth::ZeroToOne) else { continue };
-            let Some(sight) = Sight::new(&view).filter(|sight| sight.lines == Lines::FromAnchor) else {
+            let Some(Lines::Along(found_direction, turn)) = Sight::new(&view).map(|sight| sight.lines) else {
                 continue;
             };
-            let distance = (sight.anchor - eye).length();
-            assert!(distance <= sight.error, "{eye}: {} off, {} known of", distance, sight.error);
-            assert!(sight.error < 1.0, "{eye}: {}", sight.error);
-            (found, off) = (found + 1, off + u32::from(distance > 0.0));
+            // The sine of the angle between both, in numbers of twice the length.
+            let d = found_direction.to_array();
+            let across = [0, 1, 2].map(|k| {
+                let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                let product = |a: f64, b: DoubleDouble| DoubleDouble::from(a).times(b);
+                product(d[i], exact[j]).plus(product(d[j], exact[i]).negated()).hi
+            });
+            let sine = DVec3::from(across).length() / length;
+            assert!(sine <= turn, "{x:?} {y:?}: off by {sine}, {turn} known of");
+            greatest = greatest.max(sine / turn);
+            found += 1;
         }
-        assert!(found > 1500 && off > 500, "{off} of {found}");
+        assert!(found > 1000 && greatest > 0.001, "{found}, {greatest}");
+    }
+
+    #[test]
+    fn an_eye_near_the_plane_of_a_polygon_is_never_said_to_be_on_the_wrong_side() {
+        let mut random = Random(5);
+        let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
+        let mut sight = Sight::new(&wide).unwrap();
+        sight.error = 0.0;
+        let mut counts = [0; 3];
+        for round in 0..20_000 {
+            // An eye far along the plane of a triangle, and next to nothing off it: by as little as 2^-52 of the distance.
+            let (corner, a, b) = (random.vector(1 << 20), random.vector(1 << 24), random.vector(1 << 24));
+            let near = random.vector(if round % 2 == 0 { 4 } else { 1 << 12 });
+            let far = a.times(random.below(1 << 24)).plus(b.times(random.below(1 << 24)));
+            let eye = corner.plus(far).plus(near);
+            let ahead = corner.minus(eye).dot(a.cross(b));
+            let unit = a.to_f64().cross(b.to_f64()).normalize();
+            let vertices = [corner, corner.plus(a), corner.plus(b)].map(|p| p.minus(eye).to_f64());
+            let width = unit.cross(b.to_f64()).length() * 0.5;
+            let crossing = sight.crossing(vertices.into_iter(), unit, width, 0.0);
+            // Lines that come from behind the plane run along its normal.
+            match crossing {
+                Crossing::Along => assert!(ahead > 0, "{corner:?} {a:?} {b:?} {eye:?}"),
+                Crossing::Against => assert!(ahead < 0, "{corner:?} {a:?} {b:?} {eye:?}"),
+                Crossing::Unsure => {}
+            }
+            counts[crossing as usize] += 1;
+        }
+        assert!(counts.iter().all(|&count| count > 1000), "{counts:?}");
     }
 }

@@ -7,22 +7,19 @@
 use super::Narrowing;
 use super::polygon::Outline;
 use super::scene_cells::{NONE, SceneCells};
+use super::screen_rectangle::{Rectangle, around, push_sides};
 use super::side::{Corner, Edge, Side, U, clip};
 use super::sight::{Crossing, Lines, Sight};
 use super::stats::PortalStats;
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
-use visibility_core::view::ClipRow;
 use visibility_core::{CellId, PortalId, Stamp, ViewcellId};
 
 /// The most sides that a window keeps: those beyond are forgotten, which can only show more.
 const MOST_SIDES: usize = 24;
 /// Ways into a cell that are followed one by one. Where there are more, the cell is looked at through the whole view instead.
 const MOST_WAYS: u32 = 48;
-
-/// Left, right, bottom and top of a rectangle on the screen, in units of w.
-pub(super) type Rectangle = [f64; 4];
 
 /// One way by which a cell is seen.
 #[derive(Clone, Debug)]
@@ -386,7 +383,7 @@ impl Walk {
             }
             Narrowing::Rectangle => {
                 rectangle = around(sight, &self.polygon, error, window.rectangle);
-                push_rectangle(sight, rectangle, &mut self.sides);
+                push_sides(sight, rectangle, &mut self.sides);
             }
         }
         let sides = start as u32..self.sides.len() as u32;
@@ -455,49 +452,4 @@ impl Walk {
 fn crossing(sight: &Sight, outline: &Outline, vertices: &[DVec3]) -> Crossing {
     let relative = vertices.iter().map(|&vertex| vertex - sight.anchor);
     sight.crossing(relative, outline.normal, outline.width, outline.error + sight.error)
-}
-
-/// The rectangle on the screen around corners that may each be off by `error`, within `outer`.
-///
-/// A row of the clip matrix at a corner is off by the row's own error and by `error` times its length. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most `(dx + |q| dw) / (w - dw)`.
-fn around(sight: &Sight, corners: &[Corner], error: f64, outer: Rectangle) -> Rectangle {
-    let value = |row: &ClipRow, at: DVec3| {
-        let (value, own) = row.at(at);
-        (value, own + error * row.linear.length())
-    };
-    let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
-    for corner in corners {
-        let (w, dw) = value(&sight.rows[2], corner.at);
-        // A corner so near the eye may be anywhere on the screen; so may a NaN.
-        if w.is_nan() || dw.is_nan() || w <= 4.0 * dw {
-            return outer;
-        }
-        for axis in 0..2 {
-            let (x, dx) = value(&sight.rows[axis], corner.at);
-            let q = x / w;
-            let off = (dx + q.abs() * dw) / (w - dw) + 4.0 * U * q.abs();
-            bounds[axis * 2] = bounds[axis * 2].min(q - off);
-            bounds[axis * 2 + 1] = bounds[axis * 2 + 1].max(q + off);
-        }
-    }
-    [bounds[0].max(outer[0]), bounds[1].min(outer[1]), bounds[2].max(outer[2]), bounds[3].min(outer[3])]
-}
-
-/// The planes of a rectangle on the screen: `x - left w >= 0` and so on, by rows of the clip matrix.
-fn push_rectangle(sight: &Sight, rectangle: Rectangle, sides: &mut Vec<Side>) {
-    let w = &sight.rows[2];
-    for (i, bound) in rectangle.into_iter().enumerate() {
-        let x = &sight.rows[i / 2];
-        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
-        let linear = (x.linear - w.linear * bound) * sign;
-        let length = linear.length();
-        let size = x.linear.length() + bound.abs() * w.linear.length();
-        // The errors of the constants are more than the rounding of their difference, too.
-        let (slope, slack) = (16.0 * U * size / length, (x.error + bound.abs() * w.error) / length);
-        let offset = (x.constant - w.constant * bound) * sign / length;
-        if slope < 0.25 && slack.is_finite() && offset.is_finite() {
-            let plane = visibility_core::Plane::new(linear / length, offset);
-            sides.push(Side { plane, slope: slope + 16.0 * U, slack: slack + 8.0 * U * offset.abs() });
-        }
-    }
 }

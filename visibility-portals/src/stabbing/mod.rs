@@ -9,6 +9,7 @@
 
 mod plan;
 pub(crate) mod pluecker;
+mod radius;
 
 use crate::lp::Certificate;
 use alloc::vec::Vec;
@@ -204,14 +205,74 @@ impl Stabber {
         self.edges.iter().filter(|edge| edge.a != edge.b).all(|edge| {
             let (e, from) = (edge.b - edge.a, point - edge.a);
             let across = direction.cross(e);
-            // The product of three vectors, each rounded, is wrong by less than 32 times 2^-52 of the product of their lengths, or
-            // of what they were subtracted from.
+            // The product of three vectors, each rounded, is wrong by less than 20u of the product of their lengths, or of what they
+            // were subtracted from. So is, where the test passes, what it is compared with, which is no greater: 64u will do for both.
             let sizes =
                 (point.length() + edge.a.length()) * (edge.a.length() + edge.b.length()) * direction.length();
-            across.dot(from) >= self.clearance * across.length() * (1.0 + 1e-12) + 32.0 * f64::EPSILON * sizes
+            across.dot(from) >= self.clearance * across.length() + 32.0 * f64::EPSILON * sizes
         })
     }
 }
 
 /// By how much, relative to the size of things, a line is first looked for inside of all edges.
 const INSIDE: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::whole_numbers::{Random, Whole};
+
+    /// The clearance that a line misses by a billionth, where the product that tells its distance is this, and the vector across it so long. Any
+    /// clearance is missed by lines on the wrong side.
+    fn just_missed(product: f64, across: f64) -> f64 {
+        if product > 0.0 { product / across * (1.0 + 1e-9) } else { 1e-9 }
+    }
+
+    #[test]
+    fn lines_that_are_nearly_as_far_off_as_they_have_to_be_are_not_clear() {
+        let mut random = Random(6);
+        for _ in 0..20_000 {
+            let [d, e, a, near] = [1 << 24, 1 << 24, 1 << 20, 4].map(|most| random.vector(most));
+            // Far along the plane of line and edge, and next to nothing off it.
+            let from = d.times(random.below(1 << 25)).plus(e.times(random.below(1 << 25))).plus(near);
+            let across = d.cross(e);
+            let (a, b) = (a.to_f64(), a.plus(e).to_f64());
+            let edge = Edge { a, b, shift: DVec3::ZERO, bounds: true };
+            let clearance = just_missed(across.dot(near) as f64, across.to_f64().length());
+            let stabber = Stabber { edges: alloc::vec![edge], ..Stabber::new(clearance) };
+            assert!(!stabber.is_clear(a + from.to_f64(), d.to_f64()), "{d:?} {e:?} {from:?}");
+        }
+        // A vertical edge 5 ahead and 1 to the right: ten times the margin is enough.
+        let edge = Edge {
+            a: DVec3::new(5.0, -1.0, 0.0),
+            b: DVec3::new(5.0, -1.0, 1.0),
+            shift: DVec3::ZERO,
+            bounds: true,
+        };
+        let is_clear = |clearance| {
+            let stabber = Stabber { edges: alloc::vec![edge], ..Stabber::new(clearance) };
+            [DVec3::X, DVec3::NEG_X].map(|direction| stabber.is_clear(DVec3::ZERO, direction))
+        };
+        assert!(is_clear(1.0 - 1e-12).contains(&true) && is_clear(1.0) == [false; 2]);
+    }
+
+    #[test]
+    fn lines_of_a_plan_that_are_nearly_as_far_off_as_they_have_to_be_are_not_clear() {
+        let mut random = Random(7);
+        let flat = |random: &mut Random, most| Whole([random.below(most), random.below(most), 0]);
+        for _ in 0..20_000 {
+            let [d, p, near] = [1 << 24, 1 << 20, 4].map(|most| flat(&mut random, most));
+            let left = d.times(random.below(1 << 27)).plus(near);
+            // The right end is well to the right.
+            let right = left.plus(Whole([d.0[1], -d.0[0], 0]).times(1 << 8));
+            let segments = [[left, right].map(|end| p.plus(end).to_f64().truncate())];
+            let clearance = just_missed(d.cross(near).0[2] as f64, d.to_f64().length());
+            let line = [p, d].map(|v| v.to_f64().truncate());
+            assert!(!plan::is_clear(&segments, line, clearance), "{d:?} {left:?}");
+        }
+        // Ten times the margin is enough.
+        let segment = [[DVec2::new(5.0, 1.0), DVec2::new(5.0, -1.0)]];
+        assert!(plan::is_clear(&segment, [DVec2::ZERO, DVec2::X], 1.0 - 1e-13));
+        assert!(!plan::is_clear(&segment, [DVec2::ZERO, DVec2::X], 1.0));
+    }
+}

@@ -10,6 +10,7 @@
 //! `n` of unit length: these inequalities, `|c| <= radius` since the line passes that segment, and `n . (left - right) >= 2 r` for it.
 
 use super::Stab;
+use super::radius::radius_of;
 use crate::lp::{BOX, Certificate, Levels, Row, Stop, find};
 use alloc::vec::Vec;
 use visibility_core::geometry::DoubleDouble;
@@ -88,17 +89,12 @@ impl Plan {
         origin: DVec2,
         clearance: f64,
     ) -> Option<Certificate> {
-        let radius = square.iter().fold(0.0, |radius: f64, p| radius.max((*p - origin).length()));
-        let radius = radius * (1.0 + 1e-12) + f64::MIN_POSITIVE;
-        let mut unit = 1.0;
-        while unit < radius {
-            unit *= 2.0;
-        }
+        let (radius, unit) = radius_of(square.iter().map(|&p| (p - origin).length()));
         let difference =
             |a: DVec2, b: DVec2| [DoubleDouble::difference(a.x, b.x), DoubleDouble::difference(a.y, b.y)];
         let [x, y] = difference(square[0], square[1]);
-        // Rounded down; differences of coordinates are exact.
-        let least = 2.0 * clearance * (1.0 - 1e-12);
+        // Twice a number is exact, and so are differences of coordinates.
+        let least = 2.0 * clearance;
         let mut rows = [Row { normal: [x, y, DoubleDouble::ZERO], error: 0.0, least }; 4];
         let mut count = 1;
         let conflict = self.levels.conflict();
@@ -119,12 +115,13 @@ impl Plan {
 }
 
 /// Whether a line surely passes all ends as far off as it has to.
-fn is_clear(segments: &[[DVec2; 2]], [point, direction]: [DVec2; 2], clearance: f64) -> bool {
+pub(super) fn is_clear(segments: &[[DVec2; 2]], [point, direction]: [DVec2; 2], clearance: f64) -> bool {
     let length = direction.length();
     segments.iter().flatten().enumerate().all(|(i, &p)| {
         let side = direction.perp_dot(p - point) * if i % 2 == 0 { 1.0 } else { -1.0 };
-        // Two products and a difference of differences, each rounded.
+        // Two products and a difference of differences, each rounded, are wrong by less than 12u of the sizes. So is, where the test passes,
+        // what they are compared with, which is no greater: 32u will do for both.
         let sizes = (p.length() + point.length()) * length;
-        side >= clearance * length * (1.0 + 1e-12) + 16.0 * f64::EPSILON * sizes
+        side >= clearance * length + 16.0 * f64::EPSILON * sizes
     })
 }

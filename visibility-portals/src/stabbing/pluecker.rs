@@ -30,6 +30,7 @@
 //! every rounding counted (see [`crate::lp`]). The program that proposes which edges to take is solved in plain `f64`, in the five dimensions that
 //! are left when lines are scaled to `n . d = 1`.
 
+use super::radius::radius_of;
 use crate::lp::{BOX, Certificate, Levels, MOST, Row, Stop, find};
 use alloc::vec::Vec;
 use visibility_core::geometry::DoubleDouble;
@@ -199,14 +200,7 @@ impl Pluecker {
         clearance: f64,
     ) -> Option<Certificate> {
         let square = opening(at);
-        let radius =
-            square.edges.iter().fold(0.0, |radius: f64, edge| radius.max((edge.a - origin).length()));
-        // Rounded up; in units of a power of two, so that both halves of the rows are of one size.
-        let radius = radius * (1.0 + 1e-12) + f64::MIN_POSITIVE;
-        let mut unit = 1.0;
-        while unit < radius {
-            unit *= 2.0;
-        }
+        let (radius, unit) = radius_of(square.edges.iter().map(|edge| (edge.a - origin).length()));
         let mut rows = [Row { normal: [DoubleDouble::ZERO; 6], error: 0.0, least: 0.0 }; MOST];
         rows[0] = area(&square, origin, clearance);
         let mut count = 1;

@@ -1,0 +1,39 @@
+//! How far a line that meets a segment or a polygon can be from an origin.
+
+/// A bound on distances that were computed in `f64` from differences of coordinates, and the least power of two, from 1 up, that is no less. In
+/// that unit both halves of a row of a linear program are of one size. Distances that are not finite give infinity or a unit of 1.
+///
+/// A difference is rounded by u of itself, three squares and two sums by 3u, a root by u; half of the error of the squares counts. That is less
+/// than 4u of the distance, and 8u here.
+pub(super) fn radius_of(distances: impl Iterator<Item = f64>) -> (f64, f64) {
+    let radius = distances.fold(0.0, f64::max) * (1.0 + 4.0 * f64::EPSILON) + f64::MIN_POSITIVE;
+    let mut unit = 1.0;
+    while unit < radius {
+        unit *= 2.0;
+    }
+    (radius, unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::whole_numbers::Random;
+
+    #[test]
+    fn a_radius_is_never_less_than_the_distance() {
+        let mut random = Random(2);
+        for _ in 0..20_000 {
+            // Multiples of 4: the numbers of f64 at this size, and so is every distance.
+            let p = random.vector(1 << 52).times(4);
+            let distance = p.to_f64().length();
+            let (radius, unit) = radius_of([1.0, distance].into_iter());
+            if distance < (1u64 << 53) as f64 {
+                continue;
+            }
+            let exact = radius as i128;
+            assert!(exact * exact >= p.dot(p), "{p:?}: {radius}");
+            assert!(radius < distance * (1.0 + 1e-14) && unit >= radius && unit < 2.0 * radius);
+        }
+        assert_eq!(radius_of([f64::INFINITY].into_iter()), (f64::INFINITY, f64::INFINITY));
+    }
+}
