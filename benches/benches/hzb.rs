@@ -7,11 +7,11 @@ use std::time::Duration;
 use visibility_benches::workload::Random;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, FrustumCuller, Object, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View, VisibleSet,
+    Aabb, FrustumCuller, Object, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, Simd, View, VisibleSet,
 };
 use visibility_examples::built_in;
 use visibility_examples::walkthrough::World;
-use visibility_hzb::{Hzb, HzbCuller, Simd};
+use visibility_hzb::{Hzb, HzbCuller};
 
 /// 90 degrees wide, so that at a distance of 960 m a metre is a pixel of 1920.
 fn view() -> View {

@@ -76,7 +76,7 @@ pub use pipeline::{Explanation, Pipeline};
 pub use pvs::{Pvs, PvsCuller, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells};
 pub use region_culler::RegionCuller;
 pub use scene::{Boxes64, Changes, Maintenance, MeshId, Object, ObjectId, Scene, SceneError, Triangle};
-pub use simd::Simd;
+pub use simd::{Simd, SimdLevel};
 pub use stamp::{SceneCursor, Stamp};
 pub use view::{
     ClipMatrix, Depth, Eye, MAX_CLIP_PLANES, MAX_PLANES, Pose, View, ViewError, ViewPlane, ViewPlanes, Window,

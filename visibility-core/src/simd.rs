@@ -19,33 +19,41 @@ use crate::view::MAX_PLANES;
 /// assert!(Simd::available().any(|simd| simd == Simd::best()));
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Simd(Path);
+pub struct Simd(SimdLevel);
 
-/// Values beyond `Portable` are made by [`Simd::available`] alone, after it has asked the processor: that is what makes
-/// the calls below sound.
+/// A set of instructions. A [`Simd`] whose [`level`](Simd::level) is beyond `Portable` exists only where the processor
+/// was found to have all instructions of that level: that is what makes calls of functions compiled for them sound.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Path {
+pub enum SimdLevel {
+    /// What the program was built for.
     Portable,
-    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+    /// AVX2, BMI1, BMI2, POPCNT and LZCNT. On x86-64 with `std` only.
     Avx2,
-    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+    /// The same, and AVX-512 F, BW, DQ and VL. On x86-64 with `std` only.
     Avx512,
 }
 
 impl Simd {
     /// Whatever the program was built for: SSE2, NEON, wasm SIMD or scalar.
-    pub const PORTABLE: Self = Self(Path::Portable);
+    pub const PORTABLE: Self = Self(SimdLevel::Portable);
 
     /// The paths that this processor can run, from the narrowest to the widest.
     pub fn available() -> impl Iterator<Item = Self> {
         #[cfg(all(target_arch = "x86_64", feature = "std"))]
+        let avx2 = std::is_x86_feature_detected!("avx2")
+            && std::is_x86_feature_detected!("bmi1")
+            && std::is_x86_feature_detected!("bmi2")
+            && std::is_x86_feature_detected!("popcnt")
+            && std::is_x86_feature_detected!("lzcnt");
+        #[cfg(all(target_arch = "x86_64", feature = "std"))]
         let wide = [
-            std::is_x86_feature_detected!("avx2").then_some(Self(Path::Avx2)),
-            (std::is_x86_feature_detected!("avx512f")
+            avx2.then_some(Self(SimdLevel::Avx2)),
+            (avx2
+                && std::is_x86_feature_detected!("avx512f")
                 && std::is_x86_feature_detected!("avx512bw")
                 && std::is_x86_feature_detected!("avx512dq")
                 && std::is_x86_feature_detected!("avx512vl"))
-            .then_some(Self(Path::Avx512)),
+            .then_some(Self(SimdLevel::Avx512)),
         ];
         #[cfg(not(all(target_arch = "x86_64", feature = "std")))]
         let wide = [None; 0];
@@ -57,17 +65,22 @@ impl Simd {
         Self::available().last().unwrap_or(Self::PORTABLE)
     }
 
+    /// The instructions that this stands for.
+    pub fn level(self) -> SimdLevel {
+        self.0
+    }
+
     /// The lanes whose boxes lie surely outside at least one of the planes that are set in `active`.
     #[allow(unsafe_code)]
     pub(crate) fn any_outside(self, boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active: u32) -> u64 {
         match self.0 {
-            Path::Portable => any_outside::<16>(boxes, planes, active, signs_portable),
             // SAFETY: a value with this path exists only where the processor was found to have AVX2.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            Path::Avx2 => unsafe { any_outside_avx2(boxes, planes, active) },
+            SimdLevel::Avx2 => unsafe { any_outside_avx2(boxes, planes, active) },
             // SAFETY: a value with this path exists only where the processor was found to have these extensions.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            Path::Avx512 => unsafe { any_outside_avx512(boxes, planes, active) },
+            SimdLevel::Avx512 => unsafe { any_outside_avx512(boxes, planes, active) },
+            _ => any_outside::<16>(boxes, planes, active, signs_portable),
         }
     }
 
@@ -75,13 +88,13 @@ impl Simd {
     #[allow(unsafe_code)]
     pub(crate) fn inside_cones(self, cones: &Cones64, sight: &Sight) -> u64 {
         match self.0 {
-            Path::Portable => inside_cones::<16>(cones, sight, signs_portable),
             // SAFETY: a value with this path exists only where the processor was found to have AVX2.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            Path::Avx2 => unsafe { inside_cones_avx2(cones, sight) },
+            SimdLevel::Avx2 => unsafe { inside_cones_avx2(cones, sight) },
             // SAFETY: a value with this path exists only where the processor was found to have these extensions.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            Path::Avx512 => unsafe { inside_cones_avx512(cones, sight) },
+            SimdLevel::Avx512 => unsafe { inside_cones_avx512(cones, sight) },
+            _ => inside_cones::<16>(cones, sight, signs_portable),
         }
     }
 }
@@ -244,16 +257,16 @@ mod tests {
             assert_eq!(parts.fold(0, |mask, (i, part)| mask | signs_portable(part) << (16 * i)), expected);
             for simd in Simd::available() {
                 let found = match simd.0 {
-                    Path::Portable => expected,
+                    SimdLevel::Portable => expected,
                     // SAFETY: the path is available.
-                    Path::Avx2 => values
+                    SimdLevel::Avx2 => values
                         .as_chunks::<32>()
                         .0
                         .iter()
                         .enumerate()
                         .fold(0, |mask, (i, part)| mask | unsafe { signs_avx2(part) } << (32 * i)),
                     // SAFETY: the path is available.
-                    Path::Avx512 => unsafe { signs_avx512(&values) },
+                    SimdLevel::Avx512 => unsafe { signs_avx512(&values) },
                 };
                 assert_eq!(found, expected, "{simd:?}");
             }

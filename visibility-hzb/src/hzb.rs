@@ -1,22 +1,25 @@
 //! The map: occluders in, boxes out.
 
-use crate::canvas::Cells;
-use crate::cuboid::{self, Made};
-use crate::faces::Faces;
-use crate::fill;
-use crate::lens::{Lens, Placed};
-use crate::mesh::Setup;
-use crate::pyramid::Pyramid;
-use crate::pyramid::Rectangle;
-use crate::query::{Footprints, Lens32, Query, WIDTH, project, test_one};
-use crate::queue::Queue;
-use crate::shape::{Coverage, Extent, Shape};
-use crate::solid::{self, Scratch};
-use crate::tiles::{SIDE, Tiles};
-use crate::{MAX_SIDE, MIN_SIDE, Simd, SizeError};
+use crate::buffer::pyramid::Pyramid;
+use crate::buffer::tile_layout::SIDE;
+use crate::buffer::tiles::Tiles;
+use crate::buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};
+use crate::coverage::Coverage;
+use crate::lanes::WIDTH;
+use crate::query::box_face_planes::FacePlaneSetup;
+use crate::query::box_projection::ScreenProjection32;
+use crate::query::box_query::{BoxQuery, test_box};
+use crate::query::box_queue::BoxQueue;
+use crate::raster::contour_raster::ContourTiles;
+use crate::raster::mesh_raster::MeshScratch;
+use crate::setup::convex_shape::ConvexScratch;
+use crate::setup::occluder_triangles::OccluderTriangles;
+use crate::setup::screen_projection::{ScreenProjection, project_object};
+use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
+use crate::simd::Kernels;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
-    Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, Plane, View,
+    Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, Plane, Simd, View,
 };
 
 /// Meshes of so few triangles are looked at for whether they are convex as seen: the outline of a house without a floor is found sooner than its
@@ -53,23 +56,23 @@ pub struct Hzb {
     size: [usize; 2],
     coverage: Coverage,
     pub(crate) simd: Simd,
-    lens: Lens,
-    pub(crate) lens32: Lens32,
-    faces: Faces,
+    projection: ScreenProjection,
+    pub(crate) projection32: ScreenProjection32,
+    faces: FacePlaneSetup,
     pub(crate) tiles: Tiles,
     pyramid: Pyramid,
-    scratch: Scratch,
-    shape: Shape,
-    queue: Queue,
-    setup: Setup,
-    cells: Cells,
+    convex_scratch: ConvexScratch,
+    shape: ScreenShape,
+    queue: BoxQueue,
+    mesh_scratch: MeshScratch,
+    contour_tiles: ContourTiles,
     /// Hidden occluders that the pyramid did not find since it was last brought up to date.
     missed: usize,
-    /// Nearness that nothing in the buffer exceeds.
+    /// Depth keys that nothing in the buffer exceeds.
     pub(crate) nearest: f32,
     /// Planes that cut occluders away, relative to the scene's origin.
-    clip: [Plane; visibility_core::MAX_CLIP_PLANES],
-    clips: usize,
+    clip_planes: [Plane; visibility_core::MAX_CLIP_PLANES],
+    clip_plane_count: usize,
 }
 
 impl Default for Hzb {
@@ -94,25 +97,25 @@ impl Hzb {
 
     fn sized(width: usize, height: usize) -> Self {
         let tiles = Tiles::new(width, height);
-        let (pyramid, cells) = (Pyramid::new(&tiles), Cells::new(&tiles));
+        let (pyramid, contour_tiles) = (Pyramid::new(&tiles), ContourTiles::new(&tiles));
         Self {
             size: [width, height],
             coverage: Coverage::Conservative,
             simd: Simd::best(),
-            lens: Lens::BLIND,
-            lens32: Lens32::default(),
-            faces: Faces::default(),
+            projection: ScreenProjection::EMPTY,
+            projection32: ScreenProjection32::default(),
+            faces: FacePlaneSetup::default(),
             tiles,
             pyramid,
-            scratch: Scratch::default(),
-            shape: Shape::EMPTY,
-            queue: Queue::EMPTY,
-            setup: Setup::default(),
-            cells,
+            convex_scratch: ConvexScratch::default(),
+            shape: ScreenShape::EMPTY,
+            queue: BoxQueue::EMPTY,
+            mesh_scratch: MeshScratch::default(),
+            contour_tiles,
             missed: 0,
             nearest: f32::NEG_INFINITY,
-            clip: [Plane::new(DVec3::ZERO, 0.0); visibility_core::MAX_CLIP_PLANES],
-            clips: 0,
+            clip_planes: [Plane::new(DVec3::ZERO, 0.0); visibility_core::MAX_CLIP_PLANES],
+            clip_plane_count: 0,
         }
     }
 
@@ -141,9 +144,9 @@ impl Hzb {
         self.coverage
     }
 
-    /// The least nearness of what covers a pixel: over the distance along the line of sight for perspective views (`1 / w`), clip
+    /// The least depth key of what covers a pixel: over the distance along the line of sight for perspective views (`1 / w`), clip
     /// depth (negated unless reversed) for parallel ones. Negative infinity where nothing is known to cover it, or outside the buffer.
-    pub fn nearness(&self, column: usize, row: usize) -> f32 {
+    pub fn depth_key(&self, column: usize, row: usize) -> f32 {
         if column < self.size[0] && row < self.size[1] {
             self.tiles.pixel_closely(column, row)
         } else {
@@ -156,21 +159,22 @@ impl Hzb {
         self.pyramid.height() + 1
     }
 
-    /// A level of the pyramid as columns, rows and least nearness of each texel, row by row; as of the last
+    /// A level of the pyramid as columns, rows and least depth key of each texel, row by row; as of the last
     /// [`flush`](OcclusionMap::flush). `None` beyond the last.
     pub fn level(&self, level: usize) -> Option<(usize, usize, &[f32])> {
         match level {
             0 => {
                 let (columns, rows) = (self.tiles.columns, self.tiles.rows);
-                Some((columns, rows, &self.tiles.whole[..columns * rows]))
+                Some((columns, rows, &self.tiles.tile_min[..columns * rows]))
             }
             _ => self.pyramid.level(level - 1),
         }
     }
 
-    fn query(&self) -> Query<'_> {
-        let (lens, tiles, pyramid, faces) = (&self.lens32, &self.tiles, &self.pyramid, &self.faces);
-        Query { lens, tiles, pyramid, faces, nearest: self.nearest }
+    fn query(&self) -> BoxQuery<'_> {
+        let (projection, tiles, pyramid, faces) =
+            (&self.projection32, &self.tiles, &self.pyramid, &self.faces);
+        BoxQuery { projection, tiles, pyramid, faces, nearest: self.nearest }
     }
 
     /// Lets a box wait to be drawn.
@@ -182,13 +186,13 @@ impl Hzb {
 
     /// Whether the box around an occluder is in view and not hidden yet.
     fn may_be_around(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
-        let around = Queue::around(occluder.bounds(), transform);
+        let around = BoxQueue::around(occluder.bounds(), transform);
         let ([x0, y0, z0], [x1, y1, z1]) = (around.min.to_array(), around.max.to_array());
-        self.simd.box_seen(&self.lens32, &self.tiles, [x0, y0, z0, x1, y1, z1])
+        self.simd.box_may_be_seen(&self.projection32, &self.tiles, [x0, y0, z0, x1, y1, z1])
     }
 
     fn draw_occluder(&mut self, mesh: &OccluderMesh, transform: &Affine3A) {
-        let parts = solid::Parts::of(mesh);
+        let parts = OccluderTriangles::of(mesh);
         self.draw_mesh(&parts, mesh.bounds(), transform, mesh.is_convex());
     }
 
@@ -198,19 +202,18 @@ impl Hzb {
         if count == 0 {
             return;
         }
-        self.simd.footprints(&self.lens32, &self.queue.around, &mut self.queue.footprints);
+        self.simd.project_boxes(&self.projection32, &self.queue.around, &mut self.queue.projected);
         // The pyramid may be behind the tiles, which is safe: what it hides is hidden.
-        let mut seen =
-            self.simd.not_hidden_coarsely(&self.pyramid, &self.tiles, &self.queue.footprints, count);
+        let mut seen = self.simd.boxes_not_hidden(&self.pyramid, &self.tiles, &self.queue.projected, count);
         while seen != 0 {
             let i = seen.trailing_zeros() as usize % WIDTH;
             seen &= seen - 1;
-            if self.simd.may_be_seen(&self.tiles, &self.queue.footprints, i) {
+            if self.simd.may_be_seen(&self.tiles, &self.queue.projected, i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
                 // What is turned is within what was projected, which is looser.
                 let extent = if transform == Affine3A::IDENTITY {
-                    let whole = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
-                    self.queue.footprints.extent(i, self.size, whole)
+                    let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
+                    self.queue.projected.extent(i, self.size, padded)
                 } else {
                     None
                 };
@@ -225,34 +228,61 @@ impl Hzb {
         }
     }
 
-    fn draw_box(&mut self, bounds: &Aabb, transform: &Affine3A, extent: Option<&Extent>, two_sided: bool) {
-        match self.simd.cuboid(bounds, transform, &self.lens, extent, self.coverage, &mut self.shape) {
-            Made::Shape => self.fill(),
-            Made::Nothing => {}
-            Made::Near => {
+    fn draw_box(
+        &mut self,
+        bounds: &Aabb,
+        transform: &Affine3A,
+        extent: Option<&ScreenExtent>,
+        two_sided: bool,
+    ) {
+        match self.simd.box_shape(bounds, transform, &self.projection, extent, self.coverage, &mut self.shape)
+        {
+            ShapeResult::Ready => self.fill(),
+            ShapeResult::Nothing => {}
+            ShapeResult::TooNear => {
                 let corners = bounds.corners();
-                self.draw_mesh(&solid::Parts::of_box(&corners, two_sided), bounds, transform, true);
+                self.draw_mesh(&OccluderTriangles::of_box(&corners, two_sided), bounds, transform, true);
             }
         }
     }
 
     /// Draws a mesh by its outline if that loses nothing, else triangle by triangle.
-    fn draw_mesh(&mut self, parts: &solid::Parts, bounds: &Aabb, transform: &Affine3A, convex: bool) {
-        let Some((placed, facing)) = place(&self.lens, bounds, transform) else { return };
-        let (lens, coverage, scratch) = (&self.lens, self.coverage, &mut self.scratch);
+    fn draw_mesh(&mut self, parts: &OccluderTriangles, bounds: &Aabb, transform: &Affine3A, convex: bool) {
+        let Some((object, facing)) = project_object(&self.projection, bounds, transform) else { return };
+        let (projection, coverage, convex_scratch) =
+            (&self.projection, self.coverage, &mut self.convex_scratch);
         let convex = convex || parts.triangles.len() == 1;
         if convex || parts.triangles.len() <= SMALL {
-            match self.simd.solid(parts, &placed, lens, facing, coverage, convex, scratch, &mut self.shape) {
-                Made::Shape => {
+            match self.simd.convex_shape(
+                parts,
+                &object,
+                projection,
+                facing,
+                coverage,
+                convex,
+                convex_scratch,
+                &mut self.shape,
+            ) {
+                ShapeResult::Ready => {
                     self.fill();
                     return;
                 }
-                Made::Nothing => return,
-                Made::Near => {}
+                ShapeResult::Nothing => return,
+                ShapeResult::TooNear => {}
             }
         }
-        let (setup, cells, tiles) = (&mut self.setup, &mut self.cells, &mut self.tiles);
-        let greatest = self.simd.mesh(parts, &placed, lens, facing, coverage, setup, cells, tiles);
+        let (mesh_scratch, contour_tiles, tiles) =
+            (&mut self.mesh_scratch, &mut self.contour_tiles, &mut self.tiles);
+        let greatest = self.simd.draw_mesh(
+            parts,
+            &object,
+            projection,
+            facing,
+            coverage,
+            mesh_scratch,
+            contour_tiles,
+            tiles,
+        );
         if greatest > self.nearest {
             self.nearest = greatest;
         }
@@ -260,14 +290,14 @@ impl Hzb {
 
     /// Fills the shape.
     fn fill(&mut self) {
-        if self.simd.fill(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
+        if self.simd.fill_shape(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
             self.nearest = self.shape.ceiling;
         }
     }
 
     /// Whether an occluder reaches beyond one of the view's own planes, which would cut it.
     fn is_cut(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
-        self.clip[..self.clips].iter().any(|plane| {
+        self.clip_planes[..self.clip_plane_count].iter().any(|plane| {
             occluder.bounds().corners().iter().any(|corner| {
                 let p = transform.transform_point3(*corner).as_dvec3();
                 // Far above what the transform rounds.
@@ -293,24 +323,24 @@ impl OcclusionMap for Hzb {
     }
 
     fn begin(&mut self, view: &View, origin: DVec3) {
-        let whole = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
-        self.lens = Lens::new(view, origin, self.size, whole);
-        self.lens32 = Lens32::new(&self.lens);
-        self.faces = Faces::new(&self.lens);
+        let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
+        self.projection = ScreenProjection::new(view, origin, self.size, padded);
+        self.projection32 = ScreenProjection32::new(&self.projection);
+        self.faces = FacePlaneSetup::new(&self.projection);
         self.tiles.clear();
         self.queue.count = 0;
         self.missed = 0;
         self.nearest = f32::NEG_INFINITY;
-        self.clips = view.clip_planes().len();
+        self.clip_plane_count = view.clip_planes().len();
         let shift = origin - view.origin();
-        for (out, plane) in self.clip.iter_mut().zip(view.clip_planes()) {
+        for (out, plane) in self.clip_planes.iter_mut().zip(view.clip_planes()) {
             *out = Plane::new(plane.normal, plane.offset + plane.normal.dot(shift));
         }
         self.pyramid.clear();
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
-        if self.clips > 0 && self.is_cut(occluder, transform) {
+        if self.clip_plane_count > 0 && self.is_cut(occluder, transform) {
             return;
         }
         if occluder.is_cuboid() {
@@ -348,7 +378,7 @@ impl OcclusionMap for Hzb {
 
     fn test(&self, bounds: &Aabb) -> Occlusion {
         let ([x0, y0, z0], [x1, y1, z1]) = (bounds.min.to_array(), bounds.max.to_array());
-        let answer = test_one(&self.query(), [x0, y0, z0, x1, y1, z1]);
+        let answer = test_box(&self.query(), [x0, y0, z0, x1, y1, z1]);
         match (answer.hidden, answer.visible) {
             (0, 0) => Occlusion::Partial,
             (0, _) => Occlusion::Visible,
@@ -357,86 +387,6 @@ impl OcclusionMap for Hzb {
     }
 
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
-        self.simd.test(&self.query(), boxes.coordinates(), candidates)
+        self.simd.test_boxes(&self.query(), boxes.coordinates(), candidates)
     }
-}
-
-/// Whether an occluder's box is in view, not tiny and not hidden yet, as far as its projection tells.
-#[inline(always)]
-pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &Footprints<N>, i: usize) -> bool {
-    let i = i % N;
-    let rectangle = Rectangle {
-        columns: [seen.sides[0][i] as u32, seen.sides[1][i] as u32],
-        lines: [seen.sides[2][i] as u32, seen.sides[3][i] as u32],
-    };
-    // What is not wider than a pixel, rounded outwards, covers none whole.
-    let small =
-        rectangle.columns[1] - rectangle.columns[0] <= 1 || rectangle.lines[1] - rectangle.lines[0] <= 1;
-    !seen.outside[i] && (!seen.known[i] || (!small && fill::still_seen(tiles, &rectangle, seen.nearest[i])))
-}
-
-/// Those of the first so many boxes that are neither out of view nor hidden at first glance.
-#[inline(always)]
-pub(crate) fn not_hidden_coarsely(
-    pyramid: &Pyramid,
-    tiles: &Tiles,
-    boxes: &Footprints<WIDTH>,
-    count: usize,
-) -> u32 {
-    let mut seen = 0;
-    for i in 0..count.min(WIDTH) {
-        let hidden = pyramid.hides_coarsely(tiles, &boxes.rectangle(i), boxes.nearest[i]);
-        seen |= u32::from(!boxes.outside[i] & !(boxes.known[i] & hidden)) << i;
-    }
-    seen
-}
-
-/// The same, for a box that is not projected yet.
-#[inline(always)]
-pub(crate) fn box_seen(lens: &Lens32, tiles: &Tiles, sides: [f32; 6]) -> bool {
-    let mut boxes = [[0.0; 1]; 6];
-    for i in 0..6 {
-        boxes[i][0] = sides[i];
-    }
-    may_be_seen(tiles, &project(lens, &boxes), 0)
-}
-
-/// The shape of a box, from its place on.
-#[inline(always)]
-pub(crate) fn make_box(
-    bounds: &Aabb,
-    transform: &Affine3A,
-    lens: &Lens,
-    extent: Option<&Extent>,
-    coverage: Coverage,
-    shape: &mut Shape,
-) -> Made {
-    match place(lens, bounds, transform) {
-        Some((placed, facing)) => cuboid::make(bounds, &placed, lens, facing, extent, coverage, shape),
-        None => Made::Nothing,
-    }
-}
-
-/// The occluder as the lens sees it, and the sense in which its fronts turn; `None` if nothing can be said of it.
-#[inline(always)]
-pub(crate) fn place(lens: &Lens, bounds: &Aabb, transform: &Affine3A) -> Option<(Placed, f64)> {
-    let reach = bounds.min.abs().max(bounds.max.abs()).to_array().map(f64::from);
-    let placed = lens.place(transform, reach);
-    let mut finite = lens.facing != 0.0;
-    for i in 0..5 {
-        // With room for sums of a few.
-        finite &= placed.size[i] + placed.error[i] < f64::MAX / 64.0;
-    }
-    if *transform == Affine3A::IDENTITY {
-        return finite.then_some((placed, lens.facing));
-    }
-    let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
-    let [a, b, c] = axes.map(|axis| DVec3::from_array(axis.to_array().map(f64::from)));
-    let (volume, most) = (
-        a.dot(b.cross(c)),
-        a.abs().dot(b.abs().cross(c.abs()).abs() + b.abs().max_element() * c.abs().max_element()),
-    );
-    // Six products of three factors, each rounded a few times. A flat transform leaves no inside and outside to tell apart.
-    let certain = volume.abs() > 32.0 * f64::EPSILON * most;
-    (finite && certain).then_some((placed, lens.facing * volume.signum()))
 }

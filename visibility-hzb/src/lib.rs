@@ -49,30 +49,27 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
-mod canvas;
-mod cuboid;
-mod faces;
-mod fill;
+mod buffer;
+mod buffer_size;
+mod coverage;
+#[cfg(test)]
+mod exact_screen;
 mod hom;
 mod hzb;
-mod lens;
-mod mesh;
-mod pyramid;
+mod lanes;
 mod query;
-mod queue;
 #[cfg(test)]
 mod random;
-mod shape;
+mod raster;
+mod rounding;
+mod setup;
 mod simd;
-mod solid;
-mod tiles;
-#[cfg(test)]
-mod twice;
+mod vector;
 
+pub use buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};
+pub use coverage::Coverage;
 pub use hom::{DepthEstimate, Hom, OccluderCriteria, OccluderDatabase};
 pub use hzb::Hzb;
-pub use shape::Coverage;
-pub use simd::Simd;
 
 /// Culls what a z-buffer finds hidden behind a scene's occluders, after the frustum: `HzbCuller::new(Hzb::default())`.
 ///
@@ -93,36 +90,3 @@ pub type HzbCuller = visibility_core::OcclusionCuller<Hzb>;
 /// assert_eq!(HomCuller::new(Hom::default().with_threshold(0.9)).accuracy(), Accuracy::Approximate);
 /// ```
 pub type HomCuller = visibility_core::OcclusionCuller<Hom>;
-
-use core::fmt;
-
-/// The fewest pixels on a side.
-pub const MIN_SIDE: usize = 16;
-/// The most pixels on a side.
-pub const MAX_SIDE: usize = 4096;
-
-/// A size that is out of range.
-///
-/// ```
-/// use visibility_hzb::{Hzb, SizeError};
-/// assert_eq!(Hzb::new(8, 600).err(), Some(SizeError { width: 8, height: 600 }));
-/// ```
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct SizeError {
-    /// Columns asked for.
-    pub width: usize,
-    /// Rows asked for.
-    pub height: usize,
-}
-
-impl fmt::Display for SizeError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "a buffer has {MIN_SIDE} to {MAX_SIDE} pixels on a side, not {} x {}",
-            self.width, self.height
-        )
-    }
-}
-
-impl core::error::Error for SizeError {}

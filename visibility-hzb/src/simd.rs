@@ -6,87 +6,49 @@
 //! only
 //! module with `unsafe` code: calls of functions compiled for instructions that the program at large does not assume.
 
-use crate::canvas::Cells;
-use crate::cuboid::Made;
-use crate::hom::{Boundary, Opacity, Region};
-use crate::lens::{Lens, Placed};
-use crate::mesh::Setup;
-use crate::pyramid::{Pyramid, Rectangle};
-use crate::query::{Boxes, Footprints, Lens32, Query, WIDTH};
-use crate::shape::{Coverage, Extent, Shape};
-use crate::solid::{Parts, Scratch};
-use crate::tiles::Tiles;
+use crate::buffer::pyramid::Pyramid;
+use crate::buffer::tile_layout::Rectangle;
+use crate::buffer::tiles::Tiles;
+use crate::coverage::Coverage;
+use crate::hom::depth_estimate::DepthBoundary;
+use crate::hom::opacity_pyramid::OpacityPyramid;
+use crate::hom::tile_range::TileRange;
+use crate::lanes::WIDTH;
+use crate::query::box_projection::{ProjectedBoxes, ScreenProjection32};
+use crate::query::box_query::{BoxQuery, Boxes};
+use crate::raster::contour_raster::ContourTiles;
+use crate::raster::mesh_raster::MeshScratch;
+use crate::setup::convex_shape::ConvexScratch;
+use crate::setup::occluder_triangles::OccluderTriangles;
+use crate::setup::screen_projection::{ObjectProjection, ScreenProjection};
+use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
 use visibility_core::glam::Affine3A;
-use visibility_core::{Aabb, Occlusion64};
+use visibility_core::{Aabb, Occlusion64, Simd, SimdLevel};
 
-/// Which instructions to use. Answers are the same on all.
-///
-/// ```
-/// use visibility_hzb::Simd;
-/// assert!(Simd::available().any(|simd| simd == Simd::best()));
-/// ```
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Simd(Path);
-
-/// Values beyond `Portable` are made by [`Simd::available`] alone, after it has asked the processor: that is what makes the calls below
-/// sound.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Path {
-    Portable,
-    #[cfg(all(target_arch = "x86_64", feature = "std"))]
-    Avx2,
-    #[cfg(all(target_arch = "x86_64", feature = "std"))]
-    Avx512,
-}
-
-impl Simd {
-    /// Whatever the program was built for: SSE2, NEON, wasm SIMD or scalar.
-    pub const PORTABLE: Self = Self(Path::Portable);
-
-    /// The paths that this processor can run, from the narrowest to the widest.
-    pub fn available() -> impl Iterator<Item = Self> {
-        #[cfg(all(target_arch = "x86_64", feature = "std"))]
-        let bits = std::is_x86_feature_detected!("avx2")
-            && std::is_x86_feature_detected!("bmi1")
-            && std::is_x86_feature_detected!("bmi2")
-            && std::is_x86_feature_detected!("popcnt")
-            && std::is_x86_feature_detected!("lzcnt");
-        #[cfg(all(target_arch = "x86_64", feature = "std"))]
-        let wide = [
-            bits.then_some(Self(Path::Avx2)),
-            (bits
-                && std::is_x86_feature_detected!("avx512f")
-                && std::is_x86_feature_detected!("avx512bw")
-                && std::is_x86_feature_detected!("avx512dq")
-                && std::is_x86_feature_detected!("avx512vl"))
-            .then_some(Self(Path::Avx512)),
-        ];
-        #[cfg(not(all(target_arch = "x86_64", feature = "std")))]
-        let wide = [None; 0];
-        core::iter::once(Self::PORTABLE).chain(wide.into_iter().flatten())
-    }
-
-    /// The widest path that this processor can run.
-    pub fn best() -> Self {
-        Self::available().last().unwrap_or(Self::PORTABLE)
-    }
-}
-
-/// Declares a method of [`Simd`] that runs a function compiled for each path.
+/// Declares a trait with a method for each function, and implements it for [`Simd`]: the method runs the function as
+/// compiled for the processor at hand.
 macro_rules! compiled {
     ($($name:ident / $avx2:ident / $avx512:ident = $body:path, ($($argument:ident: $type:ty),*) -> $result:ty;)*) => {
-        impl Simd {
+        /// The functions that are compiled for each set of instructions.
+        pub(crate) trait Kernels {
             $(
-                #[allow(unsafe_code, clippy::too_many_arguments)]
-                pub(crate) fn $name(self, $($argument: $type),*) -> $result {
-                    match self.0 {
-                        Path::Portable => $body($($argument),*),
-                        // SAFETY: a value with this path exists only where the processor was found to have AVX2.
+                #[allow(clippy::too_many_arguments)]
+                fn $name(self, $($argument: $type),*) -> $result;
+            )*
+        }
+
+        impl Kernels for Simd {
+            $(
+                #[allow(unsafe_code)]
+                fn $name(self, $($argument: $type),*) -> $result {
+                    match self.level() {
+                        // SAFETY: a `Simd` of this level exists only where the processor was found to have AVX2.
                         #[cfg(all(target_arch = "x86_64", feature = "std"))]
-                        Path::Avx2 => unsafe { $avx2($($argument),*) },
-                        // SAFETY: a value with this path exists only where the processor was found to have these extensions.
+                        SimdLevel::Avx2 => unsafe { $avx2($($argument),*) },
+                        // SAFETY: a `Simd` of this level exists only where the processor was found to have AVX-512.
                         #[cfg(all(target_arch = "x86_64", feature = "std"))]
-                        Path::Avx512 => unsafe { $avx512($($argument),*) },
+                        SimdLevel::Avx512 => unsafe { $avx512($($argument),*) },
+                        _ => $body($($argument),*),
                     }
                 }
             )*
@@ -110,24 +72,39 @@ macro_rules! compiled {
 }
 
 compiled! {
-    cuboid / cuboid_avx2 / cuboid_avx512 = crate::hzb::make_box,
-        (bounds: &Aabb, transform: &Affine3A, lens: &Lens, extent: Option<&Extent>, coverage: Coverage, shape: &mut Shape) -> Made;
-    footprints / footprints_avx2 / footprints_avx512 = crate::query::footprints,
-        (lens: &Lens32, boxes: &[[f32; WIDTH]; 6], out: &mut Footprints<WIDTH>) -> ();
-    mesh / mesh_avx2 / mesh_avx512 = crate::mesh::draw,
-        (mesh: &Parts, placed: &Placed, lens: &Lens, facing: f64, coverage: Coverage, setup: &mut Setup, cells: &mut Cells, tiles: &mut Tiles) -> f32;
-    still_seen / still_seen_avx2 / still_seen_avx512 = crate::fill::still_seen,
-        (tiles: &Tiles, rectangle: &Rectangle, nearness: f32) -> bool;
-    not_hidden_coarsely / not_hidden_coarsely_avx2 / not_hidden_coarsely_avx512 = crate::hzb::not_hidden_coarsely,
-        (pyramid: &Pyramid, tiles: &Tiles, boxes: &Footprints<WIDTH>, count: usize) -> u32;
-    may_be_seen / may_be_seen_avx2 / may_be_seen_avx512 = crate::hzb::may_be_seen,
-        (tiles: &Tiles, seen: &Footprints<WIDTH>, i: usize) -> bool;
-    box_seen / box_seen_avx2 / box_seen_avx512 = crate::hzb::box_seen,
-        (lens: &Lens32, tiles: &Tiles, sides: [f32; 6]) -> bool;
-    solid / solid_avx2 / solid_avx512 = crate::solid::make,
-        (mesh: &Parts, placed: &Placed, lens: &Lens, facing: f64, coverage: Coverage, convex: bool, scratch: &mut Scratch, shape: &mut Shape) -> Made;
-    fill / fill_avx2 / fill_avx512 = crate::fill::fill, (shape: &Shape, tiles: &mut Tiles) -> bool;
-    update_maps / update_maps_avx2 / update_maps_avx512 = crate::hom::update,
-        (opacity: &mut Opacity, boundary: &mut Boundary, tiles: &Tiles, region: &Region) -> ();
-    test / test_avx2 / test_avx512 = crate::query::test, (query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64;
+    box_shape / box_shape_avx2 / box_shape_avx512 = crate::setup::box_shape::box_shape, (
+        bounds: &Aabb, transform: &Affine3A, projection: &ScreenProjection, extent: Option<&ScreenExtent>,
+        coverage: Coverage, shape: &mut ScreenShape
+    ) -> ShapeResult;
+    convex_shape / convex_shape_avx2 / convex_shape_avx512 = crate::setup::convex_shape::convex_shape, (
+        mesh: &OccluderTriangles, object: &ObjectProjection, projection: &ScreenProjection, facing: f64,
+        coverage: Coverage, convex: bool, scratch: &mut ConvexScratch, shape: &mut ScreenShape
+    ) -> ShapeResult;
+    draw_mesh / draw_mesh_avx2 / draw_mesh_avx512 = crate::raster::mesh_raster::draw_mesh, (
+        mesh: &OccluderTriangles, object: &ObjectProjection, projection: &ScreenProjection, facing: f64,
+        coverage: Coverage, scratch: &mut MeshScratch, contour_tiles: &mut ContourTiles, tiles: &mut Tiles
+    ) -> f32;
+    fill_shape / fill_shape_avx2 / fill_shape_avx512 = crate::raster::shape_fill::fill_shape,
+        (shape: &ScreenShape, tiles: &mut Tiles) -> bool;
+    project_boxes / project_boxes_avx2 / project_boxes_avx512 = crate::query::box_projection::project_boxes, (
+        projection: &ScreenProjection32, boxes: &[[f32; WIDTH]; 6], out: &mut ProjectedBoxes<WIDTH>
+    ) -> ();
+    boxes_not_hidden / boxes_not_hidden_avx2 / boxes_not_hidden_avx512 =
+        crate::query::occluder_query::boxes_not_hidden, (
+        pyramid: &Pyramid, tiles: &Tiles, boxes: &ProjectedBoxes<WIDTH>, count: usize
+    ) -> u32;
+    may_be_seen / may_be_seen_avx2 / may_be_seen_avx512 = crate::query::occluder_query::may_be_seen,
+        (tiles: &Tiles, boxes: &ProjectedBoxes<WIDTH>, i: usize) -> bool;
+    box_may_be_seen / box_may_be_seen_avx2 / box_may_be_seen_avx512 =
+        crate::query::occluder_query::box_may_be_seen, (
+        projection: &ScreenProjection32, tiles: &Tiles, sides: [f32; 6]
+    ) -> bool;
+    rectangle_may_be_seen / rectangle_may_be_seen_avx2 / rectangle_may_be_seen_avx512 =
+        crate::query::occluder_query::rectangle_may_be_seen,
+        (tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool;
+    update_maps / update_maps_avx2 / update_maps_avx512 = crate::hom::depth_estimate::update_maps, (
+        opacity: &mut OpacityPyramid, boundary: &mut DepthBoundary, tiles: &Tiles, range: &TileRange
+    ) -> ();
+    test_boxes / test_boxes_avx2 / test_boxes_avx512 = crate::query::box_query::test_boxes,
+        (query: &BoxQuery, boxes: &Boxes, candidates: u64) -> Occlusion64;
 }

@@ -91,7 +91,7 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, what: &str) -> usize {
     let mut pixels = 0;
     for row in 0..size[1] {
         for column in 0..size[0] {
-            let stored = f64::from(hzb.nearness(column, row));
+            let stored = f64::from(hzb.depth_key(column, row));
             if stored == f64::NEG_INFINITY {
                 continue;
             }

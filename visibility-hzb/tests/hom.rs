@@ -7,10 +7,10 @@ use common::boxes::{Checked, points};
 use common::{Occluder, Random, Ray, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, Culler, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Pose, Scene, View,
+    Aabb, Accuracy, Culler, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Pose, Scene, Simd, View,
     VisibleSet, Window,
 };
-use visibility_hzb::{Coverage, DepthEstimate, Hom, Hzb, Simd};
+use visibility_hzb::{Coverage, DepthEstimate, Hom, Hzb};
 
 const ESTIMATES: [DepthEstimate; 3] =
     [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground];
@@ -100,7 +100,7 @@ fn run(views: u64, seed: u64) {
                         continue;
                     }
                     rays += 1;
-                    let (own, met) = (ray.nearness(p), ray.nearest(&all));
+                    let (own, met) = (ray.depth_key(p), ray.nearest(&all));
                     assert!(
                         met > own - 1e-6 * own.abs(),
                         "round {round}, {estimate:?}: {bounds:?} seen at {p}: met {met}, own {own}, {view:?}"

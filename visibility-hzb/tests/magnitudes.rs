@@ -87,7 +87,7 @@ fn a_clip_matrix_times_any_factor_gives_the_same_answers() {
                 }
                 map.flush();
             }
-            let depths: Vec<_> = (0..64 * 40).map(|i| hzb.nearness(i % 64, i / 64)).collect();
+            let depths: Vec<_> = (0..64 * 40).map(|i| hzb.depth_key(i % 64, i / 64)).collect();
             let answers: Vec<_> = boxes.iter().map(|b| (hzb.test(b), hom.test(b))).collect();
             (answers, depths)
         };

@@ -26,7 +26,7 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
     let [mut samples, mut pixels] = [0; 2];
     for row in 0..size[1] {
         for column in 0..size[0] {
-            let stored = f64::from(hzb.nearness(column, row));
+            let stored = f64::from(hzb.depth_key(column, row));
             if stored == f64::NEG_INFINITY {
                 continue;
             }
@@ -36,7 +36,7 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
                 || row == 0
                 || [(column - 1, row), (column + 1, row), (column, row - 1), (column, row + 1)]
                     .iter()
-                    .any(|&(c, r)| f64::from(hzb.nearness(c, r)) != stored);
+                    .any(|&(c, r)| f64::from(hzb.depth_key(c, r)) != stored);
             if !lonely && random.below(8) != 0 {
                 continue;
             }

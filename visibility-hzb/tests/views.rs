@@ -6,9 +6,9 @@ use common::boxes::{Checked, points};
 use common::{Occluder, Random, Ray, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet,
+    Aabb, Culler, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Scene, Simd, View, VisibleSet,
 };
-use visibility_hzb::{Coverage, Hzb, Simd};
+use visibility_hzb::{Coverage, Hzb};
 
 /// Huge, flat or near-degenerate triangles, which the tests of pixels leave out since no ray can be trusted on them.
 fn extreme(random: &mut Random) -> Option<Occluder> {
@@ -51,7 +51,7 @@ fn run(views: u64, seed: u64) {
         for map in &maps[1..] {
             for row in 0..size[1] {
                 for column in 0..size[0] {
-                    let (a, b) = (first.nearness(column, row), map.nearness(column, row));
+                    let (a, b) = (first.depth_key(column, row), map.depth_key(column, row));
                     assert_eq!(a.to_bits(), b.to_bits(), "round {round}, pixel {column},{row}");
                 }
             }
@@ -91,7 +91,7 @@ fn run(views: u64, seed: u64) {
                 }
                 let pixel = [(x + 1.0) * 0.5 * size[0] as f64, (1.0 - y) * 0.5 * size[1] as f64];
                 let ray = Ray::new(&view, size, pixel[0], pixel[1]);
-                let own = ray.nearness(p);
+                let own = ray.depth_key(p);
                 if ray.is_before_near(p) {
                     continue;
                 }

@@ -10,7 +10,7 @@ use visibility_hzb::Hzb;
 pub fn save(hzb: &Hzb, folder: &Path) -> io::Result<()> {
     std::fs::create_dir_all(folder)?;
     let pixels: Vec<f32> = (0..hzb.height())
-        .flat_map(|row| (0..hzb.width()).map(move |column| hzb.nearness(column, row)))
+        .flat_map(|row| (0..hzb.width()).map(move |column| hzb.depth_key(column, row)))
         .collect();
     // One scale for all: that of the pixels.
     let known = || pixels.iter().copied().filter(|nearness| nearness.is_finite());

@@ -277,7 +277,7 @@ impl Ray {
         Self { from, along: (to - from).normalize(), matrix, depth: view.depth(), perspective }
     }
 
-    pub fn nearness(&self, p: DVec3) -> f64 {
+    pub fn depth_key(&self, p: DVec3) -> f64 {
         let clip = self.matrix * p.extend(1.0);
         match (self.perspective, self.depth.is_reversed()) {
             (true, _) => 1.0 / clip.w,
@@ -310,7 +310,7 @@ impl Ray {
             let (s, r) = ((p - *a).cross(v).dot(normal) * over, u.cross(p - *a).dot(normal) * over);
             const SLIP: f64 = -1e-7;
             if s >= SLIP && r >= SLIP && s + r <= 1.0 - SLIP {
-                best = best.max(self.nearness(p));
+                best = best.max(self.depth_key(p));
             }
         }
         best

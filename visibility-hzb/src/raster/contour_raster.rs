@@ -5,24 +5,26 @@
 //! that crosses a row of pixel centres therefore changes the count of all pixels to its right, and sums along rows give the count
 //! everywhere: work grows with contours and tiles, not with triangles or pixels.
 
-use crate::tiles::{SIDE, Tiles};
+use crate::buffer::tile_layout::SIDE;
+use crate::buffer::tiles::Tiles;
+use crate::rounding::lower;
 use alloc::vec::Vec;
 
 /// A corner on the screen.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Corner {
+pub(crate) struct ScreenVertex {
     pub(crate) x: f64,
     pub(crate) y: f64,
-    /// Nearness, rounded away.
+    /// Depth keys, rounded away.
     pub(crate) far: f32,
 }
 
 /// What one mesh does to a tile.
 #[derive(Clone, Copy, Debug)]
-struct Cell {
+struct ContourTile {
     /// Pixels that a contour meets.
     contour: u64,
-    /// The least nearness of drawn triangles in each quarter.
+    /// The least depth key of drawn triangles in each quarter.
     least: [f32; 4],
     /// Whether anything of `steps` is set.
     stepped: bool,
@@ -31,7 +33,8 @@ struct Cell {
     steps: [[u8; SIDE]; SIDE],
 }
 
-const EMPTY: Cell = Cell { contour: 0, least: [f32::INFINITY; 4], stepped: false, steps: [[0; SIDE]; SIDE] };
+const EMPTY: ContourTile =
+    ContourTile { contour: 0, least: [f32::INFINITY; 4], stepped: false, steps: [[0; SIDE]; SIDE] };
 
 /// The pixels of each quarter of a tile: upper left, upper right, lower left, lower right.
 const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf0f0_f0f0_0000_0000];
@@ -39,24 +42,24 @@ const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf
 /// Half the side of a tile: that of a quarter.
 const HALF: usize = SIDE / 2;
 
-/// Triangles whose corners differ in nearness by no more than this share of it are taken to be as far as the farthest corner throughout.
+/// Triangles whose corners differ in depth key by no more than this share of it are taken to be as far as the farthest corner throughout.
 const FLAT: f32 = 0.001;
 
 /// Memory for meshes, one cell a tile; clean between meshes.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Cells {
-    cells: Vec<Cell>,
+pub(crate) struct ContourTiles {
+    cells: Vec<ContourTile>,
 }
 
-impl Cells {
+impl ContourTiles {
     pub(crate) fn new(tiles: &Tiles) -> Self {
         Self { cells: alloc::vec![EMPTY; tiles.columns * tiles.rows] }
     }
 }
 
 /// The cells while a mesh is drawn.
-pub(crate) struct Canvas<'a> {
-    cells: &'a mut [Cell],
+pub(crate) struct ContourRaster<'a> {
+    cells: &'a mut [ContourTile],
     columns: usize,
     size: [f64; 2],
     /// How far a coordinate may be off.
@@ -92,9 +95,9 @@ fn floor(x: f64) -> i32 {
     nearest(x - 0.5)
 }
 
-impl<'a> Canvas<'a> {
+impl<'a> ContourRaster<'a> {
     #[inline(always)]
-    pub(crate) fn new(cells: &'a mut Cells, columns: usize, size: [f64; 2], slack: f64) -> Self {
+    pub(crate) fn new(cells: &'a mut ContourTiles, columns: usize, size: [f64; 2], slack: f64) -> Self {
         Self { cells: &mut cells.cells, columns, size, slack, used: [usize::MAX, 0, usize::MAX, 0] }
     }
 
@@ -105,9 +108,9 @@ impl<'a> Canvas<'a> {
     }
 
     /// Takes note of the depth of a triangle, or of what is left of one, in each quarter of a tile that it meets. `plane` gives its
-    /// nearness at a pixel, already moved by its error; it is not asked for where the corners say enough.
+    /// depth key at a pixel, already moved by its error; it is not asked for where the corners say enough.
     #[inline(always)]
-    pub(crate) fn deepen(&mut self, corners: &[Corner], plane: impl FnOnce() -> [f64; 3]) {
+    pub(crate) fn deepen(&mut self, corners: &[ScreenVertex], plane: impl FnOnce() -> [f64; 3]) {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (mut floor, mut ceiling) = (f32::INFINITY, f32::NEG_INFINITY);
         for c in corners {
@@ -151,12 +154,12 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Takes note of a nearness in a quarter of a tile.
+    /// Takes note of a depth key in a quarter of a tile.
     #[inline(always)]
-    fn note(&mut self, column: usize, band: usize, nearness: f32) {
+    fn note(&mut self, column: usize, band: usize, depth_key: f32) {
         let cell = &mut self.cells[band / 2 * self.columns + column / 2];
         let quarter = &mut cell.least[band % 2 * 2 + column % 2];
-        *quarter = if nearness < *quarter { nearness } else { *quarter };
+        *quarter = if depth_key < *quarter { depth_key } else { *quarter };
     }
 
     /// Draws an edge of the contour, which counts `times` (negative in the opposite direction): pixels that it comes near are `marked`, and
@@ -165,7 +168,7 @@ impl<'a> Canvas<'a> {
     /// The position on a row is clamped to the ends, and otherwise off by no more than 11 units of the greatest coordinate,
     /// which [`slack`](Self::new) holds several times.
     #[inline(always)]
-    pub(crate) fn contour(&mut self, a: &Corner, b: &Corner, times: i8, marked: bool) {
+    pub(crate) fn contour(&mut self, a: &ScreenVertex, b: &ScreenVertex, times: i8, marked: bool) {
         let slack = self.slack;
         let (times, a, b) = if a.y <= b.y { (times, a, b) } else { (-times, b, a) };
         // A contour along the border of a row meets both rows.
@@ -284,12 +287,6 @@ fn most(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// To `f32`, not above: rounding moves by half a unit at most, and a whole one is taken off.
-#[inline(always)]
-pub(crate) fn lower(x: f64) -> f32 {
-    (x - (x.abs() * f64::from(f32::EPSILON) + f64::from(f32::MIN_POSITIVE))) as f32
-}
-
 /// The sides of a convex polygon, each from its upper end.
 struct Sides {
     sides: [Side; 4],
@@ -316,7 +313,7 @@ impl Side {
 
 impl Sides {
     #[inline(always)]
-    fn of(corners: &[Corner]) -> Self {
+    fn of(corners: &[ScreenVertex]) -> Self {
         let count = corners.len().min(4);
         let mut sides = [Side::default(); 4];
         for i in 0..count {

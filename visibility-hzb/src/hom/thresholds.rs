@@ -4,13 +4,14 @@
 //! number of its pixels, in whole numbers. With a threshold of one that is so if and only if all four texels below it are opaque, at any
 //! size; an average kept in eight bits would call a block of 256 x 256 pixels with a hole of a hundred opaque.
 
-use crate::tiles::SIDE;
+use crate::buffer::tile_layout::SIDE;
+use crate::buffer_size::MAX_SIDE;
 
 /// Thresholds are kept in parts of this.
 pub(crate) const ONE: u32 = 1 << 16;
 
 /// Levels of the largest map: 4096 pixels, 2048, ... 1.
-pub(crate) const LEVELS: usize = crate::MAX_SIDE.ilog2() as usize + 1;
+pub(crate) const LEVELS: usize = MAX_SIDE.ilog2() as usize + 1;
 
 /// The level whose texels are tiles.
 pub(crate) const TILE: usize = SIDE.ilog2() as usize;
@@ -18,13 +19,13 @@ pub(crate) const TILE: usize = SIDE.ilog2() as usize;
 /// A threshold for each level, pixels first.
 #[derive(Clone, Debug)]
 pub(crate) struct Thresholds {
-    parts: [u32; LEVELS],
+    fractions: [u32; LEVELS],
     /// The least of all finer levels.
     loosest: [u32; LEVELS],
 }
 
 impl Thresholds {
-    pub(crate) const OPAQUE: Self = Self { parts: [ONE; LEVELS], loosest: [ONE; LEVELS] };
+    pub(crate) const OPAQUE: Self = Self { fractions: [ONE; LEVELS], loosest: [ONE; LEVELS] };
 
     /// One dial for all levels (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997): the
     /// number of uncovered pixels that a texel may have is the same on all levels, so that holes do not add up on the way to coarser
@@ -32,10 +33,10 @@ impl Thresholds {
     /// a level is a quarter of that in the level below. Finer texels count only if whole.
     pub(crate) fn from_dial(threshold: f32) -> Self {
         let mut new = Self::OPAQUE;
-        let mut parts = to_parts(threshold);
+        let mut fractions = to_fraction(threshold);
         for level in TILE..LEVELS {
-            new.parts[level] = parts;
-            parts = (3 * ONE + parts).div_ceil(4);
+            new.fractions[level] = fractions;
+            fractions = (3 * ONE + fractions).div_ceil(4);
         }
         new.find_loosest();
         new
@@ -44,9 +45,9 @@ impl Thresholds {
     pub(crate) fn set(&mut self, level: usize, threshold: f32) {
         // A pixel is covered or not.
         if level > 0
-            && let Some(parts) = self.parts.get_mut(level)
+            && let Some(fractions) = self.fractions.get_mut(level)
         {
-            *parts = to_parts(threshold);
+            *fractions = to_fraction(threshold);
             self.find_loosest();
         }
     }
@@ -55,30 +56,30 @@ impl Thresholds {
         let mut least = ONE;
         for level in 0..LEVELS {
             self.loosest[level] = least;
-            least = least.min(self.parts[level]);
+            least = least.min(self.fractions[level]);
         }
     }
 
     pub(crate) fn get(&self, level: usize) -> f32 {
-        self.parts.get(level).map_or(1.0, |&parts| parts as f32 / ONE as f32)
+        self.fractions.get(level).map_or(1.0, |&fractions| fractions as f32 / ONE as f32)
     }
 
     /// Whether nothing but texels without a hole are opaque.
     pub(crate) fn all_opaque(&self) -> bool {
-        self.parts == [ONE; LEVELS]
+        self.fractions == [ONE; LEVELS]
     }
 
     /// Whether texels finer than tiles may have holes.
     pub(crate) fn is_fine(&self) -> bool {
-        self.parts[..TILE] != [ONE; TILE]
+        self.fractions[..TILE] != [ONE; TILE]
     }
 
     /// How many of the pixels of a texel must be covered for it to be opaque.
     #[inline(always)]
     pub(crate) fn need(&self, level: usize, area: u32) -> u32 {
-        let parts = u64::from(self.parts[level.min(LEVELS - 1)]);
+        let fractions = u64::from(self.fractions[level.min(LEVELS - 1)]);
         // At most 2^24 pixels, and no texel is opaque with nothing in it.
-        ((u64::from(area) * parts).div_ceil(u64::from(ONE)) as u32).max(1)
+        ((u64::from(area) * fractions).div_ceil(u64::from(ONE)) as u32).max(1)
     }
 
     /// Whether a part of a texel cannot become opaque, however finely it is looked at: what makes it up are pixels and texels of finer
@@ -91,11 +92,11 @@ impl Thresholds {
 }
 
 /// Rounded up; NaN is one.
-fn to_parts(threshold: f32) -> u32 {
+fn to_fraction(threshold: f32) -> u32 {
     if threshold < 1.0 {
         // Casts saturate.
-        let parts = threshold * ONE as f32;
-        parts as u32 + u32::from((parts as u32 as f32) < parts)
+        let fractions = threshold * ONE as f32;
+        fractions as u32 + u32::from((fractions as u32 as f32) < fractions)
     } else {
         ONE
     }

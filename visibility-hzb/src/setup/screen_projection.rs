@@ -2,7 +2,7 @@
 //!
 //! # Coordinates
 //! A point `p` of the scene becomes four numbers, each linear in `p`: `x` and `y`, which are `w` times its pixel coordinates (columns to
-//! the right, rows downwards, the first pixel between 0 and 1), `w`, and `n`, which is `w` times its *nearness*. Nearness falls along
+//! the right, rows downwards, the first pixel between 0 and 1), `w`, and `n`, which is `w` times its *depth key*. Depth keys falls along
 //! every line of sight and is
 //! linear on the screen wherever `p` runs over a plane, as `1/w` is: it is that for perspective views (`n = 1`), and clip depth,
 //! negated unless reversed,
@@ -11,14 +11,14 @@
 
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
-use visibility_core::{Eye, View};
+use visibility_core::{Aabb, Eye, View};
 
 /// Unit round-off of `f64`.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
 /// A [`ClipRow`] with its coefficients in an array, as loops over lanes take them.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Row {
+pub(crate) struct ScreenRow {
     /// Applied to a point less the anchor.
     pub(crate) linear: [f64; 3],
     /// Added to that.
@@ -27,7 +27,7 @@ pub(crate) struct Row {
     pub(crate) error: f64,
 }
 
-impl From<ClipRow> for Row {
+impl From<ClipRow> for ScreenRow {
     fn from(row: ClipRow) -> Self {
         Self { linear: row.linear.to_array(), constant: row.constant, error: row.error }
     }
@@ -35,15 +35,15 @@ impl From<ClipRow> for Row {
 
 /// A view made ready for one frame.
 #[derive(Clone, Debug)]
-pub(crate) struct Lens {
+pub(crate) struct ScreenProjection {
     /// Columns and rows, including those that only fill up the last tiles.
     pub(crate) size: [f64; 2],
     /// Columns and rows of the picture.
     pub(crate) picture: [f64; 2],
     /// The functions `x`, `y`, `w` and `n`.
-    pub(crate) rows: [Row; 4],
+    pub(crate) rows: [ScreenRow; 4],
     /// Positive beyond the near plane.
-    pub(crate) near: Row,
+    pub(crate) near: ScreenRow,
     /// What all is relative to, in scene coordinates.
     pub(crate) anchor: DVec3,
     /// Times the determinant of three corners (`x`, `y`, `w`), positive if they run counter-clockwise as seen from the eye.
@@ -51,20 +51,25 @@ pub(crate) struct Lens {
     /// Whether `n` is always 1.
     pub(crate) perspective: bool,
     /// The functions for what stays where it is, as far as they do not depend on its size.
-    still: Placed,
+    untransformed: ObjectProjection,
 }
 
-impl Lens {
-    /// A lens through which nothing has been seen yet.
-    pub(crate) const BLIND: Self = Self {
+impl ScreenProjection {
+    /// A projection through which nothing has been seen yet.
+    pub(crate) const EMPTY: Self = Self {
         size: [0.0; 2],
         picture: [0.0; 2],
-        rows: [Row { linear: [0.0; 3], constant: 0.0, error: 0.0 }; 4],
-        near: Row { linear: [0.0; 3], constant: 0.0, error: 0.0 },
+        rows: [ScreenRow { linear: [0.0; 3], constant: 0.0, error: 0.0 }; 4],
+        near: ScreenRow { linear: [0.0; 3], constant: 0.0, error: 0.0 },
         anchor: DVec3::ZERO,
         facing: 0.0,
         perspective: true,
-        still: Placed { linear: [[0.0; 5]; 3], constant: [0.0; 5], size: [0.0; 5], error: [0.0; 5] },
+        untransformed: ObjectProjection {
+            linear: [[0.0; 5]; 3],
+            constant: [0.0; 5],
+            size: [0.0; 5],
+            error: [0.0; 5],
+        },
     };
 
     /// For points relative to `origin`.
@@ -72,32 +77,32 @@ impl Lens {
         let picture = picture.map(|side| side as f64);
         let projection = ViewProjection::new(view, origin);
         let [x, y] = projection.pixels(picture[0], picture[1]);
-        let rows = [x, y, projection.w(), projection.depth_key()].map(Row::from);
+        let rows = [x, y, projection.w(), projection.depth_key()].map(ScreenRow::from);
         let near = projection.near().into();
         let anchor = projection.anchor();
         let perspective = matches!(projection.eye(), Eye::Point(_));
         // Rows of pixels run downwards, which mirrors what clip space does not; a normal towards the eye mirrors it back.
         let facing = projection.orientation();
         let size = size.map(|side| side as f64);
-        let still = Placed::default();
-        let mut lens = Self { size, picture, rows, near, anchor, facing, perspective, still };
-        lens.still = lens.place(&Affine3A::IDENTITY, [0.0; 3]);
-        lens
+        let untransformed = ObjectProjection::default();
+        let mut projection = Self { size, picture, rows, near, anchor, facing, perspective, untransformed };
+        projection.untransformed = projection.project_object(&Affine3A::IDENTITY, [0.0; 3]);
+        projection
     }
 
     /// The functions for points of an occluder, `rows of (transform of p)`, and how large and how wrong they can be for points whose
     /// coordinates have at most the given magnitudes.
     #[inline(always)]
-    pub(crate) fn place(&self, transform: &Affine3A, reach: [f64; 3]) -> Placed {
-        if *transform == Affine3A::IDENTITY && self.still.error[0] > 0.0 {
-            return self.place_still(reach);
+    pub(crate) fn project_object(&self, transform: &Affine3A, reach: [f64; 3]) -> ObjectProjection {
+        if *transform == Affine3A::IDENTITY && self.untransformed.error[0] > 0.0 {
+            return self.project_untransformed(reach);
         }
         let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
             .map(|axis| axis.to_array().map(f64::from));
         let shift = transform.translation.to_array().map(f64::from);
         let anchor = self.anchor.to_array();
         let moved = [shift[0] - anchor[0], shift[1] - anchor[1], shift[2] - anchor[2]];
-        let mut placed = Placed::default();
+        let mut object = ObjectProjection::default();
         for i in 0..5 {
             let row = if i < 4 { &self.rows[i] } else { &self.near };
             let l = row.linear;
@@ -106,36 +111,36 @@ impl Lens {
             size += row.constant.abs();
             for axis in 0..3 {
                 let a = axes[axis];
-                placed.linear[axis][i] = l[0] * a[0] + l[1] * a[1] + l[2] * a[2];
+                object.linear[axis][i] = l[0] * a[0] + l[1] * a[1] + l[2] * a[2];
                 size += (l[0].abs() * a[0].abs() + l[1].abs() * a[1].abs() + l[2].abs() * a[2].abs())
                     * reach[axis];
             }
-            placed.constant[i] = l[0] * moved[0] + l[1] * moved[1] + l[2] * moved[2] + row.constant;
-            placed.size[i] = size;
+            object.constant[i] = l[0] * moved[0] + l[1] * moved[1] + l[2] * moved[2] + row.constant;
+            object.size[i] = size;
             // Any term passes at most nine roundings on its way into the sum; its factors bring one more each.
-            placed.error[i] = 16.0 * U * size + row.error + f64::MIN_POSITIVE;
+            object.error[i] = 16.0 * U * size + row.error + f64::MIN_POSITIVE;
         }
-        placed
+        object
     }
 
-    /// As [`place`](Self::place), for what stays where it is.
+    /// As [`project_object`](Self::place), for what stays where it is.
     #[inline(always)]
-    fn place_still(&self, reach: [f64; 3]) -> Placed {
-        let mut placed = self.still;
+    fn project_untransformed(&self, reach: [f64; 3]) -> ObjectProjection {
+        let mut object = self.untransformed;
         for i in 0..5 {
             let row = if i < 4 { &self.rows[i] } else { &self.near };
             for axis in 0..3 {
-                placed.size[i] += row.linear[axis].abs() * reach[axis];
+                object.size[i] += row.linear[axis].abs() * reach[axis];
             }
-            placed.error[i] = 16.0 * U * placed.size[i] + row.error + f64::MIN_POSITIVE;
+            object.error[i] = 16.0 * U * object.size[i] + row.error + f64::MIN_POSITIVE;
         }
-        placed
+        object
     }
 }
 
 /// The four functions and that of the near plane, for the points of one occluder.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Placed {
+pub(crate) struct ObjectProjection {
     /// For each axis of the occluder, what a unit along it adds to `x`, `y`, `w`, `n` and the distance beyond the near plane.
     pub(crate) linear: [[f64; 5]; 3],
     /// Their values at the occluder's own origin.
@@ -146,7 +151,7 @@ pub(crate) struct Placed {
     pub(crate) error: [f64; 5],
 }
 
-impl Placed {
+impl ObjectProjection {
     /// The five values at a point.
     #[inline(always)]
     pub(crate) fn at(&self, p: [f64; 3]) -> [f64; 5] {
@@ -160,7 +165,7 @@ impl Placed {
 
     /// The limit of the near plane: what is farther than this before it is surely so, by a margin that dwarfs rounding of the cuts.
     #[inline(always)]
-    pub(crate) fn beyond(&self) -> f64 {
+    pub(crate) fn near_limit(&self) -> f64 {
         1024.0 * self.error[4]
     }
 
@@ -185,4 +190,32 @@ impl Placed {
         let ([sx, sy, sw, ..], [ex, ey, ew, ..]) = (self.size, self.error);
         32.0 * (width * (ey * sw + ew * sy) + height * (ew * sx + ex * sw) + (ex * sy + ey * sx))
     }
+}
+
+/// The occluder as the projection sees it, and the sense in which its fronts turn; `None` if nothing can be said of it.
+#[inline(always)]
+pub(crate) fn project_object(
+    projection: &ScreenProjection,
+    bounds: &Aabb,
+    transform: &Affine3A,
+) -> Option<(ObjectProjection, f64)> {
+    let reach = bounds.min.abs().max(bounds.max.abs()).to_array().map(f64::from);
+    let object = projection.project_object(transform, reach);
+    let mut finite = projection.facing != 0.0;
+    for i in 0..5 {
+        // With room for sums of a few.
+        finite &= object.size[i] + object.error[i] < f64::MAX / 64.0;
+    }
+    if *transform == Affine3A::IDENTITY {
+        return finite.then_some((object, projection.facing));
+    }
+    let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
+    let [a, b, c] = axes.map(|axis| DVec3::from_array(axis.to_array().map(f64::from)));
+    let (volume, most) = (
+        a.dot(b.cross(c)),
+        a.abs().dot(b.abs().cross(c.abs()).abs() + b.abs().max_element() * c.abs().max_element()),
+    );
+    // Six products of three factors, each rounded a few times. A flat transform leaves no inside and outside to tell apart.
+    let certain = volume.abs() > 32.0 * f64::EPSILON * most;
+    (finite && certain).then_some((object, projection.facing * volume.signum()))
 }

@@ -1,29 +1,30 @@
 //! Boxes that wait to be drawn, so that several are projected together: most of them turn out to be hidden by those before them.
 
-use crate::query::{Footprints, WIDTH};
+use super::box_projection::ProjectedBoxes;
+use crate::lanes::WIDTH;
 use visibility_core::Aabb;
 use visibility_core::glam::Affine3A;
 
 /// The next boxes, in order.
 #[derive(Clone, Debug)]
-pub(crate) struct Queue {
+pub(crate) struct BoxQueue {
     pub(crate) count: usize,
     pub(crate) bounds: [Aabb; WIDTH],
     pub(crate) transforms: [Affine3A; WIDTH],
     pub(crate) two_sided: [bool; WIDTH],
     /// The boxes around them along the axes of the scene.
     pub(crate) around: [[f32; WIDTH]; 6],
-    pub(crate) footprints: Footprints<WIDTH>,
+    pub(crate) projected: ProjectedBoxes<WIDTH>,
 }
 
-impl Queue {
+impl BoxQueue {
     pub(crate) const EMPTY: Self = Self {
         count: 0,
         bounds: [Aabb::EMPTY; WIDTH],
         transforms: [Affine3A::IDENTITY; WIDTH],
         two_sided: [false; WIDTH],
         around: [[0.0; WIDTH]; 6],
-        footprints: Footprints::NONE,
+        projected: ProjectedBoxes::NONE,
     };
 
     /// A box along the axes of the scene around a box.

@@ -4,35 +4,11 @@
 //! Texels finer than a tile are the bits of its mask; a count stands for each of the others. Counts over areas are averages without
 //! rounding. What lies outside the picture is not counted, on either side.
 
-use super::threshold::{TILE, Thresholds};
-use crate::pyramid::Rectangle;
-use crate::tiles::{SIDE, Tiles};
+use super::thresholds::{TILE, Thresholds};
+use super::tile_range::TileRange;
+use crate::buffer::tile_layout::SIDE;
+use crate::buffer::tiles::Tiles;
 use alloc::vec::Vec;
-
-/// A range of tiles: first and last columns, first and last rows.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Region(pub(crate) [usize; 4]);
-
-impl Region {
-    pub(crate) const NONE: Self = Self([usize::MAX, 0, usize::MAX, 0]);
-
-    /// The tiles that a rectangle meets.
-    #[inline(always)]
-    pub(crate) fn of(rectangle: &Rectangle) -> Self {
-        let Rectangle { columns: [left, right], lines: [top, bottom] } = *rectangle;
-        let [left, right, top, bottom] = [left, right - 1, top, bottom - 1].map(|side| side as usize / SIDE);
-        Self([left, right, top, bottom])
-    }
-
-    pub(crate) fn join(&mut self, other: &Self) {
-        let ([x0, x1, y0, y1], [u0, u1, v0, v1]) = (self.0, other.0);
-        self.0 = [x0.min(u0), x1.max(u1), y0.min(v0), y1.max(v1)];
-    }
-
-    pub(crate) fn is_empty(&self) -> bool {
-        self.0[0] > self.0[1]
-    }
-}
 
 /// One level, of tiles or coarser.
 #[derive(Clone, Debug)]
@@ -57,7 +33,7 @@ impl Level {
 
 /// The pyramid.
 #[derive(Clone, Debug)]
-pub(crate) struct Opacity {
+pub(crate) struct OpacityPyramid {
     picture: [usize; 2],
     /// The covered pixels of each tile, row by row.
     pub(crate) covered: Vec<u64>,
@@ -66,7 +42,7 @@ pub(crate) struct Opacity {
     pub(crate) thresholds: Thresholds,
 }
 
-impl Opacity {
+impl OpacityPyramid {
     pub(crate) fn new(picture: [usize; 2]) -> Self {
         let [mut columns, mut rows] = picture.map(|side| side.div_ceil(SIDE));
         let covered = alloc::vec![0; columns * rows];
@@ -106,7 +82,7 @@ impl Opacity {
 
     /// Takes in what has been drawn into a region, and counts anew above it.
     #[inline(always)]
-    pub(crate) fn update(&mut self, tiles: &Tiles, region: &Region) {
+    pub(crate) fn update(&mut self, tiles: &Tiles, region: &TileRange) {
         let [mut x0, mut x1, mut y0, mut y1] = region.0;
         let Some((finest, coarser)) = self.levels.split_first_mut() else { return };
         (x1, y1) = (x1.min(finest.columns - 1), y1.min(finest.rows - 1));

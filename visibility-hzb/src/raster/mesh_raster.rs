@@ -10,7 +10,7 @@
 //! Let no contour meet a pixel, and one point of the pixel be in a drawn triangle. Walk from that point to any other of the pixel: where the
 //! walk leaves a drawn triangle it crosses an edge, or the near plane's cut, which is no contour, so that another drawn triangle begins there.
 //! So all of the pixel is covered, and by triangles that meet it, whose depth counts. The contour winds round a centre that it does not come near
-//! as often as drawn triangles cover it ([`Canvas`]); rounding leaves the centre within a fraction of a pixel of one of them, and then a
+//! as often as drawn triangles cover it ([`ContourRaster`]); rounding leaves the centre within a fraction of a pixel of one of them, and then a
 //! point of that triangle is in the pixel.
 //!
 //! # The error bound
@@ -22,21 +22,25 @@
 //! Twice the area of a triangle on the screen is a product of differences, each off by the slack at most: so, roundings included, by twice
 //! the slack times the sum of their magnitudes. Beyond that, its sign is that of the determinant of the corners, since each `w` is positive.
 
-use crate::canvas::{Canvas, Cells, Corner, lower};
-use crate::lens::{Lens, Placed};
-use crate::shape::{Coverage, up};
-use crate::solid::{Parts, cross, cut, dot, less, point};
-use crate::tiles::Tiles;
+use super::contour_raster::{ContourRaster, ContourTiles, ScreenVertex};
+use crate::buffer::tiles::Tiles;
+use crate::coverage::Coverage;
+use crate::rounding::{lower, up};
+use crate::setup::depth_plane::plane;
+use crate::setup::near_clip::{clip_triangle, cut_edge};
+use crate::setup::occluder_triangles::OccluderTriangles;
+use crate::setup::screen_projection::{ObjectProjection, ScreenProjection};
+use crate::vector::{cross, dot, less, point};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 
 /// Memory for the set-up of one mesh.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Setup {
+pub(crate) struct MeshScratch {
     /// By vertex: `x`, `y`, `w`, `n` and the distance beyond the near plane.
     corners: Vec<[f64; 5]>,
     /// By vertex, of use for those beyond the near plane's limit.
-    screen: Vec<Corner>,
+    screen: Vec<ScreenVertex>,
     /// For each triangle whether it is drawn: 1 or -1 by the way round.
     facing: Vec<i8>,
 }
@@ -56,75 +60,75 @@ const CANCELS: f64 = 1e-6;
 const LANES: usize = 8;
 
 /// What the corners of a mesh have in common.
-struct Reach {
+struct VertexBounds {
     /// How far rounding can move a pixel coordinate, at most.
     error: f64,
-    /// Nearness that no corner exceeds.
+    /// Depth keys that no corner exceeds.
     greatest: f64,
     /// The least distance beyond the near plane.
     nearest: f64,
 }
 
-impl Reach {
+impl VertexBounds {
     /// Of nothing.
     const NONE: Self = Self { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
 }
 
-/// Draws a mesh; returns a nearness that nothing of it exceeds.
+/// Draws a mesh; returns a depth key that nothing of it exceeds.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
-pub(crate) fn draw(
-    mesh: &Parts,
-    placed: &Placed,
-    lens: &Lens,
+pub(crate) fn draw_mesh(
+    mesh: &OccluderTriangles,
+    object: &ObjectProjection,
+    projection: &ScreenProjection,
     facing: f64,
     coverage: Coverage,
-    setup: &mut Setup,
-    cells: &mut Cells,
+    scratch: &mut MeshScratch,
+    contour_tiles: &mut ContourTiles,
     tiles: &mut Tiles,
 ) -> f32 {
-    let beyond = placed.beyond();
-    let mut reach = Reach::NONE;
-    project(mesh.positions, placed, beyond, setup, &mut reach);
-    let Setup { corners, screen, facing: drawn } = setup;
-    let whole = reach.nearest > beyond;
-    if !whole {
-        reach_cuts(mesh, corners, placed, beyond, &mut reach);
+    let near_limit = object.near_limit();
+    let mut vertex_bounds = VertexBounds::NONE;
+    project(mesh.positions, object, near_limit, scratch, &mut vertex_bounds);
+    let MeshScratch { corners, screen, facing: drawn } = scratch;
+    let uncut = vertex_bounds.nearest > near_limit;
+    if !uncut {
+        bound_cuts(mesh, corners, object, near_limit, &mut vertex_bounds);
     }
-    if !(reach.error <= 0.125) {
+    if !(vertex_bounds.error <= 0.125) {
         return f32::NEG_INFINITY;
     }
-    let slack = 2.0 * reach.error + TINY;
-    let sides = choose(mesh, corners, screen, whole.then_some(slack), placed, facing, beyond, drawn);
+    let slack = 2.0 * vertex_bounds.error + TINY;
+    let sides = choose(mesh, corners, screen, uncut.then_some(slack), object, facing, near_limit, drawn);
     if sides == 0 {
         return f32::NEG_INFINITY;
     }
-    let errors = [placed.determinant_error(), placed.cross_error(lens.size)];
+    let errors = [object.determinant_error(), object.cross_error(projection.size)];
     let marked = coverage == Coverage::Conservative;
     // Fronts and backs are meshes of their own: no edge between them is inner, and neither makes the other farther.
     for side in [1, -1] {
         if sides & side_bit(side) == 0 {
             continue;
         }
-        let mut canvas = Canvas::new(cells, tiles.columns, lens.size, slack);
+        let mut contours = ContourRaster::new(contour_tiles, tiles.columns, projection.size, slack);
         for (t, &facing) in mesh.triangles.iter().zip(drawn.iter()) {
             if facing != side {
                 continue;
             }
-            let plane = || plane(t.map(|i| &corners[i as usize]), placed, lens, &errors);
-            if whole {
-                canvas.deepen(&t.map(|i| screen[i as usize]), plane);
+            let plane = || plane(t.map(|i| &corners[i as usize]), object, projection, &errors);
+            if uncut {
+                contours.deepen(&t.map(|i| screen[i as usize]), plane);
                 continue;
             }
-            let part = beyond_near(t.map(|i| &corners[i as usize]), beyond);
-            let mut points = [Corner::default(); 4];
+            let part = clip_triangle(t.map(|i| &corners[i as usize]), near_limit);
+            let mut points = [ScreenVertex::default(); 4];
             for (out, corner) in points.iter_mut().zip(&part.corners[..part.count]) {
-                *out = on_screen(corner, placed, &mut reach);
+                *out = on_screen(corner, object, &mut vertex_bounds);
             }
-            canvas.deepen(&points[..part.count], plane);
+            contours.deepen(&points[..part.count], plane);
             if let Some([a, b]) = part.edge {
-                let [a, b] = [a, b].map(|corner| on_screen(&corner, placed, &mut reach));
-                canvas.contour(&a, &b, side, marked);
+                let [a, b] = [a, b].map(|corner| on_screen(&corner, object, &mut vertex_bounds));
+                contours.contour(&a, &b, side, marked);
             }
         }
         for edge in mesh.edges {
@@ -136,20 +140,20 @@ pub(crate) fn draw(
             }
             let [i, j] = edge.vertices.map(|i| i as usize);
             let (mut a, mut b) = (screen[i], screen[j]);
-            if !whole {
+            if !uncut {
                 let (p, q) = (&corners[i], &corners[j]);
-                match (p[4] > beyond, q[4] > beyond) {
+                match (p[4] > near_limit, q[4] > near_limit) {
                     (true, true) => {}
-                    (true, false) => b = on_screen(&cut(p, q, beyond), placed, &mut reach),
-                    (false, true) => a = on_screen(&cut(p, q, beyond), placed, &mut reach),
+                    (true, false) => b = on_screen(&cut_edge(p, q, near_limit), object, &mut vertex_bounds),
+                    (false, true) => a = on_screen(&cut_edge(p, q, near_limit), object, &mut vertex_bounds),
                     (false, false) => continue,
                 }
             }
-            canvas.contour(&a, &b, (left - right) * side, marked);
+            contours.contour(&a, &b, (left - right) * side, marked);
         }
-        canvas.merge(tiles);
+        contours.merge(tiles);
     }
-    up(reach.greatest)
+    up(vertex_bounds.greatest)
 }
 
 /// The bit that stands for a side: fronts are 1, backs -1.
@@ -160,12 +164,18 @@ fn side_bit(side: i8) -> u8 {
 
 /// Fills in the corners and where they are on the screen.
 #[inline(always)]
-fn project(positions: &[Vec3], placed: &Placed, beyond: f64, setup: &mut Setup, reach: &mut Reach) {
-    let Setup { corners, screen, .. } = setup;
+fn project(
+    positions: &[Vec3],
+    object: &ObjectProjection,
+    near_limit: f64,
+    scratch: &mut MeshScratch,
+    vertex_bounds: &mut VertexBounds,
+) {
+    let MeshScratch { corners, screen, .. } = scratch;
     // Memory is only ever added, and what is left from before is written over.
     if corners.len() < positions.len() {
         corners.resize(positions.len(), [0.0; 5]);
-        screen.resize(positions.len(), Corner::default());
+        screen.resize(positions.len(), ScreenVertex::default());
     }
     let (mut corners, mut screen) = (&mut corners[..positions.len()], &mut screen[..positions.len()]);
     let mut rest = positions;
@@ -181,26 +191,27 @@ fn project(positions: &[Vec3], placed: &Placed, beyond: f64, setup: &mut Setup, 
         rest = &rest[count..];
         let mut values = [[0.0; LANES]; 5];
         for row in 0..5 {
-            let [a, b, c] = [placed.linear[0][row], placed.linear[1][row], placed.linear[2][row]];
+            let [a, b, c] = [object.linear[0][row], object.linear[1][row], object.linear[2][row]];
             for i in 0..LANES {
-                values[row][i] = p[0][i] * a + p[1][i] * b + p[2][i] * c + placed.constant[row];
+                values[row][i] = p[0][i] * a + p[1][i] * b + p[2][i] * c + object.constant[row];
             }
         }
         let [x, y, w, n, near] = &values;
         let (mut sx, mut sy, mut far) = ([0.0; LANES], [0.0; LANES], [0.0f32; LANES]);
         let (mut error, mut most, mut nearest) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
-            let known = near[i] > beyond;
-            let (corner, off, high) = seen_at([x[i], y[i], w[i], n[i]], placed);
+            let known = near[i] > near_limit;
+            let (corner, off, high) = seen_at([x[i], y[i], w[i], n[i]], object);
             (sx[i], sy[i], far[i]) = (corner.x, corner.y, corner.far);
             error[i] = if known { off } else { 0.0 };
             most[i] = if known { high } else { f64::NEG_INFINITY };
             nearest[i] = near[i];
         }
         for i in 0..LANES {
-            reach.error = greater(error[i], reach.error);
-            reach.greatest = greater(most[i], reach.greatest);
-            reach.nearest = if nearest[i] >= reach.nearest { reach.nearest } else { nearest[i] };
+            vertex_bounds.error = greater(error[i], vertex_bounds.error);
+            vertex_bounds.greatest = greater(most[i], vertex_bounds.greatest);
+            vertex_bounds.nearest =
+                if nearest[i] >= vertex_bounds.nearest { vertex_bounds.nearest } else { nearest[i] };
         }
         let (these, others) = corners.split_at_mut(count);
         for (i, corner) in these.iter_mut().enumerate() {
@@ -209,7 +220,7 @@ fn project(positions: &[Vec3], placed: &Placed, beyond: f64, setup: &mut Setup, 
         corners = others;
         let (these, others) = screen.split_at_mut(count);
         for (i, corner) in these.iter_mut().enumerate() {
-            *corner = Corner { x: sx[i], y: sy[i], far: far[i] };
+            *corner = ScreenVertex { x: sx[i], y: sy[i], far: far[i] };
         }
         screen = others;
     }
@@ -220,27 +231,31 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// Where a corner is on the screen, by how much it may be off there, and a nearness that it does not exceed.
+/// Where a corner is on the screen, by how much it may be off there, and a depth key that it does not exceed.
 #[inline(always)]
-fn seen_at([x, y, w, n]: [f64; 4], placed: &Placed) -> (Corner, f64, f64) {
-    let [ex, ey, ew, en, _] = placed.error;
+fn seen_at([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenVertex, f64, f64) {
+    let [ex, ey, ew, en, _] = object.error;
     // A corner at or behind the eye makes the error infinite.
     let over = 1.0 / if w > 8.0 * ew { w } else { 0.0 };
     let size = greater(x.abs(), y.abs()) * over;
     let error = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
     // In the eye itself it is NaN.
     let error = if error < f64::INFINITY { error } else { f64::INFINITY };
-    let nearness = n * over;
-    let margin = 2.0 * (en + nearness.abs() * ew) * over + 4.0 * f64::EPSILON * nearness.abs();
-    (Corner { x: x * over, y: y * over, far: lower(nearness - margin) }, error, nearness + margin)
+    let depth_key = n * over;
+    let margin = 2.0 * (en + depth_key.abs() * ew) * over + 4.0 * f64::EPSILON * depth_key.abs();
+    (ScreenVertex { x: x * over, y: y * over, far: lower(depth_key - margin) }, error, depth_key + margin)
 }
 
 /// As [`seen_at`], taken into the reach of a mesh.
 #[inline(always)]
-fn on_screen(&[x, y, w, n, _]: &[f64; 5], placed: &Placed, reach: &mut Reach) -> Corner {
-    let (corner, error, most) = seen_at([x, y, w, n], placed);
-    reach.error = greater(error, reach.error);
-    reach.greatest = greater(most, reach.greatest);
+fn on_screen(
+    &[x, y, w, n, _]: &[f64; 5],
+    object: &ObjectProjection,
+    vertex_bounds: &mut VertexBounds,
+) -> ScreenVertex {
+    let (corner, error, most) = seen_at([x, y, w, n], object);
+    vertex_bounds.error = greater(error, vertex_bounds.error);
+    vertex_bounds.greatest = greater(most, vertex_bounds.greatest);
     corner
 }
 
@@ -249,13 +264,13 @@ fn on_screen(&[x, y, w, n, _]: &[f64; 5], placed: &Placed, reach: &mut Reach) ->
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn choose(
-    mesh: &Parts,
+    mesh: &OccluderTriangles,
     corners: &[[f64; 5]],
-    screen: &[Corner],
+    screen: &[ScreenVertex],
     slack: Option<f64>,
-    placed: &Placed,
+    object: &ObjectProjection,
     facing: f64,
-    beyond: f64,
+    near_limit: f64,
     drawn: &mut Vec<i8>,
 ) -> u8 {
     drawn.clear();
@@ -283,11 +298,11 @@ fn choose(
         let outside = open == 0 && sum.abs() <= CANCELS * magnitude;
         return u8::from(fronts) | if backs && !outside { 2 } else { 0 };
     }
-    let certain = placed.determinant_error();
+    let certain = object.determinant_error();
     for t in mesh.triangles {
         let [a, b, c] = t.map(|i| &corners[i as usize]);
         let height = dot(cross(point(&less(b, a)), point(&less(c, a))), point(a)) * facing;
-        let seen = a[4] > beyond || b[4] > beyond || c[4] > beyond;
+        let seen = a[4] > near_limit || b[4] > near_limit || c[4] > near_limit;
         let turn = if height < -certain { back } else { 0 };
         let turn = if !seen { 0 } else { if height > certain { 1 } else { turn } };
         (fronts, backs) = (fronts | (turn > 0), backs | (turn < 0));
@@ -298,76 +313,17 @@ fn choose(
 
 /// Takes what the near plane's limit makes of edges into the reach of a mesh.
 #[inline(always)]
-fn reach_cuts(mesh: &Parts, corners: &[[f64; 5]], placed: &Placed, beyond: f64, reach: &mut Reach) {
+fn bound_cuts(
+    mesh: &OccluderTriangles,
+    corners: &[[f64; 5]],
+    object: &ObjectProjection,
+    near_limit: f64,
+    vertex_bounds: &mut VertexBounds,
+) {
     for edge in mesh.edges {
         let [a, b] = edge.vertices.map(|i| &corners[i as usize]);
-        if (a[4] > beyond) != (b[4] > beyond) {
-            on_screen(&cut(a, b, beyond), placed, reach);
+        if (a[4] > near_limit) != (b[4] > near_limit) {
+            on_screen(&cut_edge(a, b, near_limit), object, vertex_bounds);
         }
     }
-}
-
-/// The nearness of a triangle as a function of pixel coordinates, moved away by its error.
-///
-/// By Cramer's rule; see [`lower`](crate::cuboid::lower) for the error.
-#[inline(always)]
-fn plane(
-    [a, b, c]: [&[f64; 5]; 3],
-    placed: &Placed,
-    lens: &Lens,
-    &[certain, products]: &[f64; 2],
-) -> [f64; 3] {
-    let (second, third) = (less(b, a), less(c, a));
-    let normal = cross(point(&second), point(&third));
-    let height = dot(normal, point(a));
-    // Facing was decided on the screen; where the determinant is less sure, nothing is known of the plane.
-    let mut plane = [f64::NAN; 3];
-    if !(height.abs() > certain) {
-        return plane;
-    }
-    let over = 1.0 / height;
-    if lens.perspective {
-        for i in 0..3 {
-            plane[i] = normal[i] * over;
-        }
-    } else {
-        let (p, q) = (cross(point(&third), point(a)), cross(point(a), point(&second)));
-        for i in 0..3 {
-            plane[i] = (a[3] * normal[i] + second[3] * p[i] + third[3] * q[i]) * over;
-        }
-    }
-    crate::cuboid::lower(plane, over, placed, lens, certain, products)
-}
-
-/// Corners of a triangle after cutting.
-struct Cut {
-    corners: [[f64; 5]; 4],
-    count: usize,
-    /// The cut, from where the triangle's sides run out to where they come back.
-    edge: Option<[[f64; 5]; 2]>,
-}
-
-/// What is left of a triangle beyond the limit.
-fn beyond_near(t: [&[f64; 5]; 3], beyond: f64) -> Cut {
-    let mut out = Cut { corners: [[0.0; 5]; 4], count: 0, edge: None };
-    let mut push = |p: [f64; 5]| {
-        if out.count < 4 {
-            out.corners[out.count] = p;
-            out.count += 1;
-        }
-    };
-    let (mut leaves, mut enters) = (None, None);
-    for i in 0..3 {
-        let (a, b) = (t[i], t[(i + 1) % 3]);
-        if a[4] > beyond {
-            push(*a);
-        }
-        if (a[4] > beyond) != (b[4] > beyond) {
-            let p = cut(a, b, beyond);
-            push(p);
-            *(if a[4] > beyond { &mut leaves } else { &mut enters }) = Some(p);
-        }
-    }
-    out.edge = leaves.zip(enters).map(|(a, b)| [a, b]);
-    out
 }

@@ -3,9 +3,14 @@
 //! From any point outside a box, at most three faces are seen, and which they are determines the outline (Schmalstieg and Tobler, "Fast
 //! Projected Area Computation for Three-Dimensional Bounding Boxes", 1999). The outlines are in a table, made when the crate is compiled.
 
-use crate::lens::{Lens, Placed};
-use crate::shape::{Coverage, Extent, Shape, Whole};
+use super::depth_plane::lower;
+use super::screen_bounds::{extent, pixels};
+use super::screen_projection::{ObjectProjection, ScreenProjection, project_object};
+use super::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
+use crate::coverage::Coverage;
+use crate::vector::{cross, dot};
 use visibility_core::Aabb;
+use visibility_core::glam::Affine3A;
 
 /// The corners of the faces at least x, greatest x, least y and so on, counter-clockwise from outside; corners are numbered by the bits
 /// x, y, z.
@@ -61,102 +66,32 @@ const fn has_edge(seen: usize, a: u8, b: u8) -> bool {
     false
 }
 
-/// What became of an occluder.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Made {
-    /// The shape is to be filled.
-    Shape,
-    /// Nothing of it can be seen, or nothing can be said for certain.
-    Nothing,
-    /// It is too near for this way.
-    Near,
-}
-
-#[inline(always)]
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-#[inline(always)]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// The extent on the screen of points before the eye: least and greatest column, least and greatest row, least and greatest nearness,
-/// each moved
-/// outwards. `None` for points too near.
-#[inline(always)]
-pub(crate) fn extent<const N: usize>(
-    x: &[f64; N],
-    y: &[f64; N],
-    w: &[f64; N],
-    n: &[f64; N],
-    placed: &Placed,
-) -> Option<[f64; 6]> {
-    let mut least_w = f64::INFINITY;
-    for i in 0..N {
-        least_w = if w[i] < least_w { w[i] } else { least_w };
-    }
-    // Below this the relative error of w would no longer be small.
-    if !(least_w > 1024.0 * placed.error[2]) {
-        return None;
-    }
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for i in 0..N {
-        let over = 1.0 / w[i];
-        for (axis, value) in [x[i] * over, y[i] * over, n[i] * over].into_iter().enumerate() {
-            low[axis] = if value < low[axis] { value } else { low[axis] };
-            high[axis] = if value > high[axis] { value } else { high[axis] };
-        }
-    }
-    // A quotient q = a / w is off by (e_a + |q| e_w) / w, more or less, and by two roundings.
-    let [ex, ey, ew, en, _] = placed.error;
-    let mut out = [0.0; 6];
-    for (axis, error) in [ex, ey, en].into_iter().enumerate() {
-        let most = low[axis].abs().max(high[axis].abs());
-        let margin = 2.0 * ((error + most * ew) / least_w + 2.0 * f64::EPSILON * most);
-        out[2 * axis] = low[axis] - margin;
-        out[2 * axis + 1] = high[axis] + margin;
-    }
-    Some(out)
-}
-
-/// The pixels of the buffer that an extent meets; `None` if there is none.
-#[inline(always)]
-pub(crate) fn pixels(extent: &[f64; 6], lens: &Lens) -> Option<([f64; 2], [f64; 2])> {
-    let limit =
-        |low: f64, high: f64, size: f64| [low.max(0.0).min(size).floor_(), high.max(0.0).min(size).ceil_()];
-    let columns = limit(extent[0], extent[1], lens.size[0]);
-    let lines = limit(extent[2], extent[3], lens.size[1]);
-    (columns[0] < columns[1] && lines[0] < lines[1]).then_some((columns, lines))
-}
-
-/// Makes the shape of a box. `facing` is that of the lens, turned round for mirrored boxes. Its `extent` on the screen is found anew unless it
+/// Makes the shape of a box. `facing` is that of the projection, turned round for mirrored boxes. Its `extent` on the screen is found anew unless it
 /// is known: then all of the box is before the eye.
 #[inline(always)]
-pub(crate) fn make(
+pub(crate) fn outline_box(
     bounds: &Aabb,
-    placed: &Placed,
-    lens: &Lens,
+    object: &ObjectProjection,
+    projection: &ScreenProjection,
     facing: f64,
-    known: Option<&Extent>,
+    known: Option<&ScreenExtent>,
     coverage: Coverage,
-    shape: &mut Shape,
-) -> Made {
+    shape: &mut ScreenShape,
+) -> ShapeResult {
     let (min, max) = (bounds.min.to_array().map(f64::from), bounds.max.to_array().map(f64::from));
-    let base = placed.at(min);
+    let base = object.at(min);
     let mut steps = [[0.0; 5]; 3];
     for axis in 0..3 {
         for i in 0..5 {
-            steps[axis][i] = placed.linear[axis][i] * (max[axis] - min[axis]);
+            steps[axis][i] = object.linear[axis][i] * (max[axis] - min[axis]);
         }
     }
     let mut nearest = base[4];
     for step in &steps {
         nearest += if step[4] < 0.0 { step[4] } else { 0.0 };
     }
-    if !(nearest > placed.error[4]) {
-        return Made::Near;
+    if !(nearest > object.error[4]) {
+        return ShapeResult::TooNear;
     }
     let mut corners = [[0.0; 8]; 4];
     for i in 0..4 {
@@ -172,8 +107,8 @@ pub(crate) fn make(
     match known {
         Some(extent) => shape.begin_within(extent),
         None => {
-            let Some(extent) = extent(x, y, w, n, placed) else { return Made::Near };
-            let Some((columns, lines)) = pixels(&extent, lens) else { return Made::Nothing };
+            let Some(extent) = extent(x, y, w, n, object) else { return ShapeResult::TooNear };
+            let Some((columns, lines)) = pixels(&extent, projection) else { return ShapeResult::Nothing };
             shape.begin(columns, lines, extent[4], extent[5]);
         }
     }
@@ -181,8 +116,8 @@ pub(crate) fn make(
     // Planes and facing. Each pair of faces shares a normal, the product of the two other axes.
     let [u, v, t] = steps.map(|s| [s[0], s[1], s[2]]);
     let origin = [base[0], base[1], base[2]];
-    let certain = placed.determinant_error();
-    let products = placed.cross_error(lens.size);
+    let certain = object.determinant_error();
+    let products = object.cross_error(projection.size);
     let mut seen = 0usize;
     for axis in 0..3 {
         let (second, third) = match axis {
@@ -203,10 +138,10 @@ pub(crate) fn make(
         };
         seen |= 1 << face;
         let over = 1.0 / height;
-        let plane = if lens.perspective {
+        let plane = if projection.perspective {
             [normal[0] * over, normal[1] * over, normal[2] * over]
         } else {
-            // Nearness a x + b y + c such that n agrees at a corner and along both sides: Cramer's rule.
+            // Depth keys a x + b y + c such that n agrees at a corner and along both sides: Cramer's rule.
             let (sn, tn) = match axis {
                 0 => (steps[1][3], steps[2][3]),
                 1 => (steps[2][3], steps[0][3]),
@@ -220,13 +155,14 @@ pub(crate) fn make(
             let (p, q) = (cross(third, corner), cross(corner, second));
             core::array::from_fn(|i| (cn * normal[i] + sn * p[i] + tn * q[i]) * over)
         };
-        if !shape.bound(lower(plane, over, placed, lens, certain, products), lens.size) {
-            return Made::Near;
+        if !shape.add_depth_plane(lower(plane, over, object, projection, certain, products), projection.size)
+        {
+            return ShapeResult::TooNear;
         }
     }
     let outline = &OUTLINES[seen];
     if outline.count == 0 {
-        return Made::Nothing;
+        return ShapeResult::Nothing;
     }
     for edge in &outline.edges[..usize::from(outline.count)] {
         let [a, b] = edge.map(|i| {
@@ -234,31 +170,25 @@ pub(crate) fn make(
             [x[i], y[i], w[i]]
         });
         let line = cross(a, b).map(|v| v * facing);
-        if !shape.keep([line[0], line[1], line[2] - products], lens.size, coverage) {
-            return Made::Near;
+        if !shape.add_edge([line[0], line[1], line[2] - products], projection.size, coverage) {
+            return ShapeResult::TooNear;
         }
     }
-    Made::Shape
+    ShapeResult::Ready
 }
 
-/// A plane of nearness, moved away by what rounding may have done to it.
-///
-/// It is a numerator over a determinant, of which `over` is the reciprocal. The numerator's error, over the picture, is that of a cross product times `n` and
-/// the like; the
-/// determinant's relative error is that of the quotient.
+/// The shape of a box, from its place on.
 #[inline(always)]
-pub(crate) fn lower(
-    [a, b, c]: [f64; 3],
-    over: f64,
-    placed: &Placed,
-    lens: &Lens,
-    determinant_error: f64,
-    cross_error: f64,
-) -> [f64; 3] {
-    let ([sx, sy, sw, sn, _], [.., en, _]) = (placed.size, placed.error);
-    let [width, rows] = lens.size;
-    let size = a.abs() * width + b.abs() * rows + c.abs();
-    let of_n = if lens.perspective { 0.0 } else { 32.0 * en * (width * sy * sw + rows * sx * sw + sx * sy) };
-    let numerator = 4.0 * cross_error * sn + of_n;
-    [a, b, c - 2.0 * (numerator + size * determinant_error) * over.abs()]
+pub(crate) fn box_shape(
+    bounds: &Aabb,
+    transform: &Affine3A,
+    projection: &ScreenProjection,
+    extent: Option<&ScreenExtent>,
+    coverage: Coverage,
+    shape: &mut ScreenShape,
+) -> ShapeResult {
+    match project_object(projection, bounds, transform) {
+        Some((object, facing)) => outline_box(bounds, &object, projection, facing, extent, coverage, shape),
+        None => ShapeResult::Nothing,
+    }
 }

@@ -1,7 +1,7 @@
 //! Where occlusion begins: what is opaque hides only what is behind it.
 //!
 //! The three estimates of Zhang, Manocha, Hudson and Hoff ("Visibility Culling using Hierarchical Occlusion Maps", 1997), in this
-//! crate's nearness, which falls along every line of sight. Each bounds, for every covered pixel, the nearness of what covers it from
+//! crate's depth key, which falls along every line of sight. Each bounds, for every covered pixel, the depth key of what covers it from
 //! below, so that each is conservative on its own.
 //!
 //! The first two go by the boxes around occluders, at their farthest. An occluder whose rectangle is hidden pixel by pixel behind
@@ -9,9 +9,11 @@
 //! hidden there, since what would hide it covers the pixel too and reaches nearer still; so for every covered pixel at least one
 //! occluder that covers it has moved the boundary.
 
-use super::opacity::{Opacity, Region};
-use crate::pyramid::{Rectangle, mask};
-use crate::tiles::Tiles;
+use super::opacity_pyramid::OpacityPyramid;
+use super::tile_range::TileRange;
+use crate::buffer::tile_layout::{Rectangle, mask};
+use crate::buffer::tiles::Tiles;
+use crate::lanes::all_above;
 use alloc::vec::Vec;
 
 /// How the depth of occluders is kept.
@@ -36,16 +38,16 @@ pub enum DepthEstimate {
 
 /// The boundary beyond which opaque pixels hide.
 #[derive(Clone, Debug)]
-pub(crate) struct Boundary {
+pub(crate) struct DepthBoundary {
     pub(crate) estimate: DepthEstimate,
     columns: usize,
     /// Of all occluders: nothing drawn is less near.
     plane: f32,
-    /// For each tile, nearness that what is drawn there has at least; infinite where nothing is.
+    /// For each tile, depth key that what is drawn there has at least; infinite where nothing is.
     cells: Vec<f32>,
 }
 
-impl Boundary {
+impl DepthBoundary {
     pub(crate) fn new(tiles: &Tiles) -> Self {
         Self {
             estimate: DepthEstimate::default(),
@@ -68,16 +70,16 @@ impl Boundary {
     }
 
     /// Moves it behind an occluder with the given rectangle that is nowhere less near than so.
-    pub(crate) fn move_behind(&mut self, region: &Region, nearness: f32) {
+    pub(crate) fn move_behind(&mut self, region: &TileRange, depth_key: f32) {
         // What is not a number bounds nothing.
-        let nearness = if nearness.is_nan() { f32::NEG_INFINITY } else { nearness };
+        let depth_key = if depth_key.is_nan() { f32::NEG_INFINITY } else { depth_key };
         match self.estimate {
-            DepthEstimate::Plane => self.plane = self.plane.min(nearness),
+            DepthEstimate::Plane => self.plane = self.plane.min(depth_key),
             DepthEstimate::Buffer => {
                 let [x0, x1, y0, y1] = region.0;
                 for y in y0..=y1 {
                     for cell in &mut self.cells[y * self.columns + x0..=y * self.columns + x1] {
-                        *cell = if *cell < nearness { *cell } else { nearness };
+                        *cell = if *cell < depth_key { *cell } else { depth_key };
                     }
                 }
             }
@@ -87,7 +89,7 @@ impl Boundary {
 
     /// Takes in what has been drawn into a region.
     #[inline(always)]
-    pub(crate) fn update(&mut self, tiles: &Tiles, region: &Region) {
+    pub(crate) fn update(&mut self, tiles: &Tiles, region: &TileRange) {
         if self.estimate != DepthEstimate::NoBackground {
             return;
         }
@@ -99,23 +101,23 @@ impl Boundary {
         }
     }
 
-    /// Whether everything drawn into a rectangle is nearer than `nearness`.
+    /// Whether everything drawn into a rectangle is nearer than `depth_key`.
     #[inline(always)]
     pub(crate) fn is_before(
         &self,
-        opacity: &Opacity,
+        opacity: &OpacityPyramid,
         tiles: &Tiles,
         rectangle: &Rectangle,
-        nearness: f32,
+        depth_key: f32,
     ) -> bool {
         if self.estimate == DepthEstimate::Plane {
-            return self.plane > nearness;
+            return self.plane > depth_key;
         }
-        let [x0, x1, y0, y1] = Region::of(rectangle).0;
+        let [x0, x1, y0, y1] = TileRange::of(rectangle).0;
         for y in y0..=y1 {
             let base = y * self.columns;
             let row = &self.cells[base + x0..=base + x1];
-            if all_above(row, nearness) {
+            if all_above(row, depth_key) {
                 continue;
             }
             if self.estimate == DepthEstimate::Buffer {
@@ -123,8 +125,8 @@ impl Boundary {
             }
             for x in x0..=x1 {
                 let tile = base + x;
-                if !(self.cells[tile] > nearness)
-                    && !tiles.hides(tile, mask(rectangle, x, y) & opacity.covered[tile], nearness)
+                if !(self.cells[tile] > depth_key)
+                    && !tiles.hides(tile, mask(rectangle, x, y) & opacity.covered[tile], depth_key)
                 {
                     return false;
                 }
@@ -134,22 +136,14 @@ impl Boundary {
     }
 }
 
-/// Whether all numbers are above a limit.
+/// Brings the pyramid and the boundary up to date in a region.
 #[inline(always)]
-fn all_above(values: &[f32], limit: f32) -> bool {
-    let (chunks, rest) = values.as_chunks::<16>();
-    for chunk in chunks {
-        let mut all = true;
-        for &value in chunk {
-            all &= value > limit;
-        }
-        if !all {
-            return false;
-        }
-    }
-    let mut all = true;
-    for &value in rest {
-        all &= value > limit;
-    }
-    all
+pub(crate) fn update_maps(
+    opacity: &mut OpacityPyramid,
+    boundary: &mut DepthBoundary,
+    tiles: &Tiles,
+    region: &TileRange,
+) {
+    opacity.update(tiles, region);
+    boundary.update(tiles, region);
 }

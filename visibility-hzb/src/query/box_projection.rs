@@ -1,4 +1,4 @@
-//! Boxes against the buffer, 64 at a time: projected in `f32`, decided by comparison of whole numbers and nearness.
+//! Boxes against the buffer, 64 at a time: projected in `f32`, decided by comparison of whole numbers and depth key.
 //!
 //! # The error bound
 //! With `u = 2^-24`, a coordinate less the anchor, `d = (p - high) - low`, is off by `2u |d|` and the row's own `slop`. A row's value
@@ -12,31 +12,25 @@
 //! rectangle, and
 //! one computed inside is off by no more than that.
 
-use crate::faces::Faces;
-use crate::fill::bits;
-use crate::lens::{Lens, Row};
-use crate::pyramid::{Pyramid, Rectangle};
-use crate::shape::Extent;
-use crate::tiles::Tiles;
-use visibility_core::Occlusion64;
-
-/// Least x, y, z and greatest x, y, z of 64 boxes.
-pub(crate) type Boxes = [[f32; 64]; 6];
+use crate::buffer::tile_layout::Rectangle;
+use crate::lanes::{WIDTH, round_to_i32};
+use crate::setup::screen_projection::{ScreenProjection, ScreenRow};
+use crate::setup::screen_shape::ScreenExtent;
 
 /// Sixteen times the unit round-off of `f32`.
 const MARGIN: f32 = 8.0 * f32::EPSILON;
 
-/// A [`Row`] in `f32`.
+/// A [`ScreenRow`] in `f32`.
 #[derive(Clone, Copy, Debug, Default)]
-struct Row32 {
+struct ScreenRow32 {
     linear: [f32; 3],
     constant: f32,
     /// What does not grow with the point: error of the constant, of the anchor, and what is lost to denormals.
     slop: f32,
 }
 
-impl Row32 {
-    fn new(row: &Row, anchor: [f64; 3]) -> Self {
+impl ScreenRow32 {
+    fn new(row: &ScreenRow, anchor: [f64; 3]) -> Self {
         let linear = row.linear.map(|a| a as f32);
         // The anchor in two parts leaves 2^-48 of it, and the part that is subtracted last rounds by u of the first difference, which
         // exceeds d by that
@@ -54,65 +48,51 @@ impl Row32 {
     }
 }
 
-/// The lens in `f32`.
+/// The projection in `f32`.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Lens32 {
+pub(crate) struct ScreenProjection32 {
     high: [f32; 3],
     low: [f32; 3],
     /// `x`, `y`, `w`, `n` and the distance beyond the near plane.
-    rows: [Row32; 5],
+    rows: [ScreenRow32; 5],
     /// What is left to the right and below: width times `w` less `x`, height times `w` less `y`.
-    rest: [Row32; 2],
+    rest: [ScreenRow32; 2],
     picture: [f32; 2],
     perspective: bool,
 }
 
-impl Lens32 {
-    pub(crate) fn new(lens: &Lens) -> Self {
-        let anchor = lens.anchor.to_array();
+impl ScreenProjection32 {
+    pub(crate) fn new(projection: &ScreenProjection) -> Self {
+        let anchor = projection.anchor.to_array();
         let high = anchor.map(|a| a as f32);
         let low = core::array::from_fn(|i| (anchor[i] - f64::from(high[i])) as f32);
-        let [x, y, w, n] = lens.rows;
-        let rest = |size: f64, row: Row| Row {
+        let [x, y, w, n] = projection.rows;
+        let rest = |size: f64, row: ScreenRow| ScreenRow {
             linear: core::array::from_fn(|i| size * w.linear[i] - row.linear[i]),
             constant: size * w.constant - row.constant,
             error: 2.0 * (size * w.error + row.error)
                 + f64::EPSILON * (size * w.constant.abs() + row.constant.abs()),
         };
-        let to32 = |row: Row| Row32::new(&row, anchor);
+        let to32 = |row: ScreenRow| ScreenRow32::new(&row, anchor);
         Self {
             high,
             low,
-            rows: [x, y, w, n, lens.near].map(to32),
-            rest: [to32(rest(lens.picture[0], x)), to32(rest(lens.picture[1], y))],
-            picture: lens.picture.map(|side| side as f32),
-            perspective: lens.perspective,
+            rows: [x, y, w, n, projection.near].map(to32),
+            rest: [to32(rest(projection.picture[0], x)), to32(rest(projection.picture[1], y))],
+            picture: projection.picture.map(|side| side as f32),
+            perspective: projection.perspective,
         }
     }
 }
 
-/// All that a query looks at.
-#[derive(Clone, Copy)]
-pub(crate) struct Query<'a> {
-    pub(crate) lens: &'a Lens32,
-    pub(crate) tiles: &'a Tiles,
-    pub(crate) pyramid: &'a Pyramid,
-    pub(crate) faces: &'a Faces,
-    /// Nearness that nothing in the buffer exceeds.
-    pub(crate) nearest: f32,
-}
-
-/// Lanes that are worked on together.
-pub(crate) const WIDTH: usize = 16;
-
 /// Where boxes are on the screen.
 #[derive(Clone, Debug)]
-pub(crate) struct Footprints<const N: usize> {
+pub(crate) struct ProjectedBoxes<const N: usize> {
     /// In pixels: first column, end column, first row, end row.
     pub(crate) sides: [[i32; N]; 4],
-    /// Nearness that no point of the box exceeds.
+    /// Depth keys that no point of the box exceeds.
     pub(crate) nearest: [f32; N],
-    /// Least nearness of the box, for those before the eye.
+    /// Least depth key of the box, for those before the eye.
     pub(crate) farthest: [f32; N],
     /// Surely not in the picture.
     pub(crate) outside: [bool; N],
@@ -122,7 +102,7 @@ pub(crate) struct Footprints<const N: usize> {
     pub(crate) inside: [bool; N],
 }
 
-impl<const N: usize> Footprints<N> {
+impl<const N: usize> ProjectedBoxes<N> {
     pub(crate) const NONE: Self = Self {
         sides: [[0; N]; 4],
         nearest: [0.0; N],
@@ -133,16 +113,21 @@ impl<const N: usize> Footprints<N> {
     };
 }
 
-impl<const N: usize> Footprints<N> {
+impl<const N: usize> ProjectedBoxes<N> {
     /// All that is known of where a box is, if it is before the eye. What reaches the border of the `picture` may go on to that of the last tiles,
-    /// `whole`.
+    /// `round_to_i32`.
     #[inline(always)]
-    pub(crate) fn extent(&self, i: usize, picture: [usize; 2], whole: [usize; 2]) -> Option<Extent> {
+    pub(crate) fn extent(
+        &self,
+        i: usize,
+        picture: [usize; 2],
+        round_to_i32: [usize; 2],
+    ) -> Option<ScreenExtent> {
         let [left, right, top, bottom] = [0, 1, 2, 3].map(|side| self.sides[side][i] as usize);
-        let right = if right == picture[0] { whole[0] } else { right };
-        let bottom = if bottom == picture[1] { whole[1] } else { bottom };
-        let nearness = [self.farthest[i], self.nearest[i]];
-        self.known[i].then_some(Extent { columns: [left, right], lines: [top, bottom], nearness })
+        let right = if right == picture[0] { round_to_i32[0] } else { right };
+        let bottom = if bottom == picture[1] { round_to_i32[1] } else { bottom };
+        let depth_key = [self.farthest[i], self.nearest[i]];
+        self.known[i].then_some(ScreenExtent { columns: [left, right], lines: [top, bottom], depth_key })
     }
 
     /// The pixels of a box.
@@ -155,16 +140,12 @@ impl<const N: usize> Footprints<N> {
 
 /// As [`project`], for as many boxes as are looked at together.
 #[inline(always)]
-pub(crate) fn footprints(lens: &Lens32, boxes: &[[f32; WIDTH]; 6], out: &mut Footprints<WIDTH>) {
-    *out = project(lens, boxes);
-}
-
-/// Added to a number below 2^22, leaves the nearest whole number in the low bits.
-const WHOLE: f32 = 12_582_912.0;
-
-#[inline(always)]
-fn whole(x: f32) -> i32 {
-    (x + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
+pub(crate) fn project_boxes(
+    projection: &ScreenProjection32,
+    boxes: &[[f32; WIDTH]; 6],
+    out: &mut ProjectedBoxes<WIDTH>,
+) {
+    *out = project(projection, boxes);
 }
 
 #[inline(always)]
@@ -185,7 +166,7 @@ fn clamped(v: f32, size: f32) -> f32 {
 /// A row's values at the eight corners of boxes, and the bound on their error.
 #[inline(always)]
 fn corners<const N: usize>(
-    row: &Row32,
+    row: &ScreenRow32,
     low: &[[f32; N]; 3],
     high: &[[f32; N]; 3],
 ) -> ([[f32; N]; 8], [f32; N]) {
@@ -207,7 +188,7 @@ fn corners<const N: usize>(
 
 /// The greatest value of a row over boxes, with its error added.
 #[inline(always)]
-fn most<const N: usize>(row: &Row32, low: &[[f32; N]; 3], high: &[[f32; N]; 3], sign: f32) -> [f32; N] {
+fn most<const N: usize>(row: &ScreenRow32, low: &[[f32; N]; 3], high: &[[f32; N]; 3], sign: f32) -> [f32; N] {
     let mut out = [0.0; N];
     for i in 0..N {
         let (mut sum, mut reach) = (sign * row.constant, row.slop);
@@ -222,19 +203,22 @@ fn most<const N: usize>(row: &Row32, low: &[[f32; N]; 3], high: &[[f32; N]; 3], 
 }
 
 #[inline(always)]
-pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> Footprints<N> {
+pub(crate) fn project<const N: usize>(
+    projection: &ScreenProjection32,
+    boxes: &[[f32; N]; 6],
+) -> ProjectedBoxes<N> {
     let (mut low, mut high) = ([[0.0; N]; 3], [[0.0; N]; 3]);
     for axis in 0..3 {
         for i in 0..N {
-            low[axis][i] = (boxes[axis][i] - lens.high[axis]) - lens.low[axis];
-            high[axis][i] = (boxes[axis + 3][i] - lens.high[axis]) - lens.low[axis];
+            low[axis][i] = (boxes[axis][i] - projection.high[axis]) - projection.low[axis];
+            high[axis][i] = (boxes[axis + 3][i] - projection.high[axis]) - projection.low[axis];
         }
     }
-    let (w, w_error) = corners(&lens.rows[2], &low, &high);
-    let (x, x_error) = corners(&lens.rows[0], &low, &high);
-    let (y, y_error) = corners(&lens.rows[1], &low, &high);
-    let mut out = Footprints::NONE;
-    let [width, height] = lens.picture;
+    let (w, w_error) = corners(&projection.rows[2], &low, &high);
+    let (x, x_error) = corners(&projection.rows[0], &low, &high);
+    let (y, y_error) = corners(&projection.rows[1], &low, &high);
+    let mut out = ProjectedBoxes::NONE;
+    let [width, height] = projection.picture;
     let mut bounds = [[f32::INFINITY; N], [f32::NEG_INFINITY; N], [f32::INFINITY; N], [f32::NEG_INFINITY; N]];
     let (mut w_least, mut w_most) = ([f32::INFINITY; N], [f32::NEG_INFINITY; N]);
     for corner in 0..8 {
@@ -260,23 +244,25 @@ pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> F
         out.known[i] = known && left <= right && top <= bottom;
         out.outside[i] = known && (right < 0.0 || left > width || bottom < 0.0 || top > height);
         out.inside[i] = known && left >= 0.0 && right <= width && top >= 0.0 && bottom <= height;
-        out.sides[0][i] = whole(clamped(left, width - 1.0) - 0.5).max(0);
-        out.sides[1][i] = whole(clamped(right, width) + 0.5).max(out.sides[0][i] + 1).min(width as i32);
-        out.sides[2][i] = whole(clamped(top, height - 1.0) - 0.5).max(0);
-        out.sides[3][i] = whole(clamped(bottom, height) + 0.5).max(out.sides[2][i] + 1).min(height as i32);
+        out.sides[0][i] = round_to_i32(clamped(left, width - 1.0) - 0.5).max(0);
+        out.sides[1][i] =
+            round_to_i32(clamped(right, width) + 0.5).max(out.sides[0][i] + 1).min(width as i32);
+        out.sides[2][i] = round_to_i32(clamped(top, height - 1.0) - 0.5).max(0);
+        out.sides[3][i] =
+            round_to_i32(clamped(bottom, height) + 0.5).max(out.sides[2][i] + 1).min(height as i32);
         out.nearest[i] = (1.0 / (w_least[i] - w_error[i])) * (1.0 + MARGIN);
         out.farthest[i] = (1.0 / (w_most[i] + w_error[i])) * (1.0 - MARGIN);
         unknown[i] = !known;
         any |= !known;
     }
-    if !lens.perspective {
-        let (n, n_error) = corners(&lens.rows[3], &low, &high);
+    if !projection.perspective {
+        let (n, n_error) = corners(&projection.rows[3], &low, &high);
         for i in 0..N {
             let (mut a, mut b) = (f32::INFINITY, f32::NEG_INFINITY);
             for corner in 0..8 {
-                let nearness = n[corner][i] / w[corner][i];
-                a = least(nearness, a);
-                b = greatest(nearness, b);
+                let depth_key = n[corner][i] / w[corner][i];
+                a = least(depth_key, a);
+                b = greatest(depth_key, b);
             }
             let most = greatest(a.abs(), b.abs());
             let margin = (n_error[i] + most * w_error[i]) * (1.25 / w_least[i]) + MARGIN * most;
@@ -286,11 +272,11 @@ pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> F
     // Boxes through the eye's plane are outside the picture only if all of them is on one side of it.
     if any {
         let tests = [
-            most(&lens.rows[0], &low, &high, 1.0),
-            most(&lens.rows[1], &low, &high, 1.0),
-            most(&lens.rest[0], &low, &high, 1.0),
-            most(&lens.rest[1], &low, &high, 1.0),
-            most(&lens.rows[4], &low, &high, 1.0),
+            most(&projection.rows[0], &low, &high, 1.0),
+            most(&projection.rows[1], &low, &high, 1.0),
+            most(&projection.rest[0], &low, &high, 1.0),
+            most(&projection.rest[1], &low, &high, 1.0),
+            most(&projection.rows[4], &low, &high, 1.0),
         ];
         for test in tests {
             for i in 0..N {
@@ -299,101 +285,11 @@ pub(crate) fn project<const N: usize>(lens: &Lens32, boxes: &[[f32; N]; 6]) -> F
         }
     }
     // What the near plane cuts is not seen as a whole.
-    let before = most(&lens.rows[4], &low, &high, -1.0);
+    let before = most(&projection.rows[4], &low, &high, -1.0);
     for i in 0..N {
         out.inside[i] &= before[i] < 0.0;
     }
     out
-}
-
-/// Decides those of 64 boxes that are candidates. Lanes whose box is improper must not be among them.
-#[inline(always)]
-pub(crate) fn test(query: &Query, boxes: &Boxes, candidates: u64) -> Occlusion64 {
-    let mut answer = Occlusion64::default();
-    for chunk in 0..64 / WIDTH {
-        let lanes = candidates >> (chunk * WIDTH) & ((1 << WIDTH) - 1);
-        if lanes == 0 {
-            continue;
-        }
-        let mut part = [[0.0; WIDTH]; 6];
-        for row in 0..6 {
-            part[row] = boxes[row].as_chunks::<WIDTH>().0[chunk];
-        }
-        let (hidden, visible) = decide(query, &project(query.lens, &part), lanes, &part);
-        answer.hidden |= hidden << (chunk * WIDTH);
-        answer.visible |= visible << (chunk * WIDTH);
-    }
-    answer
-}
-
-/// As [`test()`], for one box.
-#[inline(always)]
-pub(crate) fn test_one(query: &Query, sides: [f32; 6]) -> Occlusion64 {
-    let part = sides.map(|side| [side]);
-    let footprints = project(query.lens, &part);
-    let (hidden, visible) = decide(query, &footprints, 1, &part);
-    Occlusion64 { hidden, visible }
-}
-
-#[inline(always)]
-fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
-    let mut bytes = [0; WIDTH];
-    for i in 0..N.min(WIDTH) {
-        bytes[i] = u8::from(lanes[i]);
-    }
-    bits(&bytes).into()
-}
-
-#[inline(always)]
-fn decide<const N: usize>(
-    query: &Query,
-    footprints: &Footprints<N>,
-    lanes: u64,
-    boxes: &[[f32; N]; 6],
-) -> (u64, u64) {
-    // Improper boxes are never hidden.
-    let (mut proper, mut behind, mut before) = ([false; N], [false; N], [false; N]);
-    for i in 0..N {
-        proper[i] =
-            (boxes[0][i] <= boxes[3][i]) & (boxes[1][i] <= boxes[4][i]) & (boxes[2][i] <= boxes[5][i]);
-        behind[i] = footprints.nearest[i] < query.nearest;
-        before[i] = footprints.farthest[i] >= query.nearest;
-    }
-    let proper = gather(&proper);
-    let outside = gather(&footprints.outside) & proper & lanes;
-    let visible = (gather(&footprints.inside) & gather(&before) | !proper) & lanes & !outside;
-    let mut hidden = outside;
-    let rest = lanes & !outside & !visible & gather(&footprints.known) & gather(&behind);
-    // Most are hidden at first glance: they are found first, without a branch for each.
-    let mut left = rest;
-    while left != 0 {
-        let i = left.trailing_zeros() as usize % N;
-        left &= left - 1;
-        let nearest = footprints.nearest[i];
-        let coarsely = query.pyramid.hides_coarsely(query.tiles, &footprints.rectangle(i), nearest);
-        hidden |= u64::from(coarsely) << i;
-    }
-    let mut left = rest & !hidden;
-    while left != 0 {
-        let i = left.trailing_zeros() as usize % N;
-        left &= left - 1;
-        let (rectangle, nearest) = (footprints.rectangle(i), footprints.nearest[i]);
-        // One look tells most of those that are visible: what is behind their middle.
-        let behind = query.tiles.pixel_around(&rectangle);
-        if !(behind > footprints.farthest[i]) {
-            continue;
-        }
-        let mut sides = [0.0; 6];
-        for row in 0..6 {
-            sides[row] = boxes[row][i];
-        }
-        if behind > nearest && query.pyramid.hides(query.tiles, &rectangle, nearest)
-            || query.faces.hides(query.tiles, &rectangle, sides, nearest)
-        {
-            hidden |= 1 << i;
-        }
-    }
-    (hidden, visible)
 }
 
 #[cfg(test)]
@@ -408,8 +304,8 @@ mod tests {
         let mut off = 0;
         for _ in 0..20_000 {
             let linear = core::array::from_fn(|_| random(-1.0, 1.0) * 10f64.powf(random(-46.0, -36.0)));
-            let row = Row { linear, constant: 0.0, error: 0.0 };
-            let row32 = Row32::new(&row, [0.0; 3]);
+            let row = ScreenRow { linear, constant: 0.0, error: 0.0 };
+            let row32 = ScreenRow32::new(&row, [0.0; 3]);
             let mut coordinate = || (random(-1.0, 1.0) * 10f64.powf(random(0.0, 30.0))) as f32;
             let p = [0, 1, 2].map(|_| [coordinate()]);
             let exact: f64 = (0..3).map(|i| linear[i] * f64::from(p[i][0])).sum();

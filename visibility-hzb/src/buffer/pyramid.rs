@@ -1,8 +1,9 @@
-//! The pyramid above the tiles: each texel holds the least nearness of the four below it, up to a single one (Greene, Kass and Miller,
+//! The pyramid above the tiles: each texel holds the least depth key of the four below it, up to a single one (Greene, Kass and Miller,
 //! "Hierarchical Z-Buffer Visibility", 1993; Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough
 //! Applications", 2003, section 6.1).
 
-use crate::tiles::{SIDE, Tiles};
+use super::tile_layout::{LINES, Rectangle, SIDE, mask};
+use super::tiles::{Tiles, UNCHANGED, join};
 use alloc::vec::Vec;
 
 /// One level.
@@ -19,13 +20,6 @@ pub(crate) struct Pyramid {
     levels: Vec<Level>,
     /// While levels are brought up to date, the columns of each row of the finer one that have changed: first and end.
     changed: Vec<[usize; 2]>,
-}
-
-/// A rectangle of pixels: first and end columns, first and end rows; not empty.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Rectangle {
-    pub(crate) columns: [u32; 2],
-    pub(crate) lines: [u32; 2],
 }
 
 impl Pyramid {
@@ -65,7 +59,7 @@ impl Pyramid {
         self.changed[first_row..end_row].copy_from_slice(&tiles.changed[first_row..end_row]);
         tiles.changed[first_row..end_row].fill(UNCHANGED);
         let (mut columns, mut rows) = (tiles.columns, tiles.rows);
-        let mut finer: &[f32] = &tiles.whole[..columns * rows];
+        let mut finer: &[f32] = &tiles.tile_min[..columns * rows];
         for level in &mut self.levels {
             let (first, end) = (first_row / 2, end_row.div_ceil(2));
             for row in first..end {
@@ -98,14 +92,14 @@ impl Pyramid {
 
     /// Whether a rectangle is hidden at first glance: by the two by two texels at most that it meets where these are hardly larger.
     #[inline(always)]
-    pub(crate) fn hides_coarsely(&self, tiles: &Tiles, rectangle: &Rectangle, nearness: f32) -> bool {
+    pub(crate) fn hides_coarsely(&self, tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
         let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize - 1) / SIDE];
         let [y0, y1] = [rectangle.lines[0] as usize / SIDE, (rectangle.lines[1] as usize - 1) / SIDE];
         let size = (x1 - x0).max(y1 - y0);
         let level = (usize::BITS - size.saturating_sub(1).leading_zeros()) as usize;
         let (texels, columns) = match self.levels.get(level.wrapping_sub(1)) {
             Some(level) => (&level.least[..], level.columns),
-            None => (&tiles.whole[..], tiles.columns),
+            None => (&tiles.tile_min[..], tiles.columns),
         };
         let [x0, x1, y0, y1] = [x0 >> level, x1 >> level, y0 >> level, y1 >> level];
         let [above, below] = [y0 * columns, y1 * columns];
@@ -113,23 +107,23 @@ impl Pyramid {
             least(texels[above + x0], texels[above + x1]),
             least(texels[below + x0], texels[below + x1]),
         );
-        least > nearness
+        least > depth_key
     }
 
-    /// Whether all of a rectangle is covered by something nearer than `nearness`.
+    /// Whether all of a rectangle is covered by something nearer than `depth_key`.
     ///
     /// Starts where the rectangle meets at most two by two texels, and goes down only where a texel does not decide.
     #[inline(always)]
-    pub(crate) fn hides(&self, tiles: &Tiles, rectangle: &Rectangle, nearness: f32) -> bool {
+    pub(crate) fn hides(&self, tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
         let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize - 1) / SIDE];
         let [y0, y1] = [rectangle.lines[0] as usize / SIDE, (rectangle.lines[1] as usize - 1) / SIDE];
         let size = (x1 - x0).max(y1 - y0);
         if size <= 3 {
-            return hidden_tiles(tiles, rectangle, [x0, x1, y0, y1], nearness);
+            return hidden_tiles(tiles, rectangle, [x0, x1, y0, y1], depth_key);
         }
         // The greatest shift that leaves at least two texels on the longer side.
         let level = ((usize::BITS - size.leading_zeros()) as usize - 1).min(self.levels.len());
-        let walk = Walk { pyramid: self, tiles, rectangle, limits: [x0, x1, y0, y1], nearness };
+        let walk = Walk { pyramid: self, tiles, rectangle, limits: [x0, x1, y0, y1], depth_key };
         for y in y0 >> level..=y1 >> level {
             for x in x0 >> level..=x1 >> level {
                 if !walk.hides(level, x, y) {
@@ -139,15 +133,6 @@ impl Pyramid {
         }
         true
     }
-}
-
-/// No columns or rows.
-pub(crate) const UNCHANGED: [usize; 2] = [usize::MAX, 0];
-
-/// What is in either of two ranges, and what is between.
-#[inline(always)]
-pub(crate) fn join(a: [usize; 2], b: [usize; 2]) -> [usize; 2] {
-    [a[0].min(b[0]), a[1].max(b[1])]
 }
 
 /// Texels of a row between two columns, from the two rows below it.
@@ -174,7 +159,7 @@ fn least(a: f32, b: f32) -> f32 {
 
 /// Looks at tiles one by one. What a rectangle has of a tile differs from row to row and column to column only at its ends.
 #[inline(always)]
-fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 4], nearness: f32) -> bool {
+fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 4], depth_key: f32) -> bool {
     let ([left, right], [top, bottom]) = (rectangle.columns, rectangle.lines);
     let right = (0xff >> (7 - (right - 1) % SIDE as u32)) * LINES;
     let left = (0xff << (left % SIDE as u32) & 0xff) * LINES;
@@ -187,7 +172,7 @@ fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 
         while x <= x1 {
             let tile = y * tiles.columns + x;
             let pixels = if x == x0 { left } else { u64::MAX } & if x == x1 { right } else { u64::MAX };
-            if !(tiles.whole[tile] > nearness) && !tiles.hides_partly(tile, lines & pixels, nearness) {
+            if !(tiles.tile_min[tile] > depth_key) && !tiles.hides_partly(tile, lines & pixels, depth_key) {
                 return false;
             }
             x += 1;
@@ -197,49 +182,23 @@ fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 
     true
 }
 
-/// Of a byte, makes the same in each line of a tile.
-const LINES: u64 = 0x0101_0101_0101_0101;
-
-/// The pixels of a tile that a rectangle meets.
-#[inline(always)]
-pub(crate) fn mask(rectangle: &Rectangle, x: usize, y: usize) -> u64 {
-    let (left, right) = within(rectangle.columns, x);
-    let (top, bottom) = within(rectangle.lines, y);
-    let byte = (0xff_u64 << left) & 0xff & !(0xff00_u64 << right >> 8);
-    let lines = below(bottom) & !below(top);
-    (byte * LINES) & lines
-}
-
-/// The part of a range of pixels within a tile.
-#[inline(always)]
-fn within([first, end]: [u32; 2], tile: usize) -> (i32, i32) {
-    let start = (tile * SIDE) as i32;
-    ((first as i32 - start).clamp(0, 8), (end as i32 - start).clamp(0, 8))
-}
-
-/// The first so many lines of a tile.
-#[inline(always)]
-pub(crate) fn below(lines: i32) -> u64 {
-    if lines >= 8 { u64::MAX } else { (1 << (8 * lines.max(0))) - 1 }
-}
-
 struct Walk<'a> {
     pyramid: &'a Pyramid,
     tiles: &'a Tiles,
     rectangle: &'a Rectangle,
     /// First and last columns and rows of tiles.
     limits: [usize; 4],
-    nearness: f32,
+    depth_key: f32,
 }
 
 impl Walk<'_> {
     fn hides(&self, level: usize, x: usize, y: usize) -> bool {
         if level == 0 {
             let tile = y * self.tiles.columns + x;
-            return self.tiles.hides(tile, mask(self.rectangle, x, y), self.nearness);
+            return self.tiles.hides(tile, mask(self.rectangle, x, y), self.depth_key);
         }
         let Some(own) = self.pyramid.levels.get(level - 1) else { return false };
-        if own.least[y * own.columns + x] > self.nearness {
+        if own.least[y * own.columns + x] > self.depth_key {
             return true;
         }
         let [x0, x1, y0, y1] = self.limits.map(|limit| limit >> (level - 1));
@@ -298,11 +257,11 @@ mod tests {
                 for _ in 0..200 {
                     let rectangle =
                         Rectangle { columns: random.range(size[0]), lines: random.range(size[1]) };
-                    let nearness = 0.5 + random.below(3) as f32;
+                    let depth_key = 0.5 + random.below(3) as f32;
                     let [x, y] = [rectangle.columns, rectangle.lines].map(|[a, b]| a as usize..b as usize);
-                    let all = y.clone().all(|y| x.clone().all(|x| tiles.pixel(x, y) > nearness));
-                    assert_eq!(pyramid.hides(&tiles, &rectangle, nearness), all, "{rectangle:?}");
-                    let coarse = pyramid.hides_coarsely(&tiles, &rectangle, nearness);
+                    let all = y.clone().all(|y| x.clone().all(|x| tiles.pixel(x, y) > depth_key));
+                    assert_eq!(pyramid.hides(&tiles, &rectangle, depth_key), all, "{rectangle:?}");
+                    let coarse = pyramid.hides_coarsely(&tiles, &rectangle, depth_key);
                     assert!(all || !coarse, "{rectangle:?}");
                     (hidden, coarsely) = (hidden + usize::from(all), coarsely + usize::from(coarse));
                 }

@@ -1,7 +1,7 @@
 //! Boxes looked at more closely where the rectangle around them does not decide: by the planes of their faces.
 //!
 //! The rectangle claims too much twice: its corners lie beside the box, and all of it is taken to be as near as the nearest corner. But a
-//! box is six half-spaces, and each bounds the nearness `1 / w` of its points by a function that is linear on the screen (Kay and Kajiya,
+//! box is six half-spaces, and each bounds the depth key `1 / w` of its points by a function that is linear on the screen (Kay and Kajiya,
 //! "Ray Tracing Complex Scenes", 1986, cut rays by slabs in this way): those with the eye outside from above, those with the eye inside
 //! from below. Where the least upper bound is below the greatest lower bound, no line of sight meets the box; elsewhere the upper bound is all
 //! that it may be near. What is known to cover a tile by the plane of a surface is compared with each upper bound as a difference of two linear
@@ -11,17 +11,11 @@
 //! A point `q`, relative to the anchor, is at `w s = M q + e` with `s = (x, y, 1)`, where `e` is at most a row's constant and its error. With
 //! the adjugate `C` of `M` and its determinant `D`, `w (C s) = D q + C e`. Entries of `M` are off by `3u` of themselves, so those of `C`, two
 //! products each, by less than `16u` of the sum `P` of the magnitudes of these, and `D` by less than `32u` of the sum of magnitudes of its six
-//! products. So on `q = t`, nearness is `(C s) / (D t)`, where the numerator is off by less than `64u` of `P s`, taken at the picture's far corner,
+//! products. So on `q = t`, depth key is `(C s) / (D t)`, where the numerator is off by less than `64u` of `P s`, taken at the picture's far corner,
 //! scaling, evaluation and all, and the denominator by less than `2 P e` and `64u` of `t` times the six products, where half would do but for its own
 //! rounding and that of `t`. Half-spaces whose denominator is not twice as large as that are left out, which only makes the box larger.
 
-use crate::lens::{Lens, U};
-use crate::pyramid::{Rectangle, mask};
-use crate::shape::up;
-use crate::tiles::{SIDE, Tiles};
-
-/// Boxes that lie in more tiles than this are not looked at: they mostly hold others, which are.
-const MOST: u32 = 64;
+use crate::setup::screen_projection::{ScreenProjection, U};
 
 /// The sides of a box, greatest first, and two that are none: so many lanes that the compiler keeps them together.
 pub(crate) const LANES: usize = 8;
@@ -31,21 +25,21 @@ const SIGNS: [f64; LANES] = [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
 
 /// What all boxes of a frame have in common, by side.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Faces {
+pub(crate) struct FacePlaneSetup {
     anchor: [f64; LANES],
     /// What times `x`, `y` and 1 is the way a line of sight goes in.
     along: [[f64; LANES]; 3],
     /// How far that may be off.
     error: [f64; LANES],
     /// The determinant, made positive; zero if nothing can be said.
-    scale: f64,
+    pub(crate) scale: f64,
     /// By how much denominators may be off: by axis, and by distance.
     shift: [f64; LANES],
     spread: f64,
 }
 
-/// The bounds of one box on nearness, linear on the screen: those from above, and those from below with the opposite sign.
-pub(crate) struct Slabs {
+/// The bounds of one box on depth key, linear on the screen: those from above, and those from below with the opposite sign.
+pub(crate) struct BoxFacePlanes {
     slope: [[f64; LANES]; 2],
     constant: [f64; LANES],
     /// Zero for a bound of this kind, infinite for others.
@@ -76,11 +70,11 @@ fn products(a: [f64; 3], b: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     (cross, sizes)
 }
 
-impl Faces {
-    pub(crate) fn new(lens: &Lens) -> Self {
-        let [x, y, w, _] = lens.rows;
+impl FacePlaneSetup {
+    pub(crate) fn new(projection: &ScreenProjection) -> Self {
+        let [x, y, w, _] = projection.rows;
         let mut faces = Self::default();
-        if !lens.perspective {
+        if !projection.perspective {
             return faces;
         }
         // Columns of the adjugate belong to `x`, `y` and 1.
@@ -92,10 +86,10 @@ impl Faces {
             faces.spread += 64.0 * U * x.linear[i].abs() * columns[0].1[i];
         }
         let sign = if determinant < 0.0 { -1.0 } else { 1.0 };
-        let reach = [lens.size[0], lens.size[1], 1.0];
+        let reach = [projection.size[0], projection.size[1], 1.0];
         for lane in 0..6 {
             let axis = lane % 3;
-            faces.anchor[lane] = lens.anchor[axis];
+            faces.anchor[lane] = projection.anchor[axis];
             for (i, row) in [x, y, w].iter().enumerate() {
                 let (value, size) = (columns[i].0[axis], columns[i].1[axis]);
                 faces.along[i][lane] = -SIGNS[lane] * sign * value;
@@ -113,10 +107,11 @@ impl Faces {
 
     /// The bounds of a box, given by its least and greatest coordinates.
     #[inline(always)]
-    fn slabs(&self, [x0, y0, z0, x1, y1, z1]: [f32; 6]) -> Slabs {
+    pub(crate) fn of_box(&self, [x0, y0, z0, x1, y1, z1]: [f32; 6]) -> BoxFacePlanes {
         let sides = [x1, y1, z1, x0, y0, z0, 0.0, 0.0];
         const NONE: [f64; LANES] = [f64::INFINITY; LANES];
-        let mut slabs = Slabs { slope: [[0.0; LANES]; 2], constant: [0.0; LANES], upper: NONE, lower: NONE };
+        let mut box_planes =
+            BoxFacePlanes { slope: [[0.0; LANES]; 2], constant: [0.0; LANES], upper: NONE, lower: NONE };
         for i in 0..LANES {
             let distance = SIGNS[i] * (f64::from(sides[i]) - self.anchor[i]);
             let size = self.scale * distance.abs();
@@ -126,83 +121,17 @@ impl Faces {
             let inside = distance > 0.0;
             let over = 1.0 / (size + if inside { off } else { -off });
             let over = if known { over } else { 0.0 };
-            slabs.slope[0][i] = self.along[0][i] * over;
-            slabs.slope[1][i] = self.along[1][i] * over;
-            slabs.constant[i] = self.along[2][i] * over + self.error[i] * over;
-            slabs.upper[i] = if known & !inside { 0.0 } else { f64::INFINITY };
-            slabs.lower[i] = if known & inside { 0.0 } else { f64::INFINITY };
+            box_planes.slope[0][i] = self.along[0][i] * over;
+            box_planes.slope[1][i] = self.along[1][i] * over;
+            box_planes.constant[i] = self.along[2][i] * over + self.error[i] * over;
+            box_planes.upper[i] = if known & !inside { 0.0 } else { f64::INFINITY };
+            box_planes.lower[i] = if known & inside { 0.0 } else { f64::INFINITY };
         }
-        slabs
-    }
-
-    /// Whether all of a box within a rectangle around it is behind what the tiles hold. `nearest` is a nearness that no point of it exceeds; it
-    /// is before the eye as a whole.
-    #[inline(always)]
-    pub(crate) fn hides(&self, tiles: &Tiles, rectangle: &Rectangle, sides: [f32; 6], nearest: f32) -> bool {
-        const STEP: u32 = SIDE as u32;
-        let ([x0, x1], [y0, y1]) = (rectangle.columns, rectangle.lines);
-        let (across, down) = ((x1 - 1) / STEP + 1 - x0 / STEP, (y1 - 1) / STEP + 1 - y0 / STEP);
-        if !(self.scale > 0.0) || across * down > MOST {
-            return false;
-        }
-        let look = Look { slabs: &self.slabs(sides), tiles, nearest };
-        // The pixel nearest to the middle of the box is looked at first, everywhere: it finds out most of those that are seen.
-        let middle = [(x0 + x1) / 2, (y0 + y1) / 2];
-        for row in y0 / STEP..y0 / STEP + down {
-            for column in x0 / STEP..x0 / STEP + across {
-                let tile = row as usize * tiles.columns + column as usize;
-                let pixels = mask(rectangle, column as usize, row as usize);
-                if tiles.hides(tile, pixels, nearest) {
-                    continue;
-                }
-                let (left, top) = (x0.max(column * STEP), y0.max(row * STEP));
-                let (right, bottom) = (x1.min((column + 1) * STEP), y1.min((row + 1) * STEP));
-                // The tile, then what is left of each line, then each pixel of that.
-                let pixels = look.slabs.undecided(tiles, tile, pixels, [left, right, top, bottom], nearest);
-                let (x, y) = (middle[0].clamp(left, right - 1), middle[1].clamp(top, bottom - 1));
-                let pixel = pixels & 1 << (y % STEP * STEP + x % STEP);
-                if pixel != 0 && look.sees(tile, pixel, [x, y]) {
-                    return false;
-                }
-                let mut rest = pixels & !pixel;
-                while rest != 0 {
-                    let line = rest.trailing_zeros() / STEP;
-                    let own = rest & 0xff << (line * STEP);
-                    rest &= !own;
-                    let (y, end) = (row * STEP + line, row * STEP + line + 1);
-                    let mut own = look.slabs.undecided(tiles, tile, own, [left, right, y, end], nearest);
-                    while own != 0 {
-                        let x = column * STEP + own.trailing_zeros() % STEP;
-                        let pixel = own & own.wrapping_neg();
-                        own &= own - 1;
-                        if look.sees(tile, pixel, [x, y]) {
-                            return false;
-                        }
-                    }
-                }
-            }
-        }
-        true
+        box_planes
     }
 }
 
-/// A box that is looked for in pixels.
-struct Look<'a> {
-    slabs: &'a Slabs,
-    tiles: &'a Tiles,
-    /// Nearness that no point of it exceeds.
-    nearest: f32,
-}
-
-impl Look<'_> {
-    /// Whether it may be seen in a pixel, given by its bit in a tile and its place.
-    #[inline(always)]
-    fn sees(&self, tile: usize, pixel: u64, [x, y]: [u32; 2]) -> bool {
-        self.slabs.undecided(self.tiles, tile, pixel, [x, x + 1, y, y + 1], self.nearest) != 0
-    }
-}
-
-impl Slabs {
+impl BoxFacePlanes {
     /// Whether some bound from above is below a plane, given by slopes and constant, in all of a rectangle; by side. Both are linear, so their
     /// difference is least at a corner.
     #[inline(always)]
@@ -216,10 +145,9 @@ impl Slabs {
         below
     }
 
-    /// In which of some pixels, those within the given sides, the box may be and is not hidden.
+    /// The least bound from above and the greatest from below in a rectangle.
     #[inline(always)]
-    fn undecided(&self, tiles: &Tiles, tile: usize, pixels: u64, sides: [u32; 4], nearest: f32) -> u64 {
-        let [left, right, top, bottom] = sides.map(f64::from);
+    pub(crate) fn range(&self, [left, right, top, bottom]: [f64; 4]) -> [f64; 2] {
         let (mut above, mut below) = ([0.0; LANES], [0.0; LANES]);
         let [a, b] = &self.slope;
         for i in 0..LANES {
@@ -227,24 +155,16 @@ impl Slabs {
             let value = x + b[i] * if b[i] > 0.0 { bottom } else { top } + self.constant[i];
             (above[i], below[i]) = (value + self.upper[i], value + self.lower[i]);
         }
-        let (most, least) = (lowest(&above), -lowest(&below));
-        let nearest = f64::from(nearest);
-        let most = if most < nearest { most } else { nearest };
-        // Nothing in view has less than none.
-        let least = if least > 0.0 { least } else { 0.0 };
-        let most = up(most);
-        if f64::from(most) < least {
-            return 0;
-        }
-        tiles.undecided(tile, pixels, [left, right, top, bottom], most, self)
+        [lowest(&above), -lowest(&below)]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exact_screen::on_screen;
     use crate::random::random;
-    use crate::twice::{on_screen, product, sum};
+    use visibility_core::geometry::DoubleDouble;
     use visibility_core::glam::{DMat3, DVec3};
     use visibility_core::{Pose, View};
 
@@ -273,15 +193,15 @@ mod tests {
                 DMat3::from_cols_array_2d(&rows.map(|row| row.truncate().to_array())).transpose().inverse();
             let apex = -(inverse * DVec3::from_array(rows.map(|row| row.w)));
             let view = View::from_clip_from_world(matrix, view.depth()).unwrap();
-            let lens = Lens::new(&view, DVec3::ZERO, [192, 128], [192, 128]);
-            let faces = Faces::new(&lens);
+            let projection = ScreenProjection::new(&view, DVec3::ZERO, [192, 128], [192, 128]);
+            let faces = FacePlaneSetup::new(&projection);
             let mut sides = [0.0f32; 6];
             for axis in 0..3 {
                 let near = eye[axis] + random(-1.0, 1.0).powi(9);
                 let (a, b) = (near as f32, (near + random(-40.0, 40.0)) as f32);
                 (sides[axis], sides[axis + 3]) = (a.min(b), a.max(b));
             }
-            let slabs = faces.slabs(sides);
+            let box_planes = faces.of_box(sides);
             for lane in 0..6 {
                 let axis = lane % 3;
                 // A point of the face that shows somewhere in the picture.
@@ -291,20 +211,22 @@ mod tests {
                 let mut q = (apex + way * ((side - apex[axis]) / way[axis])).to_array();
                 q[axis] = side;
                 let at = on_screen(rows, q, [192.0, 128.0]);
-                let [x, y, w] = at.map(|value| value[0]);
+                let [x, y, w] = at.map(|value| value.hi);
                 if !(w > 0.0 && x >= 0.0 && x <= 192.0 * w && y >= 0.0 && y <= 128.0 * w) {
                     continue;
                 }
-                let factors = [slabs.slope[0][lane], slabs.slope[1][lane], slabs.constant[lane]];
-                let value = (0..3).fold([0.0; 2], |all, i| sum(all, product(at[i], factors[i])));
-                // Nearness is 1 / w: the bounds times w are compared with 1.
-                if slabs.upper[lane] == 0.0 {
+                let factors =
+                    [box_planes.slope[0][lane], box_planes.slope[1][lane], box_planes.constant[lane]];
+                let value =
+                    (0..3).fold(DoubleDouble::ZERO, |all, i| all.plus(at[i].times(factors[i].into())));
+                // Depth keys is 1 / w: the bounds times w are compared with 1.
+                if box_planes.upper[lane] == 0.0 {
                     above += 1;
-                    assert!(sum(value, [-1.0, 0.0])[0] >= 0.0, "{lane} {q:?} {sides:?} {value:?}");
+                    assert!(value.plus((-1.0).into()).hi >= 0.0, "{lane} {q:?} {sides:?} {value:?}");
                 }
-                if slabs.lower[lane] == 0.0 {
+                if box_planes.lower[lane] == 0.0 {
                     below += 1;
-                    assert!(sum(value, [1.0, 0.0])[0] >= 0.0, "{lane} {q:?} {sides:?} {value:?}");
+                    assert!(value.plus(1.0.into()).hi >= 0.0, "{lane} {q:?} {sides:?} {value:?}");
                 }
             }
         }
@@ -313,28 +235,28 @@ mod tests {
 
     #[test]
     fn a_plane_is_before_a_bound_where_it_is_at_all_corners() {
-        let mut slabs = Slabs {
+        let mut box_planes = BoxFacePlanes {
             slope: [[0.0; LANES]; 2],
             constant: [0.5; LANES],
             upper: [0.0; LANES],
             lower: [f64::INFINITY; LANES],
         };
-        slabs.slope = [
+        box_planes.slope = [
             [0.25, -0.25, 0.125, -0.125, 0.0, 0.5, -0.5, 0.0],
             [0.125, 0.25, -0.25, -0.5, 0.0, -0.25, 0.5, 0.25],
         ];
-        slabs.upper[7] = f64::INFINITY;
+        box_planes.upper[7] = f64::INFINITY;
         let sides @ [left, right, top, bottom] = [8.0, 13.0, 16.0, 24.0];
         let (mut yes, mut no) = (0, 0);
         for i in 0..625 {
             let [a, b, c] = [i % 5, i / 5 % 5, i / 25].map(|k| f64::from(k) * 0.25 - 0.5);
-            let below = slabs.below([a, b, c * 4.0], sides);
+            let below = box_planes.below([a, b, c * 4.0], sides);
             for lane in 0..LANES {
                 let at = |x: f64, y: f64| {
-                    (a - slabs.slope[0][lane]) * x + (b - slabs.slope[1][lane]) * y + c * 4.0 - 0.5
+                    (a - box_planes.slope[0][lane]) * x + (b - box_planes.slope[1][lane]) * y + c * 4.0 - 0.5
                 };
                 let all = [(left, top), (right, top), (left, bottom), (right, bottom)];
-                let before = all.iter().all(|&(x, y)| at(x, y) > slabs.upper[lane]);
+                let before = all.iter().all(|&(x, y)| at(x, y) > box_planes.upper[lane]);
                 assert_eq!(below[lane], before, "{a} {b} {c}, side {lane}");
                 *(if before { &mut yes } else { &mut no }) += 1;
             }

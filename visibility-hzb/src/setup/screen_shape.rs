@@ -8,23 +8,27 @@
 //! before the eye, and cutting triangles at the near plane adds the cuts to the contour. Nothing here assumes a convex solid; for one, no
 //! pixel inside its outline is lost.
 //!
-//! What covers a point lies on the plane of a drawn triangle, so its nearness is at least the least over all their planes there, and at
+//! What covers a point lies on the plane of a drawn triangle, so its depth key is at least the least over all their planes there, and at
 //! least that of the farthest corner. (Durand, "A Multidisciplinary Survey of Visibility", 2000, chapter 6, on why conservative maps need both parts: coverage rounded
 //! inwards, depth rounded away.)
 //!
 //! # The error bound
-//! Coordinates, edges and planes are computed in `f64` with running bounds ([`Placed`](crate::lens::Placed)); half-planes and planes
+//! Coordinates, edges and planes are computed in `f64` with running bounds ([`ObjectProjection`](crate::projection::Placed)); half-planes and planes
 //! are moved inwards and away by these
-//! bounds. [`Shape::keep`] and [`Shape::bound`] then round to `f32`, and derive what that costs. What remains is exact comparison of integers.
+//! bounds. [`ScreenShape::add_edge`] and [`ScreenShape::add_depth_plane`] then round to `f32`, and derive what that costs. What remains is exact comparison of integers.
+
+use crate::buffer::tile_layout::SIDE;
+use crate::coverage::Coverage;
+use crate::rounding::{FloorCeil, down, up};
 
 /// A bound on the pixels of a row: `x >= slope * row + offset` or `x <= ...`, with all rounding on the safe side.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Line {
+pub(crate) struct RowBound {
     pub(crate) slope: f32,
     pub(crate) offset: f32,
 }
 
-impl Line {
+impl RowBound {
     /// Where `f32` cannot hold the numbers, or they are none, the bound that lets nothing through.
     #[inline(always)]
     fn new(slope: f64, offset: f64, nothing: f32) -> Self {
@@ -37,25 +41,6 @@ impl Line {
     }
 }
 
-/// Where coverage is sampled.
-///
-/// ```
-/// use visibility_core::{Accuracy, OcclusionMap};
-/// use visibility_hzb::{Coverage, Hzb};
-/// assert_eq!(Hzb::default().accuracy(), Accuracy::Conservative);
-/// assert_eq!(Hzb::default().with_coverage(Coverage::Sampled).accuracy(), Accuracy::Approximate);
-/// ```
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
-pub enum Coverage {
-    /// A pixel counts as covered if all of it is, up to its corners: conservative at any resolution.
-    #[default]
-    Conservative,
-    /// A pixel counts as covered if its centre is, as in graphics hardware: gaps narrower than a pixel may close, so that visible
-    /// objects may be
-    /// hidden. Somewhat less is reported visible at low resolutions.
-    Sampled,
-}
-
 /// The most half-planes that a shape can have.
 pub(crate) const MAX_EDGES: usize = 32;
 /// The most planes.
@@ -63,39 +48,39 @@ pub(crate) const MAX_PLANES: usize = 16;
 
 /// A shape ready to be filled.
 #[derive(Clone, Debug)]
-pub(crate) struct Shape {
+pub(crate) struct ScreenShape {
     /// Bounds from the left and from the right.
-    pub(crate) left: [Line; MAX_EDGES],
-    pub(crate) right: [Line; MAX_EDGES],
+    pub(crate) left: [RowBound; MAX_EDGES],
+    pub(crate) right: [RowBound; MAX_EDGES],
     pub(crate) lefts: usize,
     pub(crate) rights: usize,
-    /// For each plane the least nearness in a tile, as a function of its column and row.
+    /// For each plane the least depth key in a tile, as a function of its column and row.
     pub(crate) planes: [[f32; 3]; MAX_PLANES],
     pub(crate) plane_count: usize,
-    /// Nearness that all of it has at least.
+    /// Depth keys that all of it has at least.
     pub(crate) floor: f32,
-    /// Nearness that none of it exceeds.
+    /// Depth keys that none of it exceeds.
     pub(crate) ceiling: f32,
     /// First and end columns, first and end rows, in pixels of the buffer.
     pub(crate) columns: [f32; 2],
     pub(crate) lines: [usize; 2],
 }
 
-/// Where something is on the screen, rounded outwards: first and end columns, first and end rows in pixels, least and greatest nearness.
+/// Where something is on the screen, rounded outwards: first and end columns, first and end rows in pixels, least and greatest depth key.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Extent {
+pub(crate) struct ScreenExtent {
     pub(crate) columns: [usize; 2],
     pub(crate) lines: [usize; 2],
-    pub(crate) nearness: [f32; 2],
+    pub(crate) depth_key: [f32; 2],
 }
 
 /// Of `f32`, eight times the unit round-off.
 const F32: f64 = 4.0 * f32::EPSILON as f64;
 
-impl Shape {
+impl ScreenShape {
     pub(crate) const EMPTY: Self = Self {
-        left: [Line { slope: 0.0, offset: 0.0 }; MAX_EDGES],
-        right: [Line { slope: 0.0, offset: 0.0 }; MAX_EDGES],
+        left: [RowBound { slope: 0.0, offset: 0.0 }; MAX_EDGES],
+        right: [RowBound { slope: 0.0, offset: 0.0 }; MAX_EDGES],
         lefts: 0,
         rights: 0,
         planes: [[0.0; 3]; MAX_PLANES],
@@ -121,10 +106,10 @@ impl Shape {
 
     /// As [`begin`](Self::begin), with what has been found before.
     #[inline(always)]
-    pub(crate) fn begin_within(&mut self, extent: &Extent) {
+    pub(crate) fn begin_within(&mut self, extent: &ScreenExtent) {
         (self.lefts, self.rights, self.plane_count) = (0, 0, 0);
         (self.columns, self.lines) = (extent.columns.map(|x| x as f32), extent.lines);
-        [self.floor, self.ceiling] = extent.nearness;
+        [self.floor, self.ceiling] = extent.depth_key;
     }
 
     /// Keeps only pixels where `a x + b y + c >= 0`, in pixel coordinates. False if there is no room for one more.
@@ -135,7 +120,7 @@ impl Shape {
     /// + |t|)` or so; the
     /// offset is moved by `8u` of that, and by another `16u (W + 2)` for what rounding to whole pixels adds.
     #[inline(always)]
-    pub(crate) fn keep(&mut self, [a, b, c]: [f64; 3], size: [f64; 2], coverage: Coverage) -> bool {
+    pub(crate) fn add_edge(&mut self, [a, b, c]: [f64; 3], size: [f64; 2], coverage: Coverage) -> bool {
         if a == 0.0 {
             // A level edge bounds rows instead.
             let (mut first, mut end) = (self.lines[0] as f64, self.lines[1] as f64);
@@ -162,7 +147,7 @@ impl Shape {
                 return false;
             }
             let worst = if coverage == Coverage::Sampled { 0.5 * s - 0.5 } else { s.max(0.0) };
-            self.left[self.lefts] = Line::new(s, t + worst + slack, f32::INFINITY);
+            self.left[self.lefts] = RowBound::new(s, t + worst + slack, f32::INFINITY);
             self.lefts += 1;
         } else {
             if self.rights == MAX_EDGES {
@@ -170,71 +155,44 @@ impl Shape {
             }
             // NaN ends here too.
             let worst = if coverage == Coverage::Sampled { 0.5 * s + 0.5 } else { s.min(0.0) };
-            self.right[self.rights] = Line::new(s, t + worst - slack, f32::NEG_INFINITY);
+            self.right[self.rights] = RowBound::new(s, t + worst - slack, f32::NEG_INFINITY);
             self.rights += 1;
         }
         true
     }
 
-    /// Bounds nearness from below by a plane `a x + b y + c` in pixel coordinates, already moved by the error of its coefficients. False if
+    /// Bounds depth key from below by a plane `a x + b y + c` in pixel coordinates, already moved by the error of its coefficients. False if
     /// there is no room for one more.
     #[inline(always)]
-    pub(crate) fn bound(&mut self, [a, b, c]: [f64; 3], size: [f64; 2]) -> bool {
+    pub(crate) fn add_depth_plane(&mut self, [a, b, c]: [f64; 3], size: [f64; 2]) -> bool {
         if self.plane_count == MAX_PLANES {
             return false;
         }
-        self.planes[self.plane_count] = lowered([a, b, c], size);
+        self.planes[self.plane_count] = tile_minimum_plane([a, b, c], size);
         self.plane_count += 1;
         true
     }
 }
 
-/// The least nearness in a tile as a function of its column and row, of a plane `a x + b y + c` in pixel coordinates.
+/// The least depth key in a tile as a function of its column and row, of a plane `a x + b y + c` in pixel coordinates.
 ///
 /// In `f32`, three coefficients, two products and two sums are rounded: `4u` of the magnitudes' sum at most, and `8u` are taken off.
 #[inline(always)]
-fn lowered([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
-    let side = crate::tiles::SIDE as f64;
+fn tile_minimum_plane([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
+    let side = SIDE as f64;
     let worst = c + side * (a.min(0.0) + b.min(0.0));
     let slack = F32 * (a.abs() * (size[0] + side) + b.abs() * (size[1] + side) + c.abs())
         + f64::from(f32::MIN_POSITIVE);
     [(a * side) as f32, (b * side) as f32, (worst - slack) as f32]
 }
 
-/// To `f32`, not above.
-#[inline(always)]
-pub(crate) fn down(x: f64) -> f32 {
-    let rounded = x as f32;
-    if f64::from(rounded) > x { rounded.next_down() } else { rounded }
-}
-
-/// To `f32`, not below.
-#[inline(always)]
-pub(crate) fn up(x: f64) -> f32 {
-    let rounded = x as f32;
-    if f64::from(rounded) < x { rounded.next_up() } else { rounded }
-}
-
-/// Rounding without `std`.
-pub(crate) trait Whole {
-    fn floor_(self) -> Self;
-    fn ceil_(self) -> Self;
-}
-
-impl Whole for f64 {
-    /// Of numbers beyond 2^52, which are whole, the number itself.
-    #[inline(always)]
-    fn floor_(self) -> f64 {
-        if self.abs() < 4503599627370496.0 {
-            let cut = self as i64 as f64;
-            if cut > self { cut - 1.0 } else { cut }
-        } else {
-            self
-        }
-    }
-
-    #[inline(always)]
-    fn ceil_(self) -> f64 {
-        -(-self).floor_()
-    }
+/// What became of an occluder.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum ShapeResult {
+    /// The shape is to be filled.
+    Ready,
+    /// Nothing of it can be seen, or nothing can be said for certain.
+    Nothing,
+    /// It is too near for this way.
+    TooNear,
 }

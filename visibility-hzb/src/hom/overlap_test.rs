@@ -5,22 +5,23 @@
 //! conservative rejection). A texel with fewer covered pixels than the rectangle's part of it needs ends the test the other way
 //! (predictive rejection): nothing finer could make that part opaque, so this changes no answer.
 
-use super::opacity::{Opacity, Region};
-use super::threshold::TILE;
-use crate::pyramid::{Rectangle, mask};
+use super::opacity_pyramid::OpacityPyramid;
+use super::thresholds::TILE;
+use super::tile_range::TileRange;
+use crate::buffer::tile_layout::{Rectangle, mask};
 
 pub(crate) struct Overlap<'a> {
-    opacity: &'a Opacity,
+    opacity: &'a OpacityPyramid,
     rectangle: &'a Rectangle,
-    region: Region,
+    region: TileRange,
     /// Whether texels may end the test when they cannot become opaque.
     predictive: bool,
 }
 
 /// Whether all of a rectangle is opaque.
 #[inline(always)]
-pub(crate) fn is_opaque(opacity: &Opacity, rectangle: &Rectangle, predictive: bool) -> bool {
-    let region = Region::of(rectangle);
+pub(crate) fn is_opaque(opacity: &OpacityPyramid, rectangle: &Rectangle, predictive: bool) -> bool {
+    let region = TileRange::of(rectangle);
     let [x0, x1, y0, y1] = region.0;
     // The greatest shift that leaves at least two texels on the longer side.
     let size = (x1 - x0).max(y1 - y0);
@@ -80,8 +81,9 @@ fn within([first, end]: [u32; 2], texel: usize, level: usize) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hom::threshold::Thresholds;
-    use crate::tiles::{SIDE, Tiles};
+    use crate::buffer::tile_layout::SIDE;
+    use crate::buffer::tiles::Tiles;
+    use crate::hom::thresholds::Thresholds;
     use std::vec::Vec;
 
     /// SplitMix64.
@@ -103,15 +105,15 @@ mod tests {
     }
 
     /// A map with large areas covered and a few holes in it, drawn in two goes; and its pixels.
-    fn map(random: &mut Random, [width, height]: [usize; 2]) -> (Opacity, Vec<bool>) {
+    fn map(random: &mut Random, [width, height]: [usize; 2]) -> (OpacityPyramid, Vec<bool>) {
         let mut tiles = Tiles::new(width, height);
-        let mut opacity = Opacity::new([width, height]);
+        let mut opacity = OpacityPyramid::new([width, height]);
         for _ in 0..2 {
-            let mut stale = Region::NONE;
+            let mut stale = TileRange::NONE;
             for _ in 0..random.below(6) {
                 let area = Rectangle { columns: random.range(width), lines: random.range(height) };
                 let holes = [0, 1, 40][random.below(3) as usize];
-                let region = Region::of(&area);
+                let region = TileRange::of(&area);
                 let [x0, x1, y0, y1] = region.0;
                 for (x, y) in (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| (x, y))) {
                     let mut bits = mask(&area, x, y);
@@ -207,8 +209,8 @@ mod tests {
         let mut tiles = Tiles::new(16, 16);
         // All but one pixel of the first block of 2 x 2, and half of the second.
         tiles.cover(0, 0b01 | 0b11 << SIDE | 0b11 << 2, 1.0, 0);
-        let mut opacity = Opacity::new([16, 16]);
-        opacity.update(&tiles, &Region([0, 1, 0, 1]));
+        let mut opacity = OpacityPyramid::new([16, 16]);
+        opacity.update(&tiles, &TileRange([0, 1, 0, 1]));
         let block = |left| Rectangle { columns: [left, left + 2], lines: [0, 2] };
         assert!(!is_opaque(&opacity, &block(0), true));
         let mut thresholds = Thresholds::OPAQUE;

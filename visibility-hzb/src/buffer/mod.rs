@@ -1,0 +1,7 @@
+//! The depth buffer: tiles of 8 x 8 pixels, and a pyramid of minima above them.
+
+pub(crate) mod depth_planes;
+pub(crate) mod pyramid;
+pub(crate) mod row_spans;
+pub(crate) mod tile_layout;
+pub(crate) mod tiles;

@@ -1,0 +1,331 @@
+//! The buffer: tiles of 8 x 8 pixels that hold what is covered, and how far away at most, in a few layers.
+//!
+//! A tile has one depth key for all its pixels and up to [`LAYERS`] disjoint sets of pixels with a greater one each. That takes a
+//! fraction of
+//! the memory of a z-buffer and is as tight in practice, since one occluder mostly has one depth range in a tile (the idea is that of
+//! Andersson, Hasselgren and Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more and disjoint layers).
+
+use super::depth_planes::DepthPlanes;
+use super::row_spans::RowSpans;
+use super::tile_layout::{EMPTY_DEPTH, PADDING, Rectangle, SIDE};
+use crate::query::box_face_planes::BoxFacePlanes;
+use crate::rounding::down;
+use crate::setup::screen_shape::ScreenShape;
+use alloc::vec::Vec;
+
+/// Sets of pixels that a tile can tell apart.
+pub(crate) const LAYERS: usize = 4;
+
+/// Disjoint sets of pixels, each with the least depth key of what covers it.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Layers {
+    masks: [u64; LAYERS],
+    depth_key: [f32; LAYERS],
+    /// Of which surface that is the least.
+    depth_planes: [u32; LAYERS],
+}
+
+/// The tiles, row by row from the top.
+#[derive(Clone, Debug)]
+pub(crate) struct Tiles {
+    pub(crate) columns: usize,
+    pub(crate) rows: usize,
+    /// Depth keys that all pixels of a tile have at least; greater is nearer. Followed by padding.
+    pub(crate) tile_min: Vec<f32>,
+    /// Of which surface the depth key of the whole tile is, or was before something nearer: a surface stays where it is.
+    pub(crate) planes_id: Vec<u32>,
+    /// The first is none.
+    depth_planes: Vec<DepthPlanes>,
+    /// How many layers count.
+    counts: Vec<u8>,
+    /// Those beyond the count are of earlier frames.
+    layers: Vec<Layers>,
+    /// Columns of each row of tiles whose `tile_min` may have changed since the pyramid was brought up to date, and such rows.
+    pub(crate) changed: Vec<[usize; 2]>,
+    pub(crate) changed_rows: [usize; 2],
+    /// Of the row of tiles that is being filled.
+    pub(crate) spans: RowSpans,
+}
+
+impl Tiles {
+    pub(crate) fn new(width: usize, height: usize) -> Self {
+        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        let layers = Layers { masks: [0; LAYERS], depth_key: [0.0; LAYERS], depth_planes: [0; LAYERS] };
+        Self {
+            columns,
+            rows,
+            tile_min: alloc::vec![EMPTY_DEPTH; columns * rows + PADDING],
+            planes_id: alloc::vec![0; columns * rows + PADDING],
+            depth_planes: alloc::vec![DepthPlanes::NONE],
+            counts: alloc::vec![0; columns * rows],
+            layers: alloc::vec![layers; columns * rows],
+            changed: alloc::vec![UNCHANGED; rows],
+            changed_rows: UNCHANGED,
+            spans: RowSpans::NONE,
+        }
+    }
+
+    /// Forgets all.
+    pub(crate) fn clear(&mut self) {
+        self.tile_min.fill(EMPTY_DEPTH);
+        self.counts.fill(0);
+        self.planes_id.fill(0);
+        self.depth_planes.truncate(1);
+        self.changed.fill(UNCHANGED);
+        self.changed_rows = UNCHANGED;
+    }
+
+    /// Notes that `tile_min` changes between two columns of a row.
+    #[inline(always)]
+    pub(crate) fn note(&mut self, row: usize, columns: [usize; 2]) {
+        self.changed[row] = join(self.changed[row], columns);
+        self.changed_rows = join(self.changed_rows, [row, row + 1]);
+    }
+
+    /// Raises what all of a tile has at least.
+    #[inline(always)]
+    fn raise(&mut self, tile: usize, depth_key: f32) {
+        self.tile_min[tile] = depth_key;
+        let (row, column) = (tile / self.columns, tile % self.columns);
+        self.note(row, [column, column + 1]);
+    }
+
+    /// Makes the surface of a shape known; the number stands for it in this frame.
+    #[inline(always)]
+    pub(crate) fn add_depth_planes(&mut self, shape: &ScreenShape) -> u32 {
+        self.depth_planes.push(DepthPlanes::of(shape));
+        (self.depth_planes.len() - 1) as u32
+    }
+
+    /// In which of some pixels a box may be seen, looked at through the surfaces that cover them. It is no nearer than `depth_key` there, and within
+    /// `box_planes`; all pixels are within a rectangle: first and end columns, first and end rows, counted from the upper left corner of the buffer.
+    #[inline(always)]
+    pub(crate) fn undecided(
+        &self,
+        tile: usize,
+        pixels: u64,
+        sides: [f64; 4],
+        depth_key: f32,
+        box_planes: &BoxFacePlanes,
+    ) -> u64 {
+        let hides = |planes_id: u32| {
+            planes_id != 0
+                && self.depth_planes.get(planes_id as usize).is_some_and(|planes_id| {
+                    planes_id.hides(sides, depth_key) || planes_id.is_before(sides, box_planes)
+                })
+        };
+        if self.tile_min[tile] > depth_key || hides(self.planes_id[tile]) {
+            return 0;
+        }
+        let layers = &self.layers[tile];
+        let mut left = pixels;
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            if left & layers.masks[i] != 0
+                && (layers.depth_key[i] > depth_key || hides(layers.depth_planes[i]))
+            {
+                left &= !layers.masks[i];
+            }
+        }
+        left
+    }
+
+    /// Covers some pixels of a tile with something of at least the given depth key, that of a surface if this is known.
+    #[inline(always)]
+    pub(crate) fn cover(&mut self, tile: usize, mask: u64, depth_key: f32, planes_id: u32) {
+        let tile_min = self.tile_min[tile];
+        // Written so that NaN covers nothing.
+        if mask == 0 || !(depth_key > tile_min) {
+            return;
+        }
+        let count = usize::from(self.counts[tile]);
+        if count == 0 && mask == u64::MAX {
+            if planes_id != 0 {
+                self.planes_id[tile] = planes_id;
+            }
+            return self.raise(tile, depth_key);
+        }
+        let layers = &mut self.layers[tile];
+        if count == 0 {
+            layers.masks[0] = mask;
+            layers.depth_key[0] = depth_key;
+            layers.depth_planes[0] = planes_id;
+            self.counts[tile] = 1;
+            return;
+        }
+        // Pixels that have something as near already stay with it.
+        let (mut new, mut taken) = (mask, 0);
+        for i in 0..count.min(LAYERS) {
+            taken |= layers.masks[i];
+            if layers.depth_key[i] >= depth_key {
+                new &= !layers.masks[i];
+            }
+        }
+        if new == 0 {
+            return;
+        }
+        // What comes from front to back mostly fills pixels that nothing has covered yet.
+        if new & taken == 0 && new | taken != u64::MAX && count < LAYERS {
+            layers.masks[count] = new;
+            layers.depth_key[count] = depth_key;
+            layers.depth_planes[count] = planes_id;
+            self.counts[tile] = count as u8 + 1;
+            return;
+        }
+        // Layers that the whole tile has overtaken are forgotten, and pixels that have something farther go over to the new layer.
+        let mut all = [(0, 0.0, 0); LAYERS + 1];
+        let mut raised = tile_min;
+        let mut kept = 0;
+        let mut union = new;
+        for i in 0..count.min(LAYERS) {
+            let rest = layers.masks[i] & !new;
+            if rest != 0 && layers.depth_key[i] >= tile_min {
+                all[kept] = (rest, layers.depth_key[i], layers.depth_planes[i]);
+                union |= rest;
+                kept += 1;
+            }
+        }
+        all[kept] = (new, depth_key, planes_id);
+        kept += 1;
+        if union == u64::MAX {
+            raised = f32::INFINITY;
+            for &(_, depth_key, _) in &all[..kept] {
+                raised = if depth_key < raised { depth_key } else { raised };
+            }
+            // What is no nearer than the whole tile now is of use only as a surface.
+            let mut left = 0;
+            for i in 0..kept {
+                if all[i].1 > raised || all[i].2 != 0 {
+                    all[left] = all[i];
+                    left += 1;
+                }
+            }
+            kept = left;
+        }
+        if kept > LAYERS {
+            kept = merge(&mut all);
+        }
+        for i in 0..LAYERS {
+            (layers.masks[i], layers.depth_key[i], layers.depth_planes[i]) = all[i];
+        }
+        self.counts[tile] = kept as u8;
+        if raised > tile_min {
+            self.raise(tile, raised);
+        }
+    }
+
+    /// Whether everything in the given pixels of a tile is nearer than `depth_key`.
+    #[inline(always)]
+    pub(crate) fn hides(&self, tile: usize, mask: u64, depth_key: f32) -> bool {
+        self.tile_min[tile] > depth_key || self.hides_partly(tile, mask, depth_key)
+    }
+
+    /// The same by what covers parts of the tile alone.
+    #[inline(always)]
+    pub(crate) fn hides_partly(&self, tile: usize, mask: u64, depth_key: f32) -> bool {
+        let (layers, count) = (&self.layers[tile], u32::from(self.counts[tile]));
+        let mut nearer = [0; LAYERS];
+        for i in 0..LAYERS {
+            let counts = (layers.depth_key[i] > depth_key) & ((i as u32) < count);
+            nearer[i] = if counts { layers.masks[i] } else { 0 };
+        }
+        mask & !((nearer[0] | nearer[1]) | (nearer[2] | nearer[3])) == 0
+    }
+
+    /// The pixels of a tile that anything covers.
+    #[inline(always)]
+    pub(crate) fn covered(&self, tile: usize) -> u64 {
+        if self.tile_min[tile] > EMPTY_DEPTH {
+            return u64::MAX;
+        }
+        let masks = &self.layers[tile].masks;
+        let mut covered = 0;
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            covered |= masks[i];
+        }
+        covered
+    }
+
+    /// The least depth key of what covers pixels of a tile, whatever is left bare; infinite if all is.
+    #[inline(always)]
+    pub(crate) fn farthest(&self, tile: usize) -> f32 {
+        if self.tile_min[tile] > EMPTY_DEPTH {
+            return self.tile_min[tile];
+        }
+        let depth_key = &self.layers[tile].depth_key;
+        let mut farthest = f32::INFINITY;
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            farthest = if depth_key[i] < farthest { depth_key[i] } else { farthest };
+        }
+        farthest
+    }
+
+    /// The depth key of the pixel in the middle of a rectangle.
+    #[inline(always)]
+    pub(crate) fn pixel_around(&self, rectangle: &Rectangle) -> f32 {
+        let [x, y] = [rectangle.columns, rectangle.lines].map(|[first, end]| ((first + end) / 2) as usize);
+        self.pixel(x, y)
+    }
+
+    /// The depth key of a pixel as the surfaces that cover it tell, [`EMPTY_DEPTH`] where nothing does.
+    pub(crate) fn pixel_closely(&self, column: usize, row: usize) -> f32 {
+        let tile = row / SIDE * self.columns + column / SIDE;
+        let bit = (row % SIDE) * SIDE + column % SIDE;
+        let sides = [column, column + 1, row, row + 1].map(|side| side as f64);
+        let of = |planes_id: u32| {
+            self.depth_planes
+                .get(planes_id as usize)
+                .map_or(EMPTY_DEPTH, |planes_id| down(planes_id.least(sides)))
+        };
+        let mut depth_key = self.pixel(column, row).max(of(self.planes_id[tile]));
+        let layers = &self.layers[tile];
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            if layers.masks[i] >> bit & 1 != 0 {
+                depth_key = depth_key.max(of(layers.depth_planes[i]));
+            }
+        }
+        depth_key
+    }
+
+    /// The depth key of a pixel as the tile has it, [`EMPTY_DEPTH`] where nothing covers it.
+    #[inline(always)]
+    pub(crate) fn pixel(&self, column: usize, row: usize) -> f32 {
+        let tile = row / SIDE * self.columns + column / SIDE;
+        let bit = (row % SIDE) * SIDE + column % SIDE;
+        let (layers, mut depth_key) = (&self.layers[tile], self.tile_min[tile]);
+        for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
+            let own = layers.masks[i] >> bit & 1 != 0 && layers.depth_key[i] > depth_key;
+            depth_key = if own { layers.depth_key[i] } else { depth_key };
+        }
+        depth_key
+    }
+}
+
+/// Joins two of one layer too many: those whose joining gives away least, in pixels times depth key.
+#[cold]
+fn merge(layers: &mut [(u64, f32, u32); LAYERS + 1]) -> usize {
+    let mut best = (f32::INFINITY, 0, 1);
+    for i in 0..=LAYERS {
+        for j in 0..i {
+            let (near, far) = if layers[i].1 > layers[j].1 { (i, j) } else { (j, i) };
+            let loss = (layers[near].1 - layers[far].1) * layers[near].0.count_ones() as f32;
+            if loss < best.0 {
+                best = (loss, i, j);
+            }
+        }
+    }
+    let (_, i, j) = best;
+    let planes_id = if layers[i].2 == layers[j].2 { layers[i].2 } else { 0 };
+    layers[j] = (layers[i].0 | layers[j].0, layers[i].1.min(layers[j].1), planes_id);
+    layers[i] = layers[LAYERS];
+    LAYERS
+}
+
+/// No columns or rows.
+pub(crate) const UNCHANGED: [usize; 2] = [usize::MAX, 0];
+
+/// What is in either of two ranges, and what is between.
+#[inline(always)]
+pub(crate) fn join(a: [usize; 2], b: [usize; 2]) -> [usize; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}

@@ -1,0 +1,309 @@
+//! Hierarchical occlusion maps: a pyramid of opacities and, apart from it, an estimate of depth (Zhang, Manocha, Hudson and Hoff,
+//! "Visibility Culling using Hierarchical Occlusion Maps", 1997; Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for
+//! Walkthrough Applications", 2003, section 6.2).
+//!
+//! Occluders are drawn by the rasterizer of the z-buffer. A box is hidden if its rectangle is opaque and the box behind what makes it
+//! so: the first is [`overlap`], over the counts of [`opacity`] and with [`threshold`]; the second is [`depth`].
+
+use super::depth_estimate::{DepthBoundary, DepthEstimate};
+use super::opacity_pyramid::OpacityPyramid;
+use super::overlap_test;
+use super::thresholds::{self, Thresholds};
+use super::tile_range::TileRange;
+use crate::buffer::tile_layout::Rectangle;
+use crate::buffer_size::SizeError;
+use crate::coverage::Coverage;
+use crate::hzb::Hzb;
+use crate::lanes::WIDTH;
+use crate::query::box_projection::{ProjectedBoxes, project};
+use crate::query::box_queue::BoxQueue;
+use crate::simd::Kernels;
+use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::{
+    Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, Simd, View,
+};
+
+/// Hierarchical occlusion maps.
+///
+/// With a threshold of 1, the default, an opaque texel is one that is covered without a hole, and nothing visible is ever hidden. With
+/// less, small holes dissolve, and with them what is visible through them alone: more is culled, and a little of it by mistake.
+///
+/// Memory is 4 bytes a pixel, all taken when it is made.
+///
+/// ```
+/// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
+/// use visibility_hzb::Hom;
+/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
+/// let mut hom = Hom::new(320, 180)?;
+/// hom.begin(&view, DVec3::ZERO);
+/// // Two halves of a wall, with a slit of a few pixels between them.
+/// for [left, right] in [[-4.0, -0.05], [0.05, 4.0]] {
+///     let half = OccluderMesh::cuboid(&Aabb::from_arrays([5.0, left, -4.0], [5.2, right, 4.0]))?;
+///     hom.add(&half, &Affine3A::IDENTITY);
+/// }
+/// hom.flush();
+/// let behind = Aabb::from_arrays([8.0, -2.0, -1.0], [9.0, 2.0, 1.0]);
+/// assert_eq!(hom.test(&behind), Occlusion::Partial);
+/// assert_eq!(hom.with_threshold(0.5).test(&behind), Occlusion::Hidden);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Hom {
+    /// Draws, and knows the view.
+    raster: Hzb,
+    opacity: OpacityPyramid,
+    boundary: DepthBoundary,
+    queue: BoxQueue,
+    /// Tiles that may have changed since the last flush.
+    stale: TileRange,
+}
+
+impl Default for Hom {
+    /// Of 512 x 288 pixels, conservative.
+    fn default() -> Self {
+        Self::over(Hzb::default())
+    }
+}
+
+impl Hom {
+    /// Empty maps, of so many columns and rows of pixels at the finest.
+    ///
+    /// # Errors
+    /// [`SizeError`] if a side is not between [`MIN_SIDE`](crate::MIN_SIDE) and [`MAX_SIDE`](crate::MAX_SIDE).
+    pub fn new(width: usize, height: usize) -> Result<Self, SizeError> {
+        Hzb::new(width, height).map(Self::over)
+    }
+
+    fn over(raster: Hzb) -> Self {
+        let opacity = OpacityPyramid::new([raster.width(), raster.height()]);
+        let boundary = DepthBoundary::new(&raster.tiles);
+        Self { raster, opacity, boundary, queue: BoxQueue::EMPTY, stale: TileRange::NONE }
+    }
+
+    /// The same maps with another opacity above which 8 x 8 pixels count as opaque, from 0 to 1: the dial between all of the visible
+    /// objects and fewer. Coarser texels may have as many uncovered pixels as these, finer ones none. Takes effect at once.
+    pub fn with_threshold(mut self, threshold: f32) -> Self {
+        self.opacity.set(Thresholds::from_dial(threshold));
+        self
+    }
+
+    /// The same maps with another threshold for one [level](Self::levels): 1 for texels of 2 x 2 pixels, 2 for 4 x 4 and so on. Pixels,
+    /// level 0, are opaque if covered.
+    pub fn with_level_threshold(mut self, level: usize, threshold: f32) -> Self {
+        let mut thresholds = self.opacity.thresholds.clone();
+        thresholds.set(level, threshold);
+        self.opacity.set(thresholds);
+        self
+    }
+
+    /// The same maps with another estimate of the depth of occluders, from the next frame on: until then they hide nothing, or what
+    /// is drawn anew.
+    pub fn with_depth_estimate(mut self, estimate: DepthEstimate) -> Self {
+        self.boundary.set(estimate);
+        self
+    }
+
+    /// The same maps with another rule of what is covered.
+    pub fn with_coverage(self, coverage: Coverage) -> Self {
+        Self { raster: self.raster.with_coverage(coverage), ..self }
+    }
+
+    /// The same maps, using the given instructions: for tests and comparisons.
+    pub fn with_simd(self, simd: Simd) -> Self {
+        Self { raster: self.raster.with_simd(simd), ..self }
+    }
+
+    /// Columns of pixels.
+    pub fn width(&self) -> usize {
+        self.raster.width()
+    }
+
+    /// Rows of pixels.
+    pub fn height(&self) -> usize {
+        self.raster.height()
+    }
+
+    /// The rule of what is covered.
+    pub fn coverage(&self) -> Coverage {
+        self.raster.coverage()
+    }
+
+    /// How the depth of occluders is kept.
+    pub fn depth_estimate(&self) -> DepthEstimate {
+        self.boundary.estimate
+    }
+
+    /// The opacity above which texels of a level are opaque.
+    pub fn threshold(&self, level: usize) -> f32 {
+        self.opacity.thresholds.get(level)
+    }
+
+    /// The number of maps: pixels, texels of 2 x 2 pixels, then each half the size of the one before, down to one texel.
+    pub fn levels(&self) -> usize {
+        thresholds::TILE + self.opacity.levels.len()
+    }
+
+    /// Columns and rows of a map; `None` beyond the last.
+    pub fn level_size(&self, level: usize) -> Option<[usize; 2]> {
+        self.opacity.size(level)
+    }
+
+    /// The share of a texel's pixels that is covered, as of the last [`flush`](OcclusionMap::flush): 1 only if all are. `None` beyond
+    /// the map.
+    pub fn opacity(&self, level: usize, column: usize, row: usize) -> Option<f64> {
+        let [count, area] = self.opacity.texel(level, column, row)?;
+        Some(f64::from(count) / f64::from(area))
+    }
+
+    /// Lets the box around an occluder, or a part of one, wait to be taken note of.
+    fn note(&mut self, bounds: &Aabb, transform: &Affine3A) {
+        if self.queue.push(bounds, transform, true) {
+            self.note_queue();
+        }
+    }
+
+    /// Takes note of where the occluders that wait are, and how far back.
+    fn note_queue(&mut self) {
+        let count = core::mem::take(&mut self.queue.count);
+        if count == 0 {
+            return;
+        }
+        let Self { raster, boundary, queue, stale, .. } = self;
+        raster.simd.project_boxes(&raster.projection32, &queue.around, &mut queue.projected);
+        let seen = &queue.projected;
+        for i in (0..count.min(WIDTH)).filter(|&i| !seen.outside[i]) {
+            let whole = [raster.width() as u32, raster.height() as u32];
+            let rectangle = match seen.known[i] {
+                true => rectangle(seen, i),
+                false => Rectangle { columns: [0, whole[0]], lines: [0, whole[1]] },
+            };
+            let region = TileRange::of(&rectangle);
+            stale.join(&region);
+            let shows = || {
+                !seen.known[i]
+                    || raster.simd.rectangle_may_be_seen(&raster.tiles, &rectangle, seen.nearest[i])
+            };
+            if boundary.estimate != DepthEstimate::NoBackground && shows() {
+                boundary.move_behind(&region, seen.farthest[i]);
+            }
+        }
+    }
+
+    /// The lanes that are hidden and those that nothing can hide.
+    #[inline(always)]
+    fn decide<const N: usize>(
+        &self,
+        seen: &ProjectedBoxes<N>,
+        lanes: u64,
+        boxes: &[[f32; N]; 6],
+    ) -> (u64, u64) {
+        let (mut hidden, mut visible) = (0, 0);
+        for i in (0..N).filter(|i| lanes >> i & 1 != 0) {
+            let proper =
+                boxes[0][i] <= boxes[3][i] && boxes[1][i] <= boxes[4][i] && boxes[2][i] <= boxes[5][i];
+            if proper && seen.outside[i] {
+                hidden |= 1 << i;
+            } else if !proper || seen.inside[i] && seen.farthest[i] >= self.raster.nearest {
+                visible |= 1 << i;
+            } else if seen.known[i] && seen.nearest[i] < self.raster.nearest {
+                hidden |= u64::from(self.hides(&rectangle(seen, i), seen.nearest[i])) << i;
+            }
+        }
+        (hidden, visible)
+    }
+
+    /// Whether a rectangle is opaque, and all that makes it so nearer than `depth_key`.
+    #[inline(always)]
+    fn hides(&self, rectangle: &Rectangle, depth_key: f32) -> bool {
+        let plane = self.boundary.estimate == DepthEstimate::Plane;
+        let before = || self.boundary.is_before(&self.opacity, &self.raster.tiles, rectangle, depth_key);
+        (!plane || before()) && overlap_test::is_opaque(&self.opacity, rectangle, true) && (plane || before())
+    }
+}
+
+/// The rectangle of a lane.
+#[inline(always)]
+fn rectangle<const N: usize>(seen: &ProjectedBoxes<N>, i: usize) -> Rectangle {
+    let [left, right, top, bottom] = &seen.sides;
+    Rectangle { columns: [left[i] as u32, right[i] as u32], lines: [top[i] as u32, bottom[i] as u32] }
+}
+
+impl OcclusionMap for Hom {
+    fn name(&self) -> &str {
+        "hom"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        match self.coverage() {
+            Coverage::Conservative if self.opacity.thresholds.all_opaque() => Accuracy::Conservative,
+            _ => Accuracy::Approximate,
+        }
+    }
+
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        self.raster.begin(view, origin);
+        self.opacity.clear();
+        self.boundary.clear();
+        self.queue.count = 0;
+        self.stale = TileRange::NONE;
+    }
+
+    fn cost(&self, occluder: &OccluderMesh) -> usize {
+        self.raster.cost(occluder)
+    }
+
+    fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        self.raster.add(occluder, transform);
+        // Where it is drawn, one box around all of it tells; how far back, the boxes around its parts tell better.
+        if self.boundary.estimate == DepthEstimate::NoBackground || occluder.parts().is_empty() {
+            return self.note(occluder.bounds(), transform);
+        }
+        for part in occluder.parts() {
+            self.note(part.bounds(), transform);
+        }
+    }
+
+    fn flush(&mut self) {
+        self.raster.flush();
+        self.note_queue();
+        if !self.stale.is_empty() {
+            let Self { raster, opacity, boundary, stale, .. } = self;
+            raster.simd.update_maps(opacity, boundary, &raster.tiles, stale);
+            self.stale = TileRange::NONE;
+        }
+    }
+
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        let ([x0, y0, z0], [x1, y1, z1]) = (bounds.min.to_array(), bounds.max.to_array());
+        let boxes = [x0, y0, z0, x1, y1, z1].map(|side| [side]);
+        match self.decide(&project(&self.raster.projection32, &boxes), 1, &boxes) {
+            (0, 0) => Occlusion::Partial,
+            (0, _) => Occlusion::Visible,
+            _ => Occlusion::Hidden,
+        }
+    }
+
+    fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
+        let mut answer = Occlusion64::default();
+        let mut seen = ProjectedBoxes::NONE;
+        for chunk in 0..64 / WIDTH {
+            let lanes = candidates >> (chunk * WIDTH) & ((1 << WIDTH) - 1);
+            if lanes == 0 {
+                continue;
+            }
+            let mut part = [[0.0; WIDTH]; 6];
+            for (out, row) in part.iter_mut().zip(boxes.coordinates()) {
+                *out = row.as_chunks::<WIDTH>().0[chunk];
+            }
+            self.raster.simd.project_boxes(&self.raster.projection32, &part, &mut seen);
+            let (hidden, visible) = self.decide(&seen, lanes, &part);
+            answer.hidden |= hidden << (chunk * WIDTH);
+            answer.visible |= visible << (chunk * WIDTH);
+        }
+        answer
+    }
+
+    fn reset(&mut self) {
+        self.raster.reset();
+    }
+}

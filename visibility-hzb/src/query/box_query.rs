@@ -1,0 +1,113 @@
+//! Boxes against the buffer, 64 at a time.
+
+use super::box_face_planes::FacePlaneSetup;
+use super::box_projection::{ProjectedBoxes, ScreenProjection32, project};
+use super::face_query::faces_hide;
+use crate::buffer::pyramid::Pyramid;
+use crate::buffer::tiles::Tiles;
+use crate::lanes::{WIDTH, bits};
+use visibility_core::Occlusion64;
+
+/// Least x, y, z and greatest x, y, z of 64 boxes.
+pub(crate) type Boxes = [[f32; 64]; 6];
+
+/// All that a query looks at.
+#[derive(Clone, Copy)]
+pub(crate) struct BoxQuery<'a> {
+    pub(crate) projection: &'a ScreenProjection32,
+    pub(crate) tiles: &'a Tiles,
+    pub(crate) pyramid: &'a Pyramid,
+    pub(crate) faces: &'a FacePlaneSetup,
+    /// Depth keys that nothing in the buffer exceeds.
+    pub(crate) nearest: f32,
+}
+
+/// Decides those of 64 boxes that are candidates. Lanes whose box is improper must not be among them.
+#[inline(always)]
+pub(crate) fn test_boxes(query: &BoxQuery, boxes: &Boxes, candidates: u64) -> Occlusion64 {
+    let mut answer = Occlusion64::default();
+    for chunk in 0..64 / WIDTH {
+        let lanes = candidates >> (chunk * WIDTH) & ((1 << WIDTH) - 1);
+        if lanes == 0 {
+            continue;
+        }
+        let mut part = [[0.0; WIDTH]; 6];
+        for row in 0..6 {
+            part[row] = boxes[row].as_chunks::<WIDTH>().0[chunk];
+        }
+        let (hidden, visible) = decide(query, &project(query.projection, &part), lanes, &part);
+        answer.hidden |= hidden << (chunk * WIDTH);
+        answer.visible |= visible << (chunk * WIDTH);
+    }
+    answer
+}
+
+/// As [`test_boxes()`], for one box.
+#[inline(always)]
+pub(crate) fn test_box(query: &BoxQuery, sides: [f32; 6]) -> Occlusion64 {
+    let part = sides.map(|side| [side]);
+    let projected = project(query.projection, &part);
+    let (hidden, visible) = decide(query, &projected, 1, &part);
+    Occlusion64 { hidden, visible }
+}
+
+#[inline(always)]
+fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
+    let mut bytes = [0; WIDTH];
+    for i in 0..N.min(WIDTH) {
+        bytes[i] = u8::from(lanes[i]);
+    }
+    bits(&bytes).into()
+}
+
+#[inline(always)]
+fn decide<const N: usize>(
+    query: &BoxQuery,
+    projected: &ProjectedBoxes<N>,
+    lanes: u64,
+    boxes: &[[f32; N]; 6],
+) -> (u64, u64) {
+    // Improper boxes are never hidden.
+    let (mut proper, mut behind, mut before) = ([false; N], [false; N], [false; N]);
+    for i in 0..N {
+        proper[i] =
+            (boxes[0][i] <= boxes[3][i]) & (boxes[1][i] <= boxes[4][i]) & (boxes[2][i] <= boxes[5][i]);
+        behind[i] = projected.nearest[i] < query.nearest;
+        before[i] = projected.farthest[i] >= query.nearest;
+    }
+    let proper = gather(&proper);
+    let outside = gather(&projected.outside) & proper & lanes;
+    let visible = (gather(&projected.inside) & gather(&before) | !proper) & lanes & !outside;
+    let mut hidden = outside;
+    let rest = lanes & !outside & !visible & gather(&projected.known) & gather(&behind);
+    // Most are hidden at first glance: they are found first, without a branch for each.
+    let mut left = rest;
+    while left != 0 {
+        let i = left.trailing_zeros() as usize % N;
+        left &= left - 1;
+        let nearest = projected.nearest[i];
+        let coarsely = query.pyramid.hides_coarsely(query.tiles, &projected.rectangle(i), nearest);
+        hidden |= u64::from(coarsely) << i;
+    }
+    let mut left = rest & !hidden;
+    while left != 0 {
+        let i = left.trailing_zeros() as usize % N;
+        left &= left - 1;
+        let (rectangle, nearest) = (projected.rectangle(i), projected.nearest[i]);
+        // One look tells most of those that are visible: what is behind their middle.
+        let behind = query.tiles.pixel_around(&rectangle);
+        if !(behind > projected.farthest[i]) {
+            continue;
+        }
+        let mut sides = [0.0; 6];
+        for row in 0..6 {
+            sides[row] = boxes[row][i];
+        }
+        if behind > nearest && query.pyramid.hides(query.tiles, &rectangle, nearest)
+            || faces_hide(query.faces, query.tiles, &rectangle, sides, nearest)
+        {
+            hidden |= 1 << i;
+        }
+    }
+    (hidden, visible)
+}

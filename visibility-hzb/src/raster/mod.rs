@@ -1,0 +1,5 @@
+//! Occluders drawn into the tiles of the buffer.
+
+pub(crate) mod contour_raster;
+pub(crate) mod mesh_raster;
+pub(crate) mod shape_fill;

@@ -1,0 +1,207 @@
+//! Convex solids, and meshes of one or two triangles, made into shapes: one outline, one bound on depth per plane.
+//!
+//! Sound for any mesh (see [`shape`](crate::shape)); for those that are not convex it finds only the pixels from which all of the outline
+//! is seen, so they go another way. Unlike boxes, these may cross the near plane: triangles are cut there, and the cuts bound the shape.
+
+use super::depth_plane::plane;
+use super::near_clip::cut_edge;
+use super::occluder_triangles::OccluderTriangles;
+use super::screen_bounds::{extent_of, pixels};
+use super::screen_projection::{ObjectProjection, ScreenProjection};
+use super::screen_shape::{ScreenShape, ShapeResult};
+use crate::coverage::Coverage;
+use crate::vector::{Point, cross, dot, less, point};
+use alloc::vec::Vec;
+
+/// Memory that is used again from occluder to occluder.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ConvexScratch {
+    corners: Vec<[f64; 5]>,
+    /// On the screen, with depth key.
+    screen: Vec<[f64; 3]>,
+    /// For each triangle, whether it is drawn.
+    drawn: Vec<bool>,
+}
+
+/// Makes the shape of a mesh. `ShapeResult::TooNear` says that it has too many edges or planes, or that it is not known to be `convex` and does not look
+/// so either.
+#[inline(always)]
+#[expect(clippy::too_many_arguments)]
+pub(crate) fn convex_shape(
+    mesh: &OccluderTriangles,
+    object: &ObjectProjection,
+    projection: &ScreenProjection,
+    facing: f64,
+    coverage: Coverage,
+    convex: bool,
+    scratch: &mut ConvexScratch,
+    shape: &mut ScreenShape,
+) -> ShapeResult {
+    let ConvexScratch { corners, screen, drawn } = scratch;
+    corners.clear();
+    let near_limit = object.near_limit();
+    let mut nearest = f64::INFINITY;
+    for p in mesh.positions {
+        let corner = object.at([f64::from(p.x), f64::from(p.y), f64::from(p.z)]);
+        nearest = if corner[4] >= nearest { nearest } else { corner[4] };
+        corners.push(corner);
+    }
+    let uncut = nearest > near_limit;
+
+    // Where it is on the screen, and how far.
+    let around = if uncut { extent_of(corners, screen, object) } else { None };
+    let (columns, lines) = match &around {
+        Some(around) => match pixels(around, projection) {
+            Some(limits) => limits,
+            None => return ShapeResult::Nothing,
+        },
+        None if !convex => return ShapeResult::TooNear,
+        None => ([0.0, projection.size[0]], [0.0, projection.size[1]]),
+    };
+    let floor = match (&around, projection.perspective) {
+        (Some(around), _) => around[4],
+        // Depth keys is 1/w, and no point has a greater w than the farthest corner.
+        (None, true) => {
+            let farthest = corners.iter().fold(0.0, |most: f64, c| most.max(c[2]));
+            (1.0 - 4.0 * f64::EPSILON) / (farthest + object.error[2])
+        }
+        (None, false) => f64::NEG_INFINITY,
+    };
+    shape.begin(columns, lines, floor, around.map_or(f64::INFINITY, |around| around[5]));
+
+    // One sense of facing after the other, for two-sided meshes seen from within.
+    for facing in [facing, -facing] {
+        if choose(mesh, corners, drawn, facing, near_limit, object.determinant_error())
+            && (convex || looks_convex(mesh, screen, drawn, facing))
+        {
+            return outline(mesh, corners, drawn, object, projection, facing, coverage, near_limit, shape);
+        }
+        if !mesh.two_sided {
+            break;
+        }
+    }
+    if convex { ShapeResult::Nothing } else { ShapeResult::TooNear }
+}
+
+/// Whether, from where the eye is, the drawn triangles show all that there is within their outline, and bulge towards the eye: then the outline
+/// and their planes lose nothing. Only a guess at what pays, so rounding does no harm.
+#[inline(always)]
+fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], facing: f64) -> bool {
+    // A tenth of a pixel, and a thousandth of the distance.
+    const PIXELS: f64 = 0.1;
+    const DEPTH: f64 = 1e-3;
+    for edge in mesh.edges {
+        let left = drawn[edge.left as usize];
+        let right = edge.right.is_some_and(|t| drawn[t as usize]);
+        if left == right {
+            continue;
+        }
+        let [a, b] = edge.vertices.map(|i| &screen[i as usize]);
+        let sign = if left { facing } else { -facing };
+        let (dx, dy) = ((b[0] - a[0]) * sign, (b[1] - a[1]) * sign);
+        let limit = -PIXELS * (dx.abs() + dy.abs());
+        let mut inside = true;
+        for p in screen {
+            inside &= dx * (p[1] - a[1]) - dy * (p[0] - a[0]) >= limit;
+        }
+        if !inside {
+            return false;
+        }
+    }
+    for (i, t) in mesh.triangles.iter().enumerate() {
+        if !drawn[i] {
+            continue;
+        }
+        let [a, b, c] = t.map(|i| screen[i as usize]);
+        let (u, v) = ([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]);
+        let normal = cross(u, v);
+        let limit = DEPTH * normal[2].abs() * a[2].abs();
+        let mut behind = true;
+        for p in screen {
+            behind &= dot(normal, [p[0] - a[0], p[1] - a[1], p[2] - a[2]]) * facing <= limit;
+        }
+        if !behind {
+            return false;
+        }
+    }
+    true
+}
+
+/// Decides which triangles are drawn: those surely seen from the front, and not all before the near plane. Whether there is any.
+#[inline(always)]
+fn choose(
+    mesh: &OccluderTriangles,
+    corners: &[[f64; 5]],
+    drawn: &mut Vec<bool>,
+    facing: f64,
+    near_limit: f64,
+    certain: f64,
+) -> bool {
+    drawn.clear();
+    let mut any = false;
+    for t in mesh.triangles {
+        let [a, b, c] = t.map(|i| &corners[i as usize]);
+        let height = dot(cross(point(&less(b, a)), point(&less(c, a))), point(a));
+        let front =
+            height * facing > certain && (a[4] > near_limit || b[4] > near_limit || c[4] > near_limit);
+        drawn.push(front);
+        any |= front;
+    }
+    any
+}
+
+#[inline(always)]
+#[expect(clippy::too_many_arguments)]
+fn outline(
+    mesh: &OccluderTriangles,
+    corners: &[[f64; 5]],
+    drawn: &[bool],
+    object: &ObjectProjection,
+    projection: &ScreenProjection,
+    facing: f64,
+    coverage: Coverage,
+    near_limit: f64,
+    shape: &mut ScreenShape,
+) -> ShapeResult {
+    let products = object.cross_error(projection.size);
+    let certain = object.determinant_error();
+    let keep = |shape: &mut ScreenShape, a: Point, b: Point| {
+        let line = cross(a, b);
+        shape.add_edge(
+            [line[0] * facing, line[1] * facing, line[2] * facing - products],
+            projection.size,
+            coverage,
+        )
+    };
+    for edge in mesh.edges {
+        let left = drawn[edge.left as usize];
+        let right = edge.right.is_some_and(|t| drawn[t as usize]);
+        let [a, b] = edge.vertices.map(|i| point(&corners[i as usize]));
+        // An edge wholly before the near plane bounds nothing that is drawn, but leaving it in loses little.
+        let room = match (left, right) {
+            (true, false) => keep(shape, a, b),
+            (false, true) => keep(shape, b, a),
+            _ => true,
+        };
+        if !room {
+            return ShapeResult::TooNear;
+        }
+    }
+    for (t, _) in mesh.triangles.iter().zip(drawn).filter(|(_, drawn)| **drawn) {
+        let t = t.map(|i| &corners[i as usize]);
+        if !shape.add_depth_plane(plane(t, object, projection, &[certain, products]), projection.size) {
+            return ShapeResult::TooNear;
+        }
+        // The cut at the near plane, as an edge of what is left of the triangle.
+        let first = (0..3).find(|&i| t[i][4] > near_limit && t[(i + 1) % 3][4] <= near_limit);
+        let second = (0..3).find(|&i| t[i][4] <= near_limit && t[(i + 1) % 3][4] > near_limit);
+        if let (Some(i), Some(j)) = (first, second) {
+            let a = point(&cut_edge(t[i], t[(i + 1) % 3], near_limit));
+            let b = point(&cut_edge(t[j], t[(j + 1) % 3], near_limit));
+            if !keep(shape, a, b) {
+                return ShapeResult::TooNear;
+            }
+        }
+    }
+    ShapeResult::Ready
+}

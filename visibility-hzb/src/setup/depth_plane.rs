@@ -1,0 +1,59 @@
+//! The depth key of a face as a linear function of pixel coordinates, rounded away from the eye.
+
+use super::screen_projection::{ObjectProjection, ScreenProjection};
+use crate::vector::{cross, dot, less, point};
+
+/// The depth key of a triangle as a function of pixel coordinates, moved away by its error.
+///
+/// By Cramer's rule; see [`lower`] for the error.
+#[inline(always)]
+pub(crate) fn plane(
+    [a, b, c]: [&[f64; 5]; 3],
+    object: &ObjectProjection,
+    projection: &ScreenProjection,
+    &[certain, products]: &[f64; 2],
+) -> [f64; 3] {
+    let (second, third) = (less(b, a), less(c, a));
+    let normal = cross(point(&second), point(&third));
+    let height = dot(normal, point(a));
+    // Facing was decided on the screen; where the determinant is less sure, nothing is known of the plane.
+    let mut plane = [f64::NAN; 3];
+    if !(height.abs() > certain) {
+        return plane;
+    }
+    let over = 1.0 / height;
+    if projection.perspective {
+        for i in 0..3 {
+            plane[i] = normal[i] * over;
+        }
+    } else {
+        let (p, q) = (cross(point(&third), point(a)), cross(point(a), point(&second)));
+        for i in 0..3 {
+            plane[i] = (a[3] * normal[i] + second[3] * p[i] + third[3] * q[i]) * over;
+        }
+    }
+    lower(plane, over, object, projection, certain, products)
+}
+
+/// A plane of depth key, moved away by what rounding may have done to it.
+///
+/// It is a numerator over a determinant, of which `over` is the reciprocal. The numerator's error, over the picture, is that of a cross product times `n` and
+/// the like; the
+/// determinant's relative error is that of the quotient.
+#[inline(always)]
+pub(crate) fn lower(
+    [a, b, c]: [f64; 3],
+    over: f64,
+    object: &ObjectProjection,
+    projection: &ScreenProjection,
+    determinant_error: f64,
+    cross_error: f64,
+) -> [f64; 3] {
+    let ([sx, sy, sw, sn, _], [.., en, _]) = (object.size, object.error);
+    let [width, rows] = projection.size;
+    let size = a.abs() * width + b.abs() * rows + c.abs();
+    let of_n =
+        if projection.perspective { 0.0 } else { 32.0 * en * (width * sy * sw + rows * sx * sw + sx * sy) };
+    let numerator = 4.0 * cross_error * sn + of_n;
+    [a, b, c - 2.0 * (numerator + size * determinant_error) * over.abs()]
+}

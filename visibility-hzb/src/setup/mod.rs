@@ -1,0 +1,10 @@
+//! Occluders set up for drawing: from the scene to the screen.
+
+pub(crate) mod box_shape;
+pub(crate) mod convex_shape;
+pub(crate) mod depth_plane;
+pub(crate) mod near_clip;
+pub(crate) mod occluder_triangles;
+pub(crate) mod screen_bounds;
+pub(crate) mod screen_projection;
+pub(crate) mod screen_shape;

@@ -1,0 +1,65 @@
+//! The triangles and edges of an occluder, whether it is a mesh or one of the boxes that are kept without any.
+
+use visibility_core::glam::Vec3;
+use visibility_core::{Edge, OccluderMesh};
+
+/// What of a mesh is needed.
+#[derive(Clone, Copy)]
+pub(crate) struct OccluderTriangles<'a> {
+    pub(crate) positions: &'a [Vec3],
+    pub(crate) triangles: &'a [[u32; 3]],
+    pub(crate) edges: &'a [Edge],
+    pub(crate) two_sided: bool,
+}
+
+impl<'a> OccluderTriangles<'a> {
+    pub(crate) fn of(mesh: &'a OccluderMesh) -> Self {
+        Self {
+            positions: mesh.positions(),
+            triangles: mesh.triangles(),
+            edges: mesh.edges(),
+            two_sided: mesh.is_two_sided(),
+        }
+    }
+
+    /// A box, by its corners.
+    pub(crate) fn of_box(corners: &'a [Vec3; 8], two_sided: bool) -> Self {
+        Self { positions: corners, triangles: &BOX_TRIANGLES, edges: &BOX_EDGES, two_sided }
+    }
+}
+
+/// A triangle for each face and half: enough for its plane, and for what is drawn of it.
+const BOX_TRIANGLES: [[u32; 3]; 12] = OccluderMesh::CUBOID;
+
+static BOX_EDGES: [Edge; 18] = box_edges();
+
+const fn box_edges() -> [Edge; 18] {
+    let mut edges = [Edge { vertices: [0, 0], left: 0, right: None }; 18];
+    let (mut count, mut triangle) = (0, 0);
+    while triangle < 12 {
+        let mut corner = 0;
+        while corner < 3 {
+            let (a, b) = (BOX_TRIANGLES[triangle][corner], BOX_TRIANGLES[triangle][(corner + 1) % 3]);
+            let mut other = 0;
+            while other < 12 {
+                let mut i = 0;
+                while i < 3 {
+                    // Each edge once, from the triangle that comes first.
+                    if BOX_TRIANGLES[other][i] == b
+                        && BOX_TRIANGLES[other][(i + 1) % 3] == a
+                        && triangle < other
+                    {
+                        edges[count] =
+                            Edge { vertices: [a, b], left: triangle as u32, right: Some(other as u32) };
+                        count += 1;
+                    }
+                    i += 1;
+                }
+                other += 1;
+            }
+            corner += 1;
+        }
+        triangle += 1;
+    }
+    edges
+}
