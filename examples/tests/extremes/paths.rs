@@ -31,10 +31,10 @@ fn every_path_gives_the_same_answers() {
             let map = Hom::new(128, 128).expect("a size within bounds").with_simd(simd);
             answers(&world, HomCuller::new(map), FrustumCuller::new())
         };
-        let narrow = [hzb(visibility_hzb::Simd::PORTABLE), hom(visibility_hzb::Simd::PORTABLE)];
+        let narrow = [hzb(visibility_core::Simd::PORTABLE), hom(visibility_core::Simd::PORTABLE)];
         hidden += narrow.iter().flatten().filter(|&&seen| !seen).count();
         paths = 0;
-        for simd in visibility_hzb::Simd::available() {
+        for simd in visibility_core::Simd::available() {
             assert_eq!([hzb(simd), hom(simd)], narrow, "{simd:?}, world {seed}");
             paths += 1;
         }
