@@ -1,16 +1,16 @@
-//! BSP trees of whole scenes: how they build, and that Naylor's exact culling reports what an item buffer of 2560 x 1440 sees, and otherwise only
-//! what can be seen where it says.
+//! BSP trees of whole scenes: how they build, and that Naylor's exact culling reports what an item buffer of
+//! 2560 x 1440 sees, and otherwise only what can be seen where it says.
 #![allow(missing_docs)]
 
 mod shared_scenes;
 
 use glam::{DMat4, DQuat, DVec3};
-use shared_scenes::stored;
+use shared_scenes::scene;
 use std::collections::HashSet;
 use visibility_bsp::{BspOrder, Naylor, SceneTree, Witness};
 use visibility_core::{Culler, ObjectId, View, VisibleSet};
 use visibility_examples::walkthrough::World;
-use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_examples::{SceneSource, built_in};
 use visibility_measure::{Comparison, ItemBuffer};
 
 const JUDGE: (u32, u32) = (2560, 1440);
@@ -62,8 +62,8 @@ fn explain(world: &World, view: &View, culler: &Naylor<&SceneTree>, id: ObjectId
     }
 }
 
-/// Whether the nearest opaque surface on the line of sight through the witness is no nearer than the object's, up to the rounding of the
-/// scene's single precision.
+/// Whether the nearest opaque surface on the line of sight through the witness is no nearer than the
+/// object's, up to the rounding of the scene's single precision.
 fn is_tied(world: &World, view: &View, id: ObjectId, witness: Witness) -> bool {
     let inverse = view.clip_from(world.origin()).inverse();
     let [near, far] = [0.9, 0.1].map(|depth| inverse.project_point3(DVec3::new(witness.x, witness.y, depth)));
@@ -143,24 +143,19 @@ fn exact_culling_is_exact_in_all_built_in_scenes() {
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn exact_culling_is_exact_in_an_arena() {
-    let Some(path) = stored("oa_dm2.vscn") else { return };
-    check(load(&path).unwrap(), 12);
+    check(scene("oa_dm2"), 12);
 }
 
 #[test]
 #[ignore = "large scenes: minutes"]
 fn exact_culling_is_exact_in_all_reference_scenes() {
     for name in ["clinic", "denhaag", "alpine1", "oa_dm2"] {
-        let Some(path) = stored(&format!("{name}.vscn")) else { return };
-        check(load(&path).unwrap(), 9);
+        check(scene(name), 9);
     }
-    let Some(path) = stored("car.vscn") else { return };
-    check(cars5(&path).unwrap(), 3);
-    let (Some(clinic), Some(mep)) = (stored("clinic.vscn"), stored("clinic_mep.vscn")) else { return };
-    let mut whole = load(&clinic).unwrap();
-    whole.objects.extend(load(&mep).unwrap().objects);
-    check(whole, 9);
+    check(scene("cars5"), 3);
+    check(scene("clinic and its pipes"), 9);
 }
 
 #[test]
@@ -172,9 +167,9 @@ fn exact_culling_is_exact_along_the_walks() {
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn an_arena_is_cut_into_few_fragments() {
-    let Some(path) = stored("oa_dm2.vscn") else { return };
-    let world = World::new(load(&path).unwrap(), (64, 36), Some(1)).unwrap();
+    let world = World::new(scene("oa_dm2"), (64, 36), Some(1)).unwrap();
     let triangles: usize = world.items().map(|(_, triangles)| triangles.len()).sum();
     let tree = SceneTree::new(&world.scene).unwrap();
     let (fragments, nodes) = (tree.tree().fragment_count(), tree.tree().node_count());

@@ -1,19 +1,21 @@
-//! Potentially visible sets of cells never miss an object that an item buffer sees from random eyes in the cells.
+//! Potentially visible sets of cells never miss an object that an item buffer sees from random eyes in the
+//! cells.
 //!
-//! `cargo test --release --test cell_scenes -- --ignored --nocapture` does it with 1,000 eyes in the largest office.
+//! `cargo test --release --test cell_scenes -- --ignored --nocapture` does it with 1,000 eyes in the largest
+//! office.
 #![allow(missing_docs)]
 
 mod shared_scenes;
 
-use shared_scenes::stored;
+use shared_scenes::scene;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellId, Pose, View, Viewcells};
+use visibility_examples::built_in;
 use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::pvs::solids::boxes;
 use visibility_examples::pvs::stabs::Random;
 use visibility_examples::walkthrough::cell_sets::{Detail, matrix, objects, sets_of, settings};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
-use visibility_examples::{built_in, load};
 
 /// Views from random places in random cells, in random directions, but not from within walls or furniture.
 fn random_views(viewcells: &Viewcells, solids: &[[DVec3; 2]], count: usize, seed: u64) -> Vec<View> {
@@ -36,7 +38,8 @@ fn random_views(viewcells: &Viewcells, solids: &[[DVec3; 2]], count: usize, seed
     views
 }
 
-/// Runs cullers from random eyes and holds them against an item buffer; the mean number of objects that each reports.
+/// Runs cullers from random eyes and holds them against an item buffer; the mean number of objects that each
+/// reports.
 fn check(mut world: World, viewcells: &Viewcells, list: &str, eyes: usize) -> Vec<f64> {
     world.views = random_views(viewcells, &boxes(&world.source), eyes, 11);
     let trials: Vec<_> = cullers::parse(list, &world)
@@ -87,8 +90,7 @@ fn no_object_of_the_largest_office_is_missed() {
 #[test]
 #[ignore = "a minute"]
 fn no_object_of_an_arena_is_missed() {
-    let Some(path) = stored("oa_dm2.vscn") else { return };
-    let world = World::new(load(&path).unwrap(), (1280, 720), Some(1)).unwrap();
+    let world = World::new(scene("oa_dm2"), (1280, 720), Some(1)).unwrap();
     let made = cells(&world.source, Origin::Polygons).unwrap();
     let means = check(world, &made.viewcells, "frustum,pvs:bsp", 1000);
     assert!(means[1] < 0.7 * means[0], "{means:?}");

@@ -1,10 +1,13 @@
-//! The hierarchical z-buffer on every scene: nothing that an item buffer of 2560 x 1440 sees is hidden, at any resolution of the map.
+//! The hierarchical z-buffer on every scene: nothing that an item buffer of 2560 x 1440 sees is hidden, at
+//! any resolution of the map.
 #![allow(missing_docs)]
 
-use std::path::Path;
+mod shared_scenes;
+
+use shared_scenes::scene;
 use visibility_core::{FrustumCuller, OcclusionCuller, Pipeline, Preparation, Selection};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
-use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_examples::{SceneSource, built_in};
 use visibility_hzb::Hzb;
 
 const JUDGE: (u32, u32) = (2560, 1440);
@@ -44,18 +47,12 @@ fn nothing_visible_is_hidden_in_built_in_scenes() {
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn nothing_visible_is_hidden_in_reference_scenes() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
-    if !folder.is_dir() {
-        println!("skipped: the reference scenes are not at {}", folder.display());
-        return;
-    }
     for name in ["denhaag", "alpine1", "oa_dm2"] {
-        check(load(&folder.join(format!("{name}.vscn"))).unwrap(), 9);
+        check(scene(name), 9);
     }
-    // With thousands of pipes and lamps, most of them above the ceilings.
-    let mut clinic = load(&folder.join("clinic.vscn")).unwrap();
-    clinic.objects.extend(load(&folder.join("clinic_mep.vscn")).unwrap().objects);
-    check(clinic, 6);
-    check(cars5(&folder.join("car.vscn")).unwrap(), 6);
+    for name in ["clinic and its pipes", "cars5"] {
+        check(scene(name), 6);
+    }
 }

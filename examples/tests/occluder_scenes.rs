@@ -1,14 +1,17 @@
-//! The cullers with large occluders on every scene: nothing that an item buffer of 2560 x 1440 sees is hidden, and enough of what it does not see is.
+//! The cullers with large occluders on every scene: nothing that an item buffer of 2560 x 1440 sees is
+//! hidden, and enough of what it does not see is.
 #![allow(missing_docs)]
 
-use std::path::Path;
+mod shared_scenes;
+
+use shared_scenes::scene;
 use std::sync::Arc;
 use visibility_bsp::{
     LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::{Culler, FrustumCuller, OcclusionCuller, Pipeline};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
-use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_examples::{SceneSource, built_in};
 
 const JUDGE: (u32, u32) = (2560, 1440);
 
@@ -16,7 +19,8 @@ fn trial(name: &str, world: &World, culler: impl Culler + Send + 'static) -> Tri
     run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
 }
 
-/// Runs all of them; how much of what could be culled beyond the frustum the occlusion tree with 64 polygons culls.
+/// Runs all of them; how much of what could be culled beyond the frustum the occlusion tree with 64 polygons
+/// culls.
 fn check(source: SceneSource, frames: usize) -> f64 {
     let world = World::new(source, JUDGE, Some(frames)).unwrap();
     let occluders = Arc::new(Occluders::new(&world.scene));
@@ -51,29 +55,15 @@ fn nothing_visible_is_hidden_in_built_in_scenes() {
     }
 }
 
-/// The stored scenes, each with so many frames.
+/// Checks the reference scenes, each with that many frames.
 fn check_stored(names: &[&str], frames: usize) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
-    if !folder.is_dir() {
-        println!("skipped: the reference scenes are not at {}", folder.display());
-        return;
-    }
-    let file = |name: &str| folder.join(format!("{name}.vscn"));
-    for &name in names {
-        let source = match name {
-            "cars5" => cars5(&file("car")).unwrap(),
-            "clinic and its pipes" => {
-                let mut clinic = load(&file("clinic")).unwrap();
-                clinic.objects.extend(load(&file("clinic_mep")).unwrap().objects);
-                clinic
-            }
-            name => load(&file(name)).unwrap(),
-        };
-        println!("{name}: {:.3} of what can be culled", check(source, frames));
+    for name in names {
+        println!("{name}: {:.3} of what can be culled", check(scene(name), frames));
     }
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn nothing_visible_is_hidden_in_reference_scenes() {
     check_stored(&["clinic", "denhaag", "alpine1", "oa_dm2", "cars5"], 3);
 }

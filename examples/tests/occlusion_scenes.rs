@@ -1,10 +1,13 @@
-//! The occlusion driver with the plain map on every scene: nothing visible is hidden, whatever hierarchy drives it.
+//! The occlusion driver with the plain map on every scene: nothing visible is hidden, whatever hierarchy
+//! drives it.
 #![allow(missing_docs)]
 
-use std::path::Path;
+mod shared_scenes;
+
+use shared_scenes::scene;
 use visibility_core::{BoxHierarchy, FrustumCuller, OcclusionCuller, Pipeline, SceneHierarchy, Selection};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
-use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_examples::{SceneSource, built_in};
 use visibility_testing::{Octree, PlainMap};
 
 /// Pixels of the map. Coarse, so that the plain map stays quick; the judge looks much closer.
@@ -61,18 +64,9 @@ fn nothing_visible_is_hidden_in_built_in_scenes() {
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn nothing_visible_is_hidden_in_reference_scenes() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
-    if !folder.is_dir() {
-        println!("skipped: the reference scenes are not at {}", folder.display());
-        return;
+    for name in ["clinic", "denhaag", "alpine1", "oa_dm2", "cars5", "clinic and its pipes"] {
+        check(scene(name));
     }
-    for name in ["clinic", "denhaag", "alpine1", "oa_dm2"] {
-        check(load(&folder.join(format!("{name}.vscn"))).unwrap());
-    }
-    check(cars5(&folder.join("car.vscn")).unwrap());
-    // Thousands of pipes and lamps, most of them above the ceilings of the clinic.
-    let mut clinic = load(&folder.join("clinic.vscn")).unwrap();
-    clinic.objects.extend(load(&folder.join("clinic_mep.vscn")).unwrap().objects);
-    check(clinic);
 }

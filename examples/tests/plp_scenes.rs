@@ -1,12 +1,14 @@
-//! Conservative projection on every scene: nothing that an item buffer of 2560 x 1440 sees is hidden. And the paper's table in small.
+//! Conservative projection on every scene: nothing that an item buffer of 2560 x 1440 sees is hidden. And the
+//! paper's table in small.
 #![allow(missing_docs)]
 
 mod shared_scenes;
 
+use shared_scenes::scene;
 use std::sync::Arc;
 use visibility_examples::plp::{Method, TriangleWorld, coverage};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
-use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_examples::{SceneSource, built_in};
 use visibility_plp::{OctreeTessellation, Solidity};
 
 const JUDGE: (u32, u32) = (2560, 1440);
@@ -31,17 +33,7 @@ fn check(source: SceneSource, frames: Option<usize>) {
 }
 
 fn check_stored(names: &[&str], frames: Option<usize>) {
-    for name in names {
-        if let Some(path) = shared_scenes::stored(name) {
-            check(load(&path).unwrap(), frames);
-        }
-    }
-}
-
-fn check_cars(frames: Option<usize>) {
-    if let Some(path) = shared_scenes::stored("car.vscn") {
-        check(cars5(&path).unwrap(), frames);
-    }
+    names.iter().for_each(|name| check(scene(name), frames));
 }
 
 #[test]
@@ -52,8 +44,9 @@ fn nothing_visible_is_hidden_in_built_in_scenes() {
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn nothing_visible_is_hidden_in_reference_scenes() {
-    check_stored(&["clinic.vscn", "denhaag.vscn", "oa_dm2.vscn"], Some(2));
+    check_stored(&["clinic", "denhaag", "oa_dm2"], Some(2));
 }
 
 /// Whole walks through everything: minutes, in release.
@@ -63,8 +56,7 @@ fn nothing_visible_is_hidden_on_whole_walks() {
     for name in ["plpcity:3,3", "london", "town", "forest", "office:7,24"] {
         check(built_in(name).unwrap(), None);
     }
-    check_stored(&["clinic.vscn", "clinic_mep.vscn", "denhaag.vscn", "alpine1.vscn", "oa_dm2.vscn"], None);
-    check_cars(None);
+    check_stored(&["clinic", "clinic_mep", "denhaag", "alpine1", "oa_dm2", "cars5"], None);
 }
 
 #[test]

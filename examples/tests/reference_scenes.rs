@@ -1,17 +1,15 @@
-//! The exact answer and the frustum culler on the reference scenes, which lie beside the checkout where they are present.
+//! The exact answer and the frustum culler on the reference scenes, which lie beside the checkout where they
+//! are present.
 
-use std::path::{Path, PathBuf};
+mod shared_scenes;
+
+use shared_scenes::{scene, stored};
 use visibility_examples::description::Description;
 use visibility_examples::walkthrough::{World, cullers, judge, run};
-use visibility_examples::{SceneSource, built_in, cars5, load};
+use visibility_examples::{SceneSource, built_in};
 
-fn folder() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: the reference scenes are not at {}", folder.display());
-    None
+fn description(name: &str) -> Description {
+    Description::load(&stored(&format!("{name}.json"))).unwrap()
 }
 
 /// Walks each of a scene's reference walks at 640x360 and compares the means with the stored counts.
@@ -46,24 +44,22 @@ fn check(mut source: SceneSource, description: &Description) {
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn files_agree_with_their_reference_counts() {
-    let Some(folder) = folder() else { return };
     for name in ["clinic", "denhaag", "alpine1", "oa_dm2"] {
-        let description = Description::load(&folder.join(format!("{name}.json"))).unwrap();
-        check(load(&folder.join(format!("{name}.vscn"))).unwrap(), &description);
+        check(scene(name), &description(name));
     }
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn five_cars_agree_with_their_reference_counts() {
-    let Some(folder) = folder() else { return };
-    let description = Description::load(&folder.join("car.json")).unwrap();
-    check(cars5(&folder.join("car.vscn")).unwrap(), &description);
+    check(scene("cars5"), &description("car"));
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn recipes_agree_with_their_reference_counts() {
-    let Some(folder) = folder() else { return };
     for (recipe, file) in [
         ("plpcity", "gen_plpcity"),
         ("london", "gen_london"),
@@ -71,7 +67,6 @@ fn recipes_agree_with_their_reference_counts() {
         ("forest", "gen_forest"),
         ("office", "gen_office"),
     ] {
-        let description = Description::load(&folder.join(format!("{file}.json"))).unwrap();
-        check(built_in(recipe).unwrap(), &description);
+        check(built_in(recipe).unwrap(), &description(file));
     }
 }

@@ -3,7 +3,7 @@
 mod shared_scenes;
 
 use glam::{DVec3, Vec3};
-use shared_scenes::stored;
+use shared_scenes::{scene, stored};
 use visibility_examples::{cars5, description::Description, frames, load, load_walks, vscn};
 
 /// File stem, objects, triangles, up axis.
@@ -17,11 +17,10 @@ const SCENES: [(&str, usize, usize, Vec3); 6] = [
 ];
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn stored_scenes_load_with_their_facts() {
     for (name, objects, triangles, up) in SCENES {
-        let Some(path) = stored(&format!("{name}.vscn")) else {
-            return;
-        };
+        let path = stored(&format!("{name}.vscn"));
         let scene = load(&path).expect(name);
         assert_eq!((scene.name.as_str(), scene.up), (name, up));
         assert_eq!(scene.objects.len(), objects, "{name}");
@@ -47,26 +46,23 @@ fn stored_scenes_load_with_their_facts() {
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn doors_glass_and_billboards_are_told_apart() {
-    let (Some(clinic), Some(alpine)) = (stored("clinic.vscn"), stored("alpine1.vscn")) else {
-        return;
-    };
-    let clinic = load(&clinic).expect("clinic");
+    let clinic = scene("clinic");
     assert!(clinic.objects[..2586].iter().all(|o| o.opaque));
     assert!(clinic.objects[2586..].iter().all(|o| !o.opaque));
     assert!(clinic.objects.iter().all(|o| o.door == o.name.contains("IfcDoor")));
     assert!(clinic.objects.iter().any(|o| o.door));
-    let alpine = load(&alpine).expect("alpine1");
+    let alpine = scene("alpine1");
     let billboard = |name: &str| name.starts_with("TREEP") || name.starts_with("FOREST");
     assert!(alpine.objects.iter().all(|o| o.opaque != billboard(&o.name)));
     assert!(alpine.objects.iter().any(|o| !o.opaque));
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn five_cars_stand_in_a_row() {
-    let Some(path) = stored("car.vscn") else {
-        return;
-    };
+    let path = stored("car.vscn");
     let cars = cars5(&path).expect("five cars");
     assert_eq!(cars.objects.len(), 5 * 433);
     assert_eq!(cars.triangle_count(), 729_580);
@@ -80,10 +76,9 @@ fn five_cars_stand_in_a_row() {
 }
 
 #[test]
+#[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn walks_load_by_themselves() {
-    let Some(path) = stored("gen_town16.json") else {
-        return;
-    };
+    let path = stored("gen_town16.json");
     let walks = load_walks(&path).expect("walks");
     let keys: usize = walks.iter().map(|walk| walk.keys.len()).sum();
     assert_eq!(frames(&walks, 1000).len(), 1000);
