@@ -55,6 +55,31 @@ fn warm_frames_allocate_nothing() {
     assert_eq!((warm, second), (0, first));
 }
 
+/// The memory of a walk is bounded by the depth of the tree, so the first frame makes room for all others.
+#[test]
+fn views_from_elsewhere_allocate_nothing_either() {
+    let mut random = Random(33);
+    let scene = scene(&mut random);
+    let tree = SceneTree::new(&scene).unwrap();
+    let mut order = BspOrder::new(&tree);
+    let mut set = VisibleSet::new();
+    let mut allocations = Vec::new();
+    for frame in 0..400 {
+        // The first sees nothing.
+        let eye = if frame == 0 { DVec3::X * 900.0 } else { random.point(25.0) };
+        let target = if frame == 0 { DVec3::X * 950.0 } else { random.point(5.0) };
+        let fov = 0.3 + f64::from(frame % 12) * 0.2;
+        let view =
+            View::perspective(Pose::look_at(eye, target, DVec3::Z), fov, 1.5, 0.1, f64::INFINITY).unwrap();
+        set.fill(&scene, &view);
+        let before = ALLOCATIONS.get();
+        order.cull(&scene, &view, &mut set);
+        allocations.push(ALLOCATIONS.get() - before);
+    }
+    assert!(allocations[0] > 0);
+    assert_eq!(allocations[1..].iter().sum::<usize>(), 0, "{allocations:?}");
+}
+
 #[test]
 fn moving_through_a_tree_allocates_nothing_in_the_long_run() {
     let mut random = Random(32);

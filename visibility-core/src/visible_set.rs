@@ -281,6 +281,8 @@ impl VisibleSet {
         let mut order = core::mem::take(&mut self.order);
         self.ordered = false;
         order.clear();
+        // For any set of this scene, so that later frames allocate nothing.
+        order.reserve(scene.len());
         order.extend(self.iter(scene));
         // Equal keys by index, so that the order depends on nothing else.
         order.sort_unstable_by_key(|&id| (key(id), id));

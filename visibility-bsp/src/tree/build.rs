@@ -29,6 +29,8 @@ struct Task {
     begin: usize,
     parent: u32,
     side: u8,
+    /// Nodes above.
+    level: u32,
 }
 
 /// The memory of the sorting, kept by the tree so that an object that moves every frame allocates nothing.
@@ -138,7 +140,7 @@ impl BspTree {
         let limit = 4096 + GROWTH * builder.sources.len();
         let mut cuts = 0;
         builder.tasks.clear();
-        builder.tasks.push(Task { begin: 0, parent: NONE, side: 0 });
+        builder.tasks.push(Task { begin: 0, parent: NONE, side: 0, level: 0 });
         while let Some(task) = builder.tasks.pop() {
             if builder.pieces.len() == task.begin {
                 continue;
@@ -152,7 +154,8 @@ impl BspTree {
                 classify(self, builder, task.begin, &self.nodes[child as usize].plane);
                 child
             };
-            cuts += self.distribute(builder, task.begin, node);
+            self.most_levels = self.most_levels.max(task.level + 1);
+            cuts += self.distribute(builder, task, node);
             if cuts > limit {
                 for piece in builder.pieces.drain(..) {
                     self.store.give_back(piece.start, piece.len);
@@ -225,8 +228,8 @@ impl BspTree {
         }
     }
 
-    /// Moves the topmost pieces to a node and to both sides of it, as `builder.sides` says. Returns how many were cut.
-    fn distribute(&mut self, builder: &mut Builder, begin: usize, node: u32) -> usize {
+    /// Moves the pieces of a task to a node and to both sides of it, as `builder.sides` says. Returns how many were cut.
+    fn distribute(&mut self, builder: &mut Builder, Task { begin, level, .. }: Task, node: u32) -> usize {
         let Builder { sources, pieces, tasks, sides, front, back, cut, .. } = builder;
         let plane = self.nodes[node as usize].plane;
         front.clear();
@@ -253,9 +256,9 @@ impl BspTree {
                 }
             }
         }
-        tasks.push(Task { begin, parent: node, side: 0 });
+        tasks.push(Task { begin, parent: node, side: 0, level: level + 1 });
         pieces.extend_from_slice(back);
-        tasks.push(Task { begin: pieces.len(), parent: node, side: 1 });
+        tasks.push(Task { begin: pieces.len(), parent: node, side: 1, level: level + 1 });
         pieces.extend_from_slice(front);
         cuts
     }

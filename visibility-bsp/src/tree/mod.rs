@@ -101,6 +101,8 @@ pub struct BspTree {
     magnitude: DVec3,
     /// What is behind a polygon where nothing else is.
     behind: u32,
+    /// At least the depth of the tree: nodes that are removed do not lower it.
+    most_levels: u32,
     builder: Builder,
 }
 
@@ -145,6 +147,7 @@ impl BspTree {
             store: Store::default(),
             magnitude: DVec3::ZERO,
             behind: EMPTY,
+            most_levels: 0,
             builder: Builder::default(),
         }
     }

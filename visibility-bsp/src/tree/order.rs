@@ -4,7 +4,8 @@ use super::{BspTree, Fragments, NONE, Node, is_leaf};
 use alloc::vec::Vec;
 use visibility_core::{Aabb, Eye, glam::DVec4};
 
-/// The memory of a walk, kept from frame to frame so that a walk allocates nothing.
+/// The memory of a walk: a stack of the nodes whose near side is being walked. A walk makes room for as many as the tree has levels, so that
+/// later walks of the same tree allocate nothing.
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Order};
@@ -144,6 +145,7 @@ impl BspTree {
             Eye::Direction(direction) => (-direction).extend(0.0),
         };
         order.path.clear();
+        order.path.reserve(self.most_levels as usize);
         let (mut child, mut above) = (self.root, 0);
         loop {
             while !is_leaf(child)
