@@ -5,28 +5,17 @@
 //! found. Everything is compared, nothing computed, so that what is joined covers exactly what its parts cover. The
 //! rectangles may overlap one another: fewer are then needed, and no crack runs between them.
 
+use super::cover::join_group;
+use super::overlaps::{Rectangle, groups};
 use super::{Outline, Piece};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// A rectangle of a plane along the axes.
-#[derive(Clone, Debug)]
-pub(super) struct Rectangle {
-    pub(super) low: [f64; 2],
-    pub(super) high: [f64; 2],
-    pub(super) source: u32,
-}
-
 /// Planes along the axes: which axis they are across, where on it (as ordered bits), and which way they face (0 down, 1 up, 2 both).
 pub(super) type Level = (usize, u64, u8);
 /// The rectangles in each.
 pub(super) type Levels = BTreeMap<Level, Vec<Rectangle>>;
-
-/// Cells of a grid beyond which a group is joined no further.
-const MOST_CELLS: usize = 1 << 14;
-/// No more rectangles than this from one group.
-const MOST_PICKS: usize = 64;
 
 /// Joins rectangles.
 pub(super) fn join(levels: &Levels) -> Vec<Outline> {
@@ -118,171 +107,6 @@ pub(super) fn take_rectangles(pieces: &mut Vec<Piece>) -> Levels {
     let mut taken = taken.iter();
     pieces.retain(|_| !taken.next().copied().unwrap_or(false));
     levels
-}
-
-/// Rectangles that touch one another along a side or overlap, directly or by way of others.
-pub(super) fn groups(rectangles: &[Rectangle]) -> Vec<Vec<&Rectangle>> {
-    let mut order: Vec<usize> = (0..rectangles.len()).collect();
-    order.sort_unstable_by(|&a, &b| rectangles[a].low[0].total_cmp(&rectangles[b].low[0]).then(a.cmp(&b)));
-    let mut leader: Vec<usize> = (0..rectangles.len()).collect();
-    fn find(leader: &mut [usize], mut i: usize) -> usize {
-        while leader[i] != i {
-            leader[i] = leader[leader[i]];
-            i = leader[i];
-        }
-        i
-    }
-    // Those that still reach to where the sweep is.
-    let mut open: Vec<usize> = Vec::new();
-    for &i in &order {
-        let a = &rectangles[i];
-        open.retain(|&j| rectangles[j].high[0] >= a.low[0]);
-        for &j in &open {
-            let b = &rectangles[j];
-            let overlap = [0, 1].map(|k| a.high[k].min(b.high[k]) - a.low[k].max(b.low[k]));
-            if overlap[0] >= 0.0 && overlap[1] >= 0.0 && (overlap[0] > 0.0 || overlap[1] > 0.0) {
-                let (x, y) = (find(&mut leader, i), find(&mut leader, j));
-                leader[x.max(y)] = x.min(y);
-            }
-        }
-        open.push(i);
-    }
-    let mut groups: BTreeMap<usize, Vec<&Rectangle>> = BTreeMap::new();
-    for (i, rectangle) in rectangles.iter().enumerate() {
-        let leader = find(&mut leader, i);
-        groups.entry(leader).or_default().push(rectangle);
-    }
-    groups.into_values().collect()
-}
-
-/// The cells that a group covers: columns and rows are the sides of its rectangles.
-struct Grid {
-    lines: [Vec<f64>; 2],
-    filled: Vec<bool>,
-}
-
-impl Grid {
-    fn new(group: &[&Rectangle]) -> Option<Self> {
-        let lines = [0, 1].map(|i| {
-            let mut lines: Vec<f64> = group.iter().flat_map(|r| [r.low[i], r.high[i]]).collect();
-            lines.sort_unstable_by(f64::total_cmp);
-            lines.dedup();
-            lines
-        });
-        let cells = (lines[0].len() - 1).checked_mul(lines[1].len() - 1)?;
-        if cells > MOST_CELLS {
-            return None;
-        }
-        let mut grid = Self { lines, filled: alloc::vec![false; cells] };
-        for rectangle in group {
-            let [columns, rows] = grid.range(rectangle.low, rectangle.high);
-            for row in rows {
-                for column in columns.clone() {
-                    let cell = grid.cell(column, row);
-                    grid.filled[cell] = true;
-                }
-            }
-        }
-        Some(grid)
-    }
-
-    fn columns(&self) -> usize {
-        self.lines[0].len() - 1
-    }
-
-    fn rows(&self) -> usize {
-        self.lines[1].len() - 1
-    }
-
-    fn cell(&self, column: usize, row: usize) -> usize {
-        row * self.columns() + column
-    }
-
-    fn range(&self, low: [f64; 2], high: [f64; 2]) -> [core::ops::Range<usize>; 2] {
-        [0, 1].map(|i| {
-            let place = |x: f64| self.lines[i].partition_point(|&line| line < x);
-            place(low[i])..place(high[i])
-        })
-    }
-
-    /// Every rectangle of filled cells that no larger one contains, as columns and rows from and to.
-    fn largest(&self) -> Vec<[usize; 4]> {
-        let (columns, rows) = (self.columns(), self.rows());
-        let mut found = Vec::new();
-        let mut column_filled = alloc::vec![false; columns];
-        for from in 0..rows {
-            column_filled.fill(true);
-            for to in from..rows {
-                for (column, filled) in column_filled.iter_mut().enumerate() {
-                    *filled &= self.filled[to * columns + column];
-                }
-                let mut start = 0;
-                while start < columns {
-                    if !column_filled[start] {
-                        start += 1;
-                        continue;
-                    }
-                    let end = (start..columns).find(|&c| !column_filled[c]).unwrap_or(columns);
-                    let full = |row: usize| (start..end).all(|c| self.filled[row * columns + c]);
-                    let grows = from > 0 && full(from - 1) || to + 1 < rows && full(to + 1);
-                    if !grows {
-                        found.push([start, end, from, to + 1]);
-                    }
-                    start = end;
-                }
-            }
-        }
-        found
-    }
-
-    fn size(&self, axis: usize, index: usize) -> f64 {
-        self.lines[axis][index + 1] - self.lines[axis][index]
-    }
-}
-
-/// Hands over rectangles that cover all that a group covers, those that add most first.
-pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f64; 2], Vec<u32>)) {
-    let grid = if group.len() > 1 { Grid::new(group) } else { None };
-    let Some(grid) = grid else {
-        for r in group {
-            each(r.low, r.high, alloc::vec![r.source]);
-        }
-        return;
-    };
-    let candidates = grid.largest();
-    let mut open = grid.filled.clone();
-    for _ in 0..MOST_PICKS {
-        let mut best: Option<(f64, f64, usize)> = None;
-        for (number, &[from, to, low, high]) in candidates.iter().enumerate() {
-            let (mut new, mut all) = (0.0, 0.0);
-            for row in low..high {
-                for column in from..to {
-                    let area = grid.size(0, column) * grid.size(1, row);
-                    all += area;
-                    if open[grid.cell(column, row)] {
-                        new += area;
-                    }
-                }
-            }
-            if new > 0.0 && best.is_none_or(|(n, a, _)| new > n || (new == n && all > a)) {
-                best = Some((new, all, number));
-            }
-        }
-        let Some((_, _, number)) = best else { break };
-        let [from, to, low, high] = candidates[number];
-        for row in low..high {
-            for column in from..to {
-                open[grid.cell(column, row)] = false;
-            }
-        }
-        let min = [grid.lines[0][from], grid.lines[1][low]];
-        let max = [grid.lines[0][to], grid.lines[1][high]];
-        let meets = |r: &&&Rectangle| (0..2).all(|i| r.low[i] < max[i] && r.high[i] > min[i]);
-        let mut sources: Vec<u32> = group.iter().filter(meets).map(|r| r.source).collect();
-        sources.sort_unstable();
-        sources.dedup();
-        each(min, max, sources);
-    }
 }
 
 #[cfg(test)]

@@ -13,8 +13,10 @@
 //! begins there is looked at. Sections that are little larger than what faces of their boxes make up are left out, and faces that a
 //! section close by covers are dropped: one polygon is to hide what several did.
 
-use super::rectangles::{Level, Levels, Rectangle, corners, from_ordered, groups, join_group, ordered};
-use super::{BLOCK, Outline, halve};
+use super::cover::join_group;
+use super::overlaps::{Rectangle, groups};
+use super::rectangles::{Level, Levels, corners, from_ordered, ordered};
+use super::{BLOCK, Outline, halve, work};
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -31,8 +33,10 @@ pub(crate) struct Solid {
 const GAIN: f64 = 1.25;
 /// A face is dropped for a section no farther from it than this share of its smaller side.
 const CLOSE: f64 = 0.25;
-/// Larger groups of boxes are not looked at.
+/// Larger groups of boxes are not looked at. A box that so many others touch begins no section.
 const MOST_BOXES: usize = 256;
+/// Faces near a section beyond which no more are looked at for being covered by it.
+const MOST_FACES: usize = 4096;
 
 /// The boxes of which all six faces are there.
 pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
@@ -53,10 +57,17 @@ pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
     pairs.sort_unstable();
     let mut solids = Vec::new();
     for alike in pairs.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        for (i, &(source, sides, x0, near)) in alike.iter().enumerate() {
+        // From each of them on, the first far side; the greatest number, which no finite coordinate has, if there is none.
+        let mut far_sides = alloc::vec![u64::MAX; alike.len()];
+        let mut next_far = u64::MAX;
+        for (&(_, _, x1, far), side) in alike.iter().zip(&mut far_sides).rev() {
+            next_far = if far == 0 { next_far } else { x1 };
+            *side = next_far;
+        }
+        for &(source, sides, x0, near) in alike {
             // Where boxes abut, the far side of the one comes with the near side of the next.
-            let far = alike[i + 1..].iter().find(|&&(_, _, x1, far)| x1 > x0 && far != 0);
-            let Some(&(_, _, x1, _)) = far.filter(|_| near != 1) else { continue };
+            let next = alike.partition_point(|&(_, _, x1, _)| x1 <= x0);
+            let Some(&x1) = far_sides.get(next).filter(|&&x1| near != 1 && x1 != u64::MAX) else { continue };
             let [y0, z0, y1, z1] = sides;
             let has = |axis, at, facing, sides| faces.contains(&(source, (axis, at, facing), sides));
             let closed = [(y0, 0), (y1, 1)].iter().all(|&(y, facing)| has(1, y, facing, [z0, x0, z1, x1]))
@@ -101,8 +112,9 @@ impl Near {
         Self { order, boxes, levels }
     }
 
-    /// Hands over all that touch a box.
-    fn touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(u32)) {
+    /// Hands over up to `most` that touch a box, and returns whether these are all.
+    fn touching(&self, min: DVec3, max: DVec3, most: usize, mut each: impl FnMut(u32)) -> bool {
+        let mut left = most;
         let touches = |b: &(DVec3, DVec3)| b.0.cmple(max).all() && b.1.cmpge(min).all();
         // Blocks by level and number, those of the last level first.
         let last = self.levels.len();
@@ -111,7 +123,12 @@ impl Near {
         while let Some((level, block)) = open.pop() {
             let Some(below) = level.checked_sub(1) else {
                 let number = self.order[block];
+                work::step();
                 if touches(&self.boxes[number as usize]) {
+                    if left == 0 {
+                        return false;
+                    }
+                    left -= 1;
                     each(number);
                 }
                 continue;
@@ -121,6 +138,7 @@ impl Near {
                 open.extend((block * BLOCK..((block + 1) * BLOCK).min(count)).map(|block| (below, block)));
             }
         }
+        true
     }
 }
 
@@ -135,21 +153,22 @@ pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
         }
         for (&at, beginning) in &planes {
             let at = from_ordered(at);
-            let mut cut = beginning.clone();
+            let (mut cut, mut deeper) = (Vec::new(), false);
             for &number in beginning {
                 let Solid { min, mut max, .. } = solids[number as usize];
                 max[axis] = at;
-                near.touching(min, max, |other| {
-                    if solids[other as usize].min[axis] < at {
-                        cut.push(other);
-                    }
-                });
+                let start = cut.len();
+                // Itself, too.
+                if !near.touching(min, max, MOST_BOXES, |other| cut.push(other)) {
+                    cut.truncate(start);
+                }
+                deeper |= cut[start..].iter().any(|&other| solids[other as usize].min[axis] < at);
+            }
+            if !deeper {
+                continue;
             }
             cut.sort_unstable();
             cut.dedup();
-            if cut.len() == beginning.len() {
-                continue;
-            }
             let rectangle = |&number: &u32| {
                 let Solid { min, max, .. } = solids[number as usize];
                 Rectangle { low: flat(min, axis), high: flat(max, axis), source: number }
@@ -229,7 +248,7 @@ pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
         let (mut low, mut high) = (min, max);
         low[axis] -= CLOSE * size(min, max);
         high[axis] += CLOSE * size(min, max);
-        near.touching(low, high, |other| {
+        near.touching(low, high, MOST_FACES, |other| {
             let (from, to) = boxes[other as usize];
             let (mut within_min, mut within_max) = (min, max);
             (within_min[axis], within_max[axis]) = (from[axis], to[axis]);
@@ -238,7 +257,10 @@ pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
                 && within_min.cmple(from).all()
                 && within_max.cmpge(to).all()
                 && (from[axis] - min[axis]).abs() <= CLOSE * size(from, to)
-                && outlines[other as usize].sources.iter().all(|source| section.sources.contains(source));
+                && outlines[other as usize]
+                    .sources
+                    .iter()
+                    .all(|source| section.sources.binary_search(source).is_ok());
             // Of two sections alike, one stays.
             let alike = !outlines[other as usize].solids.is_empty() && within_min == from && within_max == to;
             if covered && !(alike && number > other as usize) {

@@ -1,0 +1,257 @@
+//! The largest rectangles in a group of rectangles of one plane.
+//!
+//! The group is laid out on the grid of its sides. Of the grid's cells, all the rectangles without a gap that no other contains are found
+//! row by row, as the largest rectangles under a histogram are; of these, the ones that add most area are taken until all cells are covered.
+
+use super::overlaps::Rectangle;
+use super::work;
+use alloc::collections::BinaryHeap;
+use alloc::vec::Vec;
+use core::cmp::Ordering;
+
+/// Cells of a grid beyond which a group is joined no further.
+const MOST_CELLS: usize = 1 << 14;
+/// No more rectangles than this from one group.
+const MOST_PICKS: usize = 64;
+
+/// The cells that a group covers: columns and rows are the sides of its rectangles.
+struct Grid {
+    lines: [Vec<f64>; 2],
+    filled: Vec<bool>,
+}
+
+impl Grid {
+    fn new(group: &[&Rectangle]) -> Option<Self> {
+        let lines = [0, 1].map(|i| {
+            let mut lines: Vec<f64> = group.iter().flat_map(|r| [r.low[i], r.high[i]]).collect();
+            lines.sort_unstable_by(f64::total_cmp);
+            lines.dedup();
+            lines
+        });
+        let cells = (lines[0].len() - 1).checked_mul(lines[1].len() - 1)?;
+        if cells > MOST_CELLS {
+            return None;
+        }
+        let mut grid = Self { lines, filled: alloc::vec![false; cells] };
+        // How many rectangles begin less how many end, by row and column; sums of these are how many there are.
+        let width = grid.columns() + 1;
+        let mut layers = alloc::vec![0i32; width * (grid.rows() + 1)];
+        for rectangle in group {
+            work::step();
+            let [columns, rows] = grid.range(rectangle.low, rectangle.high);
+            for (row, sign) in [(rows.start, 1), (rows.end, -1)] {
+                layers[row * width + columns.start] += sign;
+                layers[row * width + columns.end] -= sign;
+            }
+        }
+        for row in 0..grid.rows() {
+            let mut sum = 0;
+            for column in 0..width {
+                sum += layers[row * width + column];
+                let above = if row == 0 { 0 } else { layers[(row - 1) * width + column] };
+                layers[row * width + column] = above + sum;
+                if column + 1 < width {
+                    let cell = grid.cell(column, row);
+                    grid.filled[cell] = above + sum > 0;
+                }
+            }
+        }
+        Some(grid)
+    }
+
+    fn columns(&self) -> usize {
+        self.lines[0].len() - 1
+    }
+
+    fn rows(&self) -> usize {
+        self.lines[1].len() - 1
+    }
+
+    fn cell(&self, column: usize, row: usize) -> usize {
+        row * self.columns() + column
+    }
+
+    fn range(&self, low: [f64; 2], high: [f64; 2]) -> [core::ops::Range<usize>; 2] {
+        [0, 1].map(|i| {
+            let place = |x: f64| self.lines[i].partition_point(|&line| line < x);
+            place(low[i])..place(high[i])
+        })
+    }
+
+    /// Every rectangle of filled cells that no larger one contains, as columns and rows from and to, by its first row, then last row, then
+    /// column.
+    fn largest(&self) -> Vec<[usize; 4]> {
+        let (columns, rows) = (self.columns(), self.rows());
+        let mut found = Vec::new();
+        // By column, how many filled cells there are from this row up without a gap.
+        let mut heights = alloc::vec![0usize; columns];
+        // By column, how many cells up to it are filled in the row below.
+        let mut filled_below = alloc::vec![0usize; columns + 1];
+        // Rectangles that end in this row and are still growing to the right: the first column and the height, which ascends.
+        let mut open: Vec<(usize, usize)> = Vec::new();
+        for row in 0..rows {
+            for column in 0..columns {
+                work::step();
+                heights[column] = if self.filled[row * columns + column] { heights[column] + 1 } else { 0 };
+                let below = row + 1 < rows && self.filled[(row + 1) * columns + column];
+                filled_below[column + 1] = filled_below[column] + usize::from(below);
+            }
+            for column in 0..=columns {
+                let height = heights.get(column).copied().unwrap_or(0);
+                let mut first = column;
+                while let Some(&(start, tall)) = open.last()
+                    && tall >= height
+                {
+                    open.pop();
+                    first = start;
+                    // One that goes on in the row below is found there.
+                    if tall > height && filled_below[column] - filled_below[start] < column - start {
+                        found.push([start, column, row + 1 - tall, row + 1]);
+                    }
+                }
+                if height > 0 {
+                    open.push((first, height));
+                }
+            }
+        }
+        found.sort_unstable_by_key(|&[start, _, from, to]| (from, to, start));
+        found
+    }
+
+    fn size(&self, axis: usize, index: usize) -> f64 {
+        self.lines[axis][index + 1] - self.lines[axis][index]
+    }
+}
+
+/// A rectangle that may be taken.
+#[derive(Clone, Copy, PartialEq)]
+struct Candidate {
+    /// The area that it adds to what is taken; no less, if that has become more since.
+    new: f64,
+    area: f64,
+    number: usize,
+    /// How many had been taken when `new` was found.
+    asked: usize,
+}
+
+impl Eq for Candidate {}
+
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Candidate {
+    /// By the area added, then by all of the area; of equal ones the first is the greatest.
+    fn cmp(&self, other: &Self) -> Ordering {
+        let by_area = self.new.total_cmp(&other.new).then(self.area.total_cmp(&other.area));
+        by_area.then(other.number.cmp(&self.number))
+    }
+}
+
+/// Hands over up to 64 rectangles that together cover what a group covers, those that add most first, each with its sources. A group
+/// whose grid has more than 16,384 cells is handed over as it is.
+pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f64; 2], Vec<u32>)) {
+    let grid = if group.len() > 1 { Grid::new(group) } else { None };
+    let Some(grid) = grid else {
+        for r in group {
+            each(r.low, r.high, alloc::vec![r.source]);
+        }
+        return;
+    };
+    let rectangles = grid.largest();
+    let mut open = grid.filled.clone();
+    let measure = |number: usize, open: &[bool]| {
+        let [from, to, low, high] = rectangles[number];
+        let (mut new, mut all) = (0.0, 0.0);
+        for row in low..high {
+            for column in from..to {
+                work::step();
+                let area = grid.size(0, column) * grid.size(1, row);
+                all += area;
+                if open[grid.cell(column, row)] {
+                    new += area;
+                }
+            }
+        }
+        (new, all)
+    };
+    let mut candidates: BinaryHeap<Candidate> = (0..rectangles.len())
+        .map(|number| {
+            let (new, area) = measure(number, &open);
+            Candidate { new, area, number, asked: 0 }
+        })
+        .collect();
+    let mut taken = 0;
+    while taken < MOST_PICKS
+        && let Some(best) = candidates.pop()
+    {
+        // What one adds only shrinks as others are taken.
+        if best.asked < taken {
+            let (new, _) = measure(best.number, &open);
+            candidates.push(Candidate { new, asked: taken, ..best });
+            continue;
+        }
+        if !(best.new > 0.0) {
+            break;
+        }
+        taken += 1;
+        let [from, to, low, high] = rectangles[best.number];
+        for row in low..high {
+            for column in from..to {
+                open[grid.cell(column, row)] = false;
+            }
+        }
+        let min = [grid.lines[0][from], grid.lines[1][low]];
+        let max = [grid.lines[0][to], grid.lines[1][high]];
+        let meets = |r: &&&Rectangle| (0..2).all(|i| r.low[i] < max[i] && r.high[i] > min[i]);
+        let mut sources: Vec<u32> = group.iter().filter(meets).map(|r| r.source).collect();
+        sources.sort_unstable();
+        sources.dedup();
+        each(min, max, sources);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_rectangles_are_those_that_no_full_rectangle_contains() {
+        let mut state = 7u64;
+        for round in 0..400 {
+            let (columns, rows) = (1 + round % 7, 1 + round / 7 % 7);
+            let filled: Vec<bool> = (0..columns * rows)
+                .map(|_| {
+                    state =
+                        state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    (state >> 33) % 5 > 0
+                })
+                .collect();
+            let lines = [columns, rows].map(|count| (0..=count).map(|i| i as f64).collect());
+            let grid = Grid { lines, filled };
+            let full = |[left, right, low, high]: [usize; 4]| {
+                (low..high).all(|row| (left..right).all(|column| grid.filled[row * columns + column]))
+            };
+            let mut expected = Vec::new();
+            for (low, high) in (0..rows).flat_map(|low| (low + 1..=rows).map(move |high| (low, high))) {
+                for (left, right) in
+                    (0..columns).flat_map(|left| (left + 1..=columns).map(move |r| (left, r)))
+                {
+                    let larger = [
+                        (left > 0).then(|| [left - 1, right, low, high]),
+                        (right < columns).then_some([left, right + 1, low, high]),
+                        (low > 0).then(|| [left, right, low - 1, high]),
+                        (high < rows).then_some([left, right, low, high + 1]),
+                    ];
+                    if full([left, right, low, high]) && !larger.into_iter().flatten().any(full) {
+                        expected.push([left, right, low, high]);
+                    }
+                }
+            }
+            expected.sort_unstable_by_key(|&[left, _, low, high]| (low, high, left));
+            assert_eq!(grid.largest(), expected, "{:?}", grid.filled);
+        }
+    }
+}

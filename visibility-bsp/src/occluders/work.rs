@@ -1,0 +1,77 @@
+//! Counts the elementary steps of making polygons, in tests only: how they grow with the input is what tests of cost assert.
+
+#[cfg(test)]
+std::thread_local! {
+    static STEPS: core::cell::Cell<u64> = const { core::cell::Cell::new(0) };
+}
+
+/// Counts one step.
+#[inline]
+pub(super) fn step() {
+    #[cfg(test)]
+    STEPS.set(STEPS.get() + 1);
+}
+
+/// The steps that something takes on this thread.
+#[cfg(test)]
+pub(super) fn steps_of(run: impl FnOnce()) -> u64 {
+    let before = STEPS.get();
+    run();
+    STEPS.get() - before
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Occluders;
+    use alloc::vec::Vec;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object, OccluderMesh, Preparation, Scene};
+
+    fn scene(boxes: impl Iterator<Item = Aabb>) -> Scene {
+        let mut scene = Scene::new();
+        for bounds in boxes {
+            let corners = bounds.corners();
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            let triangles: Vec<[Vec3; 3]> =
+                OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect();
+            scene.set_triangles(id, triangles).unwrap();
+        }
+        scene.prepare_occluders(&Preparation::default());
+        scene
+    }
+
+    /// Twice the boxes may take a little more than twice the steps, where each with each would take four times as many.
+    #[test]
+    fn steps_grow_as_boxes_do() {
+        type Input = (&'static str, fn(usize, usize) -> Aabb);
+        let inputs: [Input; 6] = [
+            ("coincident", |_, _| Aabb::from_arrays([0.0; 3], [1.0, 2.0, 3.0])),
+            ("nested", |i, _| {
+                let half = Vec3::splat(1.0 + i as f32 / 1024.0);
+                Aabb::new(-half, half)
+            }),
+            ("abutting", |i, _| Aabb::from_arrays([i as f32, 0.0, 0.0], [i as f32 + 1.0, 8.0, 0.5])),
+            ("overlapping", |i, all| Aabb::from_arrays([i as f32, 0.0, 0.0], [(i + all) as f32, 8.0, 0.5])),
+            ("crossing", |i, all| {
+                let (at, half) = ((i / 2) as f32, all as f32 / 2.0);
+                let turn = |x: f32, y: f32, z: f32| if i % 2 == 0 { [x, y, z] } else { [y, x, z] };
+                Aabb::from_arrays(turn(0.0, at, 0.0), turn(half, at + 0.5, 0.5))
+            }),
+            ("tiles", |i, _| {
+                let at = Vec3::new((i % 32) as f32, (i / 32) as f32, 0.0);
+                Aabb::new(at, at + Vec3::new(0.75, 0.75, 0.5))
+            }),
+        ];
+        for (what, input) in inputs {
+            let steps = [1000, 2000, 4000].map(|all| {
+                let scene = scene((0..all).map(|i| input(i, all)));
+                steps_of(|| drop(Occluders::new(&scene))) as f64
+            });
+            std::println!("{what}: {steps:?}");
+            // Where a limit is passed between the two, there are even fewer.
+            assert!(steps[1] < 2.6 * steps[0] && steps[2] < 2.6 * steps[1], "{what}: {steps:?}");
+            assert!(steps[2] < 4000.0 * 3000.0, "{what}: {steps:?}");
+        }
+    }
+}
