@@ -1,9 +1,10 @@
-//! Bakes: long computations over many items, in rounds, that report progress, can be stopped, saved and resumed, and give the same
-//! answer on any number of threads.
+//! Bakes: long computations over many items, in rounds, that report progress, can be stopped, saved and
+//! resumed, and give the same answer on any number of threads.
 //!
-//! A [`Baker`] is the algorithm: it says what one item comes to, and takes in what was found. A [`Bake`] runs it. Within a round the items
-//! know nothing of one another, so they can be worked on by any number of threads (feature `rayon`: all threads of the current pool; otherwise one).
-//! At the end of the round what was found is taken in, in a fixed order; so the answer depends on the size of a round, never on threads.
+//! A [`Baker`] is the algorithm: it says what one item comes to, and takes in what was found. A [`Bake`] runs
+//! it. Within a round the items know nothing of one another, so they can be worked on by any number of
+//! threads (feature `rayon`: all threads of the current pool; otherwise one). At the end of the round what
+//! was found is taken in, in a fixed order; so the answer depends on the size of a round, never on threads.
 //!
 //! ```
 //! use visibility_core::bake::{Bake, Baker};
@@ -70,7 +71,8 @@ pub trait Baker: Sync {
     /// The answer.
     type Outcome;
 
-    /// The most items of one round. A round of more items keeps more threads busy; its items know less of one another.
+    /// The most items of one round. A round of more items keeps more threads busy; its items know less of one
+    /// another.
     const ROUND: usize = 48;
     /// The kind in the [header](crate::envelope) of saved bakes, which tells bakers apart.
     const KIND: u32 = 0;
@@ -78,8 +80,8 @@ pub trait Baker: Sync {
     /// How many items there are, numbered from 0; less than `u32::MAX`.
     fn item_count(&self) -> usize;
 
-    /// How much an item will cost, or another reason to look at it late. Each round takes the waiting items of the least rank; of equal
-    /// ones, those of the least number. Asked anew before each round.
+    /// How much an item will cost, or another reason to look at it late. Each round takes the waiting items
+    /// of the least rank; of equal ones, those of the least number. Asked anew before each round.
     fn rank(&self, item: u32) -> u64 {
         item.into()
     }
@@ -87,28 +89,31 @@ pub trait Baker: Sync {
     /// Works on one item, by what was known before the round.
     fn work(&self, item: u32, scratch: &mut Self::Scratch) -> Self::Found;
 
-    /// Takes in what an item has come to. Called at the end of a round, in ascending order of ranks. Returns what the item has cost, in
-    /// steps.
+    /// Takes in what an item has come to. Called at the end of a round, in ascending order of ranks. Returns
+    /// what the item has cost, in steps.
     fn take_in(&mut self, item: u32, found: Self::Found) -> u64;
 
-    /// The answer. `waiting` lists the items that were not worked on, ascending: a conservative baker counts as visible all that they might
-    /// have found.
+    /// The answer. `waiting` lists the items that were not worked on, ascending: a conservative baker counts
+    /// as visible all that they might have found.
     fn finish(self, waiting: &[u32]) -> Self::Outcome;
 
-    /// A hash of all that decides the answer: input and settings. See [`Fingerprint`](crate::envelope::Fingerprint).
+    /// A hash of all that decides the answer: input and settings. See
+    /// [`Fingerprint`](crate::envelope::Fingerprint).
     fn fingerprint(&self) -> u64;
 
     /// Writes what was taken in so far, for [`load`](Self::load).
     fn save(&self, state: &mut Writer);
 
-    /// Reads what was [saved](Self::save) by a baker with the same fingerprint, in place of what this one has taken in.
+    /// Reads what was [saved](Self::save) by a baker with the same fingerprint, in place of what this one has
+    /// taken in.
     ///
     /// # Errors
     /// If the state makes no sense. Bytes may be forged: no number in them is to be trusted.
     fn load(&mut self, state: &mut Reader<'_>) -> Result<(), EnvelopeError>;
 }
 
-/// A [`Baker`] at work: moved on by [`advance`](Self::advance) as long as one likes, ended by [`finish`](Self::finish).
+/// A [`Baker`] at work: moved on by [`advance`](Self::advance) as long as one likes, ended by
+/// [`finish`](Self::finish).
 #[derive(Clone, Debug)]
 pub struct Bake<B> {
     baker: B,
@@ -184,11 +189,12 @@ impl<B: Baker> Bake<B> {
         state.finish()
     }
 
-    /// Goes on with a bake that was [saved](Self::save): gives the same answer as one that was never interrupted. `baker` must be as new, from
-    /// the same input and with the same settings.
+    /// Goes on with a bake that was [saved](Self::save): gives the same answer as one that was never
+    /// interrupted. `baker` must be as new, from the same input and with the same settings.
     ///
     /// # Errors
-    /// [`EnvelopeError`] if the bytes are damaged, or of another baker, of another input or of other settings.
+    /// [`EnvelopeError`] if the bytes are damaged, or of another baker, of another input or of other
+    /// settings.
     pub fn resume(mut baker: B, bytes: &[u8]) -> Result<Self, EnvelopeError> {
         let mut state = Reader::new(bytes, FORMAT)?;
         state.expect(B::KIND, baker.fingerprint())?;
@@ -212,8 +218,9 @@ fn work_on_all<B: Baker>(baker: &B, round: &[u32]) -> Vec<B::Found> {
     round.iter().map(|&item| baker.work(item, &mut scratch)).collect()
 }
 
-/// What each item of a round comes to, in their order. Each thread takes the next item when it is done with one, the last of the round
-/// first: those are ranked to cost most, and no thread should be left with a long one at the end.
+/// What each item of a round comes to, in their order. Each thread takes the next item when it is done with
+/// one, the last of the round first: those are ranked to cost most, and no thread should be left with a long
+/// one at the end.
 #[cfg(feature = "rayon")]
 fn work_on_all<B: Baker>(baker: &B, round: &[u32]) -> Vec<B::Found> {
     use core::sync::atomic::{AtomicUsize, Ordering};
@@ -233,8 +240,9 @@ fn work_on_all<B: Baker>(baker: &B, round: &[u32]) -> Vec<B::Found> {
     found.into_iter().map(|(_, found)| found).collect()
 }
 
-/// Calls `fill` with each row of a table and its number, on all threads: `table` is cut into rows of `width` numbers, at least 1, the last of
-/// which may be shorter. `scratch` is memory for one thread, which must not change what is filled in.
+/// Calls `fill` with each row of a table and its number, on all threads: `table` is cut into rows of `width`
+/// numbers, at least 1, the last of which may be shorter. `scratch` is memory for one thread, which must not
+/// change what is filled in.
 pub fn fill_rows<T: Send, S: Default>(
     table: &mut [T],
     width: usize,

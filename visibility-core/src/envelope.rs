@@ -12,7 +12,8 @@
 //! | 32 to 40 | checksum: FNV-1a, in 64 bits, of all other bytes |
 //! | 40 on | content |
 //!
-//! The checksum finds accidents. It is no protection against forgery: whoever reads the content checks each number of it.
+//! The checksum finds accidents. It is no protection against forgery: whoever reads the content checks each
+//! number of it.
 //!
 //! ```
 //! use visibility_core::envelope::{EnvelopeError, Format, Reader, Writer};
@@ -110,7 +111,8 @@ impl fmt::Display for EnvelopeError {
 
 impl core::error::Error for EnvelopeError {}
 
-/// A hash of numbers, FNV-1a (Fowler, Noll and Vo) with 32 bits at a time: tells structures that were made from different things apart.
+/// A hash of numbers, FNV-1a (Fowler, Noll and Vo) with 32 bits at a time: tells structures that were made
+/// from different things apart.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fingerprint(u64);
 
@@ -207,11 +209,12 @@ pub struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Checks magic, version, length and checksum. The content comes next. Takes time in proportion to the bytes.
+    /// Checks magic, version, length and checksum. The content comes next. Takes time in proportion to the
+    /// bytes.
     ///
     /// # Errors
-    /// [`EnvelopeError::Magic`], [`EnvelopeError::Version`], [`EnvelopeError::Length`] and [`EnvelopeError::Checksum`], looked for in
-    /// this order.
+    /// [`EnvelopeError::Magic`], [`EnvelopeError::Version`], [`EnvelopeError::Length`] and
+    /// [`EnvelopeError::Checksum`], looked for in this order.
     pub fn new(bytes: &'a [u8], format: Format) -> Result<Self, EnvelopeError> {
         if !bytes.starts_with(&format.magic) {
             return Err(EnvelopeError::Magic { expected: format.magic });

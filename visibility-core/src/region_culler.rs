@@ -4,9 +4,9 @@ use crate::{Accuracy, CullStats, Scene, Viewcell, VisibleSet};
 
 /// Removes from a set of objects what cannot be seen from anywhere in a viewcell.
 ///
-/// The counterpart of [`Culler`](crate::Culler), which answers for one point of view. No plane of a view limits what is seen: every point of
-/// the viewcell, its boundary included, looks in all directions. One value owns the scratch memory of one thread; several work over
-/// one `&Scene`.
+/// The counterpart of [`Culler`](crate::Culler), which answers for one point of view. No plane of a view
+/// limits what is seen: every point of the viewcell, its boundary included, looks in all directions. One
+/// value owns the scratch memory of one thread; several work over one `&Scene`.
 ///
 /// ```
 /// use visibility_core::{Aabb, Accuracy, CullStats, Pose, RegionCuller, Scene, View, Viewcell, VisibleSet, glam::DVec3};
@@ -34,11 +34,11 @@ use crate::{Accuracy, CullStats, Scene, Viewcell, VisibleSet};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait RegionCuller {
-    /// What it promises, with its present settings: conservative if no object is removed to which an unobstructed segment runs from
-    /// some point of the viewcell.
+    /// What it promises, with its present settings: conservative if no object is removed to which an
+    /// unobstructed segment runs from some point of the viewcell.
     fn accuracy(&self) -> Accuracy;
 
-    /// Removes from `visible`, which holds the candidates, what it can prove hidden from all of `cell`. An empty viewcell sees nothing, and
-    /// may keep anything.
+    /// Removes from `visible`, which holds the candidates, what it can prove hidden from all of `cell`. An
+    /// empty viewcell sees nothing, and may keep anything.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats;
 }

@@ -1,12 +1,14 @@
 //! Whether separating planes leave a way through a sequence of polygons.
 
-use crate::{BakeError, CellBaker, Settings};
+use crate::bake_settings::{BakeError, Settings};
+use crate::cell_baker::CellBaker;
 use visibility_core::bake::Bake;
 use visibility_core::{CellGraph, CellId, ConvexPolygon};
 
-/// Whether the planes that separate the polygons of a sequence leave a way through all of them: each polygon clips what is seen of the first one
-/// through those before it, and the other way round (Seth Teller and Pat Hanrahan, "Global Visibility Algorithms for Illumination Computations",
-/// 1993). `false` is certain for lines that stay clear of all edges by the clearance.
+/// Whether the planes that separate the polygons of a sequence leave a way through all of them: each polygon
+/// clips what is seen of the first one through those before it, and the other way round (Seth Teller and Pat
+/// Hanrahan, "Global Visibility Algorithms for Illumination Computations", 1993). `false` is certain for
+/// lines that stay clear of all edges by the clearance.
 ///
 /// # Errors
 /// As [`CellBaker::new`].

@@ -1,23 +1,26 @@
 //! What the bakes of cells and of objects have in common: settings, errors, and portals made ready.
 
-use crate::portals::Portals;
+use crate::directed_portals::DirectedPortals;
 use core::fmt;
 use visibility_core::CellGraph;
 
 /// How a bake works.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Settings {
-    /// No pair of cells is called hidden between which a line passes that stays clear of all portal edges by this distance, in
-    /// the map's units. It must be well above the rounding of coordinates: at least 2^-33 of the greatest.
+    /// No pair of cells is called hidden between which a line passes that stays clear of all portal edges by
+    /// this distance, in the map's units. It must be well above the rounding of coordinates: at least 2^-33
+    /// of the greatest.
     pub clearance: f64,
-    /// The most chains of portals to look at for one cell. When it is reached, the cell sees all that is still possible.
+    /// The most chains of portals to look at for one cell. When it is reached, the cell sees all that is
+    /// still possible.
     pub steps_per_cell: u64,
-    /// Whether chains of portals through which separating planes leave a way are tested in Pluecker space too, where that decides whether
-    /// a cell is seen: never more cells, for somewhat more time.
+    /// Whether chains of portals through which separating planes leave a way are tested in Pluecker space
+    /// too, where that decides whether a cell is seen: never more cells, for somewhat more time.
     ///
-    /// What is certain is each rejection: of the edges of a few portals of the chain, a certificate shows that no line passes all of them
-    /// clear by the clearance. What is kept need not be visible: half-spaces that have a point in common may still miss the quadric that
-    /// lines form ([`stabbing`](crate::stabbing) says more), and what they have in common by less than `f64` can tell is kept, too.
+    /// What is certain is each rejection: of the edges of a few portals of the chain, a certificate shows
+    /// that no line passes all of them clear by the clearance. What is kept need not be visible: half-spaces
+    /// that have a point in common may still miss the quadric that lines form ([`stabbing`](crate::stabbing)
+    /// says more), and what they have in common by less than `f64` can tell is kept, too.
     pub exact: bool,
 }
 
@@ -86,12 +89,12 @@ impl core::error::Error for BakeError {}
 const MOST: usize = 1 << 16;
 
 /// The portals made ready, if they can be baked.
-pub(crate) fn prepare(graph: &CellGraph, settings: &Settings) -> Result<Portals, BakeError> {
+pub(crate) fn prepare(graph: &CellGraph, settings: &Settings) -> Result<DirectedPortals, BakeError> {
     let (cells, count) = (graph.cell_count(), graph.portals().len());
     if cells > MOST || count > MOST {
         return Err(BakeError::TooLarge { cells, portals: count });
     }
-    let portals = Portals::new(graph, settings.clearance);
+    let portals = DirectedPortals::new(graph, settings.clearance);
     let least = portals.margins.noise * 65_536.0;
     if !(settings.clearance > 0.0 && settings.clearance >= least && settings.clearance.is_finite()) {
         return Err(BakeError::Clearance { clearance: settings.clearance, least });

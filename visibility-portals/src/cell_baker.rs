@@ -1,13 +1,13 @@
 //! The visibility of cells from cells: a flow from every portal.
 //!
-//! In each round the portals with the fewest candidates come first: what they prove hidden thins the candidates of the others, at once also
-//! the other way round, since a line can be walked both ways.
+//! In each round the portals with the fewest candidates come first: what they prove hidden thins the
+//! candidates of the others, at once also the other way round, since a line can be walked both ways.
 
-use crate::CellMatrix;
 use crate::bake_settings::{BakeError, Settings, prepare};
-use crate::flood::{Found, Known, Scratch, flood};
-use crate::matrix::bits;
-use crate::portals::Portals;
+use crate::cell_matrix::CellMatrix;
+use crate::cell_matrix::bits;
+use crate::directed_portals::DirectedPortals;
+use crate::portal_flow::{Found, Known, Scratch, portal_flow};
 use alloc::vec::Vec;
 use visibility_core::bake::{Baker, fill_rows};
 use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
@@ -37,8 +37,8 @@ pub struct Outcome {
     pub complete: bool,
 }
 
-/// Finds which cells see which, for a [`Bake`](visibility_core::bake::Bake). Its items are the portals, each direction counted; its steps, the
-/// chains of portals looked at.
+/// Finds which cells see which, for a [`Bake`](visibility_core::bake::Bake). Its items are the portals, each
+/// direction counted; its steps, the chains of portals looked at.
 ///
 /// ```
 /// use visibility_core::{CellId, bake::Bake};
@@ -57,7 +57,7 @@ pub struct Outcome {
 /// ```
 #[derive(Clone, Debug)]
 pub struct CellBaker {
-    portals: Portals,
+    portals: DirectedPortals,
     cells: usize,
     settings: Settings,
     /// See [`Known`](Known::rows).
@@ -170,7 +170,7 @@ impl Baker for CellBaker {
             exact: self.settings.exact.then_some(self.settings.clearance),
         };
         let spent = self.steps[self.portals.all[source as usize].from as usize];
-        flood(&known, source, self.settings.steps_per_cell.saturating_sub(spent), scratch)
+        portal_flow(&known, source, self.settings.steps_per_cell.saturating_sub(spent), scratch)
     }
 
     fn take_in(&mut self, source: u32, found: Found) -> u64 {
@@ -262,9 +262,9 @@ impl Baker for CellBaker {
     }
 }
 
-/// Marks the portals that can follow one by their planes and through cells that can be reached. `stamps` has a place for each cell, and in it
-/// no number of this portal yet.
-fn candidates(portals: &Portals, source: u32, stamps: &mut [u32], row: &mut [u64]) {
+/// Marks the portals that can follow one by their planes and through cells that can be reached. `stamps` has
+/// a place for each cell, and in it no number of this portal yet.
+fn candidates(portals: &DirectedPortals, source: u32, stamps: &mut [u32], row: &mut [u64]) {
     let portal = &portals.all[source as usize];
     let mut queue = alloc::vec![portal.to];
     stamps[portal.to as usize] = source;

@@ -1,10 +1,13 @@
 //! Reads the portal files of map compilers: `.prt`, in the forms `PRT1`, `PRT2` and `PRT1-AM`.
 //!
-//! The formats are those of the compilers of the Quake family, which write convex cells and the portals between them as text:
-//! - line 1, the form; then counts, a line each: `PRT1`: cells, portals; `PRT2`: leaves, cells, portals; `PRT1-AM`: cells, portals, leaves;
-//! - a line per portal, `n c0 c1 (x y z) (x y z) ...`: a convex polygon of `n` vertices between the cells `c0` and `c1`, whose right-hand
-//!   normal points into `c1`;
-//! - `PRT2`: then a line per cell with the numbers of its leaves and a closing -1; `PRT1-AM`: then a line per leaf with its cell.
+//! The formats are those of the compilers of the Quake family, which write convex cells and the portals
+//! between them as text:
+//! - line 1, the form; then counts, a line each: `PRT1`: cells, portals; `PRT2`: leaves, cells, portals;
+//!   `PRT1-AM`: cells, portals, leaves;
+//! - a line per portal, `n c0 c1 (x y z) (x y z) ...`: a convex polygon of `n` vertices between the cells
+//!   `c0` and `c1`, whose right-hand normal points into `c1`;
+//! - `PRT2`: then a line per cell with the numbers of its leaves and a closing -1; `PRT1-AM`: then a line per
+//!   leaf with its cell.
 //!
 //! Coordinates are taken as they are, in the map's units.
 
@@ -22,8 +25,8 @@ pub const MAX_VERTICES: usize = 64;
 pub struct PortalFile {
     /// The cells and portals.
     pub graph: CellGraph,
-    /// The cell of each leaf, a finer division of the map: `None` for a leaf that the file puts in no cell. Empty for `PRT1`, where leaves
-    /// are cells.
+    /// The cell of each leaf, a finer division of the map: `None` for a leaf that the file puts in no cell.
+    /// Empty for `PRT1`, where leaves are cells.
     pub cell_of_leaf: Vec<Option<CellId>>,
 }
 
@@ -78,8 +81,8 @@ impl fmt::Display for PrtError {
 
 impl core::error::Error for PrtError {}
 
-/// Reads a portal file from its text. Takes time and memory in proportion to the text, whatever counts it claims, and as much again
-/// for claimed cells, of which there can be [`CellGraph::LIMIT`].
+/// Reads a portal file from its text. Takes time and memory in proportion to the text, whatever counts it
+/// claims, and as much again for claimed cells, of which there can be [`CellGraph::LIMIT`].
 ///
 /// ```
 /// let file = visibility_portals::prt::read("PRT1\n2\n1\n4 0 1 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n")?;
@@ -216,7 +219,8 @@ fn short(found: &str) -> &str {
     }
 }
 
-/// Portals stand a line each, so their line is that of the header and their own number, unless there are empty lines between.
+/// Portals stand a line each, so their line is that of the header and their own number, unless there are
+/// empty lines between.
 fn graph_error(header: usize, error: CellGraphError) -> PrtError {
     let portal = match error {
         CellGraphError::UnknownCell { portal, .. }
@@ -272,7 +276,8 @@ fn leaves_of_cell(
         if leaf >= leaves {
             return Err("there is no such leaf");
         }
-        // Leaves of several cells follow one another, so that the array is about as long as the text that fills it.
+        // Leaves of several cells follow one another, so that the array is about as long as the text that
+        // fills it.
         if leaf >= CellGraph::LIMIT {
             return Err("too many leaves");
         }

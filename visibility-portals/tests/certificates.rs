@@ -34,8 +34,9 @@ impl Random {
     }
 }
 
-/// Triangles, quadrangles or slits around a line, to be passed in a row; their edges lie in planes along the line, some at the distance given,
-/// the others much farther off. Each is moved across the line by up to `off`.
+/// Triangles, quadrangles or slits around a line, to be passed in a row; their edges lie in planes along the
+/// line, some at the distance given, the others much farther off. Each is moved across the line by up to
+/// `off`.
 fn around(count: usize, slits: bool, distance: f64, off: f64, random: &mut Random) -> Vec<Vec<DVec3>> {
     let direction = random.direction();
     let (u, start) = (direction.any_orthonormal_vector(), random.direction() * random.between(0.0, 100.0));
@@ -89,8 +90,8 @@ fn clearance_of(polygons: &[Vec<DVec3>], from: DVec3, to: DVec3) -> f64 {
     least
 }
 
-/// The line that stays farthest inside of all edges, as far as walking uphill from several places finds it. Knows nothing of
-/// Pluecker's coordinates nor of planes that separate.
+/// The line that stays farthest inside of all edges, as far as walking uphill from several places finds it.
+/// Knows nothing of Pluecker's coordinates nor of planes that separate.
 fn best_line(polygons: &[Vec<DVec3>], random: &mut Random) -> f64 {
     let ends = [&polygons[0], &polygons[polygons.len() - 1]].map(|p| {
         let middle = p.iter().fold(DVec3::ZERO, |sum, &v| sum + v) / p.len() as f64;
@@ -180,8 +181,8 @@ fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
     );
 }
 
-/// Triangles of integers around the third axis, then turned and moved without any rounding: in places where the program, in ordinary numbers,
-/// sees contradictions that there are none of.
+/// Triangles of integers around the third axis, then turned and moved without any rounding: in places where
+/// the program, in ordinary numbers, sees contradictions that there are none of.
 #[test]
 fn far_from_the_origin_nothing_with_a_line_is_excluded() {
     let (mut random, mut lines) = (Random(3), 0);

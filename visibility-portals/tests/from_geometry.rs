@@ -1,4 +1,5 @@
-//! Cells made from geometry: whoever walks along a clear line gets through portals from the one end's cell to the other's; walls stop.
+//! Cells made from geometry: whoever walks along a clear line gets through portals from the one end's cell to
+//! the other's; walls stop.
 
 use visibility_core::glam::{DMat3, DQuat, DVec2, DVec3};
 use visibility_core::{CellId, ConvexPolygon, Viewcells};
@@ -19,7 +20,8 @@ impl Random {
     }
 }
 
-/// Boxes along the axes of a house of rooms: walls of some thickness with doors left out, slabs, and a few loose blocks.
+/// Boxes along the axes of a house of rooms: walls of some thickness with doors left out, slabs, and a few
+/// loose blocks.
 fn house(random: &mut Random) -> Vec<[DVec3; 2]> {
     let mut boxes = Vec::new();
     let mut add = |min: [f64; 3], max: [f64; 3]| boxes.push([DVec3::from(min), DVec3::from(max)]);
@@ -95,7 +97,8 @@ fn blocked(boxes: &[[DVec3; 2]], a: DVec3, b: DVec3, widen: f64) -> bool {
     })
 }
 
-/// Goes along a segment from portal to portal: the cell that it ends in. `None` if it comes too near to an edge of a portal to tell.
+/// Goes along a segment from portal to portal: the cell that it ends in. `None` if it comes too near to an
+/// edge of a portal to tell.
 fn walk(cells: &Subdivision, from: CellId, a: DVec3, b: DVec3) -> Option<CellId> {
     let mut hits = Vec::new();
     for portal in cells.graph.portals() {
@@ -130,7 +133,8 @@ fn walk(cells: &Subdivision, from: CellId, a: DVec3, b: DVec3) -> Option<CellId>
     Some(cell)
 }
 
-/// Random clear segments lead from cell to cell; returns how many, and the share of blocked ones that lead elsewhere.
+/// Random clear segments lead from cell to cell; returns how many, and the share of blocked ones that lead
+/// elsewhere.
 fn check(
     cells: &Subdivision,
     boxes: &[[DVec3; 2]],
@@ -252,7 +256,8 @@ fn leaks_are_named_by_their_portals() {
 
 #[test]
 fn cells_behind_the_outermost_polygons_reach_out() {
-    // A house without a margin around it, and in it a room under the roof, or one on the ground: polygons lie in the boundary of the whole.
+    // A house without a margin around it, and in it a room under the roof, or one on the ground: polygons lie
+    // in the boundary of the whole.
     for room in [[3.0, 5.0], [-5.0, -3.0]] {
         let boxes = [
             [DVec3::splat(-5.0), DVec3::splat(5.0)],

@@ -74,7 +74,8 @@ fn cells_that_are_not_convex_and_portals_in_one_place_end() {
 
 #[test]
 fn a_room_around_the_corner_is_hidden() {
-    // Through a door in the east wall, along a corridor, and back through another door on the same side: no line turns round.
+    // Through a door in the east wall, along a corridor, and back through another door on the same side: no
+    // line turns round.
     let file = "PRT1\n3\n2\n4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n4 2 1 (4 8 0) (4 9 0) (4 9 2) (4 8 2)\n";
     let matrix = bake(&prt::read(file).unwrap().graph, Settings::default()).unwrap();
     assert_eq!(matrix.to_bytes(), [0b011, 0b111, 0b110]);

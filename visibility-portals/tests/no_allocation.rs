@@ -1,5 +1,5 @@
-//! No allocation once warm: frames through portals and mirrors, doors that open and close, objects that move; linear programs and stabbing
-//! lines. Counted by an allocator of our own.
+//! No allocation once warm: frames through portals and mirrors, doors that open and close, objects that move;
+//! linear programs and stabbing lines. Counted by an allocator of our own.
 
 mod maze;
 

@@ -1,4 +1,5 @@
-//! Portals frame by frame: doors, one-way portals, objects that move, limits, questions that can be asked, and hostile input.
+//! Portals frame by frame: doors, one-way portals, objects that move, limits, questions that can be asked,
+//! and hostile input.
 
 mod maze;
 
@@ -10,7 +11,8 @@ use visibility_core::{
 };
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError};
 
-/// Rooms of 4 by 4 by 3 in a row along x, with a door 1 wide and 2 high in the middle of each wall, and a box in each.
+/// Rooms of 4 by 4 by 3 in a row along x, with a door 1 wide and 2 high in the middle of each wall, and a box
+/// in each.
 fn row(rooms: u32) -> (SceneCells, Scene, Vec<ObjectId>) {
     let room = |i: u32| DVec3::new(f64::from(i) * 4.0, 0.0, 0.0);
     let door = |x: f64| {
@@ -172,7 +174,8 @@ fn too_many_steps_fall_back_and_many_ways_are_put_together() {
         scene.insert(Aabb::from_arrays([x, y, 0.4], [x + 0.2, y + 0.2, 0.6]));
     }
     cells.sync(&scene);
-    // In the corner of four cells, along the walls and the diagonal, where slivers go around every corner both ways.
+    // In the corner of four cells, along the walls and the diagonal, where slivers go around every corner
+    // both ways.
     let mut worst = 0;
     for (at, to) in [
         ([6.0, 6.0], [12.0, 6.0]),

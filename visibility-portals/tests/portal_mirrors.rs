@@ -54,7 +54,8 @@ fn no_reflected_ray_reaches_what_its_reflection_hides() {
                 let (x, y) = aimed.unwrap_or_else(|| (random.between(-1.0, 1.0), random.between(-1.0, 1.0)));
                 let (from, along) = camera.ray(x, y);
                 maze.follow(from, along, |object, mirrors| {
-                    // How far along the ray the object is, no one knows here: leave out what may be beyond the far plane.
+                    // How far along the ray the object is, no one knows here: leave out what may be beyond
+                    // the far plane.
                     if mirrors.is_empty() || mirrors.len() > 2 || camera.far < 100.0 {
                         return;
                     }

@@ -1,5 +1,5 @@
-//! No ray that passes open portals reaches an object that was hidden: mazes made up, straight and turned, with doors that open and close,
-//! eyes anywhere, and cameras of all conventions.
+//! No ray that passes open portals reaches an object that was hidden: mazes made up, straight and turned,
+//! with doors that open and close, eyes anywhere, and cameras of all conventions.
 
 mod maze;
 
@@ -74,8 +74,9 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
                     tally.many_starts += u64::from(eye.stats().starts > 1);
                 }
             }
-            // What a rectangle lets through holds what the polygon in it does. (A box is tested against planes one by one, so near a
-            // sharp corner of a polygon the rectangle may hide one that the polygon keeps; and what either keeps for a great tolerance differs.)
+            // What a rectangle lets through holds what the polygon in it does. (A box is tested against
+            // planes one by one, so near a sharp corner of a polygon the rectangle may hide one that the
+            // polygon keeps; and what either keeps for a great tolerance differs.)
             for cell in eye.seen_cells() {
                 assert!(
                     style.tolerance > 1e-6 || boxed.sees(cell),

@@ -134,7 +134,8 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
         Bake::resume(baker(&graph, settings), &writer.finish())
     };
     let waiting = u32::from_le_bytes(saved[48..52].try_into().unwrap()) as usize;
-    // Behind the steps of all, the portals that wait and the rejections: each cell's portals that gave up and its steps.
+    // Behind the steps of all, the portals that wait and the rejections: each cell's portals that gave up and
+    // its steps.
     let counts = 12 + 4 * waiting..12 + 4 * waiting + 8 + 49 * 12;
     let outcome = forged(&|content| {
         content[..8].fill(255);

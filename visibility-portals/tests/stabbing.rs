@@ -1,4 +1,5 @@
-//! Lines through sequences: in the plane against exact arithmetic, in space against planted lines and against the planes that separate.
+//! Lines through sequences: in the plane against exact arithmetic, in space against planted lines and against
+//! the planes that separate.
 
 use visibility_core::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
@@ -35,7 +36,8 @@ impl Random {
 
 type Ends = [[i64; 2]; 2];
 
-/// Whether a line has all left ends on its left, or on it, and all right ones on its right: if any has, so has one through two ends.
+/// Whether a line has all left ends on its left, or on it, and all right ones on its right: if any has, so
+/// has one through two ends.
 fn has_line(segments: &[Ends]) -> bool {
     let side = |p: [i64; 2], q: [i64; 2], r: [i64; 2]| {
         let [a, b] = [[q[0] - p[0], q[1] - p[1]], [r[0] - p[0], r[1] - p[1]]];

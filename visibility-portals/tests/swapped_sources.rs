@@ -1,5 +1,5 @@
-//! Scene, cells, PVS, doors and mirrors that are swapped, mixed, cloned, reverted and dropped under a live eye: each frame's answer is that of
-//! an eye and of cells that were made for the frame.
+//! Scene, cells, PVS, doors and mirrors that are swapped, mixed, cloned, reverted and dropped under a live
+//! eye: each frame's answer is that of an eye and of cells that were made for the frame.
 
 mod maze;
 
@@ -11,7 +11,8 @@ use visibility_core::{
 };
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, PortalStats, SceneCells};
 
-/// Rooms of 4 by 4 by 3 in a row along x, with a door in the middle of each wall; from each, `sight` rooms to either side are seen.
+/// Rooms of 4 by 4 by 3 in a row along x, with a door in the middle of each wall; from each, `sight` rooms to
+/// either side are seen.
 fn row(rooms: u32, sight: u32) -> SceneCells {
     let room = |i: u32| DVec3::new(f64::from(i) * 4.0, 0.0, 0.0);
     let door = |x: f64| {

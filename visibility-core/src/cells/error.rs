@@ -52,8 +52,9 @@ pub enum CellGraphError {
         /// How many cells there are.
         cells: usize,
     },
-    /// Two portals of one cell cannot both be on the boundary of a convex body: one lies behind the other. Either the cell is not convex,
-    /// or the portal is not on its boundary, or its normal points the wrong way.
+    /// Two portals of one cell cannot both be on the boundary of a convex body: one lies behind the other.
+    /// Either the cell is not convex, or the portal is not on its boundary, or its normal points the wrong
+    /// way.
     NotOnBoundary {
         /// The cell.
         cell: CellId,

@@ -29,8 +29,8 @@ impl fmt::Display for Leak {
 impl core::error::Error for Leak {}
 
 impl CellGraph {
-    /// The shortest way, by number of portals, from a cell to any that is outside. `None` if there is none, or no such cell. Takes time
-    /// and memory in proportion to cells and portals.
+    /// The shortest way, by number of portals, from a cell to any that is outside. `None` if there is none,
+    /// or no such cell. Takes time and memory in proportion to cells and portals.
     ///
     /// ```
     /// use visibility_core::{CellGraph, CellId, ConvexPolygon, PortalId, glam::DVec3};

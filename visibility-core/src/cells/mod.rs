@@ -1,13 +1,15 @@
 //! Cells and portals: rooms, and the openings through which they are seen from one another.
 //!
-//! A [`CellGraph`] divides the space that can be walked into convex cells; what bounds a cell is opaque but for its portals, convex
-//! polygons that it shares with one other cell each. A line of sight therefore leaves a cell only through portals, which is all that
-//! visibility needs to know of the walls (Airey, "Increasing Update Rates in the Building Walkthrough System", 1990; Teller and Sequin,
-//! "Visibility Preprocessing for Interactive Walkthroughs", 1991; Durand's survey, chapter 5, section 7).
+//! A [`CellGraph`] divides the space that can be walked into convex cells; what bounds a cell is opaque but
+//! for its portals, convex polygons that it shares with one other cell each. A line of sight therefore leaves
+//! a cell only through portals, which is all that visibility needs to know of the walls (Airey, "Increasing
+//! Update Rates in the Building Walkthrough System", 1990; Teller and Sequin, "Visibility Preprocessing for
+//! Interactive Walkthroughs", 1991; Durand's survey, chapter 5, section 7).
 //!
 //! # Conventions
-//! Coordinates are `f64`, in the world's own units. A portal's normal, from whose tip its vertices run counter-clockwise, points into the
-//! second of its two cells. Cells and portals are numbered from 0 in the order given.
+//! Coordinates are `f64`, in the world's own units. A portal's normal, from whose tip its vertices run
+//! counter-clockwise, points into the second of its two cells. Cells and portals are numbered from 0 in the
+//! order given.
 
 mod error;
 mod leak;
@@ -98,13 +100,15 @@ impl CellGraph {
     /// The most cells or portals that a graph can have.
     pub const LIMIT: usize = 1 << 20;
 
-    /// A graph from the number of its cells and its portals, each with the two cells that it joins: its normal points into the second.
+    /// A graph from the number of its cells and its portals, each with the two cells that it joins: its
+    /// normal points into the second.
     ///
-    /// Whether the portals of a cell can bound a convex body is not asked here, but by [`validate`](Self::validate). Takes time and memory
-    /// in proportion to cells and portals.
+    /// Whether the portals of a cell can bound a convex body is not asked here, but by
+    /// [`validate`](Self::validate). Takes time and memory in proportion to cells and portals.
     ///
     /// # Errors
-    /// Names the first portal that joins a cell to itself or to one that does not exist, or that has no plane; see [`CellGraphError`].
+    /// Names the first portal that joins a cell to itself or to one that does not exist, or that has no
+    /// plane; see [`CellGraphError`].
     pub fn new(
         cells: usize,
         portals: impl IntoIterator<Item = (ConvexPolygon, [CellId; 2])>,
@@ -155,8 +159,8 @@ impl CellGraph {
     /// As [`new`](Self::new), from the vertices of each portal, in order around it.
     ///
     /// # Errors
-    /// [`CellGraphError::Polygon`] names the first portal that is not planar or not convex, up to [`ConvexPolygon::TOLERANCE`]; otherwise as
-    /// `new`.
+    /// [`CellGraphError::Polygon`] names the first portal that is not planar or not convex, up to
+    /// [`ConvexPolygon::TOLERANCE`]; otherwise as `new`.
     pub fn from_vertices<V: IntoIterator<Item = DVec3>>(
         cells: usize,
         portals: impl IntoIterator<Item = (V, [CellId; 2])>,
@@ -170,7 +174,8 @@ impl CellGraph {
         Self::new(cells, all)
     }
 
-    /// Identifies cells, portals and lists of objects: a new stamp after each [`set_objects`](Self::set_objects). Clones share it.
+    /// Identifies cells, portals and lists of objects: a new stamp after each
+    /// [`set_objects`](Self::set_objects). Clones share it.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
@@ -195,8 +200,8 @@ impl CellGraph {
         slice_of(&self.first, &self.of_cells, cell)
     }
 
-    /// Says which objects are in which cells, in place of what was said before. An object that reaches into several cells is named with
-    /// each of them. Pairs may come in any order; sorts them.
+    /// Says which objects are in which cells, in place of what was said before. An object that reaches into
+    /// several cells is named with each of them. Pairs may come in any order; sorts them.
     ///
     /// # Errors
     /// [`CellGraphError::UnknownObjectCell`]; then nothing has changed.

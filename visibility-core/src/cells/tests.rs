@@ -83,7 +83,8 @@ fn portals_that_are_on_no_boundary_are_named() {
         cell: CellId(cell),
         distance,
     };
-    // Short of the first, out of the first into the second, in the middle of one, and between cells that do not touch.
+    // Short of the first, out of the first into the second, in the middle of one, and between cells that do
+    // not touch.
     assert_eq!(check(3.75, 8.0, [1, 2]), Err(off(0, 0, 0.25)));
     assert_eq!(check(4.0, 8.25, [1, 2]), Err(off(1, 1, 0.25)));
     assert_eq!(check(4.0, 6.0, [1, 2]), Err(off(1, 1, 2.0)));

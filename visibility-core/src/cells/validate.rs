@@ -5,12 +5,12 @@ use crate::{Plane, Viewcell};
 use glam::DVec3;
 
 impl CellGraph {
-    /// Checks that the portals of each cell can lie on the boundary of one convex body: each is on the inner side of all others, up to
-    /// `tolerance` in the world's units (text with d decimals needs about 10^-d times the extent of the map over that of its smallest
-    /// portal).
+    /// Checks that the portals of each cell can lie on the boundary of one convex body: each is on the inner
+    /// side of all others, up to `tolerance` in the world's units (text with d decimals needs about 10^-d
+    /// times the extent of the map over that of its smallest portal).
     ///
-    /// Visibility through portals is conservative whether or not this holds; it is a check of whoever made the cells. Takes time in
-    /// proportion to the sum over cells of their portals, squared.
+    /// Visibility through portals is conservative whether or not this holds; it is a check of whoever made
+    /// the cells. Takes time in proportion to the sum over cells of their portals, squared.
     ///
     /// # Errors
     /// [`CellGraphError::NotOnBoundary`], for the first such cell.
@@ -22,7 +22,8 @@ impl CellGraph {
                 for &id in self.portals_of(cell) {
                     let vertices = self.portals[id.index()].polygon.vertices();
                     let distance = vertices.iter().map(|&v| -plane.signed_distance(v)).fold(0.0, f64::max);
-                    // Coordinates so large that distances are no numbers are not a proof that the cell is wrong.
+                    // Coordinates so large that distances are no numbers are not a proof that the cell is
+                    // wrong.
                     if distance > tolerance {
                         return Err(CellGraphError::NotOnBoundary { cell, portal: id, behind, distance });
                     }
@@ -32,11 +33,13 @@ impl CellGraph {
         Ok(())
     }
 
-    /// Checks portals against the bodies of the cells: each must lie in a face of the body of either of its cells, up to `tolerance` in the
-    /// world's units, and its normal must point into the second. `bodies[i]` is that of cell `i`.
+    /// Checks portals against the bodies of the cells: each must lie in a face of the body of either of its
+    /// cells, up to `tolerance` in the world's units, and its normal must point into the second. `bodies[i]`
+    /// is that of cell `i`.
     ///
     /// # Errors
-    /// [`CellGraphError::Bodies`]; [`CellGraphError::OffBody`] and [`CellGraphError::WrongWay`], for the first such portal.
+    /// [`CellGraphError::Bodies`]; [`CellGraphError::OffBody`] and [`CellGraphError::WrongWay`], for the
+    /// first such portal.
     ///
     /// ```
     /// use visibility_core::{CellGraph, CellId, ConvexPolygon, Viewcell, glam::DVec3};

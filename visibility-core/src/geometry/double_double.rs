@@ -1,13 +1,15 @@
-//! Double-double arithmetic: numbers of 106 bits, for certificates and for tests of margins, where `f64` has no digits left.
+//! Double-double arithmetic: numbers of 106 bits, for certificates and for tests of margins, where `f64` has
+//! no digits left.
 //!
-//! This work is based on: T. J. Dekker, "A Floating-Point Technique for Extending the Available Precision", 1971, and M. Joldes,
-//! J.-M. Muller and V. Popescu, "Tight and Rigorous Error Bounds for Basic Building Blocks of DoubleDouble-Word Arithmetic", 2017, who prove that
-//! a sum is wrong by at most 3 u^2 and a product by at most 8 u^2 of its value, u = 2^-53, if nothing underflows or overflows.
+//! This work is based on: T. J. Dekker, "A Floating-Point Technique for Extending the Available Precision",
+//! 1971, and M. Joldes, J.-M. Muller and V. Popescu, "Tight and Rigorous Error Bounds for Basic Building
+//! Blocks of DoubleDouble-Word Arithmetic", 2017, who prove that a sum is wrong by at most 3 u^2 and a
+//! product by at most 8 u^2 of its value, u = 2^-53, if nothing underflows or overflows.
 
 /// The number `hi + lo`, where `hi` is that sum rounded to nearest.
 ///
-/// Sums and products are wrong by at most [`ERROR`](Self::ERROR) of their value, as long as nothing overflows and no product is
-/// below 2^-969 in size (its low part would underflow). Infinities and NaN give NaN.
+/// Sums and products are wrong by at most [`ERROR`](Self::ERROR) of their value, as long as nothing overflows
+/// and no product is below 2^-969 in size (its low part would underflow). Infinities and NaN give NaN.
 ///
 /// ```
 /// use visibility_core::geometry::DoubleDouble;

@@ -1,16 +1,19 @@
-//! Potentially visible sets, stored: for each viewcell what can be seen from anywhere in it, in a form for memory and disk alike.
+//! Potentially visible sets, stored: for each viewcell what can be seen from anywhere in it, in a form for
+//! memory and disk alike.
 //!
 //! # The form
 //! All numbers are little-endian:
-//! - the header of an [envelope](crate::envelope): `VISI-PVS`, version 1, kind (0: cells, 1: objects), and in place of a fingerprint the
-//!   number of viewcells and that of targets (`u32` each);
+//! - the header of an [envelope](crate::envelope): `VISI-PVS`, version 1, kind (0: cells, 1: objects), and in
+//!   place of a fingerprint the number of viewcells and that of targets (`u32` each);
 //! - for each viewcell, and once more for the end, where its row begins among the rows (`u32`);
-//! - the rows. A row is a byte 0 and runs, or a byte 1, another viewcell (`u32`) whose row begins with 0, and the runs of what
-//!   differs from that. Runs are the lengths of what is not there and what is, in turn, in 7 bits a byte, least significant first, the top
-//!   bit set on all bytes but the last; what follows the last run is not there.
+//! - the rows. A row is a byte 0 and runs, or a byte 1, another viewcell (`u32`) whose row begins with 0, and
+//!   the runs of what differs from that. Runs are the lengths of what is not there and what is, in turn, in 7
+//!   bits a byte, least significant first, the top bit set on all bytes but the last; what follows the last
+//!   run is not there.
 //!
-//! Rooms that lie side by side see much the same, so most rows are shorter as differences (Gotsman, Sudarsky and Fayman, "Optimized Occlusion
-//! Culling Using Five-Dimensional Subdivision", 1999, keep differences to the parent for the same reason).
+//! Rooms that lie side by side see much the same, so most rows are shorter as differences (Gotsman, Sudarsky
+//! and Fayman, "Optimized Occlusion Culling Using Five-Dimensional Subdivision", 1999, keep differences to
+//! the parent for the same reason).
 
 mod culler;
 mod error;
@@ -69,11 +72,13 @@ const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 1 };
 impl Pvs {
     /// Compresses rows of targets, a row for each viewcell, ascending and without repetition.
     ///
-    /// `neighbours` names the viewcells that probably see much the same; those with greater numbers than the viewcell's own, and
-    /// unknown ones, are passed over. Takes time in proportion to the rows and those of the neighbours.
+    /// `neighbours` names the viewcells that probably see much the same; those with greater numbers than the
+    /// viewcell's own, and unknown ones, are passed over. Takes time in proportion to the rows and those of
+    /// the neighbours.
     ///
     /// # Errors
-    /// [`PvsError::Target`] if a row is not ascending or names a target that does not exist, [`PvsError::TooLarge`].
+    /// [`PvsError::Target`] if a row is not ascending or names a target that does not exist,
+    /// [`PvsError::TooLarge`].
     pub fn new<R: AsRef<[u32]>, N: IntoIterator<Item = ViewcellId>>(
         targets: PvsTargets,
         target_count: usize,
@@ -128,7 +133,8 @@ impl Pvs {
         &self.bytes
     }
 
-    /// Identifies the sets. They never change, so a clone has the same stamp; the same bytes loaded twice have two.
+    /// Identifies the sets. They never change, so a clone has the same stamp; the same bytes loaded twice
+    /// have two.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }

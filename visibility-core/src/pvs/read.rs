@@ -7,8 +7,8 @@ use crate::envelope::{HEADER, Reader};
 use alloc::vec::Vec;
 
 impl Pvs {
-    /// Takes the bytes of a stored set as they are. They are read through once, to be sure that they are whole and make sense;
-    /// nothing is built from them.
+    /// Takes the bytes of a stored set as they are. They are read through once, to be sure that they are
+    /// whole and make sense; nothing is built from them.
     ///
     /// # Errors
     /// [`PvsError`], with the reason.
@@ -60,8 +60,9 @@ impl Pvs {
         [Runs::new(runs), Runs::new(base.map_or(&[][..], |base| of(base).1))]
     }
 
-    /// Writes what a viewcell sees, a bit for each target, to `words`, whose memory is reused. False, and then no bit is set, for an
-    /// unknown viewcell. Takes time in proportion to the row's bytes and the words; never fails.
+    /// Writes what a viewcell sees, a bit for each target, to `words`, whose memory is reused. False, and
+    /// then no bit is set, for an unknown viewcell. Takes time in proportion to the row's bytes and the
+    /// words; never fails.
     pub fn write_bits(&self, viewcell: ViewcellId, words: &mut Vec<u64>) -> bool {
         words.clear();
         words.resize(self.target_count().div_ceil(64), 0);
@@ -71,8 +72,9 @@ impl Pvs {
         viewcell.index() < self.viewcell_count()
     }
 
-    /// Writes what any of some viewcells sees, a bit for each target, to `words`, whose memory is reused as that of `row` is. A viewcell without a
-    /// row may see all; no viewcells see none. Takes time in proportion to the rows' bytes and, for each viewcell, to the words.
+    /// Writes what any of some viewcells sees, a bit for each target, to `words`, whose memory is reused as
+    /// that of `row` is. A viewcell without a row may see all; no viewcells see none. Takes time in
+    /// proportion to the rows' bytes and, for each viewcell, to the words.
     pub fn write_union(&self, viewcells: &[ViewcellId], words: &mut Vec<u64>, row: &mut Vec<u64>) {
         words.clear();
         words.resize(self.target_count().div_ceil(64), 0);
@@ -86,8 +88,8 @@ impl Pvs {
         }
     }
 
-    /// Whether a viewcell sees a target. False for unknown ones. Takes time in proportion to the row's bytes; for many questions about
-    /// one viewcell see [`write_bits`](Self::write_bits).
+    /// Whether a viewcell sees a target. False for unknown ones. Takes time in proportion to the row's bytes;
+    /// for many questions about one viewcell see [`write_bits`](Self::write_bits).
     pub fn sees(&self, viewcell: ViewcellId, target: u32) -> bool {
         let runs = self.runs(viewcell).into_iter().flatten().flatten();
         runs.filter(|&(start, end)| start <= target && target < end).count() % 2 == 1

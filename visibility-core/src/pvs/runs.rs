@@ -34,7 +34,8 @@ pub(super) fn write_runs(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
     }
 }
 
-/// The runs that bytes hold: pairs of a first number and the one after the last. `Err` if they make no sense: that ends it.
+/// The runs that bytes hold: pairs of a first number and the one after the last. `Err` if they make no sense:
+/// that ends it.
 pub(super) struct Runs<'a> {
     bytes: &'a [u8],
     at: u32,

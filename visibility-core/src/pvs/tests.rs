@@ -43,7 +43,8 @@ fn the_form_of_a_stored_set_stays() {
         .unwrap();
     let content = [
         &[0, 0, 0, 0, 11, 0, 0, 0, 19, 0, 0, 0][..],
-        // One is left out, two follow, and so on; then the difference from row 0, in which 299 are left out and one follows.
+        // One is left out, two follow, and so on; then the difference from row 0, in which 299 are left out
+        // and one follows.
         &[0, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0xab, 2, 1],
     ];
     let mut bytes = [b"VISI-PVS", &[1, 0, 0, 0, 1, 0, 0, 0][..], &[2, 0, 0, 0, 44, 1, 0, 0]].concat();

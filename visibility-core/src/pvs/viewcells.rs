@@ -6,7 +6,8 @@ use glam::DVec3;
 
 /// A viewcell, by its number: its place among the [`Viewcells`] and among the rows of a [`Pvs`](super::Pvs).
 ///
-/// Not every viewcell is a cell of a [`CellGraph`](crate::CellGraph); where each is, both have the same number.
+/// Not every viewcell is a cell of a [`CellGraph`](crate::CellGraph); where each is, both have the same
+/// number.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct ViewcellId(pub u32);
 
@@ -51,8 +52,8 @@ fn in_box(p: DVec3, min: DVec3, max: DVec3) -> bool {
     min.cmple(p).all() && p.cmple(max).all()
 }
 
-/// Viewcells in a binary tree of boxes, split at the median, so that an eye is found in time in proportion to the logarithm of their
-/// number, as long as their boxes overlap but little.
+/// Viewcells in a binary tree of boxes, split at the median, so that an eye is found in time in proportion to
+/// the logarithm of their number, as long as their boxes overlap but little.
 ///
 /// ```
 /// use visibility_core::{ViewcellId, Viewcell, Viewcells, glam::DVec3};
@@ -85,7 +86,8 @@ struct Node {
 const LEAF: usize = 4;
 
 impl Viewcells {
-    /// Viewcells, numbered in the order given; no eye is in one with a NaN. Takes time in proportion to n log n.
+    /// Viewcells, numbered in the order given; no eye is in one with a NaN. Takes time in proportion to n log
+    /// n.
     pub fn new(cells: impl IntoIterator<Item = Viewcell>) -> Self {
         let cells: Vec<Viewcell> = cells.into_iter().collect();
         let usable = |cell: &Viewcell| cell.min.cmple(cell.max).all();
@@ -130,8 +132,8 @@ impl Viewcells {
         &self.cells
     }
 
-    /// The viewcell that a point of the world is in; of several, the one with the least number. On the boundary between two, either
-    /// is right, since each sees all that is seen from its boundary.
+    /// The viewcell that a point of the world is in; of several, the one with the least number. On the
+    /// boundary between two, either is right, since each sees all that is seen from its boundary.
     pub fn locate(&self, p: DVec3) -> Option<ViewcellId> {
         let (mut at, mut found) = (0, None);
         while let Some(node) = self.nodes.get(at) {
@@ -149,9 +151,10 @@ impl Viewcells {
         found
     }
 
-    /// Calls `each` with the viewcells that may touch a box of the world, boundaries included: those of which a corner or more of the box is
-    /// on the inner side of each plane, or so near it that rounding cannot tell. None for a box with a NaN. Takes time in proportion
-    /// to the logarithm of their number, and to how many there are.
+    /// Calls `each` with the viewcells that may touch a box of the world, boundaries included: those of which
+    /// a corner or more of the box is on the inner side of each plane, or so near it that rounding cannot
+    /// tell. None for a box with a NaN. Takes time in proportion to the logarithm of their number, and to how
+    /// many there are.
     pub fn for_each_touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(ViewcellId)) {
         let meets = |low: DVec3, high: DVec3| low.cmple(max).all() && min.cmple(high).all();
         let (magnitude, mut at) = (min.abs().max(max.abs()), 0);

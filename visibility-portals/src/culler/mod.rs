@@ -1,125 +1,36 @@
-//! Portals each frame: from the cell that the eye is in through those that are open, each narrowing what is seen to what its polygon lets through.
+//! Portals each frame: from the cell that the eye is in through those that are open, each narrowing what is
+//! seen to what its polygon lets through.
 //!
-//! This work is based on David Luebke and Chris Georges, "Portals and Mirrors: Simple, Fast Evaluation of Potentially Visible Sets", 1995 (no
-//! bake, doors and mirrors that move); where potentially visible sets were baked, they limit the walk, as in Seth Teller and Carlo Sequin,
-//! "Visibility Preprocessing for Interactive Walkthroughs", 1991 (eye-to-cell visibility).
+//! This work is based on David Luebke and Chris Georges, "Portals and Mirrors: Simple, Fast Evaluation of
+//! Potentially Visible Sets", 1995 (no bake, doors and mirrors that move); where potentially visible sets
+//! were baked, they limit the walk, as in Seth Teller and Carlo Sequin, "Visibility Preprocessing for
+//! Interactive Walkthroughs", 1991 (eye-to-cell visibility).
 //!
-//! [`SceneCells`] is what all eyes share, [`PortalEye`] the memory of one view, and [`PortalCuller`] both together, for a pipeline.
+//! [`SceneCells`] is what all eyes share, [`PortalEye`] the memory of one view, and [`PortalCuller`] both
+//! together, for a pipeline.
 
-mod eye;
-mod polygon;
+mod doors;
+mod mirror;
+mod outline;
+mod portal_culler;
+mod portal_eye;
+mod portal_stats;
+mod portal_view;
+mod portal_walk;
 mod reflection;
 mod scene_cells;
+mod scene_cells_error;
 mod screen_rectangle;
-mod side;
-mod sight;
-mod start;
-mod stats;
-mod walk;
+mod seen_objects;
+mod start_cells;
+mod window_plane;
 
-pub use eye::PortalEye;
+pub use doors::Passage;
+pub use mirror::MirrorId;
+pub use portal_culler::PortalCuller;
+pub use portal_eye::PortalEye;
+pub use portal_stats::{NotCulled, PortalStats};
+pub use portal_walk::Narrowing;
 pub use reflection::Reflection;
-pub use scene_cells::{MirrorId, Passage, SceneCells, SceneCellsError};
-pub use stats::{NotCulled, PortalStats};
-
-use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
-
-/// What each portal narrows the view to.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]
-pub enum Narrowing {
-    /// The exact convex polygon of what is seen through it.
-    #[default]
-    Polygon,
-    /// The rectangle on the screen around that, as Luebke and Georges do: four planes a portal, whatever its shape.
-    Rectangle,
-}
-
-/// Hides what cannot be seen through open portals, for one view: a [`PortalEye`] that owns its [`SceneCells`].
-///
-/// Runs after a [`FrustumCuller`](visibility_core::FrustumCuller), and takes in by itself what moved. Where several views share cells, or where the cells that
-/// are seen and the reflections in mirrors are wanted, keep a [`SceneCells`] and a [`PortalEye`] a view instead.
-///
-/// What came into sight and what went out of it since the frame before is told by a set that was made
-/// [with changes](VisibleSet::with_changes):
-///
-/// ```
-/// use visibility_core::{Aabb, CellGraph, CellId, ConvexPolygon, FrustumCuller, PortalId, Pose, Scene, View, Viewcell, Viewcells, VisibleSet};
-/// use visibility_core::{Culler, glam::DVec3};
-/// use visibility_portals::{PortalCuller, SceneCells};
-/// let door = ConvexPolygon::new([[4.0, 1.0, 0.0], [4.0, 3.0, 0.0], [4.0, 3.0, 2.0], [4.0, 1.0, 2.0]].map(DVec3::from))?;
-/// let graph = CellGraph::new(2, [(door, [CellId(0), CellId(1)])])?;
-/// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 4.0, 3.0));
-/// let cells = SceneCells::new(graph, Viewcells::new([room(0.0), room(4.0)]), 1e-6)?;
-/// let mut scene = Scene::new();
-/// let table = scene.insert(Aabb::from_arrays([5.0, 1.5, 0.0], [7.0, 2.5, 1.0]));
-/// let corner = scene.insert(Aabb::from_arrays([4.2, 3.5, 0.0], [4.6, 3.9, 1.0]));
-/// let view = View::perspective(Pose::look_at(DVec3::new(1.0, 2.0, 1.5), DVec3::new(5.0, 2.0, 1.0), DVec3::Z), 1.0, 1.5, 0.1, 100.0)?;
-///
-/// let (mut frustum, mut portals) = (FrustumCuller::new(), PortalCuller::new(cells));
-/// let mut visible = VisibleSet::with_changes();
-/// let mut told = Vec::new();
-/// for open in [true, false, true] {
-///     portals.cells_mut().set_open(PortalId(0), open)?;
-///     visible.fill(&scene, &view);
-///     frustum.cull(&scene, &view, &mut visible);
-///     portals.cull(&scene, &view, &mut visible);
-///     visible.finish(&scene);
-///     // The callbacks: a guard who hears of what he sees.
-///     told.extend(visible.newly_visible().map(|id| (id, "seen")));
-///     told.extend(visible.newly_hidden().map(|id| (id, "gone")));
-/// }
-/// assert_eq!(told, [(table, "seen"), (table, "gone"), (table, "seen")]);
-/// assert!(!visible.contains(&scene, corner), "in view, but beside the door");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Clone, Debug)]
-pub struct PortalCuller {
-    cells: SceneCells,
-    eye: PortalEye,
-}
-
-impl PortalCuller {
-    /// For one view of these cells.
-    pub fn new(cells: SceneCells) -> Self {
-        Self { cells, eye: PortalEye::new() }
-    }
-
-    /// With these settings.
-    pub fn with_eye(self, eye: PortalEye) -> Self {
-        Self { eye, ..self }
-    }
-
-    /// The cells.
-    pub fn cells(&self) -> &SceneCells {
-        &self.cells
-    }
-
-    /// The cells, to open and close doors and to cover mirrors.
-    pub fn cells_mut(&mut self) -> &mut SceneCells {
-        &mut self.cells
-    }
-
-    /// What the last frame saw.
-    pub fn eye(&self) -> &PortalEye {
-        &self.eye
-    }
-}
-
-impl Culler for PortalCuller {
-    fn name(&self) -> &str {
-        "portals"
-    }
-
-    fn accuracy(&self) -> Accuracy {
-        Accuracy::Conservative
-    }
-
-    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        self.cells.sync(scene);
-        self.eye.cull(&self.cells, scene, view, visible)
-    }
-
-    fn reset(&mut self) {
-        self.eye.reset();
-    }
-}
+pub use scene_cells::SceneCells;
+pub use scene_cells_error::SceneCellsError;

@@ -1,16 +1,17 @@
 //! Mirrors: portals into the same scene, seen from behind the glass.
 //!
-//! A mirror returns a view of its own, that of the eye reflected in its plane, with the plane as a clip plane; what is seen in it is found by
-//! a walk that begins in the mirror's cell, within what is seen of the mirror (Luebke and Georges, 1995). The picture of a mirror lies where
-//! the mirror itself is on the screen, so the reflected view draws into the same pixels.
+//! A mirror returns a view of its own, that of the eye reflected in its plane, with the plane as a clip
+//! plane; what is seen in it is found by a walk that begins in the mirror's cell, within what is seen of the
+//! mirror (Luebke and Georges, 1995). The picture of a mirror lies where the mirror itself is on the screen,
+//! so the reflected view draws into the same pixels.
 
-use super::Narrowing;
-use super::eye::Seen;
-use super::scene_cells::{MirrorId, SceneCells};
-use super::side::{Side, U};
-use super::sight::Sight;
-use super::stats::{NotCulled, PortalStats};
-use super::walk::{SeenMirror, Walk};
+use super::mirror::MirrorId;
+use super::portal_stats::{NotCulled, PortalStats};
+use super::portal_view::PortalView;
+use super::portal_walk::{Narrowing, PortalWalk, SeenMirror};
+use super::scene_cells::SceneCells;
+use super::seen_objects::Seen;
+use super::window_plane::{U, WindowPlane};
 use alloc::vec::Vec;
 use visibility_core::glam::{DMat4, DVec3};
 use visibility_core::{Culler, FrustumCuller, Plane, Scene, View, ViewError, VisibleSet};
@@ -31,8 +32,8 @@ impl Reflection {
         self.mirror
     }
 
-    /// The reflection that the mirror is seen in, by its place in [`PortalEye::reflections`](super::PortalEye::reflections); none where it is seen
-    /// directly.
+    /// The reflection that the mirror is seen in, by its place in
+    /// [`PortalEye::reflections`](super::portal_eye::PortalEye::reflections); none where it is seen directly.
     pub fn parent(&self) -> Option<usize> {
         self.parent
     }
@@ -42,8 +43,9 @@ impl Reflection {
         self.depth
     }
 
-    /// The view to draw the reflection with: the eye's own, reflected, so that it draws to where the mirror is on the screen, but with triangles
-    /// winding the other way. What is behind the mirror is cut away by its clip plane, which takes the place of those that the view had.
+    /// The view to draw the reflection with: the eye's own, reflected, so that it draws to where the mirror
+    /// is on the screen, but with triangles winding the other way. What is behind the mirror is cut away by
+    /// its clip plane, which takes the place of those that the view had.
     pub fn view(&self) -> &View {
         &self.view
     }
@@ -60,11 +62,11 @@ pub(super) struct Reflections {
     all: Vec<Reflection>,
     /// How many of them are of this frame.
     count: usize,
-    walk: Walk,
+    walk: PortalWalk,
     /// Mirrors that are seen, each in a reflection or directly, with the sides that bound it.
     seen: Vec<(Option<usize>, SeenMirror)>,
     /// Of the reflection that they are seen in.
-    sides: Vec<Side>,
+    sides: Vec<WindowPlane>,
     most: usize,
     deepest: u32,
 }
@@ -72,7 +74,7 @@ pub(super) struct Reflections {
 impl Reflections {
     pub(super) fn new() -> Self {
         let (all, seen, sides) = (Vec::new(), Vec::new(), Vec::new());
-        Self { all, count: 0, walk: Walk::default(), seen, sides, most: 8, deepest: 2 }
+        Self { all, count: 0, walk: PortalWalk::default(), seen, sides, most: 8, deepest: 2 }
     }
 
     /// Without reflections, with the same limits.
@@ -101,8 +103,8 @@ impl Reflections {
         cells: &SceneCells,
         scene: &Scene,
         view: &View,
-        sight: &Sight,
-        walk: &Walk,
+        eye_view: &PortalView,
+        walk: &PortalWalk,
         known: (&[u64], u64),
         settings: (Narrowing, u64),
         stats: &mut PortalStats,
@@ -125,8 +127,9 @@ impl Reflections {
             let found = &cells.mirrors[mirror as usize];
             let plane = Plane::through(found.vertices[0], found.outline.normal);
             let reflected = reflect(&parent_view, &plane, found.outline.error);
-            let parent_sight = if parent.is_some() { Sight::new(&parent_view) } else { Some(sight.clone()) };
-            let (Ok(view), Some(parent_sight)) = (reflected, parent_sight) else {
+            let parent_lines =
+                if parent.is_some() { PortalView::new(&parent_view) } else { Some(eye_view.clone()) };
+            let (Ok(view), Some(parent_lines)) = (reflected, parent_lines) else {
                 stats.reflections_left_out += 1;
                 continue;
             };
@@ -144,19 +147,19 @@ impl Reflections {
             if matches!(stats.fallback, Some(NotCulled::NotSynced)) {
                 continue;
             }
-            let Some(sight) = Sight::new(&view) else { continue };
+            let Some(eye_view) = PortalView::new(&view) else { continue };
             self.walk.begin(cells);
             for (_, seen) in &self.seen[windows] {
                 let sides = &self.sides[seen.window.sides.start as usize..seen.window.sides.end as usize];
-                let sides = sides.iter().map(|side| reflect_side(side, &plane, &parent_sight, &sight));
-                self.walk.start_within(cells, &sight, seen.cell, sides, seen.window.rectangle);
+                let sides = sides.iter().map(|side| reflect_side(side, &plane, &parent_lines, &eye_view));
+                self.walk.start_within(cells, &eye_view, seen.cell, sides, seen.window.rectangle);
             }
-            if self.walk.go(cells, &sight, settings.0, settings.1, stats) {
-                let seen = Seen { cells, scene, walk: &self.walk, sight: &sight };
+            if self.walk.go(cells, &eye_view, settings.0, settings.1, stats) {
+                let seen = Seen { cells, scene, walk: &self.walk, eye_view: &eye_view };
                 let (unknown, frame) = known;
                 seen.retain(unknown, frame, &mut self.all[place].visible, &mut stats.tests);
             } else {
-                self.walk.look_at_all_mirrors(cells, &sight);
+                self.walk.look_at_all_mirrors(cells, &eye_view);
             }
             let walk = core::mem::take(&mut self.walk);
             self.take(Some(place), &walk);
@@ -165,7 +168,7 @@ impl Reflections {
     }
 
     /// Notes the mirrors that a walk has met.
-    fn take(&mut self, parent: Option<usize>, walk: &Walk) {
+    fn take(&mut self, parent: Option<usize>, walk: &PortalWalk) {
         let first = self.seen.len();
         for seen in &walk.mirrors {
             let start = self.sides.len() as u32;
@@ -192,15 +195,16 @@ fn reflect(view: &View, plane: &Plane, error: f64) -> Result<View, ViewError> {
         .with_clip_planes(&[Plane::new(n, offset + error + 8.0 * U * offset.abs())])
 }
 
-/// A side behind the mirror, for points relative to the reflected view's anchor. Where that is not the reflection of the other anchor, by
-/// rounding, is a part of the new side's error; so is the rounding of the normal, `8u`.
-fn reflect_side(side: &Side, plane: &Plane, from: &Sight, to: &Sight) -> Side {
+/// A side behind the mirror, for points relative to the reflected view's anchor. Where that is not the
+/// reflection of the other anchor, by rounding, is a part of the new side's error; so is the rounding of the
+/// normal, `8u`.
+fn reflect_side(side: &WindowPlane, plane: &Plane, from: &PortalView, to: &PortalView) -> WindowPlane {
     let n = plane.normal;
     let turned = side.plane.normal - n * (2.0 * n.dot(side.plane.normal));
     let anchor = from.anchor - n * (2.0 * plane.signed_distance(from.anchor));
     let size = from.anchor.abs().max_element() + plane.offset.abs();
     let moved = (anchor - to.anchor).length() + 32.0 * U * size + to.error + from.error;
-    Side {
+    WindowPlane {
         plane: Plane::new(turned, side.plane.offset),
         slope: side.slope + 32.0 * U,
         slack: side.slack + (1.0 + side.slope) * moved,

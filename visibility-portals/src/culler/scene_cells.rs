@@ -1,8 +1,11 @@
-//! What all eyes in a building share: its cells, portals, doors and mirrors, and which objects are in which cells.
+//! What all eyes in a building share: its cells, portals, doors and mirrors, and which objects are in which
+//! cells.
 
-use super::polygon::Outline;
+use super::doors::{Doors, Passage};
+use super::mirror::{Mirror, MirrorId, NONE};
+use super::outline::Outline;
+use super::scene_cells_error::SceneCellsError;
 use alloc::vec::Vec;
-use core::fmt;
 use smallvec::SmallVec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
@@ -10,94 +13,11 @@ use visibility_core::{
     Stamp, Viewcells,
 };
 
-/// A mirror of [`SceneCells`], by its number.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
-pub struct MirrorId(pub u32);
-
-/// Why cells, portals and what belongs to them cannot be used.
-#[derive(Clone, Copy, PartialEq, Debug)]
-#[non_exhaustive]
-pub enum SceneCellsError {
-    /// Not as many viewcells as there are cells.
-    Viewcells {
-        /// How many cells.
-        cells: usize,
-        /// How many viewcells.
-        viewcells: usize,
-    },
-    /// The tolerance is not a number from zero up.
-    Tolerance(f64),
-    /// Sets of something else, or of another number of cells.
-    Pvs {
-        /// How many cells.
-        cells: usize,
-        /// How many viewcells the sets have.
-        viewcells: usize,
-        /// How many targets they have.
-        targets: usize,
-    },
-    /// There is no such cell.
-    UnknownCell(CellId),
-    /// There is no such portal.
-    UnknownPortal(PortalId),
-    /// There is no such mirror.
-    UnknownMirror(MirrorId),
-    /// The mirror has no area.
-    NoPlane,
-}
-
-impl fmt::Display for SceneCellsError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Viewcells { cells, viewcells } => {
-                write!(f, "{viewcells} viewcells for {cells} cells: each cell needs one")
-            }
-            Self::Tolerance(tolerance) => write!(f, "the tolerance cannot be {tolerance}"),
-            Self::Pvs { cells, viewcells, targets } => write!(
-                f,
-                "sets of {viewcells} viewcells and {targets} targets are not those of {cells} cells from cells"
-            ),
-            Self::UnknownCell(cell) => write!(f, "there is no cell {}", cell.0),
-            Self::UnknownPortal(portal) => write!(f, "there is no portal {}", portal.0),
-            Self::UnknownMirror(mirror) => write!(f, "there is no mirror {}", mirror.0),
-            Self::NoPlane => write!(f, "the mirror has no area"),
-        }
-    }
-}
-
-impl core::error::Error for SceneCellsError {}
-
-/// Through which sides one can see through a portal that is open.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]
-pub enum Passage {
-    /// From either cell into the other.
-    #[default]
-    BothWays,
-    /// Only from the first of its cells into the second, along its normal.
-    Forward,
-    /// Only from the second of its cells into the first.
-    Backward,
-}
-
-/// A mirror on the boundary of a cell.
-#[derive(Clone, Debug)]
-pub(super) struct Mirror {
-    pub(super) outline: Outline,
-    pub(super) vertices: Vec<DVec3>,
-    /// The next mirror of the same cell.
-    pub(super) next: u32,
-    pub(super) uncovered: bool,
-}
-
-pub(super) const NONE: u32 = u32::MAX;
-const FORWARD: u8 = 1;
-const BACKWARD: u8 = 2;
-const CLOSED: u8 = 4;
-
-/// The cells of a scene as [`PortalEye`](super::PortalEye)s see through them.
+/// The cells of a scene as [`PortalEye`](super::portal_eye::PortalEye)s see through them.
 ///
-/// An object is in every cell that its box touches, and visible where it is seen in any of them. [`sync`](Self::sync) takes in what moved, in
-/// time proportional to that; an object whose last change was not taken in counts as visible, and so does one in no cell.
+/// An object is in every cell that its box touches, and visible where it is seen in any of them.
+/// [`sync`](Self::sync) takes in what moved, in time proportional to that; an object whose last change was
+/// not taken in counts as visible, and so does one in no cell.
 ///
 /// ```
 /// use visibility_core::{Aabb, CellGraph, CellId, ConvexPolygon, PortalId, Scene, Viewcell, Viewcells, glam::DVec3};
@@ -121,7 +41,7 @@ pub struct SceneCells {
     pub(super) viewcells: Viewcells,
     pub(super) tolerance: f64,
     pub(super) outlines: Vec<Outline>,
-    passages: Vec<u8>,
+    pub(super) doors: Doors,
     pub(super) pvs: Option<Pvs>,
     pub(super) mirrors: Vec<Mirror>,
     /// By cell.
@@ -141,15 +61,18 @@ struct Entry {
 }
 
 impl SceneCells {
-    /// From the cells and portals of a building and where the cells are: viewcell `i` holds cell `i`, in the world's own coordinates. No object
-    /// is known before [`sync`](Self::sync); all portals are open both ways.
+    /// From the cells and portals of a building and where the cells are: viewcell `i` holds cell `i`, in the
+    /// world's own coordinates. No object is known before [`sync`](Self::sync); all portals are open both
+    /// ways.
     ///
-    /// Objects that the graph [lists](CellGraph::set_objects) are taken to be in those cells alone, at the first `sync`, until they change:
-    /// whoever knows that a wall only touches a room behind another wall can say so.
+    /// Objects that the graph [lists](CellGraph::set_objects) are taken to be in those cells alone, at the
+    /// first `sync`, until they change: whoever knows that a wall only touches a room behind another wall can
+    /// say so.
     ///
-    /// `tolerance`, in the world's units, is how far portals and cells may be from where they should be: 1e-6 will do for what was computed
-    /// in `f64` in metres, the last decimal for what was read from text. An object this near a cell is in it, a line of sight this
-    /// near a portal passes, and gaps of twice as much between cells are none.
+    /// `tolerance`, in the world's units, is how far portals and cells may be from where they should be: 1e-6
+    /// will do for what was computed in `f64` in metres, the last decimal for what was read from text. An
+    /// object this near a cell is in it, a line of sight this near a portal passes, and gaps of twice as much
+    /// between cells are none.
     ///
     /// # Errors
     /// [`SceneCellsError::Viewcells`], [`SceneCellsError::Tolerance`].
@@ -168,7 +91,7 @@ impl SceneCells {
             .collect();
         Ok(Self {
             outlines,
-            passages: alloc::vec![FORWARD | BACKWARD; graph.portals().len()],
+            doors: Doors::new(graph.portals().len()),
             pvs: None,
             mirrors: Vec::new(),
             first_mirror: alloc::vec![NONE; cells],
@@ -181,7 +104,8 @@ impl SceneCells {
         })
     }
 
-    /// Limits what is seen from a cell to its potentially visible set, of cells from cells. It must have been made with every portal open.
+    /// Limits what is seen from a cell to its potentially visible set, of cells from cells. It must have been
+    /// made with every portal open.
     ///
     /// # Errors
     /// [`SceneCellsError::Pvs`].
@@ -195,8 +119,8 @@ impl SceneCells {
         Ok(self)
     }
 
-    /// Identifies cells, PVS, mirrors, the state of all doors, and the cells of each object: a new stamp after every call that may have
-    /// changed any of these. Clones share it until either changes.
+    /// Identifies cells, PVS, mirrors, the state of all doors, and the cells of each object: a new stamp
+    /// after every call that may have changed any of these. Clones share it until either changes.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
@@ -211,10 +135,9 @@ impl SceneCells {
         &self.viewcells
     }
 
-    fn passage(&mut self, portal: PortalId) -> Result<&mut u8, SceneCellsError> {
-        let passage = self.passages.get_mut(portal.index()).ok_or(SceneCellsError::UnknownPortal(portal))?;
+    fn changed(&mut self, known: bool, portal: PortalId) -> Result<(), SceneCellsError> {
         self.stamp = Stamp::new();
-        Ok(passage)
+        if known { Ok(()) } else { Err(SceneCellsError::UnknownPortal(portal)) }
     }
 
     /// Opens or closes a portal, as a door does, for all frames from here on. Constant time, no allocation.
@@ -222,14 +145,13 @@ impl SceneCells {
     /// # Errors
     /// [`SceneCellsError::UnknownPortal`].
     pub fn set_open(&mut self, portal: PortalId, open: bool) -> Result<(), SceneCellsError> {
-        let passage = self.passage(portal)?;
-        *passage = if open { *passage & !CLOSED } else { *passage | CLOSED };
-        Ok(())
+        let known = self.doors.set_open(portal, open);
+        self.changed(known, portal)
     }
 
     /// Whether a portal is open; false for an unknown one.
     pub fn is_open(&self, portal: PortalId) -> bool {
-        self.passages.get(portal.index()).is_some_and(|passage| passage & CLOSED == 0)
+        self.doors.is_open(portal)
     }
 
     /// Says from which sides one can see through a portal while it is open. Constant time.
@@ -237,25 +159,13 @@ impl SceneCells {
     /// # Errors
     /// [`SceneCellsError::UnknownPortal`].
     pub fn set_passage(&mut self, portal: PortalId, passage: Passage) -> Result<(), SceneCellsError> {
-        let sides = match passage {
-            Passage::BothWays => FORWARD | BACKWARD,
-            Passage::Forward => FORWARD,
-            Passage::Backward => BACKWARD,
-        };
-        let flags = self.passage(portal)?;
-        *flags = *flags & CLOSED | sides;
-        Ok(())
+        let known = self.doors.set_passage(portal, passage);
+        self.changed(known, portal)
     }
 
-    /// Whether one can now see through a portal, along its normal or against it.
-    pub(super) fn passes(&self, portal: PortalId, forward: bool) -> bool {
-        let flags = self.passages.get(portal.index()).copied().unwrap_or(CLOSED);
-        flags & (CLOSED | if forward { FORWARD } else { BACKWARD })
-            == if forward { FORWARD } else { BACKWARD }
-    }
-
-    /// Hangs a mirror on the boundary of a cell: a convex polygon whose normal, from whose tip its vertices run counter-clockwise, points into
-    /// the cell. What it shows is returned by each frame as [`Reflection`](super::Reflection)s. The mirror itself, as something to be drawn, is an
+    /// Hangs a mirror on the boundary of a cell: a convex polygon whose normal, from whose tip its vertices
+    /// run counter-clockwise, points into the cell. What it shows is returned by each frame as
+    /// [`Reflection`](super::reflection::Reflection)s. The mirror itself, as something to be drawn, is an
     /// object like any other. It is uncovered until [`set_mirror`](Self::set_mirror) covers it.
     ///
     /// # Errors
@@ -285,9 +195,10 @@ impl SceneCells {
         Ok(())
     }
 
-    /// Takes in what has changed in the scene since the last call, in time proportional to that (and to the logarithm of the number of cells);
-    /// the first call, and one after more changes than the scene remembers, looks at every object. Allocates only where an object comes to be in
-    /// more cells than ever, or is new.
+    /// Takes in what has changed in the scene since the last call, in time proportional to that (and to the
+    /// logarithm of the number of cells); the first call, and one after more changes than the scene
+    /// remembers, looks at every object. Allocates only where an object comes to be in more cells than ever,
+    /// or is new.
     pub fn sync(&mut self, scene: &Scene) {
         if self.cursor.is_current(scene) {
             return;
@@ -347,7 +258,8 @@ impl SceneCells {
         entry.cells.sort_unstable();
     }
 
-    /// The cells that an object is in, as of the last [`sync`](Self::sync), ascending; none for an unknown object.
+    /// The cells that an object is in, as of the last [`sync`](Self::sync), ascending; none for an unknown
+    /// object.
     pub fn cells_of(&self, id: ObjectId) -> &[CellId] {
         match self.objects.get(id.index()) {
             Some(entry) if entry.id == Some(id) => &entry.cells,
@@ -355,8 +267,8 @@ impl SceneCells {
         }
     }
 
-    /// Whether a cell may see another with every portal open, from anywhere to anywhere in it: by the potentially visible sets, if there
-    /// are any, otherwise by whether portals join them at all.
+    /// Whether a cell may see another with every portal open, from anywhere to anywhere in it: by the
+    /// potentially visible sets, if there are any, otherwise by whether portals join them at all.
     pub fn can_see(&self, from: CellId, to: CellId) -> bool {
         match &self.pvs {
             Some(pvs) => pvs.sees(from.into(), to.0),
@@ -364,11 +276,11 @@ impl SceneCells {
         }
     }
 
-    /// Whether a cell may see another through the portals that are open now. Stricter than [`can_see`](Self::can_see), and still never wrong
-    /// where it says no: some chain of open portals must join them, all through cells that the first can see. Looks at each
-    /// portal once at most; allocates.
+    /// Whether a cell may see another through the portals that are open now. Stricter than
+    /// [`can_see`](Self::can_see), and still never wrong where it says no: some chain of open portals must
+    /// join them, all through cells that the first can see. Looks at each portal once at most; allocates.
     pub fn can_see_now(&self, from: CellId, to: CellId) -> bool {
-        self.can_see(from, to) && self.joined(from, to, |portal, forward| self.passes(portal, forward))
+        self.can_see(from, to) && self.joined(from, to, |portal, forward| self.doors.passes(portal, forward))
     }
 
     fn joined(&self, from: CellId, to: CellId, passes: impl Fn(PortalId, bool) -> bool) -> bool {

@@ -1,33 +1,34 @@
 //! Rectangles on the screen: the narrowing of Luebke and Georges, four planes a portal.
 
-use super::side::{Corner, Side, U};
-use super::sight::Sight;
+use super::portal_view::PortalView;
+use super::window_plane::{Corner, U, WindowPlane};
 use alloc::vec::Vec;
 use visibility_core::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::view::ClipRow;
 
-/// Left, right, bottom and top of a rectangle on the screen, as quotients `x / w` and `y / w` of clip coordinates: -1 to 1 is the whole screen.
+/// Left, right, bottom and top of a rectangle on the screen, as quotients `x / w` and `y / w` of clip
+/// coordinates: -1 to 1 is the whole screen.
 pub(super) type Rectangle = [f64; 4];
 
 /// The rectangle on the screen around corners that may each be off by `error`, within `outer`.
 ///
-/// A row of the clip matrix at a corner is off by the row's own error and by `error` times its length. A quotient `q = x / w` whose terms
-/// are off by `dx` and `dw` is off by at most `(dx + |q| dw) / (w - dw)`.
-pub(super) fn around(sight: &Sight, corners: &[Corner], error: f64, outer: Rectangle) -> Rectangle {
+/// A row of the clip matrix at a corner is off by the row's own error and by `error` times its length. A
+/// quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most `(dx + |q| dw) / (w - dw)`.
+pub(super) fn around(eye_view: &PortalView, corners: &[Corner], error: f64, outer: Rectangle) -> Rectangle {
     let value = |row: &ClipRow, at: DVec3| {
         let (value, own) = row.at(at);
         (value, own + error * row.linear.length())
     };
     let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
     for corner in corners {
-        let (w, dw) = value(&sight.rows[2], corner.at);
+        let (w, dw) = value(&eye_view.rows[2], corner.at);
         // A corner so near the eye may be anywhere on the screen; so may a NaN.
         if w.is_nan() || dw.is_nan() || w <= 4.0 * dw {
             return outer;
         }
         for axis in 0..2 {
-            let (x, dx) = value(&sight.rows[axis], corner.at);
+            let (x, dx) = value(&eye_view.rows[axis], corner.at);
             let q = x / w;
             let off = (dx + q.abs() * dw) / (w - dw) + 4.0 * U * q.abs();
             bounds[axis * 2] = bounds[axis * 2].min(q - off);
@@ -37,16 +38,17 @@ pub(super) fn around(sight: &Sight, corners: &[Corner], error: f64, outer: Recta
     [bounds[0].max(outer[0]), bounds[1].min(outer[1]), bounds[2].max(outer[2]), bounds[3].min(outer[3])]
 }
 
-/// Adds the planes of a rectangle on the screen: `x - left w >= 0` and so on, by rows of the clip matrix. Planes that are known too little to
-/// bound anything are left out.
+/// Adds the planes of a rectangle on the screen: `x - left w >= 0` and so on, by rows of the clip matrix.
+/// Planes that are known too little to bound anything are left out.
 ///
-/// Let `s` be the sum of the lengths of the two parts of a row, and `l` that of their difference, so that `s >= l`. The difference is rounded by
-/// `2u s`, the unit normal by `4u` of itself, the product with a point `x` by `4u |x|`: at most `10u (s / l) |x|` in all. The offset is off by
-/// what the rows are, and rounded by `6u` of itself.
-pub(super) fn push_sides(sight: &Sight, rectangle: Rectangle, sides: &mut Vec<Side>) {
-    let w = &sight.rows[2];
+/// Let `s` be the sum of the lengths of the two parts of a row, and `l` that of their difference, so that `s
+/// >= l`. The difference is rounded by `2u s`, the unit normal by `4u` of itself, the product with a point
+/// `x` by `4u |x|`: at most `10u (s / l) |x|` in all. The offset is off by what the rows are, and rounded by
+/// `6u` of itself.
+pub(super) fn push_sides(eye_view: &PortalView, rectangle: Rectangle, sides: &mut Vec<WindowPlane>) {
+    let w = &eye_view.rows[2];
     for (i, bound) in rectangle.into_iter().enumerate() {
-        let x = &sight.rows[i / 2];
+        let x = &eye_view.rows[i / 2];
         let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
         let linear = (x.linear - w.linear * bound) * sign;
         let length = linear.length();
@@ -56,7 +58,7 @@ pub(super) fn push_sides(sight: &Sight, rectangle: Rectangle, sides: &mut Vec<Si
         let slack = (x.error + bound.abs() * w.error + 8.0 * U * constants) / length;
         let offset = (x.constant - w.constant * bound) * sign / length;
         if slope < 0.25 && slack.is_finite() && offset.is_finite() {
-            sides.push(Side { plane: Plane::new(linear / length, offset), slope, slack });
+            sides.push(WindowPlane { plane: Plane::new(linear / length, offset), slope, slack });
         }
     }
 }
@@ -72,11 +74,11 @@ mod tests {
     fn points_on_the_edge_of_a_rectangle_are_within_its_planes() {
         let mut random = Random(9);
         let view = View::from_clip_from_world(DMat4::IDENTITY, visibility_core::Depth::ZeroToOne).unwrap();
-        let mut sight = Sight::new(&view).unwrap();
+        let mut eye_view = PortalView::new(&view).unwrap();
         let (mut sides, mut found) = (Vec::new(), [0; 2]);
         for round in 0..20_000 {
-            // Rows (x, 0) and (w, 0) in the plane z = 0 and a bound, all exact, in units of 2^-40. Their difference is far smaller than
-            // they are, but for the parts that are chosen so that it is not.
+            // Rows (x, 0) and (w, 0) in the plane z = 0 and a bound, all exact, in units of 2^-40. Their
+            // difference is far smaller than they are, but for the parts that are chosen so that it is not.
             let unit = (1u64 << 40) as f64;
             let bound = random.below(1 << 40);
             let w = [0; 2].map(|_| random.below(1 << 39));
@@ -92,9 +94,9 @@ mod tests {
                 let linear = DVec3::new(v[0] as f64, v[1] as f64, 0.0) * unit;
                 ClipRow { linear, constant: 0.0, error: 0.0 }
             };
-            sight.rows = [exact(x, 1.0), exact(x, 1.0), exact(w, unit)];
+            eye_view.rows = [exact(x, 1.0), exact(x, 1.0), exact(w, unit)];
             sides.clear();
-            push_sides(&sight, [bound as f64 / unit; 4], &mut sides);
+            push_sides(&eye_view, [bound as f64 / unit; 4], &mut sides);
             for side in &sides {
                 assert!(!side.excludes(point, point, 0.0), "{x:?} {w:?} {bound}");
                 // A step outwards of 64 times the margin is outside.

@@ -1,13 +1,14 @@
 //! Polygon soups, by a BSP tree along the planes of polygons.
 //!
-//! This work is based on: Henry Fuchs, Zvi Kedem and Bruce Naylor, "On Visible Surface Generation by A Priori Tree Structures", 1980, for the
-//! auto-partition; Seth Teller, "Visibility Computations in Densely Occluded Polyhedral Environments", 1992, for preferring the planes of which
-//! polygons cover most. Where no plane is covered enough, a leaf is left as it is, with what polygons are in it: those then hide nothing.
+//! This work is based on: Henry Fuchs, Zvi Kedem and Bruce Naylor, "On Visible Surface Generation by A Priori
+//! Tree Structures", 1980, for the auto-partition; Seth Teller, "Visibility Computations in Densely Occluded
+//! Polyhedral Environments", 1992, for preferring the planes of which polygons cover most. Where no plane is
+//! covered enough, a leaf is left as it is, with what polygons are in it: those then hide nothing.
 
 use super::leaves::{Bsp, Child, Node, numbered};
+use super::subdivision::{GeometryError, Subdivision, checked};
 use super::subtract::{Lengths, area, width};
-use super::{GeometryError, Subdivision, checked};
-use crate::polygon::clip_into;
+use crate::clip_polygon::clip_into;
 use alloc::collections::{BTreeMap, VecDeque};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -20,20 +21,22 @@ pub enum Solid<'a> {
     Nothing,
     /// Those that no way leads to from any of these points. Where none of the points is in a leaf, none.
     Unreached(&'a [DVec3]),
-    /// Those that see backs of polygons and no fronts, a polygon's front being where its vertices run counter-clockwise.
+    /// Those that see backs of polygons and no fronts, a polygon's front being where its vertices run
+    /// counter-clockwise.
     Backs,
 }
 
 /// How [`from_polygons`] divides space.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct PolygonSettings<'a> {
-    /// Lines that stay farther than this from all polygons are never stopped. `None`: 2^-20 of the greatest coordinate, which is well
-    /// above the rounding of `f32`.
+    /// Lines that stay farther than this from all polygons are never stopped. `None`: 2^-20 of the greatest
+    /// coordinate, which is well above the rounding of `f32`.
     pub tolerance: Option<f64>,
-    /// A region is split along a plane where polygons cover at least this share of its section, or a 512th of the largest side of the whole,
-    /// squared: of a large region even large walls cover little.
+    /// A region is split along a plane where polygons cover at least this share of its section, or a 512th of
+    /// the largest side of the whole, squared: of a large region even large walls cover little.
     pub least_share: f64,
-    /// Never along one where they cover less than this area. `None`: 2^-13 of the largest side of the whole, squared.
+    /// Never along one where they cover less than this area. `None`: 2^-13 of the largest side of the whole,
+    /// squared.
     pub least_area: Option<f64>,
     /// How far the outermost cells reach beyond the polygons.
     pub margin: f64,
@@ -68,7 +71,8 @@ struct Fragment {
     area: f64,
 }
 
-/// Cells and portals from opaque polygons of any kind: gaps, duplicates, T-junctions and polygons that pass through one another are allowed.
+/// Cells and portals from opaque polygons of any kind: gaps, duplicates, T-junctions and polygons that pass
+/// through one another are allowed.
 ///
 /// ```
 /// use visibility_core::{ConvexPolygon, glam::DVec3};
@@ -225,7 +229,8 @@ fn build(fragments: Vec<Fragment>, planes: &[Plane], min: DVec3, max: DVec3, lim
     bsp
 }
 
-/// The plane to split a region along: that of which polygons cover the greatest share, less for splitting others, more for balance.
+/// The plane to split a region along: that of which polygons cover the greatest share, less for splitting
+/// others, more for balance.
 fn best_plane(
     bsp: &Bsp,
     parent: Option<(u32, bool)>,

@@ -1,7 +1,8 @@
 //! Fewer convex polygons that cover at least what many did.
 //!
-//! Taking covers away from a portal leaves more pieces than anyone needs. Two pieces become their convex hull where that is hardly larger than
-//! both: a little of what is covered counts as open then, which is conservative, and chains of portals are far fewer.
+//! Taking covers away from a portal leaves more pieces than anyone needs. Two pieces become their convex hull
+//! where that is hardly larger than both: a little of what is covered counts as open then, which is
+//! conservative, and chains of portals are far fewer.
 
 use super::subtract::area;
 use alloc::vec::Vec;
@@ -49,8 +50,8 @@ pub(super) fn join(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
     }
 }
 
-/// The convex hull of points in a plane, counter-clockwise around its normal (Andrew, "Another Efficient Algorithm for Convex Hulls in Two
-/// Dimensions", 1979).
+/// The convex hull of points in a plane, counter-clockwise around its normal (Andrew, "Another Efficient
+/// Algorithm for Convex Hulls in Two Dimensions", 1979).
 fn hull(points: impl Iterator<Item = DVec3>, normal: DVec3) -> Vec<DVec3> {
     let u = normal.any_orthonormal_vector();
     let v = normal.cross(u);

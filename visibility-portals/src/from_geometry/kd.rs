@@ -1,10 +1,11 @@
 //! Walls along the axes, by a kd-tree with splits along the larger walls.
 //!
-//! This work is based on: Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive Walkthroughs", 1991: space is split along
-//! the plane of which opaque faces cover most, until no wall worth it is left; the portals are what is not opaque of the rectangles that two
-//! leaves share. All planes are coordinates of walls and nothing is computed from them, so every comparison is exact.
+//! This work is based on: Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive
+//! Walkthroughs", 1991: space is split along the plane of which opaque faces cover most, until no wall worth
+//! it is left; the portals are what is not opaque of the rectangles that two leaves share. All planes are
+//! coordinates of walls and nothing is computed from them, so every comparison is exact.
 
-use super::{GeometryError, Subdivision, checked};
+use super::subdivision::{GeometryError, Subdivision, checked};
 use alloc::vec::Vec;
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_core::{CellGraph, CellId, ConvexPolygon, Viewcell};
@@ -66,9 +67,11 @@ struct Shared {
     rectangle: Box3,
 }
 
-/// Cells and portals from opaque boxes along the axes, each by its least and greatest corner; a rectangle is a box of no thickness.
+/// Cells and portals from opaque boxes along the axes, each by its least and greatest corner; a rectangle is
+/// a box of no thickness.
 ///
-/// What boxes fill is no cell. Coordinates are in the world's units. Takes time in proportion to the number of cells times walls at worst.
+/// What boxes fill is no cell. Coordinates are in the world's units. Takes time in proportion to the number
+/// of cells times walls at worst.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -118,8 +121,8 @@ pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdi
     Ok(Subdivision { graph, viewcells, outside })
 }
 
-/// The upright walls over segments of a floor plan, along x or y, and the floor and ceiling over all of them: for [`from_walls`]. Openings are where
-/// there is no segment, from floor to ceiling.
+/// The upright walls over segments of a floor plan, along x or y, and the floor and ceiling over all of them:
+/// for [`from_walls`]. Openings are where there is no segment, from floor to ceiling.
 ///
 /// # Errors
 /// [`GeometryError::NotAWall`] for a segment along neither axis, [`GeometryError::NonFinite`].
@@ -221,7 +224,8 @@ impl Tree<'_> {
         }
     }
 
-    /// The plane of which faces cover most: its axis and place, the share of the region's section, the area. Of equals the most central.
+    /// The plane of which faces cover most: its axis and place, the share of the region's section, the area.
+    /// Of equals the most central.
     fn best_split(
         &self,
         region: &Box3,
@@ -362,7 +366,8 @@ fn without(axis: usize, piece: &Box3, wall: &Box3, out: &mut Vec<Box3>) {
     }
 }
 
-/// A rectangle across an axis as a polygon whose normal points along it. `None` if it is thinner than polygons can be.
+/// A rectangle across an axis as a polygon whose normal points along it. `None` if it is thinner than
+/// polygons can be.
 fn upright(axis: usize, rectangle: &Box3) -> Option<ConvexPolygon> {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let corner = |a: DVec3, b: DVec3| {

@@ -1,10 +1,11 @@
-//! Portals from the leaves of a BSP tree: each node's plane, cut to the node's region, is handed down on both sides to the leaves that it
-//! bounds (Naylor, Amanatides and Thibault, "Merging BSP Trees Yields Polyhedral Set Operations", 1990, call it the sub-hyperplane); what two
-//! leaves share of it, less what is opaque, is a portal.
+//! Portals from the leaves of a BSP tree: each node's plane, cut to the node's region, is handed down on both
+//! sides to the leaves that it bounds (Naylor, Amanatides and Thibault, "Merging BSP Trees Yields Polyhedral
+//! Set Operations", 1990, call it the sub-hyperplane); what two leaves share of it, less what is opaque, is a
+//! portal.
 
 use super::join::join;
 use super::subtract::{Lengths, around, subtract, width};
-use crate::polygon::clip_into;
+use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellId, ConvexPolygon, Plane, Viewcell};

@@ -1,6 +1,6 @@
 //! What covers leave of a polygon in their plane.
 
-use crate::polygon::clip_into;
+use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
 use visibility_core::Plane;
 use visibility_core::glam::DVec3;
@@ -10,18 +10,19 @@ use visibility_core::glam::DVec3;
 pub(super) struct Lengths {
     /// Polygons whose vertices are no farther than this from a plane lie in it.
     pub(super) plane: f64,
-    /// Covers are widened by this, so that those that share an edge leave no gap between them. Corners are cut off where they would stick
-    /// out more than 1.42 times as far.
+    /// Covers are widened by this, so that those that share an edge leave no gap between them. Corners are
+    /// cut off where they would stick out more than 1.42 times as far.
     pub(super) widen: f64,
     /// What is narrower than this is no portal.
     pub(super) sliver: f64,
-    /// Points nearer to each other, or to a plane, are one, or on it: some thousand times the rounding of coordinates.
+    /// Points nearer to each other, or to a plane, are one, or on it: some thousand times the rounding of
+    /// coordinates.
     pub(super) merge: f64,
 }
 
 impl Lengths {
-    /// Half of the tolerance for being off the plane and 1.42 quarters for being widened make 0.86 of it: no cover reaches
-    /// farther from what it stands for.
+    /// Half of the tolerance for being off the plane and 1.42 quarters for being widened make 0.86 of it: no
+    /// cover reaches farther from what it stands for.
     pub(super) fn new(tolerance: f64, extent: f64) -> Self {
         let merge = extent / (1u64 << 40) as f64;
         Self { plane: tolerance * 0.5, widen: tolerance * 0.25, sliver: tolerance * 0.25, merge }
@@ -50,7 +51,8 @@ pub(super) fn around(cover: &[DVec3], normal: DVec3, by: f64, out: &mut Vec<Plan
         out.push(Plane::new(side, by - side.dot(a)));
         let (_, before) = edges[(i + edges.len() - 1) % edges.len()];
         if before.dot(side) < 0.0 {
-            // A corner sharper than a right angle. In the middle between the sides; where they are opposite, back along the edge.
+            // A corner sharper than a right angle. In the middle between the sides; where they are opposite,
+            // back along the edge.
             let cut = (before + side).try_normalize().unwrap_or(side.cross(inward));
             out.push(Plane::new(cut, by - cut.dot(a)));
         }

@@ -1,4 +1,5 @@
-//! Multipliers that show that constraints contradict each other (Farkas' lemma), checked so that no rounding can be mistaken for a proof.
+//! Multipliers that show that constraints contradict each other (Farkas' lemma), checked so that no rounding
+//! can be mistaken for a proof.
 //!
 //! Let `h_i . x >= s_i` for all `i`, and `|x_k| <= B_k`. For any `l_i >= 0` and `r = sum l_i h_i`,
 //!
@@ -6,9 +7,10 @@
 //! sum l_i s_i  <=  r . x  <=  sum |r_k| B_k
 //! ```
 //!
-//! so that no `x` exists if the left side is surely greater than the right one. It does not matter where the multipliers come from: here
-//! they are found by elimination in `f64` and corrected in numbers of twice the length, which leaves an `r` of about 2^-100; then the bound is
-//! evaluated, with every rounding counted against it.
+//! so that no `x` exists if the left side is surely greater than the right one. It does not matter where the
+//! multipliers come from: here they are found by elimination in `f64` and corrected in numbers of twice the
+//! length, which leaves an `r` of about 2^-100; then the bound is evaluated, with every rounding counted
+//! against it.
 
 use visibility_core::geometry::DoubleDouble;
 
@@ -31,8 +33,9 @@ const UP: f64 = 1.0 + 1e-12;
 
 /// The left and the right side of the bound, each rounded against a proof.
 fn sides<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[DoubleDouble]) -> (f64, f64) {
-    // The left: each term is a product of numbers that are exact, the smaller part of the multiplier below 2^-53 of the greater, and the
-    // sum of at most eight is wrong by less than 2^-49 of the sum of their sizes.
+    // The left: each term is a product of numbers that are exact, the smaller part of the multiplier below
+    // 2^-53 of the greater, and the sum of at most eight is wrong by less than 2^-49 of the sum of their
+    // sizes.
     let (mut left, mut size) = (DoubleDouble::ZERO, 0.0);
     for (row, &l) in rows.iter().zip(multipliers) {
         let term = l.times(DoubleDouble::from(row.least));
@@ -71,8 +74,8 @@ pub(crate) fn proves<const K: usize>(
     left > right && right < f64::INFINITY
 }
 
-/// Multipliers that prove that no `x` satisfies all of at most [`MOST`] rows; zero for rows that are not needed. `None` if none are found,
-/// which proves nothing.
+/// Multipliers that prove that no `x` satisfies all of at most [`MOST`] rows; zero for rows that are not
+/// needed. `None` if none are found, which proves nothing.
 pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option<[DoubleDouble; MOST]> {
     if rows.len() > MOST {
         return None;
@@ -98,9 +101,11 @@ pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option
     })
 }
 
-/// Gaussian elimination with full pivoting of the matrix whose columns are the normals of the rows that are used.
+/// Gaussian elimination with full pivoting of the matrix whose columns are the normals of the rows that are
+/// used.
 struct Elimination<const K: usize> {
-    /// As eliminated: multipliers below the pivots, the upper triangle from them on; rows and columns in their new order.
+    /// As eliminated: multipliers below the pivots, the upper triangle from them on; rows and columns in
+    /// their new order.
     m: [[f64; MOST]; K],
     /// Which coordinate, and which of the rows, each has been.
     coordinate: [usize; K],
@@ -169,8 +174,8 @@ impl<const K: usize> Elimination<K> {
         right
     }
 
-    /// Multipliers, by the number of the row, that make the sum of normals zero, none of them negative; and whether some were as good
-    /// as zero and have become that.
+    /// Multipliers, by the number of the row, that make the sum of normals zero, none of them negative; and
+    /// whether some were as good as zero and have become that.
     fn nonnegative(&self, zero: f64) -> Option<([f64; MOST], bool)> {
         (self.rank..self.count).find_map(|free| {
             let mut right = [0.0; K];

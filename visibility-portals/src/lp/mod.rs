@@ -1,9 +1,10 @@
 //! Linear programs in few dimensions, with answers that are proofs.
 //!
-//! [`Solver`] finds a point in an intersection of half-spaces, or the best one, by the randomized incremental algorithm (Raimund Seidel,
-//! "Small-Dimensional Linear Programming and Convex Hulls Made Easy", 1991), in time linear in the half-spaces. It computes with `f64`, but
-//! believes nothing of what it computed: a point is checked against all half-spaces, and that there is none is only said with a
-//! [`Certificate`], a few multipliers whose contradiction survives all rounding (Farkas' lemma). What can be proved neither way is
+//! [`Solver`] finds a point in an intersection of half-spaces, or the best one, by the randomized incremental
+//! algorithm (Raimund Seidel, "Small-Dimensional Linear Programming and Convex Hulls Made Easy", 1991), in
+//! time linear in the half-spaces. It computes with `f64`, but believes nothing of what it computed: a point
+//! is checked against all half-spaces, and that there is none is only said with a [`Certificate`], a few
+//! multipliers whose contradiction survives all rounding (Farkas' lemma). What can be proved neither way is
 //! [`Feasible::Maybe`].
 
 mod certificate;
@@ -23,8 +24,8 @@ pub struct HalfSpace<const D: usize> {
     pub offset: f64,
 }
 
-/// A proof that half-spaces and a box have no point in common: numbers `l_i >= 0` for a few of the half-spaces such that, for all points
-/// of the box, `sum l_i (normal_i . x + offset_i) < 0`.
+/// A proof that half-spaces and a box have no point in common: numbers `l_i >= 0` for a few of the
+/// half-spaces such that, for all points of the box, `sum l_i (normal_i . x + offset_i) < 0`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Certificate {
     constraints: [u32; MOST],
@@ -48,7 +49,8 @@ impl Certificate {
         self
     }
 
-    /// The half-spaces that contradict each other, by their numbers, each with its multiplier: the exact sum of two numbers.
+    /// The half-spaces that contradict each other, by their numbers, each with its multiplier: the exact sum
+    /// of two numbers.
     pub fn multipliers(&self) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
         let pairs = self.constraints.iter().zip(&self.multipliers).take(self.count);
         pairs.map(|(&constraint, l)| (constraint as usize, [l.hi, l.lo]))
@@ -77,8 +79,8 @@ pub enum Greatest<const D: usize> {
     Unknown,
 }
 
-/// Solves linear programs in `D` variables, from 1 to 6. Its memory serves one program after another: once it has seen the largest, it
-/// allocates nothing.
+/// Solves linear programs in `D` variables, from 1 to 6. Its memory serves one program after another: once it
+/// has seen the largest, it allocates nothing.
 ///
 /// ```
 /// use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
@@ -99,8 +101,9 @@ pub struct Solver<const D: usize> {
     levels: Levels,
 }
 
-/// By how much a point has to be inside of all half-spaces, relative to the size of the numbers, to be looked for, and in which random order of
-/// them. A point that is inside by little is easily proved; where many half-spaces are nearly parallel, another order may not lose as many digits.
+/// By how much a point has to be inside of all half-spaces, relative to the size of the numbers, to be looked
+/// for, and in which random order of them. A point that is inside by little is easily proved; where many
+/// half-spaces are nearly parallel, another order may not lose as many digits.
 const TRIES: [(f64, u64); 5] = [(1e-9, 0), (0.0, 0), (1e-7, 1), (1e-10, 2), (0.0, 3)];
 
 impl<const D: usize> Solver<D> {
@@ -109,7 +112,8 @@ impl<const D: usize> Solver<D> {
         Self::default()
     }
 
-    /// Whether half-spaces have a point in common in the box where no coordinate is greater than `bound` in size.
+    /// Whether half-spaces have a point in common in the box where no coordinate is greater than `bound` in
+    /// size.
     pub fn feasible(&mut self, constraints: &[HalfSpace<D>], bound: f64) -> Feasible<D> {
         if !is_finite(constraints, bound) {
             return Feasible::Maybe;
@@ -134,8 +138,8 @@ impl<const D: usize> Solver<D> {
         Feasible::Maybe
     }
 
-    /// The point of the half-spaces, in the box where no coordinate is greater than `bound` in size, at which `objective . x` is greatest;
-    /// if there are several, one of them.
+    /// The point of the half-spaces, in the box where no coordinate is greater than `bound` in size, at which
+    /// `objective . x` is greatest; if there are several, one of them.
     pub fn greatest(&mut self, constraints: &[HalfSpace<D>], objective: [f64; D], bound: f64) -> Greatest<D> {
         if !is_finite(constraints, bound) || objective.iter().any(|o| !o.is_finite()) {
             return Greatest::Unknown;
@@ -188,7 +192,8 @@ fn is_finite<const D: usize>(constraints: &[HalfSpace<D>], bound: f64) -> bool {
 fn is_inside<const D: usize>(constraints: &[HalfSpace<D>], bound: f64, x: &[f64; D]) -> bool {
     x.iter().all(|x| x.abs() <= bound)
         && constraints.iter().all(|half| {
-            // In f64, the sum of up to seven numbers is wrong by less than 2^-49 of the sum of their sizes, which itself is.
+            // In f64, the sum of up to seven numbers is wrong by less than 2^-49 of the sum of their sizes,
+            // which itself is.
             let (mut sum, mut size) = (half.offset, half.offset.abs());
             for (a, x) in half.normal.iter().zip(x) {
                 sum += a * x;

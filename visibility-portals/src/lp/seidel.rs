@@ -1,32 +1,37 @@
 //! The recursion: a program in d variables by programs in d - 1.
 //!
-//! This work is based on: Raimund Seidel, "Small-Dimensional Linear Programming and Convex Hulls Made Easy", 1991. Constraints are looked at
-//! one by one, in random order. As long as the best point so far satisfies the next one, nothing happens; if it does not, the new best
-//! point lies in the plane of that constraint, and a program of one dimension less, of the constraints before it, finds it. In random order
-//! the i-th does so with probability d / i, which makes O(d! n) steps in all.
+//! This work is based on: Raimund Seidel, "Small-Dimensional Linear Programming and Convex Hulls Made Easy",
+//! 1991. Constraints are looked at one by one, in random order. As long as the best point so far satisfies
+//! the next one, nothing happens; if it does not, the new best point lies in the plane of that constraint,
+//! and a program of one dimension less, of the constraints before it, finds it. In random order the i-th does
+//! so with probability d / i, which makes O(d! n) steps in all.
 //!
-//! In the program itself, not in those of fewer dimensions, the next constraint is the one that the best point so far is farthest from satisfying
-//! (as Bernd Gaertner, "Fast and Robust Smallest Enclosing Balls", 1999, does): few are ever looked at in their planes, and those programs
-//! of fewer dimensions are short.
+//! In the program itself, not in those of fewer dimensions, the next constraint is the one that the best
+//! point so far is farthest from satisfying (as Bernd Gaertner, "Fast and Robust Smallest Enclosing Balls",
+//! 1999, does): few are ever looked at in their planes, and those programs of fewer dimensions are short.
 //!
-//! Everything here is ordinary `f64` with a tolerance and proves nothing: it proposes a point, or the few constraints that seem to
-//! contradict each other. One function for each dimension, made by one macro, so that each row is an array of known length.
+//! Everything here is ordinary `f64` with a tolerance and proves nothing: it proposes a point, or the few
+//! constraints that seem to contradict each other. One function for each dimension, made by one macro, so
+//! that each row is an array of known length.
 
 use alloc::vec::Vec;
 
 /// The greatest dimension.
 pub(crate) const DIMENSIONS: usize = 6;
 
-/// From here on, tags name the bounds of the box: the upper bound of variable k is `BOX + 2 k`, the lower one `BOX + 2 k + 1`.
+/// From here on, tags name the bounds of the box: the upper bound of variable k is `BOX + 2 k`, the lower one
+/// `BOX + 2 k + 1`.
 pub(crate) const BOX: u32 = u32::MAX - 2 * DIMENSIONS as u32;
 
-/// What does not satisfy a constraint by this much, relative to the size of the point and to the greatest coefficient, does not satisfy it.
+/// What does not satisfy a constraint by this much, relative to the size of the point and to the greatest
+/// coefficient, does not satisfy it.
 const TOLERANCE: f64 = 1e-12;
 
 /// What is smaller than this, where coefficients of size one were subtracted, is zero.
 const NOTHING: f64 = 1e-13;
 
-/// Rows looked at, by all levels together, before a program is given up: random order makes it as good as impossible.
+/// Rows looked at, by all levels together, before a program is given up: random order makes it as good as
+/// impossible.
 const STEPS_PER_ROW: u64 = 200_000;
 
 /// Why there is no point.
@@ -38,7 +43,8 @@ pub(crate) enum Stop {
     GaveUp,
 }
 
-/// The rows of one dimension: coefficients, then the constant; the greatest coefficient is 1 or -1, or all are zero.
+/// The rows of one dimension: coefficients, then the constant; the greatest coefficient is 1 or -1, or all
+/// are zero.
 type Rows<const N: usize> = Vec<([f64; N], u32)>;
 
 /// The memory of all dimensions, which serves one program after another.
@@ -50,7 +56,8 @@ pub(crate) struct Levels {
     rows4: Rows<5>,
     rows5: Rows<6>,
     rows6: Rows<7>,
-    /// By dimension: the constraint in whose plane the program of one dimension less lies; later the conflict.
+    /// By dimension: the constraint in whose plane the program of one dimension less lies; later the
+    /// conflict.
     tight: [u32; DIMENSIONS + 1],
     /// The constraints that contradict each other, after [`Stop::Conflict`].
     conflict: [u32; DIMENSIONS + 1],
@@ -68,7 +75,8 @@ impl Levels {
         &self.conflict[..self.conflicting]
     }
 
-    /// Notes down a conflict of rows of dimension `dimension` in the planes of those above, in a program of dimension `top`.
+    /// Notes down a conflict of rows of dimension `dimension` in the planes of those above, in a program of
+    /// dimension `top`.
     fn conflict_of(&mut self, rows: &[u32], dimension: usize, top: usize) -> Stop {
         let above = top - dimension;
         self.conflict[..above].copy_from_slice(&self.tight[dimension + 1..=top]);
@@ -97,7 +105,8 @@ impl Levels {
         if low > high + TOLERANCE * (1.0 + high.abs()) {
             return Err(self.conflict_of(&[by_low, by_high], 1, top));
         }
-        // Without an objective, any point will do: the middle of what there is, if that is little, is farthest from going wrong.
+        // Without an objective, any point will do: the middle of what there is, if that is little, is
+        // farthest from going wrong.
         let x = match objective[0] {
             o if o > 0.0 => high,
             o if o < 0.0 => low,
@@ -233,8 +242,8 @@ macro_rules! level {
                     for x in &x {
                         allowed = greater(allowed, x.abs() * TOLERANCE);
                     }
-                    // What mattered once matters again: programs of one dimension less look at it first (Emo Welzl, "Smallest Enclosing Disks
-                    // (Balls and Ellipsoids)", 1991).
+                    // What mattered once matters again: programs of one dimension less look at it first (Emo
+                    // Welzl, "Smallest Enclosing Disks (Balls and Ellipsoids)", 1991).
                     self.$rows[..=i].rotate_right(1);
                     i += 1;
                 }
@@ -255,8 +264,9 @@ fn greater(a: f64, b: f64) -> f64 {
 }
 
 impl Levels {
-    /// A point that satisfies `count` constraints, given by number as coefficients and constant, and makes the objective greatest among
-    /// them within a box. The dimension, from 1 to [`DIMENSIONS`], is the length of the objective.
+    /// A point that satisfies `count` constraints, given by number as coefficients and constant, and makes
+    /// the objective greatest among them within a box. The dimension, from 1 to [`DIMENSIONS`], is the length
+    /// of the objective.
     pub(crate) fn solve<const D: usize>(
         &mut self,
         count: usize,
@@ -300,8 +310,8 @@ impl Levels {
     }
 }
 
-/// Puts the rows into a random order, always the same for as many and a seed (Fisher and Yates; the numbers are splitmix64's, Steele, Lea and Flood, "Fast
-/// Splittable Pseudorandom Number Generators", 2014).
+/// Puts the rows into a random order, always the same for as many and a seed (Fisher and Yates; the numbers
+/// are splitmix64's, Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
 fn shuffle<T>(rows: &mut [T], seed: u64) {
     let mut state = seed;
     for i in (1..rows.len()).rev() {

@@ -1,20 +1,22 @@
-//! Which objects a cell sees: those in the cells that it sees that some line through a sequence of portals can reach.
+//! Which objects a cell sees: those in the cells that it sees that some line through a sequence of portals
+//! can reach.
 //!
-//! This work is based on: Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive Walkthroughs", 1991, where objects of a
-//! cell are kept if they meet the bundle of lines through the portals that lead there; in space that bundle is bounded by the planes that
-//! [separate](crate::separators) the first portal from the last (Teller and Hanrahan, "Global Visibility Algorithms for Illumination
-//! Computations", 1993). An object is hidden from a cell only if, on every way into every cell that it is in, its box lies beyond one of
-//! those planes.
+//! This work is based on: Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive
+//! Walkthroughs", 1991, where objects of a cell are kept if they meet the bundle of lines through the portals
+//! that lead there; in space that bundle is bounded by the planes that [separate](crate::separating_planes)
+//! the first portal from the last (Teller and Hanrahan, "Global Visibility Algorithms for Illumination
+//! Computations", 1993). An object is hidden from a cell only if, on every way into every cell that it is in,
+//! its box lies beyond one of those planes.
 //!
-//! The cells that see each other must be known: only portals between cells that are seen are gone through, and where no unseen object can
-//! lie between the planes, a chain of portals ends.
+//! The cells that see each other must be known: only portals between cells that are seen are gone through,
+//! and where no unseen object can lie between the planes, a chain of portals ends.
 
 mod object_chains;
 
-use crate::CellMatrix;
 use crate::bake_settings::{BakeError, Settings, prepare};
-use crate::matrix::neighbours;
-use crate::portals::Portals;
+use crate::cell_matrix::CellMatrix;
+use crate::cell_matrix::neighbours;
+use crate::directed_portals::DirectedPortals;
 use alloc::vec::Vec;
 use object_chains::{Chains, Targets};
 use visibility_core::bake::Baker;
@@ -27,7 +29,8 @@ use visibility_core::{CellGraph, CellId, ObjectId, Pvs, PvsError, PvsTargets};
 pub struct ObjectOutcome {
     /// For each cell, the [indices](ObjectId::index) of the objects seen from it, ascending.
     pub rows: Vec<Vec<u32>>,
-    /// Cells that see all objects in all cells that they see, since the limit of steps was reached or the bake was stopped; ascending.
+    /// Cells that see all objects in all cells that they see, since the limit of steps was reached or the
+    /// bake was stopped; ascending.
     pub fallbacks: Vec<CellId>,
     /// Chains of portals looked at, by cell.
     pub steps: Vec<u64>,
@@ -42,17 +45,19 @@ impl ObjectOutcome {
         if self.rows.is_empty() { 0.0 } else { sum as f64 / self.rows.len() as f64 }
     }
 
-    /// The sets, compressed, with objects by their indices as targets; cells that share a portal are stored by how they differ.
+    /// The sets, compressed, with objects by their indices as targets; cells that share a portal are stored
+    /// by how they differ.
     ///
     /// # Errors
-    /// [`PvsError::Target`] if there is an object with an index that is not below `objects`, [`PvsError::TooLarge`].
+    /// [`PvsError::Target`] if there is an object with an index that is not below `objects`,
+    /// [`PvsError::TooLarge`].
     pub fn to_pvs(&self, graph: &CellGraph, objects: usize) -> Result<Pvs, PvsError> {
         Pvs::new(PvsTargets::Objects, objects, &self.rows, |viewcell| neighbours(graph, viewcell))
     }
 }
 
-/// Finds which objects each cell sees, for a [`Bake`](visibility_core::bake::Bake). Its items are the cells; its steps, the chains of portals
-/// looked at. The objects are those that the graph says are in its cells.
+/// Finds which objects each cell sees, for a [`Bake`](visibility_core::bake::Bake). Its items are the cells;
+/// its steps, the chains of portals looked at. The objects are those that the graph says are in its cells.
 ///
 /// ```
 /// use visibility_core::{Aabb, CellId, Scene, bake::Bake, glam::DVec3};
@@ -75,7 +80,7 @@ impl ObjectOutcome {
 #[derive(Clone, Debug)]
 pub struct ObjectBaker<'a> {
     matrix: &'a CellMatrix,
-    portals: Portals,
+    portals: DirectedPortals,
     targets: Targets,
     settings: Settings,
     /// By cell; `None` for one that was not looked from.
@@ -93,11 +98,13 @@ pub struct SeenObjects {
 }
 
 impl<'a> ObjectBaker<'a> {
-    /// Prepares the portals. `bounds` gives the least and the greatest corner of an object's box, in the units of the portals; an object
-    /// without, or with one that is no box, is seen wherever one of its cells is.
+    /// Prepares the portals. `bounds` gives the least and the greatest corner of an object's box, in the
+    /// units of the portals; an object without, or with one that is no box, is seen wherever one of its cells
+    /// is.
     ///
     /// # Errors
-    /// [`BakeError`], as for [`CellBaker`](crate::CellBaker); [`BakeError::Cells`] if the matrix is of another number of cells.
+    /// [`BakeError`], as for [`CellBaker`](crate::CellBaker); [`BakeError::Cells`] if the matrix is of
+    /// another number of cells.
     pub fn new(
         graph: &CellGraph,
         matrix: &'a CellMatrix,

@@ -1,9 +1,10 @@
-//! Depth first through chains of portals from one cell, marking the objects that the planes of each chain let through.
+//! Depth first through chains of portals from one cell, marking the objects that the planes of each chain let
+//! through.
 
-use crate::CellMatrix;
-use crate::polygon::{Clip, clip};
-use crate::portals::Portals;
-use crate::separators::{Facing, separators};
+use crate::cell_matrix::CellMatrix;
+use crate::clip_polygon::{Clip, clip};
+use crate::directed_portals::DirectedPortals;
+use crate::separating_planes::{Facing, push_separating_planes};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -75,7 +76,8 @@ impl Targets {
         planes.iter().any(|plane| {
             let reach = plane.normal.abs().dot(half);
             let distance = plane.signed_distance(middle);
-            // The middle, the half size and their products are rounded a few times more than what the bound is for. NaN is not beyond.
+            // The middle, the half size and their products are rounded a few times more than what the bound
+            // is for. NaN is not beyond.
             distance + reach < -4.0 * plane.error_bound(middle.abs() + half)
         })
     }
@@ -110,7 +112,7 @@ pub struct Chains {
 
 /// What all steps from one cell share.
 struct Search<'a> {
-    portals: &'a Portals,
+    portals: &'a DirectedPortals,
     matrix: &'a CellMatrix,
     targets: &'a Targets,
     from: CellId,
@@ -121,12 +123,12 @@ struct Search<'a> {
 }
 
 impl Chains {
-    /// The objects seen from a cell, by index and ascending; the steps it took; and whether there were too many, so that the objects
-    /// mean nothing.
+    /// The objects seen from a cell, by index and ascending; the steps it took; and whether there were too
+    /// many, so that the objects mean nothing.
     pub(super) fn seen_from(
         &mut self,
         from: CellId,
-        portals: &Portals,
+        portals: &DirectedPortals,
         matrix: &CellMatrix,
         targets: &Targets,
         limit: u64,
@@ -205,11 +207,12 @@ impl Chains {
             normal: portal.plane.normal,
             sense: 1.0,
         });
-        separators(from, through, &search.portals.margins, &mut self.planes);
+        push_separating_planes(from, through, &search.portals.margins, &mut self.planes);
         self.enter(search, child, source, pass, planes, points)
     }
 
-    /// The parts of the source and of a portal between which lines can pass through the last portal of the chain.
+    /// The parts of the source and of a portal between which lines can pass through the last portal of the
+    /// chain.
     fn narrow(&mut self, search: &Search, last: &Link, child: u32) -> Option<(Range<usize>, Range<usize>)> {
         let (all, margins) = (&search.portals.all, &search.portals.margins);
         let portal = &all[child as usize];
@@ -226,7 +229,7 @@ impl Chains {
                 |vertices, of: u32| Facing { vertices, normal: all[of as usize].plane.normal, sense: -1.0 };
             let planes = self.planes.len();
             let target = facing(&self.points[pass.clone()], child);
-            separators(
+            push_separating_planes(
                 target,
                 facing(&self.points[last.pass.clone()], last.portal),
                 margins,
@@ -248,8 +251,8 @@ impl Chains {
         }
     }
 
-    /// Marks what is seen in the cell behind a portal; if lines may reach more beyond, makes it the next link and says so. The planes of
-    /// the link are those from `planes` on.
+    /// Marks what is seen in the cell behind a portal; if lines may reach more beyond, makes it the next link
+    /// and says so. The planes of the link are those from `planes` on.
     fn enter(
         &mut self,
         search: &Search,
@@ -279,8 +282,8 @@ impl Chains {
         true
     }
 
-    /// Adds the set of portals that can be reached from a cell on without leaving the planes from `planes` on. False if no cell behind
-    /// them holds an object between the planes that is not yet seen.
+    /// Adds the set of portals that can be reached from a cell on without leaving the planes from `planes`
+    /// on. False if no cell behind them holds an object between the planes that is not yet seen.
     fn reach(&mut self, search: &Search, cell: u32, planes: usize) -> bool {
         let set = self.sets.len();
         self.sets.resize(set + search.words, 0);

@@ -1,34 +1,39 @@
 //! Whether the edges of portals leave any line, by a linear program in Pluecker space.
 //!
-//! This work is based on: Seth Teller, "Computing the Antipenumbra of an Area Light Source", 1992; Seth Teller and Michael Hohmeyer,
-//! "Determining the Lines Through Four Lines", 1999; Durand's survey, chapter 8, section 3. A directed line through the point `p` along
-//! `d` has the six coordinates `(d, m)`, `m = p x d`. It passes an edge from `a` to `b` on its left side if
+//! This work is based on: Seth Teller, "Computing the Antipenumbra of an Area Light Source", 1992; Seth
+//! Teller and Michael Hohmeyer, "Determining the Lines Through Four Lines", 1999; Durand's survey, chapter 8,
+//! section 3. A directed line through the point `p` along `d` has the six coordinates `(d, m)`, `m = p x d`.
+//! It passes an edge from `a` to `b` on its left side if
 //!
 //! ```text
 //! h . (d, m) > 0,    h = (a x b, b - a)
 //! ```
 //!
-//! and goes through a polygon if it passes all its edges so. These are half-spaces through the origin of six dimensions. Where they have
-//! nothing in common, no line goes through all polygons.
+//! and goes through a polygon if it passes all its edges so. These are half-spaces through the origin of six
+//! dimensions. Where they have nothing in common, no line goes through all polygons.
 //!
 //! # What is not decided
-//! Where they have something in common, there need be no line either: lines have `d . m = 0`, the Pluecker quadric, which a polytope can miss.
-//! That is not asked here: such a sequence is a *maybe*, and so is one whose polytope is empty by so little that no certificate is found.
-//! Little is lost by it. Splitting the first and the last portal each in two, and again up to 256 parts, and testing all parts, excluded
-//! 29 more of 26,000 chains of a map of 1,726 portals, and hid no pair of cells more, for 3.4 times the time of the bake.
+//! Where they have something in common, there need be no line either: lines have `d . m = 0`, the Pluecker
+//! quadric, which a polytope can miss. That is not asked here: such a sequence is a *maybe*, and so is one
+//! whose polytope is empty by so little that no certificate is found. Little is lost by it. Splitting the
+//! first and the last portal each in two, and again up to 256 parts, and testing all parts, excluded 29 more
+//! of 26,000 chains of a map of 1,726 portals, and hid no pair of cells more, for 3.4 times the time of the
+//! bake.
 //!
 //! # What is certified
-//! A line that stays clear of all edges by a distance `c` passes them on the same side after each has been moved by less than `c`, any way:
-//! here into the polygon, by the [`inset`](Edge::shift), which adds `shift x (b - a)` to the first half of `h`. With `d` of unit length, lengths
-//! about an origin `o`, and a polygon of the sequence all of whose vertices are within a radius of `o`:
+//! A line that stays clear of all edges by a distance `c` passes them on the same side after each has been
+//! moved by less than `c`, any way: here into the polygon, by the [`inset`](Edge::shift), which adds `shift x
+//! (b - a)` to the first half of `h`. With `d` of unit length, lengths about an origin `o`, and a polygon of
+//! the sequence all of whose vertices are within a radius of `o`:
 //! - `|d_k| <= 1`, and `|m_k| <= radius`, since the line meets the polygon;
-//! - `N . d >= 6 c^2`, where `N` is the sum of `a x b` around that polygon, twice its area along its normal: seen along the line, it is a
-//!   polygon of area `N . d / 2` that contains a disc with radius `c`.
+//! - `N . d >= 6 c^2`, where `N` is the sum of `a x b` around that polygon, twice its area along its normal:
+//!   seen along the line, it is a polygon of area `N . d / 2` that contains a disc with radius `c`.
 //!
-//! A certificate is a set of edges with multipliers `l_i > 0`: `N + sum l_i h_i = r`, where `r` is so small that the bounds on `d` and `m` leave it
-//! no room to reach `6 c^2`. Everything in it is evaluated from the vertices as they were given, in numbers of twice the length with
-//! every rounding counted (see [`crate::lp`]). The program that proposes which edges to take is solved in plain `f64`, in the five dimensions that
-//! are left when lines are scaled to `n . d = 1`.
+//! A certificate is a set of edges with multipliers `l_i > 0`: `N + sum l_i h_i = r`, where `r` is so small
+//! that the bounds on `d` and `m` leave it no room to reach `6 c^2`. Everything in it is evaluated from the
+//! vertices as they were given, in numbers of twice the length with every rounding counted (see
+//! [`crate::lp`]). The program that proposes which edges to take is solved in plain `f64`, in the five
+//! dimensions that are left when lines are scaled to `n . d = 1`.
 
 use super::radius::radius_of;
 use crate::lp::{BOX, Certificate, Levels, MOST, Row, Stop, find};
@@ -43,7 +48,8 @@ pub(crate) struct Edge {
     pub(crate) b: DVec3,
     /// By how much it is moved.
     pub(crate) shift: DVec3,
-    /// Whether it bounds the portal: not if it is a point, or if rounding has put other vertices on its wrong side.
+    /// Whether it bounds the portal: not if it is a point, or if rounding has put other vertices on its wrong
+    /// side.
     pub(crate) bounds: bool,
 }
 
@@ -70,7 +76,8 @@ impl Opening<'_> {
     }
 }
 
-/// Appends the edges of a polygon, counter-clockwise about a unit normal, each with the shift that draws it in by `inset`.
+/// Appends the edges of a polygon, counter-clockwise about a unit normal, each with the shift that draws it
+/// in by `inset`.
 pub(crate) fn edges_of(
     vertices: impl Iterator<Item = DVec3> + Clone,
     normal: DVec3,
@@ -80,7 +87,8 @@ pub(crate) fn edges_of(
     let Some(mut a) = vertices.clone().last() else { return };
     for b in vertices.clone() {
         let inward = normal.cross(b - a).normalize_or_zero();
-        // Vertices on the wrong side, as rounding puts them, are cut off by no more than the inset, or not at all.
+        // Vertices on the wrong side, as rounding puts them, are cut off by no more than the inset, or not at
+        // all.
         let least = vertices.clone().fold(0.0, |least: f64, v| least.min(inward.dot(v - a)));
         let bounds = inward != DVec3::ZERO && -least <= inset;
         edges.push(Edge { a, b, shift: inward * (inset + least), bounds });
@@ -99,7 +107,8 @@ pub(crate) struct Pluecker {
     /// The coordinates: `d = start + x u + y v`, and lengths.
     frame: [DVec3; 3],
     size: f64,
-    /// After a proof: the openings that it needs, by their places in the sequence. No sequence that has them all has a line.
+    /// After a proof: the openings that it needs, by their places in the sequence. No sequence that has them
+    /// all has a line.
     pub(crate) needed: Vec<u32>,
 }
 
@@ -116,7 +125,8 @@ pub(crate) enum Polytope {
 }
 
 impl Pluecker {
-    /// Whether surely no line stays clear of all edges by `clearance`. The program starts from a line that is about right, through `origin`.
+    /// Whether surely no line stays clear of all edges by `clearance`. The program starts from a line that is
+    /// about right, through `origin`.
     pub(crate) fn test<'a>(
         &mut self,
         opening: impl Fn(usize) -> Opening<'a>,
@@ -175,8 +185,8 @@ impl Pluecker {
         }
     }
 
-    /// After a test: a line, by a point and a direction, near a point of the polytope that is inside of all edges by so much, relative
-    /// to the size of things.
+    /// After a test: a line, by a point and a direction, near a point of the polytope that is inside of all
+    /// edges by so much, relative to the size of things.
     pub(crate) fn line(&mut self, origin: DVec3, inside: f64) -> Option<[DVec3; 2]> {
         let rows = &self.rows;
         let inside = |i: usize| {
@@ -186,7 +196,8 @@ impl Pluecker {
         let x = self.levels.solve(rows.len(), inside, [0.0; 5], [FAR; 5]).ok()?;
         let [start, u, v] = self.frame;
         let d = start + u * x[0] + v * x[1];
-        // The moment of a line is at right angles to it: the nearest such. The point of the line next to the origin is then d x m / d^2.
+        // The moment of a line is at right angles to it: the nearest such. The point of the line next to the
+        // origin is then d x m / d^2.
         let m = DVec3::new(x[2], x[3], x[4]) * self.size;
         Some([origin + d.cross(m) / d.length_squared(), d])
     }
@@ -239,8 +250,8 @@ fn cross(a: &Long, b: &Long) -> Long {
     })
 }
 
-/// A bound on the error of each coordinate of a cross product of vectors of at most these sizes: two products and a difference, each wrong by at
-/// most `ERROR` of the product of the sizes or of the sum of two of them.
+/// A bound on the error of each coordinate of a cross product of vectors of at most these sizes: two products
+/// and a difference, each wrong by at most `ERROR` of the product of the sizes or of the sum of two of them.
 fn error_of_cross(a: &Long, b: &Long) -> f64 {
     let size = |a: &Long| a.iter().fold(0.0, |size: f64, a| size.max(a.hi.abs()));
     8.0 * DoubleDouble::ERROR * size(a) * size(b)

@@ -1,5 +1,6 @@
-//! Linear programs in exact arithmetic: the criss-cross method (Tamas Terlaky, "A Convergent Criss-Cross Method", 1985) on a dictionary of
-//! integers with one common denominator (Jack Edmonds's integral pivoting). Shares nothing with what it judges.
+//! Linear programs in exact arithmetic: the criss-cross method (Tamas Terlaky, "A Convergent Criss-Cross
+//! Method", 1985) on a dictionary of integers with one common denominator (Jack Edmonds's integral pivoting).
+//! Shares nothing with what it judges.
 
 /// What a program comes to.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -15,7 +16,8 @@ impl Exact {
     }
 }
 
-/// The dictionary: basic variables (and, last, the objective) as sums of a constant and of the others, all over one denominator.
+/// The dictionary: basic variables (and, last, the objective) as sums of a constant and of the others, all
+/// over one denominator.
 struct Dictionary {
     rows: Vec<Vec<i128>>,
     denominator: i128,
@@ -24,8 +26,8 @@ struct Dictionary {
     others: Vec<usize>,
 }
 
-/// The greatest value of `objective . x` where `a . x + b >= 0` for all rows `(a, b)`, and no coordinate is greater than `bound`. `None`
-/// if numbers become too long.
+/// The greatest value of `objective . x` where `a . x + b >= 0` for all rows `(a, b)`, and no coordinate is
+/// greater than `bound`. `None` if numbers become too long.
 pub(crate) fn solve(rows: &[(Vec<i128>, i128)], objective: &[i128], bound: i128) -> Option<Exact> {
     let d = objective.len();
     // In y = x + bound, which is not negative.

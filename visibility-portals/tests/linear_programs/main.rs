@@ -1,6 +1,8 @@
-//! The linear-programming solver agrees with exact arithmetic and with `microlp`, on random and on degenerate programs.
+//! The linear-programming solver agrees with exact arithmetic and with `microlp`, on random and on degenerate
+//! programs.
 //!
-//! `cargo test --release -p visibility-portals --test linear_programs -- --ignored --nocapture` does so a million times.
+//! `cargo test --release -p visibility-portals --test linear_programs -- --ignored --nocapture` does so a
+//! million times.
 
 mod exact;
 
@@ -30,8 +32,9 @@ impl Random {
 
 const BOUND: i128 = 64;
 
-/// Rows of integers, of one of several kinds: any; small, so that many meet in a point or are the same; through one point; with
-/// opposites that touch or miss by one; with rows that are all zero or nearly parallel.
+/// Rows of integers, of one of several kinds: any; small, so that many meet in a point or are the same;
+/// through one point; with opposites that touch or miss by one; with rows that are all zero or nearly
+/// parallel.
 fn program(d: usize, random: &mut Random) -> Vec<(Vec<i128>, i128)> {
     let (kind, count) = (random.below(5), 1 + random.below(24));
     let most = if kind == 0 || kind == 4 { 100 } else { 2 };
@@ -72,7 +75,8 @@ struct Tally {
     too_long: u64,
     feasible: u64,
     infeasible: u64,
-    /// Answers that are neither yes nor no, all of them on programs that are decided by less than a millionth.
+    /// Answers that are neither yes nor no, all of them on programs that are decided by less than a
+    /// millionth.
     maybe: u64,
     unknown: u64,
     microlp_differs: u64,

@@ -1,8 +1,8 @@
 //! Mazes made up for tests, and an oracle that walks rays through them.
 //!
-//! Rooms are boxes in a grid with walls of no thickness; doorways are polygons in these walls. The whole may be turned in the world. The oracle
-//! works in the grid's own coordinates, by which wall a ray leaves a room and whether that point is in a doorway; it shares nothing
-//! with the culler.
+//! Rooms are boxes in a grid with walls of no thickness; doorways are polygons in these walls. The whole may
+//! be turned in the world. The oracle works in the grid's own coordinates, by which wall a ray leaves a room
+//! and whether that point is in a doorway; it shares nothing with the culler.
 #![allow(dead_code, missing_docs, unreachable_pub)]
 
 use visibility_core::glam::{DMat4, DQuat, DVec2, DVec3};
@@ -273,7 +273,8 @@ impl Maze {
         some.min_by(|a, b| a.distance(from).total_cmp(&b.distance(from)))
     }
 
-    /// Follows a ray in the world. Calls `reached` for the objects that it meets, with the mirrors that it met before.
+    /// Follows a ray in the world. Calls `reached` for the objects that it meets, with the mirrors that it
+    /// met before.
     pub fn follow(&self, from: DVec3, along: DVec3, mut reached: impl FnMut(usize, &[MirrorId])) {
         let back = self.turn.inverse();
         let (mut from, mut along) = (back * (from - self.shift), back * along);
@@ -465,7 +466,8 @@ impl Camera {
         Self { pose, half, near, far, orthographic, view }
     }
 
-    /// The ray through a point of the picture, from the near plane on, its length a step of 1 along the line of sight.
+    /// The ray through a point of the picture, from the near plane on, its length a step of 1 along the line
+    /// of sight.
     pub fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
         let Pose { eye, right, up, forward } = self.pose;
         let across = right * (x * self.half.x) + up * (y * self.half.y);

@@ -37,8 +37,8 @@ fn row(normal: i128, least: f64) -> Row<1> {
     Row { normal: [nearest(normal)], error: 0.0, least }
 }
 
-/// Multipliers and numbers whose products have more digits than can be kept; the last one makes the sum as good as nothing. What is left of
-/// it is known exactly.
+/// Multipliers and numbers whose products have more digits than can be kept; the last one makes the sum as
+/// good as nothing. What is left of it is known exactly.
 fn cancelling(random: &mut Random) -> ([DoubleDouble; 4], [i128; 4], i128) {
     let l: [i128; 3] = core::array::from_fn(|_| random.integer(66) | 1 << 65);
     let h: [i128; 3] = core::array::from_fn(|_| random.integer(50) | 1);
@@ -98,8 +98,8 @@ fn negative_multipliers_and_what_is_no_number_prove_nothing() {
     }
 }
 
-/// Rows that a point of integers satisfies, most of them only just: small ones, of which many combine to nothing, and opposites that differ in
-/// the last digits.
+/// Rows that a point of integers satisfies, most of them only just: small ones, of which many combine to
+/// nothing, and opposites that differ in the last digits.
 fn through_a_point<const K: usize>(random: &mut Random) -> (Vec<[i64; K]>, Vec<i64>) {
     let point: [i64; K] = core::array::from_fn(|_| random.small(9));
     let count = 2 + random.bits() as usize % (MOST - 1);

@@ -10,11 +10,11 @@ use visibility_core::{CellId, View, ViewcellId};
 
 /// Memory for finding the cells of a front.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Front {
+pub(super) struct StartCells {
     touching: Vec<ViewcellId>,
 }
 
-impl Front {
+impl StartCells {
     /// Calls `each` with the cells that lines of sight begin in, some maybe more than once. False if some
     /// begin in no cell, or if it cannot be told where. Points are taken relative to `anchor`, a point of the
     /// world.

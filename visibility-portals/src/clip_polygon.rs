@@ -1,4 +1,5 @@
-//! Clipping convex polygons (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) that live in a growing store of points.
+//! Clipping convex polygons (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) that live in a
+//! growing store of points.
 
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -17,8 +18,8 @@ pub(crate) enum Clip {
     Part(usize),
 }
 
-/// Clips the polygon at a place of the store to the inner side of a plane; what is left of it, if it is less, is added to the store.
-/// A remainder narrower than `merge` is nothing.
+/// Clips the polygon at a place of the store to the inner side of a plane; what is left of it, if it is less,
+/// is added to the store. A remainder narrower than `merge` is nothing.
 pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane, merge: f64) -> Clip {
     let count = polygon.len();
     if count > MOST_VERTICES {

@@ -1,6 +1,6 @@
 //! Where lines of sight come from, and how a view bounds them.
 
-use super::side::{Side, U};
+use super::window_plane::{U, WindowPlane};
 use smallvec::SmallVec;
 use visibility_core::glam::DVec3;
 use visibility_core::view::{ClipRow, ViewProjection};
@@ -15,22 +15,23 @@ pub(super) enum Lines {
     Along(DVec3, f64),
 }
 
-/// A view as portals are clipped to it. All is relative to the anchor, a point of the world: the eye, if there is one.
+/// A view as portals are clipped to it. All is relative to the anchor, a point of the world: the eye, if
+/// there is one.
 #[derive(Clone, Debug)]
-pub(super) struct Sight {
+pub(super) struct PortalView {
     pub(super) anchor: DVec3,
     pub(super) lines: Lines,
     /// How far the true eye may be from the anchor.
     pub(super) error: f64,
     /// Left, right, bottom and top.
-    pub(super) sides: [Side; 4],
+    pub(super) sides: [WindowPlane; 4],
     /// Far, if there is one, and again the clip planes: what lines of sight can end at.
-    pub(super) ends: SmallVec<[Side; 11]>,
+    pub(super) ends: SmallVec<[WindowPlane; 11]>,
     /// Clip-space x, y and w of points relative to the anchor.
     pub(super) rows: [ClipRow; 3],
 }
 
-impl Sight {
+impl PortalView {
     /// `None` for a view so odd that `f64` cannot tell where it is seen from.
     pub(super) fn new(view: &View) -> Option<Self> {
         let projection = ViewProjection::new(view, DVec3::ZERO);
@@ -42,7 +43,7 @@ impl Sight {
         if planes.len() != 5 + far + view.clip_planes().len() || !anchor.is_finite() {
             return None;
         }
-        let sides = [0, 1, 2, 3].map(|i| Side::of_view(&planes[i]));
+        let sides = [0, 1, 2, 3].map(|i| WindowPlane::of_view(&planes[i]));
         let (lines, error) = match projection.eye() {
             Eye::Point(_) => (Lines::FromAnchor, projection.eye_error()),
             Eye::Direction(direction) => (Lines::Along(direction, projection.eye_error()), 0.0),
@@ -53,17 +54,18 @@ impl Sight {
             return None;
         }
         let clips = &planes[5 + far..];
-        let ends = planes[5..5 + far].iter().chain(clips).map(Side::of_view).collect();
+        let ends = planes[5..5 + far].iter().chain(clips).map(WindowPlane::of_view).collect();
         let rows = [projection.x(), projection.y(), projection.w()];
         Some(Self { anchor, lines, error, sides, ends, rows })
     }
 
-    /// Which way lines of sight cross a polygon, relative to the anchor and known up to `error`, whose unit normal is `normal` and whose least
-    /// extent is at least `width`.
+    /// Which way lines of sight cross a polygon, relative to the anchor and known up to `error`, whose unit
+    /// normal is `normal` and whose least extent is at least `width`.
     ///
-    /// From an eye, a plane is crossed along its normal if and only if the eye is behind it. Vertices that are off by `error` (which includes
-    /// that of the eye) tilt the plane by twice as much over `width`. Evaluating the height of a vertex rounds by `8u` of its distance, and
-    /// the normal is not to be trusted beyond `4u` a component.
+    /// From an eye, a plane is crossed along its normal if and only if the eye is behind it. Vertices that
+    /// are off by `error` (which includes that of the eye) tilt the plane by twice as much over `width`.
+    /// Evaluating the height of a vertex rounds by `8u` of its distance, and the normal is not to be trusted
+    /// beyond `4u` a component.
     pub(super) fn crossing(
         &self,
         vertices: impl Iterator<Item = DVec3>,
@@ -94,11 +96,12 @@ impl Sight {
         }
     }
 
-    /// The side through an edge of a polygon that is crossed along (`sign` 1) or against (-1) its normal, counter-clockwise around that.
-    pub(super) fn through_edge(&self, a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<Side> {
+    /// The side through an edge of a polygon that is crossed along (`sign` 1) or against (-1) its normal,
+    /// counter-clockwise around that.
+    pub(super) fn through_edge(&self, a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<WindowPlane> {
         match self.lines {
-            Lines::FromAnchor => Side::through_edge(a, b, sign, error),
-            Lines::Along(direction, turn) => Side::along(direction, turn, a, b, sign, error),
+            Lines::FromAnchor => WindowPlane::through_edge(a, b, sign, error),
+            Lines::Along(direction, turn) => WindowPlane::along(direction, turn, a, b, sign, error),
         }
     }
 }
@@ -110,7 +113,8 @@ pub(super) enum Crossing {
     Along,
     /// Against its normal.
     Against,
-    /// The eye is so near the plane, or the plane so nearly in line with the lines of sight, that rounding cannot tell.
+    /// The eye is so near the plane, or the plane so nearly in line with the lines of sight, that rounding
+    /// cannot tell.
     Unsure,
 }
 
@@ -149,7 +153,9 @@ mod tests {
             let rows = [x.to_f64().extend(0.0), y.to_f64().extend(0.0), z.extend(0.5), DVec4::W];
             let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
             let Ok(view) = View::from_clip_from_world(matrix, Depth::ZeroToOne) else { continue };
-            let Some(Lines::Along(found_direction, turn)) = Sight::new(&view).map(|sight| sight.lines) else {
+            let Some(Lines::Along(found_direction, turn)) =
+                PortalView::new(&view).map(|eye_view| eye_view.lines)
+            else {
                 continue;
             };
             // The sine of the angle between both, in numbers of twice the length.
@@ -171,11 +177,12 @@ mod tests {
     fn an_eye_near_the_plane_of_a_polygon_is_never_said_to_be_on_the_wrong_side() {
         let mut random = Random(5);
         let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
-        let mut sight = Sight::new(&wide).unwrap();
-        sight.error = 0.0;
+        let mut eye_view = PortalView::new(&wide).unwrap();
+        eye_view.error = 0.0;
         let mut counts = [0; 3];
         for round in 0..20_000 {
-            // An eye far along the plane of a triangle, and next to nothing off it: by as little as 2^-52 of the distance.
+            // An eye far along the plane of a triangle, and next to nothing off it: by as little as 2^-52 of
+            // the distance.
             let (corner, a, b) = (random.vector(1 << 20), random.vector(1 << 24), random.vector(1 << 24));
             let near = random.vector(if round % 2 == 0 { 4 } else { 1 << 12 });
             let far = a.times(random.below(1 << 24)).plus(b.times(random.below(1 << 24)));
@@ -184,7 +191,7 @@ mod tests {
             let unit = a.to_f64().cross(b.to_f64()).normalize();
             let vertices = [corner, corner.plus(a), corner.plus(b)].map(|p| p.minus(eye).to_f64());
             let width = unit.cross(b.to_f64()).length() * 0.5;
-            let crossing = sight.crossing(vertices.into_iter(), unit, width, 0.0);
+            let crossing = eye_view.crossing(vertices.into_iter(), unit, width, 0.0);
             // Lines that come from behind the plane run along its normal.
             match crossing {
                 Crossing::Along => assert!(ahead > 0, "{corner:?} {a:?} {b:?} {eye:?}"),

@@ -1,11 +1,11 @@
 //! The candidates of one source, and the memory that floods work in.
 
-use super::Known;
-use super::frame::Frame;
-use super::witness::Refuted;
-use crate::matrix::bits;
+use super::known::Known;
+use crate::cell_matrix::bits;
+use crate::lp::MOST;
 use crate::stabbing::pluecker::Pluecker;
 use alloc::vec::Vec;
+use core::ops::Range;
 use visibility_core::Plane;
 use visibility_core::glam::DVec3;
 
@@ -46,6 +46,33 @@ pub struct Scratch {
     /// What was excluded lately in this flood, and which of it is to be forgotten next.
     pub(crate) refuted: Vec<Refuted>,
     pub(crate) oldest: usize,
+}
+
+/// A link of the chain of portals that is being looked at.
+#[derive(Clone, Debug)]
+pub(crate) struct Frame {
+    /// The portal just gone through, by its number among all, and the cell behind it.
+    pub(crate) portal: u32,
+    pub(crate) cell: u32,
+    /// The part of the source that lines can come from, and the part of this portal that they go through:
+    /// places in the store of points.
+    pub(crate) source: Range<usize>,
+    pub(crate) pass: Range<usize>,
+    /// The planes that bound what comes after.
+    pub(crate) planes: Range<usize>,
+    /// Where the set of candidates that can be reached from here begins.
+    pub(crate) set: usize,
+    /// The next candidate to look at.
+    pub(crate) next: u32,
+    /// The store of points as it was before this frame.
+    pub(crate) points: usize,
+}
+
+/// Portals, each the one way, that no line passes all of, by a certificate.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Refuted {
+    pub(crate) portals: [u32; MOST],
+    pub(crate) count: usize,
 }
 
 const NO_ROW: u32 = u32::MAX;

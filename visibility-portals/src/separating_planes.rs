@@ -1,25 +1,27 @@
 //! Planes that bound what is seen through two polygons.
 //!
-//! This work is based on: Seth Teller and Pat Hanrahan, "Global Visibility Algorithms for Illumination Computations", 1993, where the
-//! antipenumbra of a source through portals is bounded by planes that separate source and portal. Each contains an edge of one polygon and a
-//! vertex of the other.
+//! This work is based on: Seth Teller and Pat Hanrahan, "Global Visibility Algorithms for Illumination
+//! Computations", 1993, where the antipenumbra of a source through portals is bounded by planes that separate
+//! source and portal. Each contains an edge of one polygon and a vertex of the other.
 //!
-//! For an edge of the polygon A with inward normal `m` in A's plane, and A's normal `n` towards B, the planes through the edge are
-//! `-m + t n`. A lies on the negative side of all of them. B lies on the positive side if `t >= u / w` for each of its vertices, at `u` along
-//! `m` and `w > 0` along `n` from the edge; the greatest of these quotients gives the tangent, in time linear in B's vertices.
+//! For an edge of the polygon A with inward normal `m` in A's plane, and A's normal `n` towards B, the planes
+//! through the edge are `-m + t n`. A lies on the negative side of all of them. B lies on the positive side
+//! if `t >= u / w` for each of its vertices, at `u` along `m` and `w > 0` along `n` from the edge; the
+//! greatest of these quotients gives the tangent, in time linear in B's vertices.
 //!
 //! # Why no rounding hides a line
-//! Let `f(x) = normal . x`, with *any* normal. If `f <= d` on A and `f >= d` on B, then `f` does not fall along a line from A to B, so
-//! `f >= d` wherever the line goes after B. It does not matter how the normal was come by; the offset is taken from the products evaluated
-//! over the polygons themselves, and a normal that does not part them is not used.
+//! Let `f(x) = normal . x`, with *any* normal. If `f <= d` on A and `f >= d` on B, then `f` does not fall
+//! along a line from A to B, so `f >= d` wherever the line goes after B. It does not matter how the normal
+//! was come by; the offset is taken from the products evaluated over the polygons themselves, and a normal
+//! that does not part them is not used.
 
-use crate::portals::Margins;
+use crate::directed_portals::Margins;
 use alloc::vec::Vec;
 use visibility_core::Plane;
 use visibility_core::glam::{DVec2, DVec3};
 
-/// A polygon with its plane's normal, around which its vertices run counter-clockwise, and the direction in which lines go: along
-/// the normal (1) or against it (-1).
+/// A polygon with its plane's normal, around which its vertices run counter-clockwise, and the direction in
+/// which lines go: along the normal (1) or against it (-1).
 #[derive(Clone, Copy)]
 pub(crate) struct Facing<'a> {
     pub(crate) vertices: &'a [DVec3],
@@ -28,14 +30,15 @@ pub(crate) struct Facing<'a> {
 }
 
 /// Adds the planes on whose inner side all lines are that went through `a` and then through `b`.
-pub(crate) fn separators(a: Facing, b: Facing, margins: &Margins, planes: &mut Vec<Plane>) {
+pub(crate) fn push_separating_planes(a: Facing, b: Facing, margins: &Margins, planes: &mut Vec<Plane>) {
     // Edges of A with vertices of B, which lie on the side that lines go to. A is on the negative side.
     tangents(a, b, a.sense, -1.0, margins, planes);
     // Edges of B with vertices of A, which lie where lines come from. B is on the positive side.
     tangents(b, a, -b.sense, 1.0, margins, planes);
 }
 
-/// The tangents from the edges of one polygon to another, which lies on the given side of the first one's plane.
+/// The tangents from the edges of one polygon to another, which lies on the given side of the first one's
+/// plane.
 fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, planes: &mut Vec<Plane>) {
     let toward = of.normal * side;
     // The second polygon relative to the plane of the first.

@@ -1,21 +1,23 @@
 //! One view through portals: what it keeps from frame to frame, and what can be asked of the last one.
 
+use super::mirror::NONE;
+use super::portal_stats::{NotCulled, PortalStats};
+use super::portal_view::PortalView;
+use super::portal_walk::{Narrowing, PortalWalk, Way};
 use super::reflection::{Reflection, Reflections};
 use super::scene_cells::SceneCells;
-use super::sight::Sight;
-use super::start::Front;
-use super::stats::{NotCulled, PortalStats};
-use super::walk::Walk;
-use super::{Narrowing, scene_cells::NONE};
+use super::seen_objects::Seen;
+use super::start_cells::StartCells;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellId, Changes, CullStats, PortalId, Scene, View, VisibleSet};
 
 /// The memory of one view through portals, its settings, and what it saw in the last frame.
 ///
-/// Conservative, whatever the rounding: an object is hidden only if no line of sight reaches its box through open portals. Cost follows what is
-/// seen: about 0.1 us a portal that is looked at, 10 ns an object and way by which its cell is seen, and a few for each object that the stages
-/// before have left. No allocation once warm.
+/// Conservative, whatever the rounding: an object is hidden only if no line of sight reaches its box through
+/// open portals. Cost follows what is seen: about 0.1 us a portal that is looked at, 10 ns an object and way
+/// by which its cell is seen, and a few for each object that the stages before have left. No allocation once
+/// warm.
 ///
 /// ```
 /// use visibility_core::{CellGraph, CellId, ConvexPolygon, Pose, Scene, View, Viewcell, Viewcells, VisibleSet, glam::DVec3};
@@ -38,8 +40,8 @@ use visibility_core::{CellId, Changes, CullStats, PortalId, Scene, View, Visible
 pub struct PortalEye {
     narrowing: Narrowing,
     steps: u64,
-    walk: Walk,
-    front: Front,
+    walk: PortalWalk,
+    start_cells: StartCells,
     reflections: Reflections,
     stats: PortalStats,
     anchor: DVec3,
@@ -55,13 +57,14 @@ impl Default for PortalEye {
 }
 
 impl PortalEye {
-    /// Narrows to polygons, looks at up to 20,000 portals a frame, and returns up to 8 reflections, of mirrors in mirrors too.
+    /// Narrows to polygons, looks at up to 20,000 portals a frame, and returns up to 8 reflections, of
+    /// mirrors in mirrors too.
     pub fn new() -> Self {
         Self {
             narrowing: Narrowing::Polygon,
             steps: 20_000,
-            walk: Walk::default(),
-            front: Front::default(),
+            walk: PortalWalk::default(),
+            start_cells: StartCells::default(),
             reflections: Reflections::new(),
             stats: PortalStats::default(),
             anchor: DVec3::ZERO,
@@ -75,8 +78,8 @@ impl PortalEye {
         Self { narrowing, ..self }
     }
 
-    /// The most portals to look at in a frame, in each reflection again. A frame that needs more is not culled by portals, and
-    /// [says so](PortalStats::fallback).
+    /// The most portals to look at in a frame, in each reflection again. A frame that needs more is not
+    /// culled by portals, and [says so](PortalStats::fallback).
     pub fn with_step_limit(self, steps: u64) -> Self {
         Self { steps, ..self }
     }
@@ -87,8 +90,8 @@ impl PortalEye {
         self
     }
 
-    /// Forgets the last frame and keeps the settings. Needed for nothing but to start anew: other cells, another PVS, another scene and cuts
-    /// of the camera are noticed.
+    /// Forgets the last frame and keeps the settings. Needed for nothing but to start anew: other cells,
+    /// another PVS, another scene and cuts of the camera are noticed.
     pub fn reset(&mut self) {
         *self = Self {
             narrowing: self.narrowing,
@@ -98,8 +101,8 @@ impl PortalEye {
         };
     }
 
-    /// Removes from `visible` what cannot be seen through open portals. An object that changed after the cells were last
-    /// [told](SceneCells::sync) stays.
+    /// Removes from `visible` what cannot be seen through open portals. An object that changed after the
+    /// cells were last [told](SceneCells::sync) stays.
     pub fn cull(
         &mut self,
         cells: &SceneCells,
@@ -111,26 +114,28 @@ impl PortalEye {
         self.stats = PortalStats::default();
         self.reflections.clear();
         self.walk.begin(cells);
-        let Some(sight) = Sight::new(view) else { return self.fall_back(NotCulled::View, scene, visible) };
-        self.anchor = sight.anchor;
+        let Some(eye_view) = PortalView::new(view) else {
+            return self.fall_back(NotCulled::View, scene, visible);
+        };
+        self.anchor = eye_view.anchor;
         let synced = self.follow(cells, scene);
         let walk = &mut self.walk;
         let why = if !synced {
             Some(NotCulled::NotSynced)
-        } else if !self.front.find(cells, view, sight.anchor, |cell| walk.start_whole(cell)) {
+        } else if !self.start_cells.find(cells, view, eye_view.anchor, |cell| walk.start_whole(cell)) {
             Some(NotCulled::OutsideCells)
-        } else if !walk.go(cells, &sight, self.narrowing, self.steps, &mut self.stats) {
+        } else if !walk.go(cells, &eye_view, self.narrowing, self.steps, &mut self.stats) {
             Some(NotCulled::Steps)
         } else {
             None
         };
         let mut result = match why {
             Some(why) => {
-                self.walk.look_at_all_mirrors(cells, &sight);
+                self.walk.look_at_all_mirrors(cells, &eye_view);
                 self.fall_back(why, scene, visible)
             }
             None => {
-                let seen = Seen { cells, scene, walk: &self.walk, sight: &sight };
+                let seen = Seen { cells, scene, walk: &self.walk, eye_view: &eye_view };
                 seen.retain(&self.unknown, self.frame, visible, &mut self.stats.tests)
             }
         };
@@ -138,7 +143,16 @@ impl PortalEye {
         if !self.walk.mirrors.is_empty() {
             let known = (self.unknown.as_slice(), self.frame);
             let settings = (self.narrowing, self.steps);
-            self.reflections.look(cells, scene, view, &sight, &self.walk, known, settings, &mut self.stats);
+            self.reflections.look(
+                cells,
+                scene,
+                view,
+                &eye_view,
+                &self.walk,
+                known,
+                settings,
+                &mut self.stats,
+            );
         }
         result.nodes = self.stats.ways;
         result.tests = self.stats.tests;
@@ -175,7 +189,8 @@ impl PortalEye {
         self.stats.fallback.is_some() || self.walk.ways_into(cell).next().is_some()
     }
 
-    /// The cells seen in the last frame, nearest first along the ways that were walked, each once; none where that could not be told.
+    /// The cells seen in the last frame, nearest first along the ways that were walked, each once; none where
+    /// that could not be told.
     pub fn seen_cells(&self) -> impl Iterator<Item = CellId> + '_ {
         let known = self.stats.fallback.is_none();
         let ways = self.walk.ways.iter().filter(move |_| known);
@@ -186,22 +201,19 @@ impl PortalEye {
         .map(|way| way.cell)
     }
 
-    /// The portals that are crossed on a way to a cell that is seen, from that cell back to the eye: of several ways one with the fewest. None
-    /// if lines of sight begin in it, or if it is not seen.
+    /// The portals that are crossed on a way to a cell that is seen, from that cell back to the eye: of
+    /// several ways one with the fewest. None if lines of sight begin in it, or if it is not seen.
     pub fn way_to(&self, cell: CellId) -> impl Iterator<Item = PortalId> + '_ {
-        let from = |way| {
-            core::iter::successors(Some(way), |way: &&super::walk::Way| {
-                self.walk.ways.get(way.parent as usize)
-            })
-        };
+        let from =
+            |way| core::iter::successors(Some(way), |way: &&Way| self.walk.ways.get(way.parent as usize));
         let known = self.stats.fallback.is_none();
         let ways = self.walk.ways_into(cell).filter(move |_| known);
         let shortest = ways.min_by_key(|&way| from(way).count());
         shortest.into_iter().flat_map(from).filter(|way| way.parent != NONE).map(|way| way.portal)
     }
 
-    /// The part of each portal that is seen through, once for every way: the portal, the cell that is seen, and the corners in the
-    /// world, in the order that they were found. For pictures.
+    /// The part of each portal that is seen through, once for every way: the portal, the cell that is seen,
+    /// and the corners in the world, in the order that they were found. For pictures.
     pub fn windows(&self) -> impl Iterator<Item = (PortalId, CellId, impl Iterator<Item = DVec3> + '_)> + '_ {
         let ways = self.walk.ways.iter().filter(|way| way.parent != NONE);
         ways.map(|way| {
@@ -210,41 +222,9 @@ impl PortalEye {
         })
     }
 
-    /// What the mirrors show that are seen in the last frame, and what mirrors show in them: each with a view and a set of its own.
+    /// What the mirrors show that are seen in the last frame, and what mirrors show in them: each with a view
+    /// and a set of its own.
     pub fn reflections(&self) -> &[Reflection] {
         self.reflections.as_slice()
-    }
-}
-
-/// What one walk shows of a scene.
-pub(super) struct Seen<'a> {
-    pub(super) cells: &'a SceneCells,
-    pub(super) scene: &'a Scene,
-    pub(super) walk: &'a Walk,
-    pub(super) sight: &'a Sight,
-}
-
-impl Seen<'_> {
-    /// Keeps what is seen, what changed in the frame at hand, and what is in no cell.
-    pub(super) fn retain(
-        &self,
-        unknown: &[u64],
-        frame: u64,
-        visible: &mut VisibleSet,
-        tests: &mut u64,
-    ) -> CullStats {
-        let origin = self.scene.origin() - self.sight.anchor;
-        // Moving a box to the anchor rounds the difference of origins, and then each corner; the box is also as uncertain as the eye.
-        let size = self.scene.origin().abs().max_element() + self.sight.anchor.abs().max_element();
-        let error = self.sight.error + 4.0 * f64::EPSILON * size;
-        visible.retain(self.scene, |id, bounds| {
-            if unknown.get(id.index()) == Some(&frame) {
-                return true;
-            }
-            let of = self.cells.cells_of(id);
-            let (min, max) = (bounds.min.as_dvec3() + origin, bounds.max.as_dvec3() + origin);
-            let error = error + f64::EPSILON * min.abs().max(max.abs()).max_element();
-            of.is_empty() || of.iter().any(|&cell| self.walk.shows(cell, min, max, error, tests))
-        })
     }
 }

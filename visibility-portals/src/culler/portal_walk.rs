@@ -1,16 +1,18 @@
-//! The walk of a frame: from the cells that lines of sight begin in, through portals, each of which narrows what is seen.
+//! The walk of a frame: from the cells that lines of sight begin in, through portals, each of which narrows
+//! what is seen.
 //!
-//! Depth first, as in Luebke and Georges, "Portals and Mirrors: Simple, Fast Evaluation of Potentially Visible Sets", 1995, who keep the
-//! rectangle of the screen around each portal; here the exact convex polygon is kept as well. Cells need not be convex: a walk may come back to
-//! a cell, but not through a portal that it has passed in the same direction, since no straight line does.
+//! Depth first, as in Luebke and Georges, "Portals and Mirrors: Simple, Fast Evaluation of Potentially
+//! Visible Sets", 1995, who keep the rectangle of the screen around each portal; here the exact convex
+//! polygon is kept as well. Cells need not be convex: a walk may come back to a cell, but not through a
+//! portal that it has passed in the same direction, since no straight line does.
 
-use super::Narrowing;
-use super::polygon::Outline;
-use super::scene_cells::{NONE, SceneCells};
+use super::mirror::NONE;
+use super::outline::Outline;
+use super::portal_stats::PortalStats;
+use super::portal_view::{Crossing, Lines, PortalView};
+use super::scene_cells::SceneCells;
 use super::screen_rectangle::{Rectangle, around, push_sides};
-use super::side::{Corner, Edge, Side, U, clip};
-use super::sight::{Crossing, Lines, Sight};
-use super::stats::PortalStats;
+use super::window_plane::{Corner, Edge, U, WindowPlane, clip};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -18,8 +20,20 @@ use visibility_core::{CellId, PortalId, Stamp, ViewcellId};
 
 /// The most sides that a window keeps: those beyond are forgotten, which can only show more.
 const MOST_SIDES: usize = 24;
-/// Ways into a cell that are followed one by one. Where there are more, the cell is looked at through the whole view instead.
+/// Ways into a cell that are followed one by one. Where there are more, the cell is looked at through the
+/// whole view instead.
 const MOST_WAYS: u32 = 48;
+
+/// What each portal narrows the view to.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]
+pub enum Narrowing {
+    /// The exact convex polygon of what is seen through it.
+    #[default]
+    Polygon,
+    /// The rectangle on the screen around that, as Luebke and Georges do: four planes a portal, whatever its
+    /// shape.
+    Rectangle,
+}
 
 /// One way by which a cell is seen.
 #[derive(Clone, Debug)]
@@ -55,11 +69,11 @@ pub(super) struct SeenMirror {
 
 /// The memory of a walk, and what it found.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Walk {
+pub(super) struct PortalWalk {
     /// The graph that `heads`, `counts`, `wide` and `passed` have the sizes of.
     graph: Option<Stamp>,
     pub(super) ways: Vec<Way>,
-    pub(super) sides: Vec<Side>,
+    pub(super) sides: Vec<WindowPlane>,
     pub(super) corners: Vec<DVec3>,
     pub(super) mirrors: Vec<SeenMirror>,
     /// By cell: the last way into it, and how many there are.
@@ -88,8 +102,9 @@ fn refill<T: Clone>(list: &mut Vec<T>, count: usize, value: T) {
     list.resize(count, value);
 }
 
-impl Walk {
-    /// Forgets the last walk. Takes time in proportion to what that walk touched; after one in another graph, to the size of the new graph.
+impl PortalWalk {
+    /// Forgets the last walk. Takes time in proportion to what that walk touched; after one in another graph,
+    /// to the size of the new graph.
     pub(super) fn begin(&mut self, cells: &SceneCells) {
         if self.graph != Some(cells.graph.stamp()) {
             self.graph = Some(cells.graph.stamp());
@@ -135,30 +150,30 @@ impl Walk {
     pub(super) fn start_within(
         &mut self,
         cells: &SceneCells,
-        sight: &Sight,
+        eye_view: &PortalView,
         cell: CellId,
-        sides: impl Iterator<Item = Side>,
+        sides: impl Iterator<Item = WindowPlane>,
         rectangle: Rectangle,
     ) {
         let start = self.sides.len() as u32;
         self.sides.extend(sides);
         let window = Window { sides: start..self.sides.len() as u32, rectangle, whole: false };
         self.begun.push(cell.into());
-        self.enter(cells, sight, cell, NONE, PortalId(NONE), window, 0..0);
+        self.enter(cells, eye_view, cell, NONE, PortalId(NONE), window, 0..0);
     }
 
     /// Goes on until there is no way left, or there were too many steps: then false.
     pub(super) fn go(
         &mut self,
         cells: &SceneCells,
-        sight: &Sight,
+        eye_view: &PortalView,
         narrowing: Narrowing,
         steps: u64,
         stats: &mut PortalStats,
     ) -> bool {
         self.allow(cells);
         let view = self.sides.len() as u32;
-        self.sides.extend_from_slice(&sight.sides);
+        self.sides.extend_from_slice(&eye_view.sides);
         let whole = Window { sides: view..view + 4, rectangle: [-1.0, 1.0, -1.0, 1.0], whole: true };
         stats.starts += self.begun.len() as u32;
         let mut left = steps;
@@ -175,10 +190,10 @@ impl Walk {
                 }
                 left -= 1;
                 stats.portals += 1;
-                self.look_through(cells, sight, way, portal, narrowing, stats);
+                self.look_through(cells, eye_view, way, portal, narrowing, stats);
             }
             let Some(cell) = self.waiting.pop() else { return true };
-            self.enter(cells, sight, cell, NONE, PortalId(NONE), whole.clone(), 0..0);
+            self.enter(cells, eye_view, cell, NONE, PortalId(NONE), whole.clone(), 0..0);
         }
     }
 
@@ -206,7 +221,7 @@ impl Walk {
     fn enter(
         &mut self,
         cells: &SceneCells,
-        sight: &Sight,
+        eye_view: &PortalView,
         cell: CellId,
         parent: u32,
         portal: PortalId,
@@ -218,7 +233,7 @@ impl Walk {
         self.counts[cell.index()] += 1;
         let mut mirror = cells.first_mirror[cell.index()];
         while mirror != NONE {
-            self.look_at_mirror(cells, sight, mirror, cell, &window);
+            self.look_at_mirror(cells, eye_view, mirror, cell, &window);
             mirror = cells.mirrors[mirror as usize].next;
         }
         self.ways.push(Way { cell, parent, portal, next, window, corners });
@@ -237,7 +252,7 @@ impl Walk {
     fn look_through(
         &mut self,
         cells: &SceneCells,
-        sight: &Sight,
+        eye_view: &PortalView,
         way: u32,
         id: PortalId,
         narrowing: Narrowing,
@@ -250,7 +265,7 @@ impl Walk {
         let direction = id.index() * 2 + usize::from(forward);
         // Straight back is never ahead, though an eye in the portal's plane cannot tell by its side.
         let back = from.parent != NONE && from.portal == id;
-        if !cells.passes(id, forward)
+        if !cells.doors.passes(id, forward)
             || back
             || self.passed[direction]
             || self.wide[next.index()]
@@ -263,13 +278,14 @@ impl Walk {
             true => (Crossing::Along, Crossing::Against, 1.0),
             false => (Crossing::Against, Crossing::Along, -1.0),
         };
-        let crossing = crossing(sight, outline, vertices);
+        let crossing = crossing(eye_view, outline, vertices);
         if crossing == other {
             return;
         }
         let window = from.window.clone();
         let sign = (crossing == wanted).then_some(sign);
-        let Some((window, corners)) = self.narrow(sight, outline, vertices, &window, sign, narrowing) else {
+        let Some((window, corners)) = self.narrow(eye_view, outline, vertices, &window, sign, narrowing)
+        else {
             return;
         };
         if self.counts[next.index()] >= MOST_WAYS {
@@ -280,51 +296,51 @@ impl Walk {
         }
         stats.crossed += 1;
         self.passed[direction] = true;
-        self.enter(cells, sight, next, way, id, window, corners);
+        self.enter(cells, eye_view, next, way, id, window, corners);
     }
 
     fn look_at_mirror(
         &mut self,
         cells: &SceneCells,
-        sight: &Sight,
+        eye_view: &PortalView,
         mirror: u32,
         cell: CellId,
         window: &Window,
     ) {
         let found = &cells.mirrors[mirror as usize];
         // The normal points into the cell, so what hits the mirror runs against it.
-        let crossing = crossing(sight, &found.outline, &found.vertices);
+        let crossing = crossing(eye_view, &found.outline, &found.vertices);
         if !found.uncovered || crossing == Crossing::Along {
             return;
         }
         let sign = (crossing == Crossing::Against).then_some(-1.0);
         if let Some((window, _)) =
-            self.narrow(sight, &found.outline, &found.vertices, window, sign, Narrowing::Polygon)
+            self.narrow(eye_view, &found.outline, &found.vertices, window, sign, Narrowing::Polygon)
         {
             self.mirrors.push(SeenMirror { mirror, cell, window });
         }
     }
 
     /// All mirrors, seen through the whole view: where it is not known which cell they are seen from.
-    pub(super) fn look_at_all_mirrors(&mut self, cells: &SceneCells, sight: &Sight) {
+    pub(super) fn look_at_all_mirrors(&mut self, cells: &SceneCells, eye_view: &PortalView) {
         self.mirrors.clear();
         let start = self.sides.len() as u32;
-        self.sides.extend_from_slice(&sight.sides);
+        self.sides.extend_from_slice(&eye_view.sides);
         let whole = Window { sides: start..start + 4, rectangle: [-1.0, 1.0, -1.0, 1.0], whole: true };
         for cell in (0..cells.graph.cell_count() as u32).map(CellId) {
             let mut mirror = cells.first_mirror[cell.index()];
             while mirror != NONE {
-                self.look_at_mirror(cells, sight, mirror, cell, &whole);
+                self.look_at_mirror(cells, eye_view, mirror, cell, &whole);
                 mirror = cells.mirrors[mirror as usize].next;
             }
         }
     }
 
-    /// What is left of a window behind a polygon, crossed with the sign of its normal; the same window where that cannot be told (`None`).
-    /// Nothing if no line of sight in the window meets the polygon.
+    /// What is left of a window behind a polygon, crossed with the sign of its normal; the same window where
+    /// that cannot be told (`None`). Nothing if no line of sight in the window meets the polygon.
     fn narrow(
         &mut self,
-        sight: &Sight,
+        eye_view: &PortalView,
         outline: &Outline,
         vertices: &[DVec3],
         window: &Window,
@@ -334,11 +350,11 @@ impl Walk {
         self.polygon.clear();
         let mut reach = 0.0f64;
         for (i, &vertex) in (0..).zip(vertices) {
-            let at = vertex - sight.anchor;
+            let at = vertex - eye_view.anchor;
             reach = reach.max(at.length());
             self.polygon.push(Corner { at, edge: Edge::Own(i) });
         }
-        let given = outline.error + sight.error + 4.0 * U * reach;
+        let given = outline.error + eye_view.error + 4.0 * U * reach;
         let mut error = given;
         for place in window.sides.clone() {
             let (side, edge) = (&self.sides[place as usize], Edge::Window(place));
@@ -347,7 +363,7 @@ impl Walk {
             }
             core::mem::swap(&mut self.polygon, &mut self.clipped);
         }
-        for side in &sight.ends {
+        for side in &eye_view.ends {
             if !clip(&self.polygon, side, Edge::End, &mut error, &mut self.clipped) {
                 return None;
             }
@@ -357,7 +373,7 @@ impl Walk {
         self.corners.extend(self.polygon.iter().map(|corner| corner.at));
         let corners = first_corner..self.corners.len() as u32;
         let Some(sign) = sign else {
-            return Some((self.edge_on(sight, outline, vertices, window, error), corners));
+            return Some((self.edge_on(eye_view, outline, vertices, window, error), corners));
         };
         let start = self.sides.len();
         let mut rectangle = window.rectangle;
@@ -375,29 +391,31 @@ impl Walk {
                         Edge::Window(place) => Some(self.sides[place as usize]),
                         Edge::Own(i) => {
                             let (a, b) = (vertices[i as usize], vertices[(i as usize + 1) % vertices.len()]);
-                            sight.through_edge(a - sight.anchor, b - sight.anchor, sign, given)
+                            eye_view.through_edge(a - eye_view.anchor, b - eye_view.anchor, sign, given)
                         }
                     };
                     self.sides.extend(side);
                 }
             }
             Narrowing::Rectangle => {
-                rectangle = around(sight, &self.polygon, error, window.rectangle);
-                push_sides(sight, rectangle, &mut self.sides);
+                rectangle = around(eye_view, &self.polygon, error, window.rectangle);
+                push_sides(eye_view, rectangle, &mut self.sides);
             }
         }
         let sides = start as u32..self.sides.len() as u32;
         Some((Window { sides, rectangle, whole: false }, corners))
     }
 
-    /// The window behind a portal that the eye is in the plane of, as far as can be told: the same, and close to that plane.
+    /// The window behind a portal that the eye is in the plane of, as far as can be told: the same, and close
+    /// to that plane.
     ///
-    /// Let all vertices be at heights of at most `h` over the plane through the eye, errors included, and what is left of the portal at least
-    /// `r` away. A line of sight that meets it there is at most `h / r` of its length off the plane, however far it goes on. Without this, an eye
-    /// in the plane of a wall would see through all doors of the wall, and back through all others.
+    /// Let all vertices be at heights of at most `h` over the plane through the eye, errors included, and
+    /// what is left of the portal at least `r` away. A line of sight that meets it there is at most `h / r`
+    /// of its length off the plane, however far it goes on. Without this, an eye in the plane of a wall would
+    /// see through all doors of the wall, and back through all others.
     fn edge_on(
         &mut self,
-        sight: &Sight,
+        eye_view: &PortalView,
         outline: &Outline,
         vertices: &[DVec3],
         window: &Window,
@@ -408,13 +426,13 @@ impl Walk {
             (low, high) = (low.min(corner.at), high.max(corner.at));
         }
         let nearest = low.max(-high).max(DVec3::ZERO).length() - 2.0 * error;
-        let own = outline.error + sight.error;
+        let own = outline.error + eye_view.error;
         let height = vertices.iter().fold(0.0, |height: f64, &vertex| {
-            let at = vertex - sight.anchor;
+            let at = vertex - eye_view.anchor;
             height.max(outline.normal.dot(at).abs() + own + 32.0 * U * at.length())
         });
         let slope = 2.0 * height / nearest;
-        let eye = matches!(sight.lines, Lines::FromAnchor);
+        let eye = matches!(eye_view.lines, Lines::FromAnchor);
         if !eye || nearest <= 0.0 || slope.is_nan() || slope > 0.25 {
             return window.clone();
         }
@@ -424,7 +442,7 @@ impl Walk {
         }
         for normal in [outline.normal, -outline.normal] {
             let plane = visibility_core::Plane::new(normal, 0.0);
-            self.sides.push(Side { plane, slope, slack: 2.0 * own + f64::MIN_POSITIVE });
+            self.sides.push(WindowPlane { plane, slope, slack: 2.0 * own + f64::MIN_POSITIVE });
         }
         Window { sides: start..self.sides.len() as u32, rectangle: window.rectangle, whole: false }
     }
@@ -449,7 +467,7 @@ impl Walk {
     }
 }
 
-fn crossing(sight: &Sight, outline: &Outline, vertices: &[DVec3]) -> Crossing {
-    let relative = vertices.iter().map(|&vertex| vertex - sight.anchor);
-    sight.crossing(relative, outline.normal, outline.width, outline.error + sight.error)
+fn crossing(eye_view: &PortalView, outline: &Outline, vertices: &[DVec3]) -> Crossing {
+    let relative = vertices.iter().map(|&vertex| vertex - eye_view.anchor);
+    eye_view.crossing(relative, outline.normal, outline.width, outline.error + eye_view.error)
 }

@@ -1,27 +1,32 @@
-//! Portals side by side in one plane, which no line goes through one after the other, also where their coordinates were rounded.
+//! Portals side by side in one plane, which no line goes through one after the other, also where their
+//! coordinates were rounded.
 //!
-//! Coordinates with few decimals put portals of one plane a little before and behind each other, so that lines along the plane seem to pass
-//! from one to the next; in cells with many windows that shows much that nobody sees.
+//! Coordinates with few decimals put portals of one plane a little before and behind each other, so that
+//! lines along the plane seem to pass from one to the next; in cells with many windows that shows much that
+//! nobody sees.
 //!
 //! # Why no line is lost
-//! Let a line stay clear of all edges of two convex polygons by `c`, and let all vertices of both lie within `d < c` of some plane. At an
-//! angle `w` to the plane, take the section across the plane along the line, and in it the strip of the line and all that is nearer than `c`. A polygon
-//! that the line passes crosses the strip from border to border. On the upper border, at `x` along the plane from where the line meets it, the height is
-//! `x tan w + c / cos w`, and the polygon is no higher than `d`: so there `x <= -(c - d cos w) / sin w <= -(c - d)`. On the lower border likewise
-//! `x >= c - d`. In sections at `s` beside the line the strip is narrower, `sqrt(c^2 - s^2)`, which for `s` up to `sqrt(c^2 - d^2) >= c - d` leaves
-//! at least `x = 0`. Seen along the plane's normal, both polygons hence contain the same points, at least `2 (c - d)` wide whichever way. Polygons that
-//! overlap less than that in some direction are passed by no such line.
+//! Let a line stay clear of all edges of two convex polygons by `c`, and let all vertices of both lie within
+//! `d < c` of some plane. At an angle `w` to the plane, take the section across the plane along the line, and
+//! in it the strip of the line and all that is nearer than `c`. A polygon that the line passes crosses the
+//! strip from border to border. On the upper border, at `x` along the plane from where the line meets it, the
+//! height is `x tan w + c / cos w`, and the polygon is no higher than `d`: so there `x <= -(c - d cos w) /
+//! sin w <= -(c - d)`. On the lower border likewise `x >= c - d`. In sections at `s` beside the line the
+//! strip is narrower, `sqrt(c^2 - s^2)`, which for `s` up to `sqrt(c^2 - d^2) >= c - d` leaves at least `x =
+//! 0`. Seen along the plane's normal, both polygons hence contain the same points, at least `2 (c - d)` wide
+//! whichever way. Polygons that overlap less than that in some direction are passed by no such line.
 
 use alloc::vec::Vec;
 use visibility_core::Plane;
 use visibility_core::glam::{DVec2, DVec3};
 
-/// What rounding of the test itself can need, as a share of lengths that are at least 65,536 times the rounding of coordinates.
+/// What rounding of the test itself can need, as a share of lengths that are at least 65,536 times the
+/// rounding of coordinates.
 const SLACK: f64 = 0.05;
 
-/// Whether no line passes both polygons clear of their edges by a distance, since they lie side by side near one plane. `normal` is about that
-/// plane's.
-pub(crate) fn abreast(a: &[DVec3], b: &[DVec3], normal: DVec3, clearance: f64) -> bool {
+/// Whether no line passes both polygons clear of their edges by a distance, since they lie side by side near
+/// one plane. `normal` is about that plane's.
+pub(crate) fn lie_side_by_side(a: &[DVec3], b: &[DVec3], normal: DVec3, clearance: f64) -> bool {
     let all = || a.iter().chain(b).copied();
     let Some(plane) = fitted(all(), (a.len() + b.len()) as f64, normal) else { return false };
     let off = all().fold(0.0, |off: f64, p| off.max(plane.signed_distance(p).abs()));
@@ -80,15 +85,16 @@ mod tests {
 
     #[test]
     fn windows_side_by_side_are_told_from_windows_behind_each_other() {
-        let abreast = |a: &[DVec3], b: &[DVec3]| abreast(a, b, DVec3::new(1e-6, 0.0, 1.0).normalize(), 1e-6);
-        assert!(abreast(&window([0.0, 1.0], 0.0), &window([3.0, 4.0], 5e-7)));
+        let beside =
+            |a: &[DVec3], b: &[DVec3]| lie_side_by_side(a, b, DVec3::new(1e-6, 0.0, 1.0).normalize(), 1e-6);
+        assert!(beside(&window([0.0, 1.0], 0.0), &window([3.0, 4.0], 5e-7)));
         // They share an edge, and overlap by no more than rounding.
-        assert!(abreast(&window([0.0, 1.0], 0.0), &window([1.0 - 5e-7, 4.0], 5e-7)));
+        assert!(beside(&window([0.0, 1.0], 0.0), &window([1.0 - 5e-7, 4.0], 5e-7)));
         // A line passes straight through both.
-        assert!(!abreast(&window([0.0, 1.0], 0.0), &window([0.5, 4.0], 5e-7)));
-        assert!(!abreast(&window([0.0, 1.0], 0.0), &window([1.0 - 2e-6, 4.0], 5e-7)));
+        assert!(!beside(&window([0.0, 1.0], 0.0), &window([0.5, 4.0], 5e-7)));
+        assert!(!beside(&window([0.0, 1.0], 0.0), &window([1.0 - 2e-6, 4.0], 5e-7)));
         // One is as far before the other as lines need to pass from one to the other.
-        assert!(!abreast(&window([0.0, 1.0], 0.0), &window([1.0, 4.0], 4e-6)));
-        assert!(!abreast(&window([0.0, 1.0], f64::NAN), &window([1.0, 4.0], 0.0)));
+        assert!(!beside(&window([0.0, 1.0], 0.0), &window([1.0, 4.0], 4e-6)));
+        assert!(!beside(&window([0.0, 1.0], f64::NAN), &window([1.0, 4.0], 0.0)));
     }
 }

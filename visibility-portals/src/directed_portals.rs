@@ -1,13 +1,15 @@
-//! Portals made ready for stabbing: planes fitted, vertices put on them, polygons drawn in by the clearance, a copy for each direction.
+//! Portals made ready for stabbing: planes fitted, vertices put on them, polygons drawn in by the clearance,
+//! a copy for each direction.
 //!
 //! # Margins
-//! A pair of cells must be called visible if a line through portals between them stays clear of all portal edges by the clearance: then
-//! so does a thin cylinder around it. Drawing each portal in by less than that leaves the line inside each with room to spare; it
-//! also takes apart portals that share an edge, so that separating planes are never found from points that coincide. What remains of the
-//! room pays for rounding: planes that clip keep what is [`keep`](Margins::keep) beyond them, and vertices nearer to each other than
+//! A pair of cells must be called visible if a line through portals between them stays clear of all portal
+//! edges by the clearance: then so does a thin cylinder around it. Drawing each portal in by less than that
+//! leaves the line inside each with room to spare; it also takes apart portals that share an edge, so that
+//! separating planes are never found from points that coincide. What remains of the room pays for rounding:
+//! planes that clip keep what is [`keep`](Margins::keep) beyond them, and vertices nearer to each other than
 //! [`merge`](Margins::merge) become one, since the direction between them means nothing.
 
-use crate::abreast::abreast;
+use crate::coplanar_portals;
 use crate::stabbing::pluecker::{Edge, Opening, edges_of};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -36,8 +38,9 @@ pub(crate) struct Margins {
 impl Margins {
     /// For a clearance, and coordinates of at most the given size.
     fn new(clearance: f64, extent: f64) -> Self {
-        // A unit vector times a position: three products and two sums, each rounded by 2^-53 of at most sqrt(3) extent, and the
-        // vector's length, wrong by as much: less than 2^-49 extent. With coordinates of a few thousand that is 1e-11.
+        // A unit vector times a position: three products and two sums, each rounded by 2^-53 of at most
+        // sqrt(3) extent, and the vector's length, wrong by as much: less than 2^-49 extent. With coordinates
+        // of a few thousand that is 1e-11.
         let noise = extent * NOISE;
         let keep = (12.0 * noise).max(1e-4 * clearance);
         Self { inset: 0.4 * clearance, side: keep, keep, merge: 20.0 * keep, noise, clearance }
@@ -46,7 +49,7 @@ impl Margins {
 
 /// A portal in one direction.
 #[derive(Clone, Debug)]
-pub(crate) struct Directed {
+pub(crate) struct DirectedPortal {
     /// The portal's plane, unit normal along the way.
     pub(crate) plane: Plane,
     /// A ball around the vertices, about their mean.
@@ -69,8 +72,8 @@ pub(crate) struct Directed {
 
 /// All portals in both directions, in the order of the cells that they lead from.
 #[derive(Clone, Debug)]
-pub(crate) struct Portals {
-    pub(crate) all: Vec<Directed>,
+pub(crate) struct DirectedPortals {
+    pub(crate) all: Vec<DirectedPortal>,
     pub(crate) vertices: Vec<DVec3>,
     pub(crate) edges: Vec<Edge>,
     given: Vec<DVec3>,
@@ -79,7 +82,7 @@ pub(crate) struct Portals {
     pub(crate) margins: Margins,
 }
 
-impl Portals {
+impl DirectedPortals {
     /// Portals through which no line passes clear of their edges are left out.
     pub(crate) fn new(graph: &CellGraph, clearance: f64) -> Self {
         let positions = graph.portals().iter().flat_map(|p| p.polygon().vertices());
@@ -112,7 +115,7 @@ impl Portals {
                 *inset = Some(([start, middle, vertices.len() as u32], edges, given));
             }
         }
-        let mut all: Vec<Directed> = Vec::new();
+        let mut all: Vec<DirectedPortal> = Vec::new();
         let mut first = Vec::with_capacity(graph.cell_count() + 1);
         let mut halves = alloc::vec![[0; 2]; graph.portals().len()];
         for cell in (0..graph.cell_count() as u32).map(visibility_core::CellId) {
@@ -128,8 +131,19 @@ impl Portals {
                 let to = portal.cells()[1 - backward].0;
                 let (from, against) = (cell.0, backward == 1);
                 let reverse = 0;
-                let directed =
-                    Directed { plane, center, radius, start, end, from, to, reverse, edges, against, given };
+                let directed = DirectedPortal {
+                    plane,
+                    center,
+                    radius,
+                    start,
+                    end,
+                    from,
+                    to,
+                    reverse,
+                    edges,
+                    against,
+                    given,
+                };
                 all.push(directed);
             }
         }
@@ -149,12 +163,12 @@ impl Portals {
         core::iter::once(cells).chain(ends).chain(vertices)
     }
 
-    pub(crate) fn vertices_of(&self, portal: &Directed) -> &[DVec3] {
+    pub(crate) fn vertices_of(&self, portal: &DirectedPortal) -> &[DVec3] {
         &self.vertices[portal.start as usize..portal.end as usize]
     }
 
     /// The portal as it was given.
-    pub(crate) fn opening(&self, portal: &Directed) -> Opening<'_> {
+    pub(crate) fn opening(&self, portal: &DirectedPortal) -> Opening<'_> {
         let edges = &self.edges[portal.edges.0 as usize..portal.edges.1 as usize];
         Opening { edges, against: portal.against, normal: portal.plane.normal }
     }
@@ -164,14 +178,16 @@ impl Portals {
         self.first[cell as usize]..self.first[cell as usize + 1]
     }
 
-    /// Whether a line can go through `a` and later through `b`: part of `b` lies before `a`, and part of `a` behind `b`.
-    pub(crate) fn can_follow(&self, a: &Directed, b: &Directed) -> bool {
-        self.reaches(b, &a.plane) && self.reaches(a, &b.plane.flipped()) && !self.are_abreast(a, b)
+    /// Whether a line can go through `a` and later through `b`: part of `b` lies before `a`, and part of `a`
+    /// behind `b`.
+    pub(crate) fn can_follow(&self, a: &DirectedPortal, b: &DirectedPortal) -> bool {
+        self.reaches(b, &a.plane) && self.reaches(a, &b.plane.flipped()) && !self.lie_side_by_side(a, b)
     }
 
     /// Whether two portals lie side by side in what was one plane before coordinates were rounded.
-    fn are_abreast(&self, a: &Directed, b: &Directed) -> bool {
-        // How far rounded portals can seem apart: half a millionth of a unit at one end of a portal is so many times that, far from it.
+    fn lie_side_by_side(&self, a: &DirectedPortal, b: &DirectedPortal) -> bool {
+        // How far rounded portals can seem apart: half a millionth of a unit at one end of a portal is so
+        // many times that, far from it.
         let near = 512.0 * self.margins.clearance;
         if a.plane.signed_distance(b.center) > near || b.plane.signed_distance(a.center) < -near {
             return false;
@@ -179,13 +195,14 @@ impl Portals {
         let [first, second] =
             [a, b].map(|portal| &self.given[portal.given.0 as usize..portal.given.1 as usize]);
         let larger = if a.radius > b.radius { a } else { b };
-        abreast(first, second, larger.plane.normal, self.margins.clearance)
+        coplanar_portals::lie_side_by_side(first, second, larger.plane.normal, self.margins.clearance)
     }
 
     /// Whether part of a portal lies surely on the inner side of a plane.
-    fn reaches(&self, portal: &Directed, plane: &Plane) -> bool {
+    fn reaches(&self, portal: &DirectedPortal, plane: &Plane) -> bool {
         let (side, middle) = (self.margins.side, plane.signed_distance(portal.center));
-        // Most are decided by the ball: where the mean of the vertices lies, or beyond, at least one of them does.
+        // Most are decided by the ball: where the mean of the vertices lies, or beyond, at least one of them
+        // does.
         if middle > side {
             return true;
         }
@@ -206,7 +223,7 @@ fn draw_in(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
         }
         let inward = normal.cross(b - a).normalize_or_zero();
         let offset = -inward.dot(a) - margins.inset;
-        crate::polygon::clip_into(&polygon, &Plane::new(inward, offset), margins.merge, &mut next);
+        crate::clip_polygon::clip_into(&polygon, &Plane::new(inward, offset), margins.merge, &mut next);
         core::mem::swap(&mut polygon, &mut next);
     }
     polygon

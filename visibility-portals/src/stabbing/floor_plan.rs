@@ -1,23 +1,25 @@
 //! Lines through segments of a floor plan.
 //!
-//! A directed line is `n . p + c = 0`, positive on its left. It passes a segment from its left to its right end, clear of both by `r`, if
+//! A directed line is `n . p + c = 0`, positive on its left. It passes a segment from its left to its right
+//! end, clear of both by `r`, if
 //!
 //! ```text
 //! n . left + c >= r |n|,    -(n . right + c) >= r |n|
 //! ```
 //!
-//! Scaled so that `n . (left - right) = 1` for one of the segments, that is a linear program in two variables. What is certified is in three, with
-//! `n` of unit length: these inequalities, `|c| <= radius` since the line passes that segment, and `n . (left - right) >= 2 r` for it.
+//! Scaled so that `n . (left - right) = 1` for one of the segments, that is a linear program in two
+//! variables. What is certified is in three, with `n` of unit length: these inequalities, `|c| <= radius`
+//! since the line passes that segment, and `n . (left - right) >= 2 r` for it.
 
-use super::Stab;
 use super::radius::radius_of;
+use super::stab::Stab;
 use crate::lp::{BOX, Certificate, Levels, Row, Stop, find};
 use alloc::vec::Vec;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec2;
 
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Plan {
+pub(crate) struct FloorPlan {
     levels: Levels,
     rows: Vec<([f64; 2], f64)>,
 }
@@ -28,7 +30,7 @@ const INSIDE: [f64; 4] = [1e-2, 1e-4, 1e-6, 0.0];
 /// How far the program looks.
 const FAR: f64 = 1e6;
 
-impl Plan {
+impl FloorPlan {
     pub(crate) fn stab(&mut self, segments: &[[DVec2; 2]], clearance: f64) -> Stab<[DVec2; 2]> {
         let (Some(first), Some(last)) = (segments.first(), segments.last()) else { return Stab::Maybe };
         let sensible = clearance > 0.0 && segments.iter().flatten().all(|p| p.is_finite());
@@ -119,8 +121,9 @@ pub(super) fn is_clear(segments: &[[DVec2; 2]], [point, direction]: [DVec2; 2], 
     let length = direction.length();
     segments.iter().flatten().enumerate().all(|(i, &p)| {
         let side = direction.perp_dot(p - point) * if i % 2 == 0 { 1.0 } else { -1.0 };
-        // Two products and a difference of differences, each rounded, are wrong by less than 12u of the sizes. So is, where the test passes,
-        // what they are compared with, which is no greater: 32u will do for both.
+        // Two products and a difference of differences, each rounded, are wrong by less than 12u of the
+        // sizes. So is, where the test passes, what they are compared with, which is no greater: 32u will do
+        // for both.
         let sizes = (p.length() + point.length()) * length;
         side >= clearance * length + 16.0 * f64::EPSILON * sizes
     })

@@ -1,11 +1,13 @@
-//! The half-spaces that bound what is seen through portals, each with a bound on its error, and clipping portals to them.
+//! The half-spaces that bound what is seen through portals, each with a bound on its error, and clipping
+//! portals to them.
 //!
 //! # Why nothing is lost to rounding
-//! A window is a list of [`Side`]s, each of which *every* line of sight through the chain of portals satisfies: the planes of the view, and
-//! the planes through the eye and an edge of a portal of the chain. Sides are always made from a whole edge as it was given, never from
-//! corners that clipping has computed, so errors do not add up along a chain. Clipping only finds out which sides matter, and whether
-//! any line is left. To forget a side can only show more; so all that must be safe is
-//! - each side, by its error terms, derived at [`Side::through_edge`] and [`Side::of_view`];
+//! A window is a list of [`WindowPlane`]s, each of which *every* line of sight through the chain of portals
+//! satisfies: the planes of the view, and the planes through the eye and an edge of a portal of the chain.
+//! Sides are always made from a whole edge as it was given, never from corners that clipping has computed, so
+//! errors do not add up along a chain. Clipping only finds out which sides matter, and whether any line is
+//! left. To forget a side can only show more; so all that must be safe is
+//! - each side, by its error terms, derived at [`WindowPlane::through_edge`] and [`WindowPlane::of_view`];
 //! - that a polygon is called empty only if it is, derived at [`clip`].
 
 use visibility_core::glam::DVec3;
@@ -14,31 +16,36 @@ use visibility_core::{Plane, ViewPlane};
 /// Unit round-off of `f64`.
 pub(super) const U: f64 = f64::EPSILON / 2.0;
 
-/// A half-space that all lines of sight through a window lie in, for points relative to the anchor of a [`Sight`](super::sight::Sight).
+/// A half-space that all lines of sight through a window lie in, for points relative to the anchor of a
+/// [`PortalView`](super::portal_view::PortalView).
 ///
-/// A point `x` that is seen satisfies `normal . x + offset >= -(slack + slope |x|)`, with the unit normal as it is stored.
+/// A point `x` that is seen satisfies `normal . x + offset >= -(slack + slope |x|)`, with the unit normal as
+/// it is stored.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Side {
+pub(super) struct WindowPlane {
     pub(super) plane: Plane,
     pub(super) slope: f64,
     pub(super) slack: f64,
 }
 
-impl Side {
-    /// A plane of the view. Its normal's components are within `8 EPSILON` of their size, `16u |x|` in the product with `x`; evaluating
-    /// the product rounds by `4u |x|`, the sum by `u` of itself, which the rest of `32u` covers.
+impl WindowPlane {
+    /// A plane of the view. Its normal's components are within `8 EPSILON` of their size, `16u |x|` in the
+    /// product with `x`; evaluating the product rounds by `4u |x|`, the sum by `u` of itself, which the rest
+    /// of `32u` covers.
     pub(super) fn of_view(plane: &ViewPlane) -> Self {
         let ViewPlane { plane, error } = *plane;
         Self { plane, slope: 32.0 * U, slack: error + 4.0 * U * plane.offset.abs() }
     }
 
-    /// The plane through the eye, which is the anchor, and an edge from `a` to `b`, both within `error` of where they truly are as the eye
-    /// sees them (that includes the error of the eye itself). The normal is on the left of the edge as seen from the eye; `sign` -1 turns
-    /// it round. `None` if the edge is too short, or too near in line with the eye, to bound anything.
+    /// The plane through the eye, which is the anchor, and an edge from `a` to `b`, both within `error` of
+    /// where they truly are as the eye sees them (that includes the error of the eye itself). The normal is
+    /// on the left of the edge as seen from the eye; `sign` -1 turns it round. `None` if the edge is too
+    /// short, or too near in line with the eye, to bound anything.
     ///
-    /// The true normal is `(a + p) x (b + q)` with `|p|, |q| <= error = e`. It is off `a x b` by at most `e (|a| + |b| + e)`, and the
-    /// computed product by another `4u |a| |b|` and, once it has unit length, `8u` of itself. Of a point at `x`, as far as it is from
-    /// the eye, that makes `slope |x|`, and `e` for where the eye is.
+    /// The true normal is `(a + p) x (b + q)` with `|p|, |q| <= error = e`. It is off `a x b` by at most `e
+    /// (|a| + |b| + e)`, and the computed product by another `4u |a| |b|` and, once it has unit length, `8u`
+    /// of itself. Of a point at `x`, as far as it is from the eye, that makes `slope |x|`, and `e` for where
+    /// the eye is.
     pub(super) fn through_edge(a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<Self> {
         let normal = a.cross(b);
         let (length, la, lb) = (normal.length(), a.length(), b.length());
@@ -52,10 +59,11 @@ impl Side {
         })
     }
 
-    /// As [`through_edge`](Self::through_edge), where the lines of sight run along a unit `direction`, within `turn` of the true one.
+    /// As [`through_edge`](Self::through_edge), where the lines of sight run along a unit `direction`, within
+    /// `turn` of the true one.
     ///
-    /// The true normal is `direction' x (b - a + r)` with `|r| <= 2 error`; it is off by at most `2 e + |b - a| (turn + 8u)`. Of a point `x`,
-    /// that counts by its distance from `a`, at most `|x| + |a|`.
+    /// The true normal is `direction' x (b - a + r)` with `|r| <= 2 error`; it is off by at most `2 e + |b -
+    /// a| (turn + 8u)`. Of a point `x`, that counts by its distance from `a`, at most `|x| + |a|`.
     pub(super) fn along(
         direction: DVec3,
         turn: f64,
@@ -112,16 +120,17 @@ pub(super) enum Edge {
     End,
 }
 
-/// The part of a convex polygon inside of a side; `error` is how far the corners may be from the true polygon, and what clipping adds to
-/// that is added to it. Whether anything may be left.
+/// The part of a convex polygon inside of a side; `error` is how far the corners may be from the true
+/// polygon, and what clipping adds to that is added to it. Whether anything may be left.
 ///
-/// Let a true point `x` of the polygon be inside of the true half-space: the side holds it to `n . x + o >= -margin`. The polygon that
-/// `corners` span has a point within `error` of it, for which `n . y + o >= -(margin + error)`: clipping to the plane moved out by
-/// that keeps `y`. To compute the distance of a corner rounds by `8u` of its reach, which is added once for the corner that is dropped,
-/// and once more for where the crossing is put. That point is off the edge by rounding only, `4u` of the reach: the new `error`.
+/// Let a true point `x` of the polygon be inside of the true half-space: the side holds it to `n . x + o >=
+/// -margin`. The polygon that `corners` span has a point within `error` of it, for which `n . y + o >=
+/// -(margin + error)`: clipping to the plane moved out by that keeps `y`. To compute the distance of a corner
+/// rounds by `8u` of its reach, which is added once for the corner that is dropped, and once more for where
+/// the crossing is put. That point is off the edge by rounding only, `4u` of the reach: the new `error`.
 pub(super) fn clip(
     corners: &[Corner],
-    side: &Side,
+    side: &WindowPlane,
     edge: Edge,
     error: &mut f64,
     out: &mut alloc::vec::Vec<Corner>,

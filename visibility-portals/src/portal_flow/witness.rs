@@ -1,18 +1,12 @@
-//! A line that proves what a flood found.
+//! Lines that prove what a flow found, and certificates that refute it.
 
-use super::{Known, Scratch};
+use super::known::Known;
+use super::scratch::{Refuted, Scratch};
+use crate::directed_portals::DirectedPortal;
 use crate::lp::MOST;
-use crate::portals::Directed;
 use crate::stabbing::pluecker::Polytope;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
-
-/// Portals, each the one way, that no line passes all of, by a certificate.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Refuted {
-    portals: [u32; MOST],
-    count: usize,
-}
 
 /// So many of the last proofs of a flood are kept.
 const REMEMBERED: usize = 32;
@@ -26,13 +20,15 @@ impl Scratch {
         })
     }
 
-    /// Whether a line passes through all portals of the chain and a last one, which proves that the cells at both ends see each other.
+    /// Whether a line passes through all portals of the chain and a last one, which proves that the cells at
+    /// both ends see each other.
     pub(crate) fn witness(&self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let chain = self.frames.iter().map(|frame| frame.portal).chain([target]);
         chain.into_iter().all(|portal| passes(known, &known.portals.all[portal as usize], a, b))
     }
 
-    /// Whether it is certain, and wanted to be known, that no line goes through all portals of the chain and a last one.
+    /// Whether it is certain, and wanted to be known, that no line goes through all portals of the chain and
+    /// a last one.
     pub(crate) fn is_excluded(&mut self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let (Some(clearance), Some(direction)) = (known.exact, (b - a).try_normalize()) else { return false };
         if self.is_refuted(target) {
@@ -69,9 +65,9 @@ impl Scratch {
     }
 }
 
-/// Whether the line through two points passes through a portal, along its normal. No rounding says so wrongly by more than the portal
-/// was drawn in.
-fn passes(known: &Known, portal: &Directed, a: DVec3, b: DVec3) -> bool {
+/// Whether the line through two points passes through a portal, along its normal. No rounding says so wrongly
+/// by more than the portal was drawn in.
+fn passes(known: &Known, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));
     // Over so short a way, or so nearly along the plane, the point where they meet is not known.
     let is_known = db - da > 1e3 * known.portals.margins.keep;

@@ -5,7 +5,8 @@ use visibility_core::{CellGraph, CellId, Pvs, PvsError, PvsTargets, ViewcellId};
 
 /// The cell-to-cell visibility of a map, a row of bits for each cell looked from.
 ///
-/// As bytes it has the `.vismat` form: row by row, each of `ceil(cells / 8)` bytes, least significant bit first.
+/// As bytes it has the `.vismat` form: row by row, each of `ceil(cells / 8)` bytes, least significant bit
+/// first.
 ///
 /// ```
 /// use visibility_core::CellId;
@@ -30,7 +31,8 @@ impl CellMatrix {
         Self { cells, stride, words: alloc::vec![0; stride * cells] }
     }
 
-    /// From the `.vismat` form. `None` if that has not the length that the number of cells asks for, or a bit of no cell.
+    /// From the `.vismat` form. `None` if that has not the length that the number of cells asks for, or a bit
+    /// of no cell.
     pub fn from_bytes(cells: usize, bytes: &[u8]) -> Option<Self> {
         let row = cells.div_ceil(8);
         if bytes.len() != row.checked_mul(cells)? {
@@ -89,7 +91,8 @@ impl CellMatrix {
         *self == self.both_ways()
     }
 
-    /// The pairs that see each other: since a line can be walked both ways, these hold all that is truly visible, if the matrix does.
+    /// The pairs that see each other: since a line can be walked both ways, these hold all that is truly
+    /// visible, if the matrix does.
     pub fn both_ways(&self) -> Self {
         let mut both = Self::new(self.cells);
         for a in 0..self.cells {
@@ -102,7 +105,8 @@ impl CellMatrix {
         both
     }
 
-    /// The same, compressed, with the cells as viewcells and as targets. Cells that share a portal in `graph` are stored by how they differ.
+    /// The same, compressed, with the cells as viewcells and as targets. Cells that share a portal in `graph`
+    /// are stored by how they differ.
     ///
     /// # Errors
     /// [`PvsError::TooLarge`].

@@ -1,31 +1,13 @@
 //! One link of the chain: what lines can still come from and go through, and what they can still reach.
 
-use super::{Found, Known, Scratch};
-use crate::matrix::bits;
-use crate::polygon::{Clip, clip};
-use crate::separators::{Facing, separators};
+use super::known::{Found, Known};
+use super::scratch::{Frame, Scratch};
+use crate::cell_matrix::bits;
+use crate::clip_polygon::{Clip, clip};
+use crate::separating_planes::{Facing, push_separating_planes};
 use core::ops::Range;
 use visibility_core::Plane;
 use visibility_core::glam::DVec3;
-
-/// A link of the chain of portals that is being looked at.
-#[derive(Clone, Debug)]
-pub(crate) struct Frame {
-    /// The portal just gone through, by its number among all, and the cell behind it.
-    pub(crate) portal: u32,
-    pub(crate) cell: u32,
-    /// The part of the source that lines can come from, and the part of this portal that they go through: places in the store of points.
-    pub(crate) source: Range<usize>,
-    pub(crate) pass: Range<usize>,
-    /// The planes that bound what comes after.
-    planes: Range<usize>,
-    /// Where the set of candidates that can be reached from here begins.
-    set: usize,
-    /// The next candidate to look at.
-    next: u32,
-    /// The store of points as it was before this frame.
-    points: usize,
-}
 
 impl Scratch {
     /// The first frame: the source itself, from which everything possible may be reached.
@@ -55,7 +37,8 @@ impl Scratch {
         self.frames.push(Frame { portal, cell, source, pass, planes, set, next, points });
     }
 
-    /// The next candidate that leads on from the end of the chain; takes links off the chain that have no more.
+    /// The next candidate that leads on from the end of the chain; takes links off the chain that have no
+    /// more.
     pub(crate) fn next_child(&mut self) -> Option<usize> {
         while let Some(frame) = self.frames.last_mut() {
             let end = self.of_cell[frame.cell as usize].1;
@@ -120,7 +103,7 @@ impl Scratch {
             normal: portal.plane.normal,
             sense: 1.0,
         });
-        separators(from, through, &known.portals.margins, &mut self.planes);
+        push_separating_planes(from, through, &known.portals.margins, &mut self.planes);
         let planes = planes..self.planes.len();
         let set = self.sets.len();
         self.flood_again(known, frame.set, row, cell, planes.clone());
@@ -156,8 +139,8 @@ impl Scratch {
         }
     }
 
-    /// The parts of the source and of a candidate between which lines can pass through the last portal of the chain. Adds to the
-    /// store of points, also if there are none.
+    /// The parts of the source and of a candidate between which lines can pass through the last portal of the
+    /// chain. Adds to the store of points, also if there are none.
     fn narrow(
         &mut self,
         known: &Known,
@@ -186,7 +169,7 @@ impl Scratch {
             let planes = self.planes.len();
             let target = back(&self.points[pass.clone()], self.candidates[child]);
             let middle = back(&self.points[frame.pass.clone()], frame.portal);
-            separators(target, middle, margins, &mut self.planes);
+            push_separating_planes(target, middle, margins, &mut self.planes);
             for i in planes..self.planes.len() {
                 let plane = self.planes[i];
                 let Some(part) = self.clipped(source, &plane, margins.merge) else {
@@ -208,7 +191,8 @@ impl Scratch {
         }
     }
 
-    /// Floods the candidates in a frame's set and a row, from a cell on, through cells; adds the set of those not outside any plane.
+    /// Floods the candidates in a frame's set and a row, from a cell on, through cells; adds the set of those
+    /// not outside any plane.
     fn flood_again(&mut self, known: &Known, from: usize, row: usize, cell: u32, planes: Range<usize>) {
         let set = self.sets.len();
         self.sets.resize(set + self.words, 0);
@@ -255,7 +239,8 @@ impl Scratch {
 
 /// Whether a portal lies beyond one of the planes.
 fn outside(known: &Known, planes: &[Plane], ball: (DVec3, f64), portal: u32) -> bool {
-    // The distance to the nearest plane decides nearly always; found without branches, it is found for several planes at once.
+    // The distance to the nearest plane decides nearly always; found without branches, it is found for
+    // several planes at once.
     let (center, radius) = ball;
     let distance = |plane: &Plane| {
         plane.normal.x * center.x + plane.normal.y * center.y + plane.normal.z * center.z + plane.offset

@@ -6,8 +6,8 @@ use visibility_core::glam::DVec3;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Outline {
     pub(super) normal: DVec3,
-    /// How far the polygon may be from its vertices and edges as they are: the tolerance, and how far a vertex is off the plane or beyond
-    /// an edge.
+    /// How far the polygon may be from its vertices and edges as they are: the tolerance, and how far a
+    /// vertex is off the plane or beyond an edge.
     pub(super) error: f64,
     /// Less than its least extent within its plane.
     pub(super) width: f64,

@@ -3,7 +3,8 @@
 /// Why a frame was not culled by portals: then the stages before have the last word.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum NotCulled {
-    /// The view begins, in whole or in part, outside all cells: in the open, in a wall, or before the near plane on its other side.
+    /// The view begins, in whole or in part, outside all cells: in the open, in a wall, or before the near
+    /// plane on its other side.
     OutsideCells,
     /// More portals to look at than the limit of steps.
     Steps,

@@ -1,0 +1,40 @@
+//! Which objects a walk through portals shows.
+
+use super::portal_view::PortalView;
+use super::portal_walk::PortalWalk;
+use super::scene_cells::SceneCells;
+use visibility_core::{CullStats, Scene, VisibleSet};
+
+/// What one walk shows of a scene.
+pub(super) struct Seen<'a> {
+    pub(super) cells: &'a SceneCells,
+    pub(super) scene: &'a Scene,
+    pub(super) walk: &'a PortalWalk,
+    pub(super) eye_view: &'a PortalView,
+}
+
+impl Seen<'_> {
+    /// Keeps what is seen, what changed in the frame at hand, and what is in no cell.
+    pub(super) fn retain(
+        &self,
+        unknown: &[u64],
+        frame: u64,
+        visible: &mut VisibleSet,
+        tests: &mut u64,
+    ) -> CullStats {
+        let origin = self.scene.origin() - self.eye_view.anchor;
+        // Moving a box to the anchor rounds the difference of origins, and then each corner; the box is also
+        // as uncertain as the eye.
+        let size = self.scene.origin().abs().max_element() + self.eye_view.anchor.abs().max_element();
+        let error = self.eye_view.error + 4.0 * f64::EPSILON * size;
+        visible.retain(self.scene, |id, bounds| {
+            if unknown.get(id.index()) == Some(&frame) {
+                return true;
+            }
+            let of = self.cells.cells_of(id);
+            let (min, max) = (bounds.min.as_dvec3() + origin, bounds.max.as_dvec3() + origin);
+            let error = error + f64::EPSILON * min.abs().max(max.abs()).max_element();
+            of.is_empty() || of.iter().any(|&cell| self.walk.shows(cell, min, max, error, tests))
+        })
+    }
+}

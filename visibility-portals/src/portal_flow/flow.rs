@@ -1,0 +1,42 @@
+//! The flow from one portal, from its first chain to its last.
+
+use super::known::{Found, Known};
+use super::scratch::Scratch;
+use crate::cell_matrix::bits;
+use alloc::vec::Vec;
+
+/// Floods from a portal.
+pub(crate) fn portal_flow(known: &Known, source: u32, limit: u64, scratch: &mut Scratch) -> Found {
+    let mut found = Found::default();
+    scratch.begin(known, source);
+    if scratch.count == 0 || scratch.goals.iter().all(|&word| word == 0) {
+        return found;
+    }
+    scratch.enter_source(known, source);
+    while let Some(child) = scratch.next_child() {
+        found.steps += 1;
+        if found.steps > limit {
+            return give_up(scratch, found);
+        }
+        scratch.visit(known, source, child, &mut found);
+    }
+    for (i, &candidate) in scratch.candidates.iter().enumerate() {
+        if scratch.reached[i / 64] >> (i % 64) & 1 == 0 {
+            found.hidden.push(candidate);
+        }
+    }
+    found
+}
+
+/// Everything that was possible counts as seen.
+fn give_up(scratch: &mut Scratch, mut found: Found) -> Found {
+    let mut cells: Vec<u32> = Vec::new();
+    for (i, &word) in scratch.goals.iter().enumerate() {
+        cells.extend(bits(word).map(|bit| scratch.to[i * 64 + bit as usize]));
+    }
+    cells.sort_unstable();
+    cells.dedup();
+    found.cells.extend(cells.into_iter().map(|cell| (cell, false)));
+    found.gave_up = true;
+    found
+}

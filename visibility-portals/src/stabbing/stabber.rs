@@ -1,0 +1,210 @@
+//! The search for lines through sequences of openings.
+
+use super::floor_plan::FloorPlan;
+use super::pluecker::{Edge, Opening, Pluecker, Polytope, edges_of};
+use super::rectangle::Rectangle;
+use super::stab::Stab;
+use alloc::vec::Vec;
+use visibility_core::ConvexPolygon;
+use visibility_core::glam::{DVec2, DVec3};
+
+/// Looks for lines through sequences. Its memory serves one sequence after another: once it has seen the
+/// longest, it allocates nothing, unless for polygons of more than eight vertices.
+///
+/// ```
+/// use visibility_core::glam::DVec2;
+/// use visibility_portals::stabbing::{Stab, Stabber};
+/// let mut stabber = Stabber::new(1e-6);
+/// // Three doors on the way along x, the left end of each first: the last one is to the left of where the others let one look.
+/// let door = |x, from: f64| [DVec2::new(x, from + 1.0), DVec2::new(x, from)];
+/// assert!(matches!(stabber.segments(&[door(0.0, 0.0), door(1.0, 0.5), door(2.0, 1.5)]), Stab::Line(_)));
+/// assert!(stabber.segments(&[door(0.0, 0.0), door(1.0, 0.5), door(2.0, 3.5)]).is_no());
+/// ```
+#[derive(Clone, Debug)]
+pub struct Stabber {
+    clearance: f64,
+    plan: FloorPlan,
+    pluecker: Pluecker,
+    edges: Vec<Edge>,
+    /// Where the edges of each polygon end, and its normal.
+    ends: Vec<(usize, DVec3)>,
+    /// Rectangles as seen along an axis, and which of them each segment is; their corners.
+    seen: Vec<[DVec2; 2]>,
+    of: Vec<u32>,
+    corners: Vec<[DVec3; 4]>,
+}
+
+impl Stabber {
+    /// For lines that stay clear of all edges by a distance, in the unit of the coordinates.
+    pub fn new(clearance: f64) -> Self {
+        Self {
+            clearance,
+            plan: FloorPlan::default(),
+            pluecker: Pluecker::default(),
+            edges: Vec::new(),
+            ends: Vec::new(),
+            seen: Vec::new(),
+            of: Vec::new(),
+            corners: Vec::new(),
+        }
+    }
+
+    /// A line in the plane through segments, each given by the end that it passes on its left and the one on
+    /// its right.
+    ///
+    /// As a linear program in two variables, solved in time linear in the segments (Seth Teller and Carlo
+    /// Sequin, "Visibility Preprocessing for Interactive Walkthroughs", 1991).
+    pub fn segments(&mut self, segments: &[[DVec2; 2]]) -> Stab<[DVec2; 2]> {
+        self.plan.stab(segments, self.clearance)
+    }
+
+    /// A line through axis-aligned rectangles. Seen along each of the axes, the line passes through segments;
+    /// where the [`segments`](Self::segments) (Self::segments) of one axis exclude it there is none (Teller
+    /// and Sequin, 1991). Otherwise it is looked for as in [`polygons`](Self::polygons).
+    pub fn rectangles(&mut self, rectangles: &[Rectangle]) -> Stab<[DVec3; 2]> {
+        for axis in 0..3 {
+            self.seen.clear();
+            self.of.clear();
+            for (i, rectangle) in rectangles.iter().enumerate() {
+                if let Some(ends) = rectangle.seen_along(axis) {
+                    self.seen.push(ends);
+                    self.of.push(i as u32);
+                }
+            }
+            if let Stab::No(certificate) = self.plan.stab(&self.seen, self.clearance) {
+                // The ends are edges along the axis: named by what they are of, two for each rectangle.
+                let of = &self.of;
+                return Stab::No(certificate.renumbered(|end| 2 * of[end as usize / 2] + end % 2));
+            }
+        }
+        let mut corners = core::mem::take(&mut self.corners);
+        corners.clear();
+        corners.extend(rectangles.iter().map(Rectangle::corners));
+        let answer = self.polygons(&corners);
+        self.corners = corners;
+        answer
+    }
+
+    /// A line through planar convex polygons, each given by its vertices, counter-clockwise around the way
+    /// that the line takes.
+    ///
+    /// By a linear program in five dimensions, in time linear in the edges: see Durand's survey, chapter 8,
+    /// section 3. `No` is certain; lines are tried only a few, so that `Maybe` can be said of a sequence that
+    /// has one, and of a sequence that has none although lines pass any few of its edges.
+    pub fn polygons<P: AsRef<[DVec3]>>(&mut self, polygons: &[P]) -> Stab<[DVec3; 2]> {
+        self.edges.clear();
+        self.ends.clear();
+        let inset = 0.4 * self.clearance;
+        for polygon in polygons {
+            let vertices = polygon.as_ref();
+            let Some(plane) = ConvexPolygon::new(vertices.iter().copied()).ok().and_then(|p| p.plane())
+            else {
+                return Stab::Maybe;
+            };
+            edges_of(vertices.iter().copied(), plane.normal, inset, &mut self.edges);
+            self.ends.push((self.edges.len(), plane.normal));
+        }
+        let (Some(first), Some(last)) = (polygons.first(), polygons.last()) else { return Stab::Maybe };
+        let middle = |polygon: &P| {
+            let vertices = polygon.as_ref();
+            vertices.iter().fold(DVec3::ZERO, |sum, &v| sum + v) / vertices.len() as f64
+        };
+        let from = middle(first);
+        let direction = (middle(last) - from).try_normalize().unwrap_or(self.ends[0].1);
+        if self.is_clear(from, direction) {
+            return Stab::Line([from, direction]);
+        }
+        let Self { pluecker, edges, ends, clearance, .. } = self;
+        let opening = |i: usize| {
+            let start = if i == 0 { 0 } else { ends[i - 1].0 };
+            Opening { edges: &edges[start..ends[i].0], against: false, normal: ends[i].1 }
+        };
+        let polytope = pluecker.test(opening, ends.len(), (from, direction), *clearance);
+        match polytope {
+            Polytope::Empty(certificate) => Stab::No(certificate),
+            Polytope::Open => {
+                let lines = INSIDE.map(|inside| self.pluecker.line(from, inside));
+                let mut clear = lines.into_iter().flatten().filter(|[p, d]| self.is_clear(*p, *d));
+                clear.next().map_or(Stab::Maybe, Stab::Line)
+            }
+        }
+    }
+
+    /// Whether a line surely passes all edges, as far from them as it has to be.
+    fn is_clear(&self, point: DVec3, direction: DVec3) -> bool {
+        self.edges.iter().filter(|edge| edge.a != edge.b).all(|edge| {
+            let (e, from) = (edge.b - edge.a, point - edge.a);
+            let across = direction.cross(e);
+            // The product of three vectors, each rounded, is wrong by less than 20u of the product of their
+            // lengths, or of what they were subtracted from. So is, where the test passes, what it is
+            // compared with, which is no greater: 64u will do for both.
+            let sizes =
+                (point.length() + edge.a.length()) * (edge.a.length() + edge.b.length()) * direction.length();
+            across.dot(from) >= self.clearance * across.length() + 32.0 * f64::EPSILON * sizes
+        })
+    }
+}
+
+/// By how much, relative to the size of things, a line is first looked for inside of all edges.
+const INSIDE: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
+
+#[cfg(test)]
+mod tests {
+    use super::super::floor_plan::is_clear as is_clear_in_plan;
+    use super::*;
+    use crate::whole_numbers::{Random, Whole};
+
+    /// The clearance that a line misses by a billionth, where the product that tells its distance is this,
+    /// and the vector across it so long. Any clearance is missed by lines on the wrong side.
+    fn just_missed(product: f64, across: f64) -> f64 {
+        if product > 0.0 { product / across * (1.0 + 1e-9) } else { 1e-9 }
+    }
+
+    #[test]
+    fn lines_that_are_nearly_as_far_off_as_they_have_to_be_are_not_clear() {
+        let mut random = Random(6);
+        for _ in 0..20_000 {
+            let [d, e, a, near] = [1 << 24, 1 << 24, 1 << 20, 4].map(|most| random.vector(most));
+            // Far along the plane of line and edge, and next to nothing off it.
+            let from = d.times(random.below(1 << 25)).plus(e.times(random.below(1 << 25))).plus(near);
+            let across = d.cross(e);
+            let (a, b) = (a.to_f64(), a.plus(e).to_f64());
+            let edge = Edge { a, b, shift: DVec3::ZERO, bounds: true };
+            let clearance = just_missed(across.dot(near) as f64, across.to_f64().length());
+            let stabber = Stabber { edges: alloc::vec![edge], ..Stabber::new(clearance) };
+            assert!(!stabber.is_clear(a + from.to_f64(), d.to_f64()), "{d:?} {e:?} {from:?}");
+        }
+        // A vertical edge 5 ahead and 1 to the right: ten times the margin is enough.
+        let edge = Edge {
+            a: DVec3::new(5.0, -1.0, 0.0),
+            b: DVec3::new(5.0, -1.0, 1.0),
+            shift: DVec3::ZERO,
+            bounds: true,
+        };
+        let is_clear = |clearance| {
+            let stabber = Stabber { edges: alloc::vec![edge], ..Stabber::new(clearance) };
+            [DVec3::X, DVec3::NEG_X].map(|direction| stabber.is_clear(DVec3::ZERO, direction))
+        };
+        assert!(is_clear(1.0 - 1e-12).contains(&true) && is_clear(1.0) == [false; 2]);
+    }
+
+    #[test]
+    fn lines_of_a_plan_that_are_nearly_as_far_off_as_they_have_to_be_are_not_clear() {
+        let mut random = Random(7);
+        let flat = |random: &mut Random, most| Whole([random.below(most), random.below(most), 0]);
+        for _ in 0..20_000 {
+            let [d, p, near] = [1 << 24, 1 << 20, 4].map(|most| flat(&mut random, most));
+            let left = d.times(random.below(1 << 27)).plus(near);
+            // The right end is well to the right.
+            let right = left.plus(Whole([d.0[1], -d.0[0], 0]).times(1 << 8));
+            let segments = [[left, right].map(|end| p.plus(end).to_f64().truncate())];
+            let clearance = just_missed(d.cross(near).0[2] as f64, d.to_f64().length());
+            let line = [p, d].map(|v| v.to_f64().truncate());
+            assert!(!is_clear_in_plan(&segments, line, clearance), "{d:?} {left:?}");
+        }
+        // Ten times the margin is enough.
+        let segment = [[DVec2::new(5.0, 1.0), DVec2::new(5.0, -1.0)]];
+        assert!(is_clear_in_plan(&segment, [DVec2::ZERO, DVec2::X], 1.0 - 1e-13));
+        assert!(!is_clear_in_plan(&segment, [DVec2::ZERO, DVec2::X], 1.0));
+    }
+}
