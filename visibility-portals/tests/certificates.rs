@@ -4,34 +4,11 @@ use visibility_core::ConvexPolygon;
 use visibility_core::glam::DVec3;
 use visibility_portals::antipenumbra;
 use visibility_portals::stabbing::{Stab, Stabber};
+use visibility_testing::Random;
 
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    /// From `-most` to `most`.
-    fn integer(&mut self, most: i64) -> i64 {
-        (self.bits() % (2 * most as u64 + 1)) as i64 - most
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * ((self.bits() >> 11) as f64 * 2f64.powi(-53))
-    }
-
-    fn direction(&mut self) -> DVec3 {
-        loop {
-            let v = DVec3::from_array([0; 3].map(|_| self.between(-1.0, 1.0)));
-            if v.length() <= 1.0 && v.length() > 0.01 {
-                return v.normalize();
-            }
-        }
-    }
+/// An integer from `-most` to `most`.
+fn whole(random: &mut Random, most: i64) -> i64 {
+    (random.bits() % (2 * most as u64 + 1)) as i64 - most
 }
 
 /// Triangles, quadrangles or slits around a line, to be passed in a row; their edges lie in planes along the
@@ -39,24 +16,24 @@ impl Random {
 /// `off`.
 fn around(count: usize, slits: bool, distance: f64, off: f64, random: &mut Random) -> Vec<Vec<DVec3>> {
     let direction = random.direction();
-    let (u, start) = (direction.any_orthonormal_vector(), random.direction() * random.between(0.0, 100.0));
+    let (u, start) = (direction.any_orthonormal_vector(), random.direction() * random.fine_range(0.0, 100.0));
     let v = direction.cross(u);
     let mut at = 0.0;
     let mut polygons = Vec::new();
     while polygons.len() < count {
         let corners = if slits { 4 } else { 3 + random.bits() as usize % 2 };
-        let turn = random.between(0.0, 1.0);
+        let turn = random.fine_range(0.0, 1.0);
         let walls: Vec<(DVec3, f64)> = (0..corners)
             .map(|i| {
                 let angle = (i as f64 + turn) / corners as f64 * core::f64::consts::TAU;
                 let tight = if slits { i % 2 == 0 } else { random.bits().is_multiple_of(2) };
-                let far = if tight { distance } else { random.between(0.5, 4.0) };
+                let far = if tight { distance } else { random.fine_range(0.5, 4.0) };
                 (u * angle.cos() + v * angle.sin(), far)
             })
             .collect();
-        let normal = (direction + random.direction() * random.between(0.0, 0.9)).normalize();
-        at += random.between(1.0, 10.0);
-        let moved = (u * random.between(-1.0, 1.0) + v * random.between(-1.0, 1.0)) * off;
+        let normal = (direction + random.direction() * random.fine_range(0.0, 0.9)).normalize();
+        at += random.fine_range(1.0, 10.0);
+        let moved = (u * random.fine_range(-1.0, 1.0) + v * random.fine_range(-1.0, 1.0)) * off;
         let vertices: Vec<DVec3> = (0..corners)
             .map(|i| {
                 // Where two walls meet: out . a = far_a, out . b = far_b.
@@ -109,12 +86,12 @@ fn best_line(polygons: &[Vec<DVec3>], random: &mut Random) -> f64 {
     };
     let mut best_of_all = f64::NEG_INFINITY;
     for _ in 0..6 {
-        let mut x = [0; 4].map(|_| random.between(-0.6, 0.6));
+        let mut x = [0; 4].map(|_| random.fine_range(-0.6, 0.6));
         let (mut best, mut step) = (at(&x), 0.5);
         while step > 1e-10 {
             let mut better = false;
             for _ in 0..24 {
-                let y: [f64; 4] = core::array::from_fn(|k| x[k] + step * random.between(-1.0, 1.0));
+                let y: [f64; 4] = core::array::from_fn(|k| x[k] + step * random.fine_range(-1.0, 1.0));
                 let there = at(&y);
                 if there > best {
                     (x, best, better) = (y, there, true);
@@ -132,7 +109,7 @@ fn no_line_that_is_just_clear_is_excluded() {
     let mut random = Random(1);
     let mut undecided = 0;
     for i in 0..100_000 {
-        let clearance = 2e-6 * 500f64.powf(random.between(0.0, 1.0));
+        let clearance = 2e-6 * 500f64.powf(random.fine_range(0.0, 1.0));
         let polygons = around(2 + i % 5, i % 2 == 0, clearance * 1.0001, 0.0, &mut random);
         let answer = Stabber::new(clearance).polygons(&polygons);
         assert!(!answer.is_no(), "{clearance} {polygons:?}");
@@ -150,8 +127,8 @@ fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
     let mut random = Random(2);
     let (mut rejected, mut more, mut lines, mut found, mut open) = (0, 0, 0, 0, 0);
     for i in 0..12_000 {
-        let clearance = 2e-6 * 500f64.powf(random.between(0.0, 1.0));
-        let off = clearance * 1e5f64.powf(random.between(0.0, 1.0));
+        let clearance = 2e-6 * 500f64.powf(random.fine_range(0.0, 1.0));
+        let off = clearance * 1e5f64.powf(random.fine_range(0.0, 1.0));
         let polygons = around(3 + i % 6, i % 4 > 0, clearance * 1.5, off, &mut random);
         match Stabber::new(clearance).polygons(&polygons) {
             Stab::No(_) => {
@@ -189,15 +166,15 @@ fn far_from_the_origin_nothing_with_a_line_is_excluded() {
     let turns = [[1, 2, 2], [2, 1, -2], [2, -2, 1]];
     for i in 0..40_000 {
         let far = 1i64 << (20 + i % 26);
-        let shift = [0; 3].map(|_| random.integer(far));
+        let shift = [0; 3].map(|_| whole(&mut random, far));
         let mut least = f64::INFINITY;
         let mut z = 0;
         let polygons: Vec<Vec<DVec3>> = (0..2 + i % 5)
             .map(|_| {
-                z += 200 + random.integer(100);
+                z += 200 + whole(&mut random, 100);
                 let corners = loop {
                     let mut corners: [[i64; 3]; 3] = core::array::from_fn(|_| {
-                        [random.integer(40), random.integer(40), z + random.integer(20)]
+                        [whole(&mut random, 40), whole(&mut random, 40), z + whole(&mut random, 20)]
                     });
                     let side = |a: [i64; 3], b: [i64; 3]| a[0] * b[1] - a[1] * b[0];
                     let mut sides = [0, 1, 2].map(|k| side(corners[k], corners[(k + 1) % 3]));

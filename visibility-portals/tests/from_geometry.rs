@@ -6,19 +6,7 @@ use visibility_core::{CellId, ConvexPolygon, Viewcells};
 use visibility_portals::from_geometry::{
     GeometryError, PolygonSettings, Solid, Subdivision, WallSettings, floor_plan, from_polygons, from_walls,
 };
-
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (self.0 >> 11) as f64 * 2f64.powi(-53)
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-}
+use visibility_testing::Random;
 
 /// Boxes along the axes of a house of rooms: walls of some thickness with doors left out, slabs, and a few
 /// loose blocks.
@@ -30,11 +18,11 @@ fn house(random: &mut Random) -> Vec<[DVec3; 2]> {
     for x in 0..5 {
         for y in 0..3 {
             let (x, y) = (4.0 * f64::from(x), 4.0 * f64::from(y));
-            let door = random.between(0.4, 2.6);
-            let thick = [0.0, 0.15][(random.unit() * 2.0) as usize];
+            let door = random.fine_range(0.4, 2.6);
+            let thick = [0.0, 0.15][(random.fine_unit() * 2.0) as usize];
             add([x, y, 0.0], [x + thick, y + door, 3.0]);
             add([x, y + door + 0.9, 0.0], [x + thick, y + 4.0, 3.0]);
-            if random.unit() < 0.7 {
+            if random.fine_unit() < 0.7 {
                 add([x, y + door, 2.0], [x + thick, y + door + 0.9, 3.0]);
             }
         }
@@ -42,15 +30,22 @@ fn house(random: &mut Random) -> Vec<[DVec3; 2]> {
     for y in 0..4 {
         for x in 0..4 {
             let (x, y) = (4.0 * f64::from(x), 4.0 * f64::from(y));
-            let window = random.between(0.4, 2.4);
+            let window = random.fine_range(0.4, 2.4);
             add([x, y - 0.1, 0.0], [x + window, y, 3.0]);
             add([x + window + 1.2, y - 0.1, 0.0], [x + 4.0, y, 3.0]);
             add([x + window, y - 0.1, 0.0], [x + window + 1.2, y, 0.9]);
         }
     }
     for _ in 0..6 {
-        let p = [random.between(1.0, 14.0), random.between(1.0, 10.0), 0.0];
-        add(p, [p[0] + random.between(0.2, 2.0), p[1] + random.between(0.2, 2.0), random.between(0.4, 2.0)]);
+        let p = [random.fine_range(1.0, 14.0), random.fine_range(1.0, 10.0), 0.0];
+        add(
+            p,
+            [
+                p[0] + random.fine_range(0.2, 2.0),
+                p[1] + random.fine_range(0.2, 2.0),
+                random.fine_range(0.4, 2.0),
+            ],
+        );
     }
     boxes
 }
@@ -146,8 +141,13 @@ fn check(
     let bodies = Viewcells::new(cells.viewcells.iter().cloned());
     let (mut clear, mut stopped, mut all) = (0, 0, 0);
     for _ in 0..8000 {
-        let mut point =
-            || DVec3::new(random.between(-0.9, 16.9), random.between(-0.9, 12.9), random.between(-0.6, 3.9));
+        let mut point = || {
+            DVec3::new(
+                random.fine_range(-0.9, 16.9),
+                random.fine_range(-0.9, 12.9),
+                random.fine_range(-0.6, 3.9),
+            )
+        };
         let (a, b) = (point(), point());
         let Some([from, to]) =
             bodies.locate(turn * a).zip(bodies.locate(turn * b)).map(|(a, b)| [CellId(a.0), CellId(b.0)])
@@ -332,7 +332,7 @@ fn odd_input_gives_an_error_or_an_answer() {
     }
     // Everything through everything: a limit on cells holds.
     let mut random = Random(9);
-    let mut point = || DVec3::new(random.unit(), random.unit(), random.unit()) * 10.0;
+    let mut point = || DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit()) * 10.0;
     let soup: Vec<_> =
         (0..150).filter_map(|_| ConvexPolygon::new([point(), point(), point()]).ok()).collect();
     let settings = PolygonSettings { most_cells: 200, least_share: 0.0, least_area: Some(0.0), ..polygons };

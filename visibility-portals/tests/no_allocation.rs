@@ -3,12 +3,13 @@
 
 mod maze;
 
-use maze::{Camera, Maze, Random, Style};
+use maze::{Camera, Maze, Style};
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_core::{Aabb, Culler, FrustumCuller, PortalId, VisibleSet};
 use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
 use visibility_portals::stabbing::{Rectangle, Stab, Stabber};
 use visibility_portals::{Narrowing, PortalEye};
+use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 
 #[global_allocator]
@@ -64,7 +65,7 @@ fn frames_doors_and_moving_objects_allocate_nothing_once_warm() {
 
 /// Programs of one dimension, twice: how many were solved each way, and what the second time allocated.
 fn programs<const D: usize>(random: &mut Random) -> ([u32; 3], usize) {
-    let mut between = |least: f64, most: f64| random.between(least, most);
+    let mut between = |least: f64, most: f64| random.fine_range(least, most);
     let all: Vec<Vec<HalfSpace<D>>> = (0..300)
         .map(|i| {
             let half = |_| HalfSpace {
@@ -105,7 +106,7 @@ fn programs_and_lines_allocate_nothing_once_warm() {
         programs::<6>(&mut random),
     ];
     assert!(all.iter().all(|&([yes, no, _], allocated)| yes > 50 && no > 50 && allocated == 0), "{all:?}");
-    let mut between = |least: f64, most: f64| random.between(least, most);
+    let mut between = |least: f64, most: f64| random.fine_range(least, most);
     let ways: Vec<(Vec<[DVec2; 2]>, Vec<Rectangle>)> = (0..300)
         .map(|i| {
             let doors = (0..2 + i % 9).map(|i| {

@@ -3,13 +3,14 @@
 
 mod maze;
 
-use maze::{Camera, Maze, Random, Style};
+use maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, CellGraph, CellId, ConvexPolygon, Culler, ObjectId, Plane, PortalId, Pose, Pvs, PvsTargets, Scene,
     View, Viewcell, Viewcells, VisibleSet, Window,
 };
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError};
+use visibility_testing::Random;
 
 /// Rooms of 4 by 4 by 3 in a row along x, with a door 1 wide and 2 high in the middle of each wall, and a box
 /// in each.
@@ -299,9 +300,9 @@ fn no_input_panics_or_hangs() {
                 0 => f64::NAN,
                 1 => f64::INFINITY,
                 2 => 0.0,
-                _ => random.between(-1.0, 1.0) * scale,
+                _ => random.fine_range(-1.0, 1.0) * scale,
             };
-            let point = |random: &mut Random| random.vector() * scale;
+            let point = |random: &mut Random| random.fine_vector(1.0) * scale;
             let portals: Vec<_> = (0..60)
                 .filter_map(|_| {
                     let (a, b, c) = (point(&mut random), point(&mut random), point(&mut random));
@@ -316,12 +317,12 @@ fn no_input_panics_or_hangs() {
             let viewcells: Vec<_> = (0..12)
                 .map(|_| {
                     let (a, b) = (point(&mut random), point(&mut random));
-                    let plane = Plane::new(random.vector(), wild(&mut random));
+                    let plane = Plane::new(random.fine_vector(1.0), wild(&mut random));
                     Viewcell { min: a.min(b), max: a.max(b), planes: vec![plane] }
                 })
                 .collect();
             let mut cells =
-                SceneCells::new(graph, Viewcells::new(viewcells), random.unit() * 1e-9 * scale).unwrap();
+                SceneCells::new(graph, Viewcells::new(viewcells), random.fine_unit() * 1e-9 * scale).unwrap();
             for cell in 0..12 {
                 let p = [(); 3].map(|()| point(&mut random));
                 if let Ok(mirror) = ConvexPolygon::new(p) {
@@ -337,11 +338,11 @@ fn no_input_panics_or_hangs() {
             let mut visible = VisibleSet::new();
             for i in 0..20 {
                 let view = if i % 3 == 0 {
-                    let matrix: [f64; 16] = std::array::from_fn(|_| random.between(-1.0, 1.0) * scale);
+                    let matrix: [f64; 16] = std::array::from_fn(|_| random.fine_range(-1.0, 1.0) * scale);
                     View::from_clip_from_world(matrix, maze::DEPTHS[i % 6])
                 } else {
                     let eye = point(&mut random);
-                    let pose = Pose::look_at(eye, eye + random.vector(), random.vector());
+                    let pose = Pose::look_at(eye, eye + random.fine_vector(1.0), random.fine_vector(1.0));
                     View::perspective(pose, 1.0, 1.0, 1e-3 * scale, scale)
                 };
                 let Ok(view) = view else { continue };

@@ -2,10 +2,11 @@
 
 mod maze;
 
-use maze::{Camera, Maze, Random, Style};
+use maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;
 use visibility_core::{Culler, FrustumCuller, VisibleSet};
 use visibility_portals::{MirrorId, PortalEye};
+use visibility_testing::Random;
 
 #[test]
 fn no_reflected_ray_reaches_what_its_reflection_hides() {
@@ -51,7 +52,8 @@ fn no_reflected_ray_reaches_what_its_reflection_hides() {
             for _ in 0..300 {
                 let target = if random.below(2) == 0 { &maze.mirror_targets } else { &maze.targets };
                 let aimed = Maze::near(&mut random, at, target).and_then(|target| camera.project(target));
-                let (x, y) = aimed.unwrap_or_else(|| (random.between(-1.0, 1.0), random.between(-1.0, 1.0)));
+                let (x, y) =
+                    aimed.unwrap_or_else(|| (random.fine_range(-1.0, 1.0), random.fine_range(-1.0, 1.0)));
                 let (from, along) = camera.ray(x, y);
                 maze.follow(from, along, |object, mirrors| {
                     // How far along the ray the object is, no one knows here: leave out what may be beyond

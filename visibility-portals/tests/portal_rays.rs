@@ -3,10 +3,11 @@
 
 mod maze;
 
-use maze::{Camera, Maze, Random, Style};
+use maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;
 use visibility_core::{Culler, FrustumCuller, VisibleSet};
 use visibility_portals::{Narrowing, NotCulled, PortalEye};
+use visibility_testing::Random;
 
 #[derive(Default, Debug)]
 struct Tally {
@@ -34,9 +35,9 @@ fn place(random: &mut Random, maze: &Maze) -> DVec3 {
     let c = vertices[vertices.len() / 2 + 1 - usize::from(vertices.len() == 3)];
     match random.below(4) {
         0 => a,
-        1 => a + (b - a) * random.unit(),
+        1 => a + (b - a) * random.fine_unit(),
         2 => (a + b + c) / 3.0,
-        _ => (a + b + c) / 3.0 + portal.plane().normal * (random.between(-1.0, 1.0) * 1e-9),
+        _ => (a + b + c) / 3.0 + portal.plane().normal * (random.fine_range(-1.0, 1.0) * 1e-9),
     }
 }
 
@@ -88,7 +89,7 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
                 let target = aimed.then(|| Maze::near(&mut random, at, &maze.targets)).flatten();
                 let (x, y) = target
                     .and_then(|target| camera.project(target))
-                    .unwrap_or_else(|| (random.between(-1.0, 1.0), random.between(-1.0, 1.0)));
+                    .unwrap_or_else(|| (random.fine_range(-1.0, 1.0), random.fine_range(-1.0, 1.0)));
                 let (from, along) = camera.ray(x, y);
                 tally.rays += 1;
                 maze.follow(from, along, |object, mirrors| {

@@ -5,34 +5,7 @@ use visibility_core::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_portals::antipenumbra;
 use visibility_portals::stabbing::{Rectangle, Stab, Stabber};
-
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    fn below(&mut self, count: u64) -> i64 {
-        (self.bits() % count) as i64
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * ((self.bits() >> 11) as f64 * 2f64.powi(-53))
-    }
-
-    fn direction(&mut self) -> DVec3 {
-        loop {
-            let v = DVec3::from_array([0; 3].map(|_| self.between(-1.0, 1.0)));
-            if v.length() <= 1.0 && v.length() > 0.01 {
-                return v.normalize();
-            }
-        }
-    }
-}
+use visibility_testing::Random;
 
 type Ends = [[i64; 2]; 2];
 
@@ -58,12 +31,14 @@ fn doors_of_a_floor_plan_as_exact_arithmetic_has_it() {
     let (mut random, mut stabber) = (Random(1), Stabber::new(1e-7));
     let mut counts = [0; 3];
     for _ in 0..20_000 {
-        let segments: Vec<Ends> = (0..2 + random.below(9))
+        let mut below = |count| random.below(count) as i64;
+        let count = 2 + below(9);
+        let segments: Vec<Ends> = (0..count)
             .map(|i| {
-                let x = 4 * i + random.below(3);
-                let middle = random.below(7) - 3;
-                let half = 1 + random.below(5);
-                [[x + random.below(3), middle + half], [x, middle - half]]
+                let x = 4 * i + below(3);
+                let middle = below(7) - 3;
+                let half = 1 + below(5);
+                [[x + below(3), middle + half], [x, middle - half]]
             })
             .collect();
         // A thousand times as fine, and each shorter by a thousandth at both ends.
@@ -94,11 +69,11 @@ fn doors_of_a_floor_plan_as_exact_arithmetic_has_it() {
 
 /// Convex polygons around a line, which is clear of their edges by the clearance.
 fn around(count: usize, clearance: f64, random: &mut Random) -> Vec<Vec<DVec3>> {
-    let (start, direction) = (random.direction() * random.between(0.0, 3000.0), random.direction());
+    let (start, direction) = (random.direction() * random.fine_range(0.0, 3000.0), random.direction());
     let mut at = 0.0;
     (0..count)
         .map(|_| {
-            at += random.between(0.1, 100.0);
+            at += random.fine_range(0.1, 100.0);
             let normal = loop {
                 let normal = random.direction();
                 if normal.dot(direction) > 0.1 {
@@ -109,7 +84,7 @@ fn around(count: usize, clearance: f64, random: &mut Random) -> Vec<Vec<DVec3>> 
             let v = normal.cross(u);
             // In the plane, edges must be farther off than in space.
             let least = 1.1 * clearance / normal.dot(direction);
-            let mut side = || if random.below(2) == 0 { least } else { random.between(least, 30.0) };
+            let mut side = || if random.below(2) == 0 { least } else { random.fine_range(least, 30.0) };
             let middle = start + direction * at;
             let [a, b, c, d] = [side(), side(), side(), side()];
             vec![
@@ -139,12 +114,13 @@ fn no_planted_line_is_excluded() {
 fn sequence(count: usize, random: &mut Random) -> Vec<Vec<DVec3>> {
     (0..count)
         .map(|i| {
-            let middle = DVec3::new(10.0 * i as f64, random.between(-3.0, 3.0), random.between(-3.0, 3.0));
+            let middle =
+                DVec3::new(10.0 * i as f64, random.fine_range(-3.0, 3.0), random.fine_range(-3.0, 3.0));
             let normal = (DVec3::X + random.direction() * 0.7).normalize();
             let u = normal.any_orthonormal_vector();
             let v = normal.cross(u);
             let (turn, long, wide) =
-                (random.between(0.0, 6.3), random.between(1.0, 6.0), random.between(0.1, 3.0));
+                (random.fine_range(0.0, 6.3), random.fine_range(1.0, 6.0), random.fine_range(0.1, 3.0));
             let (u, v) = (u * turn.cos() + v * turn.sin(), v * turn.cos() - u * turn.sin());
             let corners = 3 + random.below(4);
             (0..corners)
@@ -189,10 +165,10 @@ fn rectangles(count: i64, random: &mut Random) -> Vec<Rectangle> {
     let forward = random.below(2) == 0;
     let mut all: Vec<Rectangle> = (0..count)
         .map(|i| {
-            let axis = random.below(3) as usize;
+            let axis = random.below(3);
             let middle = DVec3::splat(10.0 * i as f64) + random.direction() * loose;
             let (mut low, mut high) =
-                ([0; 3].map(|_| random.between(0.2, 5.0)), [0; 3].map(|_| random.between(0.2, 5.0)));
+                ([0; 3].map(|_| random.fine_range(0.2, 5.0)), [0; 3].map(|_| random.fine_range(0.2, 5.0)));
             (low[axis], high[axis]) = (0.0, 0.0);
             Rectangle { min: middle - DVec3::from(low), max: middle + DVec3::from(high), axis, forward }
         })

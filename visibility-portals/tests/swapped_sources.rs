@@ -3,13 +3,14 @@
 
 mod maze;
 
-use maze::{Camera, Maze, Random, Style};
+use maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, CellGraph, CellId, ConvexPolygon, Culler, ObjectId, PortalId, Pose, Pvs, PvsTargets, Scene, View,
     Viewcell, Viewcells, VisibleSet,
 };
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, PortalStats, SceneCells};
+use visibility_testing::Random;
 
 /// Rooms of 4 by 4 by 3 in a row along x, with a door in the middle of each wall; from each, `sight` rooms to
 /// either side are seen.
@@ -297,7 +298,7 @@ fn whatever_is_swapped_the_answer_is_that_of_a_new_eye_and_of_new_cells() {
                     recipes.swap_remove(a);
                 }
                 7 => eye = eye.with_step_limit([3, 20_000][random.below(2)]),
-                8 => scenes[s].set_origin(random.vector() * 1e-3).unwrap(),
+                8 => scenes[s].set_origin(random.fine_vector(1.0) * 1e-3).unwrap(),
                 _ => change(&mut random, &mut live[a], &mut recipes[a]),
             }
             let (a, s) = (random.below(live.len()), random.below(scenes.len()));

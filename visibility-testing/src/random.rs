@@ -78,6 +78,11 @@ impl Random {
         least + (greatest - least) * self.fine_unit()
     }
 
+    /// A vector whose coordinates are each from `-size` to `size`, in steps of `size / 2^52`.
+    pub fn fine_vector(&mut self, size: f64) -> DVec3 {
+        DVec3::from_array(core::array::from_fn(|_| self.fine_range(-size, size)))
+    }
+
     /// A unit vector; all directions are equally likely.
     pub fn direction(&mut self) -> DVec3 {
         loop {

@@ -9,25 +9,11 @@ mod exact;
 use exact::Exact;
 use microlp::{ComparisonOp, OptimizationDirection, Problem, SolveOutcome};
 use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
+use visibility_testing::Random;
 
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    fn below(&mut self, count: u64) -> u64 {
-        self.bits() % count
-    }
-
-    /// From `-most` to `most`.
-    fn around(&mut self, most: i128) -> i128 {
-        self.below(2 * most as u64 + 1) as i128 - most
-    }
+/// An integer from `-most` to `most`.
+fn around(random: &mut Random, most: i128) -> i128 {
+    random.below(2 * most as usize + 1) as i128 - most
 }
 
 const BOUND: i128 = 64;
@@ -38,28 +24,28 @@ const BOUND: i128 = 64;
 fn program(d: usize, random: &mut Random) -> Vec<(Vec<i128>, i128)> {
     let (kind, count) = (random.below(5), 1 + random.below(24));
     let most = if kind == 0 || kind == 4 { 100 } else { 2 };
-    let point: Vec<i128> = (0..d).map(|_| random.around(9)).collect();
+    let point: Vec<i128> = (0..d).map(|_| around(random, 9)).collect();
     let mut rows: Vec<(Vec<i128>, i128)> = Vec::new();
-    while (rows.len() as u64) < count {
-        let a: Vec<i128> = (0..d).map(|_| random.around(most)).collect();
+    while rows.len() < count {
+        let a: Vec<i128> = (0..d).map(|_| around(random, most)).collect();
         let through: i128 = -a.iter().zip(&point).map(|(a, p)| a * p).sum::<i128>();
         let b = match kind {
-            0 => random.around(100 * d as i128) + 60,
-            1 => random.around(4) + 1,
+            0 => around(random, 100 * d as i128) + 60,
+            1 => around(random, 4) + 1,
             2 => through + i128::from(random.below(6) == 0),
-            3 => through + random.around(1) + 1,
-            _ => through + random.around(2) + 1,
+            3 => through + around(random, 1) + 1,
+            _ => through + around(random, 2) + 1,
         };
-        let mut other: (Vec<i128>, i128) = (a.iter().map(|a| -a).collect(), -b + random.around(1));
+        let mut other: (Vec<i128>, i128) = (a.iter().map(|a| -a).collect(), -b + around(random, 1));
         if kind == 4 {
-            let k = random.below(d as u64) as usize;
-            other.0[k] += random.around(1);
+            let k = random.below(d);
+            other.0[k] += around(random, 1);
         }
         if kind >= 3 && random.below(4) == 0 {
             rows.push(other);
         }
         if random.below(40) == 0 {
-            rows.push((vec![0; d], random.around(5) + 4));
+            rows.push((vec![0; d], around(random, 5) + 4));
         }
         if random.below(8) == 0 {
             rows.push((a.clone(), b));
@@ -111,7 +97,7 @@ fn by_microlp<const D: usize>(rows: &[HalfSpace<D>], objective: [f64; D]) -> Opt
 
 fn compare<const D: usize>(solver: &mut Solver<D>, random: &mut Random, tally: &mut Tally) {
     let rows = program(D, random);
-    let objective: [i128; D] = std::array::from_fn(|_| random.around(10));
+    let objective: [i128; D] = std::array::from_fn(|_| around(random, 10));
     let (Some(truth), Some(thin)) = (exact::solve(&rows, &objective, BOUND), is_thin(&rows)) else {
         tally.too_long += 1;
         return;

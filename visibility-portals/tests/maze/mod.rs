@@ -11,35 +11,7 @@ use visibility_core::{
     View, Viewcell, Viewcells,
 };
 use visibility_portals::{MirrorId, Passage, SceneCells};
-
-/// SplitMix64.
-#[derive(Clone)]
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    pub fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    pub fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.between(-1.0, 1.0), self.between(-1.0, 1.0), self.between(-1.0, 1.0))
-    }
-}
+use visibility_testing::Random;
 
 /// A convex polygon in a wall: its corners in the wall's two coordinates, counter-clockwise.
 #[derive(Clone, Debug)]
@@ -97,17 +69,17 @@ impl Maze {
             let mut at = 0.0;
             let mut all = vec![at];
             for _ in 0..n {
-                at += random.between(2.0, 5.0);
+                at += random.fine_range(2.0, 5.0);
                 all.push(at);
             }
             all
         });
         let turn = if style.turned {
-            DQuat::from_axis_angle(random.vector().normalize(), random.between(0.0, 6.0))
+            DQuat::from_axis_angle(random.fine_vector(1.0).normalize(), random.fine_range(0.0, 6.0))
         } else {
             DQuat::IDENTITY
         };
-        let shift = random.vector() * style.shift;
+        let shift = random.fine_vector(1.0) * style.shift;
         let rooms = sizes[0] * sizes[1] * sizes[2];
         let mut maze = Self {
             sizes,
@@ -143,7 +115,7 @@ impl Maze {
                     let corners = opening(random, low, high, style.slivers);
                     let polygon = maze.polygon(axis, place[axis] + 1, &corners);
                     let spread = |random: &mut Random| {
-                        let weights: Vec<f64> = polygon.iter().map(|_| random.unit()).collect();
+                        let weights: Vec<f64> = polygon.iter().map(|_| random.fine_unit()).collect();
                         let sum: f64 = weights.iter().sum();
                         polygon.iter().zip(weights).map(|(&p, w)| p * (w / sum)).sum::<DVec3>()
                     };
@@ -168,7 +140,7 @@ impl Maze {
             }
         }
         let viewcells = (0..rooms).map(|room| {
-            let moved = random.vector() * style.tolerance * 0.5;
+            let moved = random.fine_vector(1.0) * style.tolerance * 0.5;
             let Viewcell { min, max, planes } = maze.viewcell(room);
             let planes =
                 planes.into_iter().map(|plane| Plane::new(plane.normal, plane.signed_distance(-moved)));
@@ -186,7 +158,7 @@ impl Maze {
         for room in 0..rooms {
             for _ in 0..3 {
                 let at = maze.to_world(maze.point_in(random, room));
-                let size = DVec3::splat(random.between(0.01, 0.6));
+                let size = DVec3::splat(random.fine_range(0.01, 0.6));
                 let (min, max) = ((at - size).as_vec3(), (at + size).as_vec3());
                 let id = maze.scene.insert(Aabb::new(min, max));
                 maze.objects.push((id, min.as_dvec3(), max.as_dvec3()));
@@ -216,7 +188,7 @@ impl Maze {
         let place = self.place(room);
         DVec3::from_array([0, 1, 2].map(|axis| {
             let walls = &self.walls[axis];
-            random.between(walls[place[axis]], walls[place[axis] + 1])
+            random.fine_range(walls[place[axis]], walls[place[axis] + 1])
         }))
     }
 
@@ -347,7 +319,7 @@ impl Maze {
 fn rim(random: &mut Random, polygon: &[DVec3]) -> DVec3 {
     let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
     let i = random.below(polygon.len());
-    let at = polygon[i].lerp(polygon[(i + 1) % polygon.len()], random.unit());
+    let at = polygon[i].lerp(polygon[(i + 1) % polygon.len()], random.fine_unit());
     at.lerp(middle, 1e-4)
 }
 
@@ -355,7 +327,7 @@ fn rim(random: &mut Random, polygon: &[DVec3]) -> DVec3 {
 fn astray(random: &mut Random, polygon: &[DVec3], tolerance: f64) -> Result<ConvexPolygon, PolygonError> {
     let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
     let size = polygon.iter().fold(0.0, |size: f64, p| size.max(p.distance(middle)));
-    let moved = random.vector() * tolerance * 0.28;
+    let moved = random.fine_vector(1.0) * tolerance * 0.28;
     let smaller = 1.0 - (0.5 * tolerance / size).min(0.5);
     ConvexPolygon::new(polygon.iter().map(|&p| middle + (p - middle) * smaller + moved))
 }
@@ -363,8 +335,8 @@ fn astray(random: &mut Random, polygon: &[DVec3], tolerance: f64) -> Result<Conv
 /// A convex polygon in a rectangle: anything from nearly all of it to a sliver or next to nothing.
 fn opening(random: &mut Random, low: DVec2, high: DVec2, slivers: bool) -> Vec<DVec2> {
     let within = |p: DVec2| low + (high - low) * p;
-    let a = DVec2::new(random.between(0.02, 0.5), random.between(0.0, 0.4));
-    let mut size = DVec2::new(random.between(0.2, 0.9), random.between(0.2, 0.9)) * (DVec2::ONE - a);
+    let a = DVec2::new(random.fine_range(0.02, 0.5), random.fine_range(0.0, 0.4));
+    let mut size = DVec2::new(random.fine_range(0.2, 0.9), random.fine_range(0.2, 0.9)) * (DVec2::ONE - a);
     if slivers {
         match random.below(4) {
             0 => size.x *= 1e-5,
@@ -429,21 +401,24 @@ pub struct Camera {
 
 impl Camera {
     pub fn new(random: &mut Random, eye: DVec3, orthographic: bool) -> Self {
-        let toward = random.vector();
+        let toward = random.fine_vector(1.0);
         Self::toward(random, eye, toward, orthographic)
     }
 
     pub fn toward(random: &mut Random, eye: DVec3, direction: DVec3, orthographic: bool) -> Self {
-        let pose = Pose::look_at(eye, eye + direction, random.vector());
+        let pose = Pose::look_at(eye, eye + direction, random.fine_vector(1.0));
         let half = if orthographic {
-            DVec2::new(random.between(0.01, 0.6), random.between(0.01, 0.6))
+            DVec2::new(random.fine_range(0.01, 0.6), random.fine_range(0.01, 0.6))
         } else {
-            DVec2::new(random.between(0.1, 1.6), random.between(0.1, 1.2))
+            DVec2::new(random.fine_range(0.1, 1.6), random.fine_range(0.1, 1.2))
         };
-        let near =
-            if orthographic { random.between(-0.3, 0.1) } else { 10f64.powf(random.between(-4.0, -0.7)) };
+        let near = if orthographic {
+            random.fine_range(-0.3, 0.1)
+        } else {
+            10f64.powf(random.fine_range(-4.0, -0.7))
+        };
         let depth = DEPTHS[random.below(6)];
-        let far = near + if random.below(3) == 0 { random.between(3.0, 12.0) } else { 200.0 };
+        let far = near + if random.below(3) == 0 { random.fine_range(3.0, 12.0) } else { 200.0 };
         // Rows of the matrix, relative to the eye; z in clip space as each convention has it.
         let z = pose.forward;
         let w = if orthographic { DVec3::ZERO.extend(1.0) } else { z.extend(0.0) };

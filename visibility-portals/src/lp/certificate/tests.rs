@@ -2,25 +2,11 @@
 
 use super::*;
 use alloc::vec::Vec;
+use visibility_testing::Random;
 
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    /// An integer of up to so many bits.
-    fn integer(&mut self, bits: u32) -> i128 {
-        (i128::from(self.bits()) << 32 | i128::from(self.bits() & 0xffff_ffff)) >> (96 - bits)
-    }
-
-    fn small(&mut self, most: i64) -> i64 {
-        (self.bits() % (2 * most as u64 + 1)) as i64 - most
-    }
+/// An integer of up to `bits` bits, at most 96.
+fn integer(random: &mut Random, bits: u32) -> i128 {
+    (i128::from(random.bits()) << 32 | i128::from(random.bits() & 0xffff_ffff)) >> (96 - bits)
 }
 
 /// The nearest number of twice the length.
@@ -40,8 +26,8 @@ fn row(normal: i128, least: f64) -> Row<1> {
 /// Multipliers and numbers whose products have more digits than can be kept; the last one makes the sum as
 /// good as nothing. What is left of it is known exactly.
 fn cancelling(random: &mut Random) -> ([DoubleDouble; 4], [i128; 4], i128) {
-    let l: [i128; 3] = core::array::from_fn(|_| random.integer(66) | 1 << 65);
-    let h: [i128; 3] = core::array::from_fn(|_| random.integer(50) | 1);
+    let l: [i128; 3] = core::array::from_fn(|_| integer(random, 66) | 1 << 65);
+    let h: [i128; 3] = core::array::from_fn(|_| integer(random, 50) | 1);
     let sum: i128 = l.iter().zip(&h).map(|(l, h)| l * h).sum();
     let last = nearest(sum);
     ([nearest(l[0]), nearest(l[1]), nearest(l[2]), last], [h[0], h[1], h[2], -1], sum - exact(last))
@@ -101,15 +87,15 @@ fn negative_multipliers_and_what_is_no_number_prove_nothing() {
 /// Rows that a point of integers satisfies, most of them only just: small ones, of which many combine to
 /// nothing, and opposites that differ in the last digits.
 fn through_a_point<const K: usize>(random: &mut Random) -> (Vec<[i64; K]>, Vec<i64>) {
-    let point: [i64; K] = core::array::from_fn(|_| random.small(9));
+    let point: [i64; K] = core::array::from_fn(|_| i64::from(random.between(-9, 9)));
     let count = 2 + random.bits() as usize % (MOST - 1);
     let fine = [0, 20, 34][random.bits() as usize % 3];
     let mut normals: Vec<[i64; K]> = Vec::new();
     while normals.len() < count {
-        let normal: [i64; K] = core::array::from_fn(|_| random.small(2) << fine);
+        let normal: [i64; K] = core::array::from_fn(|_| i64::from(random.between(-2, 2)) << fine);
         normals.push(normal);
         if normals.len() < count && random.bits().is_multiple_of(2) {
-            normals.push(normal.map(|h| -h + random.small(1)));
+            normals.push(normal.map(|h| -h + i64::from(random.between(-1, 1))));
         }
     }
     let through = |normal: &[i64; K]| normal.iter().zip(&point).map(|(h, x)| h * x).sum::<i64>();

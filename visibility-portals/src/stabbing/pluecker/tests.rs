@@ -1,26 +1,7 @@
 //! What each row of a certificate promises, about lines that stay just clear.
 
 use super::*;
-
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ z >> 31) >> 11) as f64 * 2f64.powi(-53)
-    }
-
-    fn direction(&mut self) -> DVec3 {
-        loop {
-            let v = DVec3::from_array([0; 3].map(|_| 2.0 * self.unit() - 1.0));
-            if v.length() <= 1.0 && v.length() > 0.01 {
-                return v.normalize();
-            }
-        }
-    }
-}
+use visibility_testing::Random;
 
 /// A line, and a polygon around it whose edges all pass it at the same distance.
 struct Around {
@@ -36,7 +17,7 @@ fn around(corners: usize, distance: f64, random: &mut Random) -> Around {
     let normal = if corners % 3 == 2 { (normal + random.direction() * 0.7).normalize() } else { normal };
     let u = direction.any_orthonormal_vector();
     let v = direction.cross(u);
-    let turn = random.unit();
+    let turn = random.fine_unit();
     // Where planes along the line meet, two by two, and the polygon's.
     let radius = distance / (core::f64::consts::PI / corners as f64).cos();
     let vertices = (0..corners).map(|i| {
