@@ -1,4 +1,4 @@
-//! Prioritized-layered projection: cutting a scene into cells, a frame by budget, and cutting crowds of boxes.
+//! Prioritized-layered projection: cutting a scene into cells, and a frame by budget.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::sync::Arc;
@@ -74,30 +74,5 @@ fn frame(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Boxes without triangles that share all their space, or nearly: how building grows with their number.
-fn crowded(criterion: &mut Criterion) {
-    let coincident = |_: f32| Aabb::from_arrays([0.0; 3], [1.0; 3]);
-    let nested = |t: f32| Aabb::from_arrays([-1.0 - t; 3], [1.0 + t; 3]);
-    let coplanar = |t: f32| Aabb::from_arrays([0.0; 3], [1.0 + t, 1.0 + t * 0.5, 0.001]);
-    let kinds: [(&str, &dyn Fn(f32) -> Aabb); 3] =
-        [("coincident", &coincident), ("nested", &nested), ("coplanar", &coplanar)];
-    let mut group = criterion.benchmark_group("plp_crowded");
-    group.sample_size(10);
-    for (kind, make) in kinds {
-        for count in [500, 1000, 2000] {
-            let mut scene = Scene::new();
-            scene.insert_batch((0..count).map(|i| make(i as f32 / count as f32)));
-            group.throughput(Throughput::Elements(count));
-            group.bench_function(BenchmarkId::new(format!("octree_{kind}"), count), |bencher| {
-                bencher.iter(|| OctreeTessellation::new(&scene));
-            });
-            group.bench_function(BenchmarkId::new(format!("delaunay_{kind}"), count), |bencher| {
-                bencher.iter(|| DelaunayTessellation::new(&scene));
-            });
-        }
-    }
-    group.finish();
-}
-
-criterion_group!(benches, tessellation, frame, crowded);
+criterion_group!(benches, tessellation, frame);
 criterion_main!(benches);

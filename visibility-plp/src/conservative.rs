@@ -1,8 +1,9 @@
 //! The conservative form of prioritized-layered projection.
 
-use crate::sight::Sight;
-use crate::walk::{Budget, Projected, Rules, Stage, Walk};
-use crate::{Solidity, Tessellation};
+use crate::cell_frustum::CellFrustum;
+use crate::solidity::Solidity;
+use crate::tessellation::Tessellation;
+use crate::walk::{Budget, FrameContext, PlpSettings, Projected, Walk};
 use alloc::vec::Vec;
 use core::ops::Deref;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -11,18 +12,25 @@ use visibility_core::{
     VisibleSet,
 };
 
-/// Projects a budget's worth as [`PlpCuller`](crate::PlpCuller) does, then fills the holes: the cells in the front are tested against an
-/// occlusion map of what was projected, and from those that are not hidden the walk goes on, to cells that are not hidden, until the front
-/// is empty. Hidden cells of the front hide all that lies behind them, without being looked at.
+/// Keeps everything that may be seen: projects a budget like [`PlpCuller`](crate::PlpCuller), then tests the
+/// rest against an occlusion map of what was projected.
 ///
-/// As conservative as the map: what is seen is seen along a line of sight, which goes from cell to cell through points that are themselves
-/// seen, so that none of these cells is found hidden. Objects that no cell holds are kept. An object hides others if the scene has an
-/// [occluder](Scene::occluder) of it, and is kept if any cell that it meets is reached.
+/// After the budget is spent, the cells in the front are tested against the map. Hidden cells are dropped,
+/// and with them all that lies behind them, untested. The others are projected in full, which adds their
+/// objects to the map and their neighbours to the front, until the front is empty.
 ///
-/// Klosowski and Silva, "Efficient Conservative Visibility Culling Using the Prioritized-Layered Projection Algorithm", 2001.
+/// As accurate as the map, at best conservative: a line of sight passes from cell to cell through points that
+/// are themselves seen, so none of its cells is found hidden. An object is kept if any cell that it meets is
+/// reached, or if no cell holds it. An object occludes others if the scene has an [occluder](Scene::occluder)
+/// of it. If the tessellation was made from another scene, the set is left as it is.
+///
+/// Klosowski and Silva, "Efficient Conservative Visibility Culling Using the Prioritized-Layered Projection
+/// Algorithm", 2001.
 ///
 /// # Cost
-/// That of the budget, and a test for each cell in the front or next to a cell that is projected afterwards: far fewer than there are cells.
+/// That of the budget, and a test for each cell in the front or next to a cell that is projected afterwards:
+/// far fewer than there are cells. The first frame of a tessellation allocates; later ones do not, whatever
+/// the view, if the map does not.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -45,7 +53,8 @@ use visibility_core::{
 /// // `map`: a hierarchical z-buffer, say.
 /// let culler = ConservativePlpCuller::new(cells, Budget::Cost(10_000), map);
 /// let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
-/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.5, 0.1, f64::INFINITY)?;
+/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?;
 /// let mut visible = VisibleSet::new();
 /// pipeline.cull(&scene, &view, &mut visible);
 /// assert!(visible.contains(&scene, id));
@@ -54,78 +63,83 @@ use visibility_core::{
 #[derive(Clone, Debug)]
 pub struct ConservativePlpCuller<S, M> {
     tessellation: S,
-    rules: Rules,
+    settings: PlpSettings,
     map: M,
     walk: Walk,
+    /// Cells taken from the front that are to be tested.
     waiting: Vec<u32>,
+    /// Those of them that may be found hidden, with their boxes, by cell number.
     sorted: Vec<(u32, Aabb)>,
-    report: Report,
+    stats: ConservativeStats,
 }
 
-/// What the conservative culler did in a frame, as the paper's table 1 counts it.
+/// Counts of a frame of the conservative culler, as in the paper's table 1.
 ///
 /// ```
-/// assert_eq!(visibility_plp::Report::default().tests, 0);
+/// assert_eq!(visibility_plp::ConservativeStats::default().tests, 0);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Report {
-    /// Boxes tested against the map: of cells, and of cells together.
+pub struct ConservativeStats {
+    /// Boxes tested against the map: of single cells, and around groups of cells.
     pub tests: u64,
-    /// Cells that were not hidden.
+    /// Tested cells that were not hidden.
     pub visible_cells: u64,
-    /// The most cells that were in the front at once after the budget was spent.
+    /// Greatest number of cells in the front after the budget was spent.
     pub front: u64,
-    /// Cells projected, in all.
+    /// Cells projected, before and after the budget was spent.
     pub projected_cells: u64,
 }
 
 impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M> {
-    /// Over a tessellation, with a budget for what is projected without tests.
+    /// A culler over a tessellation. `budget` is what is projected without tests in each frame; the result
+    /// may be larger.
     pub fn new(tessellation: S, budget: Budget, map: M) -> Self {
-        let rules = Rules { budget, solidity: Solidity::default(), one_sided: false };
+        let settings = PlpSettings { budget, solidity: Solidity::default(), one_sided: false };
         let (walk, waiting, sorted) = (Walk::default(), Vec::new(), Vec::new());
-        Self { tessellation, rules, map, walk, waiting, sorted, report: Report::default() }
+        Self { tessellation, settings, map, walk, waiting, sorted, stats: ConservativeStats::default() }
     }
 
-    /// Estimates solidity otherwise.
+    /// Chooses how solidity is estimated.
     pub fn with_solidity(mut self, solidity: Solidity) -> Self {
-        self.rules.solidity = solidity;
+        self.settings.solidity = solidity;
         self
     }
 
-    /// As for [`PlpCuller`](crate::PlpCuller::with_one_sided). Conservative for scenes that are drawn one-sided, and only for these.
+    /// As [`PlpCuller::with_one_sided`](crate::PlpCuller::with_one_sided). Conservative only if the scene is
+    /// drawn with back-face culling.
     pub fn with_one_sided(mut self, one_sided: bool) -> Self {
-        self.rules.one_sided = one_sided;
+        self.settings.one_sided = one_sided;
         self
     }
 
-    /// Sets the budget of the frames to come.
+    /// Sets the budget of each frame from the next one on.
     pub fn set_budget(&mut self, budget: Budget) {
-        self.rules.budget = budget;
+        self.settings.budget = budget;
     }
 
-    /// The tessellation, to bring it up to date, if it is this culler's own.
+    /// The tessellation's owner, to sync it or to exchange it for another at any time.
     pub fn shared_mut(&mut self) -> &mut S {
         &mut self.tessellation
     }
 
-    /// The map, as the last frame left it.
+    /// The map, with the occluders of the last frame.
     pub fn map(&self) -> &M {
         &self.map
     }
 
-    /// What the last frame did.
-    pub fn report(&self) -> Report {
-        self.report
+    /// Counts of the last frame; zeros before the first, and for a scene that the tessellation was not made
+    /// from.
+    pub fn stats(&self) -> ConservativeStats {
+        self.stats
     }
 }
 
-/// Adds those of the projected objects to a map that hide others.
-fn feed<M: OcclusionMap>(map: &mut M, scene: &Scene, view: &View, projected: &[ObjectId]) {
+/// Adds the occluders of projected objects to the map, if they lie inside the view's clip planes.
+fn add_occluders<M: OcclusionMap>(map: &mut M, scene: &Scene, view: &View, projected: &[ObjectId]) {
     let mut added = false;
     for &id in projected {
         if let Some((mesh, transform)) = scene.occluder(id)
-            && is_whole(mesh, transform, view, scene.origin())
+            && is_inside_clip_planes(mesh, transform, view, scene.origin())
         {
             map.add(mesh, transform);
             added = true;
@@ -136,8 +150,9 @@ fn feed<M: OcclusionMap>(map: &mut M, scene: &Scene, view: &View, projected: &[O
     }
 }
 
-/// Whether an occluder lies surely inside all of the view's own clip planes: what they cut away is not drawn, and must not hide.
-fn is_whole(mesh: &OccluderMesh, transform: &Affine3A, view: &View, origin: DVec3) -> bool {
+/// Whether an occluder is surely inside of all clip planes of the view. What they cut away is not drawn and
+/// must not hide.
+fn is_inside_clip_planes(mesh: &OccluderMesh, transform: &Affine3A, view: &View, origin: DVec3) -> bool {
     let shift = origin - view.origin();
     view.clip_planes().iter().all(|plane| {
         mesh.bounds().corners().iter().all(|&corner: &Vec3| {
@@ -150,35 +165,38 @@ fn is_whole(mesh: &OccluderMesh, transform: &Affine3A, view: &View, origin: DVec
     })
 }
 
-/// The most cells that are tested together.
+/// Maximum number of cells that are tested by the box around them.
 const GROUP: usize = 16;
 
-/// Shuts those of the waiting cells that are hidden. Cells that lie close together (numbers of neighbours are often near each other) are
-/// tested by the box around them first: most of what lies behind a wall needs one test a dozen. Where that is not hidden, cells that hold
-/// something are tested by themselves; others cost nothing to go through.
-fn sieve<T: Tessellation + ?Sized, M: OcclusionMap>(
-    stage: &Stage<'_, T>,
+/// Shuts those of the waiting cells that are hidden.
+///
+/// Cells with near numbers often lie close together. A group of them is tested by the box around it first:
+/// most of what lies behind a wall needs one test a dozen. In a group that is not hidden, cells with content
+/// are tested one by one; passing through empty cells costs nothing.
+fn shut_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
+    frame: &FrameContext<'_, T>,
     map: &M,
     walk: &mut Walk,
     waiting: &[u32],
     sorted: &mut Vec<(u32, Aabb)>,
-    report: &mut Report,
+    stats: &mut ConservativeStats,
 ) {
     sorted.clear();
-    let bounds = waiting.iter().map(|&cell| (cell, stage.tessellation.cell_bounds(cell)));
-    // Lines of sight go through the others before anything is in view.
-    sorted.extend(bounds.filter(|(_, bounds)| stage.sight.is_beyond_near(bounds)));
+    let bounds = waiting.iter().map(|&cell| (cell, frame.tessellation.cell_bounds(cell)));
+    // Lines of sight pass through the other cells before anything is in view, and the map knows nothing of
+    // them.
+    sorted.extend(bounds.filter(|(_, bounds)| frame.frustum.is_beyond_near(bounds)));
     sorted.sort_unstable_by_key(|&(cell, _)| cell);
     let mut rest = &sorted[..];
     while !rest.is_empty() {
-        let (group, all, others) = compact(rest);
+        let (group, all, others) = split_group(rest);
         rest = others;
-        report.tests += 1;
+        stats.tests += 1;
         let answer = map.test(&all);
         for (cell, bounds) in group {
-            let is_asked = answer == Occlusion::Partial && group.len() > 1;
-            let hidden = if is_asked && walk.has_content(*cell) {
-                report.tests += 1;
+            let is_tested_alone = answer == Occlusion::Partial && group.len() > 1;
+            let hidden = if is_tested_alone && walk.has_content(*cell) {
+                stats.tests += 1;
                 map.test(bounds) == Occlusion::Hidden
             } else {
                 answer == Occlusion::Hidden
@@ -186,17 +204,18 @@ fn sieve<T: Tessellation + ?Sized, M: OcclusionMap>(
             if hidden {
                 walk.shut(*cell);
             } else {
-                report.visible_cells += 1;
+                stats.visible_cells += 1;
             }
         }
     }
 }
 
-/// Some cells, each with its box.
-type Boxes = [(u32, Aabb)];
+/// Cells, each with its box.
+type CellBoxes = [(u32, Aabb)];
 
-/// The first of some cells that fill a good part of the box around them, that box, and the others.
-fn compact(cells: &Boxes) -> (&Boxes, Aabb, &Boxes) {
+/// Splits off the first cells that fill at least a third of the box around them, at most [`GROUP`]. Returns
+/// them, that box, and the other cells. At least one cell is split off unless there is none.
+fn split_group(cells: &CellBoxes) -> (&CellBoxes, Aabb, &CellBoxes) {
     let (mut all, mut sum, mut count) = (Aabb::EMPTY, 0.0, 0);
     for (_, bounds) in cells.iter().take(GROUP) {
         let (more, filled) = (all.union(bounds), sum + volume(bounds));
@@ -224,14 +243,14 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Self { tessellation, rules, map, walk, waiting, sorted, report } = self;
+        let Self { tessellation, settings, map, walk, waiting, sorted, stats } = self;
         let tessellation = &**tessellation;
-        *report = Report::default();
+        *stats = ConservativeStats::default();
         map.begin(view, scene.origin());
         map.flush();
-        let sight = Sight::new(view, scene.origin(), &tessellation.bounds());
-        let stage = Stage { tessellation, scene, visible, sight, rules: *rules };
-        if !walk.begin(&stage) {
+        let frustum = CellFrustum::new(view, scene.origin(), &tessellation.bounds());
+        let frame = FrameContext { tessellation, scene, visible, frustum, settings: *settings };
+        if !walk.begin(&frame) {
             return CullStats { visible: visible.count(scene) as u64, ..CullStats::default() };
         }
         let cells = tessellation.content().cell_count();
@@ -240,14 +259,14 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         sorted.clear();
         sorted.reserve(cells);
         while let Some(cell) = walk.next() {
-            if walk.step(&stage, cell) == Projected::Cut {
-                // The rest of it is yet to be looked at.
+            if walk.step(&frame, cell) == Projected::OutOfBudget {
+                // The layers that are left have yet to be tested.
                 walk.put_back(cell);
                 break;
             }
         }
-        walk.settle(&stage, false);
-        feed(map, scene, view, &walk.order);
+        walk.settle(&frame, false);
+        add_occluders(map, scene, view, &walk.order);
         loop {
             waiting.clear();
             while let Some(cell) = walk.next() {
@@ -256,16 +275,16 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
             if waiting.is_empty() {
                 break;
             }
-            report.front = report.front.max(waiting.len() as u64);
-            sieve(&stage, map, walk, waiting, sorted, report);
+            stats.front = stats.front.max(waiting.len() as u64);
+            shut_hidden(&frame, map, walk, waiting, sorted, stats);
             let before = walk.order.len();
             for &cell in &*waiting {
-                walk.finish(&stage, cell);
+                walk.finish(&frame, cell);
             }
-            feed(map, scene, view, &walk.order[before..]);
+            add_occluders(map, scene, view, &walk.order[before..]);
         }
-        report.projected_cells = walk.projected;
-        let (nodes, tests) = (walk.projected, report.tests);
+        stats.projected_cells = walk.projected;
+        let (nodes, tests) = (walk.projected, stats.tests);
         visible.keep_in_order(scene, &walk.order);
         CullStats { nodes, tests, visible: visible.count(scene) as u64, ..CullStats::default() }
     }

@@ -1,21 +1,24 @@
-//! What the cells of a tessellation hold: the primitives that meet each, and how much of it they fill.
+//! Objects in the cells of a tessellation, and the share of rays that each cell stops.
 
-use crate::facing::Facing;
-use crate::grouped::Grouped;
+use crate::index_lists::IndexLists;
 use crate::layers::{Layer, Layers, Sides, push_list};
+use crate::normal_bins::NormalBins;
 use crate::openness::openness_by_index;
 use crate::surface_class::{Lean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
 use visibility_core::{Changes, ObjectId, Scene, SceneCursor, Stamp};
 
-/// The primitives of each cell, and how densely they fill it.
+/// Objects in each cell of a tessellation, and the share of rays that each cell stops.
 ///
-/// A primitive is an object of the scene, known by its index; to have single triangles as primitives, as in the paper, fill a scene with
-/// objects of one triangle each. An object is in every cell that its triangles meet, or that its bounds meet if the scene has no triangles of
-/// it. What is in no cell (it has changed since, or was never placed) is a *stray*, and counts as visible.
+/// A *primitive* is an object of the scene, named by its [index](ObjectId::index). For single triangles as
+/// primitives, as in the paper, fill a scene with objects of one triangle each. An object is in every cell
+/// that one of its triangles meets, or that its bounds meet if the scene has no triangles of it.
 ///
-/// A cell holds its objects by the axis that they face and in layers of like size and openness: what is large and has nothing close before it is
-/// more likely seen.
+/// An object without a cell is a *stray*, and cullers count it as visible: it has changed since the cells
+/// were filled, or its bounds are not finite.
+///
+/// A cell holds its objects in layers of like facing direction, area and openness (mean free distance in
+/// front of their surfaces). Cullers take those layers first of which most is likely seen.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -30,38 +33,41 @@ use visibility_core::{Changes, ObjectId, Scene, SceneCursor, Stamp};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Content {
-    /// Where the list of each cell begins in `lists`, and where the last one ends.
+    /// First byte of each cell's list in `lists`, and the end of the last list.
     pub(crate) starts: Vec<u32>,
+    /// Lists of all cells, in the format of [`layers`](crate::layers).
     pub(crate) lists: Vec<u8>,
-    /// For each cell, the share of rays along x, y and z that its content stops, of 255; and whether it holds anything.
+    /// For each cell, the share of rays along x, y and z that it stops, 0 to 255; then 1 if it holds an
+    /// object, else 0.
     pub(crate) cover: Vec<[u8; 4]>,
+    /// Greatest number of objects in a cell.
     pub(crate) max_count: u32,
-    /// How many sides cells have, all together.
+    /// Number of sides in all lists together.
     pub(crate) side_count: usize,
-    /// How long an array by object index is.
+    /// [`Scene::index_limit`] of the scene when the cells were filled.
     pub(crate) index_limit: u32,
-    /// By index, a bit for each object that is in cells and has not changed since.
+    /// One bit for each object index: the object is in cells and has not changed since.
     pub(crate) held: Vec<u64>,
-    pub(crate) facing: Facing,
+    pub(crate) normals: NormalBins,
     strays: Vec<ObjectId>,
-    /// Up to where the scene's changes are taken in.
+    /// Place in the scene's change log up to which changes are taken in.
     cursor: SceneCursor,
     /// Identifies what is in which cell. Strays do not count.
     stamp: Stamp,
 }
 
-/// Whether a bit is set; false beyond the end.
+/// Whether a bit is set. False beyond the end.
 pub(crate) fn bit(words: &[u64], index: usize) -> bool {
     words.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 != 0)
 }
 
 impl Content {
-    /// Fills `cover.len()` cells from pairs of a cell and an object's index, in ascending order of the index. Pairs that name
-    /// no cell or no object are left out. `cover` has for each cell the share of rays along x, y and z that its content
-    /// stops, from 0 to 255; the fourth byte is ignored.
+    /// Fills `cover.len()` cells from pairs of a cell and an object's index, in ascending order of the index.
+    /// Pairs that name no cell or no object are left out. `cover` has for each cell the share of rays along
+    /// x, y and z that its content stops, from 0 to 255; the fourth byte is ignored.
     ///
-    /// A cell may hold only objects that meet its bounds. Otherwise a culler may take a triangle that faces the eye for one
-    /// that turns its back.
+    /// A cell may hold only objects that meet its bounds. Otherwise a culler may take a triangle that faces
+    /// the eye for one that faces away.
     ///
     /// Cost: O(n log n) in the number of pairs and of the scene's triangles.
     pub fn new(scene: &Scene, pairs: &[(u32, u32)], mut cover: Vec<[u8; 4]>) -> Self {
@@ -75,7 +81,7 @@ impl Content {
             known = pairs.iter().copied().filter(is_known).collect();
             &known
         };
-        let Grouped { mut starts, mut items } = Grouped::new(cover.len(), pairs);
+        let IndexLists { mut starts, mut items } = IndexLists::new(cover.len(), pairs);
         let max_count = starts.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0);
         let classes = classes_of(scene);
         let mut lists = Vec::new();
@@ -92,16 +98,15 @@ impl Content {
         }
         starts[cover.len()] = lists.len() as u32;
         lists.shrink_to_fit();
-        let index_limit = scene.index_limit() as u32;
         let mut content = Self {
             starts,
             lists,
             cover,
             max_count,
             side_count,
-            index_limit,
+            index_limit: scene.index_limit() as u32,
             held,
-            facing: Facing::new(scene),
+            normals: NormalBins::new(scene),
             strays: Vec::new(),
             cursor: SceneCursor::at(scene),
             stamp: Stamp::new(),
@@ -110,7 +115,8 @@ impl Content {
         content
     }
 
-    /// From its arrays as they were stored, for the scene that they were made of. What is wrong with them, if anything.
+    /// Content from stored arrays, for the scene that they were made from. `Err` says what does not fit
+    /// together.
     pub(crate) fn from_arrays(
         scene: &Scene,
         starts: Vec<u32>,
@@ -127,7 +133,7 @@ impl Content {
             side_count: 0,
             index_limit,
             held,
-            facing: Facing::new(scene),
+            normals: NormalBins::new(scene),
             strays: Vec::new(),
             cursor: SceneCursor::at(scene),
             stamp: Stamp::new(),
@@ -155,11 +161,11 @@ impl Content {
                         return Err("a layer of a cell is empty or not in order");
                     }
                 }
-                if layers.len() > 0 {
+                if layers.byte_count() > 0 {
                     return Err("the layers of a cell do not fit together");
                 }
             }
-            if sides.len() > 0 {
+            if sides.byte_count() > 0 {
                 return Err("the list of a cell ends too early");
             }
             if objects.iter().any(|&object| object >= content.index_limit) {
@@ -175,12 +181,13 @@ impl Content {
         Ok(content)
     }
 
+    /// Makes strays of all objects that are not held.
     fn find_strays(&mut self, scene: &Scene) {
         let held = &self.held;
         self.strays = scene.ids().filter(|id| !bit(held, id.index())).collect();
     }
 
-    /// How many cells there are.
+    /// Number of cells.
     #[inline]
     pub fn cell_count(&self) -> usize {
         self.cover.len()
@@ -193,19 +200,19 @@ impl Content {
         range.and_then(|(&start, &end)| self.lists.get(start as usize..end as usize)).unwrap_or(&[])
     }
 
-    /// What a cell holds, by the side that it faces; nothing for an unknown cell.
+    /// Objects of a cell by the side that they face. Empty for an unknown cell.
     #[inline]
     pub(crate) fn sides(&self, cell: u32) -> Sides<'_> {
         Sides::new(self.list(cell))
     }
 
-    /// The objects in a cell, each once; none for an unknown cell.
+    /// Indices of the objects in a cell, each once, in no particular order. Empty for an unknown cell.
     #[inline]
     pub fn primitives(&self, cell: u32) -> Primitives<'_> {
         Primitives { sides: self.sides(cell), layers: Layers::default(), layer: Layer::default() }
     }
 
-    /// How many objects are in a cell; 0 for an unknown one.
+    /// Number of objects in a cell; 0 for an unknown cell. Cost: proportional to that number.
     #[inline]
     pub fn count(&self, cell: u32) -> u32 {
         self.primitives(cell).count() as u32
@@ -217,34 +224,36 @@ impl Content {
         self.cover.get(cell as usize).is_none_or(|cover| cover[3] == 0)
     }
 
-    /// The most objects in any cell.
+    /// Greatest number of objects in a cell; 0 without cells.
     pub fn max_count(&self) -> u32 {
         self.max_count
     }
 
-    /// How many times objects are named by cells.
+    /// Number of references: pairs of an object and a cell that holds it. Cost: proportional to that number.
     pub fn reference_count(&self) -> u64 {
         (0..self.cell_count() as u32).map(|cell| u64::from(self.count(cell))).sum()
     }
 
-    /// The share of rays along each axis that the content of a cell stops, from 0 to 1; 0 for an unknown cell.
+    /// Share of rays along x, y and z that the content of a cell stops, 0 to 1. Zero for an unknown cell.
     #[inline]
     pub fn cover(&self, cell: u32) -> [f64; 3] {
         let [x, y, z, _] = self.cover.get(cell as usize).copied().unwrap_or_default();
         [x, y, z].map(|share| f64::from(share) * (1.0 / 255.0))
     }
 
-    /// Objects that are in no cell, or have changed since they were placed: they count as visible.
+    /// Objects without a cell, which cullers count as visible, in ascending order after a
+    /// [`sync`](crate::OctreeTessellation::sync). Changes since the last `sync` are not in it yet.
     pub fn strays(&self) -> &[ObjectId] {
         &self.strays
     }
 
-    /// Whether an object is in the cells that it meets now, as far as was told by [`sync`](crate::OctreeTessellation::sync).
+    /// Whether an object is in all cells that it meets, as of the last
+    /// [`sync`](crate::OctreeTessellation::sync). Only the index of the id is looked at.
     pub fn holds(&self, id: ObjectId) -> bool {
         bit(&self.held, id.index())
     }
 
-    /// One more than the greatest index of an object when the cells were filled.
+    /// [`Scene::index_limit`] when the cells were filled: one more than the greatest object index.
     pub fn index_limit(&self) -> usize {
         self.index_limit as usize
     }
@@ -254,13 +263,14 @@ impl Content {
         self.stamp
     }
 
-    /// What has changed in the scene since the cells were last told.
+    /// Changes of a scene since the last `sync`. [`Changes::Everything`] for another scene, a clone included.
     pub(crate) fn changes<'a>(&self, scene: &'a Scene) -> Changes<'a> {
         self.cursor.peek(scene)
     }
 
-    /// Takes in what has changed: changed objects become strays. False if that is everything, or more than an eighth of all objects, and the
-    /// tessellation is better built anew.
+    /// Makes strays of all objects that have changed since the last call. False if the changes are unknown,
+    /// which changes nothing, or if more than an eighth of all objects are strays: then the tessellation
+    /// should be rebuilt.
     pub(crate) fn sync(&mut self, scene: &Scene) -> bool {
         let Changes::Objects(changed) = self.changes(scene) else { return false };
         for &id in changed {
@@ -276,7 +286,7 @@ impl Content {
         self.strays.len() <= scene.len() / 8
     }
 
-    /// The same, up to date with a scene: where too much has changed to tell what, nothing is in cells.
+    /// A clone that is up to date with a scene. If the changes are unknown, all objects are strays.
     pub(crate) fn synced(&self, scene: &Scene) -> Self {
         let mut content = self.clone();
         if let Changes::Everything = content.changes(scene) {
@@ -287,18 +297,18 @@ impl Content {
         content
     }
 
-    /// Bytes held.
+    /// Heap memory in bytes.
     pub(crate) fn memory(&self) -> usize {
         size_of_val(&self.starts[..])
             + size_of_val(&self.lists[..])
             + size_of_val(&self.cover[..])
             + size_of_val(&self.held[..])
-            + self.facing.memory()
+            + self.normals.memory()
             + size_of_val(&self.strays[..])
     }
 }
 
-/// The objects in a cell, by index.
+/// Iterator over the indices of the objects in a cell, from [`Content::primitives`].
 ///
 /// ```
 /// use visibility_core::Scene;

@@ -1,24 +1,30 @@
-//! How much of a cell its content covers, seen along each axis: eight by eight rays through it, of which triangles stop some. Together they
-//! stop what any of them stops, so that a wall made of many triangles counts as one.
+//! Share of rays that the content of a cell stops along each axis, by sampling.
+//!
+//! Eight by eight rays run through the cell's box along x, y and z. A ray counts as stopped if any triangle
+//! meets it, so a wall of many triangles counts once.
 
 use visibility_core::glam::DVec3;
 
-/// The rays along each axis that were stopped.
+/// Stopped rays along x, y and z: one bit for each of the eight by eight rays.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Cover([u64; 3]);
 
 impl Cover {
+    /// Adds the rays that one more triangle stops.
     pub(crate) fn add(&mut self, stopped: [u64; 3]) {
         for (mine, more) in self.0.iter_mut().zip(stopped) {
             *mine |= more;
         }
     }
 
+    /// Whether all rays are stopped.
     pub(crate) fn is_full(&self) -> bool {
         self.0 == [u64::MAX; 3]
     }
 
-    /// The share of stopped rays along each axis, of 255, if only so large a share of them go through the cell.
+    /// Share of stopped rays along each axis, 0 to 255, out of the rays that pass through the cell. `filled`
+    /// is the share of the box's cross-section along each axis that the cell fills, 0 to 1. The fourth byte
+    /// is 0.
     pub(crate) fn shares(&self, filled: [f64; 3]) -> [u8; 4] {
         let share = |axis: usize| {
             let stopped = f64::from(self.0[axis].count_ones()) / 64.0;
@@ -28,12 +34,12 @@ impl Cover {
     }
 }
 
-/// Depth of a corner, in half sizes of the box, from which a triangle is surely not between the box's sides. More than 1 by
-/// far more than the rounding of a depth that is interpolated between corners.
+/// Depth of a corner, in half sizes of the box, from which a triangle is surely not between the box's sides.
+/// More than 1 by far more than the rounding of a depth that is interpolated between corners.
 const BEYOND: f64 = 1.0 + 1e-6;
 
-/// Eight by eight rays along each axis through a box, of which a triangle stops those whose bits are set: those that meet it at a point
-/// that `inside` accepts.
+/// Rays through a box that meet a triangle inside the box, at a point that `inside` accepts. One bit for each
+/// of eight by eight rays along x, y and z.
 pub(crate) fn stopped_rays(
     triangle: &[DVec3; 3],
     center: DVec3,
@@ -44,7 +50,7 @@ pub(crate) fn stopped_rays(
     [0, 1, 2].map(|axis| stopped_along(&corners, axis, |p| inside(center + p * half)))
 }
 
-/// Rays along one axis, with coordinates in which the box reaches from -1 to 1.
+/// Stopped rays along one axis, in coordinates in which the box reaches from -1 to 1 on each axis.
 fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bool) -> u64 {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let [a, b, c] = corners.map(|p| [p[u], p[v], p[axis]]);

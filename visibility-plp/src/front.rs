@@ -1,23 +1,27 @@
-//! The front: cells that are candidates for projection, least solid first, first come first served among equals.
+//! The front: a priority queue of the cells that are candidates for projection, least solid first.
 //!
-//! A heap of four children a node that knows where each cell is in it, so that a cell whose solidity changes is moved. A binary
-//! heap with lazy deletion, in which such a cell is entered once more, took twice the time for the same operations.
+//! A heap of four children a node that knows the place of each cell, so that a cell whose solidity changes is
+//! moved. A binary heap with lazy deletion, in which such a cell is entered once more, took twice the time
+//! for the same operations.
 
 use alloc::vec::Vec;
 
-/// Children of a node.
+/// Number of children of a node.
 const CHILDREN: usize = 4;
 
-/// The place of what is not in the front.
+/// Place of a cell that is not in the front.
 const NOWHERE: u32 = u32::MAX;
 
-/// A priority queue of cells. It remembers four bytes for each up to the greatest that it ever held.
+/// Priority queue of cells by solidity. Cells of equal solidity come out in the order in which they were put
+/// in.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Front {
-    /// Solidity with ticket, and cell. No entry comes before the one above it, at its place less one over [`CHILDREN`].
+    /// Key and cell of each node; the parent of node i is node (i - 1) / [`CHILDREN`], and has no greater
+    /// key. A key is the bits of the solidity, then the ticket.
     heap: Vec<(u64, u32)>,
-    /// By cell, its place in the heap.
+    /// By cell, its index in `heap` or [`NOWHERE`].
     places: Vec<u32>,
+    /// Number of cells put in since the last clear, wrapping.
     tickets: u32,
 }
 
@@ -30,7 +34,7 @@ impl Front {
         }
     }
 
-    /// Empties it.
+    /// Removes all cells.
     pub(crate) fn clear(&mut self) {
         for (_, cell) in self.heap.drain(..) {
             self.places[cell as usize] = NOWHERE;
@@ -38,10 +42,11 @@ impl Front {
         self.tickets = 0;
     }
 
-    /// Adds a cell, or moves one that is in it, behind all of equal solidity. Negative solidity counts as none, NaN as the greatest.
+    /// Adds a cell, or moves a cell that is in the front, behind all cells of equal solidity. Negative
+    /// solidity counts as 0, NaN as the greatest.
     #[inline]
     pub(crate) fn push(&mut self, solidity: f32, cell: u32) {
-        // The bits of floats that are not negative are in their order.
+        // The bits of floats that are not negative are in the floats' order.
         let bits = if solidity >= 0.0 {
             (solidity + 0.0).to_bits()
         } else if solidity < 0.0 {
@@ -65,13 +70,13 @@ impl Front {
         }
     }
 
-    /// The least solidity in it; none if it is empty.
+    /// Solidity of the cell that comes out next; `None` if the front is empty.
     #[inline]
     pub(crate) fn least(&self) -> Option<f32> {
         self.heap.first().map(|entry| f32::from_bits((entry.0 >> 32) as u32))
     }
 
-    /// Takes out the least solid cell, the first that came among equals.
+    /// Removes the least solid cell and returns it; `None` if the front is empty.
     #[inline]
     pub(crate) fn pop(&mut self) -> Option<u32> {
         let &(_, cell) = self.heap.first()?;
@@ -83,7 +88,7 @@ impl Front {
         Some(cell)
     }
 
-    /// Moves what is above a place down as far as the entry must come before it.
+    /// Puts an entry at a place or above it: parents with greater keys move down.
     #[inline]
     fn rise(&mut self, mut place: usize, entry: (u64, u32)) {
         while place > 0 {
@@ -98,7 +103,7 @@ impl Front {
         self.put(place, entry);
     }
 
-    /// Moves what is below a place up as long as it must come before the entry.
+    /// Puts an entry at a place or below it: children with smaller keys move up.
     #[inline]
     fn sink(&mut self, mut place: usize, entry: (u64, u32)) {
         loop {
@@ -115,7 +120,7 @@ impl Front {
         self.put(place, entry);
     }
 
-    /// Writes an entry to a place, and where it is now.
+    /// Writes an entry to a place of the heap.
     #[inline]
     fn put(&mut self, place: usize, entry: (u64, u32)) {
         self.heap[place] = entry;
@@ -126,7 +131,7 @@ impl Front {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::whole::Random;
+    use crate::test_exact::Random;
     use std::vec;
 
     #[test]

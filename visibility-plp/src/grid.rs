@@ -1,53 +1,60 @@
-//! The grid that cells lie on: the cube around a scene, cut into 2^10 steps a side, and places in it in Morton's order.
+//! The grid that cells lie on: a cube around the scene with 2^10 steps a side, and Morton codes of its
+//! places.
+//!
+//! A place is a cube of one step, given by its three coordinates in steps from the cube's least corner, 0 to
+//! 1023 each.
 
 use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// How often the cube may be halved.
+/// Number of times that the cube can be halved down to one step.
 pub(crate) const DEPTH: u32 = 10;
 
 /// Steps along a side of the cube.
 pub(crate) const STEPS: u32 = 1 << DEPTH;
 
-/// A cube in scene coordinates, and the step of its grid.
+/// A cube in scene coordinates, divided into [`STEPS`] steps a side.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Grid {
+    /// Least corner, relative to the scene's origin.
     pub(crate) min: DVec3,
+    /// Length of a step in metres.
     pub(crate) step: f64,
 }
 
 impl Grid {
-    /// A cube around a box, wider than it by a hundredth on each side, so that nothing lies on its faces.
+    /// A cube around a box, beyond it by at least a hundredth of the box's greatest side in each direction,
+    /// so that nothing lies on the cube's faces. The unit cube about the origin for a box that is not finite.
     pub(crate) fn around(bounds: &Aabb) -> Self {
         if !bounds.is_finite() {
             return Self { min: DVec3::splat(-0.5), step: 1.0 / f64::from(STEPS) };
         }
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        // Where the box is a point far from the origin, no less than what f32 can tell apart there.
+        // Where the box is a point far from the origin, no less than f32 can tell apart there.
         let far = min.abs().max(max.abs()).max_element();
         let side = ((max - min).max_element() * 1.02).max(far * 1e-5).max(1e-30);
         Self { min: (min + max) * 0.5 - DVec3::splat(side * 0.5), step: side / f64::from(STEPS) }
     }
 
-    /// The cell of the grid that a point lies in; what lies outside the cube is put at its faces.
+    /// Place that contains a point. Points outside of the cube get the nearest place, NaN coordinates 0.
     pub(crate) fn place(&self, point: DVec3) -> [u32; 3] {
-        // Casts of NaN and of what is out of range are defined: 0 and the nearest number.
+        // Casts of NaN and of numbers out of range are defined: 0 and the nearest number.
         ((point - self.min) / self.step).to_array().map(|x| (x as u32).min(STEPS - 1))
     }
 
-    /// The corner of the grid with the given coordinates.
+    /// Least corner of a place, relative to the scene's origin.
     #[inline]
     pub(crate) fn corner(&self, place: [u32; 3]) -> DVec3 {
         self.min + DVec3::from_array(place.map(f64::from)) * self.step
     }
 
-    /// Whether a point lies in the cube.
+    /// Whether the cube contains a point. False for NaN.
     pub(crate) fn contains(&self, point: DVec3) -> bool {
         let local = (point - self.min) / self.step;
         local.cmpge(DVec3::ZERO).all() && local.cmplt(DVec3::splat(f64::from(STEPS))).all()
     }
 
-    /// The box of a block of the grid, rounded outwards.
+    /// Box of the cube of `side` steps whose least corner is that of `place`, rounded outwards.
     #[inline]
     pub(crate) fn bounds(&self, place: [u32; 3], side: u32) -> Aabb {
         let (min, max) = (self.corner(place), self.corner(place.map(|x| x + side)));
@@ -58,7 +65,7 @@ impl Grid {
     }
 }
 
-/// Ten bits spread to every third place.
+/// Moves the lowest ten bits to every third bit position.
 fn spread(x: u32) -> u32 {
     let x = (x | x << 16) & 0x0300_00ff;
     let x = (x | x << 8) & 0x0300_f00f;
@@ -66,6 +73,7 @@ fn spread(x: u32) -> u32 {
     (x | x << 2) & 0x0924_9249
 }
 
+/// Undoes [`spread`]; ignores the other bits.
 fn gather(x: u32) -> u32 {
     let x = x & 0x0924_9249;
     let x = (x | x >> 2) & 0x030c_30c3;
@@ -74,12 +82,13 @@ fn gather(x: u32) -> u32 {
     (x | x >> 16) & 0x3ff
 }
 
-/// The number of a place in Morton's order: its coordinates' bits in turn.
+/// Morton code of a place: the bits of x, y and z interleaved, those of x lowest. All codes of an aligned
+/// cube of 2^n steps a side follow each other.
 pub(crate) fn morton(place: [u32; 3]) -> u32 {
     spread(place[0]) | spread(place[1]) << 1 | spread(place[2]) << 2
 }
 
-/// The place with a number.
+/// Place with a Morton code.
 pub(crate) fn place_of(code: u32) -> [u32; 3] {
     [gather(code), gather(code >> 1), gather(code >> 2)]
 }

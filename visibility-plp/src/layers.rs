@@ -1,24 +1,26 @@
-//! Objects of a cell, bucketed by facing direction, size and openness, so that a budget takes the best buckets first.
+//! Objects of a cell, bucketed by facing direction, size and openness, so that a budget takes the best
+//! buckets first.
 //!
-//! The list of a cell is a byte string. First the least object index in the cell. Then one block for each axis side that
-//! objects face: a byte of side and lean, the number of bytes that follow in the block, and its layers, best first. A
-//! layer is one byte of area class, one byte of openness class, the number of bytes that follow in it, and the objects in
-//! ascending order: the first as a difference from the least index in the cell, each other one as a difference from the
-//! one before. Numbers take seven bits a byte, the lowest bits first.
+//! The list of a cell is a byte string. First the least object index in the cell. Then one block for each
+//! axis side that objects face: a byte of side and lean, the number of bytes that follow in the block, and
+//! its layers, best first. A layer is one byte of area class, one byte of openness class, the number of bytes
+//! that follow in it, and the objects in ascending order: the first as a difference from the least index in
+//! the cell, each other one as a difference from the one before. Numbers take seven bits a byte, the lowest
+//! bits first; the highest bit of a byte is set if more follow.
 
-use crate::facing::Toward;
+use crate::normal_bins::BoxFromEye;
 use crate::surface_class::{ANY_SIDE, LEAN_STEPS, Lean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
 
-/// Fewer objects than this are no layer of their own, which costs about as much as to look at so many. Smaller layers find more at small
-/// budgets.
-const FEW: usize = 12;
+/// Minimum number of objects in a layer, unless the side has fewer. A layer costs about as much as looking at
+/// so many objects; smaller layers find more at small budgets.
+const MIN_LAYER: usize = 12;
 
-/// Fewer objects than this that face one side are put with those that face others.
-const FEW_ON_SIDE: usize = 8;
+/// Minimum number of objects in a block of one side. Fewer go to the block of [`ANY_SIDE`].
+const MIN_ON_SIDE: usize = 8;
 
-/// Adds the list of a cell to `bytes`. `classes` is indexed by object index; an object beyond its end has the default
-/// class. Sorts `objects`. Returns the number of sides. Adds nothing for a cell without objects.
+/// Adds the list of a cell to `bytes`. `classes` is indexed by object index; an object beyond its end has the
+/// default class. Sorts `objects`. Returns the number of blocks. Adds nothing for a cell without objects.
 pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], classes: &[(SurfaceClass, Lean)]) -> usize {
     let Some(&least) = objects.iter().min() else { return 0 };
     let known = |object: u32| {
@@ -26,23 +28,23 @@ pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], classes: &[(Su
     };
     let class = |object: u32| known(object).0;
     push_number(bytes, least);
-    // Sides of few objects are no sides of their own.
     let mut counts = [0usize; 256];
     for &object in &*objects {
         counts[usize::from(class(object).side)] += 1;
     }
-    let side = |object: u32| {
-        let facing = class(object).side;
-        if counts[usize::from(facing)] < FEW_ON_SIDE { ANY_SIDE } else { facing }
+    let side_of = |object: u32| {
+        let side = class(object).side;
+        if counts[usize::from(side)] < MIN_ON_SIDE { ANY_SIDE } else { side }
     };
-    objects.sort_unstable_by_key(|&object| (side(object), u32::MAX - class(object).rank(), object));
-    let (mut of_side, mut of_layer, mut side_count) = (Vec::new(), Vec::new(), 0);
-    for mut rest in objects.chunk_by_mut(|&a, &b| side(a) == side(b)) {
-        let facing = side(rest[0]);
+    objects.sort_unstable_by_key(|&object| (side_of(object), u32::MAX - class(object).rank(), object));
+    let (mut block, mut of_layer, mut block_count) = (Vec::new(), Vec::new(), 0);
+    for mut rest in objects.chunk_by_mut(|&a, &b| side_of(a) == side_of(b)) {
+        let side = side_of(rest[0]);
         let lean = rest.iter().map(|&object| known(object).1).max();
-        bytes.push(facing | if facing < ANY_SIDE { lean.unwrap_or(UNKNOWN_LEAN) } else { UNKNOWN_LEAN } << 4);
-        of_side.clear();
-        side_count += 1;
+        let lean = if side < ANY_SIDE { lean.unwrap_or(UNKNOWN_LEAN) } else { UNKNOWN_LEAN };
+        bytes.push(side | lean << 4);
+        block.clear();
+        block_count += 1;
         while !rest.is_empty() {
             let (layer, others) = rest.split_at_mut(layer_length(rest, |object| class(object).rank()));
             rest = others;
@@ -54,31 +56,31 @@ pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], classes: &[(Su
                 push_number(&mut of_layer, object - last);
                 last = object;
             }
-            of_side.extend_from_slice(&[mean.area, mean.openness]);
-            push_number(&mut of_side, of_layer.len() as u32);
-            of_side.extend_from_slice(&of_layer);
+            block.extend_from_slice(&[mean.area, mean.openness]);
+            push_number(&mut block, of_layer.len() as u32);
+            block.extend_from_slice(&of_layer);
         }
-        push_number(bytes, of_side.len() as u32);
-        bytes.extend_from_slice(&of_side);
+        push_number(bytes, block.len() as u32);
+        bytes.extend_from_slice(&block);
     }
-    side_count
+    block_count
 }
 
-/// Ranks that differ by less than this go together.
-const ALIKE: u32 = 4;
+/// Ranks that differ by less than this share a layer.
+const RANK_STEP: u32 = 4;
 
-/// How many of the objects of one side of a cell, the highest in rank first, its first layer takes: those of like rank, and more where they
-/// are few.
+/// Number of objects in the first layer of a side's objects, which are sorted by falling rank: those of like
+/// rank, more where these are fewer than [`MIN_LAYER`], and all where fewer would be left over.
 fn layer_length(objects: &[u32], rank: impl Fn(u32) -> u32) -> usize {
     let mut length = 0;
-    while length < objects.len() && length < FEW {
-        let least = rank(objects[length]).saturating_sub(ALIKE);
+    while length < objects.len() && length < MIN_LAYER {
+        let least = rank(objects[length]).saturating_sub(RANK_STEP);
         length += objects[length..].partition_point(|&object| rank(object) > least);
     }
-    if objects.len() - length < FEW { objects.len() } else { length }
+    if objects.len() - length < MIN_LAYER { objects.len() } else { length }
 }
 
-/// Seven bits a byte, the lowest first; the highest bit of a byte says that more follow.
+/// Adds a number, seven bits a byte.
 fn push_number(bytes: &mut Vec<u8>, mut number: u32) {
     while number >= 0x80 {
         bytes.push(number as u8 | 0x80);
@@ -87,7 +89,7 @@ fn push_number(bytes: &mut Vec<u8>, mut number: u32) {
     bytes.push(number as u8);
 }
 
-/// Takes a number off the front; none if the bytes end before it does.
+/// Takes a number off the front. `None` if the bytes end before it does. Bits beyond 32 are dropped.
 #[inline]
 fn take_number(bytes: &mut &[u8]) -> Option<u32> {
     let (&first, rest) = bytes.split_first()?;
@@ -107,19 +109,21 @@ fn take_number(bytes: &mut &[u8]) -> Option<u32> {
     }
 }
 
-/// One layer of a cell, or what is left of it.
+/// Iterator over the object indices of one layer, ascending.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layer<'a> {
+    /// Mean class of the layer's objects.
     pub(crate) class: SurfaceClass,
+    /// Index of the object before, or the least index in the cell.
     last: u32,
-    /// The numbers of its objects.
+    /// Encoded differences of the objects that follow.
     bytes: &'a [u8],
 }
 
 impl Layer<'_> {
-    /// No fewer than the objects in it.
+    /// Upper bound on the number of objects that follow.
     #[inline]
-    pub(crate) fn most(&self) -> usize {
+    pub(crate) fn max_len(&self) -> usize {
         self.bytes.len()
     }
 }
@@ -127,7 +131,6 @@ impl Layer<'_> {
 impl Iterator for Layer<'_> {
     type Item = u32;
 
-    /// The index of its next object.
     #[inline]
     fn next(&mut self) -> Option<u32> {
         self.last = self.last.wrapping_add(take_number(&mut self.bytes)?);
@@ -135,27 +138,29 @@ impl Iterator for Layer<'_> {
     }
 }
 
-/// The layers of one side of a cell, or those that are left.
+/// Iterator over the layers of one side of a cell, best first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layers<'a> {
-    pub(crate) facing: u8,
+    /// The axis side, or [`ANY_SIDE`].
+    pub(crate) side: u8,
     lean: Lean,
+    /// Least object index in the cell.
     least: u32,
     bytes: &'a [u8],
 }
 
 impl<'a> Layers<'a> {
-    /// Whether all of it turns its back to the eye, surely.
+    /// Whether all of the side's triangles surely face away from the eye. `cell` is the cell that holds them.
     #[inline]
-    pub(crate) fn is_back(&self, toward: &Toward) -> bool {
-        self.facing < ANY_SIDE
+    pub(crate) fn is_back(&self, cell: &BoxFromEye) -> bool {
+        self.side < ANY_SIDE
             && self.lean < UNKNOWN_LEAN
-            && toward.is_behind(self.facing, f32::from(self.lean) / LEAN_STEPS)
+            && cell.is_behind(self.side, f32::from(self.lean) / LEAN_STEPS)
     }
 
-    /// How many bytes are left.
+    /// Number of bytes that follow.
     #[inline]
-    pub(crate) fn len(&self) -> usize {
+    pub(crate) fn byte_count(&self) -> usize {
         self.bytes.len()
     }
 }
@@ -169,19 +174,20 @@ impl<'a> Iterator for Layers<'a> {
         let length = take_number(&mut bytes)?;
         let (bytes, rest) = bytes.split_at_checked(length as usize)?;
         self.bytes = rest;
-        Some(Layer { class: SurfaceClass { area, side: self.facing, openness }, last: self.least, bytes })
+        Some(Layer { class: SurfaceClass { area, side: self.side, openness }, last: self.least, bytes })
     }
 }
 
-/// The list of a cell, from one of its sides on.
+/// Iterator over the sides of a cell's list.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sides<'a> {
+    /// Least object index in the cell.
     least: u32,
     bytes: &'a [u8],
 }
 
 impl<'a> Sides<'a> {
-    /// All of a list.
+    /// All sides of a list.
     #[inline]
     pub(crate) fn new(list: &'a [u8]) -> Self {
         let mut bytes = list;
@@ -189,18 +195,19 @@ impl<'a> Sides<'a> {
         Self { least, bytes }
     }
 
-    /// How many bytes are left.
+    /// Number of bytes that follow.
     #[inline]
-    pub(crate) fn len(&self) -> usize {
+    pub(crate) fn byte_count(&self) -> usize {
         self.bytes.len()
     }
 
-    /// Those layers of the side at hand that lie so many bytes before the end of the list.
+    /// Layers of a side, by where they begin and end, in bytes before the end of the list. None if the
+    /// positions do not fit the list.
     #[inline]
-    pub(crate) fn layers(&self, facing: u8, from: usize, to: usize) -> Layers<'a> {
+    pub(crate) fn layers(&self, side: u8, from: usize, to: usize) -> Layers<'a> {
         let place = |left: usize| self.bytes.len().saturating_sub(left);
         let bytes = self.bytes.get(place(from)..place(to)).unwrap_or(&[]);
-        Layers { facing, lean: UNKNOWN_LEAN, least: self.least, bytes }
+        Layers { side, lean: UNKNOWN_LEAN, least: self.least, bytes }
     }
 }
 
@@ -213,7 +220,7 @@ impl<'a> Iterator for Sides<'a> {
         let length = take_number(&mut bytes)?;
         let (bytes, rest) = bytes.split_at_checked(length as usize)?;
         self.bytes = rest;
-        Some(Layers { facing: head & 7, lean: head >> 4, least: self.least, bytes })
+        Some(Layers { side: head & 7, lean: head >> 4, least: self.least, bytes })
     }
 }
 
@@ -221,10 +228,11 @@ impl<'a> Iterator for Sides<'a> {
 mod tests {
     use super::*;
     use crate::content::Content;
-    use crate::whole::Random;
+    use crate::test_exact::Random;
     use visibility_core::{Aabb, Eye, Object, Scene};
 
-    /// Slopes and walls in a box, and eyes around it: a side that turns its back has nothing in it that does not.
+    /// Slopes and walls in a box, and eyes around it: a side that turns its back has nothing in it that does
+    /// not.
     #[test]
     fn sides_that_turn_their_backs_do_so_as_a_whole() {
         let mut random = Random(71);
@@ -233,7 +241,7 @@ mod tests {
             let mut scene = Scene::new();
             let slope = f64::from(round % 10) * 0.1;
             for _ in 0..150 {
-                // Facing along an axis, or leaning from it by less than the slope.
+                // NormalBins along an axis, or leaning from it by less than the slope.
                 let mut normal = random.direction() * slope * 0.7;
                 let axis = random.whole(3).unsigned_abs() as usize % 3;
                 normal[axis] = if random.float() < 0.0 { 1.0 } else { -1.0 };
@@ -249,7 +257,7 @@ mod tests {
             let cell = Aabb::from_arrays([-1.5; 3], [1.5; 3]);
             for _ in 0..20 {
                 let eye = random.direction() * (2.0 + 6.0 * random.float().abs());
-                let toward = Toward::new(Eye::Point(eye), &cell);
+                let toward = BoxFromEye::new(Eye::Point(eye), &cell);
                 for mut layers in content.sides(0) {
                     if !layers.is_back(&toward) {
                         before += 1;

@@ -1,40 +1,80 @@
-//! Visibility for a budget: prioritized-layered projection, and its conservative form.
+//! Which objects are worth drawing with a budget of so many triangles?
 //!
-//! A scene is cut into convex cells, by an [octree](OctreeTessellation) or into [tetrahedra](DelaunayTessellation), once. Each frame the cells are
-//! walked through from the eye outwards, those first that are least likely to be hidden, and what they hold is kept until a budget is spent:
-//! [`PlpCuller`], approximate. [`ConservativePlpCuller`] goes on from there, with an occlusion map of what was kept, until nothing visible can
-//! be missing. (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000; "Efficient Conservative
-//! Visibility Culling Using the Prioritized-Layered Projection Algorithm", 2001.)
+//! Prioritized-layered projection (PLP) answers without computing visibility. A scene is cut once into convex
+//! cells, by an [octree](OctreeTessellation) or into [tetrahedra](DelaunayTessellation). Each frame walks
+//! through the cells from the eye outwards, always to the cell that is least likely to be hidden, and takes
+//! the objects of each cell until the budget is spent.
+//!
+//! - [`PlpCuller`] keeps the objects that are most likely visible, best first, up to a [`Budget`]. Approximate. It needs a
+//!   tessellation.
+//! - [`ConservativePlpCuller`] keeps everything that may be seen. It needs occluders and an occlusion map besides.
+//!
+//! On the streets of a city of 522,504 triangles, of which 791 are visible, 2 % of all triangles contain 95.8
+//! % of the visible ones; the nearest 2 % contain 62.2 %. The picture `docs/plp-plpcity.svg` in the
+//! repository shows the walk.
+//!
+//! ```
+//! use std::sync::Arc;
+//! use visibility_core::{glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
+//! use visibility_plp::{Budget, OctreeTessellation, PlpCuller};
+//!
+//! // A wall in front of forty posts, and one post before the wall.
+//! let mut scene = Scene::new();
+//! scene.insert(Aabb::from_arrays([10.0, -50.0, -50.0], [11.0, 50.0, 50.0]));
+//! let before = scene.insert(Aabb::from_arrays([5.0, -0.5, -1.0], [5.5, 0.5, 1.0]));
+//! let post = |y: f32| Aabb::from_arrays([30.0, y, -1.0], [30.5, y + 0.5, 1.0]);
+//! scene.insert_batch((-20..20).map(|i| post(i as f32)));
+//!
+//! // Once, and again when much of the scene has changed. `sync` takes in small changes.
+//! let cells = Arc::new(OctreeTessellation::new(&scene));
+//!
+//! // One culler for each view.
+//! let plp = PlpCuller::new(cells, Budget::Objects(2));
+//! let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(plp);
+//!
+//! // Each frame.
+//! let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+//! let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
+//! let mut visible = VisibleSet::new();
+//! pipeline.cull(&scene, &view, &mut visible);
+//! assert_eq!(visible.count(&scene), 2);
+//! assert!(visible.contains(&scene, before));
+//! # Ok::<(), visibility_core::ViewError>(())
+//! ```
+//!
+//! Based on: James T. Klosowski and Claudio T. Silva, "The Prioritized-Layered Projection Algorithm for
+//! Visible Set Estimation", 2000; "Efficient Conservative Visibility Culling Using the Prioritized-Layered
+//! Projection Algorithm", 2001.
 #![no_std]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod cell_frustum;
 mod conservative;
 mod content;
 mod cover;
 mod culler;
 mod delaunay;
-mod facing;
 mod front;
 mod grid;
-mod grouped;
+mod index_lists;
 mod layers;
+mod normal_bins;
 mod octree;
 mod openness;
 mod overlap;
-mod parts;
-mod sight;
+mod shape;
 mod solidity;
 mod stored;
 mod surface_class;
 mod tessellation;
-mod walk;
 #[cfg(test)]
-mod whole;
+mod test_exact;
+mod walk;
 
-pub use conservative::{ConservativePlpCuller, Report};
+pub use conservative::{ConservativePlpCuller, ConservativeStats};
 pub use content::{Content, Primitives};
 pub use culler::PlpCuller;
 pub use delaunay::DelaunayTessellation;

@@ -1,20 +1,21 @@
 //! Cells that are the leaves of an octree: small where the scene has many vertices, large where it has none.
 //!
-//! Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000, section 4. Leaves lie in Morton's
-//! order, so that the leaf of a point is found by bisection, and the neighbours of a leaf with it: each looks for those that are as
-//! large as itself or larger, and enters itself in the lists of the larger ones.
+//! Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000,
+//! section 4. Leaves are sorted by Morton code, so the leaf of a point is found by bisection. Each leaf looks
+//! up its neighbours of its own size or larger, and adds itself to the lists of the larger ones.
 
 use crate::content::Content;
 use crate::cover::{Cover, stopped_rays};
 use crate::grid::{DEPTH, Grid, STEPS, morton, place_of};
-use crate::grouped::Grouped;
-use crate::parts::{Part, for_each_part};
-use crate::{Face, Tessellation};
+use crate::index_lists::IndexLists;
+use crate::overlap::{shape_contains_cube, shape_meets_cube};
+use crate::shape::{Shape, for_each_shape};
+use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Scene};
 
-/// How finely a scene is cut into cells.
+/// Settings of the octree that a scene is cut by.
 ///
 /// ```
 /// use visibility_plp::Fineness;
@@ -23,29 +24,33 @@ use visibility_core::{Aabb, Scene};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fineness {
-    /// A leaf of the octree with more corners of triangles than this is cut in eight, unless all of them lie in one place (of
-    /// 1024 along each side of the scene).
+    /// Maximum number of triangle corners in a leaf; a node with more is cut in eight. Unlimited where
+    /// corners coincide (all in one of 1024 places along each side of the scene), at the last halving, and
+    /// beyond 2^28 leaves.
     pub vertices: usize,
-    /// But none is cut more often than this, from the whole scene on: the least side is that of the scene halved so often. At most 10.
+    /// Number of times that the scene's side may be halved; more than 10 counts as 10. 0 makes a single cell.
     pub halvings: u32,
 }
 
 impl Default for Fineness {
-    /// 768 corners of triangles, and sides no less than 1/256 of the scene's. A sixth of that finds no more of what is visible, and takes half as
-    /// long again; but conservative culling needs cells that lie wholly behind something, and gains from it.
+    /// 768 triangle corners, and sides of at least 1/256 of the scene's. [`PlpCuller`](crate::PlpCuller)
+    /// finds no more visible objects with a sixth of that, and takes half as long again.
+    /// [`ConservativePlpCuller`](crate::ConservativePlpCuller) gains from finer cells, since only cells
+    /// wholly behind something are hidden.
     fn default() -> Self {
         Self { vertices: 768, halvings: 8 }
     }
 }
 
-/// A tessellation into cubes, the leaves of an octree.
+/// A tessellation into cubes, the leaves of an octree, within a cube slightly larger than the scene.
 ///
 /// # Cost
-/// To build: O(n log n) in the number of triangles, some three microseconds each, and as much again for each reference, that
-/// is, for each pair of an object and a cell that it meets. Objects without triangles that overlap in space, such as
-/// thousands of boxes nested in each other, are in all cells inside of them: their references grow with their number times
-/// the number of cells. [`Content::reference_count`] tells how many there are, a coarser [`Fineness`] makes fewer. Coincident
-/// boxes make no more cells, however many there are.
+/// To build: O(n log n) in the number of triangles, some three microseconds each, and as much again for each
+/// reference, that is, for each pair of an object and a cell that it meets. Objects without triangles that
+/// overlap in space, such as thousands of boxes nested in each other, are in all cells inside of them: their
+/// references grow with their number times the number of cells. [`Content::reference_count`] tells how many
+/// there are, a coarser [`Fineness`] makes fewer. Coincident boxes make no more cells, however many there
+/// are.
 ///
 /// Memory: about 60 bytes a cell, 1.2 a reference, and up to three a triangle.
 ///
@@ -53,7 +58,8 @@ impl Default for Fineness {
 /// use visibility_core::{Aabb, Scene};
 /// use visibility_plp::{Fineness, OctreeTessellation, Tessellation};
 /// let mut scene = Scene::new();
-/// scene.insert_batch((0..100).map(|i| Aabb::from_arrays([i as f32, 0.0, 0.0], [i as f32 + 0.5, 1.0, 1.0])));
+/// let box_at = |x: f32| Aabb::from_arrays([x, 0.0, 0.0], [x + 0.5, 1.0, 1.0]);
+/// scene.insert_batch((0..100).map(|i| box_at(i as f32)));
 /// let cells = OctreeTessellation::with_fineness(&scene, Fineness { vertices: 16, halvings: 7 });
 /// assert!(cells.content().cell_count() > 50);
 /// ```
@@ -61,37 +67,40 @@ impl Default for Fineness {
 pub struct OctreeTessellation {
     pub(crate) grid: Grid,
     pub(crate) fineness: Fineness,
-    /// The Morton number of each leaf's first place, ascending.
+    /// Morton code of each leaf's least place, ascending.
     pub(crate) codes: Vec<u32>,
-    /// Its corner and its side.
+    /// Least place of each leaf, x, y and z, and its side in steps.
     pub(crate) blocks: Vec<[u16; 4]>,
-    /// By leaf, its neighbours, each with the side on which it lies: see [`linked`].
-    pub(crate) links: Grouped,
+    /// Neighbours of each leaf, in the encoding of [`link`].
+    pub(crate) links: IndexLists,
+    /// Leaves with a face on the surface of the cube.
     pub(crate) boundary: Vec<u32>,
     pub(crate) content: Content,
 }
 
-/// The inner nodes and leaves of the octree, while cells are filled.
+/// Node of the octree, needed while cells are filled.
 #[derive(Clone, Copy)]
 enum Node {
-    /// The first of its eight children.
+    /// Index of the first of eight consecutive children, in Morton order.
     Inner(u32),
+    /// Number of the leaf.
     Leaf(u32),
 }
 
-/// Cuts the octree.
+/// An octree under construction.
 struct Cutter {
     fineness: Fineness,
     nodes: Vec<Node>,
-    /// First place and level of each leaf.
+    /// Morton code of the least place, and level (0 for the whole cube) of each leaf.
     leaves: Vec<(u32, u32)>,
 }
 
 impl Cutter {
-    /// Cuts a node that begins at a place and holds these vertices, given by their sorted numbers.
+    /// Cuts the node whose least place has the Morton code `start`. `vertices`: sorted Morton codes of all
+    /// vertices in it.
     fn cut(&mut self, node: usize, start: u32, level: u32, vertices: &[u32]) {
         let is_full = self.leaves.len() >= 1 << (LEAF_BITS - 1);
-        // Vertices in one step of the grid would all go to the same child, time and again.
+        // Vertices in one step of the grid would all go to the same child each time.
         let is_one_place = vertices.first() == vertices.last();
         let is_deep = level >= self.fineness.halvings.min(DEPTH);
         if vertices.len() <= self.fineness.vertices || is_one_place || is_deep || is_full {
@@ -114,12 +123,12 @@ impl Cutter {
 }
 
 impl OctreeTessellation {
-    /// Cuts a scene, at the default fineness.
+    /// Cuts a scene at the default fineness.
     pub fn new(scene: &Scene) -> Self {
         Self::with_fineness(scene, Fineness::default())
     }
 
-    /// Cuts a scene.
+    /// Cuts a scene. Objects whose bounds are not finite become [strays](Content::strays).
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
         let (grid, Cutter { nodes, leaves, .. }) = cut(scene, fineness);
         let codes: Vec<u32> = leaves.iter().map(|leaf| leaf.0).collect();
@@ -129,23 +138,27 @@ impl OctreeTessellation {
         Self { grid, fineness, codes, blocks, links, boundary, content }
     }
 
-    /// Cuts the scene anew, at the same fineness.
+    /// Cuts a scene anew, at the same fineness.
     pub fn rebuild(&mut self, scene: &Scene) {
         *self = Self::with_fineness(scene, self.fineness);
     }
 
-    /// Takes in what has changed in the scene: changed objects become [strays](Content::strays), which count as visible. False when so much
-    /// has changed that it is better [built anew](Self::rebuild).
+    /// Takes in the scene's changes: changed objects become [strays](Content::strays), which count as
+    /// visible. False if the cells should be [rebuilt](Self::rebuild): more than an eighth of the objects are
+    /// strays, or the changes are unknown, as for another scene (then nothing has changed, and cullers of
+    /// that scene keep everything).
+    ///
+    /// Cost: proportional to the changes and the strays.
     pub fn sync(&mut self, scene: &Scene) -> bool {
         self.content.sync(scene)
     }
 
-    /// How finely it is cut.
+    /// The fineness that it was cut with.
     pub fn fineness(&self) -> Fineness {
         self.fineness
     }
 
-    /// Bytes held.
+    /// Heap memory in bytes.
     pub fn memory(&self) -> usize {
         size_of_val(&self.codes[..])
             + size_of_val(&self.blocks[..])
@@ -154,24 +167,26 @@ impl OctreeTessellation {
             + self.content.memory()
     }
 
+    /// Least place of a cell, and its side in steps.
     #[inline]
     fn place(&self, cell: u32) -> ([u32; 3], u32) {
         let [x, y, z, side] = self.blocks[cell as usize].map(u32::from);
         ([x, y, z], side)
     }
 
+    /// Side of a cell in metres.
     #[inline]
     fn side(&self, cell: u32) -> f64 {
         f64::from(self.blocks[cell as usize][3]) * self.grid.step
     }
 }
 
-/// Cuts the cube around a scene.
+/// Cuts the cube around all shapes of a scene.
 fn cut(scene: &Scene, fineness: Fineness) -> (Grid, Cutter) {
     let mut bounds = Aabb::EMPTY;
     for id in scene.ids() {
-        for_each_part(scene, id, &mut |part| {
-            for &p in part.corners().as_slice() {
+        for_each_shape(scene, id, &mut |shape| {
+            for &p in shape.corners().as_slice() {
                 bounds = bounds.union(&Aabb::new(p.as_vec3(), p.as_vec3()));
             }
         });
@@ -180,7 +195,9 @@ fn cut(scene: &Scene, fineness: Fineness) -> (Grid, Cutter) {
     let mut vertices = Vec::new();
     for id in scene.ids() {
         let number = |p: &DVec3| morton(grid.place(*p));
-        for_each_part(scene, id, &mut |part| vertices.extend(part.corners().as_slice().iter().map(number)));
+        for_each_shape(scene, id, &mut |shape| {
+            vertices.extend(shape.corners().as_slice().iter().map(number))
+        });
     }
     vertices.sort_unstable();
     let mut cutter = Cutter { fineness, nodes: alloc::vec![Node::Leaf(0)], leaves: Vec::new() };
@@ -188,7 +205,7 @@ fn cut(scene: &Scene, fineness: Fineness) -> (Grid, Cutter) {
     (grid, cutter)
 }
 
-/// Corner and side of each leaf.
+/// Least place and side of each leaf, see `OctreeTessellation::blocks`.
 fn blocks_of(leaves: &[(u32, u32)]) -> Vec<[u16; 4]> {
     let block = |&(code, level): &(u32, u32)| {
         let [x, y, z] = place_of(code).map(|x| x as u16);
@@ -197,29 +214,30 @@ fn blocks_of(leaves: &[(u32, u32)]) -> Vec<[u16; 4]> {
     leaves.iter().map(block).collect()
 }
 
-/// The leaves of the octree alone, by corner and side.
+/// Grid and blocks of the octree of a scene, without contents.
 pub(crate) fn leaves_of(scene: &Scene, fineness: Fineness) -> (Grid, Vec<[u16; 4]>) {
     let (grid, cutter) = cut(scene, fineness);
     (grid, blocks_of(&cutter.leaves))
 }
 
-/// Bits of a link that name the leaf. The octree is not cut into more.
+/// Bits of a link that hold the leaf's number. The octree has at most half as many leaves, or seven more.
 const LEAF_BITS: u32 = 29;
 
-/// A leaf, and on which side it lies: along which axis, and whether upwards.
+/// Encodes a neighbour: its number, the axis (0, 1, 2) along which it lies, and whether towards greater
+/// coordinates.
 fn link(leaf: u32, axis: usize, upwards: bool) -> u32 {
     leaf | (axis as u32 * 2 + u32::from(upwards)) << LEAF_BITS
 }
 
-/// The leaf that a link names, the axis along which it lies, and whether upwards.
+/// Decodes a [`link`].
 #[inline]
 pub(crate) fn linked(link: u32) -> (u32, usize, bool) {
     let side = link >> LEAF_BITS;
     (link & ((1 << LEAF_BITS) - 1), (side / 2) as usize, side & 1 != 0)
 }
 
-/// The neighbours of all leaves, and those leaves on the surface of the cube.
-fn join(codes: &[u32], blocks: &[[u16; 4]]) -> (Grouped, Vec<u32>) {
+/// Links of all leaves, and the leaves with a face on the surface of the cube.
+fn join(codes: &[u32], blocks: &[[u16; 4]]) -> (IndexLists, Vec<u32>) {
     let mut pairs = Vec::new();
     let mut boundary = Vec::new();
     for (leaf, block) in (0..).zip(blocks) {
@@ -248,15 +266,16 @@ fn join(codes: &[u32], blocks: &[[u16; 4]]) -> (Grouped, Vec<u32>) {
             boundary.push(leaf);
         }
     }
-    (Grouped::new(blocks.len(), &pairs), boundary)
+    (IndexLists::new(blocks.len(), &pairs), boundary)
 }
 
-/// The smallest node that surely holds a part, with its place and side: looking for what it meets may begin there.
-fn enclosing(nodes: &[Node], grid: &Grid, part: &Part) -> (u32, [u32; 3], u32) {
-    let corners = part.corners();
+/// Smallest node that surely contains a shape, with its least place and side in steps.
+fn enclosing(nodes: &[Node], grid: &Grid, shape: &Shape) -> (u32, [u32; 3], u32) {
+    let corners = shape.corners();
     let corners = corners.as_slice();
     let (least, most) = corners.iter().fold((corners[0], corners[0]), |(a, b), &p| (a.min(p), b.max(p)));
-    // A thousandth of a step on each side is far more than rounding, and than what tests give away.
+    // A thousandth of a step on each side is far more than rounding and than the tolerance of the overlap
+    // tests.
     let hair = DVec3::splat(grid.step * 1e-3);
     let [low, high] = [grid.place(least - hair), grid.place(most + hair)];
     let (mut node, mut place, mut side) = (0, [0; 3], STEPS);
@@ -279,21 +298,21 @@ fn enclosing(nodes: &[Node], grid: &Grid, part: &Part) -> (u32, [u32; 3], u32) {
     (node, place, side)
 }
 
-/// Places every object in the leaves that it meets.
+/// Places every object in all leaves that it meets.
 fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
     let mut pairs = Vec::new();
     let mut cover = alloc::vec![Cover::default(); leaves];
-    // The object that was last placed in each leaf.
+    // By leaf, the object that was placed last.
     let mut last = alloc::vec![u32::MAX; leaves];
     let mut stack = Vec::new();
     for id in scene.ids() {
         let object = id.index() as u32;
-        for_each_part(scene, id, &mut |part| {
-            stack.push(enclosing(nodes, grid, part));
+        for_each_shape(scene, id, &mut |shape| {
+            stack.push(enclosing(nodes, grid, shape));
             while let Some((node, place, side)) = stack.pop() {
                 let half = f64::from(side) * 0.5 * grid.step;
                 let center = grid.corner(place) + DVec3::splat(half);
-                if !part.meets_box(center, half) {
+                if !shape_meets_cube(shape, center, half) {
                     continue;
                 }
                 match nodes[node as usize] {
@@ -303,9 +322,9 @@ fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
                             pairs.push((leaf, object));
                         }
                         let cover = &mut cover[leaf as usize];
-                        if !cover.is_full() && !part.has_inside(center, half) {
+                        if !cover.is_full() && !shape_contains_cube(shape, center, half) {
                             let half = DVec3::splat(half);
-                            part.for_each_triangle(|triangle| {
+                            shape.for_each_triangle(|triangle| {
                                 cover.add(stopped_rays(triangle, center, half, |_| true));
                             });
                         }
@@ -362,7 +381,7 @@ impl Tessellation for OctreeTessellation {
     fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face)) {
         let mine = self.blocks[cell as usize];
         let (place, side) = self.place(cell);
-        // The corners that the lower and the upper three sides have in common.
+        // A point of the three lower faces' planes, and one of the three upper faces'.
         let corners = [self.grid.corner(place), self.grid.corner(place.map(|x| x + side))];
         for &link in self.links.get(cell as usize) {
             let (neighbour, axis, upwards) = linked(link);
@@ -379,7 +398,7 @@ impl Tessellation for OctreeTessellation {
     }
 
     fn contains(&self, cell: u32, point: DVec3) -> bool {
-        // Far more than rounding, far less than what matters to an order.
+        // Far more than rounding, and too little to change an estimate.
         let half = self.side(cell) * (0.5 + 1e-9);
         (point - self.center(cell)).abs().max_element() <= half
     }

@@ -1,13 +1,14 @@
-//! Openness of the objects of a scene: mean free distance in front of their surfaces, as a share of a far distance.
+//! Openness of the objects of a scene: mean free distance in front of their surfaces, as a share of a far
+//! distance.
 //!
-//! Evenly spaced parallel lines in each of 16 directions are cut by all triangles. The free distance of a triangle along
-//! a line is the length from the triangle to the next surface on its front side. From an eye somewhere in the scene, a
-//! point on a surface is seen along a line only if the eye lies within that length, so its mean over all directions
-//! estimates how likely the surface is seen from anywhere. Engines under hoods and the inner sides of double walls have
-//! low openness from every eye (such lines: Sbert, "An integral geometry based method for fast form-factor
-//! computation", 1993).
+//! Evenly spaced parallel lines in each of 16 directions are cut by all triangles. The free distance of a
+//! triangle along a line is the length from the triangle to the next surface on its front side. From an eye
+//! somewhere in the scene, a point on a surface is seen along a line only if the eye lies within that length,
+//! so its mean over all directions estimates how likely the surface is seen from anywhere. Engines under
+//! hoods and the inner sides of double walls have low openness from every eye (such lines: Sbert, "An
+//! integral geometry based method for fast form-factor computation", 1993).
 
-use crate::parts::for_each_part;
+use crate::shape::for_each_shape;
 use alloc::vec::Vec;
 use visibility_core::Scene;
 use visibility_core::glam::{DVec2, Vec2, Vec3};
@@ -33,18 +34,18 @@ const MIN_CUTTING_COSINE: f32 = 1e-3;
 /// Surfaces nearer than this to a triangle, in line spacings, count as the same surface.
 const SAME_SURFACE: f32 = 0.25;
 
-/// Openness of every object, indexed by [`ObjectId::index`](visibility_core::ObjectId::index), from 0 (enclosed) to
-/// 1 (nothing in front of it, up to half the scene's radius).
+/// Openness of every object, indexed by [`ObjectId::index`](visibility_core::ObjectId::index), from 0
+/// (enclosed) to 1 (nothing in front of it, up to half the scene's radius).
 ///
-/// An object has the openness of its most open triangle. Objects without triangles are measured by the faces of their
-/// bounds. 1 for objects that have no finite bounds, for every object of a scene without extent, and where single
-/// precision cannot hold the scene's size. A triangle edge-on to all directions has 1/2.
+/// An object has the openness of its most open triangle. Objects without triangles are measured by the faces
+/// of their bounds. 1 for objects that have no finite bounds, for every object of a scene without extent, and
+/// where single precision cannot hold the scene's size. A triangle edge-on to all directions has 1/2.
 ///
 /// Cost: O(n log n) in the number of triangles, about a microsecond each.
 pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     let mut triangles: Vec<(u32, [Vec3; 3])> = Vec::new();
     for id in scene.ids() {
-        for_each_part(scene, id, &mut |part| {
+        for_each_shape(scene, id, &mut |part| {
             part.for_each_triangle(|t| triangles.push((id.index() as u32, t.map(|p| p.as_vec3()))));
         });
     }
@@ -101,8 +102,8 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
 /// Cosine and sine of the golden angle.
 const GOLDEN_ANGLE: Vec2 = Vec2::new(-0.737_368_9, 0.675_490_3);
 
-/// Orthonormal axes of a direction, the last of them along its lines. Directions spread over the upper half sphere, none
-/// of them along an axis of the scene.
+/// Orthonormal axes of a direction, the last of them along its lines. Directions spread over the upper half
+/// sphere, none of them along an axis of the scene.
 fn axes(direction: usize) -> [Vec3; 3] {
     // Points of a spiral by the golden angle.
     let mut around = Vec2::new(0.8, 0.6);
@@ -141,8 +142,8 @@ impl Slope {
     }
 }
 
-/// Lines of one direction, and where triangles cut them. Line (i, j) runs along z at x = i + 1/2, y = j + 1/2, so lengths
-/// are in line spacings.
+/// Lines of one direction, and where triangles cut them. Line (i, j) runs along z at x = i + 1/2, y = j +
+/// 1/2, so lengths are in line spacings.
 #[derive(Default)]
 struct Lines {
     /// Lines along each side of the square cross-section.
@@ -212,8 +213,8 @@ impl Lines {
         }
     }
 
-    /// Length from a triangle to the next surface in front of it, along the line nearest to its centre. Infinite if no
-    /// surface follows.
+    /// Length from a triangle to the next surface in front of it, along the line nearest to its centre.
+    /// Infinite if no surface follows.
     fn free_distance(&self, t: &[Vec3; 3], slope: &Slope) -> f32 {
         let center = (t[0] + t[1] + t[2]) / 3.0;
         let place = |x: f32| (x as u32).min(self.side - 1);
@@ -229,8 +230,8 @@ impl Lines {
     }
 }
 
-/// Least distance of an ascending list that is greater than [`SAME_SURFACE`]; infinite if none is. `distance` must grow
-/// along the list if `grows`, else fall. Calls it O(log n) times.
+/// Least distance of an ascending list that is greater than [`SAME_SURFACE`]; infinite if none is. `distance`
+/// must grow along the list if `grows`, else fall. Calls it O(log n) times.
 fn first_beyond(depths: &[f32], grows: bool, mut distance: impl FnMut(f32) -> f32) -> f32 {
     let found = if grows {
         let end = depths.partition_point(|&other| distance(other) <= SAME_SURFACE);
@@ -305,7 +306,8 @@ mod tests {
         }
     }
 
-    /// Many coincident surfaces on one line: the next one is found by bisection, and is the one that a scan finds.
+    /// Many coincident surfaces on one line: the next one is found by bisection, and is the one that a scan
+    /// finds.
     #[test]
     fn the_next_surface_is_found_in_logarithmically_many_steps() {
         let mut depths: Vec<f32> = (0..4096).map(|i| (i / 1000) as f32 * 7.0).collect();

@@ -1,15 +1,18 @@
-//! Whether triangles meet cells, by separating axes (Akenine-Möller, "Fast 3D Triangle-Box Overlap Testing", 2001).
+//! Overlap tests between shapes and cells by separating axes, conservative under rounding (Akenine-Möller,
+//! "Fast 3D Triangle-Box Overlap Testing", 2001).
 
-use crate::parts::Part;
+use crate::shape::Shape;
 use visibility_core::glam::DVec3;
 
-/// Whether a triangle meets a box, given by its centre and half its size. True where rounding could tell otherwise.
+/// Whether a triangle meets a box, given by its centre and half its size. Conservative: false only if they
+/// are surely apart.
 pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVec3) -> bool {
     let [a, b, c] = triangle.map(|p| p - center);
-    // Coordinates come from f32 and the box from a grid in f64: each subtraction rounds by 2^-53 of its result, which is less than `size`, and
-    // each product and sum below by as much of its own. So products of an edge and a point are known to a dozen times 2^-53 of `size` squared,
-    // and the normal of two edges, the shortest of which may be all rounding, times a point to as much of `size` squared times the longest.
-    // 1e-12 is several hundred times that.
+    // Coordinates come from f32 and the box from a grid in f64: each subtraction rounds by 2^-53 of its
+    // result, which is less than `size`, and each product and sum below by as much of its own. So products of
+    // an edge and a point are known to a dozen times 2^-53 of `size` squared, and the normal of two edges,
+    // the shortest of which may be all rounding, times a point to as much of `size` squared times the
+    // longest. 1e-12 is several hundred times that.
     let size = a.abs().max(b.abs()).max(c.abs()).max(half).max_element() + center.abs().max_element();
     let slack = 1e-12 * size;
     let half = half + DVec3::splat(slack);
@@ -25,7 +28,7 @@ pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVe
         return false;
     }
     for (i, edge) in edges.iter().enumerate() {
-        // The edge's third corner, and one of its own: their products are all that differ.
+        // The edge's two corners have the same product with the axis; `off` is the third corner.
         let (on, off) = ([a, b, c][i], [c, a, b][i]);
         let e = edge.abs();
         let axes = [
@@ -41,15 +44,43 @@ pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVe
             }
         }
     }
-    // Also where something is NaN: every comparison above was false.
+    // Also for NaN: every comparison above was false.
     true
 }
 
-/// A tetrahedron, made ready to be tested: planes with normals outwards.
+/// Whether a shape meets a cube, given by its centre and half its side. Conservative: false only if they are
+/// surely apart.
+pub(crate) fn shape_meets_cube(shape: &Shape, center: DVec3, half: f64) -> bool {
+    match shape {
+        Shape::Triangle(triangle) => triangle_meets_box(triangle, center, DVec3::splat(half)),
+        Shape::Solid(min, max) => {
+            // Faces of the grid are rounded by a few times 2^-53 of its size, no more than 2^11 halves, and
+            // of `center`: so that nothing falls between two of its cubes.
+            let reach = DVec3::splat(half * (1.0 + 1e-12)) + center.abs() * 1e-12;
+            min.cmple(center + reach).all() && max.cmpge(center - reach).all()
+        }
+    }
+}
+
+/// Whether a solid contains a cube, with a distance between their surfaces far above rounding. False for
+/// triangles.
+pub(crate) fn shape_contains_cube(shape: &Shape, center: DVec3, half: f64) -> bool {
+    match shape {
+        Shape::Triangle(_) => false,
+        Shape::Solid(min, max) => {
+            let reach = DVec3::splat(half * (1.0 + 1e-6)) + center.abs() * 1e-12;
+            min.cmplt(center - reach).all() && max.cmpgt(center + reach).all()
+        }
+    }
+}
+
+/// A tetrahedron with the planes of its faces, in steps of the fine grid of 2^17 a side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tetrahedron {
     corners: [DVec3; 4],
+    /// Outward unit normals of the faces; zero for a face without area.
     normals: [DVec3; 4],
+    /// Offset of each face's plane along its normal.
     offsets: [f64; 4],
 }
 
@@ -65,45 +96,49 @@ impl Tetrahedron {
         Self { corners, normals, offsets }
     }
 
+    /// Least and greatest corner of the box around it.
     fn ends(&self) -> (DVec3, DVec3) {
         let [a, b, c, d] = self.corners;
         (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)))
     }
 
-    /// The centre of the box around it.
+    /// Centre of the box around it.
     pub(crate) fn center(&self) -> DVec3 {
         let (min, max) = self.ends();
         (min + max) * 0.5
     }
 
-    /// Half the size of that box.
+    /// Half the size of the box around it.
     pub(crate) fn half(&self) -> DVec3 {
         let (min, max) = self.ends();
         (max - min) * 0.5
     }
 
-    /// Whether a point lies in it, or a hair outside.
+    /// Whether a point lies in it, or outside by no more than [`HAIR`].
     pub(crate) fn contains(&self, p: DVec3) -> bool {
         self.normals.iter().zip(&self.offsets).all(|(normal, offset)| normal.dot(p) - offset <= HAIR)
     }
 
-    /// The share of the box that it fills, seen along each axis.
+    /// Share of the cross-section of the box around it that it fills, along x, y and z.
     pub(crate) fn filled(&self) -> [f64; 3] {
         let [a, b, c, d] = self.corners;
         let (size, area) = (self.half() * 2.0, |p: DVec3, q: DVec3, r: DVec3| (q - p).cross(r - p).abs());
-        // Each face counts half, and the near ones show the same as the far ones.
+        // The near faces show the same silhouette as the far ones, and a cross product is twice a triangle's
+        // area.
         let shown = (area(a, b, c) + area(a, b, d) + area(a, c, d) + area(b, c, d)) * 0.25;
         [shown.x / (size.y * size.z), shown.y / (size.z * size.x), shown.z / (size.x * size.y)]
     }
 }
 
-/// In steps of a grid of 2^17: far above rounding, which is 2^-35 of them, and far below the size of any cell.
+/// Tolerance in steps of the fine grid: far above rounding, which is 2^-35 of a step, and far below the size
+/// of any cell.
 const HAIR: f64 = 1e-3;
 
-/// Whether a part of an object meets a tetrahedron. True where rounding could tell otherwise: two convex bodies are apart only if they are
-/// so along a normal of either or along what is normal to an edge of each (Gottschalk, "Separating axis theorem", 1996).
-pub(crate) fn part_meets(part: &Part, solid: &Tetrahedron) -> bool {
-    let points = part.corners();
+/// Whether a shape, in steps of the fine grid, meets a tetrahedron. Conservative: false only if they are
+/// surely apart. Two convex bodies are apart only if they are so along a normal of either, or along a
+/// direction normal to an edge of each (Gottschalk, "Separating axis theorem", 1996).
+pub(crate) fn shape_meets_tetrahedron(shape: &Shape, solid: &Tetrahedron) -> bool {
+    let points = shape.corners();
     let points = points.as_slice();
     let (min, max) = solid.ends();
     let (least, most) = points.iter().fold((points[0], points[0]), |(a, b), &p| (a.min(p), b.max(p)));
@@ -120,21 +155,21 @@ pub(crate) fn part_meets(part: &Part, solid: &Tetrahedron) -> bool {
             of.iter().map(at).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
         };
         let ((a, b), (c, d)) = (range(points), range(&solid.corners));
-        // A hair along the axis, and what rounding does to products of 2^17 with it.
+        // The tolerance along the axis, and what rounding does to products of 2^17 with it.
         let slack = HAIR * axis.abs().element_sum();
         a > d + slack || b < c - slack
     };
     let [a, b, c, d] = solid.corners;
     let edges = [b - a, c - a, d - a, c - b, d - b, d - c];
-    match part {
-        Part::Triangle([p, q, r]) => {
+    match shape {
+        Shape::Triangle([p, q, r]) => {
             let sides = [*q - *p, *r - *q, *p - *r];
             !apart(sides[0].cross(sides[1]).normalize_or_zero())
                 && !sides
                     .iter()
                     .any(|side| edges.iter().any(|edge| apart(side.cross(*edge).normalize_or_zero())))
         }
-        Part::Solid(..) => {
+        Shape::Solid(..) => {
             let axes = [DVec3::X, DVec3::Y, DVec3::Z];
             !axes.iter().any(|axis| edges.iter().any(|edge| apart(axis.cross(*edge).normalize_or_zero())))
         }
@@ -144,16 +179,20 @@ pub(crate) fn part_meets(part: &Part, solid: &Tetrahedron) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::whole::{Random, Whole, cross, dot, fine, minus, within};
+    use crate::grid::{Grid, STEPS};
+    use crate::test_exact::{IntVector, Random, cross, dot, fine, minus, within};
+    use visibility_core::Aabb;
+    use visibility_core::glam::Vec3;
 
-    /// A corner, edge or face of a box and the inside, an edge or a corner of a triangle that touch each other and no more, exactly: they meet, and
-    /// a step away they do not.
+    /// A corner, edge or face of a box and the inside, an edge or a corner of a triangle that touch each
+    /// other and no more, exactly: they meet, and a step away they do not.
     #[test]
     fn what_touches_a_box_meets_it() {
         let mut random = Random(11);
         let mut apart = 0;
         for round in 0..100_000 {
-            // Large and small ones: where the numbers are as large as they get, differences of them are rounded too.
+            // Large and small ones: where the numbers are as large as they get, differences of them are
+            // rounded too.
             let shift = |random: &mut Random, most: i64| (random.whole(most).max(0)) as u32;
             let (a, size) = (random.vector(1 << 23), 23 - shift(&mut random, 22));
             let [b, mut c] = [(); 2].map(|()| {
@@ -165,7 +204,7 @@ mod tests {
                 let beside = random.vector(4);
                 c = [0, 1, 2].map(|i| a[i] + (b[i] - a[i]) / 2 + beside[i]);
             }
-            let half: Whole = [(); 3].map(|()| {
+            let half: IntVector = [(); 3].map(|()| {
                 let half = 1 + (random.whole(1 << 54).abs() >> shift(&mut random, 40));
                 // As many digits as there are.
                 half & !(half >> 53)
@@ -194,7 +233,7 @@ mod tests {
             if round % 3 == 0 && random.whole(2) < 0 {
                 sides = sides.map(|x| -x);
             }
-            let mut center: Whole = [0, 1, 2].map(|i| point[i] + sides[i].signum() as i64 * half[i]);
+            let mut center: IntVector = [0, 1, 2].map(|i| point[i] + sides[i].signum() as i64 * half[i]);
             if let Some(axis) = inside {
                 center[axis] += random.whole(half[axis]);
             }
@@ -202,7 +241,7 @@ mod tests {
                 continue;
             }
             let triangle = [a, b, c].map(|p| DVec3::from_array(p.map(|x| x as f64)));
-            let meets = |center: Whole| triangle_meets_box(&triangle, fine(center), fine(half));
+            let meets = |center: IntVector| triangle_meets_box(&triangle, fine(center), fine(half));
             assert!(meets(center), "round {round}: {triangle:?}, {center:?}, {half:?}");
             apart += u32::from(!meets([0, 1, 2].map(|i| center[i] + ((sides[i].signum() as i64) << 30))));
         }
@@ -233,13 +272,108 @@ mod tests {
                 DVec3::from_array([0, 1, 2].map(|i| q[i] as f64 + (x * u[i] + y * v[i]) as f64 / 16.0))
             };
             let triangle = [at(-s, -t), at(16 - s, -t), at(-s, 16 - t)];
-            let corner = |w: Whole| DVec3::from_array([0, 1, 2].map(|i| (q[i] + w[i]) as f64));
+            let corner = |w: IntVector| DVec3::from_array([0, 1, 2].map(|i| (q[i] + w[i]) as f64));
             let solid =
                 Tetrahedron::new([corner([0; 3]), corner(others[0]), corner(others[1]), corner(others[2])]);
-            assert!(part_meets(&Part::Triangle(triangle), &solid), "{triangle:?} {solid:?}");
+            assert!(shape_meets_tetrahedron(&Shape::Triangle(triangle), &solid), "{triangle:?} {solid:?}");
             let away = DVec3::from_array(normal.map(|x| x as f64)).normalize() * 0.1;
-            apart += u32::from(!part_meets(&Part::Triangle(triangle.map(|p| p - away)), &solid));
+            apart +=
+                u32::from(!shape_meets_tetrahedron(&Shape::Triangle(triangle.map(|p| p - away)), &solid));
         }
         assert!(apart > 19_000, "{apart}");
+    }
+
+    /// Walls as thin as a number in the faces between cells, which are rounded: one of the two cells holds
+    /// them.
+    #[test]
+    fn nothing_falls_between_cells() {
+        let mut random = Random(21);
+        for round in 0..4000 {
+            let size = random.direction().abs().as_vec3() * 100.0;
+            // Half of them about the origin, where f32 has numbers between those of f64 elsewhere.
+            let far = if round % 2 == 0 { Vec3::ZERO } else { random.direction().as_vec3() * 1e4 };
+            let grid = Grid::around(&Aabb::new(far - size, far + size));
+            let side: u32 = 1 << (random.whole(4) + 4);
+            let count = i64::from(STEPS / side);
+            let mut place =
+                [(); 3].map(|()| (1 + random.whole(count).unsigned_abs() as u32 % (STEPS / side - 1)) * side);
+            let axis = round % 3;
+            if round % 4 == 0 {
+                place[axis] = STEPS / 2;
+            }
+            let cube = |place: [u32; 3]| {
+                let half = f64::from(side) * 0.5 * grid.step;
+                (grid.corner(place) + DVec3::splat(half), half)
+            };
+            let mut below = place;
+            below[axis] -= side;
+            let ((a, half), (b, _)) = (cube(place), cube(below));
+            let face = grid.corner(place)[axis] as f32;
+            for x in [face.next_down(), face, face.next_up(), 0.0, face * 0.5] {
+                if (f64::from(x) - (a[axis] - half)).abs() > half {
+                    continue;
+                }
+                let at = |u: f64, v: f64| {
+                    let mut point = a;
+                    (point[axis], point[(axis + 1) % 3]) = (x.into(), point[(axis + 1) % 3] + u * half);
+                    point[(axis + 2) % 3] += v * half;
+                    point
+                };
+                let (low, high) = (at(-0.5, -0.5), at(0.5, 0.5));
+                for part in [Shape::Solid(low, high), Shape::Triangle([low, high, at(-0.5, 0.5)])] {
+                    assert!(
+                        shape_meets_cube(&part, a, half) || shape_meets_cube(&part, b, half),
+                        "{part:?} {a} {b} {half}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// The same far from the origin, of cells so small beside that way that their own size does not bound how
+    /// their faces are rounded. There f32 has numbers so near to a face only where that is a round number
+    /// itself: every 25 steps from the middle of the grid, which is 51/50 as wide as the scene, if that is of
+    /// whole numbers.
+    #[test]
+    fn nothing_falls_between_cells_far_away() {
+        let mut random = Random(22);
+        let mut between = 0;
+        for round in 0..20_000 {
+            let (axis, sign) = (round % 3, if round % 2 == 0 { 1 } else { -1 });
+            // Half the scene is 1024 times so large; cells have so many steps a side, and the wall is 25
+            // times so many from the middle.
+            let size = 1 + random.whole(8).abs();
+            let side = 1 << random.whole(2).abs();
+            let steps = side * random.whole(20 / side);
+            // Just below a power of two, beyond which numbers are coarser: cells on the two sides are rounded
+            // differently.
+            let wall = (1 << (22 + random.whole(2))) - 1 - random.whole(8).abs();
+            let mut middle = random.vector(1 << 20);
+            middle[axis] = (wall - 51 * size * steps) * sign;
+            let ends = [-1024 * size, 1024 * size].map(|by| middle.map(|x| (x + by) as f32));
+            let grid = Grid::around(&Aabb::from_arrays(ends[0], ends[1]));
+            let [mut upper, mut lower] = [[STEPS / 2; 3]; 2];
+            upper[axis] = (i64::from(STEPS / 2) + 25 * steps * sign) as u32;
+            lower[axis] = upper[axis] - side as u32;
+            let half = side as f64 * 0.5 * grid.step;
+            let [a, b] = [upper, lower].map(|place| grid.corner(place) + DVec3::splat(half));
+            let wall_at = [[-0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[u, v]| {
+                let mut point = a;
+                point[axis] = (wall * sign) as f64;
+                point[(axis + 1) % 3] += u * half;
+                point[(axis + 2) % 3] += v * half;
+                point
+            });
+            for part in [Shape::Solid(wall_at[0], wall_at[1]), Shape::Triangle(wall_at)] {
+                assert!(
+                    shape_meets_cube(&part, a, half) || shape_meets_cube(&part, b, half),
+                    "{part:?} {a} {b} {half}"
+                );
+            }
+            // A margin in halves alone would be too little.
+            let (x, reach) = (wall_at[0][axis], half * (1.0 + 1e-12));
+            between += u32::from(x < a[axis] - reach && x > b[axis] + reach);
+        }
+        assert!(between > 100, "{between}");
     }
 }

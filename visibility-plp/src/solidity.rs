@@ -1,11 +1,11 @@
-//! How solid what lies before a cell is, and so how likely it hides the cell.
+//! Solidity of cells: how likely the content of the cells before them hides them.
 
-use crate::sight::Sight;
-use crate::{Face, Tessellation};
+use crate::cell_frustum::CellFrustum;
+use crate::tessellation::{Face, Tessellation};
 use visibility_core::Eye;
 use visibility_core::glam::{DVec3, Vec2, Vec3};
 
-/// How the solidity of cells in the front is estimated, and handed on from a cell to those behind it.
+/// Estimate of the solidity of cells in the front, by which the next cell is chosen: least solid first.
 ///
 /// ```
 /// use visibility_plp::Solidity;
@@ -13,102 +13,113 @@ use visibility_core::glam::{DVec3, Vec2, Vec3};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Solidity {
-    /// What light from the eye would not reach: each cell stops as much of it as its content covers of the cell, seen from the eye, and hands
-    /// the rest on through its far faces, to each by the share that the face has of the next cell as seen from the eye. The transfer
-    /// `v . n` of the paper's figure 5, so weighed that shares add up to one, with what came through several faces added up; a cell that
-    /// is reached otherwise than along lines of sight gets little light by itself, and needs no penalty. What a cell holds waits for its turn
-    /// in layers: what is small, seen at a slant, or has something close before it shows less for its cost with as much light.
+    /// One minus the share of light from the eye that reaches a cell.
     ///
-    /// The paper names normals of the content as future work: how much it covers seen along each axis stands for them.
+    /// A cell stops the share of its light that its content covers of it, seen from the eye. It passes the
+    /// rest on through its far faces; each neighbour receives the share of its own silhouette that the common
+    /// face covers. This is the transfer `v . n` of the paper's figure 5, normalised so that the shares of a
+    /// cell add up to 1, and summed over faces. A cell that is reached off the lines of sight receives little
+    /// light, so there is no penalty. The layers of a cell wait for their turn one by one: what is small,
+    /// seen at a slant, or has something close before it is worth less light.
+    ///
+    /// The paper names normals of the content as future work; the cover along each axis stands for them.
     #[default]
     Coverage,
-    /// The paper's own (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000, figure 5):
-    /// `|A| / rho_max + (v . n) rho_A`, doubled, with a constant added, for cells not star-shaped to the eye. From the face last crossed
-    /// alone.
+    /// As published (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set
+    /// Estimation", 2000, figure 5): `|A| / rho_max + (v . n) rho_A` from the face last crossed, where `|A|`
+    /// is the number of objects in the cell before. Doubled, plus a constant, for cells that are not
+    /// star-shaped to the eye.
     Count,
 }
 
-/// What the penalty for cells that are not star-shaped adds to twice their solidity. The paper leaves it open.
+/// Added to twice the solidity of cells that are not star-shaped. The paper leaves it open.
 const PENALTY: f32 = 0.05;
 
-/// The solid angle, in steradians, of a primitive that is worth half of its light: three pixels across, of a thousand across a radian.
-const LARGE: f32 = 1e-5;
+/// Solid angle, in steradians, of a primitive that is worth half of its light: three pixels across, of a
+/// thousand a radian.
+const HALF_WORTH_ANGLE: f32 = 1e-5;
 
-/// A cell that is handed on from.
+/// The cell that a face leads out of.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct From {
     pub(crate) cell: u32,
-    /// Unit direction of sight to its centre.
+    /// Unit direction of sight to the cell's centre.
     pub(crate) direction: DVec3,
-    /// The light that reaches it, from 0 to 1, or its solidity by [`Solidity::Count`].
+    /// Light that reaches the cell, 0 to 1; or its solidity for [`Solidity::Count`].
     pub(crate) value: f32,
 }
 
-/// The share of light along a direction that the content of a cell stops.
+/// Share of light along a unit direction that a cell stops, from the shares along x, y and z: their mean,
+/// weighted by the direction's components. 0 for a zero direction.
 #[inline]
-pub(crate) fn stopped(cover: [f64; 3], direction: DVec3) -> f64 {
+pub(crate) fn stopped_share(cover: [f64; 3], direction: DVec3) -> f64 {
     let d = direction.abs();
     let sum = d.x + d.y + d.z;
     if sum > 0.0 { (d.x * cover[0] + d.y * cover[1] + d.z * cover[2]) / sum } else { 0.0 }
 }
 
-/// The share of a cell's light that comes through a face of the cell before it, by the cell's area seen along the light's direction, and the
-/// normal and area of the face.
+/// Share of a cell's silhouette, of area `silhouette` along `direction`, that light enters through a face
+/// with the given normal, pointing into the cell, and area. 0 for a face that the light leaves through; at
+/// most 1.
 #[inline]
-pub(crate) fn share(whole: f64, direction: DVec3, normal: DVec3, area: f64) -> f64 {
+pub(crate) fn light_share(silhouette: f64, direction: DVec3, normal: DVec3, area: f64) -> f64 {
     let across = normal.dot(direction);
-    if across > 0.0 && whole > 0.0 { (across * area / whole).min(1.0) } else { 0.0 }
+    if across > 0.0 && silhouette > 0.0 { (across * area / silhouette).min(1.0) } else { 0.0 }
 }
 
-/// The solid angle that a square metre takes up on average, turned every way, at a cell of that area seen from the eye.
+/// Mean solid angle, in steradians, of a square metre of surface in a cell, over all orientations.
+/// `silhouette` is the cell's area seen from the eye; the distance counts as no less than the cell's size.
+/// Infinite for parallel views, where size does not depend on distance.
 #[inline]
-pub(crate) fn nearness(sight: &Sight, center: DVec3, area: f64) -> f32 {
-    match sight.eye {
-        // No nearer than the cell's own size.
-        Eye::Point(eye) => (0.5 / center.distance_squared(eye).max(area)) as f32,
-        // Large and small are no matter of distance.
+pub(crate) fn solid_angle_per_area(frustum: &CellFrustum, center: DVec3, silhouette: f64) -> f32 {
+    match frustum.eye {
+        Eye::Point(eye) => (0.5 / center.distance_squared(eye).max(silhouette)) as f32,
         Eye::Direction(_) => f32::INFINITY,
     }
 }
 
-/// How much of its light a primitive is worth that takes up that solid angle: less where it is small, but always something.
+/// Share of its light that a primitive of that solid angle is worth, from 1e-6 to 1. 1 for an infinite angle
+/// and for NaN.
 #[inline]
 pub(crate) fn worth(angle: f32) -> f32 {
-    if angle < f32::MAX { (angle / (angle + LARGE)).max(1e-6) } else { 1.0 }
+    if angle < f32::MAX { (angle / (angle + HALF_WORTH_ANGLE)).max(1e-6) } else { 1.0 }
 }
 
-/// The chance that something is seen which so much light reaches. Light is handed on from cell to cell, and where it was thought to be
-/// stopped it often was not; its square root counts for as much as what is known of surfaces.
+/// Estimated chance that something in a cell is seen, from the light that reaches the cell: the square root.
+/// Errors of light add up from cell to cell, so it counts for less than what is known of surfaces.
 #[inline]
 pub(crate) fn chance(light: f32) -> f32 {
-    // Without `std` there is no other.
+    // Without `std` there is no other square root.
     Vec2::splat(light).sqrt().x
 }
 
-/// How much larger than on average a primitive appears that faces along an axis, upwards or downwards, or anywhere, seen along a direction.
-pub(crate) fn shown(direction: Vec3, is_around: bool, one_sided: bool) -> [f32; 7] {
-    let mut shown = [1.0; 7];
-    // About the eye there is no one direction.
+/// Factor by which a primitive appears larger than on average, for each of the six axis sides that it may
+/// face and, last, for any side. `direction` is the direction of sight to it. All 1 if `is_around`: the eye
+/// is in or near the cell, so that there is no one direction. Sides that face away appear small if the scene
+/// is drawn `one_sided`.
+pub(crate) fn side_factors(direction: Vec3, is_around: bool, one_sided: bool) -> [f32; 7] {
+    let mut factors = [1.0; 7];
     if is_around {
-        return shown;
+        return factors;
     }
-    for (side, shown) in shown.iter_mut().take(6).enumerate() {
+    for (side, factor) in factors.iter_mut().take(6).enumerate() {
         let along = direction[side / 2];
         let toward = if side % 2 == 0 { -along } else { along };
         let toward = if one_sided { toward } else { toward.abs() };
         // Normals of a side are up to half a right angle off its axis.
-        *shown = ((toward + SPREAD) * (2.0 / (1.0 + SPREAD))).max(0.02);
+        *factor = ((toward + SPREAD) * (2.0 / (1.0 + SPREAD))).max(0.02);
     }
-    shown
+    factors
 }
 
-/// By how much the cosine to the axis may differ from that to a normal, or nearly.
+/// Typical difference between the cosine to a side's axis and the cosine to a normal that faces the side.
 const SPREAD: f32 = 0.35;
 
-/// The paper's solidity of a cell, from that of the one before it.
+/// Solidity of a face's neighbour as published, from that of the cell before it. `center` is the neighbour's
+/// centre.
 pub(crate) fn count_solidity<T: Tessellation + ?Sized>(
     tessellation: &T,
-    sight: &Sight,
+    frustum: &CellFrustum,
     from: &From,
     face: &Face,
     center: DVec3,
@@ -117,27 +128,29 @@ pub(crate) fn count_solidity<T: Tessellation + ?Sized>(
     let filled = f64::from(content.count(from.cell)) / f64::from(content.max_count().max(1));
     let across = face.normal.dot(from.direction).max(0.0);
     let solidity = (filled + across * f64::from(from.value)) as f32;
-    if is_star_shaped(tessellation, sight, from.cell, face, center) {
+    if is_star_shaped(tessellation, frustum, from.cell, face, center) {
         solidity
     } else {
         2.0 * solidity + PENALTY
     }
 }
 
-/// Whether the line of sight to the centre of the next cell goes through the cell before it, just before the face that they share.
+/// Whether the line of sight to the centre of a face's neighbour passes through `cell`, the cell before it,
+/// where it meets the plane of the face.
 fn is_star_shaped<T: Tessellation + ?Sized>(
     tessellation: &T,
-    sight: &Sight,
+    frustum: &CellFrustum,
     cell: u32,
     face: &Face,
     center: DVec3,
 ) -> bool {
-    let direction = sight.direction(center);
+    let direction = frustum.direction(center);
     let across = face.normal.dot(direction);
     if across <= 0.0 {
         return false;
     }
-    // The plane of the face lies between the centres; where it is crossed, the point must still be in the cell before.
+    // The plane of the face lies between the centres; where it is crossed, the point must still be in the
+    // cell before.
     let bounds = tessellation.cell_bounds(cell);
     let far = DVec3::select(face.normal.cmpge(DVec3::ZERO), bounds.max.as_dvec3(), bounds.min.as_dvec3());
     let distance = face.normal.dot(center - far) / across;
@@ -150,11 +163,12 @@ mod tests {
 
     #[test]
     fn what_faces_the_eye_shows_most() {
-        let one_sided = shown(Vec3::X, false, true);
-        // Along x, what faces against it shows its front, what faces along it its back, and the others their edges.
+        let one_sided = side_factors(Vec3::X, false, true);
+        // Along x, what faces against it shows its front, what faces along it its back, and the others their
+        // edges.
         assert!(one_sided[1] > 1.5 && one_sided[0] < 0.1 && one_sided[2] < 1.0 && one_sided[6] == 1.0);
-        let two_sided = shown(Vec3::X, false, false);
+        let two_sided = side_factors(Vec3::X, false, false);
         assert!(two_sided[0] == two_sided[1] && two_sided[0] > two_sided[4]);
-        assert_eq!(shown(Vec3::X, true, true), [1.0; 7]);
+        assert_eq!(side_factors(Vec3::X, true, true), [1.0; 7]);
     }
 }

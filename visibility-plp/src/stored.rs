@@ -1,15 +1,15 @@
-//! The binary form of tessellations: arrays as they are in memory, in an [envelope](visibility_core::envelope), so that loading copies and
-//! checks but computes nothing.
+//! Binary form of tessellations: arrays as they are in memory, in an [envelope](visibility_core::envelope),
+//! so that loading copies and checks but computes nothing.
 //!
-//! The kind in the header is 0 for octrees and 1 for tetrahedra; the fingerprint is a hash of the scene. The content is arrays of 32-bit
-//! numbers, each after its length.
+//! The kind in the header is 0 for octrees and 1 for tetrahedra; the fingerprint is a hash of the scene. The
+//! content is arrays of 32-bit numbers, each after its length.
 
 use crate::content::Content;
 use crate::delaunay::{DelaunayTessellation, NONE, SIDE};
 use crate::grid::{Grid, STEPS, morton};
-use crate::grouped::Grouped;
-use crate::octree::linked;
-use crate::{Fineness, OctreeTessellation};
+use crate::index_lists::IndexLists;
+use crate::octree::{Fineness, OctreeTessellation, linked};
+
 use alloc::vec::Vec;
 use visibility_core::Scene;
 use visibility_core::envelope::{EnvelopeError, Fingerprint, Format, Reader, Writer};
@@ -17,7 +17,7 @@ use visibility_core::glam::DVec3;
 
 const FORMAT: Format = Format { magic: *b"plpcells", version: 5 };
 
-/// A hash of all that cells depend on: objects, their bounds and triangles.
+/// Hash of all objects' ids, bounds and triangles.
 fn fingerprint(scene: &Scene) -> u64 {
     let mut hash = Fingerprint::new().with(scene.index_limit() as u32);
     for id in scene.ids() {
@@ -33,7 +33,7 @@ fn fingerprint(scene: &Scene) -> u64 {
     hash.value()
 }
 
-/// An envelope with grid and fineness.
+/// Begins an envelope, with grid and fineness.
 fn begin(kind: u32, scene: &Scene, grid: &Grid, fineness: Fineness) -> Writer {
     let mut writer = Writer::new(FORMAT, kind, fingerprint(scene));
     writer.u64s([grid.min.x, grid.min.y, grid.min.z, grid.step].map(f64::to_bits));
@@ -41,6 +41,7 @@ fn begin(kind: u32, scene: &Scene, grid: &Grid, fineness: Fineness) -> Writer {
     writer
 }
 
+/// Writes the length of an array, then the array.
 fn write_array(writer: &mut Writer, words: impl ExactSizeIterator<Item = u32>) {
     writer.u32(words.len() as u32);
     writer.u32s(words);
@@ -55,13 +56,14 @@ fn write_content(writer: &mut Writer, content: &Content) {
     writer.bytes(&content.lists);
 }
 
-/// Checks the header.
+/// Checks the header of an envelope of a kind and for a scene.
 fn open<'a>(bytes: &'a [u8], kind: u32, scene: &Scene) -> Result<Reader<'a>, EnvelopeError> {
     let reader = Reader::new(bytes, FORMAT)?;
     reader.expect(kind, fingerprint(scene))?;
     Ok(reader)
 }
 
+/// Reads an array of [`write_array`].
 fn read_array(reader: &mut Reader) -> Result<Vec<u32>, EnvelopeError> {
     let count = reader.u32()? as usize;
     reader.u32s(count)
@@ -102,7 +104,8 @@ fn read_content(reader: &mut Reader, scene: &Scene, cells: usize) -> Result<Cont
     Content::from_arrays(scene, starts, cover, lists, held.collect()).map_err(|problem| reader.wrong(problem))
 }
 
-/// Whether a leaf touches the one that a link of it names, on the side that it says.
+/// Whether a link of a leaf names an existing leaf that begins or ends in the plane of the face that the link
+/// tells.
 fn touches(blocks: &[[u16; 4]], cell: usize, link: u32) -> bool {
     let (other, axis, upwards) = linked(link);
     let Some(other) = blocks.get(other as usize).filter(|_| axis < 3) else { return false };
@@ -111,8 +114,9 @@ fn touches(blocks: &[[u16; 4]], cell: usize, link: u32) -> bool {
 }
 
 impl OctreeTessellation {
-    /// The binary form, for [`from_bytes`](Self::from_bytes). `scene` is the one that it was made of; what has
-    /// changed since is stored as [strays](Content::strays).
+    /// Binary form, for [`from_bytes`](Self::from_bytes). `scene` is the scene that it was made from; objects
+    /// that have changed since are stored as [strays](Content::strays), and for another scene all objects
+    /// are.
     pub fn to_bytes(&self, scene: &Scene) -> Vec<u8> {
         let mut writer = begin(0, scene, &self.grid, self.fineness);
         write_array(&mut writer, self.codes.iter().copied());
@@ -125,19 +129,22 @@ impl OctreeTessellation {
         writer.finish()
     }
 
-    /// Takes a stored tessellation of a scene. Takes time in proportion to the bytes and the scene, to be sure that they are whole and belong
-    /// together.
+    /// Reads what [`to_bytes`](Self::to_bytes) wrote for this scene, or for a scene with the same ids, bounds
+    /// and triangles.
+    ///
+    /// Cost: proportional to the bytes and the scene, all of which are checked.
     ///
     /// # Errors
-    /// [`EnvelopeError`], with the reason.
+    /// [`EnvelopeError`] if the bytes are damaged, of another format, version or kind of tessellation, or if
+    /// the scene differs from the one that was stored.
     pub fn from_bytes(bytes: &[u8], scene: &Scene) -> Result<Self, EnvelopeError> {
         let mut reader = open(bytes, 0, scene)?;
         let (grid, fineness) = read_grid(&mut reader)?;
         let (codes, sides) = (read_array(&mut reader)?, read_array(&mut reader)?);
-        let links = Grouped { starts: read_array(&mut reader)?, items: read_array(&mut reader)? };
+        let links = IndexLists { starts: read_array(&mut reader)?, items: read_array(&mut reader)? };
         let boundary = read_array(&mut reader)?;
         let cells = codes.len();
-        // Leaves in Morton's order, each beginning where the one before ends, fill the cube.
+        // Leaves in Morton order, each beginning where the one before ends, fill the cube.
         let mut next = 0u64;
         let mut blocks = Vec::with_capacity(cells);
         for (&code, &side) in codes.iter().zip(&sides) {
@@ -166,8 +173,9 @@ impl OctreeTessellation {
 }
 
 impl DelaunayTessellation {
-    /// The binary form, for [`from_bytes`](Self::from_bytes). `scene` is the one that it was made of; what has
-    /// changed since is stored as [strays](Content::strays).
+    /// Binary form, for [`from_bytes`](Self::from_bytes). `scene` is the scene that it was made from; objects
+    /// that have changed since are stored as [strays](Content::strays), and for another scene all objects
+    /// are.
     pub fn to_bytes(&self, scene: &Scene) -> Vec<u8> {
         let mut writer = begin(1, scene, &self.grid, self.fineness);
         let points: Vec<u32> = self.points.as_flattened().iter().map(|&x| x as u32).collect();
@@ -179,11 +187,14 @@ impl DelaunayTessellation {
         writer.finish()
     }
 
-    /// Takes a stored tessellation of a scene. Takes time in proportion to the bytes and the scene, to be sure that they are whole and belong
-    /// together.
+    /// Reads what [`to_bytes`](Self::to_bytes) wrote for this scene, or for a scene with the same ids, bounds
+    /// and triangles.
+    ///
+    /// Cost: proportional to the bytes and the scene, all of which are checked.
     ///
     /// # Errors
-    /// [`EnvelopeError`], with the reason.
+    /// [`EnvelopeError`] if the bytes are damaged, of another format, version or kind of tessellation, or if
+    /// the scene differs from the one that was stored.
     pub fn from_bytes(bytes: &[u8], scene: &Scene) -> Result<Self, EnvelopeError> {
         let mut reader = open(bytes, 1, scene)?;
         let (grid, fineness) = read_grid(&mut reader)?;

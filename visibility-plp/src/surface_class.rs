@@ -6,18 +6,18 @@ use visibility_core::{ObjectId, Scene};
 /// Class of an object, or mean class of a layer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub(crate) struct SurfaceClass {
-    /// Class of the surface area in square metres: one class holds areas from its least up to four times that. Greater
-    /// areas have greater classes, NaN the greatest.
+    /// Class of the surface area in square metres: one class holds areas from its least up to four times
+    /// that. Greater areas have greater classes, NaN the greatest.
     pub(crate) area: u8,
-    /// Axis side that the surface faces most: twice the axis (0, 1, 2), plus one towards negative coordinates; or
-    /// [`ANY_SIDE`].
+    /// Axis side that the surface faces most: twice the axis (0, 1, 2), plus one towards negative
+    /// coordinates; or [`ANY_SIDE`].
     pub(crate) side: u8,
     /// Openness in half octaves: [`FULLY_OPEN`] is 1, two less is half as open. At least 0.
     pub(crate) openness: u8,
 }
 
-/// Upper bound on how far the normals of a side lean from its axis: no component across the axis is greater than
-/// this many [`LEAN_STEPS`]ths of the component along it. [`UNKNOWN_LEAN`] bounds nothing.
+/// Upper bound on how far the normals of a side lean from its axis: no component across the axis is greater
+/// than this many [`LEAN_STEPS`]ths of the component along it. [`UNKNOWN_LEAN`] bounds nothing.
 pub(crate) type Lean = u8;
 
 /// Lean of a normal at 45 degrees to its axis, the most that a normal leans from the axis that it faces most.
@@ -46,16 +46,17 @@ fn area_of(class: u8) -> f32 {
     f32::from_bits(u32::from(class) << 24 | 1 << 23)
 }
 
-/// Half octaves between 1 and an openness, rounded up: by the exponent, and the highest bit of the fraction. Openness
-/// is clamped to 0 to 1; NaN counts as 1.
+/// Half octaves between 1 and an openness, rounded up: by the exponent, and the highest bit of the fraction.
+/// Openness is clamped to 0 to 1; NaN counts as 1.
 fn halves_below_one(openness: f32) -> u8 {
     let below = (1.0f32.to_bits() >> 22).saturating_sub(openness.clamp(0.0, 1.0).to_bits() >> 22);
     below.min(u8::MAX.into()) as u8
 }
 
 impl SurfaceClass {
-    /// Class of one object with the given openness, 0 to 1, and the lean of its normal. The area is that of the
-    /// object's triangles, or of its bounds' faces if it has none. Only objects of one triangle face a side.
+    /// Class of one object with the given openness, 0 to 1, and the lean of its normal. The area is that of
+    /// the object's triangles, or of its bounds' faces if it has none. Only objects of one triangle face a
+    /// side.
     pub(crate) fn of_object(scene: &Scene, id: ObjectId, openness: f32) -> (Self, Lean) {
         let triangles = scene.triangles(id).unwrap_or(&[]);
         // In single precision, squares of areas come to an end before coordinates do.
@@ -107,8 +108,8 @@ impl SurfaceClass {
     }
 }
 
-/// Axis side that a triangle faces most, from two of its edges in anticlockwise order, and the lean of its normal.
-/// [`ANY_SIDE`] for a triangle without a normal.
+/// Axis side that a triangle faces most, from two of its edges in anticlockwise order, and the lean of its
+/// normal. [`ANY_SIDE`] for a triangle without a normal.
 fn side_of(u: DVec3, v: DVec3) -> (u8, Lean) {
     let normal = u.cross(v);
     let size = normal.abs();
@@ -118,7 +119,8 @@ fn side_of(u: DVec3, v: DVec3) -> (u8, Lean) {
     }
     let side = axis as u8 * 2 + u8::from(normal[axis] < 0.0);
     let lean = size[(axis + 1) % 3].max(size[(axis + 2) % 3]) / size[axis];
-    // The error of the normal is some 1e-15 of the product of lengths, so no more than 1e-8 of what is let through here.
+    // The error of the normal is some 1e-15 of the product of lengths, so no more than 1e-8 of what is let
+    // through here.
     let known = size[axis] > 1e-7 * u.length() * v.length() && size[axis] < f64::INFINITY;
     let steps = (lean - 1e-7).max(0.0) * f64::from(LEAN_STEPS);
     // Casts round towards zero.
@@ -128,8 +130,8 @@ fn side_of(u: DVec3, v: DVec3) -> (u8, Lean) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::facing::Toward;
-    use crate::whole::{Random, Whole, cross, minus};
+    use crate::normal_bins::BoxFromEye;
+    use crate::test_exact::{IntVector, Random, cross, minus};
 
     #[test]
     fn classes_are_in_order_and_hold_their_middle() {
@@ -175,7 +177,7 @@ mod tests {
             }
             let eye = point() * 8.0;
             let (side, lean) = side_of(b - a, c - a);
-            let toward = Toward::new(visibility_core::Eye::Point(eye), &cell);
+            let toward = BoxFromEye::new(visibility_core::Eye::Point(eye), &cell);
             if lean < UNKNOWN_LEAN && toward.is_behind(side, f32::from(lean) / LEAN_STEPS) {
                 assert!((b - a).cross(c - a).dot(eye - a) < 0.0, "{a} {b} {c} from {eye}: {side} {lean}");
                 behind += 1;
@@ -191,12 +193,13 @@ mod tests {
         let mut random = Random(51);
         let (mut told, mut untold) = (0, 0);
         for round in 0..40_000 {
-            // Corners a, B 2^n and C 2^n, these along one line from the origin: the normal is a x (B - C), times 2^n.
+            // Corners a, B 2^n and C 2^n, these along one line from the origin: the normal is a x (B - C),
+            // times 2^n.
             let a = random.vector(1 << 20);
             let (direction, farther) = (random.vector(1 << 10), 5 + random.whole(4));
             let scale = 2f64.powi(round % 60);
             let (b, c) = (direction.map(|x| x * 3), direction.map(|x| x * farther));
-            let float = |p: Whole, scale: f64| DVec3::from_array(p.map(|x| x as f64 * scale));
+            let float = |p: IntVector, scale: f64| DVec3::from_array(p.map(|x| x as f64 * scale));
             let (u, v) = (float(b, scale) - float(a, 1.0), float(c, scale) - float(a, 1.0));
             let exact = cross(a, minus(b, c));
             let (side, lean) = side_of(u, v);

@@ -1,10 +1,10 @@
-//! The seam: a space cut into convex cells.
+//! The trait of a space cut into convex cells, which both cullers walk through.
 
-use crate::Content;
+use crate::content::Content;
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
 
-/// A part of a cell's surface that it shares with one other cell.
+/// Face of a cell: the part of its surface that it shares with one other cell.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -13,22 +13,29 @@ use visibility_core::glam::DVec3;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Face {
-    /// The cell on the other side.
+    /// Number of the cell on the other side.
     pub neighbour: u32,
-    /// A point of its plane.
+    /// A point of the face's plane, relative to the scene's origin, in metres. It need not lie in the face.
     pub point: DVec3,
-    /// Unit normal, out of the cell that was asked.
+    /// Unit normal, pointing out of the cell that was asked and into the neighbour.
     pub normal: DVec3,
-    /// Area of what is shared, in square metres.
+    /// Area of the shared part in square metres, greater than 0.
     pub area: f64,
 }
 
-/// Convex cells that fill the padded bounds of a scene without gaps, joined through faces, and what of the scene they hold.
+/// Convex cells that fill a box around a scene without gaps, and the objects in each.
 ///
-/// Cells are numbered from zero. All coordinates are relative to the scene's origin, in metres. Everything that is asked here is asked
-/// thousands of times a frame and should take nanoseconds.
+/// Cells have the numbers from 0 to [`Content::cell_count`] - 1; the methods may panic for other numbers. All
+/// coordinates are relative to the scene's origin, in metres. Cullers call each method thousands of times a
+/// frame, so it should take nanoseconds and must not allocate.
 ///
-/// Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000, section 3.1.
+/// Implement it for an engine's own cells to use the cullers with them. What must hold, or visible objects
+/// are lost: the cells leave no gap inside [`bounds`](Self::bounds), two cells that touch in more than an
+/// edge are neighbours of each other, and [`content`](Self::content) names every object in all cells that it
+/// meets.
+///
+/// Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000,
+/// section 3.1.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, Scene};
@@ -41,30 +48,34 @@ pub struct Face {
 /// assert_eq!(cells.locate(DVec3::splat(9.0)), None);
 /// ```
 pub trait Tessellation {
-    /// What the cells hold.
+    /// The objects in each cell.
     fn content(&self) -> &Content;
 
-    /// A box around all cells, rounded outwards.
+    /// Box around all cells, rounded outwards.
     fn bounds(&self) -> Aabb;
 
-    /// A cell that a point lies in, or `None` outside all cells. On a face, either of its cells.
+    /// Number of a cell that contains a point. `None` outside of all cells and for NaN. On a face, either of
+    /// its cells.
     fn locate(&self, point: DVec3) -> Option<u32>;
 
-    /// A box around a cell, rounded outwards.
+    /// Box around a cell, rounded outwards.
     fn cell_bounds(&self, cell: u32) -> Aabb;
 
     /// A point well inside a cell.
     fn center(&self, cell: u32) -> DVec3;
 
-    /// Area of a cell as seen along a unit direction, in square metres.
+    /// Area of a cell's silhouette as seen along a unit direction, in square metres. The same along the
+    /// opposite direction.
     fn projected_area(&self, cell: u32, direction: DVec3) -> f64;
 
-    /// Calls `each` for every face of a cell with a cell on its other side that is `wanted`, always in the same order.
+    /// Calls `each` for every face of a cell whose neighbour `wanted` accepts, always in the same order.
+    /// Faces on the outer surface have no neighbour and are left out.
     fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face));
 
-    /// Whether a point of space lies in a cell, or so near to it that rounding cannot tell.
+    /// Whether a cell contains a point. True for points so near to the cell that rounding cannot tell.
     fn contains(&self, cell: u32, point: DVec3) -> bool;
 
-    /// The cells on the outer surface of the tessellation.
+    /// Cells with a part of the outer surface, each once: lines of sight from an eye outside of all cells
+    /// enter here.
     fn boundary(&self) -> &[u32];
 }

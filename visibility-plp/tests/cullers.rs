@@ -194,12 +194,13 @@ fn the_conservative_form_stops_at_walls_and_loses_nothing_before_them() {
             for id in things[room * 20..room * 20 + 20].iter().chain(&walls[room..room + 1]) {
                 assert_eq!(visible.contains(&scene, *id), frustum.contains(&scene, *id), "{id}");
             }
-            // Rooms behind the wall are reached through large cells beside it before it is known, but not many.
+            // Rooms behind the wall are reached through large cells beside it before it is known, but not
+            // many.
             let (kept, of) = (visible.count(&scene), frustum.count(&scene));
             assert!(kept <= 84 || kept * 2 < of, "room {room}, budget {budget}: {kept} of {of}");
-            let report = culler.report();
-            assert!(report.tests > 0 && report.tests < cells.content().cell_count() as u64);
-            assert!(report.visible_cells <= report.projected_cells && report.projected_cells > 0);
+            let stats = culler.stats();
+            assert!(stats.tests > 0 && stats.tests < cells.content().cell_count() as u64);
+            assert!(stats.visible_cells <= stats.projected_cells && stats.projected_cells > 0);
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Scenes and tessellations that are swapped, mixed, cloned, changed, reverted and dropped under live cullers: each frame is answered as by
-//! a fresh culler, and nothing in view is lost.
+//! Scenes and tessellations that are swapped, mixed, cloned, changed, reverted and dropped under live
+//! cullers: each frame is answered as by a fresh culler, and nothing in view is lost.
 #![allow(missing_docs)]
 
 mod common;
@@ -181,7 +181,8 @@ fn live_cullers_answer_as_fresh_ones_whatever_is_swapped() {
     assert!(culled > 100 && left > 100 && wanted_in_all > 10_000, "{culled} {left} {wanted_in_all}");
 }
 
-/// Cells that are told of the changes of another scene, or of a clone of their own, say nothing about their own from then on.
+/// Cells that are told of the changes of another scene, or of a clone of their own, say nothing about their
+/// own from then on.
 #[test]
 fn cells_are_of_one_scene_at_a_time() {
     let mut scene = triangles(5, 300);

@@ -221,7 +221,8 @@ fn what_has_changed_is_stored_as_strays() {
     assert_eq!(loaded.content().strays(), [id]);
 }
 
-/// Turns over a byte here and there and mends the checksum, as no accident would: what is then not refused may be wrong, but harms nobody.
+/// Turns over a byte here and there and mends the checksum, as no accident would: what is then not refused
+/// may be wrong, but harms nobody.
 fn forged<T: Tessellation>(scene: &Scene, bytes: &[u8], load: impl Fn(&[u8]) -> Result<T, EnvelopeError>) {
     const FACTOR: u64 = 0x0100_0000_01b3;
     let (mut refused, mut taken) = (0, 0);

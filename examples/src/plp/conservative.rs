@@ -83,8 +83,8 @@ pub fn conservative(world: &World, cells: &Arc<OctreeTessellation>, budget: u64,
         FrustumCuller::new().cull(&world.scene, view, &mut visible);
         culler.cull(&world.scene, view, &mut visible);
         sum.triangles += visible.iter(&world.scene).map(|id| cost(&world.scene, id)).sum::<f64>();
-        sum.tests += culler.report().tests as f64;
-        sum.visible += culler.report().visible_cells as f64;
+        sum.tests += culler.stats().tests as f64;
+        sum.visible += culler.stats().visible_cells as f64;
     }
     per_frame(sum, world)
 }

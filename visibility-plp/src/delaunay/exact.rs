@@ -1,6 +1,6 @@
-//! Signs of determinants of whole numbers: which side of a plane, inside or outside a sphere. Exact, so that nothing depends on rounding.
+//! Exact predicates on integer points: side of a plane, inside or outside of a sphere.
 
-/// A point on a grid of 2^17 steps a side.
+/// A point on the fine grid: coordinates from 0 to 2^17.
 pub(crate) type Point = [i32; 3];
 
 fn minus(a: Point, b: Point) -> [i64; 3] {
@@ -12,22 +12,26 @@ fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i64 {
         + a[2] * (b[0] * c[1] - b[1] * c[0])
 }
 
-/// Six times the volume of a tetrahedron, positive if `d` is on the side of `abc` from which these run clockwise. Differences are at
-/// most 2^17, so that all is less than 6 * 2^51.
+/// Six times the signed volume of a tetrahedron: positive if a, b, c run clockwise seen from d, 0 if it is
+/// flat.
 pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> i64 {
+    // Differences are at most 2^17, so that all sums are less than 6 * 2^51.
     determinant(minus(b, a), minus(c, a), minus(d, a))
 }
 
-/// Whether a point lies inside the sphere through the corners of a tetrahedron of positive volume; on it counts as outside.
+/// Whether a point lies inside the sphere through the corners of a tetrahedron of positive volume. On the
+/// sphere is outside.
 pub(crate) fn is_in_sphere([a, b, c, d]: [Point; 4], p: Point) -> bool {
     let [a, b, c, d] = [a, b, c, d].map(|q| minus(q, p));
-    // Squares are less than 2^36, the determinants of three rows less than 2^54: products need 128 bits, which are slow.
+    // Squares are less than 2^36, the determinants of three rows less than 2^54: products need 128 bits,
+    // which are slow.
     let square = |q: [i64; 3]| q[0] * q[0] + q[1] * q[1] + q[2] * q[2];
     let squares = [a, b, c, d].map(square);
     let minors = [determinant(b, c, d), -determinant(a, c, d), determinant(a, b, d), -determinant(a, b, c)];
     let terms = [0, 1, 2, 3].map(|i| squares[i] as f64 * minors[i] as f64);
     let sum = terms[0] + terms[1] + terms[2] + terms[3];
-    // Each term is rounded at most three times, each sum once, by 2^-53: eight of these bound it, and 1e-14 is ninety.
+    // Each term is rounded at most three times, each sum once, by 2^-53: eight roundings bound the error,
+    // 1e-14 is ninety.
     let size: f64 = terms.iter().map(|term| term.abs()).sum();
     if sum.abs() > 1e-14 * size {
         return sum > 0.0;
@@ -38,7 +42,7 @@ pub(crate) fn is_in_sphere([a, b, c, d]: [Point; 4], p: Point) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::whole::Random;
+    use crate::test_exact::Random;
 
     const CORNER: [Point; 4] = [[0, 0, 0], [8, 0, 0], [0, 8, 0], [0, 0, 8]];
 
@@ -58,7 +62,8 @@ mod tests {
         assert!(!is_in_sphere(large, [n, n, n]) && is_in_sphere(large, [n, n, n - 1]));
     }
 
-    /// Points on one sphere, and a step off it: all that differ from its centre by the same three numbers in any order, with any signs.
+    /// Points on one sphere, and a step off it: all that differ from its centre by the same three numbers in
+    /// any order, with any signs.
     #[test]
     fn points_on_a_sphere_are_told_from_points_beside_it() {
         let mut random = Random(41);

@@ -1,35 +1,40 @@
-//! The Delaunay triangulation of points in a cube, point by point (Bowyer, "Computing Dirichlet tessellations", 1981; Watson, "Computing
-//! the n-dimensional Delaunay tessellation", 1981): the tetrahedra whose spheres a new point lies in make room for those between the point
-//! and the faces around them. The tetrahedron that a point lies in is found by walking towards it from the last one.
+//! Delaunay triangulation of points in a cube, point by point (Bowyer, "Computing Dirichlet tessellations",
+//! 1981; Watson, "Computing the n-dimensional Delaunay tessellation", 1981).
+//!
+//! The tetrahedra whose spheres contain a new point form the cavity. They are replaced by tetrahedra between
+//! the point and the cavity's outer faces, its rim. The first cell of the cavity is found by walking from the
+//! last one made.
 
 use super::exact::{Point, is_in_sphere, volume};
 use alloc::vec::Vec;
 
-/// In place of a neighbour: the face lies on the cube.
+/// In place of a neighbour's number: the face lies on the surface of the cube.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// Tetrahedra of positive volume, with their neighbours: neighbour `i` shares all vertices but the `i`-th.
+/// Tetrahedra of positive volume that fill the cube.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Mesh {
     pub(crate) points: Vec<Point>,
+    /// Corners of each cell, indices into `points`.
     pub(crate) cells: Vec<[u32; 4]>,
+    /// Neighbours of each cell: the `i`-th shares all corners but the `i`-th, or is [`NONE`].
     pub(crate) neighbours: Vec<[u32; 4]>,
-    /// Places without a tetrahedron: a new point may leave fewer than there were.
+    /// Indices into `cells` that are not in use: a new point may leave fewer cells than there were.
     free: Vec<u32>,
 }
 
-/// A face between what is kept and what makes room.
+/// Outer face of the cavity, as a face of the cell inside.
 #[derive(Clone, Copy)]
 struct Rim {
     cell: u32,
     face: usize,
 }
 
-/// How often a point is moved a little before it is left out.
+/// Number of places that are tried for a point before it is left out.
 const TRIES: u32 = 16;
 
 impl Mesh {
-    /// A cube from the origin to `side` on each axis, in six tetrahedra about a diagonal.
+    /// The cube from the origin to `side` on each axis, in six tetrahedra about a diagonal.
     pub(crate) fn cube(side: i32) -> Self {
         let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 != 0 { side } else { 0 });
         let mut mesh = Self { points: (0..8).map(corner).collect(), ..Self::default() };
@@ -57,8 +62,9 @@ impl Mesh {
         cell.map(|vertex| self.points[vertex as usize])
     }
 
-    /// Adds points, each strictly inside the cube. Where one lies so that exact arithmetic finds flat tetrahedra, it is moved by
-    /// `nudge`, and left out if that does not help.
+    /// Adds `points.len()` points, each strictly inside the cube. `nudge` gives the place of a point at each
+    /// attempt, from 0 on; the next attempt follows if a tetrahedron would be flat. A point is left out if
+    /// none succeeds.
     pub(crate) fn insert_all(&mut self, points: &[Point], nudge: impl Fn(usize, u32) -> Point) {
         let mut last = 0;
         for number in 0..points.len() {
@@ -73,11 +79,11 @@ impl Mesh {
         self.close_gaps();
     }
 
-    /// Moves the last tetrahedra to the places that are free.
+    /// Moves the last cells to the free indices.
     fn close_gaps(&mut self) {
         let mut free = core::mem::take(&mut self.free);
         free.sort_unstable();
-        // The last place first, so that what is moved is never itself a gap.
+        // The last index first, so that the cell that is moved is never itself a gap.
         for gap in free.into_iter().rev() {
             self.cells.swap_remove(gap as usize);
             self.neighbours.swap_remove(gap as usize);
@@ -94,10 +100,12 @@ impl Mesh {
         }
     }
 
-    /// The tetrahedron that a point lies in, from one to begin with.
+    /// Cell that contains a point, found by walking from the cell `start` towards it. `None` outside of the
+    /// cube.
     fn find(&self, point: Point, start: u32) -> Option<u32> {
         let mut cell = start;
-        // A walk through a Delaunay triangulation does not come back; the bound is for what is not one.
+        // A walk through a Delaunay triangulation never returns to a cell; the bound is for triangulations
+        // that are none.
         'steps: for step in 0..self.cells.len() + 4 {
             let corners = self.corners(&self.cells[cell as usize]);
             for i in 0..4 {
@@ -117,29 +125,30 @@ impl Mesh {
         None
     }
 
-    /// Adds a point; one of the tetrahedra that it makes, or `None` if any would be flat, and then nothing has changed.
+    /// Adds a point and returns one of the cells that it makes. `None`, with nothing changed, if one of them
+    /// would be flat or the point lies outside of the cube. `start`: a cell near the point.
     fn insert(&mut self, point: Point, start: u32) -> Option<u32> {
         let first = self.find(point, start)?;
-        let mut hollow = alloc::vec![first];
+        let mut cavity = alloc::vec![first];
         let mut rim: Vec<Rim> = Vec::new();
         let mut next = 0;
-        while next < hollow.len() {
-            let cell = hollow[next];
+        while next < cavity.len() {
+            let cell = cavity[next];
             next += 1;
             for face in 0..4 {
                 let neighbour = self.neighbours[cell as usize][face];
-                if hollow.contains(&neighbour) {
+                if cavity.contains(&neighbour) {
                     continue;
                 }
                 if neighbour != NONE && is_in_sphere(self.corners(&self.cells[neighbour as usize]), point) {
-                    hollow.push(neighbour);
+                    cavity.push(neighbour);
                 } else {
                     rim.push(Rim { cell, face });
                 }
             }
         }
-        // What was on the rim when it was looked at may have been hollowed out since.
-        rim.retain(|rim| !hollow.contains(&self.neighbours[rim.cell as usize][rim.face]));
+        // The neighbour of a face may have joined the cavity since the face was added.
+        rim.retain(|rim| !cavity.contains(&self.neighbours[rim.cell as usize][rim.face]));
         let is_flat = |rim: &Rim| {
             let mut corners = self.corners(&self.cells[rim.cell as usize]);
             corners[rim.face] = point;
@@ -158,10 +167,11 @@ impl Mesh {
                 (cell, self.neighbours[rim.cell as usize][rim.face], rim.face)
             })
             .collect();
-        // Edges of the rim, each with the new tetrahedron and face that has it so far alone.
+        // Edges of the rim for which only one of the two new cells is known so far, with that cell and its
+        // face.
         let mut open: Vec<([u32; 2], u32, usize)> = Vec::new();
         for (number, &(cell, outer, face)) in made.iter().enumerate() {
-            let place = match hollow.get(number).copied().or_else(|| self.free.pop()) {
+            let place = match cavity.get(number).copied().or_else(|| self.free.pop()) {
                 Some(place) => place,
                 None => {
                     self.cells.push([0; 4]);
@@ -198,11 +208,12 @@ impl Mesh {
                 }
             }
         }
-        self.free.extend(hollow.get(made.len()..).unwrap_or(&[]));
-        Some(hollow[0])
+        self.free.extend(cavity.get(made.len()..).unwrap_or(&[]));
+        Some(cavity[0])
     }
 
-    /// The face of a kept tetrahedron that the new one lies at: the one without a vertex of the new one's.
+    /// Face of the kept cell `outer` that the new cell lies at: opposite of the corner that the new cell does
+    /// not have.
     fn back(&self, outer: u32, cell: &[u32; 4], vertex: u32) -> Option<usize> {
         let shared = |v: u32| v != vertex && cell.contains(&v);
         self.cells[outer as usize].iter().position(|&v| !shared(v))
@@ -213,7 +224,8 @@ impl Mesh {
 mod tests {
     use super::*;
 
-    /// Every face has the right neighbour on its other side, all volumes are positive and fill the cube, and no sphere holds a point.
+    /// Every face has the right neighbour on its other side, all volumes are positive and fill the cube, and
+    /// no sphere holds a point.
     fn check(mesh: &Mesh, side: i64, all_spheres: bool) {
         let mut sum = 0;
         for (number, (cell, neighbours)) in mesh.cells.iter().zip(&mesh.neighbours).enumerate() {

@@ -36,7 +36,8 @@ pub(crate) fn triangles(seed: u64, count: usize) -> Scene {
     scene
 }
 
-/// Rooms in a row with a wall between each and the next, and a few small boxes in each; boxes alone, which hide as such.
+/// Rooms in a row with a wall between each and the next, and a few small boxes in each; boxes alone, which
+/// hide as such.
 pub(crate) fn rooms(count: usize) -> (Scene, Vec<ObjectId>, Vec<ObjectId>) {
     let mut scene = Scene::new();
     let (mut walls, mut things) = (Vec::new(), Vec::new());
@@ -96,7 +97,8 @@ impl OcclusionMap for Blank {
     }
 }
 
-/// A map that knows walls across x: what lies beyond the nearest one added is hidden. Exact for views along x, in rooms.
+/// A map that knows walls across x: what lies beyond the nearest one added is hidden. Exact for views along
+/// x, in rooms.
 #[derive(Default)]
 pub(crate) struct Walls {
     eye: f64,

@@ -1,54 +1,59 @@
-//! Which way single triangles face, coarsely: a byte each, so that most of those that turn their backs are passed over unread.
+//! Facing direction of single triangles in three bytes each, so that most back faces are skipped without
+//! reading their corners.
 //!
-//! Normals fall into bins over the sphere; a bin knows the middle of its normals and how far they stray from it. A triangle that meets a cell
-//! has a point of its plane in the cell's box, and so bin and box together bound the side on which the eye lies. Where all normals of a bin
-//! are one (walls and floors), two bytes more say where the plane of each triangle lies, to a 65,000th of the scene.
+//! Unit normals are sorted into bins over the sphere. A bin stores the middle of its normals and how far they
+//! stray from it. A triangle that meets a cell has a point of its plane in the cell's box, so bin and box
+//! together bound the side of the plane on which the eye lies. Where all normals of a bin agree (walls and
+//! floors), two bytes more store the plane's offset along that normal, in 65,535 steps over the scene.
 
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Eye, ObjectId, Scene, Triangle};
 
-/// Bins along each side of the six faces of a cube; odd, so that the axes lie in the middle of theirs.
+/// Bins along each side of the six faces of a cube. Odd, so that the axes lie in the middle of their bins.
 const SIDE: usize = 5;
 
 const BINS: usize = 6 * SIDE * SIDE;
 
-/// Normals that stray no more than this are one.
+/// Greatest spread of a flat bin: its normals count as one normal.
 const FLAT: f32 = 1e-6;
 
-/// The code of what has no single normal.
-const NONE: u8 = u8::MAX;
+/// Bin number of objects without a single normal.
+const NO_BIN: u8 = u8::MAX;
 
-/// The normals in a bin: all within `spread` of `normal`.
+/// Normals of a bin: all within the distance `spread` of `normal`. Both NaN in the bin of [`NO_BIN`].
 #[derive(Clone, Copy, Debug)]
-struct Bin {
+struct NormalBin {
     normal: [f32; 3],
     spread: f32,
 }
 
-/// The code of a triangle's bin, and how far along the normal of its flat bin it lies: so many steps, the lower byte first. Together in three
-/// bytes, so that memory is asked once.
+/// Bin number of an object, then its plane's offset along the normal of a flat bin, in steps, low byte first.
+/// In one array of three bytes so that a look-up misses the cache at most once.
 type Mark = [u8; 3];
 
-/// The bins of all objects, by index.
+/// Facing directions of all objects of a scene as it was when this was made.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Facing {
+pub(crate) struct NormalBins {
+    /// By object index.
     marks: Vec<Mark>,
-    bins: Vec<Bin>,
-    /// What offset 0 stands for, and how long a step is.
+    /// By bin number, up to [`NO_BIN`].
+    bins: Vec<NormalBin>,
+    /// Offset of step 0 along a flat bin's normal, in metres.
     base: f64,
+    /// Length of a step in metres.
     step: f64,
 }
 
-/// What is known of a triangle in a cell.
+/// Side of a triangle's plane on which the eye lies.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Side {
+pub(crate) enum EyeSide {
     Front,
     Back,
     Unknown,
 }
 
-/// The unit normal of a triangle; none where rounding has a say in it.
+/// Unit normal of a triangle. `None` if rounding could change it by more than 1e-9.
 fn unit_normal(triangle: &Triangle) -> Option<DVec3> {
     let [a, b, c] = triangle.map(|p| p.as_dvec3());
     let (u, v) = (b - a, c - a);
@@ -58,6 +63,7 @@ fn unit_normal(triangle: &Triangle) -> Option<DVec3> {
     (length > 1e-6 * u.length() * v.length() && length.is_finite()).then(|| normal / length)
 }
 
+/// Bin number of a unit normal.
 fn bin_of(normal: DVec3) -> usize {
     let size = normal.abs();
     let axis = size.max_position();
@@ -68,13 +74,14 @@ fn bin_of(normal: DVec3) -> usize {
     ((axis * 2 + usize::from(normal[axis] < 0.0)) * SIDE + step(1)) * SIDE + step(2)
 }
 
-impl Facing {
+impl NormalBins {
+    /// Bins of all objects of one triangle; other objects have none.
     pub(crate) fn new(scene: &Scene) -> Self {
         let single = |id| match scene.triangles(id) {
             Ok([triangle]) => unit_normal(triangle),
             _ => None,
         };
-        let mut marks = alloc::vec![[NONE, 0, 0]; scene.index_limit()];
+        let mut marks = alloc::vec![[NO_BIN, 0, 0]; scene.index_limit()];
         let mut sums = [DVec3::ZERO; BINS];
         for id in scene.ids() {
             if let Some(normal) = single(id) {
@@ -84,7 +91,8 @@ impl Facing {
             }
         }
         let middle = |sum: DVec3| sum.normalize_or_zero().as_vec3().to_array();
-        let mut bins: Vec<Bin> = sums.map(|sum| Bin { normal: middle(sum), spread: 0.0 }).to_vec();
+        let mut bins: Vec<NormalBin> =
+            sums.map(|sum| NormalBin { normal: middle(sum), spread: 0.0 }).to_vec();
         for id in scene.ids() {
             if let Some(normal) = single(id) {
                 let bin = &mut bins[marks[id.index()][0] as usize];
@@ -92,16 +100,16 @@ impl Facing {
                 bin.spread = bin.spread.max((away as f32).next_up());
             }
         }
-        // What has no bin is given one that says nothing.
-        bins.resize(usize::from(NONE) + 1, Bin { normal: [f32::NAN; 3], spread: f32::NAN });
-        let mut facing = Self { marks, bins, ..Self::default() };
-        facing.measure_offsets(scene);
-        facing
+        bins.resize(usize::from(NO_BIN) + 1, NormalBin { normal: [f32::NAN; 3], spread: f32::NAN });
+        let mut made = Self { marks, bins, ..Self::default() };
+        made.measure_offsets(scene);
+        made
     }
 
+    /// Fills in the offsets of all objects in flat bins.
     fn measure_offsets(&mut self, scene: &Scene) {
-        let along = |facing: &Self, id: ObjectId| {
-            let bin = facing.flat(facing.marks[id.index()][0])?;
+        let along = |bins: &Self, id: ObjectId| {
+            let bin = bins.flat_bin(bins.marks[id.index()][0])?;
             let corner = scene.triangles(id).ok()?.first()?[0].as_dvec3();
             Some(DVec3::from_array(bin.normal.map(f64::from)).dot(corner))
         };
@@ -124,83 +132,94 @@ impl Facing {
         (self.base, self.step) = (least, step);
     }
 
-    /// The bin of a code, if all its normals are one.
-    fn flat(&self, code: u8) -> Option<&Bin> {
-        self.bins.get(usize::from(code)).filter(|bin| bin.spread <= FLAT)
+    /// The bin with a number if it is flat.
+    fn flat_bin(&self, number: u8) -> Option<&NormalBin> {
+        self.bins.get(usize::from(number)).filter(|bin| bin.spread <= FLAT)
     }
 
-    /// What a frame has to know of the bins, by code: where the eye lies along the normal, in steps, and by how much a triangle's offset must
-    /// differ from that for its side to be sure. Infinite for those that are not flat.
-    pub(crate) fn planes(&self, eye: Eye, bounds: &Aabb, planes: &mut Vec<[f64; 2]>) {
-        planes.clear();
-        planes.resize(self.bins.len(), [0.0, f64::INFINITY]);
+    /// Fills `offsets`, by bin number, for one frame: the eye's offset along the bin's normal in steps, and
+    /// by how many steps a triangle's offset must differ from it for its side to be certain. Infinite for
+    /// bins that are not flat and for parallel views. `bounds`: box around all triangles.
+    pub(crate) fn eye_offsets(&self, eye: Eye, bounds: &Aabb, offsets: &mut Vec<[f64; 2]>) {
+        offsets.clear();
+        offsets.resize(self.bins.len(), [0.0, f64::INFINITY]);
         let Eye::Point(eye) = eye else { return };
         let farthest = eye.length() + bounds.min.abs().max(bounds.max.abs()).as_dvec3().length();
-        for (code, plane) in (0..NONE).zip(planes) {
-            if let Some(bin) = self.flat(code) {
-                let place = DVec3::from_array(bin.normal.map(f64::from)).dot(eye) - self.base;
-                // For the triangle's normal m and corner a, m . (eye - a) is n . eye - n . a and (m - n) . (eye - a), which is no more than
-                // the spread times the farthest way. But the spread is that of m as it was computed, which for slivers is known to 1e-9 and no
-                // better: see `unit_normal`, which lets through no more than half of that. Products with n are rounded by 1e-15 of the way, and
-                // the spread was rounded up. Steps are rounded down by up to one; the division by them keeps the order of what is divided.
+        for (number, of_bin) in (0..NO_BIN).zip(offsets) {
+            if let Some(bin) = self.flat_bin(number) {
+                let offset = DVec3::from_array(bin.normal.map(f64::from)).dot(eye) - self.base;
+                // For the triangle's normal m and corner a, m . (eye - a) is n . eye - n . a and (m - n) .
+                // (eye - a), which is no more than the spread times the farthest way. But the spread is that
+                // of m as it was computed, which for slivers is known to 1e-9 and no better: see
+                // `unit_normal`, which lets through no more than half of that. Products with n are rounded by
+                // 1e-15 of the way, and the spread was rounded up. Steps are rounded down by up to one; the
+                // division by them keeps the order of what is divided.
                 let sure = (f64::from(bin.spread) + 1e-9) * farthest / self.step + 1.0;
-                *plane = [place / self.step, sure];
+                *of_bin = [offset / self.step, sure];
             }
         }
     }
 
+    /// Heap memory in bytes.
     pub(crate) fn memory(&self) -> usize {
         size_of_val(&self.marks[..]) + size_of_val(&self.bins[..])
     }
 
-    /// On which side of an object's triangle the eye lies, if the triangle meets the cell that `toward` is of. `planes` are of the same eye.
+    /// Side of an object's triangle on which the eye lies. `cell` is a cell that the triangle meets,
+    /// `offsets` are those of [`eye_offsets`](Self::eye_offsets) for the same eye. Unknown for an unknown
+    /// object and for one without a bin.
     #[inline]
-    pub(crate) fn side(&self, object: usize, toward: &Toward, planes: &[[f64; 2]]) -> Side {
-        let [code, offset @ ..] = self.marks.get(object).copied().unwrap_or([NONE, 0, 0]);
-        if let Some(&[place, sure]) = planes.get(code as usize)
+    pub(crate) fn eye_side(&self, object: usize, cell: &BoxFromEye, offsets: &[[f64; 2]]) -> EyeSide {
+        let [number, offset @ ..] = self.marks.get(object).copied().unwrap_or([NO_BIN, 0, 0]);
+        if let Some(&[eye_offset, sure]) = offsets.get(number as usize)
             && sure < f64::INFINITY
         {
-            let before = place - f64::from(u16::from_le_bytes(offset));
-            // What is not a number compares as false.
+            let before = eye_offset - f64::from(u16::from_le_bytes(offset));
+            // NaN compares as false.
             let (front, back) = (before > sure, before < -sure);
             return if front {
-                Side::Front
+                EyeSide::Front
             } else if back {
-                Side::Back
+                EyeSide::Back
             } else {
-                Side::Unknown
+                EyeSide::Unknown
             };
         }
-        let Some(Bin { normal: n, spread }) = self.bins.get(code as usize) else { return Side::Unknown };
-        let (v, h) = (&toward.eye, &toward.half);
+        let Some(NormalBin { normal: n, spread }) = self.bins.get(number as usize) else {
+            return EyeSide::Unknown;
+        };
+        let (v, h) = (&cell.to_eye, &cell.half);
         let middle = n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
-        // For the triangle's normal m and a point q of it in the box, m . (eye - q) is the sum of n . (eye - center), n . (center - q) and
-        // (m - n) . (eye - q); the last is no more than the spread times the way to the farthest point. Each f32 is rounded by 2^-24 of no
-        // more than twice that way, a dozen times in all: less than 2e-6 of it.
+        // For the triangle's normal m and a point q of it in the box, m . (eye - q) is the sum of n . (eye -
+        // center), n . (center - q) and (m - n) . (eye - q); the last is no more than the spread times the
+        // way to the farthest point. Each f32 is rounded by 2^-24 of no more than twice that way, a dozen
+        // times in all: less than 2e-6 of it.
         let reach = n[0].abs() * h[0] + n[1].abs() * h[1] + n[2].abs() * h[2];
-        let reach = reach + (spread + 1e-5) * toward.farthest + f32::MIN_POSITIVE;
-        // What is not finite compares as false.
+        let reach = reach + (spread + 1e-5) * cell.farthest + f32::MIN_POSITIVE;
+        // NaN compares as false.
         if middle + reach < 0.0 {
-            Side::Back
+            EyeSide::Back
         } else if middle - reach > 0.0 {
-            Side::Front
+            EyeSide::Front
         } else {
-            Side::Unknown
+            EyeSide::Unknown
         }
     }
 }
 
-/// A cell's box as seen from the eye.
+/// A cell's box relative to the eye.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Toward {
-    /// From the centre of the box to the eye.
-    eye: [f32; 3],
+pub(crate) struct BoxFromEye {
+    /// Vector from the box's centre to the eye; for a parallel view, the unit vector against the viewing
+    /// direction.
+    to_eye: [f32; 3],
+    /// Half the box's size; zero for a parallel view.
     half: [f32; 3],
-    /// How far the eye is from the farthest point of the box.
+    /// Distance between the eye and the farthest point of the box.
     farthest: f32,
 }
 
-impl Toward {
+impl BoxFromEye {
     #[inline]
     pub(crate) fn new(eye: Eye, bounds: &Aabb) -> Self {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
@@ -210,19 +229,21 @@ impl Toward {
             Eye::Direction(along) => (-along, DVec3::ZERO),
         };
         let farthest = (to_eye.abs() + half).length() as f32;
-        Self { eye: to_eye.as_vec3().to_array(), half: half.as_vec3().to_array(), farthest }
+        Self { to_eye: to_eye.as_vec3().to_array(), half: half.as_vec3().to_array(), farthest }
     }
 
-    /// Whether the eye lies behind all triangles that meet the box, face a side (an axis, twice, and one more if downwards), and whose
-    /// normals lean from it no farther than so: the other components are no greater than that share of the one along it.
+    /// Whether the eye is surely behind every triangle that meets the box and whose normal leans from an axis
+    /// side by at most `lean`: no component across the axis is greater than `lean` times the one along it.
+    /// `side` is twice the axis, plus one towards negative coordinates.
     #[inline]
     pub(crate) fn is_behind(&self, side: u8, lean: f32) -> bool {
         let axis = usize::from(side / 2) % 3;
         let others = [(axis + 1) % 3, (axis + 2) % 3];
-        let along = if side & 1 == 0 { self.eye[axis] } else { -self.eye[axis] };
-        let across: f32 = others.map(|other| self.eye[other].abs() + self.half[other]).iter().sum();
-        // For the normal (1, s, t) and a point q of the triangle in the box, as in `Facing::side`; rounding is as there, and leaning by 1e-6
-        // more is less than what is left of the margin. What is not finite compares as false.
+        let along = if side & 1 == 0 { self.to_eye[axis] } else { -self.to_eye[axis] };
+        let across: f32 = others.map(|other| self.to_eye[other].abs() + self.half[other]).iter().sum();
+        // For the normal (1, s, t) and a point q of the triangle in the box, as in `NormalBins::eye_side`;
+        // rounding is as there, and a lean of 1e-6 more is less than what is left of the margin. NaN compares
+        // as false.
         along + self.half[axis] + lean * across + 1e-5 * self.farthest + f32::MIN_POSITIVE < 0.0
     }
 }
@@ -230,11 +251,12 @@ impl Toward {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::whole::{Random, cross, dot, fine, minus};
+    use crate::test_exact::{Random, cross, dot, fine, minus};
     use visibility_core::Object;
     use visibility_core::glam::Vec3;
 
-    /// Triangles facing everywhere, each through a point of the unit box, and eyes near and far: never the wrong side.
+    /// Triangles bins everywhere, each through a point of the unit box, and eyes near and far: never the
+    /// wrong side.
     #[test]
     fn sides_are_those_of_the_triangles() {
         let mut random = Random(7);
@@ -251,33 +273,34 @@ mod tests {
             let id = scene.insert(Object::new(Aabb::from_points(triangle)));
             scene.set_triangles(id, [triangle]).unwrap();
         }
-        let facing = Facing::new(&scene);
+        let bins = NormalBins::new(&scene);
         let cell = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
         let all = Aabb::from_arrays([-101.0; 3], [101.0; 3]);
-        let (mut counts, mut planes) = ([0; 3], Vec::new());
+        let (mut counts, mut offsets) = ([0; 3], Vec::new());
         for eye in [[1.1, 0.2, 0.3], [3.0, 4.0, -2.0], [-50.0, 30.0, 1.7], [900.0, 1.0, 800.0], [0.1; 3]] {
-            let toward = Toward::new(Eye::Point(DVec3::from_array(eye)), &cell);
-            facing.planes(Eye::Point(DVec3::from_array(eye)), &all, &mut planes);
+            let toward = BoxFromEye::new(Eye::Point(DVec3::from_array(eye)), &cell);
+            bins.eye_offsets(Eye::Point(DVec3::from_array(eye)), &all, &mut offsets);
             for id in scene.ids() {
                 let [a, b, c] = scene.triangles(id).unwrap()[0].map(|p| p.as_dvec3());
                 let distance = (b - a).cross(c - a).dot(DVec3::from_array(eye) - a);
-                let side = facing.side(id.index(), &toward, &planes);
+                let side = bins.eye_side(id.index(), &toward, &offsets);
                 match side {
-                    Side::Front => assert!(distance > 0.0, "{id}: {distance}"),
-                    Side::Back => assert!(distance < 0.0, "{id}: {distance}"),
-                    Side::Unknown => (),
+                    EyeSide::Front => assert!(distance > 0.0, "{id}: {distance}"),
+                    EyeSide::Back => assert!(distance < 0.0, "{id}: {distance}"),
+                    EyeSide::Unknown => (),
                 }
                 counts[side as usize] += 1;
             }
         }
         assert!(counts[0] > 4000 && counts[1] > 4000, "{counts:?}");
         assert_eq!(
-            facing.side(usize::MAX, &Toward::new(Eye::Direction(DVec3::X), &cell), &planes),
-            Side::Unknown
+            bins.eye_side(usize::MAX, &BoxFromEye::new(Eye::Direction(DVec3::X), &cell), &offsets),
+            EyeSide::Unknown
         );
     }
 
-    /// Floors and walls of which many lie within a step, and eyes in their planes and just beside them: never the wrong side, and mostly sure.
+    /// Floors and walls of which many lie within a step, and eyes in their offsets and just beside them:
+    /// never the wrong side, and mostly sure.
     #[test]
     fn sides_of_flat_bins_are_those_of_the_triangles() {
         let mut scene = Scene::new();
@@ -288,21 +311,21 @@ mod tests {
             let id = scene.insert(Object::new(Aabb::from_points([q, q + u, q + v])));
             scene.set_triangles(id, [[q, q + u, q + v]]).unwrap();
         }
-        let (facing, mut planes) = (Facing::new(&scene), Vec::new());
+        let (bins, mut offsets) = (NormalBins::new(&scene), Vec::new());
         let cell = Aabb::from_arrays([-600.0; 3], [600.0; 3]);
         let (mut sure, mut all) = (0, 0);
         for step in 0..200 {
             for beside in [0.0, 1e-9, -1e-9, 0.003, -0.003] {
                 let eye = DVec3::new(0.3, 0.2, f64::from(step as f32 * 10.0 * 0.0007 - 0.3) + beside);
-                facing.planes(Eye::Point(eye), &cell, &mut planes);
-                let toward = Toward::new(Eye::Point(eye), &cell);
+                bins.eye_offsets(Eye::Point(eye), &cell, &mut offsets);
+                let toward = BoxFromEye::new(Eye::Point(eye), &cell);
                 for id in scene.ids() {
                     let [a, b, c] = scene.triangles(id).unwrap()[0].map(|p| p.as_dvec3());
                     let distance = (b - a).cross(c - a).dot(eye - a);
-                    match facing.side(id.index(), &toward, &planes) {
-                        Side::Front => assert!(distance > 0.0, "{id}: {distance}"),
-                        Side::Back => assert!(distance < 0.0, "{id}: {distance}"),
-                        Side::Unknown => all += 1,
+                    match bins.eye_side(id.index(), &toward, &offsets) {
+                        EyeSide::Front => assert!(distance > 0.0, "{id}: {distance}"),
+                        EyeSide::Back => assert!(distance < 0.0, "{id}: {distance}"),
+                        EyeSide::Unknown => all += 1,
                     }
                     sure += 1;
                 }
@@ -311,12 +334,13 @@ mod tests {
         assert!(all * 30 < sure, "{all} of {sure} unknown");
     }
 
-    /// Two triangles in a bin, as far from its middle as each other, in the corner of a small box, and eyes far away in their planes and just beside
-    /// them: there the bound is as tight as it gets, and numbers of 24 bits are too coarse for it.
+    /// Two triangles in a bin, as far from its middle as each other, in the corner of a small box, and eyes
+    /// far away in their offsets and just beside them: there the bound is as tight as it gets, and numbers of
+    /// 24 bits are too coarse for it.
     #[test]
     fn eyes_far_away_beside_a_plane_are_not_on_its_wrong_side() {
         let mut random = Random(61);
-        let (mut told, mut planes) = (0, Vec::new());
+        let (mut told, mut offsets) = (0, Vec::new());
         let all = Aabb::from_arrays([-1500.0; 3], [1500.0; 3]);
         for round in 0..2000 {
             let normal = random.direction();
@@ -331,11 +355,10 @@ mod tests {
                 let id = scene.insert(Object::new(Aabb::from_points(t)));
                 scene.set_triangles(id, [t]).unwrap();
             }
-            let facing = Facing::new(&scene);
+            let bins = NormalBins::new(&scene);
             for id in scene.ids() {
                 let triangle = scene.triangles(id).unwrap()[0];
-                let (Some(m), bin) =
-                    (unit_normal(&triangle), facing.bins[facing.marks[id.index()][0] as usize])
+                let (Some(m), bin) = (unit_normal(&triangle), bins.bins[bins.marks[id.index()][0] as usize])
                 else {
                     continue;
                 };
@@ -355,9 +378,13 @@ mod tests {
                     let cell = Aabb::new(center - half, center + half);
                     let eye = q + away * sign;
                     let eye = eye - m * (m.dot(eye - q) - sign * 1e-7);
-                    facing.planes(Eye::Point(eye), &all, &mut planes);
-                    let side = facing.side(id.index(), &Toward::new(Eye::Point(eye), &cell), &planes);
-                    assert_ne!(side, if sign > 0.0 { Side::Back } else { Side::Front }, "{triangle:?} {eye}");
+                    bins.eye_offsets(Eye::Point(eye), &all, &mut offsets);
+                    let side = bins.eye_side(id.index(), &BoxFromEye::new(Eye::Point(eye), &cell), &offsets);
+                    assert_ne!(
+                        side,
+                        if sign > 0.0 { EyeSide::Back } else { EyeSide::Front },
+                        "{triangle:?} {eye}"
+                    );
                     told += 1;
                 }
             }
@@ -365,15 +392,17 @@ mod tests {
         assert!(told > 2000, "{told}");
     }
 
-    /// Slivers, of whose normals rounding leaves ten digits or so, and eyes far away, where the true normal strays the most from the bin's: before the
-    /// plane or behind it by a hair, never on the wrong side. How far the computed normal strays is too little to go by.
+    /// Slivers, of whose normals rounding leaves ten digits or so, and eyes far away, where the true normal
+    /// strays the most from the bin's: before the plane or behind it by a hair, never on the wrong side. How
+    /// far the computed normal strays is too little to go by.
     #[test]
     fn eyes_far_away_beside_slivers_are_not_on_their_wrong_side() {
         let mut random = Random(63);
-        let (mut told, mut wrong_without, mut planes) = (0, 0, Vec::new());
+        let (mut told, mut wrong_without, mut offsets) = (0, 0, Vec::new());
         for _ in 0..30_000 {
-            // In units of 2^-30. The first corner is about the origin and in finer steps than the others, so that products of edges have more digits
-            // than f64. The last is so near to the middle of the others that the triangle is just let through, or just not.
+            // In units of 2^-30. The first corner is about the origin and in finer steps than the others, so
+            // that products of edges have more digits than f64. The last is so near to the middle of the
+            // others that the triangle is just let through, or just not.
             let (a, b) = (random.vector(1 << 14), random.vector(1 << 22));
             let beside = random.vector(4);
             let c = [0, 1, 2].map(|i| (b[i] / 2 + beside[i]) << 14);
@@ -382,14 +411,15 @@ mod tests {
             if unit_normal(&triangle).is_none() {
                 continue;
             }
-            // No more than one in the scene: steps are as small as they get, and being unsure by one of them helps nobody.
+            // No more than one in the scene: steps are as small as they get, and being unsure by one of them
+            // helps nobody.
             let mut scene = Scene::new();
             let bounds = Aabb::from_points(triangle);
             let id = scene.insert(Object::new(bounds));
             scene.set_triangles(id, [triangle]).unwrap();
-            let facing = Facing::new(&scene);
-            let code = facing.marks[id.index()][0];
-            let bin = facing.flat(code).unwrap();
+            let bins = NormalBins::new(&scene);
+            let code = bins.marks[id.index()][0];
+            let bin = bins.flat_bin(code).unwrap();
             let n = DVec3::from_array(bin.normal.map(f64::from));
             let exact = cross(minus(b, a), minus(c, a));
             let m = DVec3::from_array(exact.map(|x| x as f64)).normalize();
@@ -403,13 +433,17 @@ mod tests {
                 let before = dot(exact, minus(eye, a));
                 assert!(if sign > 0.0 { before > 0 } else { before < 0 });
                 let eye = fine(eye);
-                facing.planes(Eye::Point(eye), &bounds, &mut planes);
-                let side = facing.side(id.index(), &Toward::new(Eye::Point(eye), &bounds), &planes);
-                assert_ne!(side, if sign > 0.0 { Side::Back } else { Side::Front }, "{triangle:?} {eye}");
-                let [place, sure] = planes[usize::from(code)];
+                bins.eye_offsets(Eye::Point(eye), &bounds, &mut offsets);
+                let side = bins.eye_side(id.index(), &BoxFromEye::new(Eye::Point(eye), &bounds), &offsets);
+                assert_ne!(
+                    side,
+                    if sign > 0.0 { EyeSide::Back } else { EyeSide::Front },
+                    "{triangle:?} {eye}"
+                );
+                let [place, sure] = offsets[usize::from(code)];
                 assert!(place.is_finite() && sure.is_finite());
                 let farthest = eye.length() + bounds.min.abs().max(bounds.max.abs()).as_dvec3().length();
-                wrong_without += u32::from(place * sign < -(f64::from(bin.spread) * farthest / facing.step));
+                wrong_without += u32::from(place * sign < -(f64::from(bin.spread) * farthest / bins.step));
                 told += 1;
             }
         }
@@ -441,9 +475,9 @@ mod tests {
             eye[across] += normal[across].signum() * 1000.0 * random.float().abs();
             eye[axis] = q[axis] - (normal[across] * (eye[across] - q[across]) - 1e-7) / normal[axis];
             assert!(normal.dot(eye - q) > 0.0);
-            let toward = Toward::new(Eye::Point(eye), &cell);
+            let toward = BoxFromEye::new(Eye::Point(eye), &cell);
             assert!(!toward.is_behind(side, lean), "{side} {lean} {cell:?} {eye}");
-            let bare = Toward { farthest: 0.0, ..toward };
+            let bare = BoxFromEye { farthest: 0.0, ..toward };
             wrong_without += u32::from(bare.is_behind(side, lean));
         }
         assert!(wrong_without > 100, "{wrong_without}");
@@ -457,15 +491,16 @@ mod tests {
         let huge = [Vec3::ZERO, Vec3::X * 3e38, Vec3::Y * 3e38];
         let sides = |scene: &Scene, object, eye: f64| {
             let cell = Aabb::from_arrays([0.0; 3], [eye as f32; 3]);
-            let (facing, eye, mut planes) = (Facing::new(scene), Eye::Point(DVec3::splat(eye)), Vec::new());
-            facing.planes(eye, &cell, &mut planes);
-            facing.side(object, &Toward::new(eye, &cell), &planes)
+            let (bins, eye, mut offsets) =
+                (NormalBins::new(scene), Eye::Point(DVec3::splat(eye)), Vec::new());
+            bins.eye_offsets(eye, &cell, &mut offsets);
+            bins.eye_side(object, &BoxFromEye::new(eye, &cell), &offsets)
         };
         for triangles in [&[flat][..], &[odd], &[huge, huge]] {
             let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
             scene.set_triangles(id, triangles).unwrap();
             for eye in [0.0, 1.0, 1e30, 3e38, f64::INFINITY, f64::NAN] {
-                assert_eq!(sides(&scene, id.index(), eye), Side::Unknown);
+                assert_eq!(sides(&scene, id.index(), eye), EyeSide::Unknown);
             }
         }
     }

@@ -1,55 +1,56 @@
-//! Whole numbers for tests of margins: what is in coordinates of 24 bits, and products of three, is exact in them.
+//! Exact integer vectors for tests of rounding margins: coordinates of 24 bits, and products of three of
+//! them, fit.
 
 use visibility_core::glam::DVec3;
 
-/// A vector of whole numbers.
-pub(crate) type Whole = [i64; 3];
+/// A vector of integers.
+pub(crate) type IntVector = [i64; 3];
 
-/// Random whole numbers, the same on every machine.
+/// Random numbers, the same on every machine.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    /// From `-below` to `below`, without this.
+    /// An integer between `-below` and `below`, without `below` itself.
     pub(crate) fn whole(&mut self, below: i64) -> i64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((i128::from(self.0 >> 1) * i128::from(below)) >> 62) as i64 - below
     }
 
-    /// A vector of such.
-    pub(crate) fn vector(&mut self, below: i64) -> Whole {
+    /// Three such integers.
+    pub(crate) fn vector(&mut self, below: i64) -> IntVector {
         [(); 3].map(|()| self.whole(below))
     }
 
-    /// From -1 to 1.
+    /// A number from -1 to 1.
     pub(crate) fn float(&mut self) -> f64 {
         self.whole(1 << 50) as f64 / (1i64 << 50) as f64
     }
 
-    /// A vector of such.
+    /// A unit vector.
     pub(crate) fn direction(&mut self) -> DVec3 {
         DVec3::new(self.float(), self.float(), self.float()).normalize_or(DVec3::X)
     }
 }
 
-pub(crate) fn minus(a: Whole, b: Whole) -> Whole {
+pub(crate) fn minus(a: IntVector, b: IntVector) -> IntVector {
     [0, 1, 2].map(|i| a[i] - b[i])
 }
 
-pub(crate) fn cross(a: Whole, b: Whole) -> [i128; 3] {
+pub(crate) fn cross(a: IntVector, b: IntVector) -> [i128; 3] {
     let [a, b] = [a, b].map(|v| v.map(i128::from));
     [0, 1, 2].map(|i| a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3])
 }
 
-pub(crate) fn dot(a: [i128; 3], b: Whole) -> i128 {
+pub(crate) fn dot(a: [i128; 3], b: IntVector) -> i128 {
     (0..3).map(|i| a[i] * i128::from(b[i])).sum()
 }
 
-/// In units of 2^-30.
-pub(crate) fn fine(a: Whole) -> DVec3 {
+/// The vector `a` times 2^-30, rounded to f64.
+pub(crate) fn fine(a: IntVector) -> DVec3 {
     DVec3::from_array(a.map(|x| x as f64)) / f64::from(1 << 30)
 }
 
-/// The point `a + s (b - a) + t (c - a)`, with `s` and `t` in units of 2^-30, in these units too.
-pub(crate) fn within([a, b, c]: [Whole; 3], s: i64, t: i64) -> Whole {
+/// The point `a + s (b - a) + t (c - a)` times 2^30, where `s` and `t` are given times 2^30.
+pub(crate) fn within([a, b, c]: [IntVector; 3], s: i64, t: i64) -> IntVector {
     [0, 1, 2].map(|i| (a[i] << 30) + s * (b[i] - a[i]) + t * (c[i] - a[i]))
 }

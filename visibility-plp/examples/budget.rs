@@ -1,0 +1,56 @@
+//! The objects of a street in order of importance, and how many of them some budgets buy.
+//!
+//! `cargo run -p visibility-plp --example budget`
+
+use std::error::Error;
+use std::sync::Arc;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, Culler, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_plp::{Budget, Fineness, OctreeTessellation, PlpCuller, Tessellation};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    // Houses on both sides of twelve parallel streets, and a lamp before each.
+    let mut scene = Scene::new();
+    let (mut houses, mut lamps) = (Vec::new(), Vec::new());
+    for street in 0..12 {
+        for house in 0..30 {
+            let corner = Vec3::new(house as f32 * 12.0, street as f32 * 20.0, 0.0);
+            houses.push(scene.insert(Aabb::new(corner, corner + Vec3::new(11.0, 10.0, 8.0))));
+            let foot = corner + Vec3::new(5.0, 11.0, 0.0);
+            lamps.push(scene.insert(Aabb::new(foot, foot + Vec3::new(0.2, 0.2, 4.0))));
+        }
+    }
+    // Finer than by default, since a box has only eight corners.
+    let fineness = Fineness { vertices: 32, ..Fineness::default() };
+    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, fineness));
+    println!("{} objects in {} cells", scene.len(), cells.content().cell_count());
+
+    // Along the street after the sixth row of houses.
+    let eye = DVec3::new(-5.0, 5.0 * 20.0 + 15.0, 1.7);
+    let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
+    let mut visible = VisibleSet::new();
+    for budget in [10, 50, 200, usize::MAX] {
+        let mut plp = PlpCuller::new(cells.clone(), Budget::Objects(budget));
+        visible.fill(&scene, &view);
+        FrustumCuller::new().cull(&scene, &view, &mut visible);
+        let stats = plp.cull(&scene, &view, &mut visible);
+        let on_street = |ids: &[_], row: usize| ids[row * 30..row * 30 + 30].to_vec();
+        let street = [on_street(&houses, 5), on_street(&houses, 6), on_street(&lamps, 5)].concat();
+        let found = visible.iter(&scene).filter(|id| street.contains(id)).count();
+        println!(
+            "{} objects from {} cells, {found} of them of this street",
+            visible.count(&scene),
+            stats.nodes
+        );
+    }
+
+    // In a pipeline, as an engine has it.
+    let plp = PlpCuller::new(cells, Budget::Objects(50));
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(plp);
+    pipeline.cull(&scene, &view, &mut visible);
+    for id in visible.iter(&scene).take(5) {
+        println!("draw object {}", id.index());
+    }
+    Ok(())
+}

@@ -1,0 +1,84 @@
+//! Opened cells: the layers of each side that are not projected yet, and which of them is worth most.
+
+use super::state::{FrameContext, RemainingLayers, UNOPENED, Walk};
+use crate::layers::{Layer, Layers};
+use crate::solidity::{side_factors, worth};
+use crate::surface_class::ANY_SIDE;
+use crate::tessellation::Tessellation;
+use visibility_core::Aabb;
+
+/// Added to the openness of a layer: surfaces may be seen although other surfaces are close before them.
+const LEAST_OPENNESS: f32 = 0.02;
+
+impl RemainingLayers {
+    /// Goes on with these layers of the side. False if there is none.
+    #[inline]
+    pub(super) fn advance(&mut self, mut layers: Layers<'_>) -> bool {
+        self.from = self.to + layers.byte_count() as u32;
+        let next = layers.next();
+        let worth = |Layer { class, .. }| {
+            worth(class.area() * self.solid_angle_per_area) * (class.openness() + LEAST_OPENNESS)
+        };
+        self.worth = next.clone().map_or(0.0, worth);
+        next.is_some()
+    }
+}
+
+impl Walk {
+    /// Looks up the sides of a cell's content, if that was not done in this frame.
+    #[inline]
+    pub(super) fn open_late<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
+        if self.cells[cell as usize].end_side == UNOPENED {
+            self.open(frame, cell, &frame.tessellation.cell_bounds(cell));
+        }
+    }
+
+    /// Looks up the sides of a cell's content, if that was not done in this frame. Sides that surely face
+    /// away are left out if the scene is drawn one-sided. `bounds` is the cell's box.
+    #[inline]
+    pub(super) fn open<T: Tessellation + ?Sized>(
+        &mut self,
+        frame: &FrameContext<'_, T>,
+        cell: u32,
+        bounds: &Aabb,
+    ) {
+        let state = &mut self.cells[cell as usize];
+        if state.end_side != UNOPENED {
+            return;
+        }
+        state.first_side = self.sides.len() as u32;
+        let factors = side_factors(state.direction, state.is_around_eye(), frame.settings.one_sided);
+        let box_from_eye = frame.box_from_eye(bounds);
+        let mut sides = frame.tessellation.content().sides(cell);
+        while let Some(layers) = sides.next() {
+            if box_from_eye.as_ref().is_some_and(|cell| layers.is_back(cell)) {
+                continue;
+            }
+            let factor = factors[usize::from(layers.side.min(ANY_SIDE))];
+            let (side, to) = (layers.side, sides.byte_count());
+            let from = to + layers.byte_count();
+            let solid_angle_per_area = state.solid_angle_per_area * factor;
+            let (from, to) = (from as u32, to as u32);
+            let mut remaining = RemainingLayers { worth: 0.0, solid_angle_per_area, from, to, side };
+            if remaining.advance(layers) {
+                self.sides.push(remaining);
+            }
+        }
+        state.end_side = self.sides.len() as u32;
+    }
+
+    /// Side of an opened cell whose next layer is worth most, as an index into `sides`, and that worth.
+    /// `None` when nothing is left of the cell.
+    #[inline]
+    pub(super) fn best_side(&self, cell: u32) -> Option<(u32, f32)> {
+        let state = &self.cells[cell as usize];
+        let mut best = None;
+        for side in state.first_side..state.end_side {
+            let worth = self.sides[side as usize].worth;
+            if best.is_none_or(|(_, most)| worth > most) {
+                best = Some((side, worth));
+            }
+        }
+        best
+    }
+}

@@ -1,0 +1,247 @@
+//! The rendering loop of the paper's figure 4: from the eye outwards, always the cell of the front that is
+//! least solid.
+
+use super::state::{Budget, CellState, FrameContext, Projected, UNOPENED, Walk, clear, set};
+use crate::cell_frustum::CellPlace;
+use crate::content::bit;
+use crate::solidity::{
+    From, Solidity, chance, count_solidity, light_share, solid_angle_per_area, stopped_share,
+};
+use crate::tessellation::Tessellation;
+use visibility_core::{Aabb, Changes, Eye};
+
+impl Walk {
+    /// Begins a frame: projects the strays and puts the first cells into the front. False if the tessellation
+    /// was made from another scene, or from one that has changed too much since to tell what is where.
+    pub(crate) fn begin<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>) -> bool {
+        let content = frame.tessellation.content();
+        self.clear(frame);
+        if frame.settings.one_sided {
+            let bounds = frame.tessellation.bounds();
+            content.normals.eye_offsets(frame.frustum.eye, &bounds, &mut self.eye_offsets);
+        }
+        self.budget_left = match frame.settings.budget {
+            Budget::Objects(count) => count as u64,
+            Budget::Cost(cost) => cost,
+        };
+        let Changes::Objects(changed) = content.changes(frame.scene) else { return false };
+        for &id in content.strays().iter().chain(changed) {
+            if frame.scene.contains(id) && !bit(&self.taken, id.index()) {
+                set(&mut self.taken, id.index() as u32);
+                if frame.visible.contains(frame.scene, id) {
+                    self.order.push(id);
+                    self.budget_left = self.budget_left.saturating_sub(frame.cost(id));
+                }
+            }
+        }
+        self.seed(frame);
+        true
+    }
+
+    /// Puts the cell with the eye into the front; for an eye outside of all cells, the boundary cells that
+    /// are in view.
+    fn seed<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>) {
+        if let Eye::Point(eye) = frame.frustum.eye
+            && let Some(cell) = frame.tessellation.locate(eye)
+        {
+            // Whatever the planes say: all lines of sight begin here.
+            if !self.reach(frame, cell) {
+                self.fill_in(frame, cell, u16::MAX, &frame.tessellation.cell_bounds(cell));
+                clear(&mut self.closed, cell);
+            }
+            let first = match frame.settings.solidity {
+                Solidity::Coverage => 1.0,
+                Solidity::Count => 0.0,
+            };
+            self.put(frame, cell, first);
+            return;
+        }
+        for &cell in frame.tessellation.boundary() {
+            if self.reach(frame, cell) {
+                let value = match frame.settings.solidity {
+                    Solidity::Coverage => outside_light(frame, cell, &self.cells[cell as usize]) as f32,
+                    Solidity::Count => 0.0,
+                };
+                self.put(frame, cell, value);
+            }
+        }
+    }
+
+    /// Classifies a cell when the frame first reaches it. Whether lines of sight may pass through it and it
+    /// has not passed its light on yet.
+    #[inline]
+    fn reach<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) -> bool {
+        if bit(&self.known, cell as usize) {
+            return !self.is_closed(cell);
+        }
+        set(&mut self.known, cell);
+        let bounds = frame.tessellation.cell_bounds(cell);
+        let CellPlace::Crossing(crossed) = frame.frustum.classify(&bounds) else {
+            set(&mut self.closed, cell);
+            return false;
+        };
+        self.fill_in(frame, cell, crossed, &bounds);
+        true
+    }
+
+    /// Computes the state of a cell that was reached.
+    #[inline]
+    fn fill_in<T: Tessellation + ?Sized>(
+        &mut self,
+        frame: &FrameContext<'_, T>,
+        cell: u32,
+        crossed: u16,
+        bounds: &Aabb,
+    ) {
+        let is_empty = frame.tessellation.content().is_empty(cell);
+        let end_side = if is_empty { 0 } else { UNOPENED };
+        let mut state = CellState { crossed, end_side, ..CellState::UNKNOWN };
+        if frame.settings.solidity == Solidity::Coverage {
+            let center = frame.tessellation.center(cell);
+            let direction = frame.frustum.direction(center);
+            let area = frame.tessellation.projected_area(cell, direction);
+            state.direction = direction.as_vec3();
+            state.area = area as f32;
+            state.solid_angle_per_area = solid_angle_per_area(&frame.frustum, center, area);
+        }
+        self.cells[cell as usize] = state;
+        if frame.settings.solidity == Solidity::Coverage {
+            self.open(frame, cell, bounds);
+            // A cell without content takes nothing of the budget.
+            self.cells[cell as usize].worth = self.best_side(cell).map_or(1.0, |(_, worth)| worth);
+        }
+    }
+
+    /// Puts a cell into the front, or moves it there, with its light or, for [`Solidity::Count`], its
+    /// solidity.
+    #[inline]
+    fn put<T: ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32, value: f32) {
+        let state = &mut self.cells[cell as usize];
+        if state.value == value {
+            return;
+        }
+        self.reached += u64::from(state.value.is_nan());
+        state.value = value;
+        let solidity = match frame.settings.solidity {
+            Solidity::Coverage => 1.0 - chance(value) * state.worth,
+            Solidity::Count => value,
+        };
+        self.front.push(solidity, cell);
+    }
+
+    /// Takes the least solid cell out of the front. `None` if it is empty.
+    #[inline]
+    pub(crate) fn next(&mut self) -> Option<u32> {
+        while let Some(cell) = self.front.pop() {
+            // A finished cell may have been put in again since by its neighbours.
+            if !self.is_closed(cell) || self.has_content(cell) {
+                return Some(cell);
+            }
+        }
+        None
+    }
+
+    /// Goes on with a cell taken from the front: passes its light on if that was not done, then projects its
+    /// layers as long as no cell of the front is less solid. A cell with layers left goes back into the
+    /// front.
+    #[inline]
+    pub(crate) fn step<T: Tessellation + ?Sized>(
+        &mut self,
+        frame: &FrameContext<'_, T>,
+        cell: u32,
+    ) -> Projected {
+        if !self.is_closed(cell) {
+            self.pass_on(frame, cell);
+        }
+        self.open_late(frame, cell);
+        while let Some((side, worth)) = self.best_side(cell) {
+            let solidity = match frame.settings.solidity {
+                Solidity::Coverage => 1.0 - chance(self.cells[cell as usize].value) * worth,
+                // As in the paper, all that a cell holds at once.
+                Solidity::Count => 0.0,
+            };
+            if self.front.least().is_some_and(|least| least < solidity) {
+                self.front.push(solidity, cell);
+                break;
+            }
+            if self.project(frame, cell, side, false) == Projected::OutOfBudget {
+                return Projected::OutOfBudget;
+            }
+        }
+        Projected::Complete
+    }
+
+    /// Puts a cell that was taken from the front back as its least solid one.
+    pub(crate) fn put_back(&mut self, cell: u32) {
+        self.front.push(0.0, cell);
+    }
+
+    /// Projects all layers of a cell that are left, whatever the budget, and passes its light on if that was
+    /// not done. Does nothing to a cell that was [shut](Self::shut).
+    pub(crate) fn finish<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
+        self.open_late(frame, cell);
+        while let Some((side, _)) = self.best_side(cell) {
+            self.project(frame, cell, side, true);
+        }
+        self.settle(frame, true);
+        if !self.is_closed(cell) {
+            self.pass_on(frame, cell);
+        }
+    }
+
+    /// Passes the light of a cell, or its solidity, on to the neighbours that lines of sight may enter from
+    /// it, and puts them into the front.
+    #[inline]
+    fn pass_on<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
+        set(&mut self.closed, cell);
+        self.projected += 1;
+        let tessellation = frame.tessellation;
+        let state = &self.cells[cell as usize];
+        let direction = match frame.settings.solidity {
+            Solidity::Coverage => state.direction.as_dvec3(),
+            Solidity::Count => frame.frustum.direction(tessellation.center(cell)),
+        };
+        let stopped = stopped_share(tessellation.content().cover(cell), direction);
+        let from = From { cell, direction, value: state.value };
+        let through = f64::from(state.value) * (1.0 - stopped);
+        let mut faces = core::mem::take(&mut self.faces);
+        faces.clear();
+        let is_open = |neighbour: u32| !self.is_closed(neighbour);
+        tessellation.for_each_face(cell, &is_open, &mut |face| {
+            if frame.frustum.may_exit_through(face.point, face.normal) {
+                faces.push(*face);
+            }
+        });
+        for face in &faces {
+            let neighbour = face.neighbour;
+            if !self.reach(frame, neighbour) {
+                continue;
+            }
+            let state = &self.cells[neighbour as usize];
+            let value = match frame.settings.solidity {
+                Solidity::Coverage => {
+                    let (area, direction) = (f64::from(state.area), state.direction.as_dvec3());
+                    let more = through * light_share(area, direction, face.normal, face.area);
+                    // A neighbour that is not in the front yet has NaN, which counts as none.
+                    (state.value.max(0.0) + more as f32).min(1.0)
+                }
+                Solidity::Count => {
+                    let center = tessellation.center(neighbour);
+                    count_solidity(tessellation, &frame.frustum, &from, face, center)
+                }
+            };
+            self.put(frame, neighbour, value);
+        }
+        self.faces = faces;
+    }
+}
+
+/// Share of a boundary cell's light that enters from outside of all cells, 0 to 1.
+fn outside_light<T: Tessellation + ?Sized>(frame: &FrameContext<'_, T>, cell: u32, state: &CellState) -> f64 {
+    let mut inner = 0.0;
+    let (area, direction) = (f64::from(state.area), state.direction.as_dvec3());
+    frame.tessellation.for_each_face(cell, &|_| true, &mut |face| {
+        inner += light_share(area, direction, -face.normal, face.area);
+    });
+    (1.0 - inner).max(0.0)
+}
