@@ -4,10 +4,11 @@
 
 mod common;
 
-use common::{Face, Occluder, Random, faces, occluder, view};
+use common::{Face, Occluder, faces, occluder, view};
 use visibility_core::glam::{DVec2, DVec3, DVec4};
 use visibility_core::{Depth, OcclusionMap, View};
 use visibility_hzb::Hzb;
+use visibility_testing::Random;
 
 /// What is left of a polygon where a linear function is not negative.
 fn clip<P: Copy>(polygon: &[P], inside: impl Fn(P) -> f64, mix: impl Fn(P, P, f64) -> P) -> Vec<P> {
@@ -138,7 +139,7 @@ fn nothing_of_a_covered_pixel_is_bare() {
     let mut random = Random(11);
     let mut pixels = 0;
     for round in 0..3000 {
-        let size = [[40, 24], [17, 33], [64, 16]][random.below(3) as usize];
+        let size = [[40, 24], [17, 33], [64, 16]][random.below(3)];
         let view = view(&mut random);
         let occluders: Vec<_> = (0..random.below(3) + 1).map(|_| occluder(&mut random)).collect();
         let mut hzb = Hzb::new(size[0], size[1]).unwrap();

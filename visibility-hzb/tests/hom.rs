@@ -4,13 +4,14 @@
 mod common;
 
 use common::boxes::{Checked, points};
-use common::{Occluder, Random, Ray, faces, occluder, view};
+use common::{Occluder, Ray, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
     Aabb, Accuracy, Culler, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Pose, Scene, Simd, View,
     VisibleSet, Window,
 };
 use visibility_hzb::{Coverage, DepthEstimate, Hom, Hzb};
+use visibility_testing::Random;
 
 const ESTIMATES: [DepthEstimate; 3] =
     [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground];
@@ -29,17 +30,17 @@ fn draw<M: OcclusionMap>(mut map: M, occluders: &[Occluder], view: &View) -> M {
 
 /// Huge or near-degenerate triangles, on which no ray can be trusted.
 fn extreme(random: &mut Random) -> Option<Occluder> {
-    let scale = [1e-20, 1e-6, 1e3, 1e6, 1e12, 1e30][random.below(6) as usize] as f32;
-    let a = random.vec(-1.0, 1.0) * scale;
-    let triangle = [a, random.vec(-1.0, 1.0) * scale, a + random.vec(-1.0, 1.0) * 1e-7 * scale];
+    let scale = [1e-20, 1e-6, 1e3, 1e6, 1e12, 1e30][random.below(6)] as f32;
+    let a = random.vec3(-1.0, 1.0) * scale;
+    let triangle = [a, random.vec3(-1.0, 1.0) * scale, a + random.vec3(-1.0, 1.0) * 1e-7 * scale];
     let mesh = OccluderMesh::from_triangles(&[triangle]).ok()?;
     Some(Occluder { mesh: mesh.with_two_sided(random.below(2) == 0), transform: Affine3A::IDENTITY })
 }
 
 fn random_box(random: &mut Random) -> Aabb {
-    let middle = random.vec(-9.0, 9.0);
+    let middle = random.vec3(-9.0, 9.0);
     let most = if random.below(4) == 0 { 3.0 } else { 0.4 };
-    let half = random.vec(0.0, most);
+    let half = random.vec3(0.0, most);
     Aabb::new(middle - half, middle + half)
 }
 
@@ -47,7 +48,7 @@ fn run(views: u64, seed: u64) {
     let mut random = Random(seed);
     let (mut hidden, mut rays) = ([0u64; 3], 0u64);
     for round in 0..views {
-        let size = [[40, 24], [17, 33], [64, 64], [130, 50]][random.below(4) as usize];
+        let size = [[40, 24], [17, 33], [64, 64], [130, 50]][random.below(4)];
         let view = view(&mut random);
         let mut occluders: Vec<_> = (0..random.below(5) + 1).map(|_| occluder(&mut random)).collect();
         let plain = occluders.len();
@@ -158,8 +159,7 @@ fn a_hole_of_one_pixel_in_a_wall_shows_what_is_behind() {
         for estimate in ESTIMATES {
             let mut hom = Hom::new(size[0], size[1]).unwrap().with_depth_estimate(estimate);
             let [width, height] = size.map(|side| side as f32);
-            let (hole_x, hole_y) =
-                (random.below(size[0] as u64) as usize, random.below(size[1] as u64) as usize);
+            let (hole_x, hole_y) = (random.below(size[0]), random.below(size[1]));
             let (x, y) = (hole_x as f32, hole_y as f32);
             // Above, below, to the left and to the right; beyond the picture, so that its border is covered too, and a little into the
             // hole, so that rounding leaves no other pixel open.
@@ -307,7 +307,7 @@ fn the_answers_are_pinned() {
         let size = [[96, 54], [200, 120], [333, 77]][round % 3];
         // Quarters of pixels, so that it does not matter how a rasterizer rounds.
         let mut part = |side: usize| {
-            let (a, b) = (random.below(4 * side as u64) as f32, random.below(4 * side as u64) as f32);
+            let (a, b) = (random.below(4 * side) as f32, random.below(4 * side) as f32);
             [a.min(b) * 0.25 + 0.125, a.max(b) * 0.25 + 0.125]
         };
         let meshes: Vec<_> = (0..12).filter_map(|_| wall(size, part(size[0]), part(size[1]))).collect();
@@ -321,8 +321,8 @@ fn the_answers_are_pinned() {
             .with_depth_estimate(ESTIMATES[round / 9 % 3]);
         let hom = draw(new, &occluders, &pixels_as_metres(size));
         for _ in 0..40 {
-            let middle = random.vec(-1.0, 1.0) * Vec3::new(1.0, size[0] as f32, size[1] as f32) * 0.5;
-            let half = random.vec(0.0, 30.0) * Vec3::new(0.1, 1.0, 1.0);
+            let middle = random.vec3(-1.0, 1.0) * Vec3::new(1.0, size[0] as f32, size[1] as f32) * 0.5;
+            let half = random.vec3(0.0, 30.0) * Vec3::new(0.1, 1.0, 1.0);
             let away = Vec3::X * (12 + random.below(60)) as f32;
             let bounds = Aabb::new(middle - half + away, middle + half + away);
             let answer = hom.test(&bounds) as u64;

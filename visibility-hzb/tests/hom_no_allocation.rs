@@ -2,9 +2,10 @@
 
 mod common;
 
-use common::{Random, occluder, view};
+use common::{occluder, view};
 use visibility_core::{Aabb, Culler, Object, Scene, Selection, VisibleSet};
 use visibility_hzb::{DepthEstimate, Hom, HomCuller};
+use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 
 #[global_allocator]
@@ -23,7 +24,7 @@ fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {
         scene.set_mesh(id, mesh, o.transform).unwrap();
     }
     scene.insert_batch((0..2000).map(|_| {
-        let middle = random.vec(-9.0, 9.0);
+        let middle = random.vec3(-9.0, 9.0);
         Aabb::new(middle - 0.3, middle + 0.3)
     }));
     scene.rebuild();

@@ -3,10 +3,11 @@
 
 mod common;
 
-use common::{Random, occluder, view};
+use common::{occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, OccluderMesh, Occlusion, OcclusionMap, Pose, View};
 use visibility_hzb::{Coverage, Hom, Hzb};
+use visibility_testing::Random;
 
 /// Walls that face an eye at the origin looking along x: a box, a sheet of many triangles, and a sheet of two.
 fn walls(scale: f32) -> Vec<OccluderMesh> {
@@ -73,7 +74,7 @@ fn a_clip_matrix_times_any_factor_gives_the_same_answers() {
         let view = view(&mut random);
         let occluders: Vec<_> = (0..20).map(|_| occluder(&mut random)).collect();
         let boxes: Vec<_> = (0..200)
-            .map(|_| (random.vec(-9.0, 9.0), random.within(0.01, 0.5) as f32))
+            .map(|_| (random.vec3(-9.0, 9.0), random.fine_range(0.01, 0.5) as f32))
             .map(|(middle, half)| Aabb::new(middle - half, middle + half))
             .collect();
         let answers = |exponent: i32| {

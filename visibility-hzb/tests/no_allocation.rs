@@ -2,12 +2,13 @@
 
 mod common;
 
-use common::{Random, occluder, view};
+use common::{occluder, view};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, Occlusion, OcclusionCuller, OcclusionMap, Scene, VisibleSet,
 };
 use visibility_hzb::{Hom, Hzb};
+use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 
 #[global_allocator]
@@ -20,7 +21,7 @@ fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {
     let views: Vec<_> = (0..8).map(|_| view(&mut random)).collect();
     let boxes: Vec<_> = (0..500)
         .map(|_| {
-            let middle = random.vec(-9.0, 9.0);
+            let middle = random.vec3(-9.0, 9.0);
             Aabb::new(middle - 0.3, middle + 0.3)
         })
         .collect();
@@ -56,7 +57,7 @@ fn allocations_at_new_views(map: impl OcclusionMap + Clone) -> usize {
         scene.set_mesh(id, mesh, o.transform).unwrap();
     }
     scene.insert_batch((0..2000).map(|_| {
-        let middle = random.vec(-9.0, 9.0);
+        let middle = random.vec3(-9.0, 9.0);
         Aabb::new(middle - 0.3, middle + 0.3)
     }));
     scene.rebuild();

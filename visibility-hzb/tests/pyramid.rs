@@ -3,6 +3,12 @@
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
 use visibility_core::{Aabb, OccluderMesh, Occlusion, OcclusionMap, Pose, View};
 use visibility_hzb::Hzb;
+use visibility_testing::Random;
+
+/// A vector between two, coordinate by coordinate.
+fn within(random: &mut Random, low: [f64; 3], high: [f64; 3]) -> Vec3 {
+    DVec3::from_array(std::array::from_fn(|i| random.range(low[i], high[i]))).as_vec3()
+}
 
 fn view() -> View {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
@@ -30,43 +36,27 @@ fn check(hzb: &Hzb) -> usize {
     covered
 }
 
-/// SplitMix64, as numbers between two.
-struct Random(u64);
-
-impl Random {
-    fn between(&mut self, low: f32, high: f32) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        low + (high - low) * ((z ^ z >> 31) >> 40) as f32 / (1u32 << 24) as f32
-    }
-
-    fn vec(&mut self, low: [f32; 3], high: [f32; 3]) -> Vec3 {
-        Vec3::from_array(std::array::from_fn(|i| self.between(low[i], high[i])))
-    }
-}
-
 #[test]
 fn updates_leave_nothing_out() {
     let mut random = Random(7);
     let mut covered = 0;
     for _ in 0..48 {
-        let size = [random.between(16.0, 700.0) as usize, random.between(16.0, 500.0) as usize];
+        let size = [random.range(16.0, 700.0) as usize, random.range(16.0, 500.0) as usize];
         let mut hzb = Hzb::new(size[0], size[1]).unwrap();
         for _ in 0..3 {
             hzb.begin(&view(), DVec3::ZERO);
             assert_eq!(check(&hzb), 0);
-            for _ in 0..random.between(1.0, 60.0) as usize {
-                let half = random.vec([0.1; 3], [3.0, 12.0, 9.0]);
+            for _ in 0..random.range(1.0, 60.0) as usize {
+                let half = within(&mut random, [0.1; 3], [3.0, 12.0, 9.0]);
                 let mut mesh = OccluderMesh::cuboid(&Aabb::new(-half, half)).unwrap();
-                if random.between(0.0, 1.0) < 0.5 {
+                if random.range(0.0, 1.0) < 0.5 {
                     // Without one of its sides, it is drawn otherwise than a box is.
                     mesh = OccluderMesh::from_indexed(mesh.positions(), &mesh.triangles()[2..]).unwrap();
                 }
-                let turn = Quat::from_rotation_z(random.between(0.0, 6.3));
-                let at = random.vec([2.0, -15.0, -10.0], [40.0, 15.0, 10.0]);
+                let turn = Quat::from_rotation_z(random.range(0.0, 6.3) as f32);
+                let at = within(&mut random, [2.0, -15.0, -10.0], [40.0, 15.0, 10.0]);
                 hzb.add(&mesh, &Affine3A::from_rotation_translation(turn, at));
-                if random.between(0.0, 1.0) < 0.3 {
+                if random.range(0.0, 1.0) < 0.3 {
                     hzb.flush();
                     covered += check(&hzb);
                 }

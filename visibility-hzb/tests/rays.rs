@@ -2,10 +2,11 @@
 
 mod common;
 
-use common::{Occluder, Random, Ray, faces, occluder, view};
+use common::{Occluder, Ray, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
 use visibility_hzb::Hzb;
+use visibility_testing::Random;
 
 /// Points of a pixel: corners, a hair inside, the middle, and one anywhere.
 fn points(random: &mut Random) -> [[f64; 2]; 6] {
@@ -16,7 +17,7 @@ fn points(random: &mut Random) -> [[f64; 2]; 6] {
         [low, high],
         [high, high],
         [0.5, 0.5],
-        [random.within(low, high), random.within(low, high)],
+        [random.fine_range(low, high), random.fine_range(low, high)],
     ]
 }
 
@@ -59,13 +60,13 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
 /// Boxes side by side and end to end, turned as one or not at all: some touch, some overlap a little, and some leave gaps too narrow for a pixel.
 fn room(random: &mut Random) -> Vec<Occluder> {
     let transform = if random.below(2) == 0 { Affine3A::IDENTITY } else { occluder(random).transform };
-    let mut low = random.vec(-2.0, 0.0);
+    let mut low = random.vec3(-2.0, 0.0);
     (0..random.below(6) + 2)
         .filter_map(|_| {
-            let high = low + random.vec(0.1, 2.5);
+            let high = low + random.vec3(0.1, 2.5);
             let mesh = OccluderMesh::cuboid(&Aabb::new(low, high)).ok()?;
-            let axis = random.below(3) as usize;
-            let gap = [0.0, 0.0, -0.05, 0.003, 0.03][random.below(5) as usize] as f32;
+            let axis = random.below(3);
+            let gap = [0.0, 0.0, -0.05, 0.003, 0.03][random.below(5)] as f32;
             low[axis] = high[axis] + gap;
             Some(Occluder { mesh, transform })
         })
@@ -76,16 +77,16 @@ fn room(random: &mut Random) -> Vec<Occluder> {
 /// are off by a little, some triangles are missing, some are there twice or thrice, and some run the other way round.
 fn sheets(random: &mut Random) -> Vec<Occluder> {
     let transform = if random.below(3) == 0 { occluder(random).transform } else { Affine3A::IDENTITY };
-    let mut meshes = vec![Vec::new(); random.below(4) as usize + 1];
-    let count = meshes.len() as u64;
+    let mut meshes = vec![Vec::new(); random.below(4) + 1];
+    let count = meshes.len();
     for sheet in 0..random.below(3) + 1 {
-        let (cells, height) = (random.below(4) as usize + 1, [0.0, 0.02, 0.3, 1.5][random.below(4) as usize]);
-        let middle = random.vec(-1.0, 1.0) - Vec3::Z * sheet as f32;
+        let (cells, height) = (random.below(4) + 1, [0.0, 0.02, 0.3, 1.5][random.below(4)]);
+        let middle = random.vec3(-1.0, 1.0) - Vec3::Z * sheet as f32;
         let folded = random.below(3) == 0;
         let corners: Vec<_> = (0..(cells + 1) * (cells + 1))
             .map(|k| {
                 let [i, j] = [k % (cells + 1), k / (cells + 1)].map(|k| k as f32 / cells as f32 - 0.5);
-                let up = random.within(-height, height) as f32;
+                let up = random.fine_range(-height, height) as f32;
                 // To and fro, so that folds are seen, or flat.
                 let across = if folded { (k % (cells + 1) % 2) as f32 * 4.0 + up - 2.0 } else { i * 5.0 };
                 middle + Vec3::new(across, j * 5.0, if folded { i * 2.0 } else { up })
@@ -96,14 +97,13 @@ fn sheets(random: &mut Random) -> Vec<Occluder> {
             let quad = [a, a + 1, a + cells + 2, a + cells + 1].map(|i| corners[i]);
             for mut t in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
                 if random.below(12) == 0 {
-                    t[random.below(3) as usize] +=
-                        random.vec(-1.0, 1.0) * [1e-4, 1e-2][random.below(2) as usize];
+                    t[random.below(3)] += random.vec3(-1.0, 1.0) * [1e-4, 1e-2][random.below(2)];
                 }
                 if random.below(10) == 0 {
                     t.swap(0, 1);
                 }
-                for _ in 0..[0, 2, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1][random.below(12) as usize] {
-                    meshes[random.below(count) as usize].push(t);
+                for _ in 0..[0, 2, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1][random.below(12)] {
+                    meshes[random.below(count)].push(t);
                 }
             }
         }
@@ -122,7 +122,7 @@ fn covered_pixels_are_covered_and_no_farther_than_they_say() {
     let (mut samples, mut pixels, mut rounds) = (0, 0, 0);
     while samples < 6_000_000 {
         let sizes = [[64, 36], [33, 57], [16, 16], [120, 40]];
-        let size = sizes[random.below(4) as usize];
+        let size = sizes[random.below(4)];
         let mut view = view(&mut random);
         let mut occluders: Vec<_> = (0..random.below(4) + 1).map(|_| occluder(&mut random)).collect();
         if random.below(3) == 0 {
@@ -131,7 +131,7 @@ fn covered_pixels_are_covered_and_no_farther_than_they_say() {
             occluders = room(&mut random);
             // Some edges level and some upright.
             if random.below(3) == 0 {
-                let eye = random.vec(-1.0, 1.0).as_dvec3() - 4.0 * DVec3::X;
+                let eye = random.vec3(-1.0, 1.0).as_dvec3() - 4.0 * DVec3::X;
                 let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
                 view = View::perspective(pose, 1.0, size[0] as f64 / size[1] as f64, 0.1, f64::INFINITY)
                     .unwrap();

@@ -3,20 +3,21 @@
 mod common;
 
 use common::boxes::{Checked, points};
-use common::{Occluder, Random, Ray, faces, occluder, view};
+use common::{Occluder, Ray, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
     Aabb, Culler, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Scene, Simd, View, VisibleSet,
 };
 use visibility_hzb::{Coverage, Hzb};
+use visibility_testing::Random;
 
 /// Huge, flat or near-degenerate triangles, which the tests of pixels leave out since no ray can be trusted on them.
 fn extreme(random: &mut Random) -> Option<Occluder> {
-    let scale = [1e-20, 1e-6, 1e3, 1e6, 1e12, 1e30][random.below(6) as usize] as f32;
+    let scale = [1e-20, 1e-6, 1e3, 1e6, 1e12, 1e30][random.below(6)] as f32;
     let triangles: Vec<_> = (0..random.below(3) + 1)
         .map(|_| {
-            let a = random.vec(-1.0, 1.0) * scale;
-            [a, random.vec(-1.0, 1.0) * scale, a + random.vec(-1.0, 1.0) * 1e-7 * scale]
+            let a = random.vec3(-1.0, 1.0) * scale;
+            [a, random.vec3(-1.0, 1.0) * scale, a + random.vec3(-1.0, 1.0) * 1e-7 * scale]
         })
         .collect();
     let mesh = OccluderMesh::from_triangles(&triangles).ok()?;
@@ -37,7 +38,7 @@ fn run(views: u64, seed: u64) {
     let mut random = Random(seed);
     let (mut hidden, mut rays) = (0u64, 0u64);
     for round in 0..views {
-        let size = [[40, 24], [17, 33], [64, 64]][random.below(3) as usize];
+        let size = [[40, 24], [17, 33], [64, 64]][random.below(3)];
         let view = view(&mut random);
         let mut occluders: Vec<_> = (0..random.below(5) + 1).map(|_| occluder(&mut random)).collect();
         let plain = occluders.len();
@@ -59,9 +60,9 @@ fn run(views: u64, seed: u64) {
         let mut scene = Scene::new();
         let boxes: Vec<_> = (0..40)
             .map(|_| {
-                let middle = random.vec(-9.0, 9.0);
+                let middle = random.vec3(-9.0, 9.0);
                 let most = if random.below(4) == 0 { 3.0 } else { 0.4 };
-                let half = random.vec(0.0, most);
+                let half = random.vec3(0.0, most);
                 Aabb::new(middle - half, middle + half)
             })
             .collect();

@@ -1,6 +1,6 @@
 //! Random numbers, the same in each run.
 
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{DVec3, Vec3};
 
 /// A sequence of random numbers: SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number
 /// Generators", 2014). The field is the seed, and any seed is good. Integer arithmetic makes the bits, so
@@ -81,6 +81,11 @@ impl Random {
     /// A vector whose coordinates are each from `-size` to `size`, in steps of `size / 2^52`.
     pub fn fine_vector(&mut self, size: f64) -> DVec3 {
         DVec3::from_array(core::array::from_fn(|_| self.fine_range(-size, size)))
+    }
+
+    /// A vector whose coordinates are each from `least` to `greatest`.
+    pub fn vec3(&mut self, least: f64, greatest: f64) -> Vec3 {
+        DVec3::from_array(core::array::from_fn(|_| self.fine_range(least, greatest))).as_vec3()
     }
 
     /// A unit vector; all directions are equally likely.

@@ -216,23 +216,13 @@ impl Walk<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visibility_testing::Random;
 
     /// SplitMix64.
-    struct Random(u64);
-
-    impl Random {
-        fn below(&mut self, limit: usize) -> usize {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-            ((z ^ z >> 31) % limit as u64) as usize
-        }
-
-        fn range(&mut self, size: usize) -> [u32; 2] {
-            let (a, b) = (self.below(size), self.below(size));
-            let end = if self.below(2) == 0 { a.max(b) } else { (a.min(b) + self.below(12)).min(size - 1) };
-            [a.min(b) as u32, end as u32 + 1]
-        }
+    fn range(random: &mut Random, size: usize) -> [u32; 2] {
+        let (a, b) = (random.below(size), random.below(size));
+        let end = if random.below(2) == 0 { a.max(b) } else { (a.min(b) + random.below(12)).min(size - 1) };
+        [a.min(b) as u32, end as u32 + 1]
     }
 
     #[test]
@@ -255,8 +245,10 @@ mod tests {
                 let mut pyramid = Pyramid::new(&tiles);
                 pyramid.update(&mut tiles);
                 for _ in 0..200 {
-                    let rectangle =
-                        Rectangle { columns: random.range(size[0]), lines: random.range(size[1]) };
+                    let rectangle = Rectangle {
+                        columns: range(&mut random, size[0]),
+                        lines: range(&mut random, size[1]),
+                    };
                     let depth_key = 0.5 + random.below(3) as f32;
                     let [x, y] = [rectangle.columns, rectangle.lines].map(|[a, b]| a as usize..b as usize);
                     let all = y.clone().all(|y| x.clone().all(|x| tiles.pixel(x, y) > depth_key));

@@ -85,23 +85,13 @@ mod tests {
     use crate::buffer::tiles::Tiles;
     use crate::hom::thresholds::Thresholds;
     use std::vec::Vec;
+    use visibility_testing::Random;
 
     /// SplitMix64.
-    struct Random(u64);
-
-    impl Random {
-        fn below(&mut self, limit: u64) -> u64 {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-            (z ^ z >> 31) % limit
-        }
-
-        fn range(&mut self, size: usize) -> [u32; 2] {
-            let (a, b) = (self.below(size as u64) as u32, self.below(size as u64) as u32);
-            let far = if self.below(2) == 0 { a.max(b) } else { (a.min(b) + 3).min(size as u32 - 1) };
-            [a.min(b), far + 1]
-        }
+    fn range(random: &mut Random, size: usize) -> [u32; 2] {
+        let (a, b) = (random.below(size) as u32, random.below(size) as u32);
+        let far = if random.below(2) == 0 { a.max(b) } else { (a.min(b) + 3).min(size as u32 - 1) };
+        [a.min(b), far + 1]
     }
 
     /// A map with large areas covered and a few holes in it, drawn in two goes; and its pixels.
@@ -111,8 +101,8 @@ mod tests {
         for _ in 0..2 {
             let mut stale = TileRange::NONE;
             for _ in 0..random.below(6) {
-                let area = Rectangle { columns: random.range(width), lines: random.range(height) };
-                let holes = [0, 1, 40][random.below(3) as usize];
+                let area = Rectangle { columns: range(random, width), lines: range(random, height) };
+                let holes = [0, 1, 40][random.below(3)];
                 let region = TileRange::of(&area);
                 let [x0, x1, y0, y1] = region.0;
                 for (x, y) in (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| (x, y))) {
@@ -136,7 +126,7 @@ mod tests {
     fn counts_are_those_of_the_pixels() {
         let mut random = Random(1);
         for round in 0..200 {
-            let size = [17 + random.below(300) as usize, 16 + random.below(200) as usize];
+            let size = [17 + random.below(300), 16 + random.below(200)];
             let (opacity, pixels) = map(&mut random, size);
             for level in 0..TILE + opacity.levels.len() {
                 let [columns, rows] = opacity.size(level).unwrap();
@@ -160,10 +150,11 @@ mod tests {
         let mut random = Random(2);
         let (mut yes, mut no) = (0, 0);
         for _ in 0..600 {
-            let size = [17 + random.below(500) as usize, 16 + random.below(300) as usize];
+            let size = [17 + random.below(500), 16 + random.below(300)];
             let (opacity, pixels) = map(&mut random, size);
             for _ in 0..100 {
-                let rectangle = Rectangle { columns: random.range(size[0]), lines: random.range(size[1]) };
+                let rectangle =
+                    Rectangle { columns: range(&mut random, size[0]), lines: range(&mut random, size[1]) };
                 let [left, right] = rectangle.columns.map(|side| side as usize);
                 let mut rows = rectangle.lines[0] as usize..rectangle.lines[1] as usize;
                 let all = rows.all(|y| pixels[y * size[0] + left..y * size[0] + right].iter().all(|p| *p));
@@ -179,10 +170,13 @@ mod tests {
         let mut random = Random(3);
         let mut more = 0;
         for _ in 0..600 {
-            let size = [17 + random.below(500) as usize, 16 + random.below(300) as usize];
+            let size = [17 + random.below(500), 16 + random.below(300)];
             let (mut opacity, _) = map(&mut random, size);
             let rectangles: Vec<_> = (0..100)
-                .map(|_| Rectangle { columns: random.range(size[0]), lines: random.range(size[1]) })
+                .map(|_| Rectangle {
+                    columns: range(&mut random, size[0]),
+                    lines: range(&mut random, size[1]),
+                })
                 .collect();
             let mut before: Vec<bool> = std::vec![false; rectangles.len()];
             for dial in [1.0, 0.95, 0.8, 0.5, 0.1] {

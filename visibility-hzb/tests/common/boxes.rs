@@ -1,8 +1,8 @@
 //! What the tests ask a finished map about boxes.
 
-use super::Random;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, View};
+use visibility_testing::Random;
 
 /// A finished map that answers 64 boxes at once as it answers each of them.
 pub struct Checked<M>(pub M);
@@ -38,8 +38,8 @@ impl<M: OcclusionMap> OcclusionMap for Checked<M> {
 pub fn points(random: &mut Random, bounds: &Aabb) -> Vec<DVec3> {
     let mut points: Vec<Vec3> = bounds.corners().into();
     for _ in 0..8 {
-        let mut p = bounds.min + (bounds.max - bounds.min) * random.vec(0.0, 1.0);
-        let axis = random.below(3) as usize;
+        let mut p = bounds.min + (bounds.max - bounds.min) * random.vec3(0.0, 1.0);
+        let axis = random.below(3);
         p[axis] = if random.below(2) == 0 { bounds.min[axis] } else { bounds.max[axis] };
         points.push(p);
     }

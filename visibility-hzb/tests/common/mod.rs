@@ -5,31 +5,7 @@ pub mod boxes;
 
 use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4, Quat, Vec3, Vec4};
 use visibility_core::{Aabb, Depth, OccluderMesh, Pose, View, Window};
-
-/// SplitMix64.
-#[derive(Clone)]
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    pub fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * ((self.bits() >> 11) as f64 / (1u64 << 53) as f64)
-    }
-
-    pub fn below(&mut self, limit: u64) -> u64 {
-        self.bits() % limit
-    }
-
-    pub fn vec(&mut self, low: f64, high: f64) -> Vec3 {
-        DVec3::new(self.within(low, high), self.within(low, high), self.within(low, high)).as_vec3()
-    }
-}
+use visibility_testing::Random;
 
 pub struct Occluder {
     pub mesh: OccluderMesh,
@@ -37,12 +13,12 @@ pub struct Occluder {
 }
 
 /// A grid of vertices over a square, moved up and down: open, concave, with some cells missing.
-fn grid(random: &mut Random, cells: u32, height: f64, holes: u64) -> Option<OccluderMesh> {
+fn grid(random: &mut Random, cells: u32, height: f64, holes: usize) -> Option<OccluderMesh> {
     let side = cells + 1;
     let mut positions = Vec::new();
     for j in 0..side {
         for i in 0..side {
-            let z = random.within(-height, height) as f32;
+            let z = random.fine_range(-height, height) as f32;
             positions.push(Vec3::new(i as f32 / cells as f32 - 0.5, j as f32 / cells as f32 - 0.5, z) * 4.0);
         }
     }
@@ -68,7 +44,7 @@ fn ball(random: &mut Random, dent: f64) -> Option<OccluderMesh> {
                 std::f32::consts::PI * ring as f32 / rings as f32,
                 std::f32::consts::TAU * sector as f32 / sectors as f32,
             );
-            let r = 1.5 * (1.0 - random.within(0.0, dent.max(1e-9))) as f32;
+            let r = 1.5 * (1.0 - random.fine_range(0.0, dent.max(1e-9))) as f32;
             positions.push(Vec3::new(a.sin() * b.cos(), a.sin() * b.sin(), a.cos()) * r);
         }
     }
@@ -90,8 +66,8 @@ pub fn occluder(random: &mut Random) -> Occluder {
     let mesh = loop {
         let mesh = match random.below(11) {
             0 | 1 => {
-                let a = random.vec(-2.0, 2.0);
-                let b = random.vec(-2.0, 2.0);
+                let a = random.vec3(-2.0, 2.0);
+                let b = random.vec3(-2.0, 2.0);
                 OccluderMesh::cuboid(&Aabb::new(a.min(b), a.max(b))).ok()
             }
             2 => grid(random, 3, 0.1, 5),
@@ -102,9 +78,9 @@ pub fn occluder(random: &mut Random) -> Occluder {
                 // A soup, with slivers.
                 let triangles: Vec<_> = (0..random.below(6) + 1)
                     .map(|_| {
-                        let a = random.vec(-2.0, 2.0);
+                        let a = random.vec3(-2.0, 2.0);
                         let thin = if random.below(3) == 0 { 0.01 } else { 2.0 };
-                        [a, a + random.vec(-3.0, 3.0), a + random.vec(-thin, thin)]
+                        [a, a + random.vec3(-3.0, 3.0), a + random.vec3(-thin, thin)]
                     })
                     .collect();
                 OccluderMesh::from_triangles(&triangles).ok()
@@ -114,8 +90,8 @@ pub fn occluder(random: &mut Random) -> Occluder {
                 let mut triangles = Vec::new();
                 let mut last = Vec3::ZERO;
                 for _ in 0..random.below(5) + 2 {
-                    let a = if random.below(2) == 0 { last } else { random.vec(-2.0, 2.0) };
-                    let b = a + random.vec(-2.0, 2.0);
+                    let a = if random.below(2) == 0 { last } else { random.vec3(-2.0, 2.0) };
+                    let b = a + random.vec3(-2.0, 2.0);
                     last = b;
                     if let Ok(part) = OccluderMesh::cuboid(&Aabb::new(a.min(b), a.max(b))) {
                         triangles
@@ -123,7 +99,7 @@ pub fn occluder(random: &mut Random) -> Occluder {
                     }
                 }
                 for _ in 0..random.below(2) {
-                    triangles.push([random.vec(-2.0, 2.0), random.vec(-2.0, 2.0), random.vec(-2.0, 2.0)]);
+                    triangles.push([random.vec3(-2.0, 2.0), random.vec3(-2.0, 2.0), random.vec3(-2.0, 2.0)]);
                 }
                 OccluderMesh::from_triangles(&triangles).ok()
             }
@@ -147,7 +123,7 @@ pub fn occluder(random: &mut Random) -> Occluder {
             }
             _ => {
                 // A wall of two triangles, or a folded one.
-                let fold = if random.below(2) == 0 { 0.0 } else { random.within(-2.0, 2.0) as f32 };
+                let fold = if random.below(2) == 0 { 0.0 } else { random.fine_range(-2.0, 2.0) as f32 };
                 let p = [
                     Vec3::new(-2., -2., 0.),
                     Vec3::new(2., -2., fold),
@@ -163,13 +139,13 @@ pub fn occluder(random: &mut Random) -> Occluder {
     };
     let transform = match random.below(3) {
         0 => Affine3A::IDENTITY,
-        1 => Affine3A::from_translation(random.vec(-6.0, 6.0)),
+        1 => Affine3A::from_translation(random.vec3(-6.0, 6.0)),
         _ => {
-            let q = random.vec(-1.0, 1.0);
+            let q = random.vec3(-1.0, 1.0);
             let turn = Quat::from_vec4(Vec4::new(q.x, q.y, q.z, 0.3).normalize());
-            let scale = random.vec(0.3, 3.0)
+            let scale = random.vec3(0.3, 3.0)
                 * if random.below(4) == 0 { Vec3::new(-1.0, 1.0, 1.0) } else { Vec3::ONE };
-            Affine3A::from_scale_rotation_translation(scale, turn, random.vec(-6.0, 6.0))
+            Affine3A::from_scale_rotation_translation(scale, turn, random.vec3(-6.0, 6.0))
         }
     };
     Occluder { mesh, transform }
@@ -177,36 +153,36 @@ pub fn occluder(random: &mut Random) -> Occluder {
 
 /// A camera of any kind, in any depth convention, that looks about the middle of the scene.
 pub fn view(random: &mut Random) -> View {
-    let eye = random.vec(-9.0, 9.0).as_dvec3();
-    let pose = Pose::look_at(eye, random.vec(-3.0, 3.0).as_dvec3(), random.vec(-1.0, 1.0).as_dvec3());
-    let near = if random.below(2) == 0 { 0.1 } else { random.within(0.5, 4.0) };
+    let eye = random.vec3(-9.0, 9.0).as_dvec3();
+    let pose = Pose::look_at(eye, random.vec3(-3.0, 3.0).as_dvec3(), random.vec3(-1.0, 1.0).as_dvec3());
+    let near = if random.below(2) == 0 { 0.1 } else { random.fine_range(0.5, 4.0) };
     let far = if random.below(2) == 0 { 60.0 } else { f64::INFINITY };
     let view = match random.below(4) {
         0 => {
             let window = Window {
-                left: -random.within(0.2, 9.0),
-                right: random.within(0.2, 9.0),
+                left: -random.fine_range(0.2, 9.0),
+                right: random.fine_range(0.2, 9.0),
                 bottom: -4.0,
-                top: random.within(0.1, 5.0),
+                top: random.fine_range(0.1, 5.0),
             };
             View::orthographic(pose, window, near, 60.0)
         }
         1 => {
             let window = Window {
-                left: random.within(-1.0, 0.1),
-                right: random.within(0.2, 1.0),
+                left: random.fine_range(-1.0, 0.1),
+                right: random.fine_range(0.2, 1.0),
                 bottom: -0.3,
-                top: random.within(0.1, 0.9),
+                top: random.fine_range(0.1, 0.9),
             };
             View::perspective_off_center(pose, window, near, far)
         }
-        _ => View::perspective(pose, random.within(0.2, 2.2), random.within(0.7, 2.5), near, far),
+        _ => View::perspective(pose, random.fine_range(0.2, 2.2), random.fine_range(0.7, 2.5), near, far),
     };
     convention(&view.unwrap(), random.below(3))
 }
 
 /// The same view in another depth convention.
-pub fn convention(view: &View, which: u64) -> View {
+pub fn convention(view: &View, which: usize) -> View {
     let m = view.clip_from(view.origin());
     let [x, y, z, w] = [m.row(0), m.row(1), m.row(2), m.row(3)];
     let infinite = view.depth().is_infinite();
