@@ -4,7 +4,8 @@
 //! adjacency is found once, when the mesh is made.
 
 use super::parts::split;
-use crate::{Aabb, ConvexPolygon, Triangle};
+use crate::geometry::orientation;
+use crate::{Aabb, ConvexPolygon, Side, Triangle};
 use alloc::vec::Vec;
 use core::fmt;
 use glam::{DVec3, Vec3};
@@ -414,8 +415,12 @@ pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
     (edges, triangle_edges)
 }
 
-/// Whether no vertex is in front of any face by more than rounding of vertices explains. Quadratic, so larger meshes, which could gain
-/// little from it, are not looked at.
+/// Whether a closed mesh is a convex solid that faces outwards. Takes quadratic time, so meshes of more than 256
+/// triangles, which could gain little from it, count as not convex.
+///
+/// Rounding its vertices may have put them in front of faces by some steps of `f32`. That excuses dents only in a mesh
+/// that is large beside them: one that has a vertex four times as far behind each face. In a smaller one, no vertex
+/// may be in front of a face, as far as `f64` can tell, and one must be behind it.
 fn is_convex(positions: &[Vec3], triangles: &[[u32; 3]], bounds: &Aabb) -> bool {
     if triangles.len() > 256 {
         return false;
@@ -425,7 +430,11 @@ fn is_convex(positions: &[Vec3], triangles: &[[u32; 3]], bounds: &Aabb) -> bool 
     triangles.iter().all(|t| {
         let [a, b, c] = t.map(|i| positions[i as usize].as_dvec3());
         let normal = (b - a).cross(c - a).normalize_or_zero();
-        positions.iter().all(|p| normal.dot(p.as_dvec3() - a) <= allowed)
+        let heights = || positions.iter().map(|p| normal.dot(p.as_dvec3() - a));
+        let sides = || positions.iter().map(|p| orientation(a, b, c, p.as_dvec3()));
+        let is_clear = heights().any(|height| height < -4.0 * allowed);
+        heights().all(|height| height <= allowed)
+            && (is_clear || sides().all(|side| side != Side::Front) && sides().any(|side| side == Side::Back))
     })
 }
 
@@ -529,6 +538,43 @@ mod tests {
         // The top face, split at a point pushed inwards.
         let mut triangles: Vec<_> =
             cube().triangles().iter().filter(|t| !t.iter().all(|i| *i >= 4)).copied().collect();
+        triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);
+        let dented = OccluderMesh::from_indexed(&p, &triangles).unwrap();
+        assert!(dented.is_closed() && !dented.is_convex());
+    }
+
+    /// At 10,000 km a metre is one step of `f32`: rounding of vertices would excuse any shape of two metres.
+    #[test]
+    fn a_room_two_ulps_wide_that_is_turned_inside_out_is_no_solid() {
+        for reach in [2.0, 1e3, 1e7, 1e30] {
+            let at = Vec3::splat(reach);
+            let ulp = f32::from_bits(reach.to_bits() + 1) - reach;
+            let bounds = Aabb::new(at, at + 2.0 * ulp);
+            let box_ = OccluderMesh::cuboid(&bounds).unwrap();
+            assert!(box_.is_convex() && box_.is_cuboid(), "{reach}: a solid that is exactly convex");
+            let inwards = OccluderMesh::CUBOID.map(|[a, b, c]| [a, c, b]);
+            let room = OccluderMesh::from_indexed(&bounds.corners(), &inwards).unwrap();
+            assert!(room.is_closed() && !room.is_convex() && !room.is_cuboid(), "{reach}");
+            assert_eq!(room.solid_triangles(), 0);
+            let turned: Vec<_> =
+                room.triangles().iter().map(|t| t.map(|i| room.positions()[i as usize])).collect();
+            let given = inwards.map(|t| t.map(|i| bounds.corners()[i as usize]));
+            assert_eq!(turned, given, "{reach}: no triangle is turned");
+            // The same among the parts of a larger mesh.
+            let far = Aabb::new(at + 8.0 * ulp, at + 12.0 * ulp);
+            let loose = OccluderMesh::CUBOID.map(|t| t.map(|i| far.corners()[i as usize]));
+            let two = OccluderMesh::from_triangles(&[&given[..], &loose[..]].concat()).unwrap();
+            assert_eq!(two.solid_triangles(), 12, "{reach}");
+        }
+    }
+
+    #[test]
+    fn dents_that_are_large_beside_the_mesh_are_not_convex() {
+        let at = Vec3::splat(1e7);
+        let mut p = Aabb::new(at, at + 4.0).corners().to_vec();
+        p.push(at + Vec3::new(2.0, 2.0, 3.0));
+        let mut triangles: Vec<_> =
+            OccluderMesh::CUBOID.into_iter().filter(|t| !t.iter().all(|i| *i >= 4)).collect();
         triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);
         let dented = OccluderMesh::from_indexed(&p, &triangles).unwrap();
         assert!(dented.is_closed() && !dented.is_convex());
