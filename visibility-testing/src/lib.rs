@@ -11,6 +11,7 @@ mod hash;
 mod octree;
 mod plain_map;
 mod random;
+pub mod swapped;
 
 pub use exact::sign_of_sum;
 pub use hash::{FNV_START, fnv};

@@ -188,6 +188,7 @@ impl BackfaceCuller {
             Changes::Everything => {
                 self.entries.clear();
                 self.blocks.clear();
+                self.built = SceneCursor::START;
                 if !self.in_several {
                     self.two_sided.retain(|&id| scene.contains(id));
                 }

@@ -415,12 +415,12 @@ pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
     (edges, triangle_edges)
 }
 
-/// Whether a closed mesh is a convex solid that faces outwards. Takes quadratic time, so meshes of more than 256
-/// triangles, which could gain little from it, count as not convex.
+/// Whether a closed mesh is a convex solid that faces outwards. Takes quadratic time, so meshes of more than
+/// 256 triangles, which could gain little from it, count as not convex.
 ///
-/// Rounding its vertices may have put them in front of faces by some steps of `f32`. That excuses dents only in a mesh
-/// that is large beside them: one that has a vertex four times as far behind each face. In a smaller one, no vertex
-/// may be in front of a face, as far as `f64` can tell, and one must be behind it.
+/// Rounding its vertices may have put them in front of faces by some steps of `f32`. That excuses dents only
+/// in a mesh that is large beside them: one that has a vertex four times as far behind each face. In a
+/// smaller one, no vertex may be in front of a face, as far as `f64` can tell, and one must be behind it.
 fn is_convex(positions: &[Vec3], triangles: &[[u32; 3]], bounds: &Aabb) -> bool {
     if triangles.len() > 256 {
         return false;

@@ -1,0 +1,188 @@
+//! Whatever is swapped, mixed, cloned, reverted or dropped under the cullers of this crate, they answer as fresh ones.
+
+use std::sync::Arc;
+use visibility_core::glam::DVec3;
+use visibility_core::{
+    Aabb, BackfaceCuller, BoxHierarchy, CasterCuller, Child, FrustumCuller, Light, OcclusionCuller, Pvs,
+    PvsCuller, PvsTargets, Scene, SceneCursor, SceneHierarchy, ScenePvs, Selection, Viewcell, Viewcells,
+};
+use visibility_testing::swapped::{Swapped, hold_against_fresh};
+use visibility_testing::{Octree, PlainMap, Random};
+
+struct Frustum;
+
+impl Swapped for Frustum {
+    type Culler = FrustumCuller;
+    type Source = ();
+
+    fn derive(&self, _: &Scene, _: &mut Random) {}
+
+    fn make(&self, (): &()) -> FrustumCuller {
+        FrustumCuller::new()
+    }
+
+    fn give(&self, _: &mut FrustumCuller, (): &(), _: &Scene) {}
+}
+
+struct Casters;
+
+impl Swapped for Casters {
+    type Culler = CasterCuller;
+    type Source = ();
+
+    fn derive(&self, _: &Scene, _: &mut Random) {}
+
+    fn make(&self, (): &()) -> CasterCuller {
+        CasterCuller::new(Light::Point { position: DVec3::new(3.0, 2.0, 1.0), range: 9.0 }).unwrap()
+    }
+
+    fn give(&self, _: &mut CasterCuller, (): &(), _: &Scene) {}
+}
+
+struct Backface;
+
+impl Swapped for Backface {
+    type Culler = BackfaceCuller;
+    type Source = ();
+
+    fn derive(&self, _: &Scene, _: &mut Random) {}
+
+    fn make(&self, (): &()) -> BackfaceCuller {
+        BackfaceCuller::new()
+    }
+
+    fn give(&self, culler: &mut BackfaceCuller, (): &(), scene: &Scene) {
+        culler.sync(scene);
+    }
+}
+
+/// Random sets of eight viewcells, whose targets are the objects by their indices.
+struct Sets;
+
+impl Swapped for Sets {
+    type Culler = PvsCuller<Arc<ScenePvs>>;
+    type Source = Arc<ScenePvs>;
+
+    fn derive(&self, scene: &Scene, rng: &mut Random) -> Arc<ScenePvs> {
+        let count = scene.index_limit() as u32;
+        let rows: Vec<Vec<u32>> = (0..8).map(|_| (0..count).filter(|_| rng.one_in(3)).collect()).collect();
+        let pvs = Pvs::new(PvsTargets::Objects, count as usize, &rows, |_| []).unwrap();
+        let half = rng.range(10.0, 30.0);
+        let viewcells = (0..8).map(|i| {
+            let min = DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2)) * half - half;
+            Viewcell::from_box(min, min + half)
+        });
+        let pairs = scene.ids().map(|id| (id, id.index() as u32));
+        Arc::new(ScenePvs::new(scene, pvs, Viewcells::new(viewcells), pairs))
+    }
+
+    fn make(&self, sets: &Arc<ScenePvs>) -> Self::Culler {
+        PvsCuller::new(sets.clone())
+    }
+
+    fn give(&self, culler: &mut Self::Culler, sets: &Arc<ScenePvs>, _: &Scene) {
+        *culler.shared_mut() = sets.clone();
+    }
+}
+
+/// The driver over a plain map; what it must not hide is what all occluders together leave.
+struct Occlusion {
+    selection: Selection,
+    budget: usize,
+}
+
+impl Occlusion {
+    fn with_budget(&self, budget: usize) -> OcclusionCuller<PlainMap, SceneHierarchy> {
+        OcclusionCuller::new(PlainMap::new(18, 12)).with_selection(self.selection).with_budget(budget)
+    }
+}
+
+impl Swapped for Occlusion {
+    type Culler = OcclusionCuller<PlainMap>;
+    type Source = ();
+
+    fn derive(&self, _: &Scene, _: &mut Random) {}
+
+    fn make(&self, (): &()) -> Self::Culler {
+        self.with_budget(self.budget)
+    }
+
+    fn give(&self, _: &mut Self::Culler, (): &(), _: &Scene) {}
+
+    fn truth(&self, (): &()) -> Self::Culler {
+        self.with_budget(usize::MAX)
+    }
+
+    fn is_free_of_memory(&self) -> bool {
+        self.selection != Selection::LastVisible
+    }
+}
+
+/// An octree that lists nothing of a scene that has changed since it was built, or of another.
+#[derive(Clone)]
+struct DatedOctree(Arc<Octree>, SceneCursor);
+
+impl BoxHierarchy for DatedOctree {
+    fn for_each_child(&self, scene: &Scene, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb)) {
+        if self.1.is_current(scene) {
+            self.0.for_each_child(scene, node, each);
+        }
+    }
+}
+
+struct ForeignHierarchy;
+
+impl Swapped for ForeignHierarchy {
+    type Culler = OcclusionCuller<PlainMap, DatedOctree>;
+    type Source = DatedOctree;
+
+    fn derive(&self, scene: &Scene, _: &mut Random) -> DatedOctree {
+        DatedOctree(Arc::new(Octree::new(scene, 4)), SceneCursor::at(scene))
+    }
+
+    fn make(&self, octree: &DatedOctree) -> Self::Culler {
+        OcclusionCuller::over(PlainMap::new(18, 12), octree.clone())
+    }
+
+    fn give(&self, culler: &mut Self::Culler, octree: &DatedOctree, _: &Scene) {
+        *culler.hierarchy_mut() = octree.clone();
+    }
+}
+
+fn hold<S: Swapped>(kind: &S, frames: usize) {
+    let hidden: usize = (0..4).map(|seed| hold_against_fresh(kind, seed, frames)).sum();
+    println!("{hidden} hidden");
+    assert!(hidden > frames, "{hidden} objects in {frames} frames are no test");
+}
+
+#[test]
+fn frustum() {
+    hold(&Frustum, 300);
+}
+
+#[test]
+fn casters() {
+    hold(&Casters, 300);
+}
+
+#[test]
+fn backface() {
+    hold(&Backface, 400);
+}
+
+#[test]
+fn pvs() {
+    hold(&Sets, 1000);
+}
+
+#[test]
+fn occlusion() {
+    for selection in [Selection::SolidAngle, Selection::LastVisible, Selection::Interleaved] {
+        hold(&Occlusion { selection, budget: 48 }, 100);
+    }
+}
+
+#[test]
+fn occlusion_over_another_hierarchy() {
+    hold(&ForeignHierarchy, 100);
+}
