@@ -1,7 +1,7 @@
 //! The set that goes through the cullers of a frame: candidates in, survivors out.
 
 use crate::scene::{NONE, Tree, lanes};
-use crate::{Aabb, CullStats, ObjectId, Scene, View};
+use crate::{Aabb, CullStats, ObjectId, Scene, SceneCursor, View};
 use alloc::vec::Vec;
 use smallvec::SmallVec;
 
@@ -46,13 +46,32 @@ pub struct VisibleSet {
 }
 
 /// What was visible in the last two frames, by id, which outlives changes of layout.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Changes {
     now: Vec<ObjectId>,
     before: Vec<ObjectId>,
+    /// The scene of `now`, and whether `before` is of another: then the same id names two objects.
+    scene: SceneCursor,
+    is_other: bool,
     /// By index, the place in the list of the same time; means nothing where the list holds another object there.
     now_places: Vec<u32>,
     before_places: Vec<u32>,
+}
+
+impl Changes {
+    const NONE: Self = Self {
+        now: Vec::new(),
+        before: Vec::new(),
+        scene: SceneCursor::START,
+        is_other: false,
+        now_places: Vec::new(),
+        before_places: Vec::new(),
+    };
+
+    /// The objects that those of the other frame may be among: none if both frames are of different scenes.
+    fn same_scene<'a>(&self, ids: &'a [ObjectId]) -> &'a [ObjectId] {
+        if self.is_other { &[] } else { ids }
+    }
 }
 
 impl Default for VisibleSet {
@@ -79,7 +98,7 @@ impl VisibleSet {
     /// As [`new`](Self::new), also keeping track of what is [newly visible](Self::newly_visible) and
     /// [newly hidden](Self::newly_hidden), which costs a few nanoseconds for each visible object and frame.
     pub fn with_changes() -> Self {
-        Self { changes: Some(Changes::default()), ..Self::new() }
+        Self { changes: Some(Changes::NONE), ..Self::new() }
     }
 
     /// Makes every object on the view's layers a candidate. [`Pipeline::cull`](crate::Pipeline::cull) does this by itself.
@@ -161,6 +180,8 @@ impl VisibleSet {
     /// Ends a frame: notes what is visible, if changes are asked for. [`Pipeline::cull`](crate::Pipeline::cull) does this by itself.
     pub fn finish(&mut self, scene: &Scene) {
         let Some(mut changes) = self.changes.take() else { return };
+        changes.is_other = !changes.scene.is_in(scene);
+        changes.scene = SceneCursor::at(scene);
         core::mem::swap(&mut changes.now, &mut changes.before);
         core::mem::swap(&mut changes.now_places, &mut changes.before_places);
         changes.now.clear();
@@ -174,14 +195,19 @@ impl VisibleSet {
     }
 
     /// What is visible now and was not in the frame before, if the set was made [with changes](Self::with_changes).
+    ///
+    /// In the first frame of another scene, a clone included, that is everything visible.
     pub fn newly_visible(&self) -> impl Iterator<Item = ObjectId> + '_ {
-        self.changes.iter().flat_map(|c| difference(&c.now, &c.before, &c.before_places))
+        self.changes.iter().flat_map(|c| difference(&c.now, c.same_scene(&c.before), &c.before_places))
     }
 
     /// What was visible in the frame before and is not now, if the set was made [with changes](Self::with_changes); also
     /// what was removed from the scene meanwhile.
+    ///
+    /// In the first frame of another scene that is everything visible in the scene before, by the ids of
+    /// that.
     pub fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
-        self.changes.iter().flat_map(|c| difference(&c.before, &c.now, &c.now_places))
+        self.changes.iter().flat_map(|c| difference(&c.before, c.same_scene(&c.now), &c.now_places))
     }
 
     /// Whether the masks can be used for this scene as it is.

@@ -254,6 +254,8 @@ fn an_open_mesh_hides_only_from_its_front_unless_two_sided() {
 /// A graphics card whose answers take some frames: a plain map behind a queue.
 struct SimulatedCard {
     map: PlainMap,
+    /// What the engine draws by itself.
+    own: Vec<OccluderMesh>,
     latency: u32,
     frame: u32,
     view: View,
@@ -265,6 +267,7 @@ impl SimulatedCard {
     fn new(latency: u32) -> Self {
         Self {
             map: PlainMap::new(96, 60),
+            own: Vec::new(),
             latency,
             frame: 0,
             view: along_x(),
@@ -293,6 +296,7 @@ impl QueryDevice for SimulatedCard {
         // Called once a frame, before anything is drawn.
         self.frame += 1;
         self.map.begin(&self.view, DVec3::ZERO);
+        self.own.iter().for_each(|mesh| self.map.add(mesh, &Affine3A::IDENTITY));
     }
 
     fn draw(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
@@ -350,6 +354,48 @@ fn answers_about_other_occluders_do_not_count() {
         scene.set_occluder(wall, false).unwrap();
         assert!((0..20).all(|_| frame(&scene) == 503), "{selection:?}");
     }
+}
+
+/// The engine draws its occluders itself: nothing that the map is given tells the scenes apart.
+#[test]
+fn answers_about_another_scene_do_not_count() {
+    let Street { mut scene, wall, .. } = street();
+    let mut card = SimulatedCard::new(1);
+    card.own.push(scene.occluder(wall).unwrap().0.clone());
+    scene.set_occluder(wall, false).unwrap();
+    let mut culler = OcclusionCuller::new(HardwareQueries::new(card, Late::Visible));
+    let mut visible = VisibleSet::new();
+    let mut frame = |scene: &Scene| {
+        visible.fill(scene, &along_x());
+        FrustumCuller::new().cull(scene, &along_x(), &mut visible);
+        culler.cull(scene, &along_x(), &mut visible);
+        visible.count(scene)
+    };
+    assert_eq!((0..20).map(|_| frame(&scene)).last(), Some(3));
+    let copy = scene.clone();
+    assert_eq!(frame(&copy), 503, "no answer is about the other scene");
+}
+
+#[test]
+fn a_prepared_mesh_does_not_outlive_its_triangles() {
+    let (mut scene, bounds) = (Scene::new(), Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    let triangle = |x: f32| [[Vec3::X * x, Vec3::new(x, 1.0, 0.0), Vec3::new(x, 0.0, 1.0)]];
+    let [own, given] = [(); 2].map(|()| {
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, triangle(0.0)).unwrap();
+        id
+    });
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+    scene.set_mesh(given, mesh, Affine3A::IDENTITY).unwrap();
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
+    assert!(scene.occluder(own).is_some());
+    for id in [own, given] {
+        scene.set_triangles(id, triangle(0.5)).unwrap();
+    }
+    assert!(scene.occluder(own).is_none(), "the mesh was made of other triangles");
+    assert!(scene.occluder(given).is_some(), "the caller's own");
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
+    assert_eq!(scene.occluder(own).unwrap().0.bounds().min.x, 0.5);
 }
 
 #[test]

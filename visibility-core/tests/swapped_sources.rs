@@ -1,4 +1,5 @@
-//! Whatever is swapped, mixed, cloned, reverted or dropped under the cullers of this crate, they answer as fresh ones.
+//! Whatever is swapped, mixed, cloned, reverted or dropped under the cullers of this crate, they answer as
+//! fresh ones.
 
 use std::sync::Arc;
 use visibility_core::glam::DVec3;
@@ -167,7 +168,7 @@ fn casters() {
 
 #[test]
 fn backface() {
-    hold(&Backface, 400);
+    hold(&Backface, 250);
 }
 
 #[test]

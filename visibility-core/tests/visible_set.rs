@@ -306,6 +306,23 @@ fn a_turning_camera_is_told_what_appears_and_what_vanishes() {
 }
 
 #[test]
+fn in_another_scene_everything_is_new() {
+    let (mut scene, mut pipeline) = (Scene::new(), frustum());
+    let ids = scene.insert_batch([at(5.0, 0.0, 0.0), at(6.0, 0.0, 0.0), at(-5.0, 0.0, 0.0)]);
+    let (copy, view) = (scene.clone(), looking_at(DVec3::X));
+    let mut visible = VisibleSet::with_changes();
+    let mut told = |scene: &Scene| {
+        pipeline.cull(scene, &view, &mut visible);
+        (set_of(visible.newly_visible()), set_of(visible.newly_hidden()))
+    };
+    let (both, none) = (set_of(ids[..2].iter().copied()), HashSet::new());
+    assert_eq!(told(&scene), (both.clone(), none.clone()));
+    assert_eq!(told(&scene), (none.clone(), none.clone()));
+    assert_eq!(told(&copy), (both.clone(), both.clone()), "the same ids name other objects");
+    assert_eq!(told(&copy), (none.clone(), none));
+}
+
+#[test]
 fn sets_without_changes_tell_of_none() {
     let mut scene = Scene::new();
     scene.insert(at(5.0, 0.0, 0.0));

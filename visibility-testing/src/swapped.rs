@@ -1,7 +1,9 @@
-//! Scenes, and what was derived from them, swapped, mixed, cloned, changed, reverted and dropped under live cullers.
+//! Scenes, and what was derived from them, swapped, mixed, cloned, changed, reverted and dropped under live
+//! cullers.
 //!
-//! A culler that keeps anything must tell apart what it was made from. The harness gives live cullers one source after another and holds
-//! each answer against that of a fresh culler which has never seen anything else.
+//! A culler that keeps anything must tell apart what it was made from. The harness gives live cullers one
+//! source after another and holds each answer against that of a fresh culler which has never seen anything
+//! else.
 
 use crate::Random;
 use std::collections::BTreeSet;
@@ -14,7 +16,8 @@ use visibility_core::{
 pub trait Swapped {
     /// The culler under test.
     type Culler: Culler;
-    /// What is derived from a scene and given to the culler: sets, occluders, a hierarchy. Empty for a culler that needs a scene alone.
+    /// What is derived from a scene and given to the culler: sets, occluders, a hierarchy. Empty for a culler
+    /// that needs a scene alone.
     type Source: Clone;
 
     /// Makes a source from a scene as it is now.
@@ -112,7 +115,8 @@ fn view(rng: &mut Random) -> View {
     View::perspective(Pose::look_at(eye, rng.vector(3.0), DVec3::Z), 1.2, 1.5, 0.1, 1e3).unwrap()
 }
 
-/// Some 150 objects about the origin with a triangle each, and ten walls that hide with boxes. All such scenes have the same ids.
+/// Some 150 objects about the origin with a triangle each, and ten walls that hide with boxes. All such
+/// scenes have the same ids.
 pub fn scene(rng: &mut Random) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..150 {

@@ -6,7 +6,9 @@
 use super::selection::{Candidate, choose, is_whole};
 use super::{BoxHierarchy, Child, Occlusion, OcclusionMap, SceneHierarchy, Selection};
 use crate::scene::{Boxes64, NONE, lanes};
-use crate::{Aabb, Accuracy, CullStats, Culler, Eye, ObjectId, Scene, View, ViewPlanes, VisibleSet};
+use crate::{
+    Aabb, Accuracy, CullStats, Culler, Eye, ObjectId, Scene, SceneCursor, View, ViewPlanes, VisibleSet,
+};
 use alloc::vec::Vec;
 use smallvec::SmallVec;
 
@@ -41,6 +43,8 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     candidates: Vec<Candidate>,
     /// The visible occluders of the last frame, ascending, if they are to be preferred.
     last: Vec<ObjectId>,
+    /// The scene of the last frame, which `last` and what the map remembers are of.
+    scene: SceneCursor,
     /// By object index, what a walk of a foreign hierarchy found hidden.
     hidden: Vec<u64>,
     /// What a walk of a foreign hierarchy has still to visit.
@@ -64,6 +68,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             budget: 8192,
             candidates: Vec::new(),
             last: Vec::new(),
+            scene: SceneCursor::START,
             hidden: Vec::new(),
             queue: Vec::new(),
         }
@@ -141,6 +146,10 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         visible.prepare(scene);
+        if !self.scene.is_in(scene) {
+            self.reset();
+        }
+        self.scene = SceneCursor::at(scene);
         self.map.begin(view, scene.origin());
         let eye = view.eye(scene.origin());
         let cuts = view.clip_planes_from(scene.origin());

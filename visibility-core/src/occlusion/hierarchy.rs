@@ -19,8 +19,10 @@ pub enum Child {
 
 /// A hierarchy of boxes over the objects of a scene: an octree, a BSP tree, the scene's own.
 ///
-/// A box must contain everything below it. Objects that have moved since the hierarchy was brought up to date must not be listed,
-/// unless still within the boxes above them; what is not listed counts as visible.
+/// A box must contain everything below it. Objects that have moved since the hierarchy was brought up to date
+/// must not be listed, unless still within the boxes above them, and nothing of another scene than the one
+/// that the hierarchy was made for, which a [`SceneCursor`](crate::SceneCursor) tells. What is not listed
+/// counts as visible.
 ///
 /// ```
 /// use visibility_core::{Aabb, BoxHierarchy, Child, ObjectId, Scene};

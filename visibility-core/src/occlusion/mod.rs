@@ -112,6 +112,7 @@ pub trait OcclusionMap {
         answer
     }
 
-    /// Forgets what it remembers of earlier frames.
+    /// Forgets what it remembers of earlier frames. The driver asks for it before the first frame of another
+    /// scene.
     fn reset(&mut self) {}
 }

@@ -52,7 +52,8 @@ pub fn prepare(triangles: &[Triangle], preparation: &Preparation) -> Option<Occl
 
 impl Scene {
     /// Makes an occluder of every object that is flagged as one, has triangles, and has no mesh yet. For loading time, and for what does not
-    /// move: whoever moves such an object gives its mesh the [transform](Scene::set_mesh) too. Returns how many were made.
+    /// move: whoever moves such an object gives its mesh the [transform](Scene::set_mesh) too. Other
+    /// [triangles](Scene::set_triangles) take the mesh away, until the next call. Returns how many were made.
     pub fn prepare_occluders(&mut self, preparation: &Preparation) -> usize {
         let ids: Vec<_> = self.ids().collect();
         let mut made = 0;
@@ -63,7 +64,7 @@ impl Scene {
             let mesh = self.triangles(id).ok().and_then(|triangles| prepare(triangles, preparation));
             if let Some(mesh) = mesh {
                 let mesh = self.add_mesh(mesh);
-                made += usize::from(self.set_mesh(id, mesh, glam::Affine3A::IDENTITY).is_ok());
+                made += usize::from(self.set_prepared_mesh(id, mesh).is_ok());
             }
         }
         made

@@ -57,13 +57,22 @@ pub struct Scene {
     /// Empty until the first object gets triangles.
     triangles: Vec<Box<[Triangle]>>,
     meshes: Vec<OccluderMesh>,
-    /// Which mesh an object hides with, and where, by its index.
-    instances: HashMap<u32, (MeshId, Affine3A)>,
+    /// What an object hides with, by its index.
+    instances: HashMap<u32, Instance>,
     free: Vec<u32>,
     /// Objects whose layers are not all set.
     layered: usize,
     log: ChangeLog,
     layout: u64,
+}
+
+/// A mesh that an object hides with.
+#[derive(Clone, Copy, Debug)]
+struct Instance {
+    mesh: MeshId,
+    transform: Affine3A,
+    /// Whether the mesh was made of the object's triangles by [`Scene::prepare_occluders`].
+    is_prepared: bool,
 }
 
 impl Clone for Scene {
@@ -445,6 +454,9 @@ impl Scene {
             self.triangles.resize_with(self.generations.len(), Box::default);
         }
         self.triangles[id.index()] = triangles.into();
+        if self.instances.get(&id.index).is_some_and(|instance| instance.is_prepared) {
+            self.instances.remove(&id.index);
+        }
         self.log.push(id, self.generations.len());
         Ok(())
     }
@@ -478,8 +490,17 @@ impl Scene {
         if !transform.is_finite() {
             return Err(SceneError::NonFiniteTransform(id));
         }
-        self.instances.insert(id.index, (mesh, transform));
+        self.instances.insert(id.index, Instance { mesh, transform, is_prepared: false });
         self.log.push(id, self.generations.len());
+        Ok(())
+    }
+
+    /// Gives an object a mesh made of its triangles, which is taken away with them.
+    pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: MeshId) -> Result<(), SceneError> {
+        self.set_mesh(id, mesh, Affine3A::IDENTITY)?;
+        if let Some(instance) = self.instances.get_mut(&id.index) {
+            instance.is_prepared = true;
+        }
         Ok(())
     }
 
@@ -494,7 +515,7 @@ impl Scene {
         if !self.tree.payload(slot).occluder {
             return None;
         }
-        let (mesh, transform) = self.instances.get(&id.index)?;
+        let Instance { mesh, transform, .. } = self.instances.get(&id.index)?;
         Some((&self.meshes[mesh.0 as usize], transform))
     }
 
