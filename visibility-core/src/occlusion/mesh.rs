@@ -579,4 +579,12 @@ mod tests {
         let dented = OccluderMesh::from_indexed(&p, &triangles).unwrap();
         assert!(dented.is_closed() && !dented.is_convex());
     }
+
+    /// No vertex is in front of a face, whatever the outline.
+    #[test]
+    fn a_sheet_with_two_faces_is_no_solid() {
+        let p = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let sheet = OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 2, 1]]).unwrap();
+        assert!(sheet.is_closed() && !sheet.is_convex());
+    }
 }
