@@ -2,12 +2,12 @@
 
 use core::fmt;
 
-/// The fewest pixels on a side.
+/// The fewest pixels that a buffer can have on a side.
 pub const MIN_SIDE: usize = 16;
-/// The most pixels on a side.
+/// The most pixels that a buffer can have on a side.
 pub const MAX_SIDE: usize = 4096;
 
-/// A size that is out of range.
+/// The error of a buffer size out of range: a side is not between [`MIN_SIDE`] and [`MAX_SIDE`].
 ///
 /// ```
 /// use visibility_hzb::{Hzb, SizeError};

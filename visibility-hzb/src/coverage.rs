@@ -1,6 +1,6 @@
-//! The two rules of when a pixel is covered.
+//! Which pixels count as covered by an occluder.
 
-/// Where coverage is sampled.
+/// When a pixel counts as covered.
 ///
 /// ```
 /// use visibility_core::{Accuracy, OcclusionMap};
@@ -10,11 +10,10 @@
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum Coverage {
-    /// A pixel counts as covered if all of it is, up to its corners: conservative at any resolution.
+    /// A pixel is covered if all of its square is, up to the corners: conservative at any resolution.
     #[default]
     Conservative,
-    /// A pixel counts as covered if its centre is, as in graphics hardware: gaps narrower than a pixel may close, so that visible
-    /// objects may be
-    /// hidden. Somewhat less is reported visible at low resolutions.
+    /// A pixel is covered if its centre is, as in graphics hardware. Gaps narrower than a pixel may close, so
+    /// that visible objects may be hidden: the map is approximate. At low resolutions it hides somewhat more.
     Sampled,
 }

@@ -1,4 +1,4 @@
-//! The map: occluders in, boxes out.
+//! The hierarchical z-buffer: occluders are drawn into it, boxes are tested against it.
 
 use crate::buffer::pyramid::Pyramid;
 use crate::buffer::tile_layout::SIDE;
@@ -22,26 +22,33 @@ use visibility_core::{
     Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, Plane, Simd, View,
 };
 
-/// Meshes of so few triangles are looked at for whether they are convex as seen: the outline of a house without a floor is found sooner than its
-/// triangles are drawn.
+/// Meshes of at most this many triangles are drawn by their outline if they look convex from the eye: to find
+/// that out costs less than to draw the triangles.
 const SMALL: usize = 24;
 
-/// So many triangles of convex solids cost as much as one of other meshes, since solids are drawn by their outlines: a box as much as two.
+/// Triangles of convex parts that cost as much as one triangle of other meshes, since convex parts are drawn
+/// by their outlines. A box costs as much as two.
 const OUTLINE: usize = 6;
 
-/// The pyramid is brought up to date while occluders arrive once so many of them were found hidden by the tiles alone: then it has cost less
-/// than it will save.
+/// Between flushes, the pyramid is updated once this many occluders were found hidden by tiles but not by the
+/// pyramid: then the update costs less than it saves.
 const MISSED: usize = 32;
 
 /// A hierarchical z-buffer.
 ///
-/// Its size is its own, whatever the size of the picture that is drawn; it should have the shape of the view. Memory is 4 bytes a
-/// pixel and 48 bytes for each convex occluder that a frame draws, kept from frame to frame.
+/// Its size is independent of that of the picture that is drawn; its shape should be that of the view. Until
+/// the first [`begin`](OcclusionMap::begin) nothing is hidden. Occluders that a
+/// [clip plane](View::with_clip_planes) cuts are not drawn.
+///
+/// Memory is 4 bytes for each pixel and 48 bytes for each convex occluder that a frame draws, kept from frame
+/// to frame. A frame allocates only if it draws more convex occluders, or a larger mesh, than any frame
+/// before.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
 /// use visibility_hzb::Hzb;
-/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
+/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
 /// let wall = OccluderMesh::cuboid(&Aabb::from_arrays([5.0, -4.0, -4.0], [5.2, 4.0, 4.0]))?;
 /// let mut hzb = Hzb::new(320, 180)?;
 /// hzb.begin(&view, DVec3::ZERO);
@@ -53,6 +60,7 @@ const MISSED: usize = 32;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Hzb {
+    /// Columns and rows of pixels.
     size: [usize; 2],
     coverage: Coverage,
     pub(crate) simd: Simd,
@@ -61,29 +69,32 @@ pub struct Hzb {
     faces: FacePlaneSetup,
     pub(crate) tiles: Tiles,
     pyramid: Pyramid,
+    /// Memory for one convex mesh.
     convex_scratch: ConvexScratch,
+    /// The shape that was made last.
     shape: ScreenShape,
+    /// Boxes that wait to be drawn.
     queue: BoxQueue,
     mesh_scratch: MeshScratch,
     contour_tiles: ContourTiles,
-    /// Hidden occluders that the pyramid did not find since it was last brought up to date.
+    /// Occluders that tiles hid and the pyramid did not, since its last update.
     missed: usize,
-    /// Depth keys that nothing in the buffer exceeds.
+    /// Upper bound on all depth keys in the buffer.
     pub(crate) nearest: f32,
-    /// Planes that cut occluders away, relative to the scene's origin.
+    /// The view's clip planes, relative to the scene's origin; the first `clip_plane_count` count.
     clip_planes: [Plane; visibility_core::MAX_CLIP_PLANES],
     clip_plane_count: usize,
 }
 
 impl Default for Hzb {
-    /// Of 512 x 288 pixels: enough for small objects, and cheap.
+    /// 512 x 288 pixels: enough for small objects, and cheap.
     fn default() -> Self {
         Self::sized(512, 288)
     }
 }
 
 impl Hzb {
-    /// An empty buffer of so many columns and rows of pixels.
+    /// An empty buffer of `width` columns and `height` rows of pixels.
     ///
     /// # Errors
     /// [`SizeError`] if a side is not between [`MIN_SIDE`] and [`MAX_SIDE`].
@@ -95,6 +106,7 @@ impl Hzb {
         Ok(Self::sized(width, height))
     }
 
+    /// As [`new`](Self::new), of a size that is known to be in range.
     fn sized(width: usize, height: usize) -> Self {
         let tiles = Tiles::new(width, height);
         let (pyramid, contour_tiles) = (Pyramid::new(&tiles), ContourTiles::new(&tiles));
@@ -119,12 +131,13 @@ impl Hzb {
         }
     }
 
-    /// The same buffer with another rule of what is covered.
+    /// The same buffer with another rule of when a pixel is covered.
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { coverage, ..self }
     }
 
-    /// The same buffer, using the given instructions: for tests and comparisons.
+    /// The same buffer, using the given instructions. Answers do not depend on them; for tests and
+    /// benchmarks.
     pub fn with_simd(self, simd: Simd) -> Self {
         Self { simd, ..self }
     }
@@ -139,13 +152,17 @@ impl Hzb {
         self.size[1]
     }
 
-    /// The rule of what is covered.
+    /// The rule of when a pixel is covered.
     pub fn coverage(&self) -> Coverage {
         self.coverage
     }
 
-    /// The least depth key of what covers a pixel: over the distance along the line of sight for perspective views (`1 / w`), clip
-    /// depth (negated unless reversed) for parallel ones. Negative infinity where nothing is known to cover it, or outside the buffer.
+    /// Lower bound on the depth keys of the occluders that cover a pixel; greater is nearer. Negative
+    /// infinity if none is known to cover it, or if the pixel is outside the buffer.
+    ///
+    /// For perspective views the key is `1 / w`: one over the distance along the viewing direction, for a
+    /// clip matrix whose `w` is that distance. The matrix's factor does not matter, up to the power of two
+    /// nearest to it. For parallel views the key is clip depth, negated unless depth is reversed.
     pub fn depth_key(&self, column: usize, row: usize) -> f32 {
         if column < self.size[0] && row < self.size[1] {
             self.tiles.pixel_closely(column, row)
@@ -154,13 +171,15 @@ impl Hzb {
         }
     }
 
-    /// The number of levels of the pyramid: tiles of 8 x 8 pixels, then each half the size of the one before, down to one texel.
+    /// Number of levels of the pyramid: tiles of 8 x 8 pixels, then each half the size of the one before,
+    /// down to one texel.
     pub fn levels(&self) -> usize {
         self.pyramid.height() + 1
     }
 
-    /// A level of the pyramid as columns, rows and least depth key of each texel, row by row; as of the last
-    /// [`flush`](OcclusionMap::flush). `None` beyond the last.
+    /// Columns, rows and texels of a level of the pyramid, row by row, as of the last
+    /// [`flush`](OcclusionMap::flush). A texel is the least depth key of its pixels. `None` beyond the last
+    /// level.
     pub fn level(&self, level: usize) -> Option<(usize, usize, &[f32])> {
         match level {
             0 => {
@@ -171,46 +190,48 @@ impl Hzb {
         }
     }
 
+    /// All that tests read.
     fn query(&self) -> BoxQuery<'_> {
         let (projection, tiles, pyramid, faces) =
             (&self.projection32, &self.tiles, &self.pyramid, &self.faces);
         BoxQuery { projection, tiles, pyramid, faces, nearest: self.nearest }
     }
 
-    /// Lets a box wait to be drawn.
+    /// Queues a box; draws the queue if it is full.
     fn push_box(&mut self, cuboid: &OccluderMesh, transform: &Affine3A) {
         if self.queue.push(cuboid.bounds(), transform, cuboid.is_two_sided()) {
             self.draw_queue();
         }
     }
 
-    /// Whether the box around an occluder is in view and not hidden yet.
+    /// Whether the box around an occluder may be in view and is not hidden yet.
     fn may_be_around(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
         let around = BoxQueue::around(occluder.bounds(), transform);
         let ([x0, y0, z0], [x1, y1, z1]) = (around.min.to_array(), around.max.to_array());
         self.simd.box_may_be_seen(&self.projection32, &self.tiles, [x0, y0, z0, x1, y1, z1])
     }
 
+    /// Draws an occluder that is no box.
     fn draw_occluder(&mut self, mesh: &OccluderMesh, transform: &Affine3A) {
-        let parts = OccluderTriangles::of(mesh);
-        self.draw_mesh(&parts, mesh.bounds(), transform, mesh.is_convex());
+        self.draw_mesh(&OccluderTriangles::of(mesh), mesh.bounds(), transform, mesh.is_convex());
     }
 
-    /// Draws the boxes that wait.
+    /// Draws the boxes that wait, and empties the queue.
     fn draw_queue(&mut self) {
         let count = core::mem::take(&mut self.queue.count);
         if count == 0 {
             return;
         }
         self.simd.project_boxes(&self.projection32, &self.queue.around, &mut self.queue.projected);
-        // The pyramid may be behind the tiles, which is safe: what it hides is hidden.
+        // The pyramid may be older than the tiles, which is safe: what it hides is hidden.
         let mut seen = self.simd.boxes_not_hidden(&self.pyramid, &self.tiles, &self.queue.projected, count);
         while seen != 0 {
             let i = seen.trailing_zeros() as usize % WIDTH;
             seen &= seen - 1;
             if self.simd.may_be_seen(&self.tiles, &self.queue.projected, i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
-                // What is turned is within what was projected, which is looser.
+                // The bounds in the queue are those of an axis-aligned box around it, looser unless it is not
+                // transformed.
                 let extent = if transform == Affine3A::IDENTITY {
                     let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
                     self.queue.projected.extent(i, self.size, padded)
@@ -228,6 +249,7 @@ impl Hzb {
         }
     }
 
+    /// Draws a box. `extent` gives its screen bounds if they are known, and it is before the eye.
     fn draw_box(
         &mut self,
         bounds: &Aabb,
@@ -246,15 +268,15 @@ impl Hzb {
         }
     }
 
-    /// Draws a mesh by its outline if that loses nothing, else triangle by triangle.
-    fn draw_mesh(&mut self, parts: &OccluderTriangles, bounds: &Aabb, transform: &Affine3A, convex: bool) {
+    /// Draws a mesh: by its outline if it is convex or looks so, else by all its triangles.
+    fn draw_mesh(&mut self, mesh: &OccluderTriangles, bounds: &Aabb, transform: &Affine3A, convex: bool) {
         let Some((object, facing)) = project_object(&self.projection, bounds, transform) else { return };
         let (projection, coverage, convex_scratch) =
             (&self.projection, self.coverage, &mut self.convex_scratch);
-        let convex = convex || parts.triangles.len() == 1;
-        if convex || parts.triangles.len() <= SMALL {
+        let convex = convex || mesh.triangles.len() == 1;
+        if convex || mesh.triangles.len() <= SMALL {
             match self.simd.convex_shape(
-                parts,
+                mesh,
                 &object,
                 projection,
                 facing,
@@ -274,7 +296,7 @@ impl Hzb {
         let (mesh_scratch, contour_tiles, tiles) =
             (&mut self.mesh_scratch, &mut self.contour_tiles, &mut self.tiles);
         let greatest = self.simd.draw_mesh(
-            parts,
+            mesh,
             &object,
             projection,
             facing,
@@ -288,19 +310,19 @@ impl Hzb {
         }
     }
 
-    /// Fills the shape.
+    /// Fills the shape that was made last into the tiles.
     fn fill(&mut self) {
         if self.simd.fill_shape(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
             self.nearest = self.shape.ceiling;
         }
     }
 
-    /// Whether an occluder reaches beyond one of the view's own planes, which would cut it.
+    /// Whether an occluder may reach beyond one of the clip planes.
     fn is_cut(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
         self.clip_planes[..self.clip_plane_count].iter().any(|plane| {
             occluder.bounds().corners().iter().any(|corner| {
                 let p = transform.transform_point3(*corner).as_dvec3();
-                // Far above what the transform rounds.
+                // Far above the rounding of the transform, 8u of these magnitudes with u = 6e-8.
                 let margin = 1e-5
                     * (plane.normal.abs().dot(p.abs() + transform.translation.as_dvec3().abs())
                         + plane.offset.abs());
@@ -346,7 +368,7 @@ impl OcclusionMap for Hzb {
         if occluder.is_cuboid() {
             return self.push_box(occluder, transform);
         }
-        // Order matters: the queue first. Then the mesh takes its place there, for the sake of the box around it.
+        // Boxes that came before are drawn first: they may hide this one.
         self.draw_queue();
         if !self.may_be_around(occluder, transform) {
             return;

@@ -1,17 +1,19 @@
-//! Small helpers for loops over lanes, written so that they compile to vector instructions.
+//! Loops over lanes, written so that compilers turn them into vector instructions.
 
-/// Lanes that are worked on together.
+/// Number of boxes, or of tiles, that are worked on together.
 pub(crate) const WIDTH: usize = 16;
 
-/// Added to a number below 2^22, leaves the nearest whole number in the low bits.
+/// 1.5 times 2^23. A number below 2^22 in size, added to it, leaves the nearest integer in the low bits.
 const WHOLE: f32 = 12_582_912.0;
 
+/// The nearest integer, of numbers below 2^22 in size: much faster than a cast, which must not go wrong on
+/// any number.
 #[inline(always)]
 pub(crate) fn round_to_i32(x: f32) -> i32 {
     (x + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
 }
 
-/// A bit for each byte that is one. The product puts byte `i` into bit `56 + i`.
+/// A bit for each byte, which is 0 or 1. The product puts byte `i` into bit `56 + i`.
 #[inline(always)]
 pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
     let ([low, high], _) = bytes.as_chunks::<8>() else { return 0 };
@@ -20,7 +22,7 @@ pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
     (low | high << 8) as u32
 }
 
-/// Whether any of the numbers is below a limit.
+/// Whether any of the numbers is below a limit. NaN is not.
 #[inline(always)]
 pub(crate) fn any_below(values: &[f32], limit: f32) -> bool {
     let (chunks, rest) = values.as_chunks::<16>();
@@ -40,7 +42,7 @@ pub(crate) fn any_below(values: &[f32], limit: f32) -> bool {
     any
 }
 
-/// Whether all numbers are above a limit.
+/// Whether all numbers are above a limit. NaN is not.
 #[inline(always)]
 pub(crate) fn all_above(values: &[f32], limit: f32) -> bool {
     let (chunks, rest) = values.as_chunks::<16>();

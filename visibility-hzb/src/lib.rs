@@ -1,11 +1,16 @@
-//! Occlusion culling in image space: a software hierarchical z-buffer that never hides what is visible.
+//! Occlusion culling in image space, in software: a hierarchical z-buffer and hierarchical occlusion maps
+//! that never hide what is visible.
 //!
-//! [`Hzb`] is an [`OcclusionMap`](visibility_core::OcclusionMap): occluders are drawn into it, boxes are tested against it.
-//! [`HzbCuller`] is core's driver with that map, for a pipeline after the frustum. (Greene, Kass and Miller, "Hierarchical Z-Buffer
-//! Visibility", 1993; Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.1.)
+//! [`Hzb`] is an [`OcclusionMap`](visibility_core::OcclusionMap): occluders are drawn into it, boxes are
+//! tested against it. [`HzbCuller`] is core's front-to-back driver over that map, for a pipeline after the
+//! frustum. [`Hom`] and [`HomCuller`] are the same for occlusion maps, which can be told to ignore small
+//! holes. (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993; Zhang, Manocha, Hudson and
+//! Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997; Cohen-Or, Chrysanthou, Silva and
+//! Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.)
 //!
 //! ```
-//! use visibility_core::{glam::{Affine3A, DVec3}, Aabb, FrustumCuller, Object, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet};
+//! use visibility_core::glam::{Affine3A, DVec3};
+//! use visibility_core::{Aabb, FrustumCuller, Object, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet};
 //! use visibility_hzb::{Hzb, HzbCuller};
 //!
 //! let mut scene = Scene::new();
@@ -25,25 +30,39 @@
 //! ```
 //!
 //! # Why nothing visible is hidden
-//! - A pixel counts as covered only if all of it is, up to its corners, and rounding cannot change that; it holds the farthest
-//!   depth that what covers it can have. Boxes and other convex solids go by their outline, whose proof is in `shape.rs`; meshes of any
-//!   form by the rule of `mesh.rs`. Both are tested by rays through the corners of covered pixels.
-//! - A box is hidden only if each pixel that it can meet, rounded outwards, holds something strictly nearer than the box's nearest
-//!   point, rounded nearer.
-//! - So the size of the buffer costs or saves time and tightness, never correctness: 512 x 288 is a good size for a picture of any size.
+//! - A pixel counts as covered only if all of its square is, up to the corners, whatever rounding does. It
+//!   holds the farthest depth that the occluder can have there. Boxes and other convex solids are drawn by
+//!   their outlines (proof in `setup/screen_shape.rs`), meshes of any form by the rule in
+//!   `raster/mesh_raster.rs`. Tests cast rays through the corners of covered pixels.
+//! - A box is hidden only if every pixel that it can meet, rounded outwards, holds something strictly nearer
+//!   than the nearest point of the box, rounded nearer.
+//! - So the size of the buffer changes time and tightness, never correctness. 512 x 288 is a good size for a
+//!   picture of any size; a larger buffer hides more.
 //!
-//! [`Coverage::Sampled`] gives the first of these up, as other cullers do, and the accuracy is then *approximate*.
+//! [`Coverage::Sampled`] gives up the first of these, as other cullers do: then the accuracy is
+//! *approximate*.
 //!
 //! # Cost
-//! A box or convex occluder costs some 20 ns if it is hidden by nearer ones or out of view, 100 to 300 ns and a few for each tile of
-//! its outline if not: so occluders should come roughly front to back, as the driver adds them. Other meshes cost about 100 ns a triangle, and
-//! what falls apart into boxes ([`OccluderMesh::parts`](visibility_core::OccluderMesh::parts)) as much as these. Testing 64 boxes takes
-//! 100 to 200 ns.
+//! - A box or another convex occluder takes some 20 ns if it is out of view or hidden by nearer ones, else
+//!   100 to 300 ns, and a few more for each tile of its outline. So occluders should come roughly from front
+//!   to back, as the driver adds them.
+//! - Other meshes take about 100 ns a triangle. Meshes that consist of boxes
+//!   ([`OccluderMesh::parts`](visibility_core::OccluderMesh::parts)) take as long as these.
+//! - 64 boxes are tested in 100 to 200 ns.
+//!
+//! # How the code is laid out
+//! - `setup`: an occluder becomes a shape on the screen, with bounds on rounding.
+//! - `raster`: shapes and meshes are drawn into tiles.
+//! - `buffer`: tiles of 8 x 8 pixels, and the pyramid above them.
+//! - `query`: boxes are projected and tested.
+//! - `hom`: occlusion maps over the same tiles.
+//! - `simd.rs`: the functions that are compiled for several instruction sets.
 //!
 //! # Features
-//! `std` (default) chooses SIMD at run time; without it, `libm` stands in for the few functions that core needs.
+//! - `std` (default) finds out at run time which vector instructions the processor has.
+//! - `libm` stands in for `std` in the few functions that core needs.
 #![no_std]
-// Loops over lanes by index are what compiles to SIMD; and negated comparisons say what becomes of a NaN.
+// Loops over lanes by index compile to vector instructions. Negated comparisons say what becomes of NaN.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
@@ -71,7 +90,8 @@ pub use coverage::Coverage;
 pub use hom::{DepthEstimate, Hom, OccluderCriteria, OccluderDatabase};
 pub use hzb::Hzb;
 
-/// Culls what a z-buffer finds hidden behind a scene's occluders, after the frustum: `HzbCuller::new(Hzb::default())`.
+/// A culler that draws a scene's occluders into a z-buffer, front to back, and drops objects that these hide.
+/// It belongs behind a frustum culler.
 ///
 /// ```
 /// use visibility_core::{Culler, Selection};
@@ -81,7 +101,7 @@ pub use hzb::Hzb;
 /// ```
 pub type HzbCuller = visibility_core::OcclusionCuller<Hzb>;
 
-/// Culls what occlusion maps find hidden behind a scene's occluders, after the frustum: `HomCuller::new(Hom::default())`.
+/// The same with occlusion maps.
 ///
 /// ```
 /// use visibility_core::{Accuracy, Culler};
@@ -90,3 +110,7 @@ pub type HzbCuller = visibility_core::OcclusionCuller<Hzb>;
 /// assert_eq!(HomCuller::new(Hom::default().with_threshold(0.9)).accuracy(), Accuracy::Approximate);
 /// ```
 pub type HomCuller = visibility_core::OcclusionCuller<Hom>;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

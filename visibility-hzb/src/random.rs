@@ -1,6 +1,6 @@
 //! Random numbers for tests, the same on every machine.
 
-/// A source of numbers between two others.
+/// A generator: each call gives a number between the two that it is given.
 pub(crate) fn random(seed: u64) -> impl FnMut(f64, f64) -> f64 {
     let mut state = seed;
     move |low, high| {

@@ -1,10 +1,10 @@
 //! The same safe code compiled for several instruction sets, chosen at run time.
 //!
-//! As in `visibility-core`: one body in plain loops, compiled once for the instruction set that the program is built for and, on x86-64
-//! with
-//! `std`, again for AVX2 and AVX-512. Rust neither reorders nor fuses floating-point operations, so all give the same bits. This is the
-//! only
-//! module with `unsafe` code: calls of functions compiled for instructions that the program at large does not assume.
+//! As in `visibility-core`: one body in plain loops, compiled once for the instruction set that the program
+//! is built for and, on x86-64 with `std`, again for AVX2 and AVX-512. Rust neither reorders nor fuses
+//! floating-point operations, so all give the same bits. This is the only module with `unsafe` code: calls of
+//! functions compiled for instructions that the program at large does not assume. Which of them the processor
+//! has is core's to find out ([`Simd`]).
 
 use crate::buffer::pyramid::Pyramid;
 use crate::buffer::tile_layout::Rectangle;
@@ -25,10 +25,13 @@ use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
 use visibility_core::glam::Affine3A;
 use visibility_core::{Aabb, Occlusion64, Simd, SimdLevel};
 
-/// Declares a trait with a method for each function, and implements it for [`Simd`]: the method runs the function as
-/// compiled for the processor at hand.
+/// Declares the trait [`Kernels`] and implements it for [`Simd`]. Each of its methods runs a function as
+/// compiled for the instructions that the [`Simd`] stands for.
 macro_rules! compiled {
-    ($($name:ident / $avx2:ident / $avx512:ident = $body:path, ($($argument:ident: $type:ty),*) -> $result:ty;)*) => {
+    ($(
+        $name:ident / $avx2:ident / $avx512:ident = $body:path,
+        ($($argument:ident: $type:ty),*) -> $result:ty;
+    )*) => {
         /// The functions that are compiled for each set of instructions.
         pub(crate) trait Kernels {
             $(
@@ -42,10 +45,12 @@ macro_rules! compiled {
                 #[allow(unsafe_code)]
                 fn $name(self, $($argument: $type),*) -> $result {
                     match self.level() {
-                        // SAFETY: a `Simd` of this level exists only where the processor was found to have AVX2.
+                        // SAFETY: a `Simd` of this level exists only where the processor was found to have
+                        // AVX2.
                         #[cfg(all(target_arch = "x86_64", feature = "std"))]
                         SimdLevel::Avx2 => unsafe { $avx2($($argument),*) },
-                        // SAFETY: a `Simd` of this level exists only where the processor was found to have AVX-512.
+                        // SAFETY: a `Simd` of this level exists only where the processor was found to have
+                        // AVX-512.
                         #[cfg(all(target_arch = "x86_64", feature = "std"))]
                         SimdLevel::Avx512 => unsafe { $avx512($($argument),*) },
                         _ => $body($($argument),*),

@@ -1,6 +1,8 @@
-//! Contract 2 by clipping: take away from a covered pixel all that triangles cover, no farther than its depth, and nothing is left.
+//! Contract 2 by clipping: take away from a covered pixel all that triangles cover, no farther than its
+//! depth, and nothing is left.
 //!
-//! Shares no arithmetic with the rasterizer: triangles are cut in clip space, projected, and subtracted from the pixel's square as polygons.
+//! Shares no arithmetic with the rasterizer: triangles are cut in clip space, projected, and subtracted from
+//! the pixel's square as polygons.
 
 mod common;
 

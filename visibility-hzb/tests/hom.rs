@@ -1,5 +1,6 @@
-//! Hierarchical occlusion maps on random views of random occluders: nothing that a ray reaches is hidden at a threshold of 1, by any
-//! depth estimate; one pixel's hole is enough; the answers are the same on all instructions, and pinned.
+//! Hierarchical occlusion maps on random views of random occluders: nothing that a ray reaches is hidden at a
+//! threshold of 1, by any depth estimate; one pixel's hole is enough; the answers are the same on all
+//! instructions, and pinned.
 
 mod common;
 
@@ -90,7 +91,8 @@ fn run(views: u64, seed: u64) {
                 for p in points(&mut random, bounds) {
                     let clip = matrix * p.extend(1.0);
                     let (x, y) = (clip.x / clip.w, clip.y / clip.w);
-                    // What is not in the picture cannot be seen; nor can what extreme occluders may hide, which rays leave out.
+                    // What is not in the picture cannot be seen; nor can what extreme occluders may hide,
+                    // which rays leave out.
                     if clip.w <= 0.0 || x.abs() > 0.999_999 || y.abs() > 0.999_999 || occluders.len() > plain
                     {
                         continue;
@@ -161,8 +163,8 @@ fn a_hole_of_one_pixel_in_a_wall_shows_what_is_behind() {
             let [width, height] = size.map(|side| side as f32);
             let (hole_x, hole_y) = (random.below(size[0]), random.below(size[1]));
             let (x, y) = (hole_x as f32, hole_y as f32);
-            // Above, below, to the left and to the right; beyond the picture, so that its border is covered too, and a little into the
-            // hole, so that rounding leaves no other pixel open.
+            // Above, below, to the left and to the right; beyond the picture, so that its border is covered
+            // too, and a little into the hole, so that rounding leaves no other pixel open.
             let parts = [
                 ([-9.0, width + 9.0], [-9.0, y + 0.125]),
                 ([-9.0, width + 9.0], [y + 0.875, height + 9.0]),
@@ -330,6 +332,7 @@ fn the_answers_are_pinned() {
             hash = (hash ^ answer).wrapping_mul(0x0100_0000_01b3);
         }
     }
-    // The same on every processor, with every set of instructions. It changes with the rule of what is hidden.
+    // The same on every processor, with every set of instructions. It changes with the rule of what is
+    // hidden.
     assert_eq!((hidden, hash), (1458, 0xc658_72e4_9d07_8f94), "{hash:#x}");
 }

@@ -15,7 +15,8 @@ fn view() -> View {
     View::perspective(pose, 1.2, 1.5, 0.1, f64::INFINITY).unwrap()
 }
 
-/// Every texel above the finest level is the least of those below it, bit for bit. Returns how many are covered.
+/// Every texel above the finest level is the least of those below it, bit for bit. Returns how many are
+/// covered.
 fn check(hzb: &Hzb) -> usize {
     let mut covered = 0;
     for level in 1..hzb.levels() {

@@ -1,4 +1,5 @@
-//! Contract 2 by rays: through every sampled point of a covered pixel, its corners first of all, a ray meets an occluder no farther than the pixel says.
+//! Contract 2 by rays: through every sampled point of a covered pixel, its corners first of all, a ray meets
+//! an occluder no farther than the pixel says.
 
 mod common;
 
@@ -46,7 +47,8 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
                 samples += 1;
                 assert!(
                     met >= stored - 1e-7 * stored.abs() - 1e-12,
-                    "{what}: pixel {column},{row} at +{x},+{y}: stored {stored}, met {met}, {:?} triangles {:?}, transforms {:?}, {view:?}",
+                    "{what}: pixel {column},{row} at +{x},+{y}: stored {stored}, met {met}, {:?} triangles, \
+                     convex and two-sided {:?}, transforms {:?}, {view:?}",
                     occluders.iter().map(|o| o.mesh.triangles().len()).collect::<Vec<_>>(),
                     occluders.iter().map(|o| (o.mesh.is_convex(), o.mesh.is_two_sided())).collect::<Vec<_>>(),
                     occluders.iter().map(|o| o.transform).collect::<Vec<_>>()
@@ -57,7 +59,8 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
     [samples, pixels]
 }
 
-/// Boxes side by side and end to end, turned as one or not at all: some touch, some overlap a little, and some leave gaps too narrow for a pixel.
+/// Boxes side by side and end to end, turned as one or not at all: some touch, some overlap a little, and
+/// some leave gaps too narrow for a pixel.
 fn room(random: &mut Random) -> Vec<Occluder> {
     let transform = if random.below(2) == 0 { Affine3A::IDENTITY } else { occluder(random).transform };
     let mut low = random.vec3(-2.0, 0.0);
@@ -73,8 +76,9 @@ fn room(random: &mut Random) -> Vec<Occluder> {
         .collect()
 }
 
-/// Sheets of triangles, one behind the other, that are dealt out to meshes: most edges are shared, within meshes or between them, but some corners
-/// are off by a little, some triangles are missing, some are there twice or thrice, and some run the other way round.
+/// Sheets of triangles, one behind the other, that are dealt out to meshes: most edges are shared, within
+/// meshes or between them, but some corners are off by a little, some triangles are missing, some are there
+/// twice or thrice, and some run the other way round.
 fn sheets(random: &mut Random) -> Vec<Occluder> {
     let transform = if random.below(3) == 0 { occluder(random).transform } else { Affine3A::IDENTITY };
     let mut meshes = vec![Vec::new(); random.below(4) + 1];

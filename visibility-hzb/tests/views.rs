@@ -1,4 +1,5 @@
-//! Random views of random occluders: nothing hidden that a ray reaches, no panic, the same pixels and answers on all instructions.
+//! Random views of random occluders: nothing hidden that a ray reaches, no panic, the same pixels and answers
+//! on all instructions.
 
 mod common;
 
@@ -11,7 +12,8 @@ use visibility_core::{
 use visibility_hzb::{Coverage, Hzb};
 use visibility_testing::Random;
 
-/// Huge, flat or near-degenerate triangles, which the tests of pixels leave out since no ray can be trusted on them.
+/// Huge, flat or near-degenerate triangles, which the tests of pixels leave out since no ray can be trusted
+/// on them.
 fn extreme(random: &mut Random) -> Option<Occluder> {
     let scale = [1e-20, 1e-6, 1e3, 1e6, 1e12, 1e30][random.below(6)] as f32;
     let triangles: Vec<_> = (0..random.below(3) + 1)
@@ -86,7 +88,8 @@ fn run(views: u64, seed: u64) {
             for p in points(&mut random, bounds) {
                 let clip = matrix * p.extend(1.0);
                 let (x, y) = (clip.x / clip.w, clip.y / clip.w);
-                // What is not in the picture cannot be seen; nor can what extreme occluders may hide, which rays leave out.
+                // What is not in the picture cannot be seen; nor can what extreme occluders may hide, which
+                // rays leave out.
                 if clip.w <= 0.0 || x.abs() > 0.999_999 || y.abs() > 0.999_999 || occluders.len() > plain {
                     continue;
                 }

@@ -1,49 +1,55 @@
-//! What is kept of an occluder beside its coverage: the planes of its faces, which bound its depth key in any pixel.
+//! Depth planes of an occluder: the planes of its faces, which bound its depth key in a pixel more tightly
+//! than one number for a tile does.
 
 use super::tile_layout::SIDE;
 use crate::query::box_face_planes::{BoxFacePlanes, LANES};
 use crate::setup::screen_shape::ScreenShape;
 
-/// What bounds the depth key of a shape from below: the least of up to three planes, where that is greater than the floor.
+/// Up to three planes. The depth key of the occluder is at least the least of them, wherever it covers a
+/// pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DepthPlanes {
-    /// Slopes along columns and rows, and the value at the upper left corner of the buffer.
+    /// Slope along tile columns, slope along tile rows, constant, as in [`ScreenShape::planes`].
     planes: [[f32; 3]; 3],
+    /// Number of planes. With 0, nothing is known.
     count: usize,
 }
 
 impl DepthPlanes {
+    /// No planes.
     pub(crate) const NONE: Self = Self { planes: [[0.0; 3]; 3], count: 0 };
 
-    /// Of the planes of a shape; none if there are too many.
+    /// The planes of a shape; none if it has more than three.
     #[inline(always)]
     pub(crate) fn of(shape: &ScreenShape) -> Self {
         let [p, q, r, ..] = shape.planes;
-        // All three whatever their number: a copy of known length.
+        // All three planes are copied whatever their number: a copy of known length is fast.
         Self { planes: [p, q, r], count: if shape.plane_count <= 3 { shape.plane_count } else { 0 } }
     }
 
-    /// The least depth key within a rectangle; [`EMPTY_DEPTH`] if this is no surface.
+    /// The least value in a rectangle (left, right, top, bottom in pixels of the buffer); negative infinity
+    /// if there is no plane.
     ///
-    /// In `f64`, where what this rounds is far below what the planes were lowered by ([`ScreenShape::bound`](crate::shape::Shape::bound)).
+    /// In `f64`, where rounding is far below what [`ScreenShape::add_depth_plane`] has lowered the planes by.
     #[inline(always)]
     pub(crate) fn least(&self, [left, right, top, bottom]: [f64; 4]) -> f64 {
         const SHARE: f64 = 1.0 / SIDE as f64;
         let mut least = if self.count > 0 { f64::INFINITY } else { f64::NEG_INFINITY };
         for &[a, b, c] in &self.planes[..self.count] {
             let [a, b, c] = [f64::from(a), f64::from(b), f64::from(c)];
-            // The value in a tile is that of its farthest corner: where the plane falls to the right, its right border.
+            // The constant of a plane is its value at the farthest corner of tile 0: the right border where
+            // it falls to the right, the lower border where it falls downwards.
             let x = if a < 0.0 { right * SHARE - 1.0 } else { left * SHARE };
             let y = if b < 0.0 { bottom * SHARE - 1.0 } else { top * SHARE };
             let value = a * x + b * y + c;
-            // A NaN is the least of all.
+            // NaN becomes the least.
             least = if value >= least { least } else { value };
         }
         least
     }
 
-    /// Whether within a rectangle it is before all of one and the same side of a box. As in [`least`](Self::least), what is rounded is far below
-    /// what either was moved by.
+    /// Whether, in all of a rectangle, the planes are above one and the same upper bound of a box. Rounding
+    /// is far below what either was moved by, as in [`least`](Self::least).
     #[inline(always)]
     pub(crate) fn is_before(&self, sides: [f64; 4], box_planes: &BoxFacePlanes) -> bool {
         const SHARE: f64 = 1.0 / SIDE as f64;
@@ -63,7 +69,7 @@ impl DepthPlanes {
         any
     }
 
-    /// Whether all within a rectangle is nearer. A NaN hides nothing.
+    /// Whether the least value in a rectangle is above `depth_key`. NaN hides nothing.
     #[inline(always)]
     pub(crate) fn hides(&self, sides: [f64; 4], depth_key: f32) -> bool {
         self.least(sides) > f64::from(depth_key)
@@ -75,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn surfaces_are_no_nearer_than_their_planes_and_hardly_farther() {
+    fn least_values_are_below_the_planes_by_little() {
         for (a, b) in [(0.01, 0.02), (-0.01, 0.02), (0.01, -0.02), (-0.01, -0.02)] {
             let plane = [a, b, 5.0];
             let mut shape = ScreenShape::EMPTY;

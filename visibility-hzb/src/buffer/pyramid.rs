@@ -1,6 +1,6 @@
-//! The pyramid above the tiles: each texel holds the least depth key of the four below it, up to a single one (Greene, Kass and Miller,
-//! "Hierarchical Z-Buffer Visibility", 1993; Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough
-//! Applications", 2003, section 6.1).
+//! The pyramid above the tiles: each texel holds the least depth key of the four below it, up to a single
+//! texel (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993; Cohen-Or, Chrysanthou, Silva and
+//! Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.1).
 
 use super::tile_layout::{LINES, Rectangle, SIDE, mask};
 use super::tiles::{Tiles, UNCHANGED, join};
@@ -9,20 +9,25 @@ use alloc::vec::Vec;
 /// One level.
 #[derive(Clone, Debug)]
 struct Level {
+    /// Columns of texels.
     columns: usize,
+    /// Rows of texels.
     rows: usize,
+    /// Least depth key of each texel, row by row.
     least: Vec<f32>,
 }
 
-/// The levels above the tiles, finest first.
+/// All levels above the tiles. May be older than the tiles: then it hides less.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pyramid {
+    /// Finest first.
     levels: Vec<Level>,
-    /// While levels are brought up to date, the columns of each row of the finer one that have changed: first and end.
+    /// Scratch of [`update`](Self::update): dirty column range of each row of the finer level.
     changed: Vec<[usize; 2]>,
 }
 
 impl Pyramid {
+    /// A pyramid of empty texels.
     pub(crate) fn new(tiles: &Tiles) -> Self {
         let mut levels = Vec::new();
         let (mut columns, mut rows) = (tiles.columns, tiles.rows);
@@ -33,7 +38,7 @@ impl Pyramid {
         Self { levels, changed: alloc::vec![UNCHANGED; tiles.rows] }
     }
 
-    /// Forgets everything, as the tiles do.
+    /// Empties all texels.
     pub(crate) fn clear(&mut self) {
         for level in &mut self.levels {
             level.least.fill(f32::NEG_INFINITY);
@@ -45,12 +50,12 @@ impl Pyramid {
         self.levels.len()
     }
 
-    /// A level as columns, rows and values.
+    /// Columns, rows and texels of a level, 0 being the finest. `None` beyond the last.
     pub(crate) fn level(&self, level: usize) -> Option<(usize, usize, &[f32])> {
         self.levels.get(level).map(|level| (level.columns, level.rows, &level.least[..]))
     }
 
-    /// Brings all levels up to date, from what has changed in the tiles since the last time.
+    /// Brings all levels up to date with the dirty ranges of the tiles, and empties these.
     pub(crate) fn update(&mut self, tiles: &mut Tiles) {
         let [mut first_row, mut end_row] = core::mem::replace(&mut tiles.changed_rows, UNCHANGED);
         if first_row >= end_row {
@@ -63,7 +68,7 @@ impl Pyramid {
         for level in &mut self.levels {
             let (first, end) = (first_row / 2, end_row.div_ceil(2));
             for row in first..end {
-                // The last row of an odd number has no partner but itself.
+                // The last of an odd number of rows is its own partner.
                 let (upper, lower) = (2 * row, (2 * row + 1).min(rows - 1));
                 let mut changed = UNCHANGED;
                 for row in [upper, lower] {
@@ -81,7 +86,8 @@ impl Pyramid {
                         out,
                     );
                 }
-                // Its place was that of a finer row that is done with, but for the first, which is its own.
+                // The element belonged to a finer row that has been read already; row 0 is read before it is
+                // written.
                 self.changed[row] = if changed[0] < changed[1] { changed } else { UNCHANGED };
             }
             (first_row, end_row) = (first, end);
@@ -90,7 +96,8 @@ impl Pyramid {
         }
     }
 
-    /// Whether a rectangle is hidden at first glance: by the two by two texels at most that it meets where these are hardly larger.
+    /// Whether a rectangle is hidden by the texels that it meets on the first level where these are at most
+    /// two by two.
     #[inline(always)]
     pub(crate) fn hides_coarsely(&self, tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
         let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize - 1) / SIDE];
@@ -110,9 +117,10 @@ impl Pyramid {
         least > depth_key
     }
 
-    /// Whether all of a rectangle is covered by something nearer than `depth_key`.
+    /// Whether all pixels of a rectangle hold a depth key above `depth_key`.
     ///
-    /// Starts where the rectangle meets at most two by two texels, and goes down only where a texel does not decide.
+    /// Starts on the level where the rectangle meets two or three texels along its longer side, and goes down
+    /// only where a texel does not decide.
     #[inline(always)]
     pub(crate) fn hides(&self, tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
         let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize - 1) / SIDE];
@@ -135,7 +143,7 @@ impl Pyramid {
     }
 }
 
-/// Texels of a row between two columns, from the two rows below it.
+/// Fills a range of texels of a row from the two rows below it.
 fn halve(above: &[f32], below: &[f32], [first, end]: [usize; 2], out: &mut [f32]) {
     let ((pairs_above, rest_above), (pairs_below, rest_below)) =
         (above.as_chunks::<2>(), below.as_chunks::<2>());
@@ -146,7 +154,7 @@ fn halve(above: &[f32], below: &[f32], [first, end]: [usize; 2], out: &mut [f32]
     {
         *out = least(least(a[0], a[1]), least(b[0], b[1]));
     }
-    // The last column of an odd number has no partner either.
+    // The last of an odd number of columns has no partner.
     if let (true, Some(out), [a], [b]) = (last > end, out.last_mut(), rest_above, rest_below) {
         *out = least(*a, *b);
     }
@@ -157,7 +165,9 @@ fn least(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Looks at tiles one by one. What a rectangle has of a tile differs from row to row and column to column only at its ends.
+/// Whether all pixels of a rectangle within the given tiles (first and last column, first and last row) hold
+/// a depth key above `depth_key`. Looks at each tile. Masks differ from tile to tile only at the ends of rows
+/// and columns.
 #[inline(always)]
 fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 4], depth_key: f32) -> bool {
     let ([left, right], [top, bottom]) = (rectangle.columns, rectangle.lines);
@@ -182,16 +192,18 @@ fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 
     true
 }
 
+/// The descent of [`Pyramid::hides`].
 struct Walk<'a> {
     pyramid: &'a Pyramid,
     tiles: &'a Tiles,
     rectangle: &'a Rectangle,
-    /// First and last columns and rows of tiles.
+    /// First and last column and first and last row of tiles.
     limits: [usize; 4],
     depth_key: f32,
 }
 
 impl Walk<'_> {
+    /// Whether the part of the rectangle within a texel is hidden; level 0 is that of tiles.
     fn hides(&self, level: usize, x: usize, y: usize) -> bool {
         if level == 0 {
             let tile = y * self.tiles.columns + x;
@@ -232,7 +244,7 @@ mod tests {
         for size in [[100, 60], [24, 200], [64, 64]] {
             for _ in 0..60 {
                 let mut tiles = Tiles::new(size[0], size[1]);
-                // All of it at first, some of it nearer, and parts of tiles nearer still.
+                // Most tiles are covered entirely, some of them nearer, and parts of tiles nearer still.
                 for tile in 0..tiles.columns * tiles.rows {
                     if random.below(40) > 0 {
                         tiles.cover(tile, u64::MAX, 1.0 + random.below(2) as f32, 0);

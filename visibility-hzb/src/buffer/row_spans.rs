@@ -1,28 +1,34 @@
-//! Masks of the pixels of a tile from where each of its rows begins and ends.
+//! Pixel masks of tiles, from where each row of pixels begins and ends.
 
 use super::tile_layout::SIDE;
 use crate::lanes::WIDTH;
 
-/// Added to a number below 2^22, leaves the nearest whole number in the low bits.
+/// 1.5 times 2^23. A number below 2^22 in size, added to it, leaves the nearest integer in the low bits.
 const WHOLE: f32 = 12_582_912.0;
 
+/// The lane numbers.
 pub(crate) const STEPS: [f32; WIDTH] =
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
-/// What masks are made of, for two tiles side by side: so many lanes that the compiler keeps them together.
+/// Spans of the eight rows of pixels of a row of tiles, twice in a row: masks of two tiles are made at once,
+/// which fills the lanes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RowSpans {
-    /// Where each row begins and ends, moved by half a pixel for rounding; twice.
+    /// The column at which each row of pixels begins, plus 0.5 for rounding.
     low: [f32; 2 * SIDE],
+    /// The column at which it ends, less 0.5.
     high: [f32; 2 * SIDE],
-    /// A byte for each row of a tile.
+    /// Masks of [`WIDTH`] tiles, a byte for each row of pixels. Those that [`make_masks`](Self::make_masks)
+    /// has not made are stale.
     pub(crate) masks: [[u8; SIDE]; WIDTH],
 }
 
 impl RowSpans {
+    /// Empty spans.
     pub(crate) const NONE: Self =
         Self { low: [0.0; 2 * SIDE], high: [0.0; 2 * SIDE], masks: [[0; SIDE]; WIDTH] };
 
+    /// Sets where each row begins and ends.
     #[inline(always)]
     pub(crate) fn set(&mut self, [low, high]: &[[f32; SIDE]; 2]) {
         for i in 0..SIDE {
@@ -33,9 +39,11 @@ impl RowSpans {
         }
     }
 
-    /// Finds the pixels that lie in the spans, for two tiles so many columns after a given one. The first counts where both are the same.
+    /// Makes the masks of the tiles `first` and `second` columns after `column`. If both are the same, that
+    /// tile.
     ///
-    /// Bounds are rounded to pixels as in [`bands`]: within a tile, taking its place from a bound is exact.
+    /// Rounds to pixels as whole tiles are found in `shape_fill.rs`: taking the first column of a tile off a
+    /// bound within it is exact.
     #[inline(always)]
     pub(crate) fn make_masks(&mut self, column: usize, first: usize, second: usize) {
         let start = (column * SIDE) as f32;

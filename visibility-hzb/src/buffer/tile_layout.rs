@@ -1,25 +1,27 @@
-//! Tiles of 8 x 8 pixels: one bit of a `u64` for each pixel, row by row from the upper left.
+//! The layout of tiles: 8 x 8 pixels, one bit of a `u64` each, row by row from the upper left.
 
 /// Pixels along the side of a tile.
 pub(crate) const SIDE: usize = 8;
 
-/// Tiles that can be read beyond the end of any row.
+/// Tiles that may be read beyond the end of any row.
 pub(crate) const PADDING: usize = crate::lanes::WIDTH;
 
-/// Of nothing.
+/// Depth key of an empty pixel or tile: farther than any occluder.
 pub(crate) const EMPTY_DEPTH: f32 = f32::NEG_INFINITY;
 
-/// A rectangle of pixels: first and end columns, first and end rows; not empty.
+/// A rectangle of pixels; never empty.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rectangle {
+    /// Column range, half-open.
     pub(crate) columns: [u32; 2],
+    /// Row range, half-open.
     pub(crate) lines: [u32; 2],
 }
 
-/// Of a byte, makes the same in each line of a tile.
+/// A one for each row of a tile. Times a byte, it repeats that byte in all rows.
 pub(crate) const LINES: u64 = 0x0101_0101_0101_0101;
 
-/// The pixels of a tile that a rectangle meets.
+/// The pixels of the tile at column `x` and row `y` of tiles that a rectangle meets.
 #[inline(always)]
 pub(crate) fn mask(rectangle: &Rectangle, x: usize, y: usize) -> u64 {
     let (left, right) = within(rectangle.columns, x);
@@ -29,14 +31,14 @@ pub(crate) fn mask(rectangle: &Rectangle, x: usize, y: usize) -> u64 {
     (byte * LINES) & lines
 }
 
-/// The part of a range of pixels within a tile.
+/// The part of a range of pixels that lies in a tile, counted from the first pixel of the tile.
 #[inline(always)]
 fn within([first, end]: [u32; 2], tile: usize) -> (i32, i32) {
     let start = (tile * SIDE) as i32;
     ((first as i32 - start).clamp(0, 8), (end as i32 - start).clamp(0, 8))
 }
 
-/// The first so many lines of a tile.
+/// The first `lines` rows of a tile; none if negative, all from 8 on.
 #[inline(always)]
 pub(crate) fn below(lines: i32) -> u64 {
     if lines >= 8 { u64::MAX } else { (1 << (8 * lines.max(0))) - 1 }

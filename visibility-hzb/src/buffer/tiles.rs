@@ -1,9 +1,10 @@
-//! The buffer: tiles of 8 x 8 pixels that hold what is covered, and how far away at most, in a few layers.
+//! The buffer: tiles of 8 x 8 pixels that hold which pixels are covered, and how far away at most, in a few
+//! layers.
 //!
-//! A tile has one depth key for all its pixels and up to [`LAYERS`] disjoint sets of pixels with a greater one each. That takes a
-//! fraction of
-//! the memory of a z-buffer and is as tight in practice, since one occluder mostly has one depth range in a tile (the idea is that of
-//! Andersson, Hasselgren and Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more and disjoint layers).
+//! A tile has one depth key for all its pixels and up to [`LAYERS`] disjoint sets of pixels with a greater
+//! key each. That takes a fraction of the memory of a z-buffer and is as tight in practice, since one
+//! occluder mostly has one depth range in a tile. The idea is that of Andersson, Hasselgren and
+//! Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more layers, which are disjoint.
 
 use super::depth_planes::DepthPlanes;
 use super::row_spans::RowSpans;
@@ -13,42 +14,51 @@ use crate::rounding::down;
 use crate::setup::screen_shape::ScreenShape;
 use alloc::vec::Vec;
 
-/// Sets of pixels that a tile can tell apart.
+/// The most layers of a tile.
 pub(crate) const LAYERS: usize = 4;
 
-/// Disjoint sets of pixels, each with the least depth key of what covers it.
+/// The layers of one tile: disjoint sets of pixels, each with a lower bound on its depth keys.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Layers {
+    /// The pixels of each layer, a bit each.
     masks: [u64; LAYERS],
+    /// The lower bound of each layer.
     depth_key: [f32; LAYERS],
-    /// Of which surface that is the least.
+    /// Index into [`Tiles::depth_planes`] of the planes that bound the layer more tightly; 0 for none.
     depth_planes: [u32; LAYERS],
 }
 
 /// The tiles, row by row from the top.
 #[derive(Clone, Debug)]
 pub(crate) struct Tiles {
+    /// Columns of tiles.
     pub(crate) columns: usize,
+    /// Rows of tiles.
     pub(crate) rows: usize,
-    /// Depth keys that all pixels of a tile have at least; greater is nearer. Followed by padding.
+    /// Lower bound on the depth keys of all pixels of each tile, [`EMPTY_DEPTH`] if one is not covered.
+    /// Followed by padding.
     pub(crate) tile_min: Vec<f32>,
-    /// Of which surface the depth key of the whole tile is, or was before something nearer: a surface stays where it is.
+    /// Index into `depth_planes` of an occluder that covers the whole tile; 0 for none. Not always the
+    /// nearest one. Followed by padding.
     pub(crate) planes_id: Vec<u32>,
-    /// The first is none.
+    /// Depth planes of the occluders of this frame. The first is [`DepthPlanes::NONE`].
     depth_planes: Vec<DepthPlanes>,
-    /// How many layers count.
+    /// Number of layers of each tile.
     counts: Vec<u8>,
-    /// Those beyond the count are of earlier frames.
+    /// The layers of each tile. Those beyond the count are stale.
     layers: Vec<Layers>,
-    /// Columns of each row of tiles whose `tile_min` may have changed since the pyramid was brought up to date, and such rows.
+    /// Dirty column range of each row of tiles, half-open: where `tile_min` has changed since the last update
+    /// of the pyramid.
     pub(crate) changed: Vec<[usize; 2]>,
+    /// Range of the rows whose column range is not empty, half-open.
     pub(crate) changed_rows: [usize; 2],
-    /// Of the row of tiles that is being filled.
+    /// Scratch of the row of tiles that is being filled.
     pub(crate) spans: RowSpans,
 }
 
 impl Tiles {
+    /// An empty buffer of so many pixels, rounded up to whole tiles.
     pub(crate) fn new(width: usize, height: usize) -> Self {
         let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
         let layers = Layers { masks: [0; LAYERS], depth_key: [0.0; LAYERS], depth_planes: [0; LAYERS] };
@@ -66,7 +76,7 @@ impl Tiles {
         }
     }
 
-    /// Forgets all.
+    /// Empties the buffer.
     pub(crate) fn clear(&mut self) {
         self.tile_min.fill(EMPTY_DEPTH);
         self.counts.fill(0);
@@ -76,14 +86,14 @@ impl Tiles {
         self.changed_rows = UNCHANGED;
     }
 
-    /// Notes that `tile_min` changes between two columns of a row.
+    /// Marks a half-open range of columns of a row of tiles as dirty.
     #[inline(always)]
     pub(crate) fn note(&mut self, row: usize, columns: [usize; 2]) {
         self.changed[row] = join(self.changed[row], columns);
         self.changed_rows = join(self.changed_rows, [row, row + 1]);
     }
 
-    /// Raises what all of a tile has at least.
+    /// Sets the lower bound of a whole tile.
     #[inline(always)]
     fn raise(&mut self, tile: usize, depth_key: f32) {
         self.tile_min[tile] = depth_key;
@@ -91,15 +101,16 @@ impl Tiles {
         self.note(row, [column, column + 1]);
     }
 
-    /// Makes the surface of a shape known; the number stands for it in this frame.
+    /// Stores the depth planes of a shape. Returns their index, which is valid until [`clear`](Self::clear).
     #[inline(always)]
     pub(crate) fn add_depth_planes(&mut self, shape: &ScreenShape) -> u32 {
         self.depth_planes.push(DepthPlanes::of(shape));
         (self.depth_planes.len() - 1) as u32
     }
 
-    /// In which of some pixels a box may be seen, looked at through the surfaces that cover them. It is no nearer than `depth_key` there, and within
-    /// `box_planes`; all pixels are within a rectangle: first and end columns, first and end rows, counted from the upper left corner of the buffer.
+    /// Those of some pixels where a box may be seen. All of them lie within `sides` (left, right, top, bottom
+    /// in pixels of the buffer). There the box has no depth key above `depth_key`, and satisfies
+    /// `box_planes`.
     #[inline(always)]
     pub(crate) fn undecided(
         &self,
@@ -130,7 +141,8 @@ impl Tiles {
         left
     }
 
-    /// Covers some pixels of a tile with something of at least the given depth key, that of a surface if this is known.
+    /// Covers some pixels of a tile by an occluder whose depth keys there are at least `depth_key`, and at
+    /// least those of its depth planes if `planes_id` is not 0. NaN covers nothing.
     #[inline(always)]
     pub(crate) fn cover(&mut self, tile: usize, mask: u64, depth_key: f32, planes_id: u32) {
         let tile_min = self.tile_min[tile];
@@ -153,7 +165,7 @@ impl Tiles {
             self.counts[tile] = 1;
             return;
         }
-        // Pixels that have something as near already stay with it.
+        // Pixels of layers that are at least as near stay with these.
         let (mut new, mut taken) = (mask, 0);
         for i in 0..count.min(LAYERS) {
             taken |= layers.masks[i];
@@ -164,7 +176,7 @@ impl Tiles {
         if new == 0 {
             return;
         }
-        // What comes from front to back mostly fills pixels that nothing has covered yet.
+        // From front to back, most occluders fill pixels that nothing has covered yet.
         if new & taken == 0 && new | taken != u64::MAX && count < LAYERS {
             layers.masks[count] = new;
             layers.depth_key[count] = depth_key;
@@ -172,7 +184,7 @@ impl Tiles {
             self.counts[tile] = count as u8 + 1;
             return;
         }
-        // Layers that the whole tile has overtaken are forgotten, and pixels that have something farther go over to the new layer.
+        // Layers behind the whole tile are dropped, and pixels of farther layers go over to the new one.
         let mut all = [(0, 0.0, 0); LAYERS + 1];
         let mut raised = tile_min;
         let mut kept = 0;
@@ -192,7 +204,7 @@ impl Tiles {
             for &(_, depth_key, _) in &all[..kept] {
                 raised = if depth_key < raised { depth_key } else { raised };
             }
-            // What is no nearer than the whole tile now is of use only as a surface.
+            // A layer no nearer than the whole tile is of use only for its depth planes.
             let mut left = 0;
             for i in 0..kept {
                 if all[i].1 > raised || all[i].2 != 0 {
@@ -214,13 +226,13 @@ impl Tiles {
         }
     }
 
-    /// Whether everything in the given pixels of a tile is nearer than `depth_key`.
+    /// Whether all of the given pixels of a tile hold a depth key above `depth_key`.
     #[inline(always)]
     pub(crate) fn hides(&self, tile: usize, mask: u64, depth_key: f32) -> bool {
         self.tile_min[tile] > depth_key || self.hides_partly(tile, mask, depth_key)
     }
 
-    /// The same by what covers parts of the tile alone.
+    /// The same by layers alone, for tiles whose `tile_min` is known not to be above `depth_key`.
     #[inline(always)]
     pub(crate) fn hides_partly(&self, tile: usize, mask: u64, depth_key: f32) -> bool {
         let (layers, count) = (&self.layers[tile], u32::from(self.counts[tile]));
@@ -232,7 +244,7 @@ impl Tiles {
         mask & !((nearer[0] | nearer[1]) | (nearer[2] | nearer[3])) == 0
     }
 
-    /// The pixels of a tile that anything covers.
+    /// The pixels of a tile that are covered.
     #[inline(always)]
     pub(crate) fn covered(&self, tile: usize) -> u64 {
         if self.tile_min[tile] > EMPTY_DEPTH {
@@ -246,7 +258,7 @@ impl Tiles {
         covered
     }
 
-    /// The least depth key of what covers pixels of a tile, whatever is left bare; infinite if all is.
+    /// Lower bound on the depth keys of the covered pixels of a tile; infinity if none is covered.
     #[inline(always)]
     pub(crate) fn farthest(&self, tile: usize) -> f32 {
         if self.tile_min[tile] > EMPTY_DEPTH {
@@ -260,14 +272,15 @@ impl Tiles {
         farthest
     }
 
-    /// The depth key of the pixel in the middle of a rectangle.
+    /// The depth key of the pixel in the middle of a rectangle, as [`pixel`](Self::pixel) gives it.
     #[inline(always)]
     pub(crate) fn pixel_around(&self, rectangle: &Rectangle) -> f32 {
         let [x, y] = [rectangle.columns, rectangle.lines].map(|[first, end]| ((first + end) / 2) as usize);
         self.pixel(x, y)
     }
 
-    /// The depth key of a pixel as the surfaces that cover it tell, [`EMPTY_DEPTH`] where nothing does.
+    /// The greatest lower bound known on the depth key of a pixel, by layers and by depth planes;
+    /// [`EMPTY_DEPTH`] where nothing covers it.
     pub(crate) fn pixel_closely(&self, column: usize, row: usize) -> f32 {
         let tile = row / SIDE * self.columns + column / SIDE;
         let bit = (row % SIDE) * SIDE + column % SIDE;
@@ -287,7 +300,7 @@ impl Tiles {
         depth_key
     }
 
-    /// The depth key of a pixel as the tile has it, [`EMPTY_DEPTH`] where nothing covers it.
+    /// The lower bound on the depth key of a pixel by layers; [`EMPTY_DEPTH`] where nothing covers it.
     #[inline(always)]
     pub(crate) fn pixel(&self, column: usize, row: usize) -> f32 {
         let tile = row / SIDE * self.columns + column / SIDE;
@@ -301,7 +314,8 @@ impl Tiles {
     }
 }
 
-/// Joins two of one layer too many: those whose joining gives away least, in pixels times depth key.
+/// Merges two of one layer too many, those whose merging gives away least: difference of depth keys times
+/// pixels. Returns the number of layers left.
 #[cold]
 fn merge(layers: &mut [(u64, f32, u32); LAYERS + 1]) -> usize {
     let mut best = (f32::INFINITY, 0, 1);
@@ -321,10 +335,10 @@ fn merge(layers: &mut [(u64, f32, u32); LAYERS + 1]) -> usize {
     LAYERS
 }
 
-/// No columns or rows.
+/// The empty range of columns or rows.
 pub(crate) const UNCHANGED: [usize; 2] = [usize::MAX, 0];
 
-/// What is in either of two ranges, and what is between.
+/// The least range that contains two ranges.
 #[inline(always)]
 pub(crate) fn join(a: [usize; 2], b: [usize; 2]) -> [usize; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]

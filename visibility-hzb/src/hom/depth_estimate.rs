@@ -1,13 +1,14 @@
-//! Where occlusion begins: what is opaque hides only what is behind it.
+//! The depth behind which opaque pixels hide.
 //!
-//! The three estimates of Zhang, Manocha, Hudson and Hoff ("Visibility Culling using Hierarchical Occlusion Maps", 1997), in this
-//! crate's depth key, which falls along every line of sight. Each bounds, for every covered pixel, the depth key of what covers it from
-//! below, so that each is conservative on its own.
+//! These are the three estimates of Zhang, Manocha, Hudson and Hoff ("Visibility Culling using Hierarchical
+//! Occlusion Maps", 1997), in depth keys. Each bounds, for every covered pixel, the depth key of what covers
+//! it from below. So each is conservative on its own.
 //!
-//! The first two go by the boxes around occluders, at their farthest. An occluder whose rectangle is hidden pixel by pixel behind
-//! nearer ones moves no boundary. That is sound: of all occluders that cover a pixel, the one whose nearest point is nearest cannot be
-//! hidden there, since what would hide it covers the pixel too and reaches nearer still; so for every covered pixel at least one
-//! occluder that covers it has moved the boundary.
+//! The first two go by the boxes around occluders, at their farthest points. An occluder whose rectangle is
+//! hidden pixel by pixel behind nearer ones moves no boundary. That is sound: of all occluders that cover a
+//! pixel, take the one whose nearest point is nearest. It cannot be hidden there, since what would hide it
+//! covers the pixel too and reaches nearer still. So for every covered pixel, at least one occluder that
+//! covers it has moved the boundary.
 
 use super::opacity_pyramid::OpacityPyramid;
 use super::tile_range::TileRange;
@@ -26,28 +27,32 @@ use alloc::vec::Vec;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum DepthEstimate {
-    /// One plane behind all occluders that show. The cheapest; hides nothing that is nearer than the farthest of them.
+    /// One plane behind all occluders that show. The cheapest. Hides no box that is nearer than the farthest
+    /// of them.
     Plane,
-    /// The depth-estimation buffer: for each 8 x 8 pixels of the map the farthest depth of the occluders whose rectangles meet them.
+    /// The depth-estimation buffer: for each 8 x 8 pixels, the farthest depth of the occluders whose
+    /// rectangles meet them.
     Buffer,
-    /// The no-background z-buffer: the z-buffer that occluders were drawn into, pixel by pixel where a tile does not decide; where
-    /// nothing was drawn it says nothing. The tightest.
+    /// The no-background z-buffer: the z-buffer that occluders were drawn into, pixel by pixel where a tile
+    /// does not decide. Pixels that nothing covers say nothing. The tightest.
     #[default]
     NoBackground,
 }
 
-/// The boundary beyond which opaque pixels hide.
+/// The depth behind which opaque pixels hide.
 #[derive(Clone, Debug)]
 pub(crate) struct DepthBoundary {
     pub(crate) estimate: DepthEstimate,
+    /// Columns of tiles.
     columns: usize,
-    /// Of all occluders: nothing drawn is less near.
+    /// Lower bound on the depth keys of all occluders; infinity if there are none.
     plane: f32,
-    /// For each tile, depth key that what is drawn there has at least; infinite where nothing is.
+    /// The same for each tile, row by row.
     cells: Vec<f32>,
 }
 
 impl DepthBoundary {
+    /// A boundary before all occluders.
     pub(crate) fn new(tiles: &Tiles) -> Self {
         Self {
             estimate: DepthEstimate::default(),
@@ -57,21 +62,22 @@ impl DepthBoundary {
         }
     }
 
+    /// Forgets all occluders.
     pub(crate) fn clear(&mut self) {
         self.plane = f32::INFINITY;
         self.cells.fill(f32::INFINITY);
     }
 
-    /// Keeps depth otherwise, and knows nothing until it is cleared for a frame.
+    /// Changes the estimate. Hides nothing until [`clear`](Self::clear).
     pub(crate) fn set(&mut self, estimate: DepthEstimate) {
         self.estimate = estimate;
         self.plane = f32::NEG_INFINITY;
         self.cells.fill(f32::NEG_INFINITY);
     }
 
-    /// Moves it behind an occluder with the given rectangle that is nowhere less near than so.
+    /// Takes in an occluder whose pixels lie in `region` and whose depth keys are at least `depth_key`. NaN
+    /// stands for an occluder of which nothing is known.
     pub(crate) fn move_behind(&mut self, region: &TileRange, depth_key: f32) {
-        // What is not a number bounds nothing.
         let depth_key = if depth_key.is_nan() { f32::NEG_INFINITY } else { depth_key };
         match self.estimate {
             DepthEstimate::Plane => self.plane = self.plane.min(depth_key),
@@ -87,7 +93,7 @@ impl DepthBoundary {
         }
     }
 
-    /// Takes in what has been drawn into a region.
+    /// Takes in what has been drawn into some tiles. Only [`DepthEstimate::NoBackground`] needs it.
     #[inline(always)]
     pub(crate) fn update(&mut self, tiles: &Tiles, region: &TileRange) {
         if self.estimate != DepthEstimate::NoBackground {
@@ -101,7 +107,7 @@ impl DepthBoundary {
         }
     }
 
-    /// Whether everything drawn into a rectangle is nearer than `depth_key`.
+    /// Whether everything that covers pixels of a rectangle has a depth key above `depth_key`.
     #[inline(always)]
     pub(crate) fn is_before(
         &self,
@@ -136,7 +142,7 @@ impl DepthBoundary {
     }
 }
 
-/// Brings the pyramid and the boundary up to date in a region.
+/// Takes in what has been drawn into some tiles, in opacity and depth.
 #[inline(always)]
 pub(crate) fn update_maps(
     opacity: &mut OpacityPyramid,

@@ -1,14 +1,16 @@
-//! The occluder database: which objects are worth drawing as occluders at all, found once when a scene is loaded.
+//! The occluder database: which objects of a scene are worth drawing as occluders, found once when it is
+//! loaded.
 //!
-//! By the three criteria of Zhang, Manocha, Hudson and Hoff ("Visibility Culling using Hierarchical Occlusion Maps", 1997): objects that
-//! are small hide little; those close to a larger occluder, as a clock on a wall, hide little that it does not; those of many
-//! triangles cost much to draw. Leaving out an occluder is always safe, so none of this needs to be exact.
+//! By the three criteria of Zhang, Manocha, Hudson and Hoff ("Visibility Culling using Hierarchical Occlusion
+//! Maps", 1997). Small objects hide little. Objects close to a larger occluder, as a clock on a wall, hide
+//! little that it does not. Objects of many triangles cost much to draw. Leaving out an occluder is always
+//! safe, so none of this needs to be exact.
 
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 use visibility_core::{Aabb, BoxHierarchy, Child, ObjectId, Scene, SceneError, SceneHierarchy};
 
-/// What is left out of an [`OccluderDatabase`].
+/// Which objects an [`OccluderDatabase`] leaves out.
 ///
 /// ```
 /// use visibility_hzb::OccluderCriteria;
@@ -17,23 +19,27 @@ use visibility_core::{Aabb, BoxHierarchy, Child, ObjectId, Scene, SceneError, Sc
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct OccluderCriteria {
-    /// Objects that show less than a square of this side along each of the axes are too small, in units of the scene.
+    /// Side of a square, in units of the scene. Objects whose area, seen along each of the three axes, is
+    /// smaller than this square are too small.
     pub least_size: f32,
-    /// Objects of more triangles cost too much.
+    /// The most triangles that an occluder may have.
     pub most_triangles: usize,
-    /// Objects of which at least this share is backed by larger occluders, no farther away than an eighth of their longest side, are redundant.
-    /// Above 1, none are.
+    /// Objects are redundant if at least this share of them is backed by larger occluders: of lines through
+    /// the object along the axes, the share that meets a larger occluder no farther away than an eighth of
+    /// the object's longest side. Above 1, no object is redundant.
     pub redundancy: f32,
 }
 
 impl Default for OccluderCriteria {
-    /// A quarter of a unit (a metre, mostly), 1024 triangles, three quarters.
+    /// A quarter of a unit, 1024 triangles, three quarters.
     fn default() -> Self {
         Self { least_size: 0.25, most_triangles: 1024, redundancy: 0.75 }
     }
 }
 
 /// The objects of a scene that are worth drawing as occluders.
+///
+/// It is a list of ids: objects that are moved, added or removed later do not change it.
 ///
 /// ```
 /// use visibility_core::{glam::Affine3A, Aabb, Object, OccluderMesh, Scene};
@@ -54,21 +60,27 @@ impl Default for OccluderCriteria {
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct OccluderDatabase {
+    /// Objects worth drawing, ascending.
     occluders: Vec<ObjectId>,
+    /// Occluders that were left out.
     others: Vec<ObjectId>,
+    /// How many of these are too small.
     small: usize,
+    /// How many of these have too many triangles.
     complex: usize,
+    /// How many of these are redundant.
     redundant: usize,
 }
 
-/// Points along each side of a grid that redundancy is sampled in.
+/// Lines along each axis are cast through a grid of this many points by this many.
 const GRID: usize = 4;
-/// The most objects that are looked at for backing one, and of them the most that lines are cast at.
+/// The most occluders that are looked at for backing one object, and the most of these, the largest, that
+/// lines are cast at.
 const NEIGHBOURS: [usize; 2] = [1024, 32];
 
 impl OccluderDatabase {
-    /// Looks at all objects of a scene that are flagged as occluders and have a mesh. Takes about a microsecond for each triangle near
-    /// others; for loading time.
+    /// Sorts all objects that are flagged as occluders and have a mesh. Takes about a microsecond for each
+    /// triangle near other occluders: for loading time.
     pub fn new(scene: &Scene, criteria: &OccluderCriteria) -> Self {
         let mut new = Self::default();
         let mut sized = Vec::new();
@@ -79,7 +91,7 @@ impl OccluderDatabase {
                 continue;
             };
             let area = area(scene, id);
-            // What cannot be measured is small.
+            // NaN counts as small.
             if !(area >= criteria.least_size * criteria.least_size) {
                 new.small += 1;
             } else if mesh.triangles().len() > criteria.most_triangles {
@@ -106,36 +118,37 @@ impl OccluderDatabase {
         new
     }
 
-    /// The objects worth drawing, ascending.
+    /// The objects worth drawing, in ascending order.
     pub fn occluders(&self) -> &[ObjectId] {
         &self.occluders
     }
 
-    /// How many were left out as too small.
+    /// Number of objects left out as too small.
     pub fn small(&self) -> usize {
         self.small
     }
 
-    /// How many were left out for their number of triangles.
+    /// Number of objects left out for their number of triangles.
     pub fn complex(&self) -> usize {
         self.complex
     }
 
-    /// How many were left out since larger ones back them.
+    /// Number of objects left out as backed by larger ones.
     pub fn redundant(&self) -> usize {
         self.redundant
     }
 
-    /// Takes the flag from all occluders that were left out.
+    /// Clears the occluder flag of all objects that were left out.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if one of them is not in the scene, or no longer.
+    /// [`SceneError::UnknownObject`] if one of them is not in the scene, or no longer. Those before it have
+    /// lost their flags then.
     pub fn apply(&self, scene: &mut Scene) -> Result<(), SceneError> {
         self.others.iter().try_for_each(|&id| scene.set_occluder(id, false))
     }
 }
 
-/// The corners of an occluder's triangles, where they are.
+/// An occluder's triangles in scene coordinates; none if it has no mesh.
 fn triangles(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [Vec3; 3]> + '_ {
     let placed = scene.occluder(id).into_iter();
     placed.flat_map(|(mesh, transform)| {
@@ -144,7 +157,8 @@ fn triangles(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [Vec3; 3]> + '
     })
 }
 
-/// The largest area that an occluder can show along an axis.
+/// The largest area that an occluder shows along an axis: of its triangles, at most the face of its bounds. 0
+/// for objects without a mesh.
 fn area(scene: &Scene, id: ObjectId) -> f32 {
     let (Ok(bounds), Some((mesh, _))) = (scene.bounds(id), scene.occluder(id)) else { return 0.0 };
     let mut shown = Vec3::ZERO;
@@ -156,14 +170,15 @@ fn area(scene: &Scene, id: ObjectId) -> f32 {
     shown.min(faces(&bounds)).max_element()
 }
 
-/// The areas of a box's faces across each axis.
+/// Areas of the faces of a box across each axis.
 fn faces(bounds: &Aabb) -> Vec3 {
     let extent = bounds.max - bounds.min;
     Vec3::new(extent.y * extent.z, extent.z * extent.x, extent.x * extent.y)
 }
 
-/// How much of an object larger occluders back, of those that have a rank: the share of lines through it, along each axis by the area of its
-/// faces, that meet one.
+/// The share of an object that is backed by larger occluders, those whose `rank` is not `u32::MAX`: of lines
+/// through it along each axis, weighted by the area of its face across that axis. NaN if its bounds have no
+/// area.
 fn backed_share(scene: &Scene, id: ObjectId, rank: &[u32]) -> f32 {
     let Ok(bounds) = scene.bounds(id) else { return 0.0 };
     let near = (bounds.max - bounds.min).max_element() / 8.0;
@@ -185,11 +200,10 @@ fn backed_share(scene: &Scene, id: ObjectId, rank: &[u32]) -> f32 {
         }
         share += weights[axis] * met as f32 / (GRID * GRID) as f32;
     }
-    // Not a number if it has no faces: then nothing is known of it, and it stays.
     share / weights.element_sum()
 }
 
-/// The largest of the ranked occluders that a box meets.
+/// The largest of the ranked occluders whose bounds meet a box, without `id` itself.
 fn neighbours(scene: &Scene, id: ObjectId, reach: &Aabb, rank: &[u32]) -> Vec<ObjectId> {
     let (mut found, mut nodes) = (Vec::new(), Vec::new());
     let mut next = Some(None);
@@ -210,14 +224,18 @@ fn neighbours(scene: &Scene, id: ObjectId, reach: &Aabb, rank: &[u32]) -> Vec<Ob
     found
 }
 
-/// A line along an axis through a point of the other two, within a box.
+/// A line along an axis, within a box.
 struct Line<'a> {
+    /// The two axes across the line, then the one along it.
     axes: [usize; 3],
+    /// Its coordinates on the first two.
     at: [f32; 2],
+    /// The part of it that lies in this box counts.
     reach: &'a Aabb,
 }
 
 impl Line<'_> {
+    /// Whether it meets a triangle.
     fn meets(&self, [a, b, c]: &[Vec3; 3]) -> bool {
         let [u, v, w] = self.axes;
         let turn = |p: &Vec3, q: &Vec3| {

@@ -1,9 +1,10 @@
-//! Hierarchical occlusion maps: a pyramid of opacities and, apart from it, an estimate of depth (Zhang, Manocha, Hudson and Hoff,
-//! "Visibility Culling using Hierarchical Occlusion Maps", 1997; Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for
-//! Walkthrough Applications", 2003, section 6.2).
+//! Hierarchical occlusion maps: a pyramid of opacities and, apart from it, an estimate of depth (Zhang,
+//! Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997; Cohen-Or,
+//! Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.2).
 //!
-//! Occluders are drawn by the rasterizer of the z-buffer. A box is hidden if its rectangle is opaque and the box behind what makes it
-//! so: the first is [`overlap`], over the counts of [`opacity`] and with [`threshold`]; the second is [`depth`].
+//! Occluders are drawn by the raster of the z-buffer. A box is hidden if its rectangle is opaque
+//! (`overlap_test.rs`, over the counts of `opacity_pyramid.rs`, with `thresholds.rs`) and the box lies behind
+//! everything that makes it so (`depth_estimate.rs`).
 
 use super::depth_estimate::{DepthBoundary, DepthEstimate};
 use super::opacity_pyramid::OpacityPyramid;
@@ -25,15 +26,17 @@ use visibility_core::{
 
 /// Hierarchical occlusion maps.
 ///
-/// With a threshold of 1, the default, an opaque texel is one that is covered without a hole, and nothing visible is ever hidden. With
-/// less, small holes dissolve, and with them what is visible through them alone: more is culled, and a little of it by mistake.
+/// With a threshold of 1, the default, a texel is opaque only if it is covered without a hole, and nothing
+/// visible is ever hidden. With less, small holes are closed, and objects that are visible only through them
+/// are hidden by mistake.
 ///
-/// Memory is 4 bytes a pixel, all taken when it is made.
+/// Memory is 4 bytes for each pixel, and what [`Hzb`] keeps for convex occluders.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
 /// use visibility_hzb::Hom;
-/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
+/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
 /// let mut hom = Hom::new(320, 180)?;
 /// hom.begin(&view, DVec3::ZERO);
 /// // Two halves of a wall, with a slit of a few pixels between them.
@@ -49,46 +52,53 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Debug)]
 pub struct Hom {
-    /// Draws, and knows the view.
+    /// Draws occluders and projects boxes.
     raster: Hzb,
+    /// Which pixels are covered, as of the last flush.
     opacity: OpacityPyramid,
+    /// How far away what covers them is at most.
     boundary: DepthBoundary,
+    /// Boxes around occluders that wait to be taken into the boundary.
     queue: BoxQueue,
     /// Tiles that may have changed since the last flush.
     stale: TileRange,
 }
 
 impl Default for Hom {
-    /// Of 512 x 288 pixels, conservative.
+    /// 512 x 288 pixels, conservative.
     fn default() -> Self {
         Self::over(Hzb::default())
     }
 }
 
 impl Hom {
-    /// Empty maps, of so many columns and rows of pixels at the finest.
+    /// Empty maps; the finest has `width` columns and `height` rows of pixels.
     ///
     /// # Errors
-    /// [`SizeError`] if a side is not between [`MIN_SIDE`](crate::MIN_SIDE) and [`MAX_SIDE`](crate::MAX_SIDE).
+    /// [`SizeError`] if a side is not between [`MIN_SIDE`](crate::MIN_SIDE) and
+    /// [`MAX_SIDE`](crate::MAX_SIDE).
     pub fn new(width: usize, height: usize) -> Result<Self, SizeError> {
         Hzb::new(width, height).map(Self::over)
     }
 
+    /// Maps over an empty z-buffer.
     fn over(raster: Hzb) -> Self {
         let opacity = OpacityPyramid::new([raster.width(), raster.height()]);
         let boundary = DepthBoundary::new(&raster.tiles);
         Self { raster, opacity, boundary, queue: BoxQueue::EMPTY, stale: TileRange::NONE }
     }
 
-    /// The same maps with another opacity above which 8 x 8 pixels count as opaque, from 0 to 1: the dial between all of the visible
-    /// objects and fewer. Coarser texels may have as many uncovered pixels as these, finer ones none. Takes effect at once.
+    /// The same maps with another opacity threshold for texels of 8 x 8 pixels, from 0 to 1. NaN and numbers
+    /// above 1 count as 1, negative ones as 0. Coarser texels may have as many uncovered pixels as these,
+    /// finer ones none. Below 1, the maps are approximate. Takes effect at once.
     pub fn with_threshold(mut self, threshold: f32) -> Self {
         self.opacity.set(Thresholds::from_dial(threshold));
         self
     }
 
-    /// The same maps with another threshold for one [level](Self::levels): 1 for texels of 2 x 2 pixels, 2 for 4 x 4 and so on. Pixels,
-    /// level 0, are opaque if covered.
+    /// The same maps with another threshold for one [level](Self::levels): 1 for texels of 2 x 2 pixels, 2
+    /// for 4 x 4 and so on. That of level 0, pixels, cannot be changed: a pixel is opaque if it is covered.
+    /// Takes effect at once.
     pub fn with_level_threshold(mut self, level: usize, threshold: f32) -> Self {
         let mut thresholds = self.opacity.thresholds.clone();
         thresholds.set(level, threshold);
@@ -96,34 +106,34 @@ impl Hom {
         self
     }
 
-    /// The same maps with another estimate of the depth of occluders, from the next frame on: until then they hide nothing, or what
-    /// is drawn anew.
+    /// The same maps with another estimate of the depth of occluders. They hide nothing until the next frame
+    /// begins.
     pub fn with_depth_estimate(mut self, estimate: DepthEstimate) -> Self {
         self.boundary.set(estimate);
         self
     }
 
-    /// The same maps with another rule of what is covered.
+    /// The same maps with another rule of when a pixel is covered.
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { raster: self.raster.with_coverage(coverage), ..self }
     }
 
-    /// The same maps, using the given instructions: for tests and comparisons.
+    /// The same maps, using the given instructions. Answers do not depend on them; for tests and benchmarks.
     pub fn with_simd(self, simd: Simd) -> Self {
         Self { raster: self.raster.with_simd(simd), ..self }
     }
 
-    /// Columns of pixels.
+    /// Columns of pixels of the finest map.
     pub fn width(&self) -> usize {
         self.raster.width()
     }
 
-    /// Rows of pixels.
+    /// Rows of pixels of the finest map.
     pub fn height(&self) -> usize {
         self.raster.height()
     }
 
-    /// The rule of what is covered.
+    /// The rule of when a pixel is covered.
     pub fn coverage(&self) -> Coverage {
         self.raster.coverage()
     }
@@ -133,12 +143,13 @@ impl Hom {
         self.boundary.estimate
     }
 
-    /// The opacity above which texels of a level are opaque.
+    /// The opacity threshold of a level; 1 beyond the last.
     pub fn threshold(&self, level: usize) -> f32 {
         self.opacity.thresholds.get(level)
     }
 
-    /// The number of maps: pixels, texels of 2 x 2 pixels, then each half the size of the one before, down to one texel.
+    /// Number of maps: pixels, texels of 2 x 2 pixels, then each half the size of the one before, down to one
+    /// texel.
     pub fn levels(&self) -> usize {
         thresholds::TILE + self.opacity.levels.len()
     }
@@ -148,21 +159,21 @@ impl Hom {
         self.opacity.size(level)
     }
 
-    /// The share of a texel's pixels that is covered, as of the last [`flush`](OcclusionMap::flush): 1 only if all are. `None` beyond
-    /// the map.
+    /// The share of a texel's pixels that is covered, as of the last [`flush`](OcclusionMap::flush); 1 only
+    /// if all are. `None` outside the map and beyond the last.
     pub fn opacity(&self, level: usize, column: usize, row: usize) -> Option<f64> {
         let [count, area] = self.opacity.texel(level, column, row)?;
         Some(f64::from(count) / f64::from(area))
     }
 
-    /// Lets the box around an occluder, or a part of one, wait to be taken note of.
+    /// Queues the box around an occluder, or a part of one.
     fn note(&mut self, bounds: &Aabb, transform: &Affine3A) {
         if self.queue.push(bounds, transform, true) {
             self.note_queue();
         }
     }
 
-    /// Takes note of where the occluders that wait are, and how far back.
+    /// Takes the queued boxes into the boundary, marks their tiles as stale, and empties the queue.
     fn note_queue(&mut self) {
         let count = core::mem::take(&mut self.queue.count);
         if count == 0 {
@@ -174,7 +185,7 @@ impl Hom {
         for i in (0..count.min(WIDTH)).filter(|&i| !seen.outside[i]) {
             let whole = [raster.width() as u32, raster.height() as u32];
             let rectangle = match seen.known[i] {
-                true => rectangle(seen, i),
+                true => seen.rectangle(i),
                 false => Rectangle { columns: [0, whole[0]], lines: [0, whole[1]] },
             };
             let region = TileRange::of(&rectangle);
@@ -189,7 +200,7 @@ impl Hom {
         }
     }
 
-    /// The lanes that are hidden and those that nothing can hide.
+    /// The masks of lanes that are hidden and of lanes that nothing in the maps can hide.
     #[inline(always)]
     fn decide<const N: usize>(
         &self,
@@ -206,26 +217,19 @@ impl Hom {
             } else if !proper || seen.inside[i] && seen.farthest[i] >= self.raster.nearest {
                 visible |= 1 << i;
             } else if seen.known[i] && seen.nearest[i] < self.raster.nearest {
-                hidden |= u64::from(self.hides(&rectangle(seen, i), seen.nearest[i])) << i;
+                hidden |= u64::from(self.hides(&seen.rectangle(i), seen.nearest[i])) << i;
             }
         }
         (hidden, visible)
     }
 
-    /// Whether a rectangle is opaque, and all that makes it so nearer than `depth_key`.
+    /// Whether a rectangle is opaque, and everything that covers it has a depth key above `depth_key`.
     #[inline(always)]
     fn hides(&self, rectangle: &Rectangle, depth_key: f32) -> bool {
         let plane = self.boundary.estimate == DepthEstimate::Plane;
         let before = || self.boundary.is_before(&self.opacity, &self.raster.tiles, rectangle, depth_key);
         (!plane || before()) && overlap_test::is_opaque(&self.opacity, rectangle, true) && (plane || before())
     }
-}
-
-/// The rectangle of a lane.
-#[inline(always)]
-fn rectangle<const N: usize>(seen: &ProjectedBoxes<N>, i: usize) -> Rectangle {
-    let [left, right, top, bottom] = &seen.sides;
-    Rectangle { columns: [left[i] as u32, right[i] as u32], lines: [top[i] as u32, bottom[i] as u32] }
 }
 
 impl OcclusionMap for Hom {
@@ -254,7 +258,8 @@ impl OcclusionMap for Hom {
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
         self.raster.add(occluder, transform);
-        // Where it is drawn, one box around all of it tells; how far back, the boxes around its parts tell better.
+        // One box around the occluder tells which tiles it may change. How far back it reaches, the boxes
+        // around its parts tell more tightly.
         if self.boundary.estimate == DepthEstimate::NoBackground || occluder.parts().is_empty() {
             return self.note(occluder.bounds(), transform);
         }

@@ -1,8 +1,10 @@
-//! The opacity pyramid: how many pixels of each texel are covered, for texels of one pixel, of 2 x 2, of 4 x 4, up to the whole picture
-//! (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997: "recursive averaging").
+//! The opacity pyramid: how many pixels of each texel are covered, for texels of one pixel, of 2 x 2, of 4 x
+//! 4, up to the whole picture (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical
+//! Occlusion Maps", 1997: "recursive averaging").
 //!
-//! Texels finer than a tile are the bits of its mask; a count stands for each of the others. Counts over areas are averages without
-//! rounding. What lies outside the picture is not counted, on either side.
+//! Texels finer than a tile are the bits of its mask; each coarser texel has a count. A count over an area is
+//! an average without rounding. Pixels of the last tiles that lie outside the picture count neither as
+//! covered nor as part of the area.
 
 use super::thresholds::{TILE, Thresholds};
 use super::tile_range::TileRange;
@@ -10,19 +12,22 @@ use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
 use alloc::vec::Vec;
 
-/// One level, of tiles or coarser.
+/// One level: that of tiles, or a coarser one.
 #[derive(Clone, Debug)]
 pub(crate) struct Level {
+    /// Columns of texels.
     pub(crate) columns: usize,
+    /// Rows of texels.
     pub(crate) rows: usize,
-    /// Covered pixels of each texel.
+    /// Covered pixels of each texel, row by row.
     pub(crate) counts: Vec<u32>,
-    /// How many make a texel opaque: anywhere, in the last column, in the last row, in the last of both.
+    /// Number of covered pixels from which a texel is opaque: of texels elsewhere, in the last column, in the
+    /// last row, in both.
     need: [u32; 4],
 }
 
 impl Level {
-    /// Covered pixels of a texel, and whether they are enough for it to be opaque.
+    /// Covered pixels of a texel, and whether it is opaque.
     #[inline(always)]
     pub(crate) fn texel(&self, x: usize, y: usize) -> (u32, bool) {
         let count = self.counts[y * self.columns + x];
@@ -34,15 +39,18 @@ impl Level {
 /// The pyramid.
 #[derive(Clone, Debug)]
 pub(crate) struct OpacityPyramid {
+    /// Columns and rows of the picture in pixels.
     picture: [usize; 2],
-    /// The covered pixels of each tile, row by row.
+    /// Covered pixels of each tile, a bit each, row by row.
     pub(crate) covered: Vec<u64>,
-    /// From tiles upwards.
+    /// Levels from tiles upwards.
     pub(crate) levels: Vec<Level>,
+    /// Of all levels; changed by [`set`](Self::set) only.
     pub(crate) thresholds: Thresholds,
 }
 
 impl OpacityPyramid {
+    /// An empty pyramid, with thresholds of 1.
     pub(crate) fn new(picture: [usize; 2]) -> Self {
         let [mut columns, mut rows] = picture.map(|side| side.div_ceil(SIDE));
         let covered = alloc::vec![0; columns * rows];
@@ -59,6 +67,7 @@ impl OpacityPyramid {
         new
     }
 
+    /// Changes the thresholds.
     pub(crate) fn set(&mut self, thresholds: Thresholds) {
         for above in 0..self.levels.len() {
             let last = [self.levels[above].columns - 1, self.levels[above].rows - 1];
@@ -73,6 +82,7 @@ impl OpacityPyramid {
         self.thresholds = thresholds;
     }
 
+    /// Empties the pyramid.
     pub(crate) fn clear(&mut self) {
         self.covered.fill(0);
         for level in &mut self.levels {
@@ -80,7 +90,7 @@ impl OpacityPyramid {
         }
     }
 
-    /// Takes in what has been drawn into a region, and counts anew above it.
+    /// Takes in what has been drawn into a range of tiles, on all levels.
     #[inline(always)]
     pub(crate) fn update(&mut self, tiles: &Tiles, region: &TileRange) {
         let [mut x0, mut x1, mut y0, mut y1] = region.0;
@@ -114,7 +124,7 @@ impl OpacityPyramid {
         }
     }
 
-    /// Columns and rows of a level, pixels first.
+    /// Columns and rows of a level, 0 being that of pixels. `None` beyond the last.
     pub(crate) fn size(&self, level: usize) -> Option<[usize; 2]> {
         match level.checked_sub(TILE) {
             Some(above) => self.levels.get(above).map(|level| [level.columns, level.rows]),
@@ -122,7 +132,8 @@ impl OpacityPyramid {
         }
     }
 
-    /// Covered pixels of a texel and all of its pixels.
+    /// Number of covered pixels of a texel, and of all its pixels. `None` outside the picture and beyond the
+    /// last level.
     pub(crate) fn texel(&self, level: usize, x: usize, y: usize) -> Option<[u32; 2]> {
         let [columns, rows] = self.size(level)?;
         if x >= columns || y >= rows {
@@ -142,7 +153,7 @@ impl OpacityPyramid {
         Some([count, area])
     }
 
-    /// The covered pixels of a tile, and with them all pixels of those texels finer than the tile that are opaque.
+    /// The covered pixels of a tile, and all pixels of those texels finer than the tile that are opaque.
     pub(crate) fn dissolved(&self, x: usize, y: usize) -> u64 {
         let covered = self.covered[y * self.levels[0].columns + x];
         let mut out = covered;
@@ -161,7 +172,7 @@ impl OpacityPyramid {
     }
 }
 
-/// Adds to each number two of a row, or the one that is left at its end.
+/// Adds to each number of `out` a pair of numbers of `row`, and to the last the one that is left over.
 #[inline(always)]
 fn add_pairs(out: &mut [u32], row: &[u32]) {
     let (pairs, rest) = row.as_chunks::<2>();
@@ -173,19 +184,19 @@ fn add_pairs(out: &mut [u32], row: &[u32]) {
     }
 }
 
-/// The pixels of the first texel of a level in a tile.
+/// The pixels of the upper left texel of a level within a tile.
 fn block(level: usize) -> u64 {
     let row = (1u64 << (1 << level)) - 1;
     (0..1 << level).fold(0, |mask, line| mask | row << (line * SIDE))
 }
 
-/// The pixels of a tile in the last column of tiles that are in the picture.
+/// The pixels of a tile in the last column of tiles that lie in a picture of this width.
 fn last_columns(width: usize) -> u64 {
     let wide = (width - 1) % SIDE + 1;
     ((1u64 << wide) - 1) * 0x0101_0101_0101_0101
 }
 
-/// The same of a tile in the last row.
+/// The pixels of a tile in the last row of tiles that lie in a picture of this height.
 fn last_lines(height: usize) -> u64 {
     u64::MAX >> (SIDE * (SIDE - 1 - (height - 1) % SIDE))
 }

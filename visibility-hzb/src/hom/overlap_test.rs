@@ -1,24 +1,28 @@
 //! The overlap test: whether all of a rectangle is opaque.
 //!
-//! It starts at the level where the rectangle meets two or three texels on its longer side, and goes down only where a texel does not
-//! decide. Texels that are opaque are done with, whatever is below them: where all are, the rectangle is rejected at once (Zhang's
-//! conservative rejection). A texel with fewer covered pixels than the rectangle's part of it needs ends the test the other way
-//! (predictive rejection): nothing finer could make that part opaque, so this changes no answer.
+//! It starts on the level where the rectangle meets two or three texels along its longer side, and goes down
+//! only where a texel does not decide. An opaque texel decides for its part, whatever is below it: where all
+//! are opaque, the rectangle is rejected at once (Zhang's conservative rejection). A texel with fewer covered
+//! pixels than the rectangle's part of it needs ends the test the other way (predictive rejection). Nothing
+//! finer could make that part opaque, so prediction changes no answer.
 
 use super::opacity_pyramid::OpacityPyramid;
 use super::thresholds::TILE;
 use super::tile_range::TileRange;
 use crate::buffer::tile_layout::{Rectangle, mask};
 
+/// The descent of [`is_opaque`].
 pub(crate) struct Overlap<'a> {
     opacity: &'a OpacityPyramid,
+    /// The rectangle, in pixels.
     rectangle: &'a Rectangle,
+    /// The tiles that it meets.
     region: TileRange,
-    /// Whether texels may end the test when they cannot become opaque.
+    /// Whether texels that cannot become opaque end the test.
     predictive: bool,
 }
 
-/// Whether all of a rectangle is opaque.
+/// Whether all of a rectangle is opaque. `predictive` changes speed, never the answer.
 #[inline(always)]
 pub(crate) fn is_opaque(opacity: &OpacityPyramid, rectangle: &Rectangle, predictive: bool) -> bool {
     let region = TileRange::of(rectangle);
@@ -38,7 +42,7 @@ pub(crate) fn is_opaque(opacity: &OpacityPyramid, rectangle: &Rectangle, predict
 }
 
 impl Overlap<'_> {
-    /// Whether the rectangle's part of a texel is opaque, so many levels above tiles.
+    /// Whether the part of the rectangle within a texel is opaque; `above` counts levels above that of tiles.
     fn texel(&self, above: usize, x: usize, y: usize) -> bool {
         let level = &self.opacity.levels[above];
         let (count, opaque) = level.texel(x, y);
@@ -71,7 +75,7 @@ impl Overlap<'_> {
     }
 }
 
-/// How much of a range of pixels lies within a texel, along one axis.
+/// How many of the columns, or rows, from `first` to `end` lie within a texel of a level.
 #[inline(always)]
 fn within([first, end]: [u32; 2], texel: usize, level: usize) -> u32 {
     let (start, stop) = ((texel as u32) << level, (texel as u32 + 1) << level);

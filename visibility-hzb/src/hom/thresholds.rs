@@ -1,36 +1,40 @@
 //! Opacity thresholds: how much of a texel must be covered for all of it to count as covered.
 //!
-//! Opacities are counted, never averaged: a texel is opaque if the number of its covered pixels is at least the threshold times the
-//! number of its pixels, in whole numbers. With a threshold of one that is so if and only if all four texels below it are opaque, at any
-//! size; an average kept in eight bits would call a block of 256 x 256 pixels with a hole of a hundred opaque.
+//! Opacities are counted, never averaged: a texel is opaque if the number of its covered pixels is at least
+//! the threshold times the number of its pixels, in integers. With a threshold of 1 that is so if and only if
+//! all four texels below it are opaque, at any size. An average kept in eight bits would call a block of 256
+//! x 256 pixels with a hole of a hundred opaque.
 
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer_size::MAX_SIDE;
 
-/// Thresholds are kept in parts of this.
+/// A threshold of 1. Thresholds are kept as multiples of 1 / `ONE`.
 pub(crate) const ONE: u32 = 1 << 16;
 
-/// Levels of the largest map: 4096 pixels, 2048, ... 1.
+/// Number of levels of the largest map: 4096 pixels, 2048, ... 1.
 pub(crate) const LEVELS: usize = MAX_SIDE.ilog2() as usize + 1;
 
 /// The level whose texels are tiles.
 pub(crate) const TILE: usize = SIDE.ilog2() as usize;
 
-/// A threshold for each level, pixels first.
+/// A threshold for each level; level 0 is that of pixels.
 #[derive(Clone, Debug)]
 pub(crate) struct Thresholds {
+    /// By level, as a multiple of 1 / [`ONE`].
     fractions: [u32; LEVELS],
-    /// The least of all finer levels.
+    /// By level, the least threshold of all finer levels.
     loosest: [u32; LEVELS],
 }
 
 impl Thresholds {
+    /// A threshold of 1 on all levels.
     pub(crate) const OPAQUE: Self = Self { fractions: [ONE; LEVELS], loosest: [ONE; LEVELS] };
 
-    /// One dial for all levels (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997): the
-    /// number of uncovered pixels that a texel may have is the same on all levels, so that holes do not add up on the way to coarser
-    /// ones. The dial is the threshold for tiles of 8 x 8 pixels, the size of their finest texel on the screen; what is left open in
-    /// a level is a quarter of that in the level below. Finer texels count only if whole.
+    /// Thresholds for all levels from one dial, the threshold of tiles of 8 x 8 pixels (Zhang, Manocha,
+    /// Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997, whose finest texel has
+    /// that size on the screen). The number of uncovered pixels that an opaque texel may have is the same on
+    /// all coarser levels, so that holes do not add up: their share is a quarter of that on the level below.
+    /// Texels finer than tiles must be covered entirely.
     pub(crate) fn from_dial(threshold: f32) -> Self {
         let mut new = Self::OPAQUE;
         let mut fractions = to_fraction(threshold);
@@ -42,6 +46,7 @@ impl Thresholds {
         new
     }
 
+    /// Sets the threshold of one level. That of pixels, and levels beyond the last, are left as they are.
     pub(crate) fn set(&mut self, level: usize, threshold: f32) {
         // A pixel is covered or not.
         if level > 0
@@ -52,6 +57,7 @@ impl Thresholds {
         }
     }
 
+    /// Brings `loosest` up to date.
     fn find_loosest(&mut self) {
         let mut least = ONE;
         for level in 0..LEVELS {
@@ -60,21 +66,22 @@ impl Thresholds {
         }
     }
 
+    /// The threshold of a level; 1 beyond the last.
     pub(crate) fn get(&self, level: usize) -> f32 {
         self.fractions.get(level).map_or(1.0, |&fractions| fractions as f32 / ONE as f32)
     }
 
-    /// Whether nothing but texels without a hole are opaque.
+    /// Whether all thresholds are 1.
     pub(crate) fn all_opaque(&self) -> bool {
         self.fractions == [ONE; LEVELS]
     }
 
-    /// Whether texels finer than tiles may have holes.
+    /// Whether texels finer than tiles may be opaque with uncovered pixels.
     pub(crate) fn is_fine(&self) -> bool {
         self.fractions[..TILE] != [ONE; TILE]
     }
 
-    /// How many of the pixels of a texel must be covered for it to be opaque.
+    /// Number of covered pixels from which a texel of `area` pixels is opaque; at least 1.
     #[inline(always)]
     pub(crate) fn need(&self, level: usize, area: u32) -> u32 {
         let fractions = u64::from(self.fractions[level.min(LEVELS - 1)]);
@@ -82,8 +89,9 @@ impl Thresholds {
         ((u64::from(area) * fractions).div_ceil(u64::from(ONE)) as u32).max(1)
     }
 
-    /// Whether a part of a texel cannot become opaque, however finely it is looked at: what makes it up are pixels and texels of finer
-    /// levels, each with at least the loosest of their thresholds covered, and together no more of them than are covered in all.
+    /// Whether `part` pixels of a texel with `covered` covered ones cannot be opaque, however finely they are
+    /// looked at. They would consist of pixels and texels of finer levels, each covered to at least the
+    /// loosest threshold, and together have at most `covered` covered pixels.
     #[inline(always)]
     pub(crate) fn rules_out(&self, level: usize, covered: u32, part: u32) -> bool {
         u64::from(covered) * u64::from(ONE)
@@ -91,7 +99,7 @@ impl Thresholds {
     }
 }
 
-/// Rounded up; NaN is one.
+/// A threshold as a multiple of 1 / [`ONE`], rounded up. NaN becomes 1; below 0 becomes 0.
 fn to_fraction(threshold: f32) -> u32 {
     if threshold < 1.0 {
         // Casts saturate.

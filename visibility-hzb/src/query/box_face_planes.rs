@@ -1,53 +1,65 @@
-//! Boxes looked at more closely where the rectangle around them does not decide: by the planes of their faces.
+//! The faces of a box as bounds on depth keys, linear on the screen.
 //!
-//! The rectangle claims too much twice: its corners lie beside the box, and all of it is taken to be as near as the nearest corner. But a
-//! box is six half-spaces, and each bounds the depth key `1 / w` of its points by a function that is linear on the screen (Kay and Kajiya,
-//! "Ray Tracing Complex Scenes", 1986, cut rays by slabs in this way): those with the eye outside from above, those with the eye inside
-//! from below. Where the least upper bound is below the greatest lower bound, no line of sight meets the box; elsewhere the upper bound is all
-//! that it may be near. What is known to cover a tile by the plane of a surface is compared with each upper bound as a difference of two linear
-//! functions, so that a floor seen at a grazing angle hides what lies below it throughout.
+//! A rectangle around a box claims too much twice: its corners lie beside the box, and all of it counts as
+//! near as the nearest corner. But a box is six half-spaces, and each bounds the depth key `1 / w` of its
+//! points by a function that is linear on the screen (Kay and Kajiya, "Ray Tracing Complex Scenes", 1986, cut
+//! rays by slabs in this way). A half-space with the eye outside bounds it from above, one with the eye
+//! inside from below. Where the least upper bound is below the greatest lower bound, no line of sight meets
+//! the box; elsewhere the box is no nearer than the upper bound. An occluder's depth plane is compared with
+//! each upper bound as a difference of two linear functions, so that a floor seen at a grazing angle hides
+//! what lies below it throughout.
 //!
 //! # The error bound
-//! A point `q`, relative to the anchor, is at `w s = M q + e` with `s = (x, y, 1)`, where `e` is at most a row's constant and its error. With
-//! the adjugate `C` of `M` and its determinant `D`, `w (C s) = D q + C e`. Entries of `M` are off by `3u` of themselves, so those of `C`, two
-//! products each, by less than `16u` of the sum `P` of the magnitudes of these, and `D` by less than `32u` of the sum of magnitudes of its six
-//! products. So on `q = t`, depth key is `(C s) / (D t)`, where the numerator is off by less than `64u` of `P s`, taken at the picture's far corner,
-//! scaling, evaluation and all, and the denominator by less than `2 P e` and `64u` of `t` times the six products, where half would do but for its own
-//! rounding and that of `t`. Half-spaces whose denominator is not twice as large as that are left out, which only makes the box larger.
+//! A point `q`, relative to the anchor, satisfies `w s = M q + e` with `s = (x, y, 1)`, where `e` is at most
+//! a row's constant and its error. With the adjugate `C` of `M` and its determinant `D`,
+//! `w (C s) = D q + C e`. Entries of `M` are off by `3u` of themselves. So those of `C`, two products each,
+//! are off by less than `16u` of the sum `P` of the magnitudes of these products, and `D` by less than `32u`
+//! of the sum of magnitudes of its six products. On the plane `q = t` the depth key is `(C s) / (D t)`. The
+//! numerator is off by less than `64u` of `P s`, taken at the far corner of the picture, with scaling and
+//! evaluation. The denominator is off by less than `2 P e` plus `64u` of `t` times the six products, where
+//! half would do but for its own rounding and that of `t`. Half-spaces whose denominator is not twice as
+//! large as that are left out, which only makes the box larger.
 
 use crate::setup::screen_projection::{ScreenProjection, U};
 
-/// The sides of a box, greatest first, and two that are none: so many lanes that the compiler keeps them together.
+/// The six sides of a box and two lanes that bound nothing: compilers keep eight together. Sides are in the
+/// order greatest x, y, z, least x, y, z.
 pub(crate) const LANES: usize = 8;
 
-/// Which way is out.
+/// The sign of the outward normal of each side, along its axis.
 const SIGNS: [f64; LANES] = [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
 
-/// What all boxes of a frame have in common, by side.
+/// What the bounds of all boxes of a frame have in common, by side.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FacePlaneSetup {
+    /// The anchor's coordinate along the side's axis.
     anchor: [f64; LANES],
-    /// What times `x`, `y` and 1 is the way a line of sight goes in.
+    /// Coefficients for `x`, `y` and 1: the component of a line of sight along the inward normal, times the
+    /// determinant.
     along: [[f64; LANES]; 3],
-    /// How far that may be off.
+    /// Bound on the error of that component, anywhere in the picture.
     error: [f64; LANES],
-    /// The determinant, made positive; zero if nothing can be said.
+    /// Magnitude of the determinant of the rows `x`, `y`, `w`. Zero if nothing is known, and for parallel
+    /// views: then no box is hidden by its faces.
     pub(crate) scale: f64,
-    /// By how much denominators may be off: by axis, and by distance.
+    /// Bound on the error of denominators, apart from `spread`.
     shift: [f64; LANES],
+    /// Bound on the error of denominators for each metre between the anchor and the side.
     spread: f64,
 }
 
-/// The bounds of one box on depth key, linear on the screen: those from above, and those from below with the opposite sign.
+/// The bounds of one box. On side `i`, `slope[0][i] x + slope[1][i] y + constant[i]` is an upper bound on its
+/// depth key, minus a lower bound, or neither.
 pub(crate) struct BoxFacePlanes {
     slope: [[f64; LANES]; 2],
     constant: [f64; LANES],
-    /// Zero for a bound of this kind, infinite for others.
+    /// Zero for an upper bound, infinity otherwise. Added to a value it takes other lanes out of a minimum.
     upper: [f64; LANES],
+    /// The same for lower bounds.
     lower: [f64; LANES],
 }
 
-/// The least of all lanes, found in halves.
+/// The least of all lanes.
 #[inline(always)]
 fn lowest(values: &[f64; LANES]) -> f64 {
     let mut low = [0.0; LANES / 2];
@@ -60,6 +72,7 @@ fn lowest(values: &[f64; LANES]) -> f64 {
     if a < b { a } else { b }
 }
 
+/// The cross product, and the sums of magnitudes of the two products in each component.
 fn products(a: [f64; 3], b: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     let (mut cross, mut sizes) = ([0.0; 3], [0.0; 3]);
     for i in 0..3 {
@@ -71,6 +84,7 @@ fn products(a: [f64; 3], b: [f64; 3]) -> ([f64; 3], [f64; 3]) {
 }
 
 impl FacePlaneSetup {
+    /// The setup of a frame.
     pub(crate) fn new(projection: &ScreenProjection) -> Self {
         let [x, y, w, _] = projection.rows;
         let mut faces = Self::default();
@@ -105,7 +119,7 @@ impl FacePlaneSetup {
         faces
     }
 
-    /// The bounds of a box, given by its least and greatest coordinates.
+    /// The bounds of a box, given by its least x, y, z and greatest x, y, z in scene coordinates.
     #[inline(always)]
     pub(crate) fn of_box(&self, [x0, y0, z0, x1, y1, z1]: [f32; 6]) -> BoxFacePlanes {
         let sides = [x1, y1, z1, x0, y0, z0, 0.0, 0.0];
@@ -132,8 +146,8 @@ impl FacePlaneSetup {
 }
 
 impl BoxFacePlanes {
-    /// Whether some bound from above is below a plane, given by slopes and constant, in all of a rectangle; by side. Both are linear, so their
-    /// difference is least at a corner.
+    /// For each side, whether it is an upper bound that is below the plane `a x + b y + c` in all of a
+    /// rectangle (left, right, top, bottom in pixels). The difference of two planes is least at a corner.
     #[inline(always)]
     pub(crate) fn below(&self, [a, b, c]: [f64; 3], [left, right, top, bottom]: [f64; 4]) -> [bool; LANES] {
         let mut below = [false; LANES];
@@ -145,7 +159,8 @@ impl BoxFacePlanes {
         below
     }
 
-    /// The least bound from above and the greatest from below in a rectangle.
+    /// The least upper bound and the greatest lower bound over a rectangle (left, right, top, bottom in
+    /// pixels).
     #[inline(always)]
     pub(crate) fn range(&self, [left, right, top, bottom]: [f64; 4]) -> [f64; 2] {
         let (mut above, mut below) = ([0.0; LANES], [0.0; LANES]);
@@ -168,7 +183,8 @@ mod tests {
     use visibility_core::glam::{DMat3, DVec3};
     use visibility_core::{Pose, View};
 
-    /// Points on the faces themselves are on the right side of the bounds, also where the eye is almost in the plane of a face.
+    /// Points on the faces themselves satisfy the bounds, also where the eye is almost in the plane of a
+    /// face.
     #[test]
     fn bounds_hold_on_the_faces() {
         let mut random = random(5);
@@ -180,8 +196,8 @@ mod tests {
             let target = eye + DVec3::from_array([0; 3].map(|_| random(-1.0, 1.0)));
             let pose = Pose::look_at(eye, target, DVec3::Z);
             let view = View::perspective(pose, random(0.3, 2.0), 1.5, 0.01, f64::INFINITY).unwrap();
-            // By its matrix alone, the eye is not known so well, the less the farther it is from the origin. And far off the middle of a picture,
-            // its determinant is the difference of large products.
+            // From its matrix alone the eye is known the less well, the farther it is from the origin. And
+            // far off the middle of a picture the determinant is the difference of large products.
             let mut matrix = view.clip_from(DVec3::ZERO);
             let aside = random(0.0, 1.0).powi(9) * 1e7;
             for axis in 0..4 {

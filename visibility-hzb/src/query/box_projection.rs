@@ -1,16 +1,15 @@
-//! Boxes against the buffer, 64 at a time: projected in `f32`, decided by comparison of whole numbers and depth key.
+//! Boxes projected to the screen in `f32`, several at a time: which pixels each can meet and how near it can
+//! be, rounded outwards and nearer.
 //!
 //! # The error bound
-//! With `u = 2^-24`, a coordinate less the anchor, `d = (p - high) - low`, is off by `2u |d|` and the row's own `slop`. A row's value
-//! `((a d.x + b d.y) + c d.z) + constant` has coefficients, products and up to three sums rounded once each: `5u` more of the
-//! magnitudes, `7u` in all.
-//! `16u` of them are allowed, so `7u` of what the bound itself computes too low are no harm. A quotient `x / w` of two such values is
-//! off by
-//! `(e_x + |q| e_w) / w` to first order, where `w` exceeds `8 e_w`, or else the lane is left undecided; the factor 1.25 covers higher
-//! orders. Only `q` inside the
-//! picture matters, so `|q|` is at most its size: a corner that lies outside and is computed to lie outside never moves the clipped
-//! rectangle, and
-//! one computed inside is off by no more than that.
+//! With `u = 2^-24`, a coordinate less the anchor, `d = (p - high) - low`, is off by `2u |d|` and by part of
+//! the row's own `slop`. A row's value `((a d.x + b d.y) + c d.z) + constant` has its coefficients, products
+//! and up to three sums rounded once each: `5u` more of the magnitudes, `7u` in all. `16u` of them are
+//! allowed, so it does no harm that the bound itself is computed too low by up to `7u`. A quotient `x / w` of
+//! two such values is off by `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else the lane
+//! is left undecided; then the factor 1.25 covers higher orders. Only `q` inside the picture matters, so
+//! `|q|` is at most its size: a corner outside the picture that is computed to be outside never moves the
+//! clipped rectangle, and one that is computed to be inside is off by no more than that.
 
 use crate::buffer::tile_layout::Rectangle;
 use crate::lanes::{WIDTH, round_to_i32};
@@ -25,37 +24,39 @@ const MARGIN: f32 = 8.0 * f32::EPSILON;
 struct ScreenRow32 {
     linear: [f32; 3],
     constant: f32,
-    /// What does not grow with the point: error of the constant, of the anchor, and what is lost to denormals.
+    /// The part of the error that does not grow with the point: that of the constant and of the anchor, and
+    /// what denormals lose.
     slop: f32,
 }
 
 impl ScreenRow32 {
     fn new(row: &ScreenRow, anchor: [f64; 3]) -> Self {
         let linear = row.linear.map(|a| a as f32);
-        // The anchor in two parts leaves 2^-48 of it, and the part that is subtracted last rounds by u of the first difference, which
-        // exceeds d by that
-        // part at most: 2^-47 in all.
+        // The anchor in two parts leaves 2^-48 of it. The part that is subtracted last rounds by u of the
+        // first difference, which exceeds d by that part at most: 2^-47 in all.
         let moved: f64 = (0..3).map(|i| row.linear[i].abs() * anchor[i].abs()).sum();
         let slop = row.error + moved * 1e-14 + row.constant.abs() * f64::from(MARGIN);
         const TINY: f64 = f32::MIN_POSITIVE as f64;
         // Lost to flushed denormals: coordinates on their way from the anchor, and products.
         let tiny = TINY * (16.0 + 8.0 * row.linear.iter().map(|a| a.abs()).sum::<f64>());
-        // A denormal coefficient may lose all of itself, times the greatest difference of two coordinates. The
-        // largest coefficient of `w` is about 1, so there is none unless axes differ in scale by 2^126.
+        // A denormal coefficient may lose all of itself, times the greatest difference of two coordinates.
+        // The largest coefficient of `w` is about 1, so there is none unless axes differ in scale by 2^126.
         let lost: f64 = row.linear.iter().map(|a| a.abs()).filter(|&a| a < TINY).sum();
         let slop = slop + tiny + lost * 2.0 * f64::from(f32::MAX);
         Self { linear, constant: row.constant as f32, slop: slop as f32 * 1.001 }
     }
 }
 
-/// The projection in `f32`.
+/// A [`ScreenProjection`] in `f32`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ScreenProjection32 {
+    /// The anchor, rounded.
     high: [f32; 3],
+    /// The rest of the anchor.
     low: [f32; 3],
     /// `x`, `y`, `w`, `n` and the distance beyond the near plane.
     rows: [ScreenRow32; 5],
-    /// What is left to the right and below: width times `w` less `x`, height times `w` less `y`.
+    /// `width * w - x` and `height * w - y`: negative to the right of the picture and below it.
     rest: [ScreenRow32; 2],
     picture: [f32; 2],
     perspective: bool,
@@ -85,24 +86,26 @@ impl ScreenProjection32 {
     }
 }
 
-/// Where boxes are on the screen.
+/// Screen bounds of `N` boxes. Boxes that are improper or NaN have bounds of no meaning.
 #[derive(Clone, Debug)]
 pub(crate) struct ProjectedBoxes<const N: usize> {
-    /// In pixels: first column, end column, first row, end row.
+    /// First column, end column, first row and end row of the pixels that a box can meet in the picture.
+    /// Never empty. Of meaning only where `known`.
     pub(crate) sides: [[i32; N]; 4],
-    /// Depth keys that no point of the box exceeds.
+    /// Upper bound on the depth keys of a box. Of meaning only where `known`.
     pub(crate) nearest: [f32; N],
-    /// Least depth key of the box, for those before the eye.
+    /// Lower bound on the depth keys of a box. Of meaning only where `known`.
     pub(crate) farthest: [f32; N],
-    /// Surely not in the picture.
+    /// Whether the box is certainly outside the picture.
     pub(crate) outside: [bool; N],
-    /// Before the eye as a whole, so that the rectangle can be relied on.
+    /// Whether the box is certainly before the plane of the eye, so that the other bounds hold.
     pub(crate) known: [bool; N],
-    /// Surely in the picture as a whole, and beyond the near plane.
+    /// Whether the box is certainly within the picture and beyond the near plane.
     pub(crate) inside: [bool; N],
 }
 
 impl<const N: usize> ProjectedBoxes<N> {
+    /// Boxes of which nothing is known.
     pub(crate) const NONE: Self = Self {
         sides: [[0; N]; 4],
         nearest: [0.0; N],
@@ -111,26 +114,19 @@ impl<const N: usize> ProjectedBoxes<N> {
         known: [false; N],
         inside: [false; N],
     };
-}
 
-impl<const N: usize> ProjectedBoxes<N> {
-    /// All that is known of where a box is, if it is before the eye. What reaches the border of the `picture` may go on to that of the last tiles,
-    /// `round_to_i32`.
+    /// The screen bounds of box `i`, if they are known. Where they reach the right or lower border of the
+    /// `picture`, they are extended to that of the `padded` buffer, whose last tiles may exceed the picture.
     #[inline(always)]
-    pub(crate) fn extent(
-        &self,
-        i: usize,
-        picture: [usize; 2],
-        round_to_i32: [usize; 2],
-    ) -> Option<ScreenExtent> {
+    pub(crate) fn extent(&self, i: usize, picture: [usize; 2], padded: [usize; 2]) -> Option<ScreenExtent> {
         let [left, right, top, bottom] = [0, 1, 2, 3].map(|side| self.sides[side][i] as usize);
-        let right = if right == picture[0] { round_to_i32[0] } else { right };
-        let bottom = if bottom == picture[1] { round_to_i32[1] } else { bottom };
-        let depth_key = [self.farthest[i], self.nearest[i]];
-        self.known[i].then_some(ScreenExtent { columns: [left, right], lines: [top, bottom], depth_key })
+        let right = if right == picture[0] { padded[0] } else { right };
+        let bottom = if bottom == picture[1] { padded[1] } else { bottom };
+        let depth_keys = [self.farthest[i], self.nearest[i]];
+        self.known[i].then_some(ScreenExtent { columns: [left, right], lines: [top, bottom], depth_keys })
     }
 
-    /// The pixels of a box.
+    /// The pixels that box `i` can meet.
     #[inline(always)]
     pub(crate) fn rectangle(&self, i: usize) -> Rectangle {
         let [left, right, top, bottom] = &self.sides;
@@ -138,7 +134,7 @@ impl<const N: usize> ProjectedBoxes<N> {
     }
 }
 
-/// As [`project`], for as many boxes as are looked at together.
+/// As [`project`], for the number of boxes that are worked on together.
 #[inline(always)]
 pub(crate) fn project_boxes(
     projection: &ScreenProjection32,
@@ -158,12 +154,14 @@ fn greatest(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
+/// `v` between 0 and `size`; NaN becomes 0.
 #[inline(always)]
 fn clamped(v: f32, size: f32) -> f32 {
     least(greatest(v, 0.0), size)
 }
 
-/// A row's values at the eight corners of boxes, and the bound on their error.
+/// The values of a row at the eight corners of each box, and a bound on the error of each. `low` and `high`
+/// are its least and greatest coordinates relative to the anchor.
 #[inline(always)]
 fn corners<const N: usize>(
     row: &ScreenRow32,
@@ -186,7 +184,7 @@ fn corners<const N: usize>(
     (out, error)
 }
 
-/// The greatest value of a row over boxes, with its error added.
+/// An upper bound on `sign` times a row, over each box; `sign` is 1 or -1.
 #[inline(always)]
 fn most<const N: usize>(row: &ScreenRow32, low: &[[f32; N]; 3], high: &[[f32; N]; 3], sign: f32) -> [f32; N] {
     let mut out = [0.0; N];
@@ -202,6 +200,7 @@ fn most<const N: usize>(row: &ScreenRow32, low: &[[f32; N]; 3], high: &[[f32; N]
     out
 }
 
+/// Projects boxes, given by their least x, y, z and greatest x, y, z in scene coordinates.
 #[inline(always)]
 pub(crate) fn project<const N: usize>(
     projection: &ScreenProjection32,

@@ -1,4 +1,9 @@
-//! Boxes against the buffer, 64 at a time.
+//! Boxes tested against the buffer, 64 at a time.
+//!
+//! A box is hidden if it is outside the picture, or if every pixel that it can meet holds a strictly greater
+//! depth key than the box can have there. Three tests answer that, each tighter and slower than the one
+//! before: up to four texels of the pyramid, all pixels of the rectangle around the box, and the planes of
+//! its faces.
 
 use super::box_face_planes::FacePlaneSetup;
 use super::box_projection::{ProjectedBoxes, ScreenProjection32, project};
@@ -8,21 +13,22 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, bits};
 use visibility_core::Occlusion64;
 
-/// Least x, y, z and greatest x, y, z of 64 boxes.
+/// Least x, y, z and greatest x, y, z of 64 boxes, in scene coordinates.
 pub(crate) type Boxes = [[f32; 64]; 6];
 
-/// All that a query looks at.
+/// Everything that a test reads.
 #[derive(Clone, Copy)]
 pub(crate) struct BoxQuery<'a> {
     pub(crate) projection: &'a ScreenProjection32,
     pub(crate) tiles: &'a Tiles,
     pub(crate) pyramid: &'a Pyramid,
     pub(crate) faces: &'a FacePlaneSetup,
-    /// Depth keys that nothing in the buffer exceeds.
+    /// Upper bound on all depth keys in the buffer.
     pub(crate) nearest: f32,
 }
 
-/// Decides those of 64 boxes that are candidates. Lanes whose box is improper must not be among them.
+/// Tests those of 64 boxes whose bit is set in `candidates`. Improper boxes (NaN, or a least coordinate above
+/// the greatest) are visible.
 #[inline(always)]
 pub(crate) fn test_boxes(query: &BoxQuery, boxes: &Boxes, candidates: u64) -> Occlusion64 {
     let mut answer = Occlusion64::default();
@@ -42,7 +48,7 @@ pub(crate) fn test_boxes(query: &BoxQuery, boxes: &Boxes, candidates: u64) -> Oc
     answer
 }
 
-/// As [`test_boxes()`], for one box.
+/// As [`test_boxes`], for one box in lane 0.
 #[inline(always)]
 pub(crate) fn test_box(query: &BoxQuery, sides: [f32; 6]) -> Occlusion64 {
     let part = sides.map(|side| [side]);
@@ -51,6 +57,7 @@ pub(crate) fn test_box(query: &BoxQuery, sides: [f32; 6]) -> Occlusion64 {
     Occlusion64 { hidden, visible }
 }
 
+/// A bit for each lane that is true.
 #[inline(always)]
 fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
     let mut bytes = [0; WIDTH];
@@ -60,6 +67,7 @@ fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
     bits(&bytes).into()
 }
 
+/// The masks of lanes that are hidden and of lanes that nothing in the buffer can hide.
 #[inline(always)]
 fn decide<const N: usize>(
     query: &BoxQuery,
@@ -67,7 +75,7 @@ fn decide<const N: usize>(
     lanes: u64,
     boxes: &[[f32; N]; 6],
 ) -> (u64, u64) {
-    // Improper boxes are never hidden.
+    // NaN is neither proper nor behind.
     let (mut proper, mut behind, mut before) = ([false; N], [false; N], [false; N]);
     for i in 0..N {
         proper[i] =
@@ -80,7 +88,8 @@ fn decide<const N: usize>(
     let visible = (gather(&projected.inside) & gather(&before) | !proper) & lanes & !outside;
     let mut hidden = outside;
     let rest = lanes & !outside & !visible & gather(&projected.known) & gather(&behind);
-    // Most are hidden at first glance: they are found first, without a branch for each.
+    // Most boxes are hidden at the first test: it is done for all of them, without branches, before any
+    // second one.
     let mut left = rest;
     while left != 0 {
         let i = left.trailing_zeros() as usize % N;
@@ -94,7 +103,8 @@ fn decide<const N: usize>(
         let i = left.trailing_zeros() as usize % N;
         left &= left - 1;
         let (rectangle, nearest) = (projected.rectangle(i), projected.nearest[i]);
-        // One look tells most of those that are visible: what is behind their middle.
+        // The pixel in the middle tells most of those that are visible. Where it is no nearer than the
+        // farthest point of the box, no test can hide the box there.
         let behind = query.tiles.pixel_around(&rectangle);
         if !(behind > projected.farthest[i]) {
             continue;

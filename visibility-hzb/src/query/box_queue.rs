@@ -1,23 +1,30 @@
-//! Boxes that wait to be drawn, so that several are projected together: most of them turn out to be hidden by those before them.
+//! Occluder boxes that wait to be drawn, so that several are projected together. Most turn out to be hidden
+//! by occluders before them.
 
 use super::box_projection::ProjectedBoxes;
 use crate::lanes::WIDTH;
 use visibility_core::Aabb;
 use visibility_core::glam::Affine3A;
 
-/// The next boxes, in order.
+/// The next boxes in order, at most [`WIDTH`].
 #[derive(Clone, Debug)]
 pub(crate) struct BoxQueue {
+    /// Number of boxes that wait. The elements below belong to them, later ones are stale.
     pub(crate) count: usize,
+    /// Bounds of each box in its own coordinates.
     pub(crate) bounds: [Aabb; WIDTH],
+    /// From those to scene coordinates.
     pub(crate) transforms: [Affine3A; WIDTH],
+    /// Whether the inner sides of its faces hide too.
     pub(crate) two_sided: [bool; WIDTH],
-    /// The boxes around them along the axes of the scene.
+    /// Axis-aligned bounds in scene coordinates: least x, y, z, greatest x, y, z.
     pub(crate) around: [[f32; WIDTH]; 6],
+    /// Screen bounds, once the queue is drawn.
     pub(crate) projected: ProjectedBoxes<WIDTH>,
 }
 
 impl BoxQueue {
+    /// A queue without boxes.
     pub(crate) const EMPTY: Self = Self {
         count: 0,
         bounds: [Aabb::EMPTY; WIDTH],
@@ -27,12 +34,12 @@ impl BoxQueue {
         projected: ProjectedBoxes::NONE,
     };
 
-    /// A box along the axes of the scene around a box.
+    /// Axis-aligned bounds, in scene coordinates, of a transformed box.
     pub(crate) fn around(bounds: &Aabb, transform: &Affine3A) -> Aabb {
         if *transform == Affine3A::IDENTITY { *bounds } else { moved(bounds, transform) }
     }
 
-    /// Adds a box; true if the queue is full now.
+    /// Adds a box. Returns true if the queue is full: it must be emptied before the next one.
     pub(crate) fn push(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) -> bool {
         let i = self.count % WIDTH;
         self.bounds[i] = *bounds;
@@ -48,7 +55,8 @@ impl BoxQueue {
     }
 }
 
-/// A box around a transformed one. Its sums of four terms are off by less than 16 units of the sum of their magnitudes.
+/// Axis-aligned bounds of a transformed box. Its sums of four terms are off by less than 16 units of the sum
+/// of their magnitudes.
 fn moved(bounds: &Aabb, transform: &Affine3A) -> Aabb {
     let (center, half) = (bounds.center(), bounds.half_extent());
     let m = transform.matrix3.abs();

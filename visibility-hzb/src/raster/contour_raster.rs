@@ -1,8 +1,10 @@
-//! Where one mesh is drawn before it joins the others: what its contours bound and meet, and how far away it is at most, tile by tile.
+//! The coverage of one mesh, tile by tile, before it is merged with other meshes: which pixels lie within its
+//! contour and are not met by it, and how far away it is at most.
 //!
-//! Triangles are not filled. All drawn triangles, turned to run the same way round on the screen, wind once round each point that they
-//! cover; so their sum, the contour, winds round a point as often as triangles cover it (see [`shape`](crate::shape)). A contour edge
-//! that crosses a row of pixel centres therefore changes the count of all pixels to its right, and sums along rows give the count
+//! Triangles are not filled. All drawn triangles, turned to run the same way round on the screen, wind once
+//! round each point that they cover. So their sum, the contour, winds round a point as often as triangles
+//! cover it (see [`screen_shape`](crate::setup::screen_shape)). A contour edge that crosses a row of pixel
+//! centres changes the winding number of all pixels to its right, and sums along rows give the number
 //! everywhere: work grows with contours and tiles, not with triangles or pixels.
 
 use crate::buffer::tile_layout::SIDE;
@@ -10,42 +12,47 @@ use crate::buffer::tiles::Tiles;
 use crate::rounding::lower;
 use alloc::vec::Vec;
 
-/// A corner on the screen.
+/// A corner of a triangle on the screen.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ScreenVertex {
+    /// Column in pixels.
     pub(crate) x: f64,
+    /// Row in pixels.
     pub(crate) y: f64,
-    /// Depth keys, rounded away.
+    /// Lower bound on the depth key.
     pub(crate) far: f32,
 }
 
 /// What one mesh does to a tile.
 #[derive(Clone, Copy, Debug)]
 struct ContourTile {
-    /// Pixels that a contour meets.
+    /// Pixels that a contour comes near.
     contour: u64,
-    /// The least depth key of drawn triangles in each quarter.
+    /// Least depth key of drawn triangles in each quarter of the tile, in the order of [`QUARTERS`]; infinity
+    /// where there is none.
     least: [f32; 4],
-    /// Whether anything of `steps` is set.
+    /// Whether any of `steps` is not zero.
     stepped: bool,
-    /// For each column and row of pixels, by how much the count changes from the centre to its left, modulo 256. A count that comes out as zero
-    /// for that reason covers nothing, which is safe.
+    /// By column, then row of pixels: how much the winding number changes from the centre of the pixel to the
+    /// left, modulo 256. A pixel whose number comes out as 0 modulo 256 counts as not covered, which is safe.
     steps: [[u8; SIDE]; SIDE],
 }
 
+/// A tile that the mesh does not touch.
 const EMPTY: ContourTile =
     ContourTile { contour: 0, least: [f32::INFINITY; 4], stepped: false, steps: [[0; SIDE]; SIDE] };
 
-/// The pixels of each quarter of a tile: upper left, upper right, lower left, lower right.
+/// Pixels of the quarters of a tile: upper left, upper right, lower left, lower right.
 const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf0f0_f0f0_0000_0000];
 
-/// Half the side of a tile: that of a quarter.
+/// Pixels along the side of a quarter.
 const HALF: usize = SIDE / 2;
 
-/// Triangles whose corners differ in depth key by no more than this share of it are taken to be as far as the farthest corner throughout.
+/// Triangles whose corners differ in depth key by at most this share of it count as no nearer than the
+/// farthest corner throughout.
 const FLAT: f32 = 0.001;
 
-/// Memory for meshes, one cell a tile; clean between meshes.
+/// One [`ContourTile`] for each tile of the buffer; all are empty between meshes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContourTiles {
     cells: Vec<ContourTile>,
@@ -57,22 +64,24 @@ impl ContourTiles {
     }
 }
 
-/// The cells while a mesh is drawn.
+/// The raster of one mesh.
 pub(crate) struct ContourRaster<'a> {
     cells: &'a mut [ContourTile],
+    /// Columns of tiles.
     columns: usize,
+    /// Columns and rows of the buffer in pixels.
     size: [f64; 2],
-    /// How far a coordinate may be off.
+    /// Bound on the error of screen coordinates, in pixels.
     slack: f64,
-    /// First and last columns and rows of tiles that were touched.
+    /// First and last column and first and last row of the tiles that a contour touched.
     used: [usize; 4],
 }
 
-/// The range of pixels, or of anything a pixel is a multiple of, that numbers between two fall into: first and end. `None` if there is
-/// none.
+/// The units (pixels, or quarters of tiles) that the numbers from `low` to `high` fall into, as a half-open
+/// range clipped to 0..`size`. `None` if it is empty, or if a number is NaN.
 #[inline(always)]
 fn range(low: f64, high: f64, size: f64) -> Option<[usize; 2]> {
-    // NaN is off the buffer.
+    // False for NaN.
     if !(high >= 0.0 && low < size) {
         return None;
     }
@@ -80,35 +89,40 @@ fn range(low: f64, high: f64, size: f64) -> Option<[usize; 2]> {
     Some([first.max(0) as usize, (last + 1).min(size as i32) as usize])
 }
 
-/// Added to a number below 2^31, leaves the nearest whole number in the low bits: much faster than a cast, which must not go wrong on any number.
+/// 1.5 times 2^52. A number below 2^31 in size, added to it, leaves the nearest integer in the low bits: much
+/// faster than a cast, which must not go wrong on any number.
 const WHOLE: f64 = 6_755_399_441_055_744.0;
 
-/// The nearest whole number.
+/// The nearest integer, of numbers below 2^31 in size.
 #[inline(always)]
 fn nearest(x: f64) -> i32 {
     (x + WHOLE).to_bits() as i32
 }
 
-/// The greatest whole number not above, or of whole numbers perhaps the one before. Where that matters, slack makes up for it.
+/// The greatest integer not above `x`; of whole numbers perhaps the one before. Where that matters, the slack
+/// makes up for it.
 #[inline(always)]
 fn floor(x: f64) -> i32 {
     nearest(x - 0.5)
 }
 
 impl<'a> ContourRaster<'a> {
+    /// A raster into empty tiles, for vertices whose coordinates are off by at most `slack` pixels.
     #[inline(always)]
     pub(crate) fn new(cells: &'a mut ContourTiles, columns: usize, size: [f64; 2], slack: f64) -> Self {
         Self { cells: &mut cells.cells, columns, size, slack, used: [usize::MAX, 0, usize::MAX, 0] }
     }
 
+    /// Marks tiles as used.
     #[inline(always)]
     fn touch(&mut self, x: [usize; 2], y: [usize; 2]) {
         let [x0, x1, y0, y1] = self.used;
         self.used = [x0.min(x[0]), x1.max(x[1]), y0.min(y[0]), y1.max(y[1])];
     }
 
-    /// Takes note of the depth of a triangle, or of what is left of one, in each quarter of a tile that it meets. `plane` gives its
-    /// depth key at a pixel, already moved by its error; it is not asked for where the corners say enough.
+    /// Lowers the least depth key of each quarter of a tile that a triangle, or what the near plane leaves of
+    /// one, may meet. `plane` gives its depth key as a plane in pixel coordinates, lowered by its error; it
+    /// is not called where the corners tell enough.
     #[inline(always)]
     pub(crate) fn deepen(&mut self, corners: &[ScreenVertex], plane: impl FnOnce() -> [f64; 3]) {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -140,7 +154,7 @@ impl<'a> ContourRaster<'a> {
         let sides = Sides::of(corners);
         for band in down[0]..down[1] {
             let (top, bottom) = ((band * HALF) as f64, ((band + 1) * HALF) as f64);
-            // The columns that it can reach in this band.
+            // The columns that the triangle can reach in this band of rows.
             let [left, right] = sides.span(top - slack, bottom + slack);
             let Some(reach) = range((left - slack) * half, (right + slack) * half, limits[0]) else {
                 continue;
@@ -148,13 +162,13 @@ impl<'a> ContourRaster<'a> {
             let row = b * if b < 0.0 { bottom } else { top } + c;
             for column in reach[0]..reach[1] {
                 let worst = lower(a * ((column * HALF) as f64 + ahead) + row);
-                // A NaN gives way to the floor.
+                // A NaN plane leaves the farthest corner.
                 self.note(column, band, if worst >= floor { worst } else { floor });
             }
         }
     }
 
-    /// Takes note of a depth key in a quarter of a tile.
+    /// Lowers the least depth key of a quarter of a tile; `column` and `band` count quarters.
     #[inline(always)]
     fn note(&mut self, column: usize, band: usize, depth_key: f32) {
         let cell = &mut self.cells[band / 2 * self.columns + column / 2];
@@ -162,16 +176,17 @@ impl<'a> ContourRaster<'a> {
         *quarter = if depth_key < *quarter { depth_key } else { *quarter };
     }
 
-    /// Draws an edge of the contour, which counts `times` (negative in the opposite direction): pixels that it comes near are `marked`, and
-    /// the count to its right changes.
+    /// Draws a contour edge from `a` to `b`, `times` over; a negative number stands for the opposite
+    /// direction. The winding numbers to its right change. If `marked`, the pixels that it comes near are not
+    /// covered.
     ///
-    /// The position on a row is clamped to the ends, and otherwise off by no more than 11 units of the greatest coordinate,
-    /// which [`slack`](Self::new) holds several times.
+    /// The column on a row is clamped to the ends of the edge, and otherwise off by at most 11 units of the
+    /// greatest coordinate, which the slack holds several times.
     #[inline(always)]
     pub(crate) fn contour(&mut self, a: &ScreenVertex, b: &ScreenVertex, times: i8, marked: bool) {
         let slack = self.slack;
         let (times, a, b) = if a.y <= b.y { (times, a, b) } else { (-times, b, a) };
-        // A contour along the border of a row meets both rows.
+        // An edge along the border between two rows of pixels comes near both.
         let Some(lines) = range(a.y - slack, b.y + slack, self.size[1]) else { return };
         let (least_x, most_x) = if a.x < b.x { (a.x, b.x) } else { (b.x, a.x) };
         let (first, last) = (least_x - slack, most_x + slack);
@@ -180,15 +195,16 @@ impl<'a> ContourRaster<'a> {
             |x: f64| (floor(least(most(x, 0.0), width)).max(0) as usize / SIDE).min(self.columns - 1);
         // The first centre to the right may be in the next tile.
         self.touch([to_tile(first), to_tile(last + 1.0)], [lines[0] / SIDE, (lines[1] - 1) / SIDE]);
-        // To the right of the picture it changes nothing.
+        // To the right of the buffer it changes no winding number.
         if !(first < width) {
             return;
         }
-        // Of a level edge this may be anything: it is clamped, and no row of centres lies between its ends.
+        // NaN or infinite for a level edge: results are clamped to the ends, and no row of centres lies
+        // between them.
         let slope = (b.x - a.x) / (b.y - a.y);
         let at = |y: f64| {
             let x = a.x + (y - a.y) * slope;
-            // A NaN is taken for the least.
+            // NaN becomes the least.
             let x = if x > least_x { x } else { least_x };
             if x < most_x { x } else { most_x }
         };
@@ -212,7 +228,8 @@ impl<'a> ContourRaster<'a> {
             }
             let centre = y + 0.5;
             if a.y < centre && centre <= b.y {
-                // The first centre to its right. Of one that it goes through, nobody asks.
+                // The first centre to the right of the edge. Whether a centre on the edge counts does not
+                // matter: the edge comes near its pixel.
                 let column = nearest(least(most(at(centre), 0.0), width)) as usize;
                 if let Some(cell) = self.cells[row..row + self.columns].get_mut(column / SIDE) {
                     let step = &mut cell.steps[column % SIDE][bit];
@@ -223,7 +240,7 @@ impl<'a> ContourRaster<'a> {
         }
     }
 
-    /// Gives what is covered to the tiles, and cleans up.
+    /// Merges the covered pixels of the mesh into the tiles, and empties its own.
     #[inline(always)]
     pub(crate) fn merge(self, tiles: &mut Tiles) {
         let [x0, x1, y0, y1] = self.used;
@@ -253,7 +270,7 @@ impl<'a> ContourRaster<'a> {
                     continue;
                 }
                 for quarter in 0..4 {
-                    // What nothing was noted of is rounding's.
+                    // Where no triangle was noted, only rounding makes the winding number differ from zero.
                     if parts[quarter] < f32::INFINITY {
                         tiles.cover(tile, covered & QUARTERS[quarter], parts[quarter], 0);
                     }
@@ -270,7 +287,7 @@ fn nonzero(bytes: u64) -> u64 {
     (((bytes & LOW) + LOW) | bytes) >> 7 & 0x0101_0101_0101_0101
 }
 
-/// Sums byte by byte.
+/// Adds byte by byte, modulo 256.
 #[inline(always)]
 fn add_bytes(a: u64, b: u64) -> u64 {
     const LOW: u64 = 0x7f7f_7f7f_7f7f_7f7f;
@@ -287,12 +304,13 @@ fn most(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The sides of a convex polygon, each from its upper end.
+/// The sides of a convex polygon of up to four corners.
 struct Sides {
     sides: [Side; 4],
     count: usize,
 }
 
+/// One side, from its upper end to its lower.
 #[derive(Clone, Copy, Default)]
 struct Side {
     top: [f64; 2],
@@ -301,12 +319,12 @@ struct Side {
 }
 
 impl Side {
-    /// Where it is at a height, never beyond its ends.
+    /// The column at a row, clamped to the ends.
     #[inline(always)]
     fn at(&self, y: f64) -> f64 {
         let x = self.top[0] + (y - self.top[1]) * self.slope;
         let (low, high) = (least(self.top[0], self.bottom[0]), most(self.top[0], self.bottom[0]));
-        // A NaN is taken for the least.
+        // NaN becomes the least.
         least(most(x, low), high)
     }
 }
@@ -324,7 +342,8 @@ impl Sides {
         Self { sides, count }
     }
 
-    /// The columns between which the polygon lies in a range of rows; least above greatest if it does not reach them.
+    /// The least and greatest column of the polygon between two rows; least above greatest if it does not
+    /// reach them.
     #[inline(always)]
     fn span(&self, top: f64, bottom: f64) -> [f64; 2] {
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);

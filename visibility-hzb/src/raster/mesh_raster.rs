@@ -1,26 +1,31 @@
-//! Meshes of any form, mesh by mesh.
+//! Draws meshes of any form, one after the other.
 //!
 //! # The rule
-//! Triangles that surely face the eye are drawn; for two-sided meshes those that surely face away as well, as a second mesh. An edge is inner if
-//! exactly two drawn triangles share it, in opposite directions; every other edge of a drawn triangle is a contour, and so is the cut where the near
-//! plane crosses one. A pixel is covered if the contour winds round its centre and comes nowhere within rounding of the closed pixel. Its
-//! depth is the farthest that any drawn triangle of the mesh has in its quarter of the tile. Then it merges with other meshes, nearest wins.
+//! Triangles that certainly face the eye are drawn; of two-sided meshes also those that certainly face away,
+//! as a second mesh. An edge is inner if exactly two drawn triangles share it, in opposite directions. Every
+//! other edge of a drawn triangle is a contour, and so is the cut where the near plane crosses one. A pixel
+//! is covered if the contour winds round its centre and does not come within rounding of the closed pixel.
+//! Its depth key is the least that any drawn triangle of the mesh has in its quarter of the tile. Then it
+//! merges with other meshes: the greatest key wins.
 //!
 //! # Why it is sound
-//! Let no contour meet a pixel, and one point of the pixel be in a drawn triangle. Walk from that point to any other of the pixel: where the
-//! walk leaves a drawn triangle it crosses an edge, or the near plane's cut, which is no contour, so that another drawn triangle begins there.
-//! So all of the pixel is covered, and by triangles that meet it, whose depth counts. The contour winds round a centre that it does not come near
-//! as often as drawn triangles cover it ([`ContourRaster`]); rounding leaves the centre within a fraction of a pixel of one of them, and then a
-//! point of that triangle is in the pixel.
+//! Let no contour meet a pixel, and one point of the pixel be in a drawn triangle. Walk from that point to
+//! any other of the pixel. Where the walk leaves a drawn triangle it crosses an edge, or the cut of the near
+//! plane. That is no contour, so another drawn triangle begins there. So all of the pixel is covered, and by
+//! triangles that meet it, whose depth counts. The contour winds round a centre that it does not come near as
+//! often as drawn triangles cover it ([`ContourRaster`]). Rounding leaves the centre within a fraction of a
+//! pixel of one of them, and then a point of that triangle is in the pixel.
 //!
 //! # The error bound
-//! Corners beyond the near plane's limit have `x`, `y` and `w` off by at most `e`, so a pixel coordinate `q = x / w` by `(e_x + |q| e_w) / w`,
-//! two roundings aside. The greatest such bound over the mesh, doubled, is the *slack*, and 32 units of the greatest coordinate are part of it. A
-//! point of a segment is off by no more than its ends, so contours are widened by the slack, and by `2^-20` of a pixel.
-//! Meshes whose slack exceeds a quarter of a pixel are left out.
+//! Corners beyond the near limit have `x`, `y` and `w` off by at most `e`. So a pixel coordinate `q = x / w`
+//! is off by `(e_x + |q| e_w) / w`, two roundings aside. The *slack* is twice the greatest such bound over
+//! the mesh; 32 units of the greatest coordinate are part of it. A point of a segment is off by no more than
+//! its ends, so contours are widened by the slack, and by `2^-20` of a pixel. Meshes whose slack exceeds a
+//! quarter of a pixel are left out.
 //!
-//! Twice the area of a triangle on the screen is a product of differences, each off by the slack at most: so, roundings included, by twice
-//! the slack times the sum of their magnitudes. Beyond that, its sign is that of the determinant of the corners, since each `w` is positive.
+//! Twice the area of a triangle on the screen is a product of differences, each off by the slack at most. So
+//! it is off by twice the slack times the sum of their magnitudes, roundings included. Beyond that, its sign
+//! is that of the determinant of the corners, since each `w` is positive.
 
 use super::contour_raster::{ContourRaster, ContourTiles, ScreenVertex};
 use crate::buffer::tiles::Tiles;
@@ -34,47 +39,48 @@ use crate::vector::{cross, dot, less, point};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 
-/// Memory for the set-up of one mesh.
+/// Memory for one mesh, kept from mesh to mesh.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeshScratch {
     /// By vertex: `x`, `y`, `w`, `n` and the distance beyond the near plane.
     corners: Vec<[f64; 5]>,
-    /// By vertex, of use for those beyond the near plane's limit.
+    /// By vertex, of meaning only beyond the near limit.
     screen: Vec<ScreenVertex>,
-    /// For each triangle whether it is drawn: 1 or -1 by the way round.
+    /// By triangle: 1 if it is drawn as a front, -1 as a back, 0 if it is not drawn.
     facing: Vec<i8>,
 }
 
-/// Added to widths, in pixels.
+/// Added to the slack, in pixels.
 const TINY: f64 = 1.0 / 1048576.0;
 
-/// Triangles that stand alone are left out if they are smaller than this, measured by the sum of two sides in columns and rows.
+/// In meshes most of whose edges join nothing, triangles are left out below this size: the sum of two sides,
+/// in columns and rows of pixels.
 const ALONE: f64 = 64.0;
-/// But not of fewer than so many.
+/// But not in meshes of fewer triangles.
 const MANY: usize = 32;
 
-/// Areas on the screen that differ by less than this share of their sum are equal.
+/// Sums of areas on the screen below this share of the sum of their magnitudes count as zero.
 const CANCELS: f64 = 1e-6;
 
 /// Vertices that are worked on together.
 const LANES: usize = 8;
 
-/// What the corners of a mesh have in common.
+/// Bounds over all vertices of a mesh beyond the near limit.
 struct VertexBounds {
-    /// How far rounding can move a pixel coordinate, at most.
+    /// Upper bound on the error of pixel coordinates.
     error: f64,
-    /// Depth keys that no corner exceeds.
+    /// Upper bound on the depth keys.
     greatest: f64,
-    /// The least distance beyond the near plane.
+    /// Least distance beyond the near plane, of all vertices.
     nearest: f64,
 }
 
 impl VertexBounds {
-    /// Of nothing.
+    /// Bounds over no vertex.
     const NONE: Self = Self { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
 }
 
-/// Draws a mesh; returns a depth key that nothing of it exceeds.
+/// Draws a mesh. Returns an upper bound on its depth keys; negative infinity if nothing of it is drawn.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn draw_mesh(
@@ -105,7 +111,8 @@ pub(crate) fn draw_mesh(
     }
     let errors = [object.determinant_error(), object.cross_error(projection.size)];
     let marked = coverage == Coverage::Conservative;
-    // Fronts and backs are meshes of their own: no edge between them is inner, and neither makes the other farther.
+    // Fronts and backs are drawn as two meshes: no edge between them is inner, and neither makes the other
+    // farther.
     for side in [1, -1] {
         if sides & side_bit(side) == 0 {
             continue;
@@ -134,7 +141,8 @@ pub(crate) fn draw_mesh(
         for edge in mesh.edges {
             let left = i8::from(drawn[edge.left as usize] == side);
             let right = edge.right.map_or(0, |t| i8::from(drawn[t as usize] == side));
-            // Inner if two drawn triangles run through it, and then in opposite directions.
+            // Inner: both triangles are drawn, and run through the edge in opposite directions. Or neither
+            // is.
             if left == right {
                 continue;
             }
@@ -156,13 +164,13 @@ pub(crate) fn draw_mesh(
     up(vertex_bounds.greatest)
 }
 
-/// The bit that stands for a side: fronts are 1, backs -1.
+/// Bit 0 for fronts (1), bit 1 for backs (-1).
 #[inline(always)]
 fn side_bit(side: i8) -> u8 {
     if side > 0 { 1 } else { 2 }
 }
 
-/// Fills in the corners and where they are on the screen.
+/// Computes the corners and screen positions of all vertices, and takes them into the bounds.
 #[inline(always)]
 fn project(
     positions: &[Vec3],
@@ -172,7 +180,7 @@ fn project(
     vertex_bounds: &mut VertexBounds,
 ) {
     let MeshScratch { corners, screen, .. } = scratch;
-    // Memory is only ever added, and what is left from before is written over.
+    // Memory only grows. Elements of earlier meshes are overwritten.
     if corners.len() < positions.len() {
         corners.resize(positions.len(), [0.0; 5]);
         screen.resize(positions.len(), ScreenVertex::default());
@@ -183,7 +191,7 @@ fn project(
         let count = rest.len().min(LANES);
         let mut p = [[0.0; LANES]; 3];
         for i in 0..LANES {
-            // The last ones are repeated.
+            // The last vertex fills the lanes that are left.
             let position = &rest[if i < count { i } else { count - 1 }];
             (p[0][i], p[1][i], p[2][i]) =
                 (f64::from(position.x), f64::from(position.y), f64::from(position.z));
@@ -231,22 +239,23 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// Where a corner is on the screen, by how much it may be off there, and a depth key that it does not exceed.
+/// The screen position of a corner, a bound on the error of its coordinates, and an upper bound on its depth
+/// key. The error is infinite for corners at or behind the eye.
 #[inline(always)]
 fn seen_at([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenVertex, f64, f64) {
     let [ex, ey, ew, en, _] = object.error;
-    // A corner at or behind the eye makes the error infinite.
+    // Infinite for corners at or behind the eye, which makes their error infinite.
     let over = 1.0 / if w > 8.0 * ew { w } else { 0.0 };
     let size = greater(x.abs(), y.abs()) * over;
     let error = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
-    // In the eye itself it is NaN.
+    // NaN in the eye itself.
     let error = if error < f64::INFINITY { error } else { f64::INFINITY };
     let depth_key = n * over;
     let margin = 2.0 * (en + depth_key.abs() * ew) * over + 4.0 * f64::EPSILON * depth_key.abs();
     (ScreenVertex { x: x * over, y: y * over, far: lower(depth_key - margin) }, error, depth_key + margin)
 }
 
-/// As [`seen_at`], taken into the reach of a mesh.
+/// The screen position of a corner, which is taken into the bounds.
 #[inline(always)]
 fn on_screen(
     &[x, y, w, n, _]: &[f64; 5],
@@ -259,8 +268,9 @@ fn on_screen(
     corner
 }
 
-/// Decides which triangles are drawn: those that surely face the eye, and are not wholly before the near plane. With `slack`, all corners
-/// are beyond that plane and may be off by so much on the screen. Returns the bits of the sides that are.
+/// Decides which triangles are drawn: those that certainly face the eye, or away from it if the mesh is
+/// two-sided, and are not wholly before the near limit. `slack` is given if all corners are beyond that
+/// limit: it bounds the errors of their screen coordinates. Returns the bits of the sides that are drawn.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn choose(
@@ -277,8 +287,8 @@ fn choose(
     let (mut fronts, mut backs) = (false, false);
     let back = if mesh.two_sided { -1 } else { 0 };
     if let Some(slack) = slack {
-        // Where most edges join nothing, as in foliage, triangles stand alone, and small ones would hide next to nothing. An edge that joins two
-        // triangles is a side of both.
+        // Where most edges join nothing, as in foliage, triangles stand alone, and small ones would hide next
+        // to nothing. An edge that joins two triangles counts as a side of both.
         let open = (2 * mesh.edges.len()).saturating_sub(3 * mesh.triangles.len());
         let smallest = if open >= mesh.triangles.len().max(MANY) { ALONE } else { 0.0 };
         let (mut sum, mut magnitude) = (0.0, 0.0);
@@ -294,7 +304,8 @@ fn choose(
             (sum, magnitude) = (sum + area, magnitude + area.abs());
             drawn.push(turn);
         }
-        // From outside, as much of a closed mesh shows its back as its front, and behind it: fronts are all that counts.
+        // From outside, a closed mesh shows as much area of backs as of fronts, all of it behind the fronts.
+        // So backs need not be drawn.
         let outside = open == 0 && sum.abs() <= CANCELS * magnitude;
         return u8::from(fronts) | if backs && !outside { 2 } else { 0 };
     }
@@ -311,7 +322,7 @@ fn choose(
     u8::from(fronts) | if backs { 2 } else { 0 }
 }
 
-/// Takes what the near plane's limit makes of edges into the reach of a mesh.
+/// Takes the points where edges cross the near limit into the bounds.
 #[inline(always)]
 fn bound_cuts(
     mesh: &OccluderTriangles,

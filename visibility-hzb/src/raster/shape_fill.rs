@@ -1,4 +1,4 @@
-//! Fills shapes into tiles: eight rows of pixels at a time, whole tiles in runs.
+//! Fills shapes into tiles: eight rows of tiles set up at once, tiles that are covered entirely in runs.
 
 use crate::buffer::row_spans::STEPS;
 use crate::buffer::tile_layout::{SIDE, below as lines_below};
@@ -6,7 +6,7 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, any_below, bits, round_to_i32};
 use crate::setup::screen_shape::{MAX_PLANES, ScreenShape};
 
-/// Fills a shape. Whether any of it was in front of what there was, at the first glance.
+/// Fills a shape. Returns false if no tile that its rectangle meets can be nearer for it.
 #[inline(always)]
 pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
     let columns = tiles.columns;
@@ -17,7 +17,7 @@ pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
     if first_row >= end_row || first_column >= end_column {
         return false;
     }
-    // Hidden by what there is?
+    // Is the whole rectangle nearer than the shape already?
     let mut seen = false;
     for row in first_row..end_row {
         seen |= any_below(
@@ -43,13 +43,16 @@ pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
     true
 }
 
-/// What eight rows of tiles have of a shape: first and end columns of tiles that it meets, or somewhat more, and of those that it covers whole.
+/// The columns of tiles that a shape meets in each of eight rows of tiles.
 struct Bands {
+    /// First and end columns of tiles that the shape may meet.
     met: [[i32; SIDE]; 2],
+    /// First and end columns of tiles that it covers entirely; the end is -1 if there are none.
     covered: [[i32; SIDE]; 2],
 }
 
-/// Bounds are monotonic in the row of pixels, also when rounded; so the first and the last row within a row of tiles tell the extremes of each.
+/// The columns of eight rows of tiles, from row `first_row` on. Row bounds are monotonic in the row of
+/// pixels, also after rounding, so the first and the last row of pixels of a tile give the extremes.
 #[inline(always)]
 fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
     let (mut top, mut bottom) = ([0.0; SIDE], [0.0; SIDE]);
@@ -60,14 +63,15 @@ fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
         top[i] = if y > first { y } else { first };
         bottom[i] = if y + 7.0 < last { y + 7.0 } else { last };
     }
-    // Outer and inner bounds. Rows as in `spans`, from which a whole tile must not differ by a rounding.
+    // Outer bounds in element 0, inner ones in element 1. Limits as in `spans`, so that a tile does not count
+    // as whole by a rounding.
     let (left, right) = (shape.columns[0] - 0.25, shape.columns[1] + 0.25);
     let (mut low, mut high) = ([[left; SIDE]; 2], [[right; SIDE]; 2]);
     for line in &shape.left[..shape.lefts] {
         for i in 0..SIDE {
             let (a, b) = (top[i] * line.slope + line.offset, bottom[i] * line.slope + line.offset);
             let (least, most) = if a < b { (a, b) } else { (b, a) };
-            // A NaN covers nothing.
+            // NaN covers nothing.
             low[0][i] = if least <= low[0][i] { low[0][i] } else { least };
             low[1][i] = if most <= low[1][i] { low[1][i] } else { most };
         }
@@ -88,31 +92,34 @@ fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
         bands.met[1][i] = ((end + SIDE as i32 - 1).max(0) / SIDE as i32).min(columns as i32);
         let (first, end) = (first_pixel(low[1][i], limit), end_pixel(high[1][i]));
         bands.covered[0][i] = (first.max(0) + SIDE as i32 - 1) / SIDE as i32;
-        // Rows of tiles that the shape begins or ends in are not covered to the border.
+        // Rows of tiles in which the shape begins or ends are not covered entirely.
         let all = (bottom[i] - top[i] >= 7.0) & (first < end);
         bands.covered[1][i] = if all { end.max(0) / SIDE as i32 } else { -1 };
     }
     bands
 }
 
+/// The first row of pixels of each row of tiles.
 const EIGHTS: [f32; SIDE] = [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 56.0];
+/// The rows of pixels of a tile.
 const ONES: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// The first pixel at or after a bound; not beyond a limit, which is finite, while a NaN is.
+/// The first pixel at or after a bound, at most `limit`, which must be finite. NaN gives `limit`.
 #[inline(always)]
 fn first_pixel(low: f32, limit: f32) -> i32 {
     round_to_i32(if low <= limit { low } else { limit } + 0.5)
 }
 
-/// The pixel after the last that ends before a bound. A NaN is before all.
+/// The pixel after the last that ends before a bound; at least -1, which NaN gives.
 #[inline(always)]
 fn end_pixel(high: f32) -> i32 {
     round_to_i32(if high >= -1.0 { high } else { -1.0 } - 0.5)
 }
 
-/// Where the eight rows of pixels of a row of tiles begin and end, as far as bounds from the left and from the right tell.
+/// The columns at which the eight rows of pixels of a row of tiles begin and end, by row bounds alone.
 ///
-/// A quarter of a pixel keeps limits, which are whole, away from where rounding to whole numbers could go either way.
+/// A quarter of a pixel keeps the limits, which are whole numbers, away from where rounding to whole numbers
+/// could go either way.
 #[inline(always)]
 fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
     let (mut low, mut high) = ([shape.columns[0] - 0.25; SIDE], [shape.columns[1] + 0.25; SIDE]);
@@ -136,6 +143,7 @@ fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
     [low, high]
 }
 
+/// Fills one row of tiles, row `i` of the bands.
 #[inline(always)]
 fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i: usize, planes_id: u32) {
     let (start, stop) = (bands.met[0][i] as usize, bands.met[1][i] as usize);
@@ -156,7 +164,7 @@ fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i
         let depth_key = depths(shape, &offsets, column);
         let values = &mut tiles.tile_min[base + column..base + column + WIDTH];
         let depth_planes = &mut tiles.planes_id[base + column..base + column + WIDTH];
-        // Beyond the last tile of the shape, nothing is touched.
+        // Tiles beyond the last one of the shape stay as they are.
         let (limit, first_column) = (stop as f32, column as f32);
         let mut part = [0u8; WIDTH];
         for i in 0..WIDTH {
@@ -174,7 +182,7 @@ fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i
             let start = (row * SIDE) as i32;
             let lines =
                 lines_below(shape.lines[1] as i32 - start) & !lines_below(shape.lines[0] as i32 - start);
-            // Two tiles at a time; all of them before any is covered, which hides how long each takes.
+            // Two tiles at a time, all masks before any tile is covered: the latencies overlap.
             let mut left = part;
             while left != 0 {
                 let first = left.trailing_zeros() as usize % WIDTH;
@@ -194,7 +202,8 @@ fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i
     }
 }
 
-/// The least depth key of a shape in each tile of a run that starts at a column.
+/// The least depth key of a shape in each of [`WIDTH`] tiles from a column on. `offsets` are the values of
+/// its depth planes in column 0 of this row of tiles.
 #[inline(always)]
 fn depths(shape: &ScreenShape, offsets: &[f32; MAX_PLANES], column: usize) -> [f32; WIDTH] {
     let mut least = [shape.ceiling; WIDTH];
@@ -203,7 +212,7 @@ fn depths(shape: &ScreenShape, offsets: &[f32; MAX_PLANES], column: usize) -> [f
         let (slope, offset) = (shape.planes[plane][0], offsets[plane]);
         for i in 0..WIDTH {
             let depth_key = (first + STEPS[i]) * slope + offset;
-            // A NaN bounds by nothing but the floor.
+            // NaN leaves the floor as the bound.
             least[i] = if depth_key >= least[i] { least[i] } else { depth_key };
         }
     }

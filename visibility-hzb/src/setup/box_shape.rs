@@ -1,7 +1,8 @@
-//! Boxes, the commonest occluders, made into shapes in straight lines of arithmetic.
+//! The screen shape of a box, the commonest occluder, in straight lines of arithmetic.
 //!
-//! From any point outside a box, at most three faces are seen, and which they are determines the outline (Schmalstieg and Tobler, "Fast
-//! Projected Area Computation for Three-Dimensional Bounding Boxes", 1999). The outlines are in a table, made when the crate is compiled.
+//! From any point outside a box at most three faces are seen, and which ones determines the outline
+//! (Schmalstieg and Tobler, "Fast Projected Area Computation for Three-Dimensional Bounding Boxes", 1999).
+//! The outlines are in a table that is made when the crate is compiled.
 
 use super::depth_plane::lower;
 use super::screen_bounds::{extent, pixels};
@@ -12,19 +13,20 @@ use crate::vector::{cross, dot};
 use visibility_core::Aabb;
 use visibility_core::glam::Affine3A;
 
-/// The corners of the faces at least x, greatest x, least y and so on, counter-clockwise from outside; corners are numbered by the bits
-/// x, y, z.
+/// Corners of each face, counter-clockwise from outside: the faces at the least x, greatest x, least y,
+/// greatest y, least z, greatest z. Corners are numbered by bits: 1 for the greatest x, 2 for the greatest y,
+/// 4 for the greatest z.
 const FACES: [[u8; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
-/// The directed edges between a seen and an unseen face.
+/// Edges between a seen and an unseen face, in the direction in which the seen face has them.
 #[derive(Clone, Copy)]
 struct Outline {
     edges: [[u8; 2]; 6],
     count: u8,
 }
 
-/// By the set of faces that are seen, a bit each.
+/// Outlines by the set of faces that are seen, bit `i` for face `i`. Empty for sets with two opposite faces.
 static OUTLINES: [Outline; 64] = outlines();
 
 const fn outlines() -> [Outline; 64] {
@@ -51,6 +53,7 @@ const fn outlines() -> [Outline; 64] {
     all
 }
 
+/// Whether one of the seen faces has the edge from corner `a` to corner `b`.
 const fn has_edge(seen: usize, a: u8, b: u8) -> bool {
     let mut face = 0;
     while face < 6 {
@@ -66,8 +69,8 @@ const fn has_edge(seen: usize, a: u8, b: u8) -> bool {
     false
 }
 
-/// Makes the shape of a box. `facing` is that of the projection, turned round for mirrored boxes. Its `extent` on the screen is found anew unless it
-/// is known: then all of the box is before the eye.
+/// Makes the shape of a projected box. `facing` is the sign of the determinant of triangles that face the
+/// eye. `known` gives screen bounds that were found before: then the whole box must be before the eye.
 #[inline(always)]
 pub(crate) fn outline_box(
     bounds: &Aabb,
@@ -113,7 +116,7 @@ pub(crate) fn outline_box(
         }
     }
 
-    // Planes and facing. Each pair of faces shares a normal, the product of the two other axes.
+    // Two opposite faces share a normal: the cross product of the two other axes.
     let [u, v, t] = steps.map(|s| [s[0], s[1], s[2]]);
     let origin = [base[0], base[1], base[2]];
     let certain = object.determinant_error();
@@ -141,7 +144,8 @@ pub(crate) fn outline_box(
         let plane = if projection.perspective {
             [normal[0] * over, normal[1] * over, normal[2] * over]
         } else {
-            // Depth keys a x + b y + c such that n agrees at a corner and along both sides: Cramer's rule.
+            // Cramer's rule: the plane a x + b y + c whose product with w is n at a corner and along both
+            // sides.
             let (sn, tn) = match axis {
                 0 => (steps[1][3], steps[2][3]),
                 1 => (steps[2][3], steps[0][3]),
@@ -177,7 +181,7 @@ pub(crate) fn outline_box(
     ShapeResult::Ready
 }
 
-/// The shape of a box, from its place on.
+/// Projects a box and makes its shape, as [`outline_box`] does.
 #[inline(always)]
 pub(crate) fn box_shape(
     bounds: &Aabb,

@@ -1,7 +1,10 @@
-//! Convex solids, and meshes of one or two triangles, made into shapes: one outline, one bound on depth per plane.
+//! The screen shape of a convex mesh, or of one that looks convex from the eye: one outline, one depth plane
+//! for each triangle.
 //!
-//! Sound for any mesh (see [`shape`](crate::shape)); for those that are not convex it finds only the pixels from which all of the outline
-//! is seen, so they go another way. Unlike boxes, these may cross the near plane: triangles are cut there, and the cuts bound the shape.
+//! It is sound for any mesh (see [`screen_shape`](super::screen_shape)). Of one that is not convex it finds
+//! only the pixels that lie within the lines of all contour edges, so such meshes are drawn by
+//! `mesh_raster.rs`. Unlike boxes, meshes may cross the near plane: triangles are cut there, and the cuts
+//! bound the shape.
 
 use super::depth_plane::plane;
 use super::near_clip::cut_edge;
@@ -13,18 +16,19 @@ use crate::coverage::Coverage;
 use crate::vector::{Point, cross, dot, less, point};
 use alloc::vec::Vec;
 
-/// Memory that is used again from occluder to occluder.
+/// Memory for one mesh, kept from mesh to mesh.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConvexScratch {
+    /// By vertex: `x`, `y`, `w`, `n` and the distance beyond the near plane.
     corners: Vec<[f64; 5]>,
-    /// On the screen, with depth key.
+    /// By vertex: column, row and depth key.
     screen: Vec<[f64; 3]>,
-    /// For each triangle, whether it is drawn.
+    /// By triangle, whether it is drawn.
     drawn: Vec<bool>,
 }
 
-/// Makes the shape of a mesh. `ShapeResult::TooNear` says that it has too many edges or planes, or that it is not known to be `convex` and does not look
-/// so either.
+/// Makes the shape of a mesh. [`ShapeResult::TooNear`] means that it has too many edges or planes, or that it
+/// is neither known to be `convex` nor looks so.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn convex_shape(
@@ -48,7 +52,7 @@ pub(crate) fn convex_shape(
     }
     let uncut = nearest > near_limit;
 
-    // Where it is on the screen, and how far.
+    // Screen bounds, unless the mesh comes too near to the eye.
     let around = if uncut { extent_of(corners, screen, object) } else { None };
     let (columns, lines) = match &around {
         Some(around) => match pixels(around, projection) {
@@ -60,7 +64,7 @@ pub(crate) fn convex_shape(
     };
     let floor = match (&around, projection.perspective) {
         (Some(around), _) => around[4],
-        // Depth keys is 1/w, and no point has a greater w than the farthest corner.
+        // The key is 1 / w, and no point has a greater w than the farthest corner.
         (None, true) => {
             let farthest = corners.iter().fold(0.0, |most: f64, c| most.max(c[2]));
             (1.0 - 4.0 * f64::EPSILON) / (farthest + object.error[2])
@@ -69,7 +73,7 @@ pub(crate) fn convex_shape(
     };
     shape.begin(columns, lines, floor, around.map_or(f64::INFINITY, |around| around[5]));
 
-    // One sense of facing after the other, for two-sided meshes seen from within.
+    // Fronts first. If none faces the eye, the backs of a two-sided mesh, seen from within.
     for facing in [facing, -facing] {
         if choose(mesh, corners, drawn, facing, near_limit, object.determinant_error())
             && (convex || looks_convex(mesh, screen, drawn, facing))
@@ -83,12 +87,14 @@ pub(crate) fn convex_shape(
     if convex { ShapeResult::Nothing } else { ShapeResult::TooNear }
 }
 
-/// Whether, from where the eye is, the drawn triangles show all that there is within their outline, and bulge towards the eye: then the outline
-/// and their planes lose nothing. Only a guess at what pays, so rounding does no harm.
+/// Whether, from the eye, the drawn triangles show everything within their outline and bulge towards the eye:
+/// then outline and planes lose nothing. It only guesses what pays, so rounding does no harm.
 #[inline(always)]
 fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], facing: f64) -> bool {
     // A tenth of a pixel, and a thousandth of the distance.
+    /// Tolerance across the outline, in pixels.
     const PIXELS: f64 = 0.1;
+    /// Tolerance in depth, as a share of the depth key.
     const DEPTH: f64 = 1e-3;
     for edge in mesh.edges {
         let left = drawn[edge.left as usize];
@@ -127,7 +133,8 @@ fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], f
     true
 }
 
-/// Decides which triangles are drawn: those surely seen from the front, and not all before the near plane. Whether there is any.
+/// Marks the triangles that are drawn: those that certainly face the eye and are not wholly before the near
+/// limit. Returns whether there are any.
 #[inline(always)]
 fn choose(
     mesh: &OccluderTriangles,
@@ -150,6 +157,7 @@ fn choose(
     any
 }
 
+/// Adds the contour edges, the cuts and the depth planes of the drawn triangles to a shape.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn outline(
@@ -177,7 +185,7 @@ fn outline(
         let left = drawn[edge.left as usize];
         let right = edge.right.is_some_and(|t| drawn[t as usize]);
         let [a, b] = edge.vertices.map(|i| point(&corners[i as usize]));
-        // An edge wholly before the near plane bounds nothing that is drawn, but leaving it in loses little.
+        // An edge wholly before the near plane bounds nothing that is drawn; keeping it loses little.
         let room = match (left, right) {
             (true, false) => keep(shape, a, b),
             (false, true) => keep(shape, b, a),

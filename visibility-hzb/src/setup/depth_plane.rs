@@ -3,9 +3,11 @@
 use super::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::vector::{cross, dot, less, point};
 
-/// The depth key of a triangle as a function of pixel coordinates, moved away by its error.
-///
-/// By Cramer's rule; see [`lower`] for the error.
+/// The depth key of a triangle as a plane `a x + b y + c` in pixel coordinates, lowered by its error: three
+/// corners in clip space give it by Cramer's rule. `certain` is
+/// [`determinant_error`](ObjectProjection::determinant_error), `products` is
+/// [`cross_error`](ObjectProjection::cross_error). NaN if the determinant of the corners is not certain to
+/// differ from zero.
 #[inline(always)]
 pub(crate) fn plane(
     [a, b, c]: [&[f64; 5]; 3],
@@ -16,7 +18,8 @@ pub(crate) fn plane(
     let (second, third) = (less(b, a), less(c, a));
     let normal = cross(point(&second), point(&third));
     let height = dot(normal, point(a));
-    // Facing was decided on the screen; where the determinant is less sure, nothing is known of the plane.
+    // Which way the triangle faces was decided on the screen, where the sign is surer than that of this
+    // determinant.
     let mut plane = [f64::NAN; 3];
     if !(height.abs() > certain) {
         return plane;
@@ -35,11 +38,11 @@ pub(crate) fn plane(
     lower(plane, over, object, projection, certain, products)
 }
 
-/// A plane of depth key, moved away by what rounding may have done to it.
+/// A depth plane lowered by what rounding may have done to it.
 ///
-/// It is a numerator over a determinant, of which `over` is the reciprocal. The numerator's error, over the picture, is that of a cross product times `n` and
-/// the like; the
-/// determinant's relative error is that of the quotient.
+/// It is a numerator over a determinant, and `over` is the reciprocal of that determinant. Over the picture,
+/// the error of the numerator is that of a cross product times `n`, and for parallel views that of `n` times
+/// a product of two coordinates. The relative error of the determinant is that of the quotient.
 #[inline(always)]
 pub(crate) fn lower(
     [a, b, c]: [f64; 3],

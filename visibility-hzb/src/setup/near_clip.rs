@@ -1,8 +1,10 @@
-//! Cutting triangles and edges at the near plane, in clip space.
+//! Cutting triangles and edges at the near plane, in clip space. Corners are as
+//! [`ObjectProjection::at`](super::screen_projection::ObjectProjection::at) gives them: `x`, `y`, `w`, `n`
+//! and the distance beyond the near plane. All cuts are at a distance of `near_limit`.
 
-/// Where the side of a triangle crosses the limit beyond the near plane; the ends lie on different sides of it. Always counted from the
-/// same end, so
-/// that neighbours agree.
+/// The point where an edge is at `near_limit`, between its two ends, one on each side. It is computed from
+/// the end before the plane whatever the order of the arguments, so that the triangles that share the edge
+/// get the same point.
 #[inline(always)]
 pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], near_limit: f64) -> [f64; 5] {
     let (a, b) = if a[4] < b[4] { (a, b) } else { (b, a) };
@@ -14,15 +16,17 @@ pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], near_limit: f64) -> [f64; 5] 
     out
 }
 
-/// Corners of a triangle after cutting.
+/// The part of a triangle beyond `near_limit`.
 pub(crate) struct ClippedTriangle {
+    /// Its corners in order; the first `count` count. None if the whole triangle is nearer.
     pub(crate) corners: [[f64; 5]; 4],
     pub(crate) count: usize,
-    /// The cut, from where the triangle's sides run out to where they come back.
+    /// The cut itself, in the direction of the remaining polygon: from where the triangle's sides leave it to
+    /// where they return. `None` if nothing was cut.
     pub(crate) edge: Option<[[f64; 5]; 2]>,
 }
 
-/// What is left of a triangle beyond the limit.
+/// The part of a triangle beyond `near_limit`.
 pub(crate) fn clip_triangle(t: [&[f64; 5]; 3], near_limit: f64) -> ClippedTriangle {
     let mut out = ClippedTriangle { corners: [[0.0; 5]; 4], count: 0, edge: None };
     let mut push = |p: [f64; 5]| {

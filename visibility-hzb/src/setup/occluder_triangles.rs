@@ -1,9 +1,9 @@
-//! The triangles and edges of an occluder, whether it is a mesh or one of the boxes that are kept without any.
+//! Triangles and edges of an occluder as set-up and raster take them: those of a mesh, or of a box.
 
 use visibility_core::glam::Vec3;
 use visibility_core::{Edge, OccluderMesh};
 
-/// What of a mesh is needed.
+/// The vertices, triangles and edges of an occluder, in its own coordinates.
 #[derive(Clone, Copy)]
 pub(crate) struct OccluderTriangles<'a> {
     pub(crate) positions: &'a [Vec3],
@@ -13,6 +13,7 @@ pub(crate) struct OccluderTriangles<'a> {
 }
 
 impl<'a> OccluderTriangles<'a> {
+    /// Those of a mesh.
     pub(crate) fn of(mesh: &'a OccluderMesh) -> Self {
         Self {
             positions: mesh.positions(),
@@ -22,15 +23,17 @@ impl<'a> OccluderTriangles<'a> {
         }
     }
 
-    /// A box, by its corners.
+    /// Those of a box with the given corners, numbered by bits: 1 for the greatest x, 2 for the greatest y, 4
+    /// for the greatest z.
     pub(crate) fn of_box(corners: &'a [Vec3; 8], two_sided: bool) -> Self {
         Self { positions: corners, triangles: &BOX_TRIANGLES, edges: &BOX_EDGES, two_sided }
     }
 }
 
-/// A triangle for each face and half: enough for its plane, and for what is drawn of it.
+/// Two triangles for each face of a box, counter-clockwise from outside.
 const BOX_TRIANGLES: [[u32; 3]; 12] = OccluderMesh::CUBOID;
 
+/// The edges of a box: the twelve of its faces and a diagonal of each face.
 static BOX_EDGES: [Edge; 18] = box_edges();
 
 const fn box_edges() -> [Edge; 18] {
@@ -44,7 +47,7 @@ const fn box_edges() -> [Edge; 18] {
             while other < 12 {
                 let mut i = 0;
                 while i < 3 {
-                    // Each edge once, from the triangle that comes first.
+                    // Each edge once, from the first of its two triangles.
                     if BOX_TRIANGLES[other][i] == b
                         && BOX_TRIANGLES[other][(i + 1) % 3] == a
                         && triangle < other

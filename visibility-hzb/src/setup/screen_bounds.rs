@@ -1,12 +1,12 @@
-//! Where the corners of an occluder are on the screen: bounds in pixels and in depth key, rounded outwards.
+//! Bounds of an occluder on the screen: columns, rows and depth keys of its corners, rounded outwards.
 
 use super::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::rounding::FloorCeil;
 use alloc::vec::Vec;
 
-/// The extent on the screen of points before the eye: least and greatest column, least and greatest row, least and greatest depth key,
-/// each moved
-/// outwards. `None` for points too near.
+/// Screen bounds of `N` points in clip space: least and greatest column, least and greatest row (in pixels,
+/// not rounded to whole ones), least and greatest depth key, each moved outwards by its error. `None` if a
+/// point is too near to the eye's plane, or behind it, for its quotients to be known.
 #[inline(always)]
 pub(crate) fn extent<const N: usize>(
     x: &[f64; N],
@@ -19,10 +19,6 @@ pub(crate) fn extent<const N: usize>(
     for i in 0..N {
         least_w = if w[i] < least_w { w[i] } else { least_w };
     }
-    // Below this the relative error of w would no longer be small.
-    if !(least_w > 1024.0 * object.error[2]) {
-        return None;
-    }
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for i in 0..N {
         let over = 1.0 / w[i];
@@ -31,8 +27,25 @@ pub(crate) fn extent<const N: usize>(
             high[axis] = if value > high[axis] { value } else { high[axis] };
         }
     }
-    // A quotient q = a / w is off by (e_a + |q| e_w) / w, more or less, and by two roundings.
+    rounded_outwards(low, high, least_w, object)
+}
+
+/// Least and greatest column, row and depth key from their computed values, each moved outwards by its error.
+/// `None` if `least_w`, the least `w` of the points, is not far above its own error.
+///
+/// A quotient `q = a / w` is off by `(e_a + |q| e_w) / w` to first order, and by two roundings; the factor 2
+/// covers the rest, since `w` exceeds `1024 e_w`.
+#[inline(always)]
+fn rounded_outwards(
+    low: [f64; 3],
+    high: [f64; 3],
+    least_w: f64,
+    object: &ObjectProjection,
+) -> Option<[f64; 6]> {
     let [ex, ey, ew, en, _] = object.error;
+    if !(least_w > 1024.0 * ew) {
+        return None;
+    }
     let mut out = [0.0; 6];
     for (axis, error) in [ex, ey, en].into_iter().enumerate() {
         let most = low[axis].abs().max(high[axis].abs());
@@ -43,7 +56,7 @@ pub(crate) fn extent<const N: usize>(
     Some(out)
 }
 
-/// The pixels of the buffer that an extent meets; `None` if there is none.
+/// Column and row ranges of the pixels of the buffer that bounds meet, half-open; `None` if they meet none.
 #[inline(always)]
 pub(crate) fn pixels(extent: &[f64; 6], projection: &ScreenProjection) -> Option<([f64; 2], [f64; 2])> {
     let limit =
@@ -53,7 +66,8 @@ pub(crate) fn pixels(extent: &[f64; 6], projection: &ScreenProjection) -> Option
     (columns[0] < columns[1] && lines[0] < lines[1]).then_some((columns, lines))
 }
 
-/// As [`extent`](crate::cuboid::extent), for any number of corners, and where each is on the screen.
+/// As [`extent`], for any number of corners as [`ObjectProjection::at`] gives them. `screen` becomes their
+/// columns, rows and depth keys, without error bounds.
 #[inline(always)]
 pub(crate) fn extent_of(
     corners: &[[f64; 5]],
@@ -61,7 +75,6 @@ pub(crate) fn extent_of(
     object: &ObjectProjection,
 ) -> Option<[f64; 6]> {
     screen.clear();
-    let [ex, ey, ew, en, _] = object.error;
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     let mut least_w = f64::INFINITY;
     for c in corners {
@@ -74,15 +87,5 @@ pub(crate) fn extent_of(
         }
         screen.push(at);
     }
-    if !(least_w > 1024.0 * ew) {
-        return None;
-    }
-    let mut out = [0.0; 6];
-    for (axis, error) in [ex, ey, en].into_iter().enumerate() {
-        let most = low[axis].abs().max(high[axis].abs());
-        let margin = 2.0 * ((error + most * ew) / least_w + 2.0 * f64::EPSILON * most);
-        out[2 * axis] = low[axis] - margin;
-        out[2 * axis + 1] = high[axis] + margin;
-    }
-    Some(out)
+    rounded_outwards(low, high, least_w, object)
 }

@@ -1,13 +1,16 @@
-//! The camera as the rasterizer needs it: pixel coordinates of points in homogeneous form, with bounds on their rounding.
+//! Pixel coordinates of points in homogeneous form, with bounds on their rounding.
 //!
 //! # Coordinates
-//! A point `p` of the scene becomes four numbers, each linear in `p`: `x` and `y`, which are `w` times its pixel coordinates (columns to
-//! the right, rows downwards, the first pixel between 0 and 1), `w`, and `n`, which is `w` times its *depth key*. Depth keys falls along
-//! every line of sight and is
-//! linear on the screen wherever `p` runs over a plane, as `1/w` is: it is that for perspective views (`n = 1`), and clip depth,
-//! negated unless reversed,
-//! for parallel ones. Everything is relative to the *anchor*, the eye of a perspective view, so that precision does not depend on where
-//! in the scene the camera is.
+//! A point `p` of the scene becomes four numbers, each linear in `p`:
+//! - `x` and `y`: its pixel coordinates times `w`. Columns run to the right, rows downwards, and the first
+//!   pixel lies between 0 and 1.
+//! - `w`: positive before the eye.
+//! - `n`: its *depth key* times `w`. The key falls along every line of sight, so nearer is greater, and is
+//!   linear on the screen wherever `p` runs over a plane. It is `1 / w` for perspective views, where `n` is
+//!   1, and clip depth for parallel ones, negated unless depth is reversed.
+//!
+//! All points are relative to the *anchor*, which for a perspective view is the eye. So precision does not
+//! depend on where in the scene the camera is. The rows and their bounds are core's ([`ViewProjection`]).
 
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
@@ -19,11 +22,11 @@ pub(crate) const U: f64 = f64::EPSILON / 2.0;
 /// A [`ClipRow`] with its coefficients in an array, as loops over lanes take them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ScreenRow {
-    /// Applied to a point less the anchor.
+    /// Coefficients of a point less the anchor.
     pub(crate) linear: [f64; 3],
-    /// Added to that.
+    /// The value at the anchor.
     pub(crate) constant: f64,
-    /// Bound on the error of the constant.
+    /// Bound on the error of the constant, which includes that of the anchor.
     pub(crate) error: f64,
 }
 
@@ -36,26 +39,27 @@ impl From<ClipRow> for ScreenRow {
 /// A view made ready for one frame.
 #[derive(Clone, Debug)]
 pub(crate) struct ScreenProjection {
-    /// Columns and rows, including those that only fill up the last tiles.
+    /// Columns and rows of the buffer in pixels, whole tiles.
     pub(crate) size: [f64; 2],
-    /// Columns and rows of the picture.
+    /// Columns and rows of the picture in pixels: at most a tile less than `size`.
     pub(crate) picture: [f64; 2],
-    /// The functions `x`, `y`, `w` and `n`.
+    /// The rows of `x`, `y`, `w` and `n`.
     pub(crate) rows: [ScreenRow; 4],
-    /// Positive beyond the near plane.
+    /// The row of the distance beyond the near plane: positive beyond it, of no unit.
     pub(crate) near: ScreenRow,
-    /// What all is relative to, in scene coordinates.
+    /// The point that rows take points relative to, in scene coordinates.
     pub(crate) anchor: DVec3,
-    /// Times the determinant of three corners (`x`, `y`, `w`), positive if they run counter-clockwise as seen from the eye.
+    /// The sign of the determinant of three corners (`x`, `y`, `w`) that run counter-clockwise as seen from
+    /// the eye. Zero if it is not known: then nothing is drawn.
     pub(crate) facing: f64,
-    /// Whether `n` is always 1.
+    /// Whether the view is perspective, so that `n` is always 1.
     pub(crate) perspective: bool,
-    /// The functions for what stays where it is, as far as they do not depend on its size.
+    /// The projection of objects whose transform is the identity, for points of magnitude zero.
     untransformed: ObjectProjection,
 }
 
 impl ScreenProjection {
-    /// A projection through which nothing has been seen yet.
+    /// No view: nothing is drawn.
     pub(crate) const EMPTY: Self = Self {
         size: [0.0; 2],
         picture: [0.0; 2],
@@ -72,7 +76,7 @@ impl ScreenProjection {
         },
     };
 
-    /// For points relative to `origin`.
+    /// The projection of points relative to `origin` to a picture, in a buffer of `size` pixels.
     pub(crate) fn new(view: &View, origin: DVec3, picture: [usize; 2], size: [usize; 2]) -> Self {
         let picture = picture.map(|side| side as f64);
         let projection = ViewProjection::new(view, origin);
@@ -81,7 +85,8 @@ impl ScreenProjection {
         let near = projection.near().into();
         let anchor = projection.anchor();
         let perspective = matches!(projection.eye(), Eye::Point(_));
-        // Rows of pixels run downwards, which mirrors what clip space does not; a normal towards the eye mirrors it back.
+        // Rows of pixels run downwards, which mirrors what clip space does not; a normal towards the eye
+        // mirrors it back.
         let facing = projection.orientation();
         let size = size.map(|side| side as f64);
         let untransformed = ObjectProjection::default();
@@ -90,8 +95,8 @@ impl ScreenProjection {
         projection
     }
 
-    /// The functions for points of an occluder, `rows of (transform of p)`, and how large and how wrong they can be for points whose
-    /// coordinates have at most the given magnitudes.
+    /// The rows for points of an object, transformed by `transform`, whose coordinates have at most the
+    /// magnitudes `reach`; and how large and how wrong their values can be.
     #[inline(always)]
     pub(crate) fn project_object(&self, transform: &Affine3A, reach: [f64; 3]) -> ObjectProjection {
         if *transform == Affine3A::IDENTITY && self.untransformed.error[0] > 0.0 {
@@ -117,13 +122,14 @@ impl ScreenProjection {
             }
             object.constant[i] = l[0] * moved[0] + l[1] * moved[1] + l[2] * moved[2] + row.constant;
             object.size[i] = size;
-            // Any term passes at most nine roundings on its way into the sum; its factors bring one more each.
+            // Any term passes at most nine roundings on its way into the sum; its factors bring one more
+            // each.
             object.error[i] = 16.0 * U * size + row.error + f64::MIN_POSITIVE;
         }
         object
     }
 
-    /// As [`project_object`](Self::place), for what stays where it is.
+    /// As [`project_object`](Self::project_object), for the identity.
     #[inline(always)]
     fn project_untransformed(&self, reach: [f64; 3]) -> ObjectProjection {
         let mut object = self.untransformed;
@@ -138,21 +144,22 @@ impl ScreenProjection {
     }
 }
 
-/// The four functions and that of the near plane, for the points of one occluder.
+/// The rows of `x`, `y`, `w`, `n` and of the distance beyond the near plane, for points in the coordinates of
+/// one object.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ObjectProjection {
-    /// For each axis of the occluder, what a unit along it adds to `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    /// Coefficients, by axis of the object.
     pub(crate) linear: [[f64; 5]; 3],
-    /// Their values at the occluder's own origin.
+    /// Values at the object's own origin.
     pub(crate) constant: [f64; 5],
-    /// The greatest magnitudes that they can have.
+    /// Bounds on the magnitudes of the values, and of all terms of their sums.
     pub(crate) size: [f64; 5],
-    /// Bounds on their rounding errors.
+    /// Bounds on the rounding errors of the values.
     pub(crate) error: [f64; 5],
 }
 
 impl ObjectProjection {
-    /// The five values at a point.
+    /// The five values at a point of the object.
     #[inline(always)]
     pub(crate) fn at(&self, p: [f64; 3]) -> [f64; 5] {
         let mut out = [0.0; 5];
@@ -163,28 +170,29 @@ impl ObjectProjection {
         out
     }
 
-    /// The limit of the near plane: what is farther than this before it is surely so, by a margin that dwarfs rounding of the cuts.
+    /// The distance beyond the near plane at which geometry is cut. Nothing nearer is drawn. It exceeds the
+    /// error of distances so far that the rounding of cuts does not matter.
     #[inline(always)]
     pub(crate) fn near_limit(&self) -> f64 {
         1024.0 * self.error[4]
     }
 
-    /// How far rounding can move the determinant of three points (`x`, `y`, `w`), or of a point and two differences of points.
+    /// Bound on the error of the determinant of three points (`x`, `y`, `w`), or of a point and two
+    /// differences of points.
     ///
-    /// It is a sum of six products of three values each. Replacing one value by its error, in turn, gives at most two products for each
-    /// value
-    /// and pair of others, so `2 * (e_x S_y S_w + ...)` for each of the three points and so on; differences double both. Its own sums
-    /// round by a few
-    /// units, which the errors (16u at least) exceed. 64 covers all that with room to spare.
+    /// It is a sum of six products of three values each. Replacing one value by its error, in turn, gives at
+    /// most two products for each value and pair of others, so `2 (e_x S_y S_w + ...)` for each of the three
+    /// points; differences double both. Its own sums round by a few units, which the errors (16u at least)
+    /// exceed. 64 covers all that.
     #[inline(always)]
     pub(crate) fn determinant_error(&self) -> f64 {
         let ([sx, sy, sw, ..], [ex, ey, ew, ..]) = (self.size, self.error);
         64.0 * (ex * sy * sw + ey * sx * sw + ew * sx * sy)
     }
 
-    /// How far rounding can move the cross product of two points, or two differences of points, (`x`, `y`, `w`), times a pixel (`x`,
-    /// `y`, 1)
-    /// of a picture of the given size. Counted as above.
+    /// Bound on the error of a line: the cross product of two points (`x`, `y`, `w`), or of two differences
+    /// of points, times a pixel (`x`, `y`, 1) of a buffer of the given size. Counted as for
+    /// [`determinant_error`](Self::determinant_error).
     #[inline(always)]
     pub(crate) fn cross_error(&self, [width, height]: [f64; 2]) -> f64 {
         let ([sx, sy, sw, ..], [ex, ey, ew, ..]) = (self.size, self.error);
@@ -192,7 +200,9 @@ impl ObjectProjection {
     }
 }
 
-/// The occluder as the projection sees it, and the sense in which its fronts turn; `None` if nothing can be said of it.
+/// The projection of an occluder with the given bounds, and the sign of the determinant of triangles that
+/// face the eye, which a mirroring transform turns round. `None` if the transform is flat, the view's sense
+/// is unknown, or a value might overflow.
 #[inline(always)]
 pub(crate) fn project_object(
     projection: &ScreenProjection,
@@ -203,7 +213,7 @@ pub(crate) fn project_object(
     let object = projection.project_object(transform, reach);
     let mut finite = projection.facing != 0.0;
     for i in 0..5 {
-        // With room for sums of a few.
+        // The factor leaves room for sums of a few values.
         finite &= object.size[i] + object.error[i] < f64::MAX / 64.0;
     }
     if *transform == Affine3A::IDENTITY {
@@ -215,7 +225,8 @@ pub(crate) fn project_object(
         a.dot(b.cross(c)),
         a.abs().dot(b.abs().cross(c.abs()).abs() + b.abs().max_element() * c.abs().max_element()),
     );
-    // Six products of three factors, each rounded a few times. A flat transform leaves no inside and outside to tell apart.
+    // Six products of three factors, each rounded a few times. A flat transform leaves no inside and outside
+    // to tell apart.
     let certain = volume.abs() > 32.0 * f64::EPSILON * most;
     (finite && certain).then_some((object, projection.facing * volume.signum()))
 }

@@ -1,27 +1,32 @@
-//! What an occluder is on the screen: half-planes that its pixels satisfy, and planes that bound its depth.
+//! The screen shape of an occluder: half-planes that its covered pixels satisfy, and planes that bound its
+//! depth key.
 //!
 //! # Why it is sound
-//! Take any set of triangles that all turn the same way round on the screen, and call *contour* those of their edges, with direction, that
-//! are not cancelled by the opposite edge of another. If a point lies strictly to the left of the line of every contour edge, each of them
-//! sweeps a positive angle about the point; so the contour winds round it at least once, and as every triangle winds in the same sense,
-//! at least one triangle covers the point. The same holds on the sphere of directions about the eye, so nothing need be
-//! before the eye, and cutting triangles at the near plane adds the cuts to the contour. Nothing here assumes a convex solid; for one, no
-//! pixel inside its outline is lost.
+//! Take any set of triangles that all turn the same way round on the screen. Their *contour* is the set of
+//! their directed edges that are not cancelled by the opposite edge of another triangle. If a point lies
+//! strictly to the left of the line of every contour edge, each edge sweeps a positive angle about the point.
+//! So the contour winds round the point at least once, and since all triangles wind in the same sense, at
+//! least one of them covers it. The same holds on the sphere of directions about the eye: corners may lie
+//! behind the eye, and where triangles are cut at the near plane, the cuts join the contour. Nothing here
+//! assumes a convex solid; for one, no pixel inside its outline is lost.
 //!
-//! What covers a point lies on the plane of a drawn triangle, so its depth key is at least the least over all their planes there, and at
-//! least that of the farthest corner. (Durand, "A Multidisciplinary Survey of Visibility", 2000, chapter 6, on why conservative maps need both parts: coverage rounded
-//! inwards, depth rounded away.)
+//! What covers a point lies on the plane of a drawn triangle. So its depth key is at least the least over all
+//! their planes there, and at least that of the farthest corner. (Durand, "A Multidisciplinary Survey of
+//! Visibility", 2000, chapter 6, on why conservative maps need both parts: coverage rounded inwards, depth
+//! rounded away.)
 //!
 //! # The error bound
-//! Coordinates, edges and planes are computed in `f64` with running bounds ([`ObjectProjection`](crate::projection::Placed)); half-planes and planes
-//! are moved inwards and away by these
-//! bounds. [`ScreenShape::add_edge`] and [`ScreenShape::add_depth_plane`] then round to `f32`, and derive what that costs. What remains is exact comparison of integers.
+//! Coordinates, edges and planes are computed in `f64` with running bounds
+//! ([`ObjectProjection`](super::screen_projection::ObjectProjection)). Half-planes are moved inwards and
+//! depth planes away by these bounds. [`ScreenShape::add_edge`] and [`ScreenShape::add_depth_plane`] then
+//! round to `f32` and derive what that costs. All that follows compares integers exactly.
 
 use crate::buffer::tile_layout::SIDE;
 use crate::coverage::Coverage;
 use crate::rounding::{FloorCeil, down, up};
 
-/// A bound on the pixels of a row: `x >= slope * row + offset` or `x <= ...`, with all rounding on the safe side.
+/// A bound on the columns covered in a row of pixels: `x >= slope * row + offset` on the left,
+/// `x <= slope * row + offset` on the right, `row` being that of its upper border. Rounded inwards.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RowBound {
     pub(crate) slope: f32,
@@ -29,7 +34,8 @@ pub(crate) struct RowBound {
 }
 
 impl RowBound {
-    /// Where `f32` cannot hold the numbers, or they are none, the bound that lets nothing through.
+    /// The bound in `f32`. Where a number overflows or is NaN, the offset is `nothing`, which lets no pixel
+    /// through.
     #[inline(always)]
     fn new(slope: f64, offset: f64, nothing: f32) -> Self {
         let (slope, offset) = (slope as f32, offset as f32);
@@ -41,43 +47,51 @@ impl RowBound {
     }
 }
 
-/// The most half-planes that a shape can have.
+/// The most bounds from the left, and the most from the right, that a shape can have.
 pub(crate) const MAX_EDGES: usize = 32;
-/// The most planes.
+/// The most depth planes that a shape can have.
 pub(crate) const MAX_PLANES: usize = 16;
 
-/// A shape ready to be filled.
+/// An occluder on the screen, ready to be filled into tiles. A pixel is covered if it satisfies all row
+/// bounds and lies within `columns` and `lines`.
 #[derive(Clone, Debug)]
 pub(crate) struct ScreenShape {
-    /// Bounds from the left and from the right.
+    /// Row bounds from the left; the first `lefts` count.
     pub(crate) left: [RowBound; MAX_EDGES],
+    /// Row bounds from the right; the first `rights` count.
     pub(crate) right: [RowBound; MAX_EDGES],
     pub(crate) lefts: usize,
     pub(crate) rights: usize,
-    /// For each plane the least depth key in a tile, as a function of its column and row.
+    /// Depth planes as functions of the column and row of a tile: slope along columns, slope along rows,
+    /// constant. The value is the least depth key in that tile. The first `plane_count` count.
     pub(crate) planes: [[f32; 3]; MAX_PLANES],
     pub(crate) plane_count: usize,
-    /// Depth keys that all of it has at least.
+    /// Lower bound on the depth keys of the whole shape.
     pub(crate) floor: f32,
-    /// Depth keys that none of it exceeds.
+    /// Upper bound on the depth keys of the whole shape.
     pub(crate) ceiling: f32,
-    /// First and end columns, first and end rows, in pixels of the buffer.
+    /// Column range in pixels, half-open.
     pub(crate) columns: [f32; 2],
+    /// Row range in pixels, half-open.
     pub(crate) lines: [usize; 2],
 }
 
-/// Where something is on the screen, rounded outwards: first and end columns, first and end rows in pixels, least and greatest depth key.
+/// Screen bounds of a box before the eye, rounded outwards.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScreenExtent {
+    /// Column range in pixels, half-open.
     pub(crate) columns: [usize; 2],
+    /// Row range in pixels, half-open.
     pub(crate) lines: [usize; 2],
-    pub(crate) depth_key: [f32; 2],
+    /// Least and greatest depth key.
+    pub(crate) depth_keys: [f32; 2],
 }
 
-/// Of `f32`, eight times the unit round-off.
+/// Eight times the unit round-off of `f32`.
 const F32: f64 = 4.0 * f32::EPSILON as f64;
 
 impl ScreenShape {
+    /// A shape that covers nothing.
     pub(crate) const EMPTY: Self = Self {
         left: [RowBound { slope: 0.0, offset: 0.0 }; MAX_EDGES],
         right: [RowBound { slope: 0.0, offset: 0.0 }; MAX_EDGES],
@@ -91,7 +105,8 @@ impl ScreenShape {
         lines: [0; 2],
     };
 
-    /// Starts anew, as the part of the buffer between the given limits in pixels.
+    /// Resets to a rectangle of pixels, column and row ranges half-open, with bounds on the depth key from
+    /// below and above.
     #[inline(always)]
     pub(crate) fn begin(&mut self, columns: [f64; 2], lines: [f64; 2], floor: f64, ceiling: f64) {
         self.lefts = 0;
@@ -104,25 +119,26 @@ impl ScreenShape {
         self.ceiling = up(ceiling);
     }
 
-    /// As [`begin`](Self::begin), with what has been found before.
+    /// Resets to the rectangle and depth bounds of `extent`.
     #[inline(always)]
     pub(crate) fn begin_within(&mut self, extent: &ScreenExtent) {
         (self.lefts, self.rights, self.plane_count) = (0, 0, 0);
         (self.columns, self.lines) = (extent.columns.map(|x| x as f32), extent.lines);
-        [self.floor, self.ceiling] = extent.depth_key;
+        [self.floor, self.ceiling] = extent.depth_keys;
     }
 
-    /// Keeps only pixels where `a x + b y + c >= 0`, in pixel coordinates. False if there is no room for one more.
+    /// Keeps only pixels all of whose points satisfy `a x + b y + c >= 0`, in pixel coordinates; of sampled
+    /// coverage, pixels whose centre does. `size` is that of the buffer in pixels. Returns false if there is
+    /// no room for one more bound.
     ///
-    /// Dividing by `a` gives the bound `x >= s y + t` on the points of a row, where `s = -b / a` and `t = -c / a`; the row's worst
-    /// point is at
-    /// its top or bottom. In `f32`, `s`, `t`, the product and the sum are each rounded once, so the result is off by at most `4u (|s| H
-    /// + |t|)` or so; the
-    /// offset is moved by `8u` of that, and by another `16u (W + 2)` for what rounding to whole pixels adds.
+    /// Dividing by `a` gives the bound `x >= s y + t` on the points of a row, where `s = -b / a` and
+    /// `t = -c / a`. The worst point of the row is at its top or bottom. In `f32`, `s`, `t`, the product and
+    /// the sum are each rounded once, so the result is off by at most `4u (|s| H + |t|)`. The offset is moved
+    /// by `8u` of that, and by another `16u (W + 2)` for what rounding to whole pixels adds.
     #[inline(always)]
     pub(crate) fn add_edge(&mut self, [a, b, c]: [f64; 3], size: [f64; 2], coverage: Coverage) -> bool {
         if a == 0.0 {
-            // A level edge bounds rows instead.
+            // A level edge bounds rows instead of columns.
             let (mut first, mut end) = (self.lines[0] as f64, self.lines[1] as f64);
             let y = -c / b;
             let half = if coverage == Coverage::Sampled { 0.5 } else { 0.0 };
@@ -153,7 +169,7 @@ impl ScreenShape {
             if self.rights == MAX_EDGES {
                 return false;
             }
-            // NaN ends here too.
+            // NaN comes here too.
             let worst = if coverage == Coverage::Sampled { 0.5 * s + 0.5 } else { s.min(0.0) };
             self.right[self.rights] = RowBound::new(s, t + worst - slack, f32::NEG_INFINITY);
             self.rights += 1;
@@ -161,8 +177,9 @@ impl ScreenShape {
         true
     }
 
-    /// Bounds depth key from below by a plane `a x + b y + c` in pixel coordinates, already moved by the error of its coefficients. False if
-    /// there is no room for one more.
+    /// Bounds the depth key from below by the plane `a x + b y + c` in pixel coordinates, which the caller
+    /// has lowered by the error of its coefficients. `size` is that of the buffer in pixels. Returns false if
+    /// there is no room for one more plane.
     #[inline(always)]
     pub(crate) fn add_depth_plane(&mut self, [a, b, c]: [f64; 3], size: [f64; 2]) -> bool {
         if self.plane_count == MAX_PLANES {
@@ -174,9 +191,11 @@ impl ScreenShape {
     }
 }
 
-/// The least depth key in a tile as a function of its column and row, of a plane `a x + b y + c` in pixel coordinates.
+/// The least value of the plane `a x + b y + c` (in pixel coordinates) in a tile, as a plane over tile
+/// columns and rows.
 ///
-/// In `f32`, three coefficients, two products and two sums are rounded: `4u` of the magnitudes' sum at most, and `8u` are taken off.
+/// In `f32`, three coefficients, two products and two sums are rounded: `4u` of the sum of magnitudes at
+/// most, and `8u` are taken off.
 #[inline(always)]
 fn tile_minimum_plane([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
     let side = SIDE as f64;
@@ -186,13 +205,13 @@ fn tile_minimum_plane([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
     [(a * side) as f32, (b * side) as f32, (worst - slack) as f32]
 }
 
-/// What became of an occluder.
+/// What the set-up of an occluder as a [`ScreenShape`] came to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum ShapeResult {
-    /// The shape is to be filled.
+    /// The shape is complete.
     Ready,
-    /// Nothing of it can be seen, or nothing can be said for certain.
+    /// The occluder covers no pixel, or rounding leaves open whether it does: it is not drawn.
     Nothing,
-    /// It is too near for this way.
+    /// It comes too near to the eye, has too many edges, or does not look convex: it must be drawn as a mesh.
     TooNear,
 }

@@ -1,4 +1,5 @@
-//! Random occluders and cameras, and rays cast against them with nothing but the view's matrix and plain vector algebra.
+//! Random occluders and cameras, and rays cast against them with nothing but the view's matrix and plain
+//! vector algebra.
 #![allow(dead_code, unreachable_pub)] // Each test uses a part.
 
 pub mod boxes;
@@ -266,8 +267,8 @@ impl Ray {
         (p - self.from).dot(self.along) < 0.0
     }
 
-    /// The greatest nearness of what it meets beyond the near plane. Triangles are a little larger than they are, so that no ray slips through
-    /// between two that share an edge.
+    /// The greatest nearness of what it meets beyond the near plane. Triangles are a little larger than they
+    /// are, so that no ray slips through between two that share an edge.
     pub fn nearest(&self, faces: &[Face]) -> f64 {
         let mut best = f64::NEG_INFINITY;
         for Face { corners: [a, b, c], one_sided } in faces {
