@@ -226,7 +226,7 @@ mod tests {
                 .map(|_| {
                     state =
                         state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                    (state >> 33) % 5 > 0
+                    !(state >> 33).is_multiple_of(5)
                 })
                 .collect();
             let lines = [columns, rows].map(|count| (0..=count).map(|i| i as f64).collect());
