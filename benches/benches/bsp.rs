@@ -4,7 +4,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use std::hint::black_box;
 use std::time::Duration;
 use visibility_benches::workload::Random;
-use visibility_bsp::{BspOrder, BspTree, Naylor, Order, SceneTree, Solid};
+use visibility_bsp::{BspOrderCuller, BspTree, NaylorCuller, Order, SceneTree, Solid};
 use visibility_core::glam::{DQuat, DVec3};
 use visibility_core::{
     Aabb, Culler, Eye, FrustumCuller, Object, Pipeline, Pose, Scene, Triangle, View, VisibleSet,
@@ -141,7 +141,7 @@ fn frame(c: &mut Criterion) {
     let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book");
     let mut group = c.benchmark_group("bsp/frame of a town");
     let cullers: [Box<dyn Culler + Send>; 2] =
-        [Box::new(BspOrder::new(tree.clone())), Box::new(Naylor::new(tree))];
+        [Box::new(BspOrderCuller::new(tree.clone())), Box::new(NaylorCuller::new(tree))];
     for culler in cullers {
         let name = culler.name().to_owned();
         let mut pipeline = Pipeline::new().with(FrustumCuller::new());

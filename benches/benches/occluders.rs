@@ -4,8 +4,8 @@
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::sync::Arc;
 use visibility_bsp::{
-    BspOrder, LargeOccluders, Naylor, Occluders, OcclusionTreeCuller, SceneTree, ShadowFrusta,
-    ShadowFrustaCuller,
+    BspOrderCuller, LargeOccludersCuller, NaylorCuller, Occluders, OcclusionTreeCuller, SceneTree,
+    ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::{Culler, FrustumCuller, Pipeline, Pose, View, VisibleSet};
 use visibility_examples::built_in;
@@ -46,9 +46,9 @@ fn walks(c: &mut Criterion) {
             Box::new(HzbCuller::new(Hzb::new(512, 288).expect("a size in range"))),
             Box::new(OcclusionTreeCuller::new(occluders.clone())),
             Box::new(ShadowFrustaCuller::new(frusta.into())),
-            Box::new(LargeOccluders::new(occluders)),
-            Box::new(BspOrder::new(tree.clone())),
-            Box::new(Naylor::new(tree)),
+            Box::new(LargeOccludersCuller::new(occluders)),
+            Box::new(BspOrderCuller::new(tree.clone())),
+            Box::new(NaylorCuller::new(tree)),
         ];
         let mut group = c.benchmark_group(format!("occluders/walk of {name}"));
         for culler in cullers {
@@ -80,7 +80,7 @@ fn slow_walks(c: &mut Criterion) {
                 .flat_map(|&(pose, _)| (0..40).map(move |frame| slowly(pose, step * f64::from(frame))))
                 .collect();
             for (memory, coherent) in [("with memory", true), ("without", false)] {
-                let culler = LargeOccluders::new(occluders.clone()).with_coherence(coherent);
+                let culler = LargeOccludersCuller::new(occluders.clone()).with_coherence(coherent);
                 let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
                 let mut visible = VisibleSet::new();
                 let mut next = views.iter().cycle();

@@ -7,7 +7,7 @@ mod shared_scenes;
 use glam::{DMat4, DQuat, DVec3};
 use shared_scenes::scene;
 use std::collections::HashSet;
-use visibility_bsp::{BspOrder, Naylor, SceneTree, Witness};
+use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, Witness};
 use visibility_core::{Culler, ObjectId, View, VisibleSet};
 use visibility_examples::walkthrough::World;
 use visibility_examples::{SceneSource, built_in};
@@ -39,7 +39,13 @@ struct Reasons {
     wrong: usize,
 }
 
-fn explain(world: &World, view: &View, culler: &Naylor<&SceneTree>, id: ObjectId, reasons: &mut Reasons) {
+fn explain(
+    world: &World,
+    view: &View,
+    culler: &NaylorCuller<&SceneTree>,
+    id: ObjectId,
+    reasons: &mut Reasons,
+) {
     let Some(witness) = culler.witness(id) else {
         reasons.unknown += 1;
         return;
@@ -93,8 +99,8 @@ fn check(source: SceneSource, frames: usize) {
     let keys = source.walks.iter().map(|walk| walk.keys.len()).sum();
     let world = World::new(source, JUDGE, Some(frames.min(keys))).unwrap();
     let tree = SceneTree::new(&world.scene).unwrap();
-    let mut culler = Naylor::new(&tree);
-    let mut order = BspOrder::new(&tree);
+    let mut culler = NaylorCuller::new(&tree);
+    let mut order = BspOrderCuller::new(&tree);
     let mut buffer = ItemBuffer::new(JUDGE.0, JUDGE.1).unwrap();
     let (mut set, mut in_view) = (VisibleSet::new(), VisibleSet::new());
     let mut comparison = Comparison::default();

@@ -7,7 +7,7 @@ mod shared_scenes;
 use shared_scenes::scene;
 use std::sync::Arc;
 use visibility_bsp::{
-    LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
+    LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::{Culler, FrustumCuller, OcclusionCuller, Pipeline};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
@@ -32,7 +32,7 @@ fn check(source: SceneSource, frames: usize) -> f64 {
         trial("tree of 1000", &world, OcclusionTreeCuller::new(occluders.clone()).with_polygons(1000)),
         trial("tree of meshes", &world, OcclusionCuller::new(OcclusionTree::new().with_polygons(300))),
         trial("frusta", &world, ShadowFrustaCuller::new(frusta.into())),
-        trial("large", &world, LargeOccluders::new(occluders).with_polygons(128)),
+        trial("large", &world, LargeOccludersCuller::new(occluders).with_polygons(128)),
     ];
     let judgement = judge(&world, &trials, || ()).unwrap();
     print!("{}: exact {:.1}", world.source.name, judgement.mean_exact());

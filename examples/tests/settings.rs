@@ -4,8 +4,8 @@
 use peak_alloc::PeakAlloc;
 use std::sync::Arc;
 use visibility_bsp::{
-    BspOrder, LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, SceneTree, ShadowFrusta,
-    ShadowFrustaCuller,
+    BspOrderCuller, LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, SceneTree,
+    ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::glam::DVec3;
 use visibility_core::{
@@ -122,14 +122,15 @@ fn object_space() {
             OcclusionCuller::new(OcclusionTree::new().with_polygons(count)).with_budget(count),
         );
         for coherent in [false, true] {
-            let culler = LargeOccluders::new(occluders.clone()).with_polygons(count).with_coherence(coherent);
+            let culler =
+                LargeOccludersCuller::new(occluders.clone()).with_polygons(count).with_coherence(coherent);
             show(&what, &world, culler);
         }
         for regions in [0, 1, 5] {
             let frusta = ShadowFrusta::new(&world.scene, (*occluders).clone(), regions, count);
             show(&what, &world, ShadowFrustaCuller::new(frusta.into()));
         }
-        show(&what, &world, BspOrder::new(tree.clone()).with_nodes(count as u64));
+        show(&what, &world, BspOrderCuller::new(tree.clone()).with_nodes(count as u64));
     }
     let empty = Scene::new();
     for regions in COUNTS {

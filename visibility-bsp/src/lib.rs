@@ -7,26 +7,26 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
-mod cut;
+mod bsp_order_culler;
+mod clip_projection;
 mod large_occluders;
 mod merge;
 mod naylor;
 mod occluders;
 mod occlusion_tree;
-mod order_culler;
+mod polygon_cut;
 mod scene_tree;
 mod shadow;
 mod shadow_frusta;
-mod sight;
 pub mod tree;
-mod volume;
+mod view_volume;
 
-pub use large_occluders::LargeOccluders;
+pub use bsp_order_culler::BspOrderCuller;
+pub use large_occluders::LargeOccludersCuller;
 pub use merge::{Solid, SolidError};
-pub use naylor::{Naylor, Witness};
+pub use naylor::{NaylorCuller, Witness};
 pub use occluders::Occluders;
 pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};
-pub use order_culler::BspOrder;
 pub use scene_tree::SceneTree;
 pub use shadow_frusta::{ShadowFrusta, ShadowFrustaCuller};
 pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Order, Subtree, Walk};

@@ -26,7 +26,7 @@ use visibility_core::{Changes, ObjectId, Scene, SceneCursor};
 pub struct SceneTree {
     tree: BspTree,
     /// By index: the object whose triangles are all in the tree.
-    whole: Vec<Option<ObjectId>>,
+    represented: Vec<Option<ObjectId>>,
     /// The scene, and the revision of it, that is in the tree.
     cursor: SceneCursor,
 }
@@ -39,13 +39,13 @@ impl SceneTree {
     /// # Errors
     /// [`BspError::TooManyFragments`].
     pub fn new(scene: &Scene) -> Result<Self, BspError> {
-        let mut whole = alloc::vec![None; scene.index_limit()];
+        let mut represented = alloc::vec![None; scene.index_limit()];
         for id in scene.ids() {
-            whole[id.index()] = Some(id).filter(|&id| is_whole(scene, id));
+            represented[id.index()] = Some(id).filter(|&id| is_fully_represented(scene, id));
         }
         let tree =
             BspTree::build(scene.ids().flat_map(|id| corners(scene, id).map(move |t| (index(id), t))))?;
-        Ok(Self { tree, whole, cursor: SceneCursor::at(scene) })
+        Ok(Self { tree, represented, cursor: SceneCursor::at(scene) })
     }
 
     /// Takes in what has changed in the scene.
@@ -56,19 +56,19 @@ impl SceneTree {
         match self.cursor.peek(scene) {
             Changes::Everything => *self = Self::new(scene)?,
             Changes::Objects(ids) => {
-                self.whole.resize(scene.index_limit(), None);
+                self.represented.resize(scene.index_limit(), None);
                 self.cursor = SceneCursor::at(scene);
                 for &id in ids {
                     self.tree.remove(index(id));
-                    self.whole[id.index()] = None;
+                    self.represented[id.index()] = None;
                 }
                 for &id in ids {
                     // Listed more than once, it is in the tree already; removed, its index may be another's, which is listed too.
-                    if self.whole[id.index()].is_some() || !scene.contains(id) || self.has(id) {
+                    if self.represented[id.index()].is_some() || !scene.contains(id) || self.has(id) {
                         continue;
                     }
                     self.tree.insert(index(id), corners(scene, id))?;
-                    self.whole[id.index()] = Some(id).filter(|&id| is_whole(scene, id));
+                    self.represented[id.index()] = Some(id).filter(|&id| is_fully_represented(scene, id));
                 }
             }
         }
@@ -77,7 +77,7 @@ impl SceneTree {
 
     /// The object with this index, if all of it is in the tree.
     pub(crate) fn object(&self, index: u32) -> Option<ObjectId> {
-        self.whole.get(index as usize).copied().flatten()
+        self.represented.get(index as usize).copied().flatten()
     }
 
     fn has(&self, id: ObjectId) -> bool {
@@ -102,21 +102,21 @@ fn corners(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [visibility_core
 }
 
 /// Whether there is something of the object in the tree, and nothing missing.
-fn is_whole(scene: &Scene, id: ObjectId) -> bool {
+fn is_fully_represented(scene: &Scene, id: ObjectId) -> bool {
     let mut triangles = corners(scene, id).peekable();
     triangles.peek().is_some() && triangles.all(|triangle| BspTree::accepts(&triangle))
 }
 
 /// What a view makes of the objects of a shared tree in one frame.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Standing {
+pub(crate) struct StaleObjects {
     /// By index; `frame` if the object has changed since the tree was brought up to date.
     changed: Vec<u32>,
     frame: u32,
     lost: bool,
 }
 
-impl Standing {
+impl StaleObjects {
     /// To be called first in a frame.
     pub(crate) fn begin(&mut self, shared: &SceneTree, scene: &Scene) {
         self.frame = self.frame.wrapping_add(1);
@@ -144,6 +144,6 @@ impl Standing {
 
     /// Whether all of an object is in the tree as it is in the scene.
     pub(crate) fn is_known(&self, shared: &SceneTree, id: ObjectId) -> bool {
-        self.is_current(index(id)) && shared.whole.get(id.index()) == Some(&Some(id))
+        self.is_current(index(id)) && shared.represented.get(id.index()) == Some(&Some(id))
     }
 }

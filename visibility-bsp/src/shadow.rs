@@ -11,7 +11,7 @@
 //! What lies before it is not drawn and must not hide. A patch that crosses it is cut a little beyond it; edges keep their own exact ends,
 //! and the cut becomes an edge of its own.
 
-use crate::sight::{Direction, Line, Sight, U, slack_of};
+use crate::clip_projection::{ClipProjection, Direction, Line, U, slack_of};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -78,7 +78,7 @@ impl BackPlane {
 
 /// A polygon of which shadows are made: its vertices, and how it lies.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Plate<'a> {
+pub(crate) struct OccluderPolygon<'a> {
     pub(crate) vertices: &'a [DVec3],
     /// Unit normal on the side from which the vertices run counter-clockwise.
     pub(crate) normal: DVec3,
@@ -132,9 +132,13 @@ impl Shadows {
     }
 
     /// Adds the shadow of a polygon; false if it casts none that can be relied on.
-    pub(crate) fn cast(&mut self, sight: &Sight, plate: &Plate<'_>) -> bool {
+    pub(crate) fn cast(
+        &mut self,
+        projection: &ClipProjection,
+        occluder_polygon: &OccluderPolygon<'_>,
+    ) -> bool {
         let (edges, corners) = (self.edges.len(), self.corners.len());
-        let cast = self.try_cast(sight, plate);
+        let cast = self.try_cast(projection, occluder_polygon);
         match cast {
             Some(back) => self.list.push(Shadow {
                 edges: edges..self.edges.len(),
@@ -149,16 +153,22 @@ impl Shadows {
         cast.is_some()
     }
 
-    fn try_cast(&mut self, sight: &Sight, plate: &Plate<'_>) -> Option<BackPlane> {
-        let count = plate.vertices.len();
+    fn try_cast(
+        &mut self,
+        projection: &ClipProjection,
+        occluder_polygon: &OccluderPolygon<'_>,
+    ) -> Option<BackPlane> {
+        let count = occluder_polygon.vertices.len();
         if !(3..=MOST_EDGES).contains(&count) {
             return None;
         }
-        let front = sight.is_before(plate.normal, -plate.reach[1]);
+        let front = projection.is_before(occluder_polygon.normal, -occluder_polygon.reach[1]);
         let (normal, offset) = if front {
-            (plate.normal, -plate.reach[0])
-        } else if plate.two_sided && sight.is_before(-plate.normal, plate.reach[0]) {
-            (-plate.normal, plate.reach[1])
+            (occluder_polygon.normal, -occluder_polygon.reach[0])
+        } else if occluder_polygon.two_sided
+            && projection.is_before(-occluder_polygon.normal, occluder_polygon.reach[0])
+        {
+            (-occluder_polygon.normal, occluder_polygon.reach[1])
         } else {
             return None;
         };
@@ -166,8 +176,8 @@ impl Shadows {
         // The near plane first: what is before it may be anywhere on the picture.
         self.near.clear();
         let (mut farthest, mut nearest, mut doubt) = (f64::NEG_INFINITY, f64::INFINITY, 0.0f64);
-        for &p in plate.vertices {
-            let (value, error) = sight.beyond_near(p);
+        for &p in occluder_polygon.vertices {
+            let (value, error) = projection.beyond_near(p);
             self.near.push(value);
             farthest = farthest.max(value);
             nearest = nearest.min(value);
@@ -179,13 +189,13 @@ impl Shadows {
             return None;
         }
         self.directions.clear();
-        self.directions.extend(plate.vertices.iter().map(|&p| sight.direction(p)));
+        self.directions.extend(occluder_polygon.vertices.iter().map(|&p| projection.direction(p)));
         let whole = nearest > doubt;
         let first_edge = self.edges.len();
         let first_corner = self.corners.len();
         for i in 0..count {
             let j = (i + 1) % count;
-            let (a, b) = (plate.vertices[i], plate.vertices[j]);
+            let (a, b) = (occluder_polygon.vertices[i], occluder_polygon.vertices[j]);
             let (na, nb) = (self.near[i], self.near[j]);
             let (keeps_a, keeps_b) = (whole || na > limit, whole || nb > limit);
             let number = (self.edges.len() - first_edge) as u8;
@@ -201,7 +211,7 @@ impl Shadows {
             if keeps_a != keeps_b {
                 let (inner, outer, ni, no) = if keeps_a { (a, b, na, nb) } else { (b, a, nb, na) };
                 let p = inner + (outer - inner) * ((ni - limit) / (ni - no));
-                let Direction { v, size, .. } = sight.direction(p)?;
+                let Direction { v, size, .. } = projection.direction(p)?;
                 // Where it leaves, the cut begins, whose edge comes when all is known.
                 self.corners.push(Corner { p, v, size, edge: if keeps_a { u8::MAX } else { number } });
             }
@@ -211,7 +221,7 @@ impl Shadows {
             let corners = &self.corners[first_corner..];
             if let Some(out) = corners.iter().position(|c| c.edge == u8::MAX) {
                 let (a, b) = (corners[out].p, corners[(out + 1) % corners.len()].p);
-                let (da, db) = (sight.direction(a)?, sight.direction(b)?);
+                let (da, db) = (projection.direction(a)?, projection.direction(b)?);
                 let line = Line::through(&da, &db)?;
                 let number = (self.edges.len() - first_edge) as u8;
                 self.edges.push(ShadowEdge { line, ends: [DVec3::NAN; 2], directions: [da, db] });
@@ -234,7 +244,7 @@ impl Shadows {
             }
         }
         let certain = |line: &Line| line.slack + slack_of(64.0 * U);
-        let turn = sight.turn() * if front { -1.0 } else { 1.0 };
+        let turn = projection.turn() * if front { -1.0 } else { 1.0 };
         for edge in &mut self.edges[first_edge..] {
             if turn < 0.0 {
                 edge.line = edge.line.flipped();

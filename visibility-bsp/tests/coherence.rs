@@ -6,7 +6,7 @@ mod common;
 use common::{Random, Soup, triangles_of};
 use std::sync::Arc;
 use visibility_bsp::{
-    LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
+    LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
@@ -41,8 +41,8 @@ fn memory_changes_no_answer_and_saves_most_of_the_work() {
     for occluders in [20, 60, 150] {
         let soup = Soup::new(&mut random, 1.0, occluders);
         let polygons = Arc::new(Occluders::new(&soup.scene));
-        let mut with = LargeOccluders::new(polygons.clone());
-        let mut without = LargeOccluders::new(polygons).with_coherence(false);
+        let mut with = LargeOccludersCuller::new(polygons.clone());
+        let mut without = LargeOccludersCuller::new(polygons).with_coherence(false);
         let (mut computed, mut all) = (0, 0);
         for frame in 0..400 {
             let view = walk(frame);
@@ -63,7 +63,7 @@ fn memory_changes_no_answer_and_saves_most_of_the_work() {
 #[test]
 fn what_is_remembered_outlives_a_turn_of_the_camera() {
     let soup = Soup::new(&mut Random(14), 1.0, 60);
-    let mut culler = LargeOccluders::new(Arc::new(Occluders::new(&soup.scene)));
+    let mut culler = LargeOccludersCuller::new(Arc::new(Occluders::new(&soup.scene)));
     let eye = DVec3::new(13.0, 1.0, 0.5);
     let turned = |step: u32| {
         let target = DVec3::new(0.0, f64::from(step) * 0.37 - 5.0, f64::from(step) * 0.11);
@@ -84,10 +84,10 @@ fn what_is_remembered_outlives_a_turn_of_the_camera() {
 fn answers_depend_on_nothing_before_a_reset() {
     let soup = Soup::new(&mut Random(12), 1.0, 80);
     let polygons = Arc::new(Occluders::new(&soup.scene));
-    let mut worn = LargeOccluders::new(polygons.clone());
+    let mut worn = LargeOccludersCuller::new(polygons.clone());
     (0..100).for_each(|frame| drop(reported(&soup.scene, &walk(frame), &mut worn)));
     worn.reset();
-    let mut new = LargeOccluders::new(polygons);
+    let mut new = LargeOccludersCuller::new(polygons);
     for frame in 60..180 {
         let view = walk(frame);
         assert_eq!(reported(&soup.scene, &view, &mut worn), reported(&soup.scene, &view, &mut new));
@@ -123,7 +123,7 @@ impl Room {
         let frusta = ShadowFrusta::new(&self.scene, Occluders::new(&self.scene), 8, 8);
         vec![
             Box::new(OcclusionTreeCuller::new(occluders.clone())),
-            Box::new(LargeOccluders::new(occluders)),
+            Box::new(LargeOccludersCuller::new(occluders)),
             Box::new(ShadowFrustaCuller::new(frusta.into())),
             Box::new(OcclusionCuller::new(OcclusionTree::new())),
         ]
@@ -138,7 +138,7 @@ impl Room {
 fn a_wall_that_the_eye_comes_too_close_to_hides_no_longer() {
     let mut room = Room::new();
     let occluders = Arc::new(Occluders::new(&room.scene));
-    let mut culler = LargeOccluders::new(occluders);
+    let mut culler = LargeOccludersCuller::new(occluders);
     let mut hidden = Vec::new();
     // Steps are small, so that the same occluders stay chosen and all boxes are remembered.
     for step in 0..20 {
@@ -176,10 +176,10 @@ fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_bett
         rows.x_axis = y / blur + x;
         rows.y_axis = y / blur - x;
         let blurred = View::from_clip_from_world(rows.transpose(), sharp.depth()).unwrap();
-        let mut live = LargeOccluders::new(occluders.clone());
+        let mut live = LargeOccludersCuller::new(occluders.clone());
         let all = reported(&room.scene, &sharp, &mut live).len();
         let live = reported(&room.scene, &blurred, &mut live);
-        let fresh = reported(&room.scene, &blurred, &mut LargeOccluders::new(occluders.clone()));
+        let fresh = reported(&room.scene, &blurred, &mut LargeOccludersCuller::new(occluders.clone()));
         println!("{blur}: {all} sharp, {} live, {} fresh", live.len(), fresh.len());
         // An eye that surely is within the ball of an answer has that answer, though a new culler may not find it.
         assert!(live.len() <= fresh.len());
@@ -263,7 +263,7 @@ fn polygons_follow_their_objects_when_brought_up_to_date() {
         let current = Arc::new(occluders.clone());
         for culler in [
             &mut OcclusionTreeCuller::new(current.clone()) as &mut dyn Culler,
-            &mut LargeOccluders::new(current.clone()),
+            &mut LargeOccludersCuller::new(current.clone()),
         ] {
             assert_eq!(room.hides(culler), step % 3 < 2, "step {step}: {}", culler.name());
         }
@@ -280,7 +280,7 @@ fn nothing_is_allocated_once_warm() {
     let frusta = Arc::new(ShadowFrusta::new(&soup.scene, Occluders::new(&soup.scene), 16, 24));
     let cullers: Vec<Box<dyn Culler + Send>> = vec![
         Box::new(OcclusionTreeCuller::new(polygons.clone())),
-        Box::new(LargeOccluders::new(polygons)),
+        Box::new(LargeOccludersCuller::new(polygons)),
         Box::new(ShadowFrustaCuller::new(frusta)),
         Box::new(OcclusionCuller::new(OcclusionTree::new())),
     ];

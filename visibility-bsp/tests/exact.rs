@@ -6,7 +6,7 @@ mod shapes;
 
 use shapes::Random;
 use std::collections::HashSet;
-use visibility_bsp::{BspOrder, Naylor, SceneTree, Witness};
+use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, Witness};
 use visibility_core::glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
 use visibility_core::{
     Aabb, Culler, Depth, Object, ObjectId, Pipeline, Pose, Scene, Triangle, View, VisibleSet, Window,
@@ -113,7 +113,7 @@ fn what_is_reported_is_what_is_seen() {
     for _ in 0..20 {
         let scene = scene(&mut random, 60);
         let tree = SceneTree::new(&scene).unwrap();
-        let mut culler = Naylor::new(&tree);
+        let mut culler = NaylorCuller::new(&tree);
         for _ in 0..4 {
             let view = view(&mut random);
             let reported = reported(&mut culler, &scene, &view);
@@ -146,7 +146,7 @@ fn glass_hides_nothing_and_what_is_not_known_is_visible() {
     scene.set_bounds(broken, Aabb::from_arrays([6.0, -1.0, -1.0], [6.0, 1.0, 1.0])).unwrap();
     let beside = add(&mut scene, &square(-6.0, 1.0), true);
     let tree = SceneTree::new(&scene).unwrap();
-    let mut culler = Naylor::new(&tree);
+    let mut culler = NaylorCuller::new(&tree);
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
     let ids = |ids: &[ObjectId]| ids.iter().map(|id| id.index() as u32).collect::<HashSet<_>>();
@@ -159,12 +159,15 @@ fn glass_hides_nothing_and_what_is_not_known_is_visible() {
     // Two in one plane: neither hides the other.
     let twin = add(&mut scene, &square(4.0, 3.0), true);
     let tree = SceneTree::new(&scene).unwrap();
-    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), ids(&[glass, wall, empty, broken, twin]));
+    assert_eq!(
+        reported(&mut NaylorCuller::new(&tree), &scene, &view),
+        ids(&[glass, wall, empty, broken, twin])
+    );
     // What a view does not show hides nothing in it.
     scene.set_layers(wall, 2).unwrap();
     scene.set_layers(twin, 2).unwrap();
     let tree = SceneTree::new(&scene).unwrap();
-    let reported = reported(&mut Naylor::new(&tree), &scene, &view.with_layers(1));
+    let reported = reported(&mut NaylorCuller::new(&tree), &scene, &view.with_layers(1));
     assert_eq!(reported, ids(&[glass, behind, empty, broken]));
     assert!(!reported.contains(&(beside.index() as u32)));
 }
@@ -178,31 +181,31 @@ fn changes_count_once_they_are_taken_in() {
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
     let mut tree = SceneTree::new(&scene).unwrap();
     let both = HashSet::from([wall.index() as u32, behind.index() as u32]);
-    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view).len(), 1);
+    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view).len(), 1);
     // The wall goes away: at once it hides nothing, where the tree still has it.
     let away = square(20.0, 30.0);
     scene.set_triangles(wall, away).unwrap();
     scene.set_bounds(wall, Aabb::from_points(away.iter().flatten().copied())).unwrap();
-    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), both);
+    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
     tree.sync(&scene).unwrap();
-    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), both);
+    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
     // And comes back.
     scene.set_triangles(wall, square(4.0, 3.0)).unwrap();
     scene.set_bounds(wall, Aabb::from_points(square(4.0, 3.0).iter().flatten().copied())).unwrap();
-    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), both);
+    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
     tree.sync(&scene).unwrap();
-    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), HashSet::from([wall.index() as u32]));
+    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), HashSet::from([wall.index() as u32]));
     // One is replaced by another with the same index.
     scene.remove(wall).unwrap();
     let small = add(&mut scene, &square(4.0, 0.5), true);
     assert_eq!(small.index(), wall.index());
-    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), both);
+    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
     tree.sync(&scene).unwrap();
-    assert_eq!(reported(&mut Naylor::new(&tree), &scene, &view), both);
-    assert!(reported(&mut BspOrder::new(&tree), &scene, &view) == both);
+    assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
+    assert!(reported(&mut BspOrderCuller::new(&tree), &scene, &view) == both);
     // Another scene altogether: nothing is known of it.
     let other = scene.clone();
-    assert_eq!(reported(&mut Naylor::new(&tree), &other, &view), both);
+    assert_eq!(reported(&mut NaylorCuller::new(&tree), &other, &view), both);
 }
 
 #[test]
@@ -223,7 +226,7 @@ fn synced_and_built_trees_give_the_same_answers() {
         tree.sync(&scene).unwrap();
         let fresh = SceneTree::new(&scene).unwrap();
         let view = view(&mut random);
-        let mut cullers = [&tree, &fresh].map(Naylor::new);
+        let mut cullers = [&tree, &fresh].map(NaylorCuller::new);
         let [synced, built] = cullers.each_mut().map(|culler| reported(culler, &scene, &view));
         for &index in synced.symmetric_difference(&built) {
             // Moved objects are rounded; where two of them touch, gaps are about as narrow as the tolerance, and trees may differ about them.
@@ -233,7 +236,7 @@ fn synced_and_built_trees_give_the_same_answers() {
         }
         // What is seen is in view.
         for tree in [&tree, &fresh] {
-            let in_view = reported(&mut BspOrder::new(tree), &scene, &view);
+            let in_view = reported(&mut BspOrderCuller::new(tree), &scene, &view);
             assert!(in_view.is_superset(&synced) && in_view.len() < scene.len(), "round {round}");
         }
     }
@@ -247,7 +250,7 @@ fn objects_come_in_the_order_of_depth() {
         add(&mut scene, &square(x, 0.4 * x), true);
     }
     let tree = SceneTree::new(&scene).unwrap();
-    let mut pipeline = Pipeline::new().with(BspOrder::new(Box::new(tree)));
+    let mut pipeline = Pipeline::new().with(BspOrderCuller::new(Box::new(tree)));
     let mut set = VisibleSet::new();
     let pose = Pose::look_at(DVec3::new(25.5, 0.0, 0.0), DVec3::new(60.0, 0.0, 0.0), DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
@@ -267,7 +270,7 @@ fn an_order_that_stops_early_hides_nothing_more_and_begins_as_the_whole_one() {
         let walk = |most: u64| {
             let mut set = VisibleSet::new();
             set.fill(&scene, &view);
-            let stats = BspOrder::new(&tree).with_nodes(most).cull(&scene, &view, &mut set);
+            let stats = BspOrderCuller::new(&tree).with_nodes(most).cull(&scene, &view, &mut set);
             (set.iter(&scene).collect::<Vec<_>>(), stats)
         };
         let (whole, all) = walk(u64::MAX);
@@ -306,7 +309,7 @@ fn a_flat_world_narrower_than_the_tolerance_hides_only_what_is_covered() {
     for (forward, up) in [(DVec3::X, DVec3::Z), (DVec3::new(1.0, 0.1, 0.0), DVec3::new(0.3, 0.4, 1.0))] {
         let view =
             View::perspective(Pose::look_at(DVec3::ZERO, forward, up), 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
-        let found = reported(&mut Naylor::new(&tree), &scene, &view);
+        let found = reported(&mut NaylorCuller::new(&tree), &scene, &view);
         for id in [first, second, third] {
             assert!(found.contains(&(id.index() as u32)), "{id} towards {forward}");
         }
@@ -328,7 +331,7 @@ fn nothing_is_hidden_where_coordinates_are_the_largest_that_there_are() {
     let eye = corner.as_dvec3();
     let pose = Pose::look_at(eye, eye + DVec3::new(-4.0, 0.0, 1.0), DVec3::Z);
     let view = View::orthographic(pose, window, 0.0, 40.0).unwrap();
-    let mut naylor = Naylor::new(std::sync::Arc::new(SceneTree::new(&scene).unwrap()));
+    let mut naylor = NaylorCuller::new(std::sync::Arc::new(SceneTree::new(&scene).unwrap()));
     assert!(reported(&mut naylor, &scene, &view).contains(&(wall.index() as u32)));
 }
 
@@ -349,8 +352,8 @@ fn extreme_scenes_and_views_hide_nothing_by_mistake() {
             views.extend(View::from_clip_from_world(matrix, Depth::ZeroToOne));
         }
         for view in views {
-            let found = reported(&mut Naylor::new(&tree), &scene, &view);
-            reported(&mut BspOrder::new(&tree), &scene, &view);
+            let found = reported(&mut NaylorCuller::new(&tree), &scene, &view);
+            reported(&mut BspOrderCuller::new(&tree), &scene, &view);
             for id in scene.ids() {
                 if scene.triangles(id).unwrap().iter().flatten().any(|v| !v.is_finite()) {
                     assert!(found.contains(&(id.index() as u32)), "round {round}");

@@ -6,7 +6,7 @@ mod common;
 use common::{Random, Soup, meets};
 use std::sync::Arc;
 use visibility_bsp::{
-    LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
+    LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Eye, FrustumCuller, OcclusionCuller, Scene, View, VisibleSet};
@@ -77,8 +77,8 @@ fn cullers(scene: &Scene) -> Vec<(&'static str, Box<dyn Culler>)> {
     let frusta = ShadowFrusta::new(scene, Occluders::new(scene), 32, 24);
     vec![
         ("shadow-frusta", Box::new(ShadowFrustaCuller::new(frusta.into()))),
-        ("large-occluders", Box::new(LargeOccluders::new(occluders.clone()).with_polygons(100))),
-        ("incoherent", Box::new(LargeOccluders::new(occluders.clone()).with_coherence(false))),
+        ("large-occluders", Box::new(LargeOccludersCuller::new(occluders.clone()).with_polygons(100))),
+        ("incoherent", Box::new(LargeOccludersCuller::new(occluders.clone()).with_coherence(false))),
         ("occlusion-tree", Box::new(OcclusionTreeCuller::new(occluders.clone()))),
         ("occlusion-tree:400", Box::new(OcclusionTreeCuller::new(occluders).with_polygons(400))),
         ("occlusion-tree of meshes", Box::new(OcclusionCuller::new(OcclusionTree::new().with_polygons(300)))),

@@ -8,7 +8,7 @@ use common::Random;
 use common::exact::{Cone, clip};
 use std::sync::Arc;
 use visibility_bsp::{
-    LargeOccluders, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
+    LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
@@ -154,7 +154,7 @@ fn cullers(scene: &Scene) -> Vec<Box<dyn Culler>> {
     let frusta = ShadowFrusta::new(scene, Occluders::clone(&occluders), 1, 4);
     vec![
         Box::new(OcclusionTreeCuller::new(occluders.clone())),
-        Box::new(LargeOccluders::new(occluders)),
+        Box::new(LargeOccludersCuller::new(occluders)),
         Box::new(ShadowFrustaCuller::new(frusta.into())),
     ]
 }

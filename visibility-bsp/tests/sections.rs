@@ -6,7 +6,9 @@ mod common;
 
 use common::{Random, meets, triangles_of};
 use std::sync::Arc;
-use visibility_bsp::{LargeOccluders, Occluders, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller};
+use visibility_bsp::{
+    LargeOccludersCuller, Occluders, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
+};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
     Aabb, Culler, Eye, Object, ObjectId, Plane, Pose, Preparation, Scene, Triangle, View, VisibleSet, Window,
@@ -29,7 +31,7 @@ fn cullers(scene: &Scene, polygons: usize) -> Vec<Box<dyn Culler>> {
     let frusta = ShadowFrusta::new(scene, Occluders::clone(&occluders), 8, polygons);
     vec![
         Box::new(OcclusionTreeCuller::new(occluders.clone()).with_polygons(polygons)),
-        Box::new(LargeOccluders::new(occluders).with_polygons(polygons)),
+        Box::new(LargeOccludersCuller::new(occluders).with_polygons(polygons)),
         Box::new(ShadowFrustaCuller::new(frusta.into())),
     ]
 }

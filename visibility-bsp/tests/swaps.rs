@@ -6,8 +6,8 @@ mod common;
 use common::{Random, triangles_of};
 use std::sync::Arc;
 use visibility_bsp::{
-    BspOrder, LargeOccluders, Naylor, Occluders, OcclusionTree, OcclusionTreeCuller, SceneTree, ShadowFrusta,
-    ShadowFrustaCuller,
+    BspOrderCuller, LargeOccludersCuller, NaylorCuller, Occluders, OcclusionTree, OcclusionTreeCuller,
+    SceneTree, ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
@@ -59,7 +59,7 @@ fn other_occluders_of_the_same_revision_are_taken_in() {
     // Far has the numbers in the one set that near has in the other.
     for (first, second) in [(&near_first, &far_first), (&far_first, &near_first)] {
         assert_eq!((first.len(), second.len()), (12, 12));
-        let mut culler = LargeOccluders::new(Arc::new(first.clone()));
+        let mut culler = LargeOccludersCuller::new(Arc::new(first.clone()));
         assert!(hides(&mut culler, &scene, &view.with_layers(1), target));
         culler.set_occluders(Arc::new(second.clone()));
         let far_only = view.with_layers(2);
@@ -145,22 +145,22 @@ impl Place {
 #[derive(Clone)]
 struct Cullers {
     tree: OcclusionTreeCuller,
-    large: LargeOccluders,
+    large: LargeOccludersCuller,
     frusta: ShadowFrustaCuller,
     meshes: OcclusionCuller<OcclusionTree>,
-    order: BspOrder<Arc<SceneTree>>,
-    naylor: Naylor<Arc<SceneTree>>,
+    order: BspOrderCuller<Arc<SceneTree>>,
+    naylor: NaylorCuller<Arc<SceneTree>>,
 }
 
 impl Cullers {
     fn new(place: &Place) -> Self {
         Self {
             tree: OcclusionTreeCuller::new(place.occluders.clone()),
-            large: LargeOccluders::new(place.occluders.clone()),
+            large: LargeOccludersCuller::new(place.occluders.clone()),
             frusta: ShadowFrustaCuller::new(place.frusta.clone()),
             meshes: OcclusionCuller::new(OcclusionTree::new()),
-            order: BspOrder::new(place.tree.clone()),
-            naylor: Naylor::new(place.tree.clone()),
+            order: BspOrderCuller::new(place.tree.clone()),
+            naylor: NaylorCuller::new(place.tree.clone()),
         }
     }
 

@@ -4,7 +4,7 @@
 mod shapes;
 
 use shapes::Random;
-use visibility_bsp::{BspOrder, BspTree, Naylor, SceneTree};
+use visibility_bsp::{BspOrderCuller, BspTree, NaylorCuller, SceneTree};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, Triangle, View, VisibleSet};
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
@@ -29,7 +29,7 @@ fn warm_frames_allocate_nothing() {
     let mut random = Random(31);
     let scene = scene(&mut random);
     let tree = SceneTree::new(&scene).unwrap();
-    let (mut order, mut naylor) = (BspOrder::new(&tree), Naylor::new(&tree));
+    let (mut order, mut naylor) = (BspOrderCuller::new(&tree), NaylorCuller::new(&tree));
     let views: Vec<View> = (0..20)
         .map(|_| {
             let pose = Pose::look_at(random.point(20.0), random.point(5.0), DVec3::Z);
@@ -61,7 +61,7 @@ fn views_from_elsewhere_allocate_nothing_either() {
     let mut random = Random(33);
     let scene = scene(&mut random);
     let tree = SceneTree::new(&scene).unwrap();
-    let mut order = BspOrder::new(&tree);
+    let mut order = BspOrderCuller::new(&tree);
     let mut set = VisibleSet::new();
     let mut allocations = Vec::new();
     for frame in 0..400 {

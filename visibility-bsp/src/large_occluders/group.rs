@@ -1,7 +1,7 @@
 //! One polygon, or two that share an edge, as what boxes are tested against.
 
-use crate::shadow::{BackPlane, Plate};
-use crate::sight::U;
+use crate::clip_projection::U;
+use crate::shadow::{BackPlane, OccluderPolygon};
 use core::ops::Range;
 use visibility_core::Eye;
 use visibility_core::glam::DVec3;
@@ -43,10 +43,10 @@ pub(super) struct Face {
 }
 
 impl Face {
-    pub(super) fn new(plate: &Plate<'_>) -> Self {
-        let front = BackPlane { normal: plate.normal, offset: -plate.reach[0] };
-        let rear = BackPlane { normal: -plate.normal, offset: plate.reach[1] };
-        let two_sided = plate.two_sided;
+    pub(super) fn new(occluder_polygon: &OccluderPolygon<'_>) -> Self {
+        let front = BackPlane { normal: occluder_polygon.normal, offset: -occluder_polygon.reach[0] };
+        let rear = BackPlane { normal: -occluder_polygon.normal, offset: occluder_polygon.reach[1] };
+        let two_sided = occluder_polygon.two_sided;
         Self { front: [front, rear], two_sided, back: front, before: false, from_front: true }
     }
 

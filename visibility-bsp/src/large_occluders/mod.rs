@@ -18,13 +18,13 @@
 //! coarse grid only, so that it seldom changes.
 
 mod group;
-mod joint;
+mod group_map;
 
+use crate::clip_projection::ClipProjection;
 use crate::occluders::{Chosen, Occluders, Selector, is_drawn, sides_of};
-use crate::sight::Sight;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
-use joint::Joint;
+use group_map::GroupMap;
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Accuracy, CullStats, Culler, Eye, MAX_PLANES, ObjectId, OcclusionCuller, Plane, Scene, Selection, View,
@@ -37,17 +37,17 @@ use visibility_core::{
 /// fuse; while the camera stands still or moves slowly, it costs less.
 ///
 /// ```
-/// use visibility_bsp::{LargeOccluders, Occluders};
+/// use visibility_bsp::{LargeOccludersCuller, Occluders};
 /// use visibility_core::{FrustumCuller, Pipeline, Scene};
 /// let mut scene = Scene::new();
 /// // insert objects, give them triangles, flag the opaque ones, then:
 /// scene.prepare_occluders(&Default::default());
-/// let culler = LargeOccluders::new(Occluders::new(&scene).into()).with_polygons(32);
+/// let culler = LargeOccludersCuller::new(Occluders::new(&scene).into()).with_polygons(32);
 /// let pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
 /// # let _ = pipeline;
 /// ```
 #[derive(Clone, Debug)]
-pub struct LargeOccluders {
+pub struct LargeOccludersCuller {
     occluders: Arc<Occluders>,
     selector: Selector,
     most: usize,
@@ -62,13 +62,14 @@ pub struct LargeOccluders {
     sections: Vec<u32>,
     /// Whether all selected polygons are active.
     all_active: bool,
-    inner: OcclusionCuller<Joint>,
+    inner: OcclusionCuller<GroupMap>,
 }
 
-impl LargeOccluders {
+impl LargeOccludersCuller {
     /// Uses 64 polygons at a time, with coherence.
     pub fn new(occluders: Arc<Occluders>) -> Self {
-        let inner = OcclusionCuller::new(Joint::new()).with_selection(Selection::Interleaved).with_budget(0);
+        let inner =
+            OcclusionCuller::new(GroupMap::new()).with_selection(Selection::Interleaved).with_budget(0);
         let pitch = pitch_of(&occluders);
         Self {
             occluders,
@@ -134,7 +135,7 @@ fn pitch_of(occluders: &Occluders) -> f64 {
     if power.is_normal() { power } else { 1.0 }
 }
 
-impl Culler for LargeOccluders {
+impl Culler for LargeOccludersCuller {
     fn name(&self) -> &str {
         "large-occluders"
     }
@@ -165,17 +166,17 @@ impl Culler for LargeOccluders {
             && view.clip_planes().is_empty()
             && self.sources.iter().all(|&id| is_drawn(scene, visible, sides, id))
             && (self.sections.is_empty() || {
-                let sight = Sight::new(view, scene.origin());
-                let clear = sight.clearance();
+                let projection = ClipProjection::new(view, scene.origin());
+                let clear = projection.clearance();
                 let mut solids = self.sections.iter().flat_map(|&polygon| self.occluders.solids_of(polygon));
-                solids.all(|solid| sight.is_outside(solid, clear))
+                solids.all(|solid| projection.is_outside(solid, clear))
             });
         if !settled {
-            let sight = Sight::new(view, scene.origin());
+            let projection = ClipProjection::new(view, scene.origin());
             self.selector.chosen.clear();
             let all = self.selected.iter().map(|&polygon| Chosen { polygon, bound: 0.0 });
             self.selector.chosen.extend(all);
-            self.selector.keep_usable(&self.occluders, scene, view, &sight, visible, sides);
+            self.selector.keep_usable(&self.occluders, scene, view, &projection, visible, sides);
             let usable = self.selector.chosen.iter().map(|chosen| chosen.polygon);
             let same = !news && self.active.iter().copied().eq(usable.clone());
             if !same || !map.coherent {

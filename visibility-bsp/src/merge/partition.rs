@@ -4,7 +4,7 @@
 //! dividing plane and that of the node, can lie to each other in seven ways: in the same plane facing the same way or opposite
 //! ways; each in front of or behind the other's plane (four ways); or across.
 
-use crate::cut::cut;
+use crate::polygon_cut::cut;
 use alloc::vec::Vec;
 use visibility_core::{Plane, PolygonSide, SidePlane, glam::DVec3};
 

@@ -1,6 +1,6 @@
 //! The beam tree: a binary partition of the picture into what is covered already and what is still open.
 //!
-//! Each line is the image of a plane through the eye and an edge, each leaf a beam of lines of sight. Polygons come nearest first. One
+//! Each line is the image of a plane through the eye and an edge, each leaf a beam of lines of visibility. Polygons come nearest first. One
 //! that reaches an open leaf is seen there, and closes the part of the leaf that it covers; one that reaches only closed leaves is hidden. A
 //! node both of whose sides are closed is closed itself, so that the tree shrinks to one leaf as the picture fills.
 //!
@@ -13,7 +13,7 @@
 //!
 //! So a polygon may fail to cover a strip as wide as the margin of a line, and what lies behind it reaches an open leaf there. Margins are at
 //! most a quarter of [`NARROWEST`], and parts of wider polygons that are narrower than that are not seen. A polygon that is itself so narrow is
-//! told apart: it is cut a margin beyond each line, and where it then reaches an open leaf it is [glimpsed](Sight::Glimpsed).
+//! told apart: it is cut a margin beyond each line, and where it then reaches an open leaf it is [glimpsed](Visibility::Glimpsed).
 
 use alloc::vec::Vec;
 use visibility_core::Side;
@@ -83,7 +83,7 @@ pub(super) const NARROWEST: f64 = 1e-7;
 
 /// What there is to see of a polygon.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Sight {
+pub(super) enum Visibility {
     /// Nothing, but for gaps that rounding may have made.
     Hidden,
     /// A part as narrow as such gaps, of a polygon that is as narrow itself.
@@ -194,12 +194,12 @@ impl Beams {
     }
 
     /// Whether anything of a convex polygon, counter-clockwise in the picture, is seen.
-    pub(super) fn look(&mut self, polygon: &[Corner]) -> Sight {
+    pub(super) fn look(&mut self, polygon: &[Corner]) -> Visibility {
         self.run(polygon, false)
     }
 
     /// The same, after which what lies behind the polygon is not seen any more. `error` bounds that of its corners.
-    pub(super) fn add(&mut self, polygon: &[Corner], error: f64) -> Sight {
+    pub(super) fn add(&mut self, polygon: &[Corner], error: f64) -> Visibility {
         self.lines.clear();
         for (i, &p) in polygon.iter().enumerate() {
             self.lines.push(Line::through(p, polygon[(i + 1) % polygon.len()], error));
@@ -214,11 +214,11 @@ impl Beams {
             return self.run(polygon, true);
         }
         // What is looked for beyond margins must not be covered there.
-        let sight = self.look(polygon);
+        let visibility = self.look(polygon);
         let witness = self.witness;
         self.run(polygon, true);
         self.witness = witness;
-        sight
+        visibility
     }
 
     /// Edges too short to have a line: their neighbours may be all but parallel, and would cover a strip without an end. It ends square to the
@@ -243,14 +243,14 @@ impl Beams {
         }
     }
 
-    fn run(&mut self, polygon: &[Corner], closing: bool) -> Sight {
+    fn run(&mut self, polygon: &[Corner], closing: bool) -> Visibility {
         self.witness.width = -1.0;
         self.tasks.clear();
         self.corners.clear();
         let narrow = is_narrow(polygon);
-        let mut sight = Sight::Hidden;
+        let mut visibility = Visibility::Hidden;
         if self.root == CLOSED {
-            return sight;
+            return visibility;
         }
         for (edge, &corner) in (0..).zip(polygon) {
             self.corners.push(Corner { edge, ..corner });
@@ -266,15 +266,15 @@ impl Beams {
                 OPEN => {
                     let witness = witness(&self.corners[task.begin..]);
                     if !task.thin && witness.width > NARROWEST {
-                        sight = Sight::Seen;
-                    } else if narrow && sight == Sight::Hidden {
-                        sight = Sight::Glimpsed;
+                        visibility = Visibility::Seen;
+                    } else if narrow && visibility == Visibility::Hidden {
+                        visibility = Visibility::Glimpsed;
                     }
                     if witness.width > self.witness.width {
                         self.witness = witness;
                     }
-                    if sight == Sight::Seen && !closing {
-                        return sight;
+                    if visibility == Visibility::Seen && !closing {
+                        return visibility;
                     }
                     if closing && !task.thin {
                         self.close(task);
@@ -284,7 +284,7 @@ impl Beams {
                 node => self.pass(node, task, narrow && !closing),
             }
         }
-        sight
+        visibility
     }
 
     /// The widest place where the polygon at hand was seen.
@@ -487,11 +487,11 @@ mod tests {
                     (right, height(row + 1, right) - noise(column + 1)),
                     (left, height(row + 1, left) - noise(column)),
                 ]);
-                assert_eq!(beams.add(&quad, ERROR), Sight::Seen);
+                assert_eq!(beams.add(&quad, ERROR), Visibility::Seen);
             }
         }
         assert!(beams.is_closed());
-        assert_eq!(beams.look(&polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.0, 0.5)])), Sight::Hidden);
+        assert_eq!(beams.look(&polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.0, 0.5)])), Visibility::Hidden);
     }
 
     #[test]
@@ -502,8 +502,8 @@ mod tests {
             let half = 0.5 * gap;
             beams.add(&polygon(&[(-2.0, -2.0), (0.3 - half, -2.0), (0.3 - half, 2.0), (-2.0, 2.0)]), ERROR);
             beams.add(&polygon(&[(0.3 + half, -2.0), (2.0, -2.0), (2.0, 2.0), (0.3 + half, 2.0)]), ERROR);
-            let sight = beams.look(&polygon(&[(-0.9, -0.9), (0.9, -0.8), (0.9, 0.9)]));
-            assert_eq!(sight, if seen { Sight::Seen } else { Sight::Hidden }, "{gap}");
+            let visibility = beams.look(&polygon(&[(-0.9, -0.9), (0.9, -0.8), (0.9, 0.9)]));
+            assert_eq!(visibility, if seen { Visibility::Seen } else { Visibility::Hidden }, "{gap}");
             let witness = beams.witness();
             assert!(!seen || (witness.x - 0.3).abs() <= half && witness.width <= gap);
         }
@@ -519,20 +519,20 @@ mod tests {
             let mut beams = Beams::default();
             beams.begin(ERROR);
             let shape = polygon(shape);
-            assert_eq!(beams.add(&shape, ERROR), Sight::Seen);
-            assert_eq!(beams.look(&shape), Sight::Hidden);
+            assert_eq!(beams.add(&shape, ERROR), Visibility::Seen);
+            assert_eq!(beams.look(&shape), Visibility::Hidden);
             // And nothing beside them.
             assert_eq!(
                 beams.look(&polygon(&[(0.91, -0.1), (0.95, -0.1), (0.95, 0.1), (0.91, 0.1)])),
-                Sight::Seen
+                Visibility::Seen
             );
-            assert_eq!(beams.look(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])), Sight::Seen);
+            assert_eq!(beams.look(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])), Visibility::Seen);
         }
         // What is hardly more than a point hides nothing.
         let mut beams = Beams::default();
         beams.begin(ERROR);
         beams.add(&polygon(&[(0.3, 0.3), (0.3 + 1e-13, 0.3), (0.3, 0.3 + 1e-13)]), ERROR);
-        assert_eq!(beams.look(&polygon(&[(0.2, 0.2), (0.4, 0.2), (0.3, 0.4)])), Sight::Seen);
+        assert_eq!(beams.look(&polygon(&[(0.2, 0.2), (0.4, 0.2), (0.3, 0.4)])), Visibility::Seen);
     }
 
     #[test]
@@ -543,20 +543,20 @@ mod tests {
         let needle = |x: f64, low: f64, high: f64| {
             polygon(&[(x, low), (x + 1e-12, low), (x + 1e-12, high), (x, high)])
         };
-        assert_eq!(beams.look(&needle(0.3, -0.5, 0.5)), Sight::Glimpsed);
-        assert_eq!(beams.look(&needle(0.0, -0.5, 0.5)), Sight::Glimpsed);
+        assert_eq!(beams.look(&needle(0.3, -0.5, 0.5)), Visibility::Glimpsed);
+        assert_eq!(beams.look(&needle(0.0, -0.5, 0.5)), Visibility::Glimpsed);
         // Half of it is covered, or all of it, or it is in the margin of the edge of what covers.
         assert_eq!(
             beams.add(&polygon(&[(0.2, -0.6), (0.4, -0.6), (0.4, 0.1), (0.2, 0.1)]), ERROR),
-            Sight::Seen
+            Visibility::Seen
         );
-        assert_eq!(beams.look(&needle(0.3, -0.5, 0.5)), Sight::Glimpsed);
-        assert_eq!(beams.look(&needle(0.3, -0.5, 0.0)), Sight::Hidden);
-        assert_eq!(beams.look(&needle(0.4, -0.5, 0.0)), Sight::Glimpsed);
-        assert_eq!(beams.look(&needle(0.4 - 5e-13, -0.5, 0.0)), Sight::Glimpsed);
+        assert_eq!(beams.look(&needle(0.3, -0.5, 0.5)), Visibility::Glimpsed);
+        assert_eq!(beams.look(&needle(0.3, -0.5, 0.0)), Visibility::Hidden);
+        assert_eq!(beams.look(&needle(0.4, -0.5, 0.0)), Visibility::Glimpsed);
+        assert_eq!(beams.look(&needle(0.4 - 5e-13, -0.5, 0.0)), Visibility::Glimpsed);
         // A needle covers, but not what is beside it.
-        assert_eq!(beams.add(&needle(-0.3, -0.5, 0.5), 1e-16), Sight::Glimpsed);
-        assert_eq!(beams.look(&needle(-0.3 + 2e-12, -0.5, 0.5)), Sight::Glimpsed);
+        assert_eq!(beams.add(&needle(-0.3, -0.5, 0.5), 1e-16), Visibility::Glimpsed);
+        assert_eq!(beams.look(&needle(-0.3 + 2e-12, -0.5, 0.5)), Visibility::Glimpsed);
     }
 
     #[test]
@@ -572,9 +572,9 @@ mod tests {
             if flip {
                 before.rotate_left(2);
             }
-            assert_eq!(beams.add(&before, error), Sight::Seen);
+            assert_eq!(beams.add(&before, error), Visibility::Seen);
             for (left, right) in [(0.41, 0.49), (-0.49, -0.41)] {
-                assert_eq!(beams.look(&strip(left, right)), Sight::Seen);
+                assert_eq!(beams.look(&strip(left, right)), Visibility::Seen);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Exact culling with a BSP tree of the scene (Naylor, "Partitioning Tree Image Representation and Generation from 3D Geometric
+//! Exact culling with a BSP tree of the scene (Naylor, "Partitioning Tree ProjectedPolygon Representation and Generation from 3D Geometric
 //! Models", 1992).
 //!
 //! The scene's tree is walked front to back, and each polygon cut off by those before it: what they cover is kept in a tree of the
@@ -7,15 +7,15 @@
 //! beam that its region reaches; what is merged here is only the box of a subtree in place of its region.
 
 mod beams;
-mod lens;
+mod screen_projection;
 
-use crate::scene_tree::{SceneTree, Standing};
+use crate::scene_tree::{SceneTree, StaleObjects};
 use crate::tree::{Fragment, Fragments, Order, Subtree, Walk};
 use alloc::vec::Vec;
 pub use beams::Witness;
-use beams::{Beams, Sight};
+use beams::{Beams, Visibility};
 use core::borrow::Borrow;
-use lens::{Image, Lens};
+use screen_projection::{ProjectedPolygon, ScreenProjection};
 use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
 
 /// Hides every object of which no part of a triangle is seen, and none other: the visible set itself.
@@ -33,7 +33,7 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 /// Follows what is seen: about a microsecond for each fragment that is visible or on the boundary of what is; memory likewise.
 ///
 /// ```
-/// use visibility_bsp::{Naylor, SceneTree};
+/// use visibility_bsp::{NaylorCuller, SceneTree};
 /// use visibility_core::{Aabb, Object, Pipeline, Pose, Scene, View, VisibleSet, glam::{DVec3, Vec3}};
 /// let mut scene = Scene::new();
 /// let [near, far] = [(2.0, 3.0), (4.0, 5.0)].map(|(x, r): (f32, f32)| {
@@ -43,7 +43,7 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 ///     scene.set_triangles(id, [triangle]).unwrap();
 ///     id
 /// });
-/// let mut pipeline = Pipeline::new().with(Naylor::new(std::sync::Arc::new(SceneTree::new(&scene)?)));
+/// let mut pipeline = Pipeline::new().with(NaylorCuller::new(std::sync::Arc::new(SceneTree::new(&scene)?)));
 /// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.5, 1.0, 0.1, f64::INFINITY)?;
 /// let mut visible = VisibleSet::new();
 /// pipeline.cull(&scene, &view, &mut visible);
@@ -51,12 +51,12 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Naylor<S> {
+pub struct NaylorCuller<S> {
     shared: S,
-    standing: Standing,
+    stale: StaleObjects,
     order: Order,
     beams: Beams,
-    image: Image,
+    image: ProjectedPolygon,
     /// By index: what part an object plays, once it has been met.
     parts: Vec<Part>,
     /// By index: the object that was seen in the last frame, and where it was seen first.
@@ -76,15 +76,15 @@ enum Part {
     Seen { occluder: bool },
 }
 
-impl<S: Borrow<SceneTree>> Naylor<S> {
+impl<S: Borrow<SceneTree>> NaylorCuller<S> {
     /// For one view.
     pub fn new(shared: S) -> Self {
         Self {
             shared,
-            standing: Standing::default(),
+            stale: StaleObjects::default(),
             order: Order::new(),
             beams: Beams::default(),
-            image: Image::default(),
+            image: ProjectedPolygon::default(),
             parts: Vec::new(),
             witnesses: Vec::new(),
         }
@@ -102,7 +102,7 @@ impl<S: Borrow<SceneTree>> Naylor<S> {
     }
 }
 
-impl<S: Borrow<SceneTree>> Culler for Naylor<S> {
+impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
     fn name(&self) -> &str {
         "naylor"
     }
@@ -112,24 +112,24 @@ impl<S: Borrow<SceneTree>> Culler for Naylor<S> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Self { shared, standing, order, beams, image, parts, witnesses } = self;
+        let Self { shared, stale, order, beams, image, parts, witnesses } = self;
         let shared = (*shared).borrow();
         witnesses.clear();
-        let Some(lens) = Lens::new(view, scene, &shared.tree().bounds()) else {
+        let Some(projection) = ScreenProjection::new(view, scene, &shared.tree().bounds()) else {
             return visible.retain(scene, |_, _| true);
         };
-        standing.begin(shared, scene);
+        stale.begin(shared, scene);
         parts.clear();
         parts.resize(scene.index_limit(), Part::Unknown);
         witnesses.resize(scene.index_limit(), None);
-        beams.begin(lens.error());
+        beams.begin(projection.error());
         let mut frame = Frame {
             shared,
             scene,
             view,
             visible,
-            standing,
-            lens,
+            stale,
+            projection,
             beams,
             image,
             parts,
@@ -137,12 +137,12 @@ impl<S: Borrow<SceneTree>> Culler for Naylor<S> {
             stats: CullStats::default(),
         };
         shared.tree().walk(view.eye(scene.origin()), order, &mut frame);
-        let Frame { mut stats, lens, .. } = frame;
+        let Frame { mut stats, projection, .. } = frame;
         let kept = visible.retain(scene, |id, bounds| match parts[id.index()] {
             Part::Seen { .. } => true,
             // Of other objects, what is glimpsed are faces that are seen edge on.
-            Part::Hidden { glimpsed, .. } => lens.is_narrow(bounds).unwrap_or(glimpsed),
-            _ => !standing.is_known(shared, id) || lens.is_narrow(bounds) == Some(true),
+            Part::Hidden { glimpsed, .. } => projection.is_narrow(bounds).unwrap_or(glimpsed),
+            _ => !stale.is_known(shared, id) || projection.is_narrow(bounds) == Some(true),
         });
         stats.visible = kept.visible;
         stats
@@ -154,10 +154,10 @@ struct Frame<'a> {
     scene: &'a Scene,
     view: &'a View,
     visible: &'a VisibleSet,
-    standing: &'a Standing,
-    lens: Lens,
+    stale: &'a StaleObjects,
+    projection: ScreenProjection,
     beams: &'a mut Beams,
-    image: &'a mut Image,
+    image: &'a mut ProjectedPolygon,
     parts: &'a mut [Part],
     witnesses: &'a mut [Option<(ObjectId, Witness)>],
     stats: CullStats,
@@ -172,7 +172,7 @@ impl Frame<'_> {
         let object = self.shared.object(owner).and_then(|id| Some((id, self.scene.object(id).ok()?)));
         let part = match object {
             Some((id, object))
-                if self.standing.is_current(owner)
+                if self.stale.is_current(owner)
                     && object.layers & self.view.layers() != 0
                     && self.visible.contains(self.scene, id) =>
             {
@@ -193,23 +193,23 @@ impl Frame<'_> {
             Part::Seen { .. } if !hides => return,
             Part::Seen { occluder } | Part::Hidden { occluder, .. } => occluder,
         };
-        if !self.lens.draw(fragment.vertices(), self.image) {
+        if !self.projection.draw(fragment.vertices(), self.image) {
             return;
         }
         self.stats.tests += 1;
         let polygon = self.image.polygon();
-        let sight = if hides && occluder {
+        let visibility = if hides && occluder {
             self.beams.add(polygon, self.image.error())
         } else {
             self.beams.look(polygon)
         };
         let Part::Hidden { glimpsed, .. } = part else { return };
         let owner = fragment.owner() as usize;
-        self.parts[owner] = if sight == Sight::Seen {
+        self.parts[owner] = if visibility == Visibility::Seen {
             self.witnesses[owner] = self.shared.object(owner as u32).map(|id| (id, self.beams.witness()));
             Part::Seen { occluder }
         } else {
-            Part::Hidden { occluder, glimpsed: glimpsed || sight == Sight::Glimpsed }
+            Part::Hidden { occluder, glimpsed: glimpsed || visibility == Visibility::Glimpsed }
         };
     }
 }
@@ -225,8 +225,8 @@ impl Walk for Frame<'_> {
         {
             return None;
         }
-        let is_seen = self.lens.draw_box(subtree.bounds(), self.image)
-            && matches!(self.beams.look(self.image.polygon()), Sight::Seen | Sight::Glimpsed);
+        let is_seen = self.projection.draw_box(subtree.bounds(), self.image)
+            && matches!(self.beams.look(self.image.polygon()), Visibility::Seen | Visibility::Glimpsed);
         is_seen.then_some(0)
     }
 

@@ -16,7 +16,7 @@ mod work;
 
 pub(crate) use select::{Chosen, Selector, angle_of, corners_of, is_drawn, sides_of};
 
-use crate::shadow::{Plate, plane_of};
+use crate::shadow::{OccluderPolygon, plane_of};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};
@@ -24,7 +24,7 @@ use visibility_core::{Changes, ObjectId, OccluderMesh, Scene, SceneCursor, Stamp
 
 /// A triangle of an occluder, in scene coordinates.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Piece {
+pub(crate) struct OccluderTriangle {
     pub(crate) corners: [DVec3; 3],
     /// Which of the objects looked at it comes from.
     pub(crate) source: u32,
@@ -234,9 +234,14 @@ impl Occluders {
     }
 
     /// A polygon as shadows are made of it.
-    pub(crate) fn plate(&self, polygon: u32) -> Plate<'_> {
+    pub(crate) fn occluder_polygon(&self, polygon: u32) -> OccluderPolygon<'_> {
         let p = &self.polygons[polygon as usize];
-        Plate { vertices: self.vertices_of(p), normal: p.normal, reach: p.reach, two_sided: p.two_sided }
+        OccluderPolygon {
+            vertices: self.vertices_of(p),
+            normal: p.normal,
+            reach: p.reach,
+            two_sided: p.two_sided,
+        }
     }
 
     /// Adds the polygons of some objects, joined with one another.
@@ -350,7 +355,7 @@ pub(crate) fn take_apart(
     transform: &Affine3A,
     source: u32,
     closed: bool,
-    pieces: &mut Vec<Piece>,
+    pieces: &mut Vec<OccluderTriangle>,
 ) {
     let place = placer(transform);
     let at = |i: u32| place(mesh.positions()[i as usize].as_dvec3());
@@ -363,7 +368,7 @@ pub(crate) fn take_apart(
     for t in mesh.triangles() {
         let [a, b, c] = t.map(at);
         let corners = if mirrored { [a, c, b] } else { [a, b, c] };
-        pieces.push(Piece { corners, source, two_sided });
+        pieces.push(OccluderTriangle { corners, source, two_sided });
     }
     if mesh.is_two_sided() && closed {
         // Where the file turned the mesh inside out, its outside is what a two-sided one shows.

@@ -4,7 +4,7 @@
 //! rounding of the vertices explains, and make a convex polygon. Whatever is left of flatness and convexity by rounding does no
 //! harm: see `shadow`.
 
-use super::{Outline, Piece};
+use super::{OccluderTriangle, Outline};
 use crate::shadow::{MOST_EDGES, plane_of};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
@@ -22,7 +22,7 @@ struct Polygon {
 }
 
 /// Joins what can be joined.
-pub(super) fn join(pieces: &[Piece]) -> Vec<Outline> {
+pub(super) fn join(pieces: &[OccluderTriangle]) -> Vec<Outline> {
     let (positions, corners) = weld(pieces);
     let mut polygons: Vec<Option<Polygon>> = Vec::with_capacity(pieces.len());
     let mut edges: BTreeMap<(u32, u32), u32> = BTreeMap::new();
@@ -76,7 +76,7 @@ pub(super) fn join(pieces: &[Piece]) -> Vec<Outline> {
 }
 
 /// Each place once, and the corners of the pieces by place.
-fn weld(pieces: &[Piece]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+fn weld(pieces: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut places: BTreeMap<[u64; 3], u32> = BTreeMap::new();
     let mut positions = Vec::new();
     let mut corners = Vec::with_capacity(pieces.len());
@@ -147,7 +147,8 @@ mod tests {
     fn a_slanted_fan_becomes_one_polygon_and_a_step_does_not() {
         let around = [[0.0, 0.0], [2.0, 0.0], [3.0, 1.0], [2.0, 2.0], [0.0, 2.0]];
         let p = |k: usize| DVec3::new(around[k][0], around[k][1], around[k][0] * 0.5);
-        let piece = |a, b, c, source| Piece { corners: [p(a), p(b), p(c)], source, two_sided: false };
+        let piece =
+            |a, b, c, source| OccluderTriangle { corners: [p(a), p(b), p(c)], source, two_sided: false };
         let flat = [piece(0, 1, 2, 0), piece(0, 2, 3, 1), piece(0, 3, 4, 2)];
         let outlines = join(&flat);
         assert_eq!(outlines.len(), 1);

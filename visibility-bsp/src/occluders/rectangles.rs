@@ -7,7 +7,7 @@
 
 use super::cover::join_group;
 use super::overlaps::{Rectangle, groups};
-use super::{Outline, Piece};
+use super::{OccluderTriangle, Outline};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -64,7 +64,7 @@ pub(super) fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down:
 }
 
 /// Takes pairs of triangles that make up a rectangle out of the pieces.
-pub(super) fn take_rectangles(pieces: &mut Vec<Piece>) -> Levels {
+pub(super) fn take_rectangles(pieces: &mut Vec<OccluderTriangle>) -> Levels {
     let mut levels = Levels::new();
     // Halves that wait for their other half: by level, rectangle and source, the piece with each corner missing.
     type Key = (Level, [u64; 4], u32);
@@ -114,10 +114,10 @@ mod tests {
     use super::*;
 
     /// A quad in the plane x = 1, facing +x.
-    fn quad(low: [f64; 2], high: [f64; 2], source: u32) -> [Piece; 2] {
+    fn quad(low: [f64; 2], high: [f64; 2], source: u32) -> [OccluderTriangle; 2] {
         let p = |y: f64, z: f64| DVec3::new(1.0, y, z);
         let [a, b, c, d] = [p(low[0], low[1]), p(high[0], low[1]), p(high[0], high[1]), p(low[0], high[1])];
-        [[a, b, c], [a, c, d]].map(|corners| Piece { corners, source, two_sided: false })
+        [[a, b, c], [a, c, d]].map(|corners| OccluderTriangle { corners, source, two_sided: false })
     }
 
     #[test]
@@ -129,7 +129,7 @@ mod tests {
             ([2.0, 2.0], [3.0, 3.0]),
             ([3.0, 0.0], [5.0, 3.0]),
         ];
-        let mut pieces: Vec<Piece> =
+        let mut pieces: Vec<OccluderTriangle> =
             parts.iter().zip(0..).flat_map(|(&(low, high), source)| quad(low, high, source)).collect();
         let outlines = join(&take_rectangles(&mut pieces));
         assert!(pieces.is_empty());
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn what_lies_in_another_plane_or_only_touches_a_corner_is_not_joined() {
-        let mut pieces: Vec<Piece> = quad([0.0, 0.0], [1.0, 1.0], 0).into();
+        let mut pieces: Vec<OccluderTriangle> = quad([0.0, 0.0], [1.0, 1.0], 0).into();
         pieces.extend(quad([1.0, 1.0], [2.0, 2.0], 1));
         let mut shifted = quad([1.0, 0.0], [2.0, 1.0], 2);
         shifted.iter_mut().flat_map(|p| &mut p.corners).for_each(|p| p.x = 1.0 + f64::EPSILON);

@@ -2,8 +2,8 @@
 //! Occluders", 1997): first by a bound that costs a few operations, then, of the best, by what is in the picture.
 
 use super::{Block, Occluders, Polygon};
+use crate::clip_projection::ClipProjection;
 use crate::shadow::Corner;
-use crate::sight::Sight;
 use alloc::vec::Vec;
 use visibility_core::glam::{BVec3, DVec3};
 use visibility_core::{Changes, Eye, ObjectId, Plane, Scene, SceneCursor, Stamp, View, VisibleSet};
@@ -157,13 +157,13 @@ impl Selector {
         occluders: &Occluders,
         scene: &Scene,
         view: &View,
-        sight: &Sight,
+        projection: &ClipProjection,
         visible: &VisibleSet,
         sides: &[Plane],
     ) {
         let mut chosen = core::mem::take(&mut self.chosen);
         let shift = scene.origin() - view.origin();
-        let clear = sight.clearance();
+        let clear = projection.clearance();
         let is_within = |v: DVec3| {
             view.clip_planes().iter().all(|plane| {
                 let p = v + shift;
@@ -175,10 +175,10 @@ impl Selector {
             let solids = occluders.solids_of(chosen.polygon);
             // Of a section, what is drawn are the faces of its boxes.
             let within = view.clip_planes().is_empty()
-                || occluders.plate(chosen.polygon).vertices.iter().all(|&v| is_within(v))
+                || occluders.occluder_polygon(chosen.polygon).vertices.iter().all(|&v| is_within(v))
                     && solids.iter().all(|&solid| corners_of(solid).all(is_within));
             within
-                && solids.iter().all(|solid| sight.is_outside(solid, clear))
+                && solids.iter().all(|solid| projection.is_outside(solid, clear))
                 && self.is_usable(occluders, chosen.polygon, scene, view)
                 && occluders.sources_of(chosen.polygon).iter().all(|&id| is_drawn(scene, visible, sides, id))
         });
@@ -242,12 +242,12 @@ fn bound(polygon: &Polygon, eye: &Eye) -> f32 {
 
 /// The solid angle of a convex polygon, in steradians; for parallel views its share of the picture, four for all of it. Good to a few
 /// percent, which is enough to choose by.
-pub(crate) fn angle_of(sight: &Sight, corners: &[Corner]) -> f32 {
+pub(crate) fn angle_of(projection: &ClipProjection, corners: &[Corner]) -> f32 {
     let Some((first, rest)) = corners.split_first() else { return 0.0 };
     let mut sum = 0.0;
-    match sight.eye {
+    match projection.eye {
         Eye::Point(_) => {
-            let unit = |v: [f64; 3]| sight.in_space(v).normalize_or_zero();
+            let unit = |v: [f64; 3]| projection.in_space(v).normalize_or_zero();
             let a = unit(first.v);
             let mut b = DVec3::ZERO;
             for (i, corner) in rest.iter().enumerate() {

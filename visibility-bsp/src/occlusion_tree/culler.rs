@@ -1,8 +1,8 @@
 //! The occlusion tree with large polygons made in advance.
 
 use super::OcclusionTree;
+use crate::clip_projection::ClipProjection;
 use crate::occluders::{Occluders, Selector, sides_of};
-use crate::sight::Sight;
 use alloc::sync::Arc;
 use visibility_core::{
     Accuracy, CullStats, Culler, Eye, MAX_PLANES, OcclusionCuller, Plane, Scene, Selection, View, VisibleSet,
@@ -79,15 +79,15 @@ impl Culler for OcclusionTreeCuller {
         let count = sides_of(view, scene, &mut sides);
         let sides = &sides[..count];
         let tree = self.inner.map_mut();
-        let sight = Sight::new(view, scene.origin());
-        let crowd = tree.crowd.get_or_insert_default();
-        crowd.clear();
+        let projection = ClipProjection::new(view, scene.origin());
+        let density = tree.density.get_or_insert_default();
+        density.clear();
         for id in visible.iter(scene) {
             if let Ok(bounds) = scene.bounds(id) {
-                crowd.add(&sight, bounds.center().as_dvec3());
+                density.add(&projection, bounds.center().as_dvec3());
             }
         }
-        crowd.finish();
+        density.finish();
         self.selector.choose(
             occluders,
             &view.eye(scene.origin()),
@@ -97,18 +97,18 @@ impl Culler for OcclusionTreeCuller {
         self.selector.keep_worthy(tree.most.saturating_mul(CLOSER), |polygon, bound| {
             let (middle, radius) = occluders.about(polygon);
             // A solid angle is an area at a distance of one; of a parallel view it is one as it is.
-            let area = if let Eye::Point(eye) = sight.eye {
+            let area = if let Eye::Point(eye) = projection.eye {
                 f64::from(bound) * eye.distance_squared(middle)
             } else {
                 f64::from(bound)
             };
-            crowd.about(&sight, middle, radius, area).unwrap_or(CERTAIN * bound)
+            density.about(&projection, middle, radius, area).unwrap_or(CERTAIN * bound)
         });
-        self.selector.keep_usable(occluders, scene, view, &sight, visible, sides);
+        self.selector.keep_usable(occluders, scene, view, &projection, visible, sides);
         tree.waiting.clear();
         tree.vertices.clear();
         for chosen in &self.selector.chosen {
-            tree.wait(&occluders.plate(chosen.polygon));
+            tree.wait(&occluders.occluder_polygon(chosen.polygon));
         }
         self.inner.cull(scene, view, visible)
     }

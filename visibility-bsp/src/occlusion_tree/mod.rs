@@ -6,22 +6,22 @@
 //! polygons that it is behind, visible if all of it comes to lit leaves. So occluders fuse: a box may be hidden by several, none of which
 //! hides it alone, and the cost of a test is the depth of the tree, not the number of occluders.
 
-mod boxes;
-mod crowd;
+mod box_query;
 mod culler;
 mod nodes;
+mod screen_density;
 
 pub use culler::OcclusionTreeCuller;
 
-use crate::occluders::{Piece, take_apart};
-use crate::shadow::{Plate, Shadows, plane_of};
-use crate::sight::Sight;
+use crate::clip_projection::ClipProjection;
+use crate::occluders::{OccluderTriangle, take_apart};
+use crate::shadow::{OccluderPolygon, Shadows, plane_of};
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Ordering;
 use core::ops::Range;
-use crowd::Crowd;
 use nodes::{Nodes, Worth};
+use screen_density::ScreenDensity;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{Aabb, Accuracy, OccluderMesh, Occlusion, OcclusionMap, View};
 
@@ -94,7 +94,7 @@ impl Ord for Gain {
 /// ```
 #[derive(Clone, Debug)]
 pub struct OcclusionTree {
-    sight: Sight,
+    projection: ClipProjection,
     nodes: Nodes,
     shadows: Shadows,
     /// How many polygons may still be used this frame, and how many a frame.
@@ -103,9 +103,9 @@ pub struct OcclusionTree {
     vertices: Vec<DVec3>,
     waiting: Vec<Waiting>,
     heap: BinaryHeap<Gain>,
-    pieces: Vec<Piece>,
+    pieces: Vec<OccluderTriangle>,
     /// What shadows fall on, where that is known.
-    crowd: Option<Crowd>,
+    density: Option<ScreenDensity>,
 }
 
 impl Default for OcclusionTree {
@@ -120,7 +120,7 @@ impl OcclusionTree {
         let mut nodes = Nodes::default();
         nodes.clear();
         Self {
-            sight: Sight::BLIND,
+            projection: ClipProjection::BLIND,
             nodes,
             shadows: Shadows::default(),
             left: 0,
@@ -129,7 +129,7 @@ impl OcclusionTree {
             waiting: Vec::new(),
             heap: BinaryHeap::new(),
             pieces: Vec::new(),
-            crowd: None,
+            density: None,
         }
     }
 
@@ -149,11 +149,12 @@ impl OcclusionTree {
     }
 
     /// Has a polygon wait for the next flush. It stays if a frame begins before.
-    fn wait(&mut self, plate: &Plate<'_>) {
+    fn wait(&mut self, occluder_polygon: &OccluderPolygon<'_>) {
         let first = self.vertices.len();
-        self.vertices.extend_from_slice(plate.vertices);
+        self.vertices.extend_from_slice(occluder_polygon.vertices);
         let vertices = first..self.vertices.len();
-        let (normal, reach, two_sided) = (plate.normal, plate.reach, plate.two_sided);
+        let (normal, reach, two_sided) =
+            (occluder_polygon.normal, occluder_polygon.reach, occluder_polygon.two_sided);
         self.waiting.push(Waiting { vertices, normal, reach, two_sided });
     }
 }
@@ -168,7 +169,7 @@ impl OcclusionMap for OcclusionTree {
     }
 
     fn begin(&mut self, view: &View, origin: DVec3) {
-        self.sight = Sight::new(view, origin);
+        self.projection = ClipProjection::new(view, origin);
         self.nodes.clear();
         self.shadows.clear();
         self.left = self.most;
@@ -188,26 +189,26 @@ impl OcclusionMap for OcclusionTree {
             let (quad, triangle) = (face.unwrap_or_default(), [a, b, c]);
             let vertices: &[DVec3] = if face.is_some() { &quad } else { &triangle };
             if let Some((normal, reach, _)) = plane_of(vertices) {
-                self.wait(&Plate { vertices, normal, reach, two_sided });
+                self.wait(&OccluderPolygon { vertices, normal, reach, two_sided });
             }
         }
         self.pieces = pieces;
     }
 
     fn flush(&mut self) {
-        let worth = self.crowd.as_ref().map_or(Worth::Angle, Worth::Crowd);
+        let worth = self.density.as_ref().map_or(Worth::Angle, Worth::Density);
         self.heap.clear();
         for waiting in &self.waiting {
-            let plate = Plate {
+            let occluder_polygon = OccluderPolygon {
                 vertices: &self.vertices[waiting.vertices.clone()],
                 normal: waiting.normal,
                 reach: waiting.reach,
                 two_sided: waiting.two_sided,
             };
-            if self.shadows.cast(&self.sight, &plate) {
+            if self.shadows.cast(&self.projection, &occluder_polygon) {
                 let number = self.shadows.list.len() as u32 - 1;
                 let corners = &self.shadows.corners[self.shadows.list[number as usize].corners.clone()];
-                let angle = worth.of(&self.sight, corners);
+                let angle = worth.of(&self.projection, corners);
                 self.heap.push(Gain { angle, number, asked: u32::MAX });
             }
         }
@@ -219,13 +220,13 @@ impl OcclusionMap for OcclusionTree {
             if self.left == 0 {
                 break;
             }
-            let angle = self.nodes.reach(&self.sight, &self.shadows, number as usize, worth);
+            let angle = self.nodes.reach(&self.projection, &self.shadows, number as usize, worth);
             if !(angle > LEAST_GAIN) {
                 continue;
             }
             let added = self.nodes.planes.len() as u32;
             if asked == added || self.heap.peek().is_none_or(|next| NEARLY * next.angle <= angle) {
-                self.nodes.add(&self.sight, &self.shadows, number as usize);
+                self.nodes.add(&self.projection, &self.shadows, number as usize);
                 self.left -= 1;
             } else {
                 self.heap.push(Gain { angle, number, asked: added });
@@ -235,12 +236,12 @@ impl OcclusionMap for OcclusionTree {
     }
 
     fn test(&self, bounds: &Aabb) -> Occlusion {
-        self.nodes.test(&self.sight, bounds)
+        self.nodes.test(&self.projection, bounds)
     }
 }
 
 /// Two triangles as one flat convex quadrilateral, if they share an edge.
-fn quad(one: &Piece, two: &Piece) -> Option<[DVec3; 4]> {
+fn quad(one: &OccluderTriangle, two: &OccluderTriangle) -> Option<[DVec3; 4]> {
     let (p, q) = (one.corners, two.corners);
     for i in 0..3 {
         for j in 0..3 {

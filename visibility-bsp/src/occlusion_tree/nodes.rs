@@ -1,9 +1,9 @@
 //! The tree itself: planes through the eye that part lit directions from shadowed ones, and how shadows are added.
 
-use super::crowd::Crowd;
+use super::screen_density::ScreenDensity;
+use crate::clip_projection::{Approach, ClipProjection, Line, U, slack_of};
 use crate::occluders::angle_of;
 use crate::shadow::{BackPlane, Corner, Shadow, Shadows};
-use crate::sight::{Approach, Line, Sight, U, slack_of};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -87,14 +87,14 @@ pub(super) enum Worth<'a> {
     /// Its solid angle.
     Angle,
     /// The objects that are there.
-    Crowd(&'a Crowd),
+    Density(&'a ScreenDensity),
 }
 
 impl Worth<'_> {
-    pub(super) fn of(self, sight: &Sight, corners: &[Corner]) -> f32 {
+    pub(super) fn of(self, projection: &ClipProjection, corners: &[Corner]) -> f32 {
         match self {
-            Worth::Angle => angle_of(sight, corners),
-            Worth::Crowd(crowd) => crowd.within(corners),
+            Worth::Angle => angle_of(projection, corners),
+            Worth::Density(density) => density.within(corners),
         }
     }
 }
@@ -136,7 +136,13 @@ impl Nodes {
 
     /// Takes a shadow's polygon down to the leaves that it reaches, and says how much of the picture it would put in shadow: what of it comes to
     /// lit leaves, and a tenth of what comes to shadows of what is farther, since only what is between is gained there.
-    pub(super) fn reach(&mut self, sight: &Sight, shadows: &Shadows, number: usize, worth: Worth<'_>) -> f32 {
+    pub(super) fn reach(
+        &mut self,
+        projection: &ClipProjection,
+        shadows: &Shadows,
+        number: usize,
+        worth: Worth<'_>,
+    ) -> f32 {
         self.corners.clear();
         self.tasks.clear();
         if self.reached.len() <= number {
@@ -176,7 +182,7 @@ impl Nodes {
                     None => continue,
                 },
             };
-            gain += weight * worth.of(sight, &self.corners[front.range()]);
+            gain += weight * worth.of(projection, &self.corners[front.range()]);
             let first = self.arrived.len() as u32;
             self.arrived.extend_from_slice(&self.corners[task.range()]);
             self.arrivals.push(Task { first, ..task });
@@ -186,11 +192,11 @@ impl Nodes {
     }
 
     /// Adds a shadow that has just been taken down: the leaves that are lit, or hidden by something farther, are parted by its edges.
-    pub(crate) fn add(&mut self, sight: &Sight, shadows: &Shadows, number: usize) {
+    pub(crate) fn add(&mut self, projection: &ClipProjection, shadows: &Shadows, number: usize) {
         let shadow = &shadows.list[number];
         let plane = self.planes.len() as u32;
         self.planes.push(shadow.back);
-        self.approaches.push(sight.approach(shadow.back.normal, shadow.back.offset));
+        self.approaches.push(projection.approach(shadow.back.normal, shadow.back.offset));
         for arrival in self.reached[number].take().unwrap_or_default() {
             let task = self.arrivals[arrival];
             self.corners.clear();

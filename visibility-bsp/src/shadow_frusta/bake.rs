@@ -173,24 +173,27 @@ impl Bake<'_> {
 
     /// Which objects, by their middles, a polygon hides from each of the eyes: a bit each. Only a choice, so nothing here is careful of rounding.
     fn hidden_by(&self, polygon: u32, eyes: &[DVec3; SAMPLES]) -> [u64; WORDS] {
-        let plate = self.occluders.plate(polygon);
+        let occluder_polygon = self.occluders.occluder_polygon(polygon);
         let mut set = [0u64; WORDS];
-        let Some((normal, reach, _)) = plane_of(plate.vertices) else { return set };
+        let Some((normal, reach, _)) = plane_of(occluder_polygon.vertices) else { return set };
         for (sample, eye) in eyes.iter().enumerate() {
             let height = normal.dot(*eye) - reach[1];
             let side = if height > 0.0 {
                 1.0
-            } else if plate.two_sided && normal.dot(*eye) < reach[0] {
+            } else if occluder_polygon.two_sided && normal.dot(*eye) < reach[0] {
                 -1.0
             } else {
                 continue;
             };
             for (object, p) in self.objects.iter().enumerate() {
                 let behind = (normal.dot(*p) - reach[0]) * side < 0.0;
-                let count = plate.vertices.len();
+                let count = occluder_polygon.vertices.len();
                 let inside = behind
                     && (0..count).all(|i| {
-                        let (a, b) = (plate.vertices[i] - *eye, plate.vertices[(i + 1) % count] - *eye);
+                        let (a, b) = (
+                            occluder_polygon.vertices[i] - *eye,
+                            occluder_polygon.vertices[(i + 1) % count] - *eye,
+                        );
                         a.cross(b).dot(*p - *eye) * side < 0.0
                     });
                 if inside {

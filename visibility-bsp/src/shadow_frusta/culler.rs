@@ -1,9 +1,9 @@
 //! Testing boxes against the frusta of the eye's region.
 
 use super::ShadowFrusta;
+use crate::clip_projection::ClipProjection;
 use crate::occluders::{Chosen, Selector, sides_of};
 use crate::shadow::Shadows;
-use crate::sight::Sight;
 use alloc::sync::Arc;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
@@ -14,7 +14,7 @@ use visibility_core::{
 /// The frusta of a frame as a map.
 #[derive(Clone, Debug)]
 struct Frusta {
-    sight: Sight,
+    projection: ClipProjection,
     shadows: Shadows,
 }
 
@@ -42,7 +42,7 @@ pub struct ShadowFrustaCuller {
 impl ShadowFrustaCuller {
     /// Uses what was chosen in advance.
     pub fn new(frusta: Arc<ShadowFrusta>) -> Self {
-        let map = Frusta { sight: Sight::BLIND, shadows: Shadows::default() };
+        let map = Frusta { projection: ClipProjection::BLIND, shadows: Shadows::default() };
         let inner = OcclusionCuller::new(map).with_selection(Selection::Interleaved).with_budget(0);
         Self { frusta, selector: Selector::default(), inner }
     }
@@ -70,23 +70,23 @@ impl Culler for ShadowFrustaCuller {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let occluders = &self.frusta.occluders;
         self.selector.follow(occluders, scene);
-        let sight = Sight::new(view, scene.origin());
+        let projection = ClipProjection::new(view, scene.origin());
         self.selector.chosen.clear();
         // A parallel view is in no region: those of where its picture is taken from would do, but hide little.
-        match sight.eye {
+        match projection.eye {
             Eye::Point(eye) => {
                 let chosen = self.frusta.chosen_at(eye).iter();
                 self.selector.chosen.extend(chosen.map(|&polygon| Chosen { polygon, bound: 0.0 }));
             }
-            Eye::Direction(_) => self.selector.choose(occluders, &sight.eye, None, self.frusta.most()),
+            Eye::Direction(_) => self.selector.choose(occluders, &projection.eye, None, self.frusta.most()),
         }
         let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
         let count = sides_of(view, scene, &mut sides);
-        self.selector.keep_usable(occluders, scene, view, &sight, visible, &sides[..count]);
+        self.selector.keep_usable(occluders, scene, view, &projection, visible, &sides[..count]);
         let map = self.inner.map_mut();
         map.shadows.clear();
         for chosen in &self.selector.chosen {
-            map.shadows.cast(&sight, &occluders.plate(chosen.polygon));
+            map.shadows.cast(&projection, &occluders.occluder_polygon(chosen.polygon));
         }
         self.inner.cull(scene, view, visible)
     }
@@ -108,7 +108,7 @@ impl OcclusionMap for Frusta {
 
     fn begin(&mut self, view: &View, origin: DVec3) {
         // The shadows have been cast before.
-        self.sight = Sight::new(view, origin);
+        self.projection = ClipProjection::new(view, origin);
     }
 
     fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
@@ -119,7 +119,7 @@ impl OcclusionMap for Frusta {
         if !bounds.is_finite() {
             return Occlusion::Visible;
         }
-        let cone = self.sight.cone(bounds).filter(|_| self.sight.is_beyond_near(bounds));
+        let cone = self.projection.cone(bounds).filter(|_| self.projection.is_beyond_near(bounds));
         let Some(cone) = cone else { return Occlusion::Partial };
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let mut all = Occlusion::Visible;

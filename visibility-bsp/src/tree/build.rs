@@ -244,7 +244,7 @@ impl BspTree {
                     let [whole, ahead, behind] = &mut *cut;
                     whole.clear();
                     whole.extend_from_slice(self.store.vertices_at(piece.start, piece.len));
-                    crate::cut::cut(whole, &plane, ahead, behind);
+                    crate::polygon_cut::cut(whole, &plane, ahead, behind);
                     self.store.give_back(piece.start, piece.len);
                     for (half, list) in [(&*ahead, &mut *front), (&*behind, &mut *back)] {
                         if half.len() >= 3 {

@@ -3,8 +3,8 @@
 use super::{Known, World, no_dial};
 use std::sync::Arc;
 use visibility_bsp::{
-    BspOrder, LargeOccluders, Naylor, Occluders, OcclusionTreeCuller, SceneTree, ShadowFrusta,
-    ShadowFrustaCuller,
+    BspOrderCuller, LargeOccludersCuller, NaylorCuller, Occluders, OcclusionTreeCuller, SceneTree,
+    ShadowFrusta, ShadowFrustaCuller,
 };
 
 pub(super) const KNOWN: &[Known] = &[
@@ -14,7 +14,7 @@ pub(super) const KNOWN: &[Known] = &[
         dials: &["65536", "4096"],
         make: |dial, world| {
             let most = number(dial, 1 << 16)? as u64;
-            Ok(Box::new(BspOrder::new(tree_of(world)?).with_nodes(most)))
+            Ok(Box::new(BspOrderCuller::new(tree_of(world)?).with_nodes(most)))
         },
     },
     Known {
@@ -23,7 +23,7 @@ pub(super) const KNOWN: &[Known] = &[
         dials: &[],
         make: |dial, world| {
             no_dial(dial)?;
-            Ok(Box::new(Naylor::new(tree_of(world)?)))
+            Ok(Box::new(NaylorCuller::new(tree_of(world)?)))
         },
     },
     Known {
@@ -52,7 +52,7 @@ pub(super) const KNOWN: &[Known] = &[
         dials: &["128", "64", "16"],
         make: |dial, world| {
             let most = number(dial, 64)?;
-            Ok(Box::new(LargeOccluders::new(occluders_of(world)?).with_polygons(most)))
+            Ok(Box::new(LargeOccludersCuller::new(occluders_of(world)?).with_polygons(most)))
         },
     },
 ];

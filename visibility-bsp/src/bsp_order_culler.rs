@@ -1,8 +1,8 @@
 //! View volume culling with a scene's BSP tree, and the objects in the order of depth.
 
-use crate::scene_tree::{SceneTree, Standing};
+use crate::scene_tree::{SceneTree, StaleObjects};
 use crate::tree::{Fragments, Order, Subtree, Walk};
-use crate::volume::Volume;
+use crate::view_volume::ViewVolume;
 use alloc::vec::Vec;
 use core::borrow::Borrow;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
@@ -17,7 +17,7 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 /// [`with_nodes`](Self::with_nodes) says, it goes no further: objects that were not met by then are visible, and come last.
 ///
 /// ```
-/// use visibility_bsp::{BspOrder, SceneTree};
+/// use visibility_bsp::{BspOrderCuller, SceneTree};
 /// use visibility_core::{Aabb, Pipeline, Pose, Scene, View, VisibleSet, glam::{DVec3, Vec3}};
 /// let mut scene = Scene::new();
 /// let [far, near] = [8.0, 4.0].map(|x: f32| {
@@ -26,7 +26,7 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 ///     id
 /// });
 /// let tree = SceneTree::new(&scene)?;
-/// let mut pipeline = Pipeline::new().with(BspOrder::new(std::sync::Arc::new(tree)));
+/// let mut pipeline = Pipeline::new().with(BspOrderCuller::new(std::sync::Arc::new(tree)));
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// let mut visible = VisibleSet::new();
 /// pipeline.cull(&scene, &View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY)?, &mut visible);
@@ -34,9 +34,9 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct BspOrder<S> {
+pub struct BspOrderCuller<S> {
     shared: S,
-    standing: Standing,
+    stale: StaleObjects,
     order: Order,
     most: u64,
     /// By index: when the object was first met, of those that matter.
@@ -47,10 +47,10 @@ const NOT_MET: u32 = u32::MAX;
 /// Not a candidate, or none that the tree knows as it is: it comes last.
 const NONE: u32 = u32::MAX - 1;
 
-impl<S: Borrow<SceneTree>> BspOrder<S> {
+impl<S: Borrow<SceneTree>> BspOrderCuller<S> {
     /// For one view.
     pub fn new(shared: S) -> Self {
-        Self { shared, standing: Standing::default(), order: Order::new(), most: 1 << 16, ranks: Vec::new() }
+        Self { shared, stale: StaleObjects::default(), order: Order::new(), most: 1 << 16, ranks: Vec::new() }
     }
 
     /// The tree, to replace it, or to bring it up to date if it is this culler's own.
@@ -64,7 +64,7 @@ impl<S: Borrow<SceneTree>> BspOrder<S> {
     }
 }
 
-impl<S: Borrow<SceneTree>> Culler for BspOrder<S> {
+impl<S: Borrow<SceneTree>> Culler for BspOrderCuller<S> {
     fn name(&self) -> &str {
         "bsp-order"
     }
@@ -74,17 +74,17 @@ impl<S: Borrow<SceneTree>> Culler for BspOrder<S> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Self { shared, standing, order, most, ranks } = self;
+        let Self { shared, stale, order, most, ranks } = self;
         let shared = (*shared).borrow();
-        standing.begin(shared, scene);
+        stale.begin(shared, scene);
         ranks.clear();
         ranks.resize(scene.index_limit(), NONE);
         let mut left = 0;
-        for id in visible.iter(scene).filter(|&id| standing.is_known(shared, id)) {
+        for id in visible.iter(scene).filter(|&id| stale.is_known(shared, id)) {
             ranks[id.index()] = NOT_MET;
             left += 1;
         }
-        let volume = Volume::new(view, scene);
+        let volume = ViewVolume::new(view, scene);
         let mut frame = Frame { volume, ranks, met: 0, left, most: *most, stats: CullStats::default() };
         shared.tree().walk(view.eye(scene.origin()), order, &mut frame);
         let mut stats = frame.stats;
@@ -97,7 +97,7 @@ impl<S: Borrow<SceneTree>> Culler for BspOrder<S> {
 }
 
 struct Frame<'a> {
-    volume: Volume,
+    volume: ViewVolume,
     ranks: &'a mut [u32],
     met: u32,
     /// Candidates not met.

@@ -1,21 +1,21 @@
 //! From polygons and boxes of the scene to polygons of the picture.
 
 use super::beams::{Corner, NARROWEST};
-use crate::cut::cut;
-use crate::volume::Volume;
+use crate::polygon_cut::cut;
+use crate::view_volume::ViewVolume;
 use alloc::vec::Vec;
 use visibility_core::glam::{DMat4, DVec3, DVec4};
 use visibility_core::{Aabb, MAX_PLANES, Plane, Scene, Side, SidePlane, View};
 
 /// The memory of what is drawn.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Image {
+pub(super) struct ProjectedPolygon {
     space: [Vec<DVec3>; 3],
     polygon: Vec<Corner>,
     error: f64,
 }
 
-impl Image {
+impl ProjectedPolygon {
     /// How far off its corners may be.
     pub(super) fn error(&self) -> f64 {
         self.error
@@ -29,12 +29,12 @@ impl Image {
 
 /// A view, as it draws scene coordinates.
 #[derive(Clone, Debug)]
-pub(super) struct Lens {
+pub(super) struct ScreenProjection {
     clip: DMat4,
     /// Near, far, those of the view's own, and the sides of a wider picture.
     planes: [SidePlane; MAX_PLANES],
     count: usize,
-    volume: Volume,
+    volume: ViewVolume,
     /// The least `w` of what is in view.
     least_w: f64,
     /// That of `x`, `y` and `w`.
@@ -47,7 +47,7 @@ const WORST: f64 = 1e-8;
 /// How many times as wide as the picture polygons are cut in space. What is left is cut in the picture, where an edge keeps its line.
 const WIDER: f64 = 4.0;
 
-impl Lens {
+impl ScreenProjection {
     /// `None` where the coordinates of the scene are so large, or its near plane so near, that rounding blurs the picture.
     ///
     /// `x`, `y` and `w` are sums of four products, rounded by at most `5 u` of the sum of magnitudes `m`; the matrix is rounded once, and the vertex
@@ -64,24 +64,24 @@ impl Lens {
         let size = |row: DVec4| row.truncate().abs().dot(reach) + row.w.abs();
         let error = 6.0 * f64::EPSILON * size(x).max(size(y)).max(size(w));
         let least_w = nearest_w(view)?;
-        let mut lens = Self {
+        let mut projection = Self {
             clip,
             planes: [SidePlane { plane: Plane::new(DVec3::ZERO, 1.0), margin: 0.0 }; MAX_PLANES],
             count: 0,
-            volume: Volume::new(view, scene),
+            volume: ViewVolume::new(view, scene),
             least_w,
             error,
         };
         // The first four are the sides of the picture.
         for plane in view.planes(origin).as_slice().iter().skip(4) {
             let side = SidePlane::new(plane.plane, reach);
-            lens.push(SidePlane { margin: side.margin + plane.error, ..side });
+            projection.push(SidePlane { margin: side.margin + plane.error, ..side });
         }
         for row in [w * WIDER + x, w * WIDER - x, w * WIDER + y, w * WIDER - y] {
             let plane = Plane::new(row.truncate(), row.w).normalized()?;
-            lens.push(SidePlane::new(plane, reach));
+            projection.push(SidePlane::new(plane, reach));
         }
-        (lens.error_at(least_w) <= WORST).then_some(lens)
+        (projection.error_at(least_w) <= WORST).then_some(projection)
     }
 
     fn push(&mut self, plane: SidePlane) {
@@ -102,7 +102,7 @@ impl Lens {
     }
 
     /// Draws what is in view of a polygon. False if there is nothing.
-    pub(super) fn draw(&self, vertices: &[DVec3], image: &mut Image) -> bool {
+    pub(super) fn draw(&self, vertices: &[DVec3], image: &mut ProjectedPolygon) -> bool {
         let [polygon, inner, outer] = &mut image.space;
         polygon.clear();
         polygon.extend_from_slice(vertices);
@@ -169,7 +169,7 @@ impl Lens {
     }
 
     /// Draws a rectangle around a box. False if the box is outside the view.
-    pub(super) fn draw_box(&self, bounds: &Aabb, image: &mut Image) -> bool {
+    pub(super) fn draw_box(&self, bounds: &Aabb, image: &mut ProjectedPolygon) -> bool {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for corner in bounds.corners() {
             let q = self.clip * corner.as_dvec3().extend(1.0);

@@ -8,7 +8,7 @@
 //! adds four roundings to the error.
 
 use super::nodes::{AWAY, Child, HIDDEN, LIT, MOST_PLANES, Nodes};
-use crate::sight::{Cone, Sight, U, dot, slack_of};
+use crate::clip_projection::{BoxProjection, ClipProjection, U, dot, slack_of};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Eye, Occlusion};
 
@@ -87,7 +87,7 @@ const OUTLINES: [([u8; 6], u8); 64] = {
 /// A box on its way through the tree.
 struct Walk<'a> {
     nodes: &'a Nodes,
-    sight: &'a Sight,
+    projection: &'a ClipProjection,
     min: DVec3,
     max: DVec3,
     /// The faces that the eye is before, as a mask.
@@ -97,14 +97,14 @@ struct Walk<'a> {
 
 impl Nodes {
     /// What the tree says of a box.
-    pub(crate) fn test(&self, sight: &Sight, bounds: &Aabb) -> Occlusion {
+    pub(crate) fn test(&self, projection: &ClipProjection, bounds: &Aabb) -> Occlusion {
         if !bounds.is_finite() {
             return Occlusion::Visible;
         }
-        if !sight.is_beyond_near(bounds) {
+        if !projection.is_beyond_near(bounds) {
             return Occlusion::Partial;
         }
-        let Some(cone) = sight.cone(bounds) else { return Occlusion::Partial };
+        let Some(cone) = projection.cone(bounds) else { return Occlusion::Partial };
         let mut child = self.root;
         while let Some(node) = self.nodes.get(child as usize) {
             let (least, greatest) = cone.span(node.line.n);
@@ -123,8 +123,8 @@ impl Nodes {
             _ => {}
         }
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        let mut walk = Walk { nodes: self, sight, min, max, faces: 0, found: Found::default() };
-        let whole = match faces_before(sight, min, max) {
+        let mut walk = Walk { nodes: self, projection, min, max, faces: 0, found: Found::default() };
+        let whole = match faces_before(projection, min, max) {
             Some(faces) => {
                 walk.faces = faces;
                 let (outline, count) = &OUTLINES[faces];
@@ -132,7 +132,8 @@ impl Nodes {
             }
             // Where it is not certain which faces the eye is before, all that it may be.
             None => (0..6).all(|face| {
-                !may_be_before(sight, face, min, max) || walk.visit(child, &Part::new(&cone, &FACES[face]))
+                !may_be_before(projection, face, min, max)
+                    || walk.visit(child, &Part::new(&cone, &FACES[face]))
             }),
         };
         walk.found.verdict(whole)
@@ -182,9 +183,9 @@ impl Walk<'_> {
             let (sign, offset) = if face % 2 == 0 { (-1.0, self.min[axis]) } else { (1.0, -self.max[axis]) };
             let mut normal = DVec3::ZERO;
             normal[axis] = sign;
-            let second = self.sight.approach(normal, offset);
+            let second = self.projection.approach(normal, offset);
             second.is_some_and(|second| {
-                self.sight.is_met_first(first, &second, &part.corners[..part.count], part.slack)
+                self.projection.is_met_first(first, &second, &part.corners[..part.count], part.slack)
             })
         })
     }
@@ -237,7 +238,7 @@ impl Part {
         Self { corners: [[0.0; 3]; MOST], count: 0, slack }
     }
 
-    fn new(cone: &Cone, numbers: &[u8]) -> Self {
+    fn new(cone: &BoxProjection, numbers: &[u8]) -> Self {
         let mut part = Self { count: numbers.len(), ..Self::empty(cone.slack) };
         for (corner, &number) in part.corners.iter_mut().zip(numbers) {
             *corner = cone.corner(usize::from(number));
@@ -274,13 +275,13 @@ impl Part {
 }
 
 /// The faces that the eye is before, as a mask, if that is certain of each of the six.
-fn faces_before(sight: &Sight, min: DVec3, max: DVec3) -> Option<usize> {
+fn faces_before(projection: &ClipProjection, min: DVec3, max: DVec3) -> Option<usize> {
     let mut mask = 0;
-    let certain = match sight.eye {
+    let certain = match projection.eye {
         Eye::Point(eye) => {
             let mut certain = true;
             for axis in 0..3 {
-                let error = sight.eye_error;
+                let error = projection.eye_error;
                 let (below, above) = (min[axis] - eye[axis], eye[axis] - max[axis]);
                 // The differences are rounded by less than the error is.
                 mask |= usize::from(below > 0.0) << (2 * axis) | usize::from(above > 0.0) << (2 * axis + 1);
@@ -293,7 +294,7 @@ fn faces_before(sight: &Sight, min: DVec3, max: DVec3) -> Option<usize> {
             for axis in 0..3 {
                 mask |= usize::from(along[axis] > 0.0) << (2 * axis)
                     | usize::from(along[axis] < 0.0) << (2 * axis + 1);
-                certain &= along[axis].abs() > 2.0 * sight.eye_error + 8.0 * U;
+                certain &= along[axis].abs() > 2.0 * projection.eye_error + 8.0 * U;
             }
             certain
         }
@@ -302,14 +303,14 @@ fn faces_before(sight: &Sight, min: DVec3, max: DVec3) -> Option<usize> {
 }
 
 /// Whether the eye may be before a face.
-fn may_be_before(sight: &Sight, face: usize, min: DVec3, max: DVec3) -> bool {
+fn may_be_before(projection: &ClipProjection, face: usize, min: DVec3, max: DVec3) -> bool {
     let axis = face / 2;
-    match sight.eye {
-        Eye::Point(eye) if face.is_multiple_of(2) => !(eye[axis] - min[axis] > 2.0 * sight.eye_error),
-        Eye::Point(eye) => !(max[axis] - eye[axis] > 2.0 * sight.eye_error),
+    match projection.eye {
+        Eye::Point(eye) if face.is_multiple_of(2) => !(eye[axis] - min[axis] > 2.0 * projection.eye_error),
+        Eye::Point(eye) => !(max[axis] - eye[axis] > 2.0 * projection.eye_error),
         Eye::Direction(along) => {
             let along = if face.is_multiple_of(2) { along[axis] } else { -along[axis] };
-            !(along < -(2.0 * sight.eye_error + 8.0 * U))
+            !(along < -(2.0 * projection.eye_error + 8.0 * U))
         }
     }
 }

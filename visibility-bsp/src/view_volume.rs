@@ -3,13 +3,13 @@
 use visibility_core::{Aabb, Containment, MAX_PLANES, Plane, Scene, View, glam::DVec3};
 
 #[derive(Clone, Debug)]
-pub(crate) struct Volume {
+pub(crate) struct ViewVolume {
     /// Moved outwards by their errors.
     planes: [Plane; MAX_PLANES],
     count: usize,
 }
 
-impl Volume {
+impl ViewVolume {
     pub(crate) fn new(view: &View, scene: &Scene) -> Self {
         let mut volume = Self { planes: [Plane::new(DVec3::ZERO, 1.0); MAX_PLANES], count: 0 };
         for of_view in view.planes(scene.origin()).as_slice() {

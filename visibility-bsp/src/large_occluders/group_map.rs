@@ -1,8 +1,8 @@
 //! The groups of a frame as an occlusion map, with what is remembered of each box.
 
 use super::group::{Edge, Face, Group};
+use crate::clip_projection::ClipProjection;
 use crate::occluders::Occluders;
-use crate::sight::Sight;
 use alloc::vec::Vec;
 use core::cell::RefCell;
 use hashbrown::HashMap;
@@ -45,18 +45,24 @@ const FORGET: u64 = 64;
 
 /// Occluders, singly and in pairs.
 #[derive(Clone, Debug)]
-pub(super) struct Joint {
+pub(super) struct GroupMap {
     pub(super) coherent: bool,
-    sight: Sight,
+    projection: ClipProjection,
     frame: u64,
     memory: RefCell<Memory>,
     /// Edges of all polygons, by their ends, to find those that are shared.
     shared: Vec<([u64; 6], usize, usize)>,
 }
 
-impl Joint {
+impl GroupMap {
     pub(super) fn new() -> Self {
-        Self { coherent: true, sight: Sight::BLIND, frame: 0, memory: RefCell::default(), shared: Vec::new() }
+        Self {
+            coherent: true,
+            projection: ClipProjection::BLIND,
+            frame: 0,
+            memory: RefCell::default(),
+            shared: Vec::new(),
+        }
     }
 
     pub(super) fn computed(&self) -> u64 {
@@ -78,8 +84,8 @@ impl Joint {
         let Groups { faces, edges, groups, looked } = &mut self.memory.get_mut().groups;
         *looked = 0;
         for (number, &polygon) in polygons.iter().enumerate() {
-            let plate = occluders.plate(polygon);
-            let v = plate.vertices;
+            let occluder_polygon = occluders.occluder_polygon(polygon);
+            let v = occluder_polygon.vertices;
             let mut middle = DVec3::ZERO;
             for p in v {
                 middle += *p / v.len() as f64;
@@ -90,7 +96,7 @@ impl Joint {
                 self.shared.push((key(ends), number, first + i));
                 edges.push(Edge::new(ends, middle));
             }
-            faces.push(Face::new(&plate));
+            faces.push(Face::new(&occluder_polygon));
             groups.push(Group { edges: first..edges.len(), polygons: [number; 2], joined: true });
         }
         // Edges that two polygons share, whichever way they go round it.
@@ -119,28 +125,28 @@ impl Joint {
         memory.computed += 1;
         if memory.groups.looked != self.frame {
             memory.groups.looked = self.frame;
-            memory.groups.look(&self.sight);
+            memory.groups.look(&self.projection);
         }
-        memory.groups.compute(&self.sight.eye, self.coherent, min, max)
+        memory.groups.compute(&self.projection.eye, self.coherent, min, max)
     }
 }
 
 impl Groups {
     /// Takes in which side of each polygon the eye is surely before, if any, and says whether that is another than the last time.
-    fn turn(&mut self, sight: &Sight) -> bool {
-        let clear = sight.clearance();
+    fn turn(&mut self, projection: &ClipProjection) -> bool {
+        let clear = projection.clearance();
         let mut turned = false;
         for face in &mut self.faces {
             let known = (face.before, face.from_front);
-            face.look(&sight.eye, sight.eye_error, clear);
+            face.look(&projection.eye, projection.eye_error, clear);
             turned |= known != (face.before, face.from_front);
         }
         turned
     }
 
     /// Takes in the eye.
-    fn look(&mut self, sight: &Sight) {
-        let (eye, error) = (sight.eye, sight.eye_error);
+    fn look(&mut self, projection: &ClipProjection) {
+        let (eye, error) = (projection.eye, projection.eye_error);
         for edge in &mut self.edges {
             edge.look(&eye, error);
         }
@@ -150,7 +156,7 @@ impl Groups {
             // Parallel views have no distance within which the near plane is: a polygon that is not beyond it all is of no use. Both ends of
             // each edge, since of two polygons that go the same way round, the edges that are left begin nowhere at one end of the shared one.
             let surely_beyond = |end: &DVec3| {
-                let (value, error) = sight.beyond_near(*end);
+                let (value, error) = projection.beyond_near(*end);
                 value > error
             };
             let cut = matches!(eye, Eye::Direction(_))
@@ -225,7 +231,7 @@ fn key(ends: [DVec3; 2]) -> [u64; 6] {
     [a[0], a[1], a[2], b[0], b[1], b[2]]
 }
 
-impl OcclusionMap for Joint {
+impl OcclusionMap for GroupMap {
     fn name(&self) -> &str {
         "large-occluders"
     }
@@ -236,10 +242,10 @@ impl OcclusionMap for Joint {
 
     fn begin(&mut self, view: &View, origin: DVec3) {
         self.frame += 1;
-        self.sight = Sight::new(view, origin);
+        self.projection = ClipProjection::new(view, origin);
         let memory = self.memory.get_mut();
         memory.computed = 0;
-        if memory.groups.turn(&self.sight) {
+        if memory.groups.turn(&self.projection) {
             memory.known.clear();
         }
         if self.frame.is_multiple_of(FORGET) {
@@ -256,19 +262,19 @@ impl OcclusionMap for Joint {
         if !bounds.is_finite() {
             return Occlusion::Visible;
         }
-        if !self.sight.is_beyond_near(bounds) {
+        if !self.projection.is_beyond_near(bounds) {
             return Occlusion::Partial;
         }
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let mut memory = self.memory.borrow_mut();
-        let Eye::Point(eye) = self.sight.eye else { return self.compute(&mut memory, min, max).0 };
+        let Eye::Point(eye) = self.projection.eye else { return self.compute(&mut memory, min, max).0 };
         if !self.coherent {
             return self.compute(&mut memory, min, max).0;
         }
         let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
         let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
         let bits = [x0, y0, z0, x1, y1, z1];
-        let eye_error = self.sight.eye_error;
+        let eye_error = self.projection.eye_error;
         if let Some(known) = memory.known.get_mut(&bits)
             && let radius = known.radius - (eye_error - known.eye_error).max(0.0)
             && radius >= 0.0

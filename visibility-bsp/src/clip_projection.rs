@@ -76,13 +76,13 @@ impl Line {
 
 /// A box as seen: the direction of its least corner, what its sides add to that, and a bound on the error of `n . v` for any corner.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cone {
+pub(crate) struct BoxProjection {
     pub(crate) base: [f64; 3],
     pub(crate) sides: [[f64; 3]; 3],
     pub(crate) slack: f64,
 }
 
-impl Cone {
+impl BoxProjection {
     /// The least and greatest `n . v` over the box.
     #[inline]
     pub(crate) fn span(&self, n: [f64; 3]) -> (f64, f64) {
@@ -105,7 +105,7 @@ impl Cone {
 
 /// A view made ready for one frame.
 #[derive(Clone, Debug)]
-pub(crate) struct Sight {
+pub(crate) struct ClipProjection {
     rows: [ClipRow; 3],
     /// Positive beyond the near plane.
     near: ClipRow,
@@ -123,7 +123,7 @@ pub(crate) struct Sight {
     turn: f64,
 }
 
-impl Sight {
+impl ClipProjection {
     /// A view in which nothing is hidden.
     pub(crate) const BLIND: Self = Self {
         rows: [ClipRow { linear: DVec3::ZERO, constant: 0.0, error: 0.0 }; 3],
@@ -183,7 +183,7 @@ impl Sight {
     }
 
     /// A box as seen.
-    pub(crate) fn cone(&self, bounds: &Aabb) -> Option<Cone> {
+    pub(crate) fn cone(&self, bounds: &Aabb) -> Option<BoxProjection> {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (q, size) = (min - self.anchor, max - min);
         // Each corner is a value at the least corner and up to three products, summed: any term passes at most eight roundings.
@@ -207,7 +207,7 @@ impl Sight {
         let scaled = |v: [f64; 3]| [v[0] * scale, v[1] * scale, v[2] * scale];
         // Spans add up four numbers instead of one: a few roundings more.
         let slack = slack_of(error) + 32.0 * U;
-        (error < TOO_WRONG).then(|| Cone { base: scaled(base), sides: sides.map(scaled), slack })
+        (error < TOO_WRONG).then(|| BoxProjection { base: scaled(base), sides: sides.map(scaled), slack })
     }
 
     /// How far from the eye something in view can be and yet be before the near plane, in metres; infinite for parallel views.

@@ -1,7 +1,7 @@
 //! Where in the picture the objects are: a shadow is worth what it may fall on, and empty sky is worth little.
 
+use crate::clip_projection::ClipProjection;
 use crate::shadow::Corner;
-use crate::sight::Sight;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
@@ -13,13 +13,13 @@ const EVEN: f64 = 0.25;
 
 /// How many objects are in each part of the picture, by their middles: only for choosing, so rounding does no harm.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Crowd {
+pub(super) struct ScreenDensity {
     /// Of how many the middles are left of and below each crossing of the grid's lines, row by row.
     sums: Vec<f32>,
     all: f64,
 }
 
-impl Crowd {
+impl ScreenDensity {
     /// Counts nothing yet.
     pub(super) fn clear(&mut self) {
         self.all = 0.0;
@@ -28,8 +28,8 @@ impl Crowd {
     }
 
     /// Counts an object.
-    pub(super) fn add(&mut self, sight: &Sight, middle: DVec3) {
-        let [x, y, w] = sight.values(middle);
+    pub(super) fn add(&mut self, projection: &ClipProjection, middle: DVec3) {
+        let [x, y, w] = projection.values(middle);
         if w > 0.0 && x.abs() <= w && y.abs() <= w {
             let [column, row] = [x, y].map(|a| (place(a / w) as usize).min(CELLS - 1));
             self.sums[(row + 1) * LINES + column + 1] += 1.0;
@@ -86,9 +86,15 @@ impl Crowd {
 
     /// About what a polygon is worth of which only the middle, the radius and the area, as seen from the eye, are known; none of one that is close,
     /// or large.
-    pub(super) fn about(&self, sight: &Sight, middle: DVec3, radius: f64, area: f64) -> Option<f32> {
-        let [x, y, w] = sight.values(middle);
-        let [across, up] = sight.scale().map(|scale| radius * scale / w);
+    pub(super) fn about(
+        &self,
+        projection: &ClipProjection,
+        middle: DVec3,
+        radius: f64,
+        area: f64,
+    ) -> Option<f32> {
+        let [x, y, w] = projection.values(middle);
+        let [across, up] = projection.scale().map(|scale| radius * scale / w);
         if !(w > 0.0 && across < 1.0 && up < 1.0) {
             return None;
         }
