@@ -1,4 +1,5 @@
-//! Numbers that are handed out once, so that what belongs to one scene or structure is not taken for what belongs to another.
+//! Numbers that are handed out once, so that what belongs to one scene or structure is not taken for what
+//! belongs to another.
 
 use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
@@ -10,8 +11,8 @@ static LAST_SERIAL: AtomicUsize = AtomicUsize::new(0);
 /// Bits of a number within its range.
 const RANGE_BITS: u32 = 40;
 
-/// Where a scene begins to count its layouts and its revisions. Distinct for the first 16 million calls: 2^40 numbers belong
-/// to each.
+/// Where a scene begins to count its layouts and its revisions. Distinct for the first 16 million calls: 2^40
+/// numbers belong to each.
 pub(crate) fn next_range() -> u64 {
     (next(&LAST_RANGE) as u64) << RANGE_BITS
 }
@@ -32,8 +33,8 @@ fn next(last: &AtomicUsize) -> usize {
     last.fetch_add(1, Relaxed).wrapping_add(1)
 }
 
-/// The same on processors without compare-and-swap. These have one core, and an interrupt between load and store would have to
-/// make a scene to do any harm.
+/// The same on processors without compare-and-swap. These have one core, and an interrupt between load and
+/// store would have to make a scene to do any harm.
 #[cfg(not(target_has_atomic = "ptr"))]
 fn next(last: &AtomicUsize) -> usize {
     let next = last.load(Relaxed).wrapping_add(1);

@@ -1,13 +1,16 @@
-//! What derived state was made from: the one type by which a culler or a shared structure tells its sources apart.
+//! What derived state was made from: the one type by which a culler or a shared structure tells its sources
+//! apart.
 
 use crate::serial::{is_same_range, next_serial};
 use crate::{Changes, Scene};
 
-/// Identifies the content of a structure that others derive state from: a cell graph, a PVS, a set of occluders.
+/// Identifies the content of a structure that others derive state from: a cell graph, a PVS, a set of
+/// occluders.
 ///
-/// A structure takes a [new](Self::new) stamp when it is made and after every change of its content, so equal stamps mean equal content. A
-/// clone keeps the stamp of the original until either of them changes. Whatever is derived from the structure keeps the stamp
-/// beside it, and is made anew when the two differ. Stamps have no order: two that differ say nothing else about their owners.
+/// A structure takes a [new](Self::new) stamp when it is made and after every change of its content, so equal
+/// stamps mean equal content. A clone keeps the stamp of the original until either of them changes. Whatever
+/// is derived from the structure keeps the stamp beside it, and is made anew when the two differ. Stamps have
+/// no order: two that differ say nothing else about their owners.
 ///
 /// ```
 /// use visibility_core::Stamp;
@@ -32,10 +35,12 @@ impl Stamp {
     }
 }
 
-/// How far a reader of a scene's changes has come: the scene, and the revision up to which its changes are taken in.
+/// How far a reader of a scene's changes has come: the scene, and the revision up to which its changes are
+/// taken in.
 ///
-/// Every structure that derives state from a [`Scene`] keeps one cursor. A scene that differs from the one read before, a clone of it
-/// included, and a scene that no longer lists the changes since then, report [`Changes::Everything`].
+/// Every structure that derives state from a [`Scene`] keeps one cursor. A scene that differs from the one
+/// read before, a clone of it included, and a scene that no longer lists the changes since then, report
+/// [`Changes::Everything`].
 ///
 /// ```
 /// use visibility_core::{Aabb, Changes, Scene, SceneCursor};

@@ -237,3 +237,17 @@ fn two_sided_objects_stay_so_while_the_culler_is_with_another_scene() {
     culler.sync(&a);
     assert!(cull(&mut culler, &a, &below).contains(&a, leaf));
 }
+
+#[test]
+fn what_one_scene_removes_stays_two_sided_in_another() {
+    let ([mut a, b], id, [above, _]) = opposite_scenes();
+    let mut culler = BackfaceCuller::new();
+    for scene in [&a, &b] {
+        culler.set_two_sided(scene, id, true).unwrap();
+    }
+    culler.sync(&a);
+    a.remove(id).unwrap();
+    culler.sync(&a);
+    culler.sync(&b);
+    assert!(cull(&mut culler, &b, &above).contains(&b, id), "its back is drawn");
+}

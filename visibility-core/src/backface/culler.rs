@@ -10,19 +10,21 @@ use crate::{
 use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
 
-/// Removes objects of which the eye sees the back only, in a scene whose objects are clusters of triangles. Conservative.
+/// Removes objects of which the eye sees the back only, in a scene whose objects are clusters of triangles.
+/// Conservative.
 ///
-/// Only for objects that are drawn one-sided, since the backs of others are seen: those that are not, are kept by
-/// [`set_two_sided`](Self::set_two_sided).
+/// Only for objects that are drawn one-sided, since the backs of others are seen: those that are not, are
+/// kept by [`set_two_sided`](Self::set_two_sided).
 ///
-/// Each object has a [`NormalCone`], built from its triangles in the scene by [`sync`](Self::sync), or [`set`](Self::set) by the caller.
-/// An object that has changed since then counts as visible.
+/// Each object has a [`NormalCone`], built from its triangles in the scene by [`sync`](Self::sync), or
+/// [`set`](Self::set) by the caller. An object that has changed since then counts as visible.
 ///
 /// A culler belongs to one scene. Given another one, a clone included, it forgets all cones, and hides
 /// nothing until they are built anew; which objects are two-sided it keeps, by id, for all scenes.
 ///
 /// # Cost
-/// `sync`: 60 microseconds for each changed object of 100 triangles. `cull`: about 0.5 ns for a candidate. 160 bytes for each object.
+/// `sync`: 60 microseconds for each changed object of 100 triangles. `cull`: about 0.5 ns for a candidate.
+/// 160 bytes for each object.
 ///
 /// ```
 /// use visibility_core::backface::BackfaceCuller;
@@ -116,9 +118,9 @@ impl BackfaceCuller {
         }
     }
 
-    /// Gives an object, as it is in the scene now, its cone. The cone must stand for all that is drawn of the object, in
-    /// the scene's coordinates. It holds until the scene is told of a change of the object, or of so many changes at
-    /// once that it keeps no list of them. A cone for a two-sided object is ignored.
+    /// Gives an object, as it is in the scene now, its cone. The cone must stand for all that is drawn of the
+    /// object, in the scene's coordinates. It holds until the scene is told of a change of the object, or of
+    /// so many changes at once that it keeps no list of them. A cone for a two-sided object is ignored.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`].
@@ -149,7 +151,8 @@ impl BackfaceCuller {
         Ok(())
     }
 
-    /// The cone of an object, if it has one that counts: not open, and not older than the object's last change.
+    /// The cone of an object, if it has one that counts: not open, and not older than the object's last
+    /// change.
     pub fn cone(&self, scene: &Scene, id: ObjectId) -> Option<NormalCone> {
         let entry = self.entry(id).filter(|entry| !entry.cone.is_open())?;
         match self.cursor.peek(scene) {
@@ -158,8 +161,9 @@ impl BackfaceCuller {
         }
     }
 
-    /// Takes in what changed in the scene: each changed object that has triangles there gets their cone, in time proportional to what
-    /// changed. An object whose triangles are not all within its bounds gets none: it has been moved, and they have not.
+    /// Takes in what changed in the scene: each changed object that has triangles there gets their cone, in
+    /// time proportional to what changed. An object whose triangles are not all within its bounds gets none:
+    /// it has been moved, and they have not.
     pub fn sync(&mut self, scene: &Scene) {
         self.forget_changed(scene);
         match self.built.follow(scene) {
@@ -227,8 +231,8 @@ impl BackfaceCuller {
         }
     }
 
-    /// Brings the block of a leaf up to date, if objects have changed places since it was: those that it holds must be the same, with
-    /// the same cones.
+    /// Brings the block of a leaf up to date, if objects have changed places since it was: those that it
+    /// holds must be the same, with the same cones.
     fn refresh(&mut self, scene: &Scene, leaf: usize) {
         let block = &mut self.blocks[leaf];
         if block.layout == scene.layout() {

@@ -9,12 +9,14 @@ use alloc::vec::Vec;
 use core::borrow::Borrow;
 use glam::DVec3;
 
-/// What all eyes in a scene share: the sets, where their viewcells are, and which objects their targets stand for.
+/// What all eyes in a scene share: the sets, where their viewcells are, and which objects their targets stand
+/// for.
 #[derive(Clone, Debug)]
 pub struct ScenePvs {
     pvs: Pvs,
     viewcells: Viewcells,
-    /// Objects by their index, each with where its targets begin in `targets`; ends with one that is no object.
+    /// Objects by their index, each with where its targets begin in `targets`; ends with one that is no
+    /// object.
     objects: Vec<(Option<ObjectId>, u32)>,
     targets: Vec<u32>,
     /// The scene as it was when the sets were given to it.
@@ -23,9 +25,9 @@ pub struct ScenePvs {
 }
 
 impl ScenePvs {
-    /// Sets for a scene as it is now. `pairs` says which targets show an object: the object itself or the cells that it is in. It is visible
-    /// where any of them is. An object without a target, or with one that the sets do not know, is never hidden; nor is one that changes
-    /// later on.
+    /// Sets for a scene as it is now. `pairs` says which targets show an object: the object itself or the
+    /// cells that it is in. It is visible where any of them is. An object without a target, or with one that
+    /// the sets do not know, is never hidden; nor is one that changes later on.
     pub fn new(
         scene: &Scene,
         pvs: Pvs,

@@ -66,8 +66,8 @@ impl Viewcells {
     }
 }
 
-/// Whether viewcells cover a piece, but for gaps of twice the margin. Each in turn takes its part; what lies beyond one of its faces is
-/// left to the others. Gives up, with false, when there are too many pieces.
+/// Whether viewcells cover a piece, but for gaps of twice the margin. Each in turn takes its part; what lies
+/// beyond one of its faces is left to the others. Gives up, with false, when there are too many pieces.
 fn is_covered(
     piece: &[DVec3],
     by: &[ViewcellId],
