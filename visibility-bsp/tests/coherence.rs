@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Random, Soup, triangles_of};
+use common::{Soup, triangles_of};
 use std::sync::Arc;
 use visibility_bsp::{
     LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
@@ -13,6 +13,7 @@ use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose,
     Preparation, Scene, View, VisibleSet,
 };
+use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 
 #[global_allocator]
@@ -160,7 +161,7 @@ fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_bett
     let eye = DVec3::new(0.3, 0.2, 0.1);
     let edge = eye.y + (5.0 - eye.y) * (8.0 - eye.x) / (4.0 - eye.x);
     for _ in 0..600 {
-        let clear = 10f64.powf(random.within(-7.0, -1.0));
+        let clear = 10f64.powf(random.fine_range(-7.0, -1.0));
         let min = Vec3::new(8.0, edge as f32 - 2.0, -1.0);
         room.scene.insert(Aabb::new(min, Vec3::new(9.0, (edge - clear) as f32, 1.0)));
     }

@@ -4,7 +4,6 @@
 
 mod shapes;
 
-use shapes::Random;
 use std::collections::HashSet;
 use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, Witness};
 use visibility_core::glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
@@ -12,29 +11,31 @@ use visibility_core::{
     Aabb, Culler, Depth, Object, ObjectId, Pipeline, Pose, Scene, Triangle, View, VisibleSet, Window,
 };
 use visibility_measure::ItemBuffer;
+use visibility_testing::Random;
 
 /// Objects of a few triangles each: scraps, boxes on the grid, walls.
 fn scene(random: &mut Random, count: usize) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..count {
-        let triangles: Vec<Triangle> = match random.index(3) {
+        let triangles: Vec<Triangle> = match random.below(3) {
             0 => {
-                let center = random.point(9.0);
-                let reach = random.range(0.05, 3.0);
-                (0..2).map(|_| [(); 3].map(|()| (center + random.point(reach)).as_vec3())).collect()
+                let center = random.fine_vector(9.0);
+                let reach = random.fine_range(0.05, 3.0);
+                (0..2).map(|_| [(); 3].map(|()| (center + random.fine_vector(reach)).as_vec3())).collect()
             }
             1 => {
-                let min = random.grid_point(8.0);
-                let max = min + random.grid_point(2.0).abs() + 1.0;
+                let min = shapes::grid_point(random, 8.0);
+                let max = min + shapes::grid_point(random, 2.0).abs() + 1.0;
                 let faces = shapes::box_faces(min, max);
                 faces.iter().flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]]).map(corners).collect()
             }
             _ => {
-                let [p, u, v] = [random.grid_point(8.0), random.point(4.0), random.point(4.0)];
+                let [p, u, v] =
+                    [shapes::grid_point(random, 8.0), random.fine_vector(4.0), random.fine_vector(4.0)];
                 [[p, p + u, p + u + v], [p, p + u + v, p + v]].map(corners).into()
             }
         };
-        add(&mut scene, &triangles, random.index(5) > 0);
+        add(&mut scene, &triangles, random.below(5) > 0);
     }
     scene
 }
@@ -56,8 +57,8 @@ fn square(x: f32, r: f32) -> [Triangle; 2] {
 }
 
 fn view(random: &mut Random) -> View {
-    let pose = Pose::look_at(random.point(12.0), random.point(6.0), DVec3::Z);
-    match random.index(3) {
+    let pose = Pose::look_at(random.fine_vector(12.0), random.fine_vector(6.0), DVec3::Z);
+    match random.below(3) {
         0 => View::orthographic(pose, Window { left: -8.0, right: 8.0, bottom: -8.0, top: 8.0 }, 0.0, 40.0)
             .unwrap(),
         1 => View::perspective(pose, 1.2, 1.0, 0.01, 30.0).unwrap(),
@@ -216,8 +217,8 @@ fn synced_and_built_trees_give_the_same_answers() {
     let ids: Vec<_> = scene.ids().collect();
     for round in 0..30 {
         for _ in 0..3 {
-            let id = ids[random.index(ids.len())];
-            let by = random.point(3.0).as_vec3();
+            let id = ids[random.below(ids.len())];
+            let by = random.fine_vector(3.0).as_vec3();
             let moved: Vec<Triangle> =
                 scene.triangles(id).unwrap().iter().map(|t| t.map(|v| v + by)).collect();
             scene.set_bounds(id, Aabb::from_points(moved.iter().flatten().copied())).unwrap();
@@ -342,7 +343,7 @@ fn extreme_scenes_and_views_hide_nothing_by_mistake() {
     for round in 0..200 {
         let mut scene = Scene::new();
         for _ in 0..10 {
-            let value = |random: &mut Random| values[random.index(values.len())];
+            let value = |random: &mut Random| values[random.below(values.len())];
             let triangle: Triangle = [(); 3].map(|()| Vec3::from_array([(); 3].map(|()| value(&mut random))));
             add(&mut scene, &[triangle], true);
         }

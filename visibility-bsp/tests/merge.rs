@@ -3,9 +3,10 @@
 
 mod shapes;
 
-use shapes::{Random, box_faces};
+use shapes::box_faces;
 use visibility_bsp::Solid;
 use visibility_core::glam::{DQuat, DVec3};
+use visibility_testing::Random;
 
 /// A box or a ball, turned or on the grid, and how to tell what is inside; `None` near its boundary.
 struct Shape {
@@ -23,15 +24,15 @@ impl Shape {
     }
 
     fn random(random: &mut Random) -> Self {
-        let turn = match random.index(3) {
+        let turn = match random.below(3) {
             0 => DQuat::IDENTITY,
-            _ => DQuat::from_axis_angle(random.point(1.0).normalize(), random.range(0.0, 6.0)),
+            _ => DQuat::from_axis_angle(random.fine_vector(1.0).normalize(), random.fine_range(0.0, 6.0)),
         };
-        let place = random.grid_point(2.0);
-        let faces = if random.index(3) == 0 {
+        let place = shapes::grid_point(random, 2.0);
+        let faces = if random.below(3) == 0 {
             ball(6, 5)
         } else {
-            let size = random.grid_point(2.0).abs() + 1.0;
+            let size = shapes::grid_point(random, 2.0).abs() + 1.0;
             box_faces(-size, size)
         };
         Self::new(faces.iter().map(|f| f.iter().map(|&v| turn * v + place).collect()).collect())
@@ -97,7 +98,7 @@ fn check_membership(seed: u64, rounds: usize) {
         let more = union.difference(&sc).unwrap();
         let rest = sc.intersection(&less).unwrap();
         for _ in 0..300 {
-            let p = random.point(6.0);
+            let p = random.fine_vector(6.0);
             let (Some(ia), Some(ib), Some(ic)) = (a.contains(p), b.contains(p), c.contains(p)) else {
                 continue;
             };
@@ -136,7 +137,7 @@ fn check_laws(seed: u64, rounds: usize) {
             (again, sa.clone()),
         ];
         for _ in 0..200 {
-            let p = random.point(6.0);
+            let p = random.fine_vector(6.0);
             if a.contains(p).is_some() && b.contains(p).is_some() {
                 pairs.iter().for_each(|(one, two)| assert_eq!(one.contains(p), two.contains(p), "{p}"));
             }
@@ -155,7 +156,7 @@ fn turned_copies_and_scales_are_no_trouble() {
                 shape.faces.iter().map(|f| f.iter().map(|&v| v * scale).collect()).collect();
             let mut shuffled = faces.clone();
             for i in 0..shuffled.len() {
-                let j = random.index(i + 1);
+                let j = random.below(i + 1);
                 shuffled.swap(i, j);
             }
             let [a, b] = [Solid::new(&faces).unwrap(), Solid::new(&shuffled).unwrap()];

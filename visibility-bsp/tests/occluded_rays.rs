@@ -3,13 +3,14 @@
 
 mod common;
 
-use common::{Random, Soup, meets};
+use common::{Soup, meets};
 use std::sync::Arc;
 use visibility_bsp::{
     LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Eye, FrustumCuller, OcclusionCuller, Scene, View, VisibleSet};
+use visibility_testing::Random;
 
 /// Segments that must be blocked, and how many were tried.
 #[derive(Default)]
@@ -27,11 +28,11 @@ impl Judge {
             let share = match i {
                 0..8 => DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64),
                 8..11 => {
-                    let mut p = DVec3::new(random.unit(), random.unit(), random.unit());
+                    let mut p = DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit());
                     p[i - 8] = p[i - 8].round();
                     p
                 }
-                _ => DVec3::new(random.unit(), random.unit(), random.unit()),
+                _ => DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit()),
             };
             let p = bounds.min.as_dvec3() + (bounds.max - bounds.min).as_dvec3() * share;
             // Only what is well in view counts, and occluders count from the near plane on.

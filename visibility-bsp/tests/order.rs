@@ -3,9 +3,10 @@
 
 mod shapes;
 
-use shapes::{Random, hit, polygons};
+use shapes::{hit, polygons};
 use visibility_bsp::{BspTree, Order};
 use visibility_core::{Eye, glam::DVec3};
+use visibility_testing::Random;
 
 /// The fragments in the order in which they are visited, each with the number of its node.
 fn visited(tree: &BspTree, eye: Eye, back: bool, order: &mut Order, out: &mut Vec<(usize, Vec<DVec3>)>) {
@@ -23,9 +24,9 @@ fn check(random: &mut Random, fragments: &[(usize, Vec<DVec3>)], eye: Eye, rays:
     let mut pairs = 0;
     let mut hits = Vec::new();
     for _ in 0..rays {
-        let (_, polygon) = &fragments[random.index(fragments.len())];
-        let [s, t] = [random.range(0.0, 1.0), random.range(0.0, 1.0)];
-        let k = 1 + random.index(polygon.len() - 2);
+        let (_, polygon) = &fragments[random.below(fragments.len())];
+        let [s, t] = [random.fine_range(0.0, 1.0), random.fine_range(0.0, 1.0)];
+        let k = 1 + random.below(polygon.len() - 2);
         let target = polygon[0] + (polygon[k] - polygon[0]) * s + (polygon[k + 1] - polygon[k]) * (s * t);
         let (start, direction) = match eye {
             Eye::Point(eye) => (eye, target - eye),
@@ -46,18 +47,18 @@ fn check(random: &mut Random, fragments: &[(usize, Vec<DVec3>)], eye: Eye, rays:
 }
 
 fn eye(random: &mut Random, polygons: &[Vec<DVec3>]) -> Eye {
-    let polygon = &polygons[random.index(polygons.len())];
-    Eye::Point(match random.index(6) {
-        0 => random.grid_point(9.0),
+    let polygon = &polygons[random.below(polygons.len())];
+    Eye::Point(match random.below(6) {
+        0 => shapes::grid_point(random, 9.0),
         1 => polygon[0],
-        2 => polygon[0] + (polygon[1] - polygon[0]) * random.range(0.0, 1.0),
+        2 => polygon[0] + (polygon[1] - polygon[0]) * random.fine_range(0.0, 1.0),
         // In the plane of the polygon, inside it and beyond.
         3 => {
-            let [s, t] = [random.range(-2.0, 2.0), random.range(-2.0, 2.0)];
+            let [s, t] = [random.fine_range(-2.0, 2.0), random.fine_range(-2.0, 2.0)];
             polygon[0] + (polygon[1] - polygon[0]) * s + (polygon[2] - polygon[0]) * t
         }
-        4 => return Eye::Direction(random.point(1.0).normalize()),
-        _ => random.point(12.0),
+        4 => return Eye::Direction(random.fine_vector(1.0).normalize()),
+        _ => random.fine_vector(12.0),
     })
 }
 
@@ -104,7 +105,7 @@ fn owners_that_come_and_go_leave_the_order_right() {
         let (nodes, fragments) = (tree.node_count(), tree.fragment_count());
         let mut there: Vec<usize> = (0..20).collect();
         for _ in 0..60 {
-            let owner = random.index(40);
+            let owner = random.below(40);
             if let Some(at) = there.iter().position(|&o| o == owner) {
                 there.swap_remove(at);
                 assert!(tree.remove(owner as u32));

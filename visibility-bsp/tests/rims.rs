@@ -4,7 +4,6 @@
 
 mod common;
 
-use common::Random;
 use common::exact::{Cone, clip};
 use std::sync::Arc;
 use visibility_bsp::{
@@ -15,6 +14,7 @@ use visibility_core::{
     Aabb, Culler, Object, OccluderMesh, Occlusion, OcclusionMap, Pose, Preparation, Scene, Triangle, View,
     VisibleSet,
 };
+use visibility_testing::Random;
 
 /// How the smaller triangle lies to the larger.
 #[derive(Clone, Copy)]
@@ -40,14 +40,14 @@ impl Rim {
     /// All is whole numbers, times a power of two, so nothing but the eye is rounded. In front of a large triangle, or behind it, comes a
     /// smaller one.
     fn new(random: &mut Random, scale: f64, kind: Kind) -> Option<Self> {
-        let whole = |random: &mut Random, reach: f64| random.point(reach).round();
+        let whole = |random: &mut Random, reach: f64| random.fine_vector(reach).round();
         let eye = whole(random, 2000.0);
         let [u, v, w] = [(); 3].map(|()| whole(random, 500.0));
         if u.cross(v).dot(w).abs() < 1e6 {
             return None;
         }
         let at = |i: f64, j: f64, k: f64| eye + u * i + v * j + w * k;
-        let share = |random: &mut Random, least: f64, most: f64| random.within(least, most).round();
+        let share = |random: &mut Random, least: f64, most: f64| random.fine_range(least, most).round();
         let large = [at(16.0, 0.0, 0.0), at(0.0, 16.0, 0.0), at(2.0, 2.0, 16.0)];
         let along = [share(random, 1.0, 3.0), share(random, 1.0, 3.0)];
         let small = match kind {
@@ -79,7 +79,7 @@ impl Rim {
             let reach = if number % 3 == 0 { DVec3::ZERO } else { whole(random, 9.0) };
             boxes.push(Aabb::from_points([p, p + reach].map(|p| (p * scale).as_vec3())));
         }
-        let nudge = random.point(1.0) * 8000.0 * f64::EPSILON * 2f64.powi(random.below(15) as i32 - 2);
+        let nudge = random.fine_vector(1.0) * 8000.0 * f64::EPSILON * 2f64.powi(random.below(15) as i32 - 2);
         let pose = Pose::look_at((eye + nudge) * scale, at(6.0, 6.0, 2.0) * scale, DVec3::new(0.1, 0.2, 1.0));
         let view = View::perspective(pose, 2.2, 1.5, scale, f64::INFINITY).ok()?;
         let triangles = [large, small].map(|t| t.map(|p| (p * scale).as_vec3())).to_vec();
@@ -220,14 +220,14 @@ fn what_is_nearer_by_rounding_is_not_hidden() {
     let mut cases = 0;
     for number in 0..1_500 {
         let scale = 2f64.powi(SCALES[number % SCALES.len()] - 20);
-        let corners = [(); 3].map(|()| random.point(8e6).round().to_array().map(|x| x as i128));
+        let corners = [(); 3].map(|()| random.fine_vector(8e6).round().to_array().map(|x| x as i128));
         let Some(p) = in_front_by_nothing(corners) else { continue };
         let point = |p: [i128; 3]| DVec3::from_array(p.map(|x| x as f64));
         let triangle = corners.map(|p| (point(p) * scale).as_vec3());
         let [a, b, c] = corners.map(point);
         let normal = (b - a).cross(c - a).normalize();
         let middle = (a + b + c) / 3.0;
-        let eye = middle + (normal * random.within(1e6, 1e7) + random.point(2e6));
+        let eye = middle + (normal * random.fine_range(1e6, 1e7) + random.fine_vector(2e6));
         let pose = Pose::look_at(eye * scale, middle * scale, DVec3::new(0.1, 0.2, 1.0));
         let Ok(view) = View::perspective(pose, 2.6, 1.5, scale, f64::INFINITY) else { continue };
         let at = view.clip_from(DVec3::ZERO) * (point(p) * scale).extend(1.0);

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Random, meets, triangles_of};
+use common::{meets, triangles_of};
 use std::sync::Arc;
 use visibility_bsp::{
     LargeOccludersCuller, Occluders, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
@@ -13,6 +13,7 @@ use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
     Aabb, Culler, Eye, Object, ObjectId, Plane, Pose, Preparation, Scene, Triangle, View, VisibleSet, Window,
 };
+use visibility_testing::Random;
 
 /// Solids as occluders, one object each; among them boxes that are not.
 fn scene_of(solids: &[Aabb], others: &[Aabb]) -> (Scene, Vec<ObjectId>) {
@@ -188,15 +189,15 @@ fn hidden_boxes_among_solids_cannot_be_seen_from_outside_or_inside() {
         for _ in 0..14 {
             // Halves, so that many abut, overlap, and lie in one plane.
             let half = |p: DVec3| (p * 2.0).round().as_vec3() * 0.5;
-            let at = half(random.point(4.0));
-            let mut size = half(random.point(3.5)).abs() + Vec3::splat(0.5);
+            let at = half(random.fine_vector(4.0));
+            let mut size = half(random.fine_vector(3.5)).abs() + Vec3::splat(0.5);
             size[random.below(3)] = [0.5, 1.0][random.below(2)];
             solids.push(Aabb::new(at, at + size));
         }
         let others: Vec<Aabb> = (0..200)
             .map(|_| {
-                let min = random.point(7.0).as_vec3();
-                Aabb::new(min, min + random.point(0.3).abs().as_vec3())
+                let min = random.fine_vector(7.0).as_vec3();
+                Aabb::new(min, min + random.fine_vector(0.3).abs().as_vec3())
             })
             .collect();
         let (scene, ids) = scene_of(&solids, &others);
@@ -204,19 +205,19 @@ fn hidden_boxes_among_solids_cannot_be_seen_from_outside_or_inside() {
         sections += Occluders::new(&scene).polygons().filter(|p| is_inside(p, &solids)).count();
         for frame in 0..10 {
             let solid = solids[random.below(solids.len())];
-            let share = DVec3::new(random.unit(), random.unit(), random.unit());
+            let share = DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit());
             let eye = match frame % 3 {
                 // In a solid, close before one, anywhere.
                 0 => solid.min.as_dvec3() + (solid.max - solid.min).as_dvec3() * share,
                 1 => {
                     let mut p = solid.min.as_dvec3() + (solid.max - solid.min).as_dvec3() * share;
                     let axis = random.below(3);
-                    p[axis] = f64::from(solid.min[axis]) - random.within(0.0, 0.4);
+                    p[axis] = f64::from(solid.min[axis]) - random.fine_range(0.0, 0.4);
                     p
                 }
-                _ => random.point(9.0),
+                _ => random.fine_vector(9.0),
             };
-            let pose = Pose::look_at(eye, eye + random.point(1.0), DVec3::new(0.1, 0.2, 1.0));
+            let pose = Pose::look_at(eye, eye + random.fine_vector(1.0), DVec3::new(0.1, 0.2, 1.0));
             let near = [0.01, 0.3, 0.6][random.below(3)];
             let view = if frame == 9 {
                 View::orthographic(pose, Window::centered(9.0, 9.0), near, 60.0).unwrap()

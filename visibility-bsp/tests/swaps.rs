@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Random, triangles_of};
+use common::triangles_of;
 use std::sync::Arc;
 use visibility_bsp::{
     BspOrderCuller, LargeOccludersCuller, NaylorCuller, Occluders, OcclusionTree, OcclusionTreeCuller,
@@ -14,6 +14,7 @@ use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, ObjectId, OcclusionCuller, Pose, Preparation, Scene, View,
     VisibleSet,
 };
+use visibility_testing::Random;
 
 fn insert_wall(scene: &mut Scene, bounds: Aabb, layers: u32) -> ObjectId {
     let id = scene.insert(Object { occluder: true, layers, ..Object::new(bounds) });
@@ -71,14 +72,14 @@ fn other_occluders_of_the_same_revision_are_taken_in() {
 fn world(random: &mut Random) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..24 {
-        let at = random.point(10.0).round().as_vec3();
-        let mut size = Vec3::new(2.0, 2.0, 2.0) + random.point(3.0).round().abs().as_vec3();
+        let at = random.fine_vector(10.0).round().as_vec3();
+        let mut size = Vec3::new(2.0, 2.0, 2.0) + random.fine_vector(3.0).round().abs().as_vec3();
         size[random.below(3)] = 0.5;
         insert_wall(&mut scene, Aabb::new(at, at + size), [u32::MAX, 1, 2][random.below(3)]);
     }
     for _ in 0..120 {
-        let min = random.point(12.0).as_vec3();
-        let bounds = Aabb::new(min, min + random.point(0.5).abs().as_vec3() + 0.01);
+        let min = random.fine_vector(12.0).as_vec3();
+        let bounds = Aabb::new(min, min + random.fine_vector(0.5).abs().as_vec3() + 0.01);
         let id = scene.insert(bounds);
         // The trees know only what has triangles.
         scene.set_triangles(id, triangles_of(&bounds)).unwrap();
@@ -114,11 +115,11 @@ impl Place {
             2 => {
                 // Another takes its index.
                 self.scene.remove(id).unwrap();
-                let min = random.point(10.0).round().as_vec3();
+                let min = random.fine_vector(10.0).round().as_vec3();
                 insert_wall(&mut self.scene, Aabb::new(min, min + Vec3::new(1.0, 3.0, 3.0)), u32::MAX);
             }
             _ => {
-                let min = random.point(10.0).round().as_vec3();
+                let min = random.fine_vector(10.0).round().as_vec3();
                 let bounds = Aabb::new(min, min + 1.5);
                 self.scene.set_bounds(id, bounds).unwrap();
                 self.scene.set_triangles(id, triangles_of(&bounds)).unwrap();
@@ -198,7 +199,7 @@ fn a_live_culler_answers_as_a_new_one_whatever_is_swapped() {
         // What a culler has been given, and the scene that it is used with, need not belong together.
         let mut live: Vec<(Cullers, Place)> =
             places.iter().map(|place| (Cullers::new(place), place.clone())).collect();
-        let (mut eye, mut at) = (random.point(14.0), 0);
+        let (mut eye, mut at) = (random.fine_vector(14.0), 0);
         for _ in 0..80 {
             let (i, j) = (random.below(places.len()), random.below(places.len()));
             let k = random.below(live.len());
@@ -223,8 +224,9 @@ fn a_live_culler_answers_as_a_new_one_whatever_is_swapped() {
                 // Nothing changes but the view.
                 _ => {}
             }
-            eye = if random.below(3) == 0 { random.point(14.0) } else { eye + random.point(0.02) };
-            let pose = Pose::look_at(eye, random.point(4.0), DVec3::new(0.1, 0.2, 1.0));
+            eye =
+                if random.below(3) == 0 { random.fine_vector(14.0) } else { eye + random.fine_vector(0.02) };
+            let pose = Pose::look_at(eye, random.fine_vector(4.0), DVec3::new(0.1, 0.2, 1.0));
             let view = View::perspective(pose, 1.3, 1.5, 0.05, f64::INFINITY).unwrap();
             let view = view.with_layers([u32::MAX, u32::MAX, 1, 2][random.below(4)]);
             at = if random.below(3) == 0 { random.below(places.len()) } else { at };

@@ -3,10 +3,11 @@
 
 mod shapes;
 
-use shapes::{Random, box_faces, polygons};
+use shapes::{box_faces, polygons};
 use std::collections::HashSet;
 use visibility_bsp::{BspError, BspTree, Fragments, Leaf, Order, Subtree, Walk};
 use visibility_core::{Aabb, Eye, glam::DVec3};
+use visibility_testing::Random;
 
 fn build(polygons: &[Vec<DVec3>]) -> BspTree {
     BspTree::build((0..).zip(polygons.iter().map(|p| &p[..]))).unwrap()
@@ -59,9 +60,9 @@ fn a_shared_edge_is_cut_in_the_same_points_to_the_last_bit() {
     let mut cut = 0;
     for _ in 0..500 {
         // Two triangles with an edge in common, and a knife through both.
-        let [a, b, c, d] = core::array::from_fn(|_| random.point(8.0));
+        let [a, b, c, d] = core::array::from_fn(|_| random.fine_vector(8.0));
         let middle = (a + b) * 0.5;
-        let knife = vec![middle, middle + random.point(1000.0), middle + random.point(1000.0)];
+        let knife = vec![middle, middle + random.fine_vector(1000.0), middle + random.fine_vector(1000.0)];
         let mut tree = build(&[knife]);
         tree.insert(1, [&[a, b, c][..]]).unwrap();
         tree.insert(2, [&[b, a, d][..]]).unwrap();
@@ -99,14 +100,14 @@ fn leaves_inside_solids_are_solid() {
         let boxes: Vec<[DVec3; 2]> = (0..count)
             .map(|i| {
                 let corner = DVec3::new(f64::from(i % 4), f64::from(i / 4 % 4), f64::from(i / 16)) * 3.0;
-                [corner + random.point(0.4), corner + 2.0 + random.point(0.4)]
+                [corner + random.fine_vector(0.4), corner + 2.0 + random.fine_vector(0.4)]
             })
             .collect();
         let faces: Vec<_> = boxes.iter().flat_map(|&[min, max]| box_faces(min, max)).collect();
         let tree = BspTree::build_solid((0..).zip(faces.iter().map(|f| &f[..]))).unwrap();
         let mut inside = 0;
         for _ in 0..20_000 {
-            let p = DVec3::splat(5.5) + random.point(8.0);
+            let p = DVec3::splat(5.5) + random.fine_vector(8.0);
             let solid = boxes.iter().any(|[min, max]| p.cmpgt(*min).all() && p.cmplt(*max).all());
             inside += usize::from(solid);
             assert_eq!(tree.locate(p), if solid { Leaf::Solid } else { Leaf::Empty }, "{p}");
@@ -131,8 +132,8 @@ fn walks_enter_only_what_they_want() {
     let mut random = Random(6);
     let polygons: Vec<Vec<_>> = (0..3000)
         .map(|_| {
-            let center = random.point(100.0);
-            (0..3).map(|_| center + random.point(1.0)).collect()
+            let center = random.fine_vector(100.0);
+            (0..3).map(|_| center + random.fine_vector(1.0)).collect()
         })
         .collect();
     let tree = build(&polygons);
@@ -177,10 +178,10 @@ fn hostile_polygons_are_left_out_or_survive() {
     let values = [0.0, -0.0, 1.0, -1.0, 1e-30, 1e30, -1e30, 3.4e38, 5e-324, 1e150, -1e300];
     let mut order = Order::new();
     for _ in 0..300 {
-        let value = |random: &mut Random| values[random.index(values.len())];
+        let value = |random: &mut Random| values[random.below(values.len())];
         let polygons: Vec<Vec<DVec3>> = (0..20)
             .map(|_| {
-                (0..3 + random.index(3))
+                (0..3 + random.below(3))
                     .map(|_| DVec3::from_array([(); 3].map(|()| value(&mut random))))
                     .collect()
             })

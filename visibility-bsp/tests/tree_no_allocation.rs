@@ -3,10 +3,10 @@
 
 mod shapes;
 
-use shapes::Random;
 use visibility_bsp::{BspOrderCuller, BspTree, NaylorCuller, SceneTree};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, Triangle, View, VisibleSet};
+use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 
 #[global_allocator]
@@ -15,8 +15,8 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 fn scene(random: &mut Random) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..300 {
-        let center = random.point(20.0);
-        let triangle: Triangle = [(); 3].map(|()| (center + random.point(3.0)).as_vec3());
+        let center = random.fine_vector(20.0);
+        let triangle: Triangle = [(); 3].map(|()| (center + random.fine_vector(3.0)).as_vec3());
         let bounds = Aabb::from_points(triangle);
         let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
         scene.set_triangles(id, [triangle]).unwrap();
@@ -32,7 +32,7 @@ fn warm_frames_allocate_nothing() {
     let (mut order, mut naylor) = (BspOrderCuller::new(&tree), NaylorCuller::new(&tree));
     let views: Vec<View> = (0..20)
         .map(|_| {
-            let pose = Pose::look_at(random.point(20.0), random.point(5.0), DVec3::Z);
+            let pose = Pose::look_at(random.fine_vector(20.0), random.fine_vector(5.0), DVec3::Z);
             View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()
         })
         .collect();
@@ -66,8 +66,8 @@ fn views_from_elsewhere_allocate_nothing_either() {
     let mut allocations = Vec::new();
     for frame in 0..400 {
         // The first sees nothing.
-        let eye = if frame == 0 { DVec3::X * 900.0 } else { random.point(25.0) };
-        let target = if frame == 0 { DVec3::X * 950.0 } else { random.point(5.0) };
+        let eye = if frame == 0 { DVec3::X * 900.0 } else { random.fine_vector(25.0) };
+        let target = if frame == 0 { DVec3::X * 950.0 } else { random.fine_vector(5.0) };
         let fov = 0.3 + f64::from(frame % 12) * 0.2;
         let view =
             View::perspective(Pose::look_at(eye, target, DVec3::Z), fov, 1.5, 0.1, f64::INFINITY).unwrap();

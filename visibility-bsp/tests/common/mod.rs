@@ -5,27 +5,7 @@ pub mod exact;
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Object, Pose, Preparation, Scene, Triangle, View, Window};
-
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (self.0 >> 33) as f64 / (1u64 << 31) as f64
-    }
-
-    pub fn within(&mut self, from: f64, to: f64) -> f64 {
-        from + (to - from) * self.unit()
-    }
-
-    pub fn below(&mut self, count: usize) -> usize {
-        (self.unit() * count as f64) as usize
-    }
-
-    pub fn point(&mut self, reach: f64) -> DVec3 {
-        DVec3::new(self.within(-reach, reach), self.within(-reach, reach), self.within(-reach, reach))
-    }
-}
+use visibility_testing::Random;
 
 pub fn triangles_of(bounds: &Aabb) -> Vec<Triangle> {
     let corners = bounds.corners();
@@ -43,7 +23,7 @@ impl Soup {
     pub fn new(random: &mut Random, scale: f32, occluders: usize) -> Self {
         let mut scene = Scene::new();
         let mut solid = Vec::new();
-        let whole = |random: &mut Random, reach: f64| random.point(reach).round().as_vec3();
+        let whole = |random: &mut Random, reach: f64| random.fine_vector(reach).round().as_vec3();
         for i in 0..occluders {
             let at = whole(random, 12.0);
             let triangles = match i % 6 {
@@ -66,15 +46,15 @@ impl Soup {
                 }
                 // A slanted quadrilateral, a loose triangle.
                 3 => {
-                    let (u, v) = (random.point(6.0).as_vec3(), random.point(6.0).as_vec3());
+                    let (u, v) = (random.fine_vector(6.0).as_vec3(), random.fine_vector(6.0).as_vec3());
                     let [a, b, c, d] = [at, at + u, at + u + v, at + v].map(|p| p * scale);
                     vec![[a, b, c], [a, c, d]]
                 }
                 4 => vec![[at * scale, (at + whole(random, 6.0)) * scale, (at + whole(random, 6.0)) * scale]],
                 // A sliver, nothing, and a point.
                 _ => {
-                    let u = random.point(8.0).as_vec3();
-                    let v = u + random.point(1e-4).as_vec3();
+                    let u = random.fine_vector(8.0).as_vec3();
+                    let v = u + random.fine_vector(1e-4).as_vec3();
                     vec![[at * scale, (at + u) * scale, (at + v) * scale], [at * scale; 3]]
                 }
             };
@@ -84,8 +64,8 @@ impl Soup {
             solid.extend(triangles);
         }
         for _ in 0..600 {
-            let min = random.point(16.0).as_vec3() * scale;
-            let size = random.point(0.6).abs().as_vec3() * scale;
+            let min = random.fine_vector(16.0).as_vec3() * scale;
+            let size = random.fine_vector(0.6).abs().as_vec3() * scale;
             scene.insert(Aabb::new(min, min + size));
         }
         scene.prepare_occluders(&Preparation { sliver: 0.0, two_sided: true, ..Preparation::default() });
@@ -100,21 +80,22 @@ impl Soup {
             0 => triangle[0],
             1 => {
                 triangle[0]
-                    + (triangle[1] - triangle[0]) * random.within(-2.0, 2.0)
-                    + (triangle[2] - triangle[0]) * random.within(-2.0, 2.0)
+                    + (triangle[1] - triangle[0]) * random.fine_range(-2.0, 2.0)
+                    + (triangle[2] - triangle[0]) * random.fine_range(-2.0, 2.0)
             }
-            2 => triangle[0] * 0.5 + triangle[1] * 0.5 + random.point(1e-9 * scale),
-            _ => random.point(14.0 * scale),
+            2 => triangle[0] * 0.5 + triangle[1] * 0.5 + random.fine_vector(1e-9 * scale),
+            _ => random.fine_vector(14.0 * scale),
         };
-        let target = eye + random.point(1.0) * scale;
+        let target = eye + random.fine_vector(1.0) * scale;
         let pose = Pose::look_at(eye, target, DVec3::new(0.1, 0.2, 1.0));
         let near = [0.01, 0.1, 1.0][random.below(3)] * scale;
         let far = if random.below(2) == 0 { f64::INFINITY } else { 60.0 * scale };
         if random.below(3) == 0 {
-            let size = random.within(4.0, 30.0) * scale;
+            let size = random.fine_range(4.0, 30.0) * scale;
             View::orthographic(pose, Window::centered(size, size), near, 80.0 * scale).unwrap()
         } else {
-            View::perspective(pose, random.within(0.4, 2.2), random.within(0.6, 1.8), near, far).unwrap()
+            View::perspective(pose, random.fine_range(0.4, 2.2), random.fine_range(0.6, 1.8), near, far)
+                .unwrap()
         }
     }
 }

@@ -2,44 +2,27 @@
 #![allow(dead_code)]
 
 use visibility_core::glam::DVec3;
+use visibility_testing::Random;
 
-/// A 64-bit linear congruence.
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn range(&mut self, least: f64, greatest: f64) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        least + (greatest - least) * ((self.0 >> 33) as f64 / (1u64 << 31) as f64)
-    }
-
-    pub(crate) fn index(&mut self, len: usize) -> usize {
-        (self.range(0.0, len as f64) as usize).min(len - 1)
-    }
-
-    pub(crate) fn point(&mut self, reach: f64) -> DVec3 {
-        DVec3::from_array(core::array::from_fn(|_| self.range(-reach, reach)))
-    }
-
-    /// Whole numbers, so that polygons touch, coincide and lie in common planes.
-    pub(crate) fn grid_point(&mut self, reach: f64) -> DVec3 {
-        self.point(reach).round()
-    }
+/// A point of whole coordinates, so that polygons touch, coincide and lie in common planes.
+pub(crate) fn grid_point(random: &mut Random, reach: f64) -> DVec3 {
+    random.fine_vector(reach).round()
 }
 
 /// Triangles that cross each other, and rectangles on a grid that touch and coincide.
 pub(crate) fn polygons(random: &mut Random, count: usize) -> Vec<Vec<DVec3>> {
     let mut polygons = Vec::new();
     while polygons.len() < count {
-        let polygon = match random.index(4) {
-            0 => (0..3).map(|_| random.point(8.0)).collect(),
-            1 => (0..3).map(|_| random.grid_point(8.0)).collect(),
+        let polygon = match random.below(4) {
+            0 => (0..3).map(|_| random.fine_vector(8.0)).collect(),
+            1 => (0..3).map(|_| grid_point(random, 8.0)).collect(),
             2 => {
-                let center = random.point(8.0);
-                (0..3).map(|_| center + random.point(2.0)).collect()
+                let center = random.fine_vector(8.0);
+                (0..3).map(|_| center + random.fine_vector(2.0)).collect()
             }
             _ => {
-                let (corner, size) = (random.grid_point(8.0), random.grid_point(5.0));
-                let axis = random.index(3);
+                let (corner, size) = (grid_point(random, 8.0), grid_point(random, 5.0));
+                let axis = random.below(3);
                 let [u, v] = [DVec3::AXES[(axis + 1) % 3], DVec3::AXES[(axis + 2) % 3]];
                 let [u, v] = [u * size.dot(u), v * size.dot(v)];
                 vec![corner, corner + u, corner + u + v, corner + v]

@@ -160,18 +160,10 @@ pub fn orientation(a: DVec3, b: DVec3, c: DVec3, p: DVec3) -> Side {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    struct Random(u64);
-
-    impl Random {
-        fn range(&mut self, least: f64, greatest: f64) -> f64 {
-            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            least + (greatest - least) * ((self.0 >> 33) as f64 / (1u64 << 31) as f64)
-        }
-    }
+    use visibility_testing::Random;
 
     fn point(random: &mut Random, scale: f64) -> DVec3 {
-        DVec3::from_array(core::array::from_fn(|_| random.range(-scale, scale)))
+        DVec3::from_array(core::array::from_fn(|_| random.fine_range(-scale, scale)))
     }
 
     /// Sign of the determinant in integers: coordinates are multiples of 1/1024 up to 1024.
@@ -193,7 +185,7 @@ mod tests {
         for _ in 0..20_000 {
             let grid = |v: DVec3| (v * 1024.0).round() / 1024.0;
             let [a, b, c] = core::array::from_fn(|_| grid(point(&mut random, 1000.0)));
-            let (s, t) = (random.range(0.0, 1.0), random.range(0.0, 1.0));
+            let (s, t) = (random.fine_range(0.0, 1.0), random.fine_range(0.0, 1.0));
             let near = grid(a + (b - a) * s + (c - a) * t);
             for p in [grid(point(&mut random, 1000.0)), near, a] {
                 let expected = match exact(a, b, c, p) {
@@ -226,7 +218,7 @@ mod tests {
             let [u, v] = [whole(point(&mut random, 1e6)), whole(point(&mut random, 1e6))];
             // Below 2^41: exact, as are the differences; their products are not.
             let [a, b, c, p] = core::array::from_fn(|_| {
-                u * random.range(-1e5, 1e5).round() + v * random.range(-1e5, 1e5).round()
+                u * random.fine_range(-1e5, 1e5).round() + v * random.fine_range(-1e5, 1e5).round()
             });
             assert_eq!(orientation(a, b, c, p), Side::On);
             rounded += usize::from((a - p).dot((b - p).cross(c - p)) != 0.0);

@@ -4,6 +4,7 @@ use super::*;
 use crate::{Object, Scene};
 use std::collections::HashSet;
 use std::vec::Vec;
+use visibility_testing::Random;
 
 /// What occurred in a tree over a test, to make sure that the test was one.
 #[derive(Default)]
@@ -103,39 +104,27 @@ fn check_lane_is_free(tree: &Tree, node: usize, lane: usize) {
     assert_eq!(tree.occluders[node] >> lane & 1, 0);
 }
 
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        ((self.0 >> 33) % n as u64) as usize
+/// A small box, or one time in eight a hostile one: inverted, vast, flat, NaN or infinite.
+fn random_bounds(rng: &mut Random, spread: f32) -> Aabb {
+    let min: [f32; 3] = core::array::from_fn(|_| (rng.unit() as f32 - 0.5) * spread);
+    let mut max = min.map(|x| x + rng.unit() as f32);
+    match rng.below(40) {
+        0 => max[rng.below(3)] = f32::NAN,
+        1 => max[rng.below(3)] = f32::INFINITY,
+        2 => max = min.map(|x| x - 1.0),
+        3 => max = min.map(|x| x + 1e30),
+        4 => max = min,
+        _ => {}
     }
+    Aabb::from_arrays(min, max)
+}
 
-    fn unit(&mut self) -> f32 {
-        self.below(1 << 24) as f32 / 16777216.0
-    }
-
-    fn bounds(&mut self, spread: f32) -> Aabb {
-        let min: [f32; 3] = core::array::from_fn(|_| (self.unit() - 0.5) * spread);
-        let mut max = min.map(|x| x + self.unit());
-        match self.below(40) {
-            0 => max[self.below(3)] = f32::NAN,
-            1 => max[self.below(3)] = f32::INFINITY,
-            2 => max = min.map(|x| x - 1.0),
-            3 => max = min.map(|x| x + 1e30),
-            4 => max = min,
-            _ => {}
-        }
-        Aabb::from_arrays(min, max)
-    }
-
-    fn object(&mut self, spread: f32) -> Object {
-        Object {
-            layers: if self.below(8) == 0 { self.below(1 << 20) as u32 } else { u32::MAX },
-            never_cull: self.below(30) == 0,
-            occluder: self.below(3) == 0,
-            ..Object::new(self.bounds(spread))
-        }
+fn random_object(rng: &mut Random, spread: f32) -> Object {
+    Object {
+        layers: if rng.below(8) == 0 { rng.below(1 << 20) as u32 } else { u32::MAX },
+        never_cull: rng.below(30) == 0,
+        occluder: rng.below(3) == 0,
+        ..Object::new(random_bounds(rng, spread))
     }
 }
 
@@ -148,11 +137,11 @@ fn step(rng: &mut Random, scene: &mut Scene, ids: &mut Vec<ObjectId>, grow: usiz
         4..9 if !ids.is_empty() => {
             let id = ids[some(rng)];
             let bounds = scene.bounds(id).unwrap();
-            let step = (rng.unit() - 0.5) * [0.1, 3.0, 100.0][rng.below(3)];
+            let step = (rng.unit() as f32 - 0.5) * [0.1, 3.0, 100.0][rng.below(3)];
             scene.set_bounds(id, Aabb::new(bounds.min + step, bounds.max + step)).unwrap();
         }
         9..12 if !ids.is_empty() => {
-            let (id, bounds) = (ids[some(rng)], rng.bounds(spread));
+            let (id, bounds) = (ids[some(rng)], random_bounds(rng, spread));
             scene.set_bounds(id, bounds).unwrap();
         }
         12 if !ids.is_empty() => {
@@ -165,7 +154,7 @@ fn step(rng: &mut Random, scene: &mut Scene, ids: &mut Vec<ObjectId>, grow: usiz
             scene.maintain(rng.below(20));
         }
         16 if rng.below(100) == 0 => scene.rebuild(),
-        _ => ids.push(scene.insert(rng.object(spread))),
+        _ => ids.push(scene.insert(random_object(rng, spread))),
     }
 }
 
@@ -200,7 +189,8 @@ fn the_tree_stays_consistent_under_batches_and_churn() {
         let mut rng = Random(seed);
         let (mut scene, mut seen) = (Scene::new(), Seen::default());
         let count = [0, 1, 64, 65, 4097, 8000][seed as usize];
-        let mut ids = scene.insert_batch((0..count).map(|_| rng.object(300.0)).collect::<Vec<_>>());
+        let mut ids =
+            scene.insert_batch((0..count).map(|_| random_object(&mut rng, 300.0)).collect::<Vec<_>>());
         check(&scene, &mut seen);
         for round in 0..12 {
             for _ in 0..150 {
@@ -208,7 +198,9 @@ fn the_tree_stays_consistent_under_batches_and_churn() {
             }
             check(&scene, &mut seen);
             let added = [0, 3, 200, 9000][if round == 5 { 3 } else { rng.below(3) }];
-            ids.extend(scene.insert_batch((0..added).map(|_| rng.object(300.0)).collect::<Vec<_>>()));
+            ids.extend(
+                scene.insert_batch((0..added).map(|_| random_object(&mut rng, 300.0)).collect::<Vec<_>>()),
+            );
             check(&scene, &mut seen);
             let from = rng.below(ids.len() + 1);
             let gone = ids.split_off(ids.len() - (ids.len() - from).min([5, 500, 5000][rng.below(3)]));
@@ -272,7 +264,7 @@ fn a_change_of_any_slot_is_a_change_of_layout() {
 fn whoever_moves_an_object_changes_the_layout() {
     let mut rng = Random(5);
     let mut scene = Scene::new();
-    let mut ids = scene.insert_batch((0..600).map(|_| rng.object(100.0)).collect::<Vec<_>>());
+    let mut ids = scene.insert_batch((0..600).map(|_| random_object(&mut rng, 100.0)).collect::<Vec<_>>());
     for _ in 0..20_000 {
         let before = (scene.layout(), scene.tree().slots.clone());
         step(&mut rng, &mut scene, &mut ids, 0);
