@@ -193,7 +193,7 @@ impl CellFrustum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_exact::{IntVector, Random, cross, dot, fine, minus, within};
+    use crate::test_exact::{IntVector, Random, RandomExact, cross, dot, fine, minus, within};
     use visibility_core::{Plane, Pose, Window};
 
     /// All planes but the near one have the eye on their inner side, or in them: they bound what is on the
@@ -230,8 +230,8 @@ mod tests {
             CellFrustum::new(&view.unwrap(), DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
         let (mut outside, mut inside) = (0, 0);
         for _ in 0..20_000 {
-            let normal = random.vector(1 << 52);
-            let corner = random.vector(1 << 23);
+            let normal = random.integers(1 << 52);
+            let corner = random.integers(1 << 23);
             let size = [(); 3].map(|()| random.whole(1 << 22).abs());
             // In units of 2^-53, rounded to what f64 can hold.
             let exact = -(0..3).map(|i| i128::from(normal[i]) * i128::from(corner[i])).sum::<i128>();
@@ -287,7 +287,7 @@ mod tests {
             CellFrustum::new(&view.unwrap(), DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
         let (mut backs, mut wrong_without) = (0, 0);
         for round in 0..60_000 {
-            let [a, b, c] = [(); 3].map(|()| random.vector(1 << 23));
+            let [a, b, c] = [(); 3].map(|()| random.integers(1 << 23));
             let (s, t) = (random.whole(1 << 30), random.whole(1 << 30));
             // In steps of 2^-30, the eye is in the plane or beside it, by a step or by many.
             let beside = if round % 2 == 0 { random.whole(2) } else { random.whole(1 << 34) };

@@ -131,7 +131,7 @@ impl Front {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_exact::Random;
+    use crate::test_exact::{Random, RandomExact};
     use std::vec;
 
     #[test]

@@ -228,7 +228,7 @@ impl<'a> Iterator for Sides<'a> {
 mod tests {
     use super::*;
     use crate::content::Content;
-    use crate::test_exact::Random;
+    use crate::test_exact::{Random, RandomExact};
     use visibility_core::{Aabb, Eye, Object, Scene};
 
     /// Slopes and walls in a box, and eyes around it: a side that turns its back has nothing in it that does

@@ -251,7 +251,7 @@ impl BoxFromEye {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_exact::{Random, cross, dot, fine, minus};
+    use crate::test_exact::{Random, RandomExact, cross, dot, fine, minus};
     use visibility_core::Object;
     use visibility_core::glam::Vec3;
 
@@ -403,8 +403,8 @@ mod tests {
             // In units of 2^-30. The first corner is about the origin and in finer steps than the others, so
             // that products of edges have more digits than f64. The last is so near to the middle of the
             // others that the triangle is just let through, or just not.
-            let (a, b) = (random.vector(1 << 14), random.vector(1 << 22));
-            let beside = random.vector(4);
+            let (a, b) = (random.integers(1 << 14), random.integers(1 << 22));
+            let beside = random.integers(4);
             let c = [0, 1, 2].map(|i| (b[i] / 2 + beside[i]) << 14);
             let b = b.map(|x| x << 14);
             let triangle = [a, b, c].map(|p| fine(p).as_vec3());

@@ -180,7 +180,7 @@ pub(crate) fn shape_meets_tetrahedron(shape: &Shape, solid: &Tetrahedron) -> boo
 mod tests {
     use super::*;
     use crate::grid::{Grid, STEPS};
-    use crate::test_exact::{IntVector, Random, cross, dot, fine, minus, within};
+    use crate::test_exact::{IntVector, Random, RandomExact, cross, dot, fine, minus, within};
     use visibility_core::Aabb;
     use visibility_core::glam::Vec3;
 
@@ -194,14 +194,14 @@ mod tests {
             // Large and small ones: where the numbers are as large as they get, differences of them are
             // rounded too.
             let shift = |random: &mut Random, most: i64| (random.whole(most).max(0)) as u32;
-            let (a, size) = (random.vector(1 << 23), 23 - shift(&mut random, 22));
+            let (a, size) = (random.integers(1 << 23), 23 - shift(&mut random, 22));
             let [b, mut c] = [(); 2].map(|()| {
-                let along = random.vector(1 << size);
+                let along = random.integers(1 << size);
                 [0, 1, 2].map(|i| a[i] + along[i])
             });
             if round % 2 == 0 {
                 // A sliver: where its normal points depends on the last digits.
-                let beside = random.vector(4);
+                let beside = random.integers(4);
                 c = [0, 1, 2].map(|i| a[i] + (b[i] - a[i]) / 2 + beside[i]);
             }
             let half: IntVector = [(); 3].map(|()| {
@@ -254,11 +254,11 @@ mod tests {
         let mut random = Random(12);
         let (mut rounds, mut apart) = (0, 0);
         while rounds < 20_000 {
-            let q = random.vector(1 << 16);
-            let (u, v) = (random.vector(1 << 16), random.vector(1 << 16));
+            let q = random.integers(1 << 16);
+            let (u, v) = (random.integers(1 << 16), random.integers(1 << 16));
             let normal = cross(u, v);
             let others = [(); 3].map(|()| {
-                let w = random.vector(1 << 16);
+                let w = random.integers(1 << 16);
                 if dot(normal, w) < 0 { w.map(|x| -x) } else { w }
             });
             if dot(cross(others[0], others[1]), others[2]) == 0 || others.iter().any(|&w| dot(normal, w) == 0)
@@ -348,7 +348,7 @@ mod tests {
             // Just below a power of two, beyond which numbers are coarser: cells on the two sides are rounded
             // differently.
             let wall = (1 << (22 + random.whole(2))) - 1 - random.whole(8).abs();
-            let mut middle = random.vector(1 << 20);
+            let mut middle = random.integers(1 << 20);
             middle[axis] = (wall - 51 * size * steps) * sign;
             let ends = [-1024 * size, 1024 * size].map(|by| middle.map(|x| (x + by) as f32));
             let grid = Grid::around(&Aabb::from_arrays(ends[0], ends[1]));

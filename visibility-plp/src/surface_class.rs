@@ -131,7 +131,7 @@ fn side_of(u: DVec3, v: DVec3) -> (u8, Lean) {
 mod tests {
     use super::*;
     use crate::normal_bins::BoxFromEye;
-    use crate::test_exact::{IntVector, Random, cross, minus};
+    use crate::test_exact::{IntVector, Random, RandomExact, cross, minus};
 
     #[test]
     fn classes_are_in_order_and_hold_their_middle() {
@@ -195,8 +195,8 @@ mod tests {
         for round in 0..40_000 {
             // Corners a, B 2^n and C 2^n, these along one line from the origin: the normal is a x (B - C),
             // times 2^n.
-            let a = random.vector(1 << 20);
-            let (direction, farther) = (random.vector(1 << 10), 5 + random.whole(4));
+            let a = random.integers(1 << 20);
+            let (direction, farther) = (random.integers(1 << 10), 5 + random.whole(4));
             let scale = 2f64.powi(round % 60);
             let (b, c) = (direction.map(|x| x * 3), direction.map(|x| x * farther));
             let float = |p: IntVector, scale: f64| DVec3::from_array(p.map(|x| x as f64 * scale));

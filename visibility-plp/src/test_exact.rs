@@ -2,33 +2,30 @@
 //! them, fit.
 
 use visibility_core::glam::DVec3;
+pub(crate) use visibility_testing::Random;
 
 /// A vector of integers.
 pub(crate) type IntVector = [i64; 3];
 
-/// Random numbers, the same on every machine.
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
+/// Random numbers that are exact.
+pub(crate) trait RandomExact {
     /// An integer between `-below` and `below`, without `below` itself.
-    pub(crate) fn whole(&mut self, below: i64) -> i64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((i128::from(self.0 >> 1) * i128::from(below)) >> 62) as i64 - below
-    }
+    fn whole(&mut self, below: i64) -> i64;
 
     /// Three such integers.
-    pub(crate) fn vector(&mut self, below: i64) -> IntVector {
+    fn integers(&mut self, below: i64) -> IntVector {
         [(); 3].map(|()| self.whole(below))
     }
 
     /// A number from -1 to 1.
-    pub(crate) fn float(&mut self) -> f64 {
+    fn float(&mut self) -> f64 {
         self.whole(1 << 50) as f64 / (1i64 << 50) as f64
     }
+}
 
-    /// A unit vector.
-    pub(crate) fn direction(&mut self) -> DVec3 {
-        DVec3::new(self.float(), self.float(), self.float()).normalize_or(DVec3::X)
+impl RandomExact for Random {
+    fn whole(&mut self, below: i64) -> i64 {
+        ((i128::from(self.bits() >> 1) * i128::from(below)) >> 62) as i64 - below
     }
 }
 

@@ -104,10 +104,10 @@ fn surely_in_view(scene: &Scene, view: &View) -> Vec<ObjectId> {
 
 fn change(scene: &mut Scene, random: &mut Random) {
     let ids: Vec<_> = scene.ids().collect();
-    let id = ids[(random.next() * ids.len() as f64) as usize];
-    let middle = random.vector(30.0);
-    let triangle = [(); 3].map(|()| (middle + random.vector(3.0)).as_vec3());
-    let moved = match (random.next() * 4.0) as usize {
+    let id = random.pick(&ids);
+    let middle = random.fine_vector(30.0);
+    let triangle = [(); 3].map(|()| (middle + random.fine_vector(3.0)).as_vec3());
+    let moved = match random.below(4) {
         0 => {
             scene.remove(id).unwrap();
             return;
@@ -130,7 +130,6 @@ fn change(scene: &mut Scene, random: &mut Random) {
 #[test]
 fn live_cullers_answer_as_fresh_ones_whatever_is_swapped() {
     let mut random = Random(2024);
-    let pick = |random: &mut Random, count: usize| (random.next() * count as f64) as usize;
     // As many objects in each, some of them clones of others.
     let mut scenes: Vec<Scene> = (0..3).map(|seed| triangles(seed, 500)).collect();
     scenes.push(scenes[0].clone());
@@ -140,14 +139,14 @@ fn live_cullers_answer_as_fresh_ones_whatever_is_swapped() {
     let views = views();
     let (mut culled, mut left, mut wanted_in_all) = (0, 0, 0);
     for step in 0..600 {
-        let (s, c) = (pick(&mut random, scenes.len()), pick(&mut random, cells.len()));
-        match pick(&mut random, 10) {
+        let (s, c) = (random.below(scenes.len()), random.below(cells.len()));
+        match random.below(10) {
             // Several changes at once, which a tessellation may be told of or not.
-            0..=2 => (0..1 + pick(&mut random, 40)).for_each(|_| change(&mut scenes[s], &mut random)),
-            3 => scenes[s] = scenes[pick(&mut random, 4)].clone(),
-            4 => scenes[s] = saved[pick(&mut random, 4)].clone(),
+            0..=2 => (0..1 + random.below(40)).for_each(|_| change(&mut scenes[s], &mut random)),
+            3 => scenes[s] = scenes[random.below(4)].clone(),
+            4 => scenes[s] = saved[random.below(4)].clone(),
             5 | 6 => cells[c] = Cells::new(&scenes[s], step),
-            7 => cells[c] = cells[pick(&mut random, 6)].clone(),
+            7 => cells[c] = cells[random.below(6)].clone(),
             8 if step % 4 == 0 => drop(scenes.swap_remove(s)),
             _ => {
                 cells[c].sync(&scenes[s]);
@@ -156,8 +155,8 @@ fn live_cullers_answer_as_fresh_ones_whatever_is_swapped() {
         if scenes.len() < 4 {
             scenes.push(triangles(step as u64, 500));
         }
-        let (c, s) = if step % 2 == 0 { (c, s) } else { (pick(&mut random, 6), pick(&mut random, 4)) };
-        let view = &views[pick(&mut random, views.len())];
+        let (c, s) = if step % 2 == 0 { (c, s) } else { (random.below(6), random.below(4)) };
+        let view = &views[random.below(views.len())];
         for scene in [&scenes[s], &scenes[(s + 1) % 4], &scenes[s]] {
             let wanted = surely_in_view(scene, view);
             for (kind, culler) in live.iter_mut().enumerate() {

@@ -10,6 +10,7 @@ use visibility_core::{Aabb, Culler, Object, Scene, VisibleSet};
 use visibility_plp::{
     Budget, Content, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Tessellation,
 };
+use visibility_testing::{FNV_START, fnv};
 
 const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
 
@@ -31,7 +32,7 @@ fn check(scene: &Scene, cells: &dyn Tessellation) {
         };
         for triangle in scene.triangles(id).unwrap() {
             for _ in 0..10 {
-                let (mut u, mut v) = (random.next(), random.next());
+                let (mut u, mut v) = (random.fine_unit(), random.fine_unit());
                 if u + v > 1.0 {
                     (u, v) = (1.0 - u, 1.0 - v);
                 }
@@ -43,7 +44,8 @@ fn check(scene: &Scene, cells: &dyn Tessellation) {
         if scene.triangles(id).unwrap().is_empty() {
             let Aabb { min, max } = scene.bounds(id).unwrap();
             for _ in 0..10 {
-                let [u, v, w] = [random.next(), random.next(), random.next()].map(|x| x as f32);
+                let [u, v, w] =
+                    [random.fine_unit(), random.fine_unit(), random.fine_unit()].map(|x| x as f32);
                 held((min + (max - min) * Vec3::new(u, v, w)).as_dvec3());
             }
         }
@@ -82,7 +84,7 @@ fn check(scene: &Scene, cells: &dyn Tessellation) {
     // No gap anywhere in the padded bounds.
     let size = (bounds.max - bounds.min).as_dvec3() * 0.49;
     for _ in 0..2000 {
-        let point = bounds.center().as_dvec3() + random.vector(1.0) * size;
+        let point = bounds.center().as_dvec3() + random.fine_vector(1.0) * size;
         let cell = cells.locate(point).expect("no gap");
         assert!(cells.contains(cell, point));
     }
@@ -224,13 +226,11 @@ fn what_has_changed_is_stored_as_strays() {
 /// Turns over a byte here and there and mends the checksum, as no accident would: what is then not refused
 /// may be wrong, but harms nobody.
 fn forged<T: Tessellation>(scene: &Scene, bytes: &[u8], load: impl Fn(&[u8]) -> Result<T, EnvelopeError>) {
-    const FACTOR: u64 = 0x0100_0000_01b3;
     let (mut refused, mut taken) = (0, 0);
     for place in (40..bytes.len()).step_by(23) {
         let mut wrong = bytes.to_vec();
         wrong[place] ^= 1 << (place % 8);
-        let all = wrong[..32].iter().chain(&wrong[40..]);
-        let sum = all.fold(0xcbf2_9ce4_8422_2325_u64, |sum, &b| (sum ^ u64::from(b)).wrapping_mul(FACTOR));
+        let sum = fnv(fnv(FNV_START, &wrong[..32]), &wrong[40..]);
         wrong[32..40].copy_from_slice(&sum.to_le_bytes());
         let Ok(cells) = load(&wrong) else {
             refused += 1;

@@ -42,7 +42,7 @@ pub(crate) fn is_in_sphere([a, b, c, d]: [Point; 4], p: Point) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_exact::Random;
+    use crate::test_exact::{Random, RandomExact};
 
     const CORNER: [Point; 4] = [[0, 0, 0], [8, 0, 0], [0, 8, 0], [0, 0, 8]];
 
@@ -69,7 +69,7 @@ mod tests {
         let mut random = Random(41);
         let mut told = 0;
         for _ in 0..20_000 {
-            let [x, y, z] = random.vector(1 << 15).map(|x| x as i32);
+            let [x, y, z] = random.integers(1 << 15).map(|x| x as i32);
             let mut point = || {
                 let order = [[x, y, z], [y, z, x], [z, x, y], [x, z, y], [z, y, x], [y, x, z]];
                 let picked = order[random.whole(6).unsigned_abs() as usize % 6];

@@ -223,6 +223,7 @@ impl Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visibility_testing::Random;
 
     /// Every face has the right neighbour on its other side, all volumes are positive and fill the cube, and
     /// no sphere holds a point.
@@ -252,11 +253,8 @@ mod tests {
 
     #[test]
     fn random_points_make_a_delaunay_triangulation() {
-        let mut state = 1u64;
-        let mut random = |below: i32| {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 33) as i32 % (below - 1) + 1
-        };
+        let mut random = Random(1);
+        let mut random = |below: i32| random.between(1, below - 1);
         let side = 1 << 17;
         let points: Vec<Point> = (0..300).map(|_| [random(side), random(side), random(side)]).collect();
         let mut mesh = Mesh::cube(side);
@@ -269,11 +267,8 @@ mod tests {
     /// After every point: what it leaves free is filled from the end, and neighbours learn of it.
     #[test]
     fn gaps_are_closed() {
-        let mut state = 5u64;
-        let mut random = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 33) as i32 % 65535 + 1
-        };
+        let mut random = Random(7);
+        let mut random = || random.between(1, 65535);
         let (mut mesh, mut gaps) = (Mesh::cube(1 << 16), 0);
         for number in 0..400 {
             let last = mesh.cells.len() as u32 - 1;

@@ -5,31 +5,17 @@ use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
     Aabb, Accuracy, Object, ObjectId, OccluderMesh, Occlusion, OcclusionMap, Pose, Scene, View, Window,
 };
-
-/// Random numbers, the same on every machine.
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub(crate) fn vector(&mut self, size: f64) -> DVec3 {
-        let mut next = || (self.next() * 2.0 - 1.0) * size;
-        DVec3::new(next(), next(), next())
-    }
-}
+pub(crate) use visibility_testing::Random;
 
 /// A scene of single triangles: many small ones about some middles, and a few as large as the scene.
 pub(crate) fn triangles(seed: u64, count: usize) -> Scene {
     let mut random = Random(seed);
     let mut scene = Scene::new();
-    let middles: Vec<DVec3> = (0..8).map(|_| random.vector(40.0)).collect();
+    let middles: Vec<DVec3> = (0..8).map(|_| random.fine_vector(40.0)).collect();
     for i in 0..count {
         let (middle, size) =
-            if i % 50 == 0 { (DVec3::ZERO, 60.0) } else { (middles[i % 8] + random.vector(8.0), 1.0) };
-        let triangle = [(); 3].map(|_| (middle + random.vector(size)).as_vec3());
+            if i % 50 == 0 { (DVec3::ZERO, 60.0) } else { (middles[i % 8] + random.fine_vector(8.0), 1.0) };
+        let triangle = [(); 3].map(|_| (middle + random.fine_vector(size)).as_vec3());
         let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(triangle)) });
         scene.set_triangles(id, [triangle]).unwrap();
     }
@@ -64,7 +50,7 @@ pub(crate) fn views() -> Vec<View> {
     let mut random = Random(99);
     for size in [5.0, 30.0, 200.0] {
         for _ in 0..4 {
-            let pose = Pose::look_at(random.vector(size), random.vector(10.0), DVec3::Z);
+            let pose = Pose::look_at(random.fine_vector(size), random.fine_vector(10.0), DVec3::Z);
             views.push(View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap());
             views.push(View::perspective(pose, 2.5, 0.7, 20.0, 150.0).unwrap());
             views.push(View::orthographic(pose, Window::centered(30.0, 20.0), -10.0, 300.0).unwrap());
