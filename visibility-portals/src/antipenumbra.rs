@@ -1,17 +1,21 @@
-//! Whether separating planes leave a way through a sequence of polygons.
+//! Whether separating planes leave a line through a sequence of polygons.
 
 use crate::bake_settings::{BakeError, Settings};
 use crate::cell_baker::CellBaker;
 use visibility_core::bake::Bake;
 use visibility_core::{CellGraph, CellId, ConvexPolygon};
 
-/// Whether the planes that separate the polygons of a sequence leave a way through all of them: each polygon
-/// clips what is seen of the first one through those before it, and the other way round (Seth Teller and Pat
-/// Hanrahan, "Global Visibility Algorithms for Illumination Computations", 1993). `false` is certain for
-/// lines that stay clear of all edges by the clearance.
+/// Whether separating planes leave a line through a sequence of convex polygons: each polygon is clipped to
+/// what can be seen of it from the first one through those between, and the first one likewise to what can be
+/// seen of it from the other side (Seth Teller and Pat Hanrahan, "Global Visibility Algorithms for
+/// Illumination Computations", 1993).
+///
+/// `false` is certain: no line passes all polygons along their normals, clear of all edges by `clearance`, in
+/// the unit of the coordinates. `true` is not. Faster than
+/// [`Stabber::polygons`](crate::stabbing::Stabber::polygons), and less tight.
 ///
 /// # Errors
-/// As [`CellBaker::new`].
+/// As [`CellBaker::new`]; [`BakeError::TooLarge`] also for a polygon without area.
 ///
 /// ```
 /// use visibility_core::{ConvexPolygon, glam::DVec3};

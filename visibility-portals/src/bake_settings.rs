@@ -1,26 +1,26 @@
-//! What the bakes of cells and of objects have in common: settings, errors, and portals made ready.
+//! Settings and errors of both bakers, and the portals made ready for them.
 
 use crate::directed_portals::DirectedPortals;
 use core::fmt;
 use visibility_core::CellGraph;
 
-/// How a bake works.
+/// Settings of [`CellBaker`](crate::CellBaker) and [`ObjectBaker`](crate::ObjectBaker).
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Settings {
-    /// No pair of cells is called hidden between which a line passes that stays clear of all portal edges by
-    /// this distance, in the map's units. It must be well above the rounding of coordinates: at least 2^-33
-    /// of the greatest.
+    /// The distance, in world units, that a line must keep from all portal edges to count: a cell is called
+    /// hidden only if no such line leads to it. At least 2^-33 of the greatest coordinate, so that rounding
+    /// cannot matter.
     pub clearance: f64,
-    /// The most chains of portals to look at for one cell. When it is reached, the cell sees all that is
-    /// still possible.
+    /// The most chains of portals to look at for one cell. A cell that needs more sees all that is not yet
+    /// proven hidden.
     pub steps_per_cell: u64,
-    /// Whether chains of portals through which separating planes leave a way are tested in Pluecker space
-    /// too, where that decides whether a cell is seen: never more cells, for somewhat more time.
+    /// Whether chains of portals that separating planes do not exclude are also tested in Pluecker space,
+    /// where that decides whether a cell is seen. Sees fewer cells or the same, for somewhat more time.
     ///
-    /// What is certain is each rejection: of the edges of a few portals of the chain, a certificate shows
-    /// that no line passes all of them clear by the clearance. What is kept need not be visible: half-spaces
-    /// that have a point in common may still miss the quadric that lines form ([`stabbing`](crate::stabbing)
-    /// says more), and what they have in common by less than `f64` can tell is kept, too.
+    /// Each rejection is certain: a certificate shows that no line passes certain edges of the chain clear by
+    /// the clearance. What is kept need not be visible: half-spaces with a point in common may still miss the
+    /// quadric of lines (see [`stabbing`](crate::stabbing)), and what they have in common may be too little
+    /// for `f64` to tell.
     pub exact: bool,
 }
 
@@ -31,7 +31,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// All of them, for a fingerprint.
+    /// The settings as numbers, for a fingerprint.
     pub(crate) fn numbers(&self) -> [u64; 3] {
         [self.clearance.to_bits(), self.steps_per_cell, self.exact.into()]
     }
@@ -48,14 +48,14 @@ pub enum BakeError {
         /// The least that the coordinates allow.
         least: f64,
     },
-    /// More portals or cells than the tables of pairs have room for.
+    /// More than 65,536 cells or portals: the bits of all pairs of portals would take more than 2 GiB.
     TooLarge {
         /// How many cells.
         cells: usize,
         /// How many portals.
         portals: usize,
     },
-    /// A matrix of another number of cells than the graph has.
+    /// The matrix has another number of cells than the graph.
     Cells {
         /// Cells of the graph.
         graph: usize,
@@ -85,10 +85,10 @@ impl fmt::Display for BakeError {
 
 impl core::error::Error for BakeError {}
 
-/// The most cells or portals in a bake: its tables then take up to 2 GiB.
+/// The most cells or portals of a bake: the bits of all pairs of portals then take 2 GiB.
 const MOST: usize = 1 << 16;
 
-/// The portals made ready, if they can be baked.
+/// Checks the settings and makes the portals ready.
 pub(crate) fn prepare(graph: &CellGraph, settings: &Settings) -> Result<DirectedPortals, BakeError> {
     let (cells, count) = (graph.cell_count(), graph.portals().len());
     if cells > MOST || count > MOST {

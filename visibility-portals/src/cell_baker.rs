@@ -1,7 +1,7 @@
-//! The visibility of cells from cells: a flow from every portal.
+//! The baker of cell-to-cell visibility: a [flow](crate::portal_flow) from every portal.
 //!
-//! In each round the portals with the fewest candidates come first: what they prove hidden thins the
-//! candidates of the others, at once also the other way round, since a line can be walked both ways.
+//! In each round the portals with the fewest candidates come first. What they prove hidden removes candidates
+//! from the others, in both directions at once, since every line can be walked both ways.
 
 use crate::bake_settings::{BakeError, Settings, prepare};
 use crate::cell_matrix::CellMatrix;
@@ -13,32 +13,34 @@ use visibility_core::bake::{Baker, fill_rows};
 use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
 use visibility_core::{CellGraph, CellId};
 
-/// A cell for which the limit of steps was reached.
+/// A cell that sees too much, since it reached the limit of steps.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fallback {
     /// The cell.
     pub cell: CellId,
-    /// How many of its portals count all that is possible as seen.
+    /// How many of its portals see all that is not proven hidden.
     pub portals: u32,
 }
 
-/// What a bake found.
+/// Result of a bake of cell-to-cell visibility.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Outcome {
-    /// Which cells see which; symmetric.
+    /// Which cells see which. Symmetric; each cell sees itself.
     pub matrix: CellMatrix,
-    /// Cells that see more than they would without a limit of steps, ascending.
+    /// Cells that reached the limit of steps, ascending.
     pub fallbacks: Vec<Fallback>,
-    /// Chains of portals looked at, by cell: what the cell cost.
+    /// By cell: the number of chains of portals that were looked at.
     pub steps: Vec<u64>,
-    /// Chains that were tested in Pluecker space and rejected, each with a certificate.
+    /// The number of chains that only the test in Pluecker space excluded.
     pub rejected: u64,
-    /// Whether the bake went to its end; otherwise cells see all that was still possible.
+    /// Whether all portals were looked through. Otherwise cells also see all that was not yet proven hidden.
     pub complete: bool,
 }
 
-/// Finds which cells see which, for a [`Bake`](visibility_core::bake::Bake). Its items are the portals, each
-/// direction counted; its steps, the chains of portals looked at.
+/// Computes which cells see which, for a [`Bake`](visibility_core::bake::Bake).
+///
+/// Its items are the portals, each direction counted; its steps are the chains of portals looked at. Memory
+/// is four bits for each ordered pair of portals, and one bit for each ordered pair of cells.
 ///
 /// ```
 /// use visibility_core::{CellId, bake::Bake};
@@ -60,23 +62,28 @@ pub struct CellBaker {
     portals: DirectedPortals,
     cells: usize,
     settings: Settings,
-    /// See [`Known`](Known::rows).
+    /// By portal, one bit for each portal that lines through it may pass later: see [`Known::rows`].
     rows: Vec<u64>,
+    /// Words in a row of `rows`.
     stride: usize,
+    /// By cell, one bit for each cell that is known to be seen: see [`Known::seen`].
     seen: Vec<u64>,
+    /// Words in a row of `seen`.
     cell_stride: usize,
-    /// How many candidates each portal has left.
+    /// By portal: the number of bits in its row.
     counts: Vec<u32>,
     steps: Vec<u64>,
+    /// By cell: the number of portals that reached the limit of steps.
     fallbacks: Vec<u32>,
     rejected: u64,
 }
 
 impl CellBaker {
-    /// Prepares the portals and finds, for each, the others that can follow it by their planes alone.
+    /// Makes the portals ready and finds, for each, the others that can follow it by their planes and by the
+    /// cells that can be reached. Takes time in proportion to the pairs of portals at worst.
     ///
     /// # Errors
-    /// [`BakeError`].
+    /// [`BakeError::TooLarge`], [`BakeError::Clearance`].
     pub fn new(graph: &CellGraph, settings: Settings) -> Result<Self, BakeError> {
         let cells = graph.cell_count();
         let portals = prepare(graph, &settings)?;
@@ -99,7 +106,7 @@ impl CellBaker {
         Ok(baker)
     }
 
-    /// Candidates by planes and reachability; cells see themselves and their neighbours.
+    /// Fills `rows` by planes and reachability, and `seen` with each cell and its neighbours.
     fn begin(&mut self) {
         let (portals, cells) = (&self.portals, self.cells);
         fill_rows(&mut self.rows, self.stride, |stamps: &mut Vec<u32>, source, row| {
@@ -132,13 +139,14 @@ impl CellBaker {
         }
     }
 
-    /// Counts the candidates of each portal.
+    /// Brings `counts` up to date with `rows`.
     fn count(&mut self) {
         for (row, count) in self.rows.chunks_exact(self.stride.max(1)).zip(&mut self.counts) {
             *count = row.iter().map(|word| word.count_ones()).sum();
         }
     }
 
+    /// Notes that no line passes portal `a` and later `b`.
     fn clear(&mut self, a: u32, b: u32) {
         let word = &mut self.rows[a as usize * self.stride + b as usize / 64];
         let bit = 1 << (b % 64);
@@ -198,7 +206,7 @@ impl Baker for CellBaker {
         found.steps
     }
 
-    /// Of portals that were not looked through, what is still possible counts as visible.
+    /// Portals that were not looked through see all that is not yet proven hidden.
     fn finish(mut self, waiting: &[u32]) -> Outcome {
         for &source in waiting {
             let from = self.portals.all[source as usize].from as usize;
@@ -262,8 +270,8 @@ impl Baker for CellBaker {
     }
 }
 
-/// Marks the portals that can follow one by their planes and through cells that can be reached. `stamps` has
-/// a place for each cell, and in it no number of this portal yet.
+/// Sets the bits of the portals that can follow portal `source`, by their planes and through cells that can
+/// be reached. `stamps` has a number for each cell, none of them `source`.
 fn candidates(portals: &DirectedPortals, source: u32, stamps: &mut [u32], row: &mut [u64]) {
     let portal = &portals.all[source as usize];
     let mut queue = alloc::vec![portal.to];

@@ -1,12 +1,12 @@
-//! Which cells see which: a bit for each pair.
+//! The cell-to-cell visibility of a map: one bit for each pair of cells.
 
 use alloc::vec::Vec;
 use visibility_core::{CellGraph, CellId, Pvs, PvsError, PvsTargets, ViewcellId};
 
-/// The cell-to-cell visibility of a map, a row of bits for each cell looked from.
+/// The cell-to-cell visibility of a map: a row for each cell looked from, with a bit for each cell looked at.
 ///
-/// As bytes it has the `.vismat` form: row by row, each of `ceil(cells / 8)` bytes, least significant bit
-/// first.
+/// Stored as bytes in the `.vismat` format: row by row, each of `ceil(cells / 8)` bytes, least significant
+/// bit first.
 ///
 /// ```
 /// use visibility_core::CellId;
@@ -25,14 +25,14 @@ pub struct CellMatrix {
 }
 
 impl CellMatrix {
-    /// No cell sees any.
+    /// A matrix in which no cell sees any, not even itself.
     pub fn new(cells: usize) -> Self {
         let stride = cells.div_ceil(64);
         Self { cells, stride, words: alloc::vec![0; stride * cells] }
     }
 
-    /// From the `.vismat` form. `None` if that has not the length that the number of cells asks for, or a bit
-    /// of no cell.
+    /// Reads the `.vismat` format. `None` if the length does not fit the number of cells, or if a bit beyond
+    /// the last cell is set.
     pub fn from_bytes(cells: usize, bytes: &[u8]) -> Option<Self> {
         let row = cells.div_ceil(8);
         if bytes.len() != row.checked_mul(cells)? {
@@ -50,25 +50,25 @@ impl CellMatrix {
         Some(matrix)
     }
 
-    /// The `.vismat` form.
+    /// Writes the `.vismat` format.
     pub fn to_bytes(&self) -> Vec<u8> {
         let row = self.cells.div_ceil(8);
         let rows = self.words.chunks_exact(self.stride.max(1));
         rows.flat_map(|words| (0..row).map(|i| (words[i / 8] >> (i % 8 * 8)) as u8)).collect()
     }
 
-    /// How many cells there are.
+    /// The number of cells.
     pub fn cell_count(&self) -> usize {
         self.cells
     }
 
-    /// Whether one cell can see another. An unknown cell sees none and is seen by none.
+    /// Whether one cell sees another. False if either is unknown.
     pub fn sees(&self, from: CellId, to: CellId) -> bool {
         let known = from.index() < self.cells && to.index() < self.cells;
         known && self.words[from.index() * self.stride + to.index() / 64] >> (to.index() % 64) & 1 != 0
     }
 
-    /// The cells that one sees, ascending.
+    /// The cells that a cell sees, ascending. Empty for an unknown cell.
     pub fn seen_from(&self, from: CellId) -> impl Iterator<Item = CellId> + '_ {
         self.row(from.index())
             .iter()
@@ -76,23 +76,23 @@ impl CellMatrix {
             .flat_map(|(i, &word)| bits(word).map(move |bit| CellId(i as u32 * 64 + bit)))
     }
 
-    /// How many pairs there are of a cell and one that it sees.
+    /// The number of pairs of a cell and a cell that it sees.
     pub fn count(&self) -> u64 {
         self.words.iter().map(|word| u64::from(word.count_ones())).sum()
     }
 
-    /// How many cells a cell sees in the mean. 0 without cells.
+    /// The mean number of cells that a cell sees. 0 without cells.
     pub fn mean_visible(&self) -> f64 {
         if self.cells == 0 { 0.0 } else { self.count() as f64 / self.cells as f64 }
     }
 
-    /// Whether whoever sees is seen.
+    /// Whether every cell is seen by all cells that it sees.
     pub fn is_symmetric(&self) -> bool {
         *self == self.both_ways()
     }
 
-    /// The pairs that see each other: since a line can be walked both ways, these hold all that is truly
-    /// visible, if the matrix does.
+    /// The pairs of cells that see each other. A line can be walked both ways, so this is conservative if the
+    /// matrix is.
     pub fn both_ways(&self) -> Self {
         let mut both = Self::new(self.cells);
         for a in 0..self.cells {
@@ -105,8 +105,8 @@ impl CellMatrix {
         both
     }
 
-    /// The same, compressed, with the cells as viewcells and as targets. Cells that share a portal in `graph`
-    /// are stored by how they differ.
+    /// The same as a compressed PVS, with the cells as viewcells and as targets. Rows of cells that share a
+    /// portal in `graph` are stored by their differences.
     ///
     /// # Errors
     /// [`PvsError::TooLarge`].
@@ -117,7 +117,7 @@ impl CellMatrix {
         Pvs::new(PvsTargets::Cells, self.cells, &rows, |viewcell| neighbours(graph, viewcell))
     }
 
-    /// The bits of a row; empty for an unknown cell.
+    /// The bits of the cells that a cell sees. Empty for an unknown cell.
     pub(crate) fn row(&self, from: usize) -> &[u64] {
         if from < self.cells { &self.words[from * self.stride..][..self.stride] } else { &[] }
     }
@@ -127,14 +127,14 @@ impl CellMatrix {
     }
 }
 
-/// The cells that share a portal with one, as viewcells.
+/// The cells that share a portal with a cell, as viewcells. A cell is named once for each portal.
 pub(crate) fn neighbours(graph: &CellGraph, viewcell: ViewcellId) -> impl Iterator<Item = ViewcellId> + '_ {
     let cell = CellId(viewcell.0);
     let portals = graph.portals_of(cell).iter().filter_map(|&id| graph.portal(id));
     portals.map(move |portal| portal.other(cell).into())
 }
 
-/// The numbers of the bits that are set, ascending.
+/// The places of the bits that are set, ascending.
 pub(crate) fn bits(mut word: u64) -> impl Iterator<Item = u32> {
     core::iter::from_fn(move || {
         let bit = (word != 0).then(|| word.trailing_zeros());

@@ -1,12 +1,12 @@
-//! Clipping convex polygons (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) that live in a
-//! growing store of points.
+//! Clipping of convex polygons (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) whose vertices
+//! are ranges of one growing list.
 
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::Plane;
 use visibility_core::glam::DVec3;
 
-/// Polygons that have grown beyond this many vertices are clipped no more, which is conservative.
+/// Polygons with more vertices are not clipped, which is conservative.
 const MOST_VERTICES: usize = 120;
 
 /// What clipping leaves of a polygon.
@@ -14,12 +14,13 @@ const MOST_VERTICES: usize = 120;
 pub(crate) enum Clip {
     Nothing,
     All,
-    /// The points at the end of the store, from this one.
+    /// A new polygon: the vertices from this index to the end of the list.
     Part(usize),
 }
 
-/// Clips the polygon at a place of the store to the inner side of a plane; what is left of it, if it is less,
-/// is added to the store. A remainder narrower than `merge` is nothing.
+/// Clips the polygon with the vertices `points[polygon]` to the inner side of a plane, boundary included. A
+/// smaller polygon is appended to `points`. Vertices nearer to each other than `merge` become one; a polygon
+/// of fewer than three is nothing.
 pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane, merge: f64) -> Clip {
     let count = polygon.len();
     if count > MOST_VERTICES {
@@ -62,13 +63,14 @@ pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane
     Clip::Part(start)
 }
 
+/// Appends a vertex, unless it is too near to the one before.
 fn push_apart(points: &mut Vec<DVec3>, start: usize, p: DVec3, near: f64) {
     if points.len() == start || (points[points.len() - 1] - p).length_squared() > near {
         points.push(p);
     }
 }
 
-/// As [`clip`], from one polygon to another.
+/// As [`clip`], from one list to another, whose content is replaced.
 pub(crate) fn clip_into(polygon: &[DVec3], plane: &Plane, merge: f64, out: &mut Vec<DVec3>) {
     out.clear();
     if polygon.is_empty() {

@@ -20,12 +20,12 @@ use alloc::vec::Vec;
 use visibility_core::Plane;
 use visibility_core::glam::{DVec2, DVec3};
 
-/// What rounding of the test itself can need, as a share of lengths that are at least 65,536 times the
-/// rounding of coordinates.
+/// Bound on the rounding of the test below, as a share of the lengths that are compared. The clearance is at
+/// least 65,536 times the rounding of a coordinate.
 const SLACK: f64 = 0.05;
 
-/// Whether no line passes both polygons clear of their edges by a distance, since they lie side by side near
-/// one plane. `normal` is about that plane's.
+/// Whether two convex polygons lie side by side near one plane, so that no line passes both of them clear of
+/// their edges by `clearance`. `normal` is about that of the plane.
 pub(crate) fn lie_side_by_side(a: &[DVec3], b: &[DVec3], normal: DVec3, clearance: f64) -> bool {
     let all = || a.iter().chain(b).copied();
     let Some(plane) = fitted(all(), (a.len() + b.len()) as f64, normal) else { return false };
@@ -57,7 +57,8 @@ pub(crate) fn lie_side_by_side(a: &[DVec3], b: &[DVec3], normal: DVec3, clearanc
     edges(&a).into_iter().chain(edges(&b)).any(|across| overlap(across) < least)
 }
 
-/// The plane through points that is nearest to them along a direction, with unit normal.
+/// The plane through points with the least sum of squared distances, measured along a direction; with unit
+/// normal. `None` if it is too steep.
 fn fitted(points: impl Iterator<Item = DVec3> + Clone, count: f64, along: DVec3) -> Option<Plane> {
     let u = along.any_orthonormal_vector();
     let v = along.cross(u);

@@ -1,11 +1,11 @@
-//! Portals made ready for stabbing: planes fitted, vertices put on them, polygons drawn in by the clearance,
-//! a copy for each direction.
+//! Portals made ready for bakes: a plane fitted to each, its vertices put on that plane, the polygon drawn in
+//! by part of the clearance, and a copy for each direction.
 //!
 //! # Margins
 //! A pair of cells must be called visible if a line through portals between them stays clear of all portal
-//! edges by the clearance: then so does a thin cylinder around it. Drawing each portal in by less than that
-//! leaves the line inside each with room to spare; it also takes apart portals that share an edge, so that
-//! separating planes are never found from points that coincide. What remains of the room pays for rounding:
+//! edges by the clearance; then so does a thin cylinder around the line. Drawing each portal in by less than
+//! that leaves the line inside of each with room to spare. It also takes portals apart that share an edge, so
+//! that separating planes are never found from points that coincide. The rest of the room pays for rounding:
 //! planes that clip keep what is [`keep`](Margins::keep) beyond them, and vertices nearer to each other than
 //! [`merge`](Margins::merge) become one, since the direction between them means nothing.
 
@@ -15,28 +15,29 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, Plane};
 
-/// See [`Margins::new`]: 2^-49.
+/// Bound on the rounding of a product of a unit vector and a position, relative to the greatest coordinate:
+/// see [`Margins::new`].
 const NOISE: f64 = 8.0 * f64::EPSILON;
 
-/// Lengths that decide what counts as touching, in the map's units.
+/// Distances that decide what counts as touching, in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Margins {
-    /// By how much portals are drawn in.
+    /// The distance by which portals are drawn in.
     pub(crate) inset: f64,
-    /// What lies less than this in front of a plane is not in front of it.
+    /// A point less than this in front of a plane counts as on it.
     pub(crate) side: f64,
-    /// Planes that clip keep what is this far beyond them.
+    /// Planes that clip keep points up to this distance beyond them.
     pub(crate) keep: f64,
-    /// Vertices nearer than this are one.
+    /// Vertices nearer to each other than this become one.
     pub(crate) merge: f64,
-    /// The most that rounding can take from a product of a unit vector and a position.
+    /// Bound on the rounding of a product of a unit vector and a position.
     pub(crate) noise: f64,
-    /// How far lines that count stay from all edges.
+    /// The distance that lines must keep from all edges.
     pub(crate) clearance: f64,
 }
 
 impl Margins {
-    /// For a clearance, and coordinates of at most the given size.
+    /// Margins for coordinates of at most `extent` in size.
     fn new(clearance: f64, extent: f64) -> Self {
         // A unit vector times a position: three products and two sums, each rounded by 2^-53 of at most
         // sqrt(3) extent, and the vector's length, wrong by as much: less than 2^-49 extent. With coordinates
@@ -47,43 +48,50 @@ impl Margins {
     }
 }
 
-/// A portal in one direction.
+/// A portal in one of its two directions.
 #[derive(Clone, Debug)]
 pub(crate) struct DirectedPortal {
-    /// The portal's plane, unit normal along the way.
+    /// Its unit normal points in the direction of the portal.
     pub(crate) plane: Plane,
-    /// A ball around the vertices, about their mean.
+    /// Center of a ball that holds all vertices.
     pub(crate) center: DVec3,
+    /// Radius of that ball.
     pub(crate) radius: f64,
-    /// Its vertices, counter-clockwise around the normal.
+    /// First of its vertices, an index into [`DirectedPortals::vertices`]; they run counter-clockwise around
+    /// the normal.
     pub(crate) start: u32,
+    /// End of that range, exclusive.
     pub(crate) end: u32,
-    /// The cells that it leads from and to.
+    /// The cell that it leads from.
     pub(crate) from: u32,
+    /// The cell that it leads to.
     pub(crate) to: u32,
-    /// The same portal the other way.
+    /// Index of the same portal in the other direction.
     pub(crate) reverse: u32,
-    /// Its edges as they were given, counter-clockwise around the normal or, if `against`, clockwise.
+    /// Range of its edges as they were given in [`DirectedPortals::edges`]: counter-clockwise around the
+    /// normal, or clockwise if `against`.
     pub(crate) edges: (u32, u32),
+    /// See `edges`.
     pub(crate) against: bool,
-    /// Its vertices as they were given.
+    /// Range of its vertices as they were given in [`DirectedPortals::given`].
     given: (u32, u32),
 }
 
-/// All portals in both directions, in the order of the cells that they lead from.
+/// All portals in both directions, sorted by the cell that they lead from.
 #[derive(Clone, Debug)]
 pub(crate) struct DirectedPortals {
     pub(crate) all: Vec<DirectedPortal>,
     pub(crate) vertices: Vec<DVec3>,
     pub(crate) edges: Vec<Edge>,
     given: Vec<DVec3>,
-    /// Where each cell's portals begin, and at the end where the last ones stop.
+    /// By cell: index of the first portal that leads from it; one more entry marks the end of the last.
     pub(crate) first: Vec<u32>,
     pub(crate) margins: Margins,
 }
 
 impl DirectedPortals {
-    /// Portals through which no line passes clear of their edges are left out.
+    /// Makes the portals of a graph ready. Portals that nothing is left of once they are drawn in are left
+    /// out.
     pub(crate) fn new(graph: &CellGraph, clearance: f64) -> Self {
         let positions = graph.portals().iter().flat_map(|p| p.polygon().vertices());
         let extent = positions.fold(0.0, |extent: f64, v| extent.max(v.abs().max_element()));
@@ -155,7 +163,7 @@ impl DirectedPortals {
         Self { all, vertices, edges, given: all_given, first, margins }
     }
 
-    /// All that the answer of a bake depends on, for a fingerprint.
+    /// Cells, ends and vertices as numbers, for a fingerprint.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
         let cells = self.first.len() as u64;
         let ends = self.all.iter().map(|portal| u64::from(portal.from) << 32 | u64::from(portal.to));
@@ -163,28 +171,29 @@ impl DirectedPortals {
         core::iter::once(cells).chain(ends).chain(vertices)
     }
 
+    /// The vertices of a portal, drawn in.
     pub(crate) fn vertices_of(&self, portal: &DirectedPortal) -> &[DVec3] {
         &self.vertices[portal.start as usize..portal.end as usize]
     }
 
-    /// The portal as it was given.
+    /// A portal as it was given.
     pub(crate) fn opening(&self, portal: &DirectedPortal) -> Opening<'_> {
         let edges = &self.edges[portal.edges.0 as usize..portal.edges.1 as usize];
         Opening { edges, against: portal.against, normal: portal.plane.normal }
     }
 
-    /// The portals that lead from a cell.
+    /// The portals that lead from a cell, as a range of `all`.
     pub(crate) fn from(&self, cell: u32) -> core::ops::Range<u32> {
         self.first[cell as usize]..self.first[cell as usize + 1]
     }
 
-    /// Whether a line can go through `a` and later through `b`: part of `b` lies before `a`, and part of `a`
-    /// behind `b`.
+    /// Whether a line can pass `a` and later `b`: part of `b` lies before the plane of `a`, and part of `a`
+    /// behind that of `b`.
     pub(crate) fn can_follow(&self, a: &DirectedPortal, b: &DirectedPortal) -> bool {
         self.reaches(b, &a.plane) && self.reaches(a, &b.plane.flipped()) && !self.lie_side_by_side(a, b)
     }
 
-    /// Whether two portals lie side by side in what was one plane before coordinates were rounded.
+    /// Whether two portals lay side by side in one plane before coordinates were rounded.
     fn lie_side_by_side(&self, a: &DirectedPortal, b: &DirectedPortal) -> bool {
         // How far rounded portals can seem apart: half a millionth of a unit at one end of a portal is so
         // many times that, far from it.
@@ -198,7 +207,7 @@ impl DirectedPortals {
         coplanar_portals::lie_side_by_side(first, second, larger.plane.normal, self.margins.clearance)
     }
 
-    /// Whether part of a portal lies surely on the inner side of a plane.
+    /// Whether some vertex of a portal is on the inner side of a plane, by more than the margin.
     fn reaches(&self, portal: &DirectedPortal, plane: &Plane) -> bool {
         let (side, middle) = (self.margins.side, plane.signed_distance(portal.center));
         // Most are decided by the ball: where the mean of the vertices lies, or beyond, at least one of them
@@ -211,7 +220,7 @@ impl DirectedPortals {
     }
 }
 
-/// A polygon without what is nearer to its boundary than the inset.
+/// The part of a polygon that is farther than the inset from its boundary.
 fn draw_in(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
     let mut polygon = vertices.to_vec();
     let mut next = Vec::new();
@@ -229,7 +238,7 @@ fn draw_in(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
     polygon
 }
 
-/// A ball around the mean of points, a little larger than rounding can need.
+/// A ball that holds some points, by center and radius, enlarged by more than rounding needs.
 fn ball(points: &[DVec3]) -> (DVec3, f64) {
     let center = points.iter().fold(DVec3::ZERO, |sum, &p| sum + p) / points.len() as f64;
     let radius = points.iter().fold(0.0, |r: f64, &p| r.max((p - center).length()));

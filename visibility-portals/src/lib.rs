@@ -1,20 +1,59 @@
-//! Architectural visibility: which cells of a building see which, through chains of portals.
+//! Architectural visibility: cells and portals.
 //!
-//! - [`from_geometry`] makes cells and portals from walls along the axes or from any polygons.
-//! - [`prt`] reads the portal files of map compilers into a [`CellGraph`](visibility_core::CellGraph).
-//! - [`CellBaker`] computes which cells see which: the potentially visible set of each, as a [`CellMatrix`].
-//! - [`ObjectBaker`] computes which objects each cell sees.
-//! - [`stabbing`] answers whether a line passes through a sequence of openings, in a floor plan or in space,
-//!   and [`lp`] is the solver of small linear programs below it; both with certificates.
+//! A building is divided into convex cells, which see each other only through portals. Two things follow:
+//! - each frame, a walk from the cell of the eye through open portals hides what cannot be seen through them:
+//!   [`PortalCuller`];
+//! - before, a bake finds which cells (and which objects) can be seen from anywhere in a cell: [`CellBaker`],
+//!   [`ObjectBaker`]. The result, a [`Pvs`](visibility_core::Pvs), limits the walk, or culls alone
+//!   ([`PvsCuller`](visibility_core::PvsCuller)).
+//!
+//! Cells and portals are made by [`from_geometry`] or read by [`prt`].
+//!
+//! ```
+//! use visibility_core::bake::Bake;
+//! use visibility_core::glam::{DVec2, DVec3};
+//! use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, Viewcells, VisibleSet};
+//! use visibility_portals::from_geometry::{WallSettings, floor_plan, from_walls};
+//! use visibility_portals::{CellBaker, PortalCuller, SceneCells, Settings};
+//!
+//! // The walls of two rooms, 3 m high, with a door between them from y = 1 to 2.
+//! let wall = |a: [f64; 2], b: [f64; 2]| [DVec2::from(a), DVec2::from(b)];
+//! let plan = [
+//!     wall([0.0, 0.0], [8.0, 0.0]), wall([0.0, 4.0], [8.0, 4.0]),
+//!     wall([0.0, 0.0], [0.0, 4.0]), wall([8.0, 0.0], [8.0, 4.0]),
+//!     wall([4.0, 0.0], [4.0, 1.0]), wall([4.0, 2.0], [4.0, 4.0]),
+//! ];
+//! let rooms = from_walls(&floor_plan(&plan, 0.0, 3.0)?, &WallSettings::default())?;
+//! // Before the first frame: which cells see which.
+//! let matrix = Bake::new(CellBaker::new(&rooms.graph, Settings::default())?).run().matrix;
+//! let pvs = matrix.to_pvs(&rooms.graph)?;
+//!
+//! let mut scene = Scene::new();
+//! let seen = scene.insert(Aabb::from_arrays([6.0, 1.2, 0.0], [6.5, 1.8, 1.0]));
+//! let hidden = scene.insert(Aabb::from_arrays([4.5, 3.0, 0.0], [5.0, 3.5, 1.0]));
+//! let cells = SceneCells::new(rooms.graph, Viewcells::new(rooms.viewcells), 1e-6)?.with_pvs(pvs)?;
+//! let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(PortalCuller::new(cells));
+//! let mut visible = VisibleSet::new();
+//!
+//! // Each frame:
+//! let pose = Pose::look_at(DVec3::new(1.0, 1.5, 1.5), DVec3::new(7.0, 1.5, 1.0), DVec3::Z);
+//! pipeline.cull(&scene, &View::perspective(pose, 1.5, 1.5, 0.1, 100.0)?, &mut visible);
+//! assert!(visible.contains(&scene, seen) && !visible.contains(&scene, hidden));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Below these: [`stabbing`] tells whether a line passes a sequence of openings, in a floor plan or in space,
+//! and [`lp`] solves linear programs in few variables, both with certificates.
 //!
 //! # Promises
-//! - No two cells are called hidden from each other between which a straight line passes that stays clear of
-//!   all portal edges by the [clearance](Settings::clearance), whatever the rounding.
-//! - The answer is symmetric, and the same on every machine, with any number of threads.
-//! - No panic on any input; a bake can be stopped at any time, and what it has then is conservative too.
+//! - A bake calls no two cells hidden from each other between which a line passes that stays at least the
+//!   [clearance](Settings::clearance) away from all portal edges, whatever the rounding. A frame hides no
+//!   object that a line of sight reaches.
+//! - Both give the same answer on every machine, with any number of threads.
+//! - No panic on any input. A bake can be stopped at any time; what it has then is conservative too.
 //!
 //! # Features
-//! `std` (default). Without it, `libm`. `rayon`: bakes on all threads.
+//! `std` (default), or else `libm`. `rayon`: bakes on all threads of the current pool.
 #![no_std]
 #![forbid(unsafe_code)]
 extern crate alloc;

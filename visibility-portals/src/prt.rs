@@ -1,15 +1,15 @@
-//! Reads the portal files of map compilers: `.prt`, in the forms `PRT1`, `PRT2` and `PRT1-AM`.
+//! Portal files of map compilers: `.prt`, in the forms `PRT1`, `PRT2` and `PRT1-AM`.
 //!
 //! The formats are those of the compilers of the Quake family, which write convex cells and the portals
 //! between them as text:
 //! - line 1, the form; then counts, a line each: `PRT1`: cells, portals; `PRT2`: leaves, cells, portals;
 //!   `PRT1-AM`: cells, portals, leaves;
-//! - a line per portal, `n c0 c1 (x y z) (x y z) ...`: a convex polygon of `n` vertices between the cells
-//!   `c0` and `c1`, whose right-hand normal points into `c1`;
-//! - `PRT2`: then a line per cell with the numbers of its leaves and a closing -1; `PRT1-AM`: then a line per
-//!   leaf with its cell.
+//! - a line for each portal, `n c0 c1 (x y z) (x y z) ...`: a convex polygon of `n` vertices between the
+//!   cells `c0` and `c1`, whose right-hand normal points into `c1`;
+//! - `PRT2`: then a line for each cell with the numbers of its leaves and a closing -1; `PRT1-AM`: then a
+//!   line for each leaf with its cell.
 //!
-//! Coordinates are taken as they are, in the map's units.
+//! Coordinates are taken as they are, in the units of the map.
 
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
@@ -20,21 +20,21 @@ use visibility_core::{CellGraph, CellGraphError, CellId, ConvexPolygon, PolygonE
 /// The most vertices that a portal in a file may have, as in the compilers that write them.
 pub const MAX_VERTICES: usize = 64;
 
-/// What a portal file holds.
+/// Content of a portal file.
 #[derive(Clone, PartialEq, Debug)]
 pub struct PortalFile {
-    /// The cells and portals.
+    /// Cells and portals.
     pub graph: CellGraph,
-    /// The cell of each leaf, a finer division of the map: `None` for a leaf that the file puts in no cell.
+    /// By leaf, of a finer division of the map: its cell, `None` for a leaf that the file puts in no cell.
     /// Empty for `PRT1`, where leaves are cells.
     pub cell_of_leaf: Vec<Option<CellId>>,
 }
 
-/// Why a portal file cannot be read, and where.
+/// Why a portal file cannot be read, and where. Lines are counted from 1.
 #[derive(Clone, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum PrtError {
-    /// Something on a line is not what should be there.
+    /// A line does not hold what it should.
     Line {
         /// The line, counted from 1.
         line: usize,
@@ -57,7 +57,7 @@ pub enum PrtError {
         /// What should have followed.
         expected: &'static str,
     },
-    /// The portals do not make a graph.
+    /// The portals make no graph.
     Graph {
         /// The line of the portal, counted from 1.
         line: usize,
@@ -81,8 +81,11 @@ impl fmt::Display for PrtError {
 
 impl core::error::Error for PrtError {}
 
-/// Reads a portal file from its text. Takes time and memory in proportion to the text, whatever counts it
-/// claims, and as much again for claimed cells, of which there can be [`CellGraph::LIMIT`].
+/// Reads a portal file. Time and memory are in proportion to the text, whatever counts it claims, and to the
+/// number of cells that it claims, of which there can be [`CellGraph::LIMIT`].
+///
+/// # Errors
+/// [`PrtError`], with the line.
 ///
 /// ```
 /// let file = visibility_portals::prt::read("PRT1\n2\n1\n4 0 1 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n")?;
@@ -141,7 +144,8 @@ pub fn read(text: &str) -> Result<PortalFile, PrtError> {
     Ok(PortalFile { graph, cell_of_leaf })
 }
 
-/// Writes cells and portals as `PRT1`, each coordinate with as many digits as bring it back unchanged.
+/// Writes cells and portals as `PRT1`, each coordinate with as many digits as it needs to be read back
+/// unchanged.
 pub fn write(graph: &CellGraph) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
@@ -162,7 +166,7 @@ fn write_to(graph: &CellGraph, out: &mut impl fmt::Write) -> fmt::Result {
     Ok(())
 }
 
-/// Lines with their numbers; empty ones are passed over.
+/// Lines with their numbers. Empty lines are passed over.
 struct Lines<'a> {
     rest: core::str::Lines<'a>,
     number: usize,
@@ -211,7 +215,7 @@ fn text(problem: impl Into<String>) -> LineError {
     LineError::Text(problem.into())
 }
 
-/// The start of something that was found where something else should be.
+/// The first characters of a text, for messages.
 fn short(found: &str) -> &str {
     match found.char_indices().nth(20) {
         Some((end, _)) => &found[..end],
@@ -219,8 +223,8 @@ fn short(found: &str) -> &str {
     }
 }
 
-/// Portals stand a line each, so their line is that of the header and their own number, unless there are
-/// empty lines between.
+/// The error with its line. Each portal is on a line of its own after the header, unless there are empty
+/// lines.
 fn graph_error(header: usize, error: CellGraphError) -> PrtError {
     let portal = match error {
         CellGraphError::UnknownCell { portal, .. }

@@ -20,16 +20,19 @@ use alloc::vec::Vec;
 use visibility_core::Plane;
 use visibility_core::glam::{DVec2, DVec3};
 
-/// A polygon with its plane's normal, around which its vertices run counter-clockwise, and the direction in
-/// which lines go: along the normal (1) or against it (-1).
+/// A polygon as lines pass it.
 #[derive(Clone, Copy)]
 pub(crate) struct Facing<'a> {
+    /// Counter-clockwise around the normal.
     pub(crate) vertices: &'a [DVec3],
+    /// Unit normal of its plane.
     pub(crate) normal: DVec3,
+    /// 1 if lines run along the normal, -1 if they run against it.
     pub(crate) sense: f64,
 }
 
-/// Adds the planes on whose inner side all lines are that went through `a` and then through `b`.
+/// Appends planes with all lines on their inner side that have passed `a` and then `b`, from `b` onwards. One
+/// for each edge of either polygon at most.
 pub(crate) fn push_separating_planes(a: Facing, b: Facing, margins: &Margins, planes: &mut Vec<Plane>) {
     // Edges of A with vertices of B, which lie on the side that lines go to. A is on the negative side.
     tangents(a, b, a.sense, -1.0, margins, planes);
@@ -37,8 +40,8 @@ pub(crate) fn push_separating_planes(a: Facing, b: Facing, margins: &Margins, pl
     tangents(b, a, -b.sense, 1.0, margins, planes);
 }
 
-/// The tangents from the edges of one polygon to another, which lies on the given side of the first one's
-/// plane.
+/// Appends the planes through an edge of `of` and a vertex of `to` that separate the two. `to` is on the side
+/// `side` of the plane of `of`; the inner side of a new plane is such that `of` is on the side `own`.
 fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, planes: &mut Vec<Plane>) {
     let toward = of.normal * side;
     // The second polygon relative to the plane of the first.
@@ -88,7 +91,7 @@ fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, plan
     }
 }
 
-/// The greater of two numbers, neither of which is NaN: one instruction, which `f64::max` is not.
+/// The greater of two numbers, neither of them NaN. One instruction, which `f64::max` is not.
 fn greater(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }

@@ -222,8 +222,8 @@ fn questions_of_a_game_are_answered() {
     let mut eye = PortalEye::new();
     seen(&mut eye, &cells, &scene, &along());
     assert_eq!(eye.seen_cells().collect::<Vec<_>>(), [0, 1, 2, 3, 4].map(CellId));
-    assert_eq!(eye.way_to(CellId(3)).collect::<Vec<_>>(), [2, 1, 0].map(PortalId));
-    assert_eq!(eye.way_to(CellId(0)).count(), 0);
+    assert_eq!(eye.path_to(CellId(3)).collect::<Vec<_>>(), [2, 1, 0].map(PortalId));
+    assert_eq!(eye.path_to(CellId(0)).count(), 0);
     assert_eq!(eye.windows().count(), 4);
     let (portal, cell, corners) = eye.windows().next().unwrap();
     assert_eq!((portal, cell), (PortalId(0), CellId(1)));

@@ -161,7 +161,7 @@ impl Answer {
             visible: ids(scene, visible),
             stats: eye.stats(),
             cells: eye.seen_cells().collect(),
-            ways: all.map(|cell| eye.way_to(cell).collect()).collect(),
+            ways: all.map(|cell| eye.path_to(cell).collect()).collect(),
             windows: eye.windows().count(),
             reflections: eye.reflections().iter().map(of).collect(),
         }

@@ -56,7 +56,7 @@ pub fn draw(
     let plan: Vec<_> = cells.viewcells.cells().iter().map(|cell| footprint(&map, cell, eye)).collect();
     for (number, outline) in (0..).map(CellId).zip(&plan) {
         let color = match seen.contains(&number) {
-            true if culler.eye().way_to(number).next().is_none() => BEGINS,
+            true if culler.eye().path_to(number).next().is_none() => BEGINS,
             true => SEEN,
             false => CELL,
         };

@@ -3,15 +3,15 @@
 use alloc::vec::Vec;
 use visibility_core::PortalId;
 
-/// Through which sides one can see through a portal that is open.
+/// The directions in which an open portal can be seen through.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]
 pub enum Passage {
-    /// From either cell into the other.
+    /// From either of its cells into the other.
     #[default]
     BothWays,
-    /// Only from the first of its cells into the second, along its normal.
+    /// Along its normal: from the first of its cells into the second.
     Forward,
-    /// Only from the second of its cells into the first.
+    /// Against its normal: from the second of its cells into the first.
     Backward,
 }
 
@@ -19,14 +19,15 @@ const FORWARD: u8 = 1;
 const BACKWARD: u8 = 2;
 const CLOSED: u8 = 4;
 
-/// The state of all portals: a byte each.
+/// Whether each portal is open, and its passage.
 #[derive(Clone, Debug)]
 pub(super) struct Doors {
+    /// By portal: `FORWARD`, `BACKWARD` and `CLOSED`, as bits.
     flags: Vec<u8>,
 }
 
 impl Doors {
-    /// All open, from both sides.
+    /// All portals open, both ways.
     pub(super) fn new(portals: usize) -> Self {
         Self { flags: alloc::vec![FORWARD | BACKWARD; portals] }
     }

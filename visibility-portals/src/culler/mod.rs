@@ -1,13 +1,13 @@
-//! Portals each frame: from the cell that the eye is in through those that are open, each narrowing what is
-//! seen to what its polygon lets through.
+//! Portal culling, each frame: a walk from the cell of the eye through open portals, each of which narrows
+//! the view to what can be seen through its polygon.
 //!
 //! This work is based on David Luebke and Chris Georges, "Portals and Mirrors: Simple, Fast Evaluation of
-//! Potentially Visible Sets", 1995 (no bake, doors and mirrors that move); where potentially visible sets
-//! were baked, they limit the walk, as in Seth Teller and Carlo Sequin, "Visibility Preprocessing for
+//! Potentially Visible Sets", 1995: no bake is needed, and doors and mirrors may change at any time. Where a
+//! PVS was baked, it limits the walk, as in Seth Teller and Carlo Sequin, "Visibility Preprocessing for
 //! Interactive Walkthroughs", 1991 (eye-to-cell visibility).
 //!
-//! [`SceneCells`] is what all eyes share, [`PortalEye`] the memory of one view, and [`PortalCuller`] both
-//! together, for a pipeline.
+//! [`SceneCells`] is shared by all views, [`PortalEye`] is the memory of one view, and [`PortalCuller`] owns
+//! one of each, for a pipeline.
 
 mod doors;
 mod mirror;

@@ -1,15 +1,16 @@
-//! What is to be known of a portal or mirror before any eye looks at it.
+//! What is computed of the polygon of a portal or mirror once, for all views.
 
 use visibility_core::glam::DVec3;
 
-/// How exact a polygon is, and how wide.
+/// Normal, error and width of the polygon of a portal or mirror.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Outline {
+    /// Unit normal of the plane.
     pub(super) normal: DVec3,
-    /// How far the polygon may be from its vertices and edges as they are: the tolerance, and how far a
-    /// vertex is off the plane or beyond an edge.
+    /// Bound on the distance between a vertex as it is stored and the plane and edges that it stands for: the
+    /// tolerance, and twice the most that a vertex is off the plane or beyond an edge.
     pub(super) error: f64,
-    /// Less than its least extent within its plane.
+    /// Lower bound on the least extent of the polygon within its plane, in world units.
     pub(super) width: f64,
 }
 

@@ -1,31 +1,32 @@
-//! Portals in a pipeline.
+//! The portal culler of a pipeline.
 
 use super::portal_eye::PortalEye;
 use super::scene_cells::SceneCells;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 
-/// Hides what cannot be seen through open portals, for one view: a [`PortalEye`] that owns its
-/// [`SceneCells`].
+/// Hides what cannot be seen through open portals: a [`PortalEye`] with [`SceneCells`] of its own.
 ///
-/// Runs after a [`FrustumCuller`](visibility_core::FrustumCuller), and takes in by itself what moved. Where
-/// several views share cells, or where the cells that are seen and the reflections in mirrors are wanted,
-/// keep a [`SceneCells`] and a [`PortalEye`] a view instead.
+/// Runs after a [`FrustumCuller`](visibility_core::FrustumCuller). Each call of `cull` first takes in what
+/// changed in the scene. Where several views share cells, or where [reflections](PortalEye::reflections) in
+/// mirrors are drawn, keep one `SceneCells`, and one `PortalEye` for each view, instead.
 ///
-/// What came into sight and what went out of it since the frame before is told by a set that was made
-/// [with changes](VisibleSet::with_changes):
+/// A [`VisibleSet::with_changes`] tells what came into view, and what went out of it, since the frame before:
 ///
 /// ```
-/// use visibility_core::{Aabb, CellGraph, CellId, ConvexPolygon, FrustumCuller, PortalId, Pose, Scene, View, Viewcell, Viewcells, VisibleSet};
-/// use visibility_core::{Culler, glam::DVec3};
+/// use visibility_core::glam::DVec3;
+/// use visibility_core::{Aabb, CellGraph, CellId, ConvexPolygon, Culler, FrustumCuller, PortalId, Pose};
+/// use visibility_core::{Scene, View, Viewcell, Viewcells, VisibleSet};
 /// use visibility_portals::{PortalCuller, SceneCells};
-/// let door = ConvexPolygon::new([[4.0, 1.0, 0.0], [4.0, 3.0, 0.0], [4.0, 3.0, 2.0], [4.0, 1.0, 2.0]].map(DVec3::from))?;
+/// let corners = [[4.0, 1.0, 0.0], [4.0, 3.0, 0.0], [4.0, 3.0, 2.0], [4.0, 1.0, 2.0]];
+/// let door = ConvexPolygon::new(corners.map(DVec3::from))?;
 /// let graph = CellGraph::new(2, [(door, [CellId(0), CellId(1)])])?;
 /// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 4.0, 3.0));
 /// let cells = SceneCells::new(graph, Viewcells::new([room(0.0), room(4.0)]), 1e-6)?;
 /// let mut scene = Scene::new();
 /// let table = scene.insert(Aabb::from_arrays([5.0, 1.5, 0.0], [7.0, 2.5, 1.0]));
 /// let corner = scene.insert(Aabb::from_arrays([4.2, 3.5, 0.0], [4.6, 3.9, 1.0]));
-/// let view = View::perspective(Pose::look_at(DVec3::new(1.0, 2.0, 1.5), DVec3::new(5.0, 2.0, 1.0), DVec3::Z), 1.0, 1.5, 0.1, 100.0)?;
+/// let pose = Pose::look_at(DVec3::new(1.0, 2.0, 1.5), DVec3::new(5.0, 2.0, 1.0), DVec3::Z);
+/// let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0)?;
 ///
 /// let (mut frustum, mut portals) = (FrustumCuller::new(), PortalCuller::new(cells));
 /// let mut visible = VisibleSet::with_changes();
@@ -51,27 +52,28 @@ pub struct PortalCuller {
 }
 
 impl PortalCuller {
-    /// For one view of these cells.
+    /// A culler for one view, with the default [settings](PortalEye::new).
     pub fn new(cells: SceneCells) -> Self {
         Self { cells, eye: PortalEye::new() }
     }
 
-    /// With these settings.
+    /// The same cells with another eye: its settings, and its memory of the last frame.
     pub fn with_eye(self, eye: PortalEye) -> Self {
         Self { eye, ..self }
     }
 
-    /// The cells.
+    /// The cells, to ask which objects they hold and which doors are open.
     pub fn cells(&self) -> &SceneCells {
         &self.cells
     }
 
-    /// The cells, to open and close doors and to cover mirrors.
+    /// The cells, to open and close doors, to add and cover mirrors, or to be replaced by others: the next
+    /// frame notices.
     pub fn cells_mut(&mut self) -> &mut SceneCells {
         &mut self.cells
     }
 
-    /// What the last frame saw.
+    /// The eye, to ask what the last frame saw.
     pub fn eye(&self) -> &PortalEye {
         &self.eye
     }

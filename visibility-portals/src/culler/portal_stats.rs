@@ -1,20 +1,21 @@
-//! What a frame took.
+//! Counters of a frame, and why it hid nothing.
 
-/// Why a frame was not culled by portals: then the stages before have the last word.
+/// Why a frame hid nothing: all objects that earlier stages have left stay visible.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum NotCulled {
-    /// The view begins, in whole or in part, outside all cells: in the open, in a wall, or before the near
-    /// plane on its other side.
+    /// Lines of sight begin outside all cells, some or all of them: the near plane, or a clip plane, is
+    /// partly in a wall or in the open.
     OutsideCells,
-    /// More portals to look at than the limit of steps.
+    /// The walk came to its limit of [steps](super::PortalEye::with_step_limit).
     Steps,
-    /// `f64` cannot tell where the view is seen from.
+    /// The position of the eye, or the direction of parallel lines of sight, cannot be computed in `f64`.
     View,
-    /// The cells were never told of the scene, or of another one, or of too little of what happened since.
+    /// The cells were never [synced](super::SceneCells::sync), or last with another scene, or so long ago
+    /// that the scene no longer lists what has changed since.
     NotSynced,
 }
 
-/// How much a frame had to look at: counters, the same on every machine.
+/// Counters of one frame, reflections included. The same on every machine.
 ///
 /// ```
 /// use visibility_portals::{PortalEye, PortalStats};
@@ -22,22 +23,23 @@ pub enum NotCulled {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct PortalStats {
-    /// Cells that lines of sight begin in: one, but for eyes in or near a portal.
+    /// Cells in which lines of sight begin: one, unless the near plane crosses a portal.
     pub starts: u32,
-    /// Portals that were looked at, each time.
+    /// Portals looked at, counted again for each path that they were looked at from.
     pub portals: u64,
-    /// Of these, those that something is seen through.
+    /// Portals that a line of sight may pass, counted in the same way.
     pub crossed: u64,
-    /// Ways by which cells are seen.
-    pub ways: u64,
-    /// Cells with so many ways into them that they were looked at through the whole view instead.
+    /// Paths from the eye to cells, without those of reflections.
+    pub paths: u64,
+    /// Cells that were treated as seen through the whole view, since more than 48 paths led to them.
     pub widened: u64,
-    /// Boxes tested against a window.
+    /// Tests of the bounds of an object against the window of a path.
     pub tests: u64,
-    /// Reflections, and reflections in these.
+    /// Reflections that were made.
     pub reflections: u32,
-    /// Mirrors left out since there are more reflections than the limit, or they are deeper.
+    /// Mirrors that were seen and got no reflection: beyond the [limits](super::PortalEye::with_reflections),
+    /// or no view could be computed.
     pub reflections_left_out: u32,
-    /// Why the frame is not culled by portals, if it is not.
+    /// Why the frame hid nothing; `None` if it was culled.
     pub fallback: Option<NotCulled>,
 }

@@ -1,4 +1,4 @@
-//! Where lines of sight come from, and how a view bounds them.
+//! A view as portals are clipped to it: where lines of sight come from, and the planes that bound them.
 
 use super::window_plane::{U, WindowPlane};
 use smallvec::SmallVec;
@@ -9,30 +9,31 @@ use visibility_core::{Eye, View};
 /// How the lines of sight of a view run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum Lines {
-    /// From the anchor, which is the eye.
+    /// From one point, the anchor.
     FromAnchor,
-    /// Along a unit direction, known up to so much.
+    /// Parallel: along a unit direction, and a bound on the length of its difference from the exact one.
     Along(DVec3, f64),
 }
 
-/// A view as portals are clipped to it. All is relative to the anchor, a point of the world: the eye, if
-/// there is one.
+/// A view in coordinates relative to its anchor: the eye, or the view's origin if its lines of sight are
+/// parallel.
 #[derive(Clone, Debug)]
 pub(super) struct PortalView {
+    /// In world space.
     pub(super) anchor: DVec3,
     pub(super) lines: Lines,
-    /// How far the true eye may be from the anchor.
+    /// Bound on the distance of the anchor from the exact eye, in world units; 0 for parallel lines of sight.
     pub(super) error: f64,
-    /// Left, right, bottom and top.
+    /// Left, right, bottom and top of the frustum.
     pub(super) sides: [WindowPlane; 4],
-    /// Far, if there is one, and again the clip planes: what lines of sight can end at.
+    /// The planes at which lines of sight end: far, if it is not infinite, and the clip planes.
     pub(super) ends: SmallVec<[WindowPlane; 11]>,
-    /// Clip-space x, y and w of points relative to the anchor.
+    /// Clip-space x, y and w.
     pub(super) rows: [ClipRow; 3],
 }
 
 impl PortalView {
-    /// `None` for a view so odd that `f64` cannot tell where it is seen from.
+    /// `None` for a view whose eye cannot be computed in `f64`.
     pub(super) fn new(view: &View) -> Option<Self> {
         let projection = ViewProjection::new(view, DVec3::ZERO);
         let anchor = projection.anchor();
@@ -59,10 +60,10 @@ impl PortalView {
         Some(Self { anchor, lines, error, sides, ends, rows })
     }
 
-    /// Which way lines of sight cross a polygon, relative to the anchor and known up to `error`, whose unit
-    /// normal is `normal` and whose least extent is at least `width`.
+    /// In which direction lines of sight cross a polygon, whose vertices are relative to the anchor and known
+    /// up to `error`, whose unit normal is `normal`, and whose least extent is at least `width`.
     ///
-    /// From an eye, a plane is crossed along its normal if and only if the eye is behind it. Vertices that
+    /// From an eye, lines cross along the normal if and only if the eye is behind the plane. Vertices that
     /// are off by `error` (which includes that of the eye) tilt the plane by twice as much over `width`.
     /// Evaluating the height of a vertex rounds by `8u` of its distance, and the normal is not to be trusted
     /// beyond `4u` a component.
@@ -96,8 +97,8 @@ impl PortalView {
         }
     }
 
-    /// The side through an edge of a polygon that is crossed along (`sign` 1) or against (-1) its normal,
-    /// counter-clockwise around that.
+    /// The plane through the lines of sight that meet an edge, its inner side on the left of the edge from
+    /// `a` to `b` for `sign` 1, on the right for -1. See [`WindowPlane::through_edge`].
     pub(super) fn through_edge(&self, a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<WindowPlane> {
         match self.lines {
             Lines::FromAnchor => WindowPlane::through_edge(a, b, sign, error),
@@ -106,7 +107,7 @@ impl PortalView {
     }
 }
 
-/// How lines of sight cross a polygon.
+/// The direction in which lines of sight cross a polygon.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Crossing {
     /// Along its normal.

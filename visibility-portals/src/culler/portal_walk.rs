@@ -1,10 +1,10 @@
-//! The walk of a frame: from the cells that lines of sight begin in, through portals, each of which narrows
-//! what is seen.
+//! The walk of a frame: depth first from the cells in which lines of sight begin, through portals, each of
+//! which narrows what is seen.
 //!
-//! Depth first, as in Luebke and Georges, "Portals and Mirrors: Simple, Fast Evaluation of Potentially
-//! Visible Sets", 1995, who keep the rectangle of the screen around each portal; here the exact convex
-//! polygon is kept as well. Cells need not be convex: a walk may come back to a cell, but not through a
-//! portal that it has passed in the same direction, since no straight line does.
+//! This work is based on Luebke and Georges, "Portals and Mirrors: Simple, Fast Evaluation of Potentially
+//! Visible Sets", 1995, who keep the rectangle on the screen around each portal; here the exact convex
+//! polygon can be kept as well. Cells need not be convex: a walk may come back to a cell, but not through a
+//! portal that it has already passed in the same direction, since no straight line does.
 
 use super::mirror::NONE;
 use super::outline::Outline;
@@ -18,44 +18,47 @@ use core::ops::Range;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellId, PortalId, Stamp, ViewcellId};
 
-/// The most sides that a window keeps: those beyond are forgotten, which can only show more.
+/// The most planes of one window. Further ones are left out, which shows more, never less.
 const MOST_SIDES: usize = 24;
-/// Ways into a cell that are followed one by one. Where there are more, the cell is looked at through the
-/// whole view instead.
-const MOST_WAYS: u32 = 48;
+/// The most paths to one cell. A cell with more is treated as seen through the whole view.
+const MOST_PATHS: u32 = 48;
 
 /// What each portal narrows the view to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]
 pub enum Narrowing {
-    /// The exact convex polygon of what is seen through it.
+    /// The convex polygon of the part of the portal that is seen: a plane for each of its edges. The
+    /// tightest.
     #[default]
     Polygon,
-    /// The rectangle on the screen around that, as Luebke and Georges do: four planes a portal, whatever its
-    /// shape.
+    /// The rectangle on the screen around that polygon, as Luebke and Georges do: four planes for a portal of
+    /// any shape.
     Rectangle,
 }
 
-/// One way by which a cell is seen.
+/// A path of portals from the eye to a cell, by its last step.
 #[derive(Clone, Debug)]
-pub(super) struct Way {
+pub(super) struct PortalPath {
     pub(super) cell: CellId,
-    /// The way that this one goes on from, and the portal between; none where the walk began.
+    /// Index of the path that this one lengthens, `NONE` where the walk began.
     pub(super) parent: u32,
+    /// The portal crossed last; meaningless without a parent.
     pub(super) portal: PortalId,
-    /// Another way into the same cell.
+    /// Index of another path to the same cell, or `NONE`.
     next: u32,
     /// What bounds the view of this cell.
     pub(super) window: Window,
-    /// The corners of the portal as it is seen, for pictures.
+    /// Place in `PortalWalk::corners` of the part of the portal that is seen.
     pub(super) corners: Range<u32>,
 }
 
-/// What bounds the view through a chain of portals.
+/// What bounds the lines of sight that pass a chain of portals.
 #[derive(Clone, Debug)]
 pub(super) struct Window {
+    /// Place in `PortalWalk::sides`. Empty if nothing bounds them.
     pub(super) sides: Range<u32>,
+    /// Bounds on the screen, with [`Narrowing::Rectangle`].
     pub(super) rectangle: Rectangle,
-    /// Whether it is the whole view, which the stages before have looked at.
+    /// Whether it is the whole view, which earlier stages have tested against.
     whole: bool,
 }
 
@@ -67,36 +70,44 @@ pub(super) struct SeenMirror {
     pub(super) window: Window,
 }
 
-/// The memory of a walk, and what it found.
+/// Scratch memory of a walk, and its result.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PortalWalk {
-    /// The graph that `heads`, `counts`, `wide` and `passed` have the sizes of.
+    /// The graph by whose cells and portals `heads`, `counts`, `wide` and `passed` are indexed.
     graph: Option<Stamp>,
-    pub(super) ways: Vec<Way>,
+    pub(super) paths: Vec<PortalPath>,
     pub(super) sides: Vec<WindowPlane>,
+    /// Relative to the anchor.
     pub(super) corners: Vec<DVec3>,
     pub(super) mirrors: Vec<SeenMirror>,
-    /// By cell: the last way into it, and how many there are.
+    /// By cell: the index of the path found last, or `NONE`.
     heads: Vec<u32>,
+    /// By cell: the number of paths to it.
     counts: Vec<u32>,
-    /// Cells that are, or will be, looked at through the whole view.
+    /// By cell: whether it is, or will be, seen through the whole view.
     wide: Vec<bool>,
-    /// Portals, in each direction, that the walk has passed to where it is.
+    /// By portal and direction (2 portal + forward): whether the chain at hand has passed it.
     passed: Vec<bool>,
+    /// The chain at hand: a path, and how many portals of its cell have been looked at.
     stack: Vec<(u32, u32)>,
+    /// Cells that are still to be entered through the whole view.
     waiting: Vec<CellId>,
+    /// The portal that is being clipped, and memory for the result.
     polygon: Vec<Corner>,
     clipped: Vec<Corner>,
-    /// The cells that may be seen from those where the walk began, a bit each; empty without sets.
+    /// One bit for each cell that the PVS lets the walk enter. Empty without a PVS: then all.
     allowed: Vec<u64>,
-    /// What `allowed` was made from: the PVS, and the cells where that walk began.
+    /// The PVS that `allowed` was read from.
     allowed_pvs: Option<Stamp>,
+    /// The cells whose rows `allowed` is the union of.
     allowed_for: Vec<ViewcellId>,
+    /// Memory for one row of the PVS.
     row: Vec<u64>,
+    /// The cells in which lines of sight begin.
     begun: Vec<ViewcellId>,
 }
 
-/// Makes a list of `count` times the same.
+/// Makes a list hold `count` copies of a value.
 fn refill<T: Clone>(list: &mut Vec<T>, count: usize, value: T) {
     list.clear();
     list.resize(count, value);
@@ -114,22 +125,22 @@ impl PortalWalk {
             refill(&mut self.wide, count, false);
             refill(&mut self.passed, portals * 2, false);
         } else {
-            for way in &self.ways {
-                let cell = way.cell.index();
+            for path in &self.paths {
+                let cell = path.cell.index();
                 (self.heads[cell], self.counts[cell], self.wide[cell]) = (NONE, 0, false);
             }
             // What a walk that was given up still had to do.
-            for &(way, _) in &self.stack {
-                let way = &self.ways[way as usize];
-                if way.parent != NONE {
-                    self.passed[way.portal.index() * 2..][..2].fill(false);
+            for &(path, _) in &self.stack {
+                let path = &self.paths[path as usize];
+                if path.parent != NONE {
+                    self.passed[path.portal.index() * 2..][..2].fill(false);
                 }
             }
             for &cell in &self.waiting {
                 self.wide[cell.index()] = false;
             }
         }
-        self.ways.clear();
+        self.paths.clear();
         self.sides.clear();
         self.corners.clear();
         self.mirrors.clear();
@@ -138,7 +149,7 @@ impl PortalWalk {
         self.begun.clear();
     }
 
-    /// Lines of sight begin in this cell, anywhere in the view.
+    /// Adds a cell in which lines of sight begin, anywhere in the view.
     pub(super) fn start_whole(&mut self, cell: CellId) {
         if !core::mem::replace(&mut self.wide[cell.index()], true) {
             self.waiting.push(cell);
@@ -146,7 +157,7 @@ impl PortalWalk {
         }
     }
 
-    /// Lines of sight begin in this cell, within these sides.
+    /// Adds a cell in which lines of sight begin, within the planes given.
     pub(super) fn start_within(
         &mut self,
         cells: &SceneCells,
@@ -162,7 +173,8 @@ impl PortalWalk {
         self.enter(cells, eye_view, cell, NONE, PortalId(NONE), window, 0..0);
     }
 
-    /// Goes on until there is no way left, or there were too many steps: then false.
+    /// Walks until no path can be lengthened. False if that took more than `steps` portals; then the result
+    /// is not complete.
     pub(super) fn go(
         &mut self,
         cells: &SceneCells,
@@ -178,10 +190,10 @@ impl PortalWalk {
         stats.starts += self.begun.len() as u32;
         let mut left = steps;
         loop {
-            while let Some(&mut (way, ref mut slot)) = self.stack.last_mut() {
-                let cell = self.ways[way as usize].cell;
+            while let Some(&mut (path, ref mut slot)) = self.stack.last_mut() {
+                let cell = self.paths[path as usize].cell;
                 let Some(&portal) = cells.graph.portals_of(cell).get(*slot as usize) else {
-                    self.leave(cells, way);
+                    self.leave(cells, path);
                     continue;
                 };
                 *slot += 1;
@@ -190,14 +202,14 @@ impl PortalWalk {
                 }
                 left -= 1;
                 stats.portals += 1;
-                self.look_through(cells, eye_view, way, portal, narrowing, stats);
+                self.look_through(cells, eye_view, path, portal, narrowing, stats);
             }
             let Some(cell) = self.waiting.pop() else { return true };
             self.enter(cells, eye_view, cell, NONE, PortalId(NONE), whole.clone(), 0..0);
         }
     }
 
-    /// The sets of all cells that the walk begins in.
+    /// Brings `allowed` up to date with PVS and starting cells.
     fn allow(&mut self, cells: &SceneCells) {
         let Some(pvs) = &cells.pvs else {
             self.allowed.clear();
@@ -228,21 +240,21 @@ impl PortalWalk {
         window: Window,
         corners: Range<u32>,
     ) {
-        let way = self.ways.len() as u32;
-        let next = core::mem::replace(&mut self.heads[cell.index()], way);
+        let path = self.paths.len() as u32;
+        let next = core::mem::replace(&mut self.heads[cell.index()], path);
         self.counts[cell.index()] += 1;
         let mut mirror = cells.first_mirror[cell.index()];
         while mirror != NONE {
             self.look_at_mirror(cells, eye_view, mirror, cell, &window);
             mirror = cells.mirrors[mirror as usize].next;
         }
-        self.ways.push(Way { cell, parent, portal, next, window, corners });
-        self.stack.push((way, 0));
+        self.paths.push(PortalPath { cell, parent, portal, next, window, corners });
+        self.stack.push((path, 0));
     }
 
-    fn leave(&mut self, cells: &SceneCells, way: u32) {
+    fn leave(&mut self, cells: &SceneCells, path: u32) {
         self.stack.pop();
-        let Way { cell, parent, portal, .. } = self.ways[way as usize];
+        let PortalPath { cell, parent, portal, .. } = self.paths[path as usize];
         if parent != NONE {
             let forward = cells.graph.portals()[portal.index()].cells()[1] == cell;
             self.passed[portal.index() * 2 + usize::from(forward)] = false;
@@ -253,12 +265,12 @@ impl PortalWalk {
         &mut self,
         cells: &SceneCells,
         eye_view: &PortalView,
-        way: u32,
+        path: u32,
         id: PortalId,
         narrowing: Narrowing,
         stats: &mut PortalStats,
     ) {
-        let from = &self.ways[way as usize];
+        let from = &self.paths[path as usize];
         let portal = &cells.graph.portals()[id.index()];
         let forward = portal.cells()[0] == from.cell;
         let next = portal.cells()[usize::from(forward)];
@@ -288,7 +300,7 @@ impl PortalWalk {
         else {
             return;
         };
-        if self.counts[next.index()] >= MOST_WAYS {
+        if self.counts[next.index()] >= MOST_PATHS {
             self.wide[next.index()] = true;
             self.waiting.push(next);
             stats.widened += 1;
@@ -296,7 +308,7 @@ impl PortalWalk {
         }
         stats.crossed += 1;
         self.passed[direction] = true;
-        self.enter(cells, eye_view, next, way, id, window, corners);
+        self.enter(cells, eye_view, next, path, id, window, corners);
     }
 
     fn look_at_mirror(
@@ -447,22 +459,23 @@ impl PortalWalk {
         Window { sides: start..self.sides.len() as u32, rectangle: window.rectangle, whole: false }
     }
 
-    /// The ways by which a cell is seen.
-    pub(super) fn ways_into(&self, cell: CellId) -> impl Iterator<Item = &Way> {
+    /// The paths to a cell, last found first. None for an unknown cell.
+    pub(super) fn paths_to(&self, cell: CellId) -> impl Iterator<Item = &PortalPath> {
         let mut at = self.heads.get(cell.index()).copied().unwrap_or(NONE);
         core::iter::from_fn(move || {
-            let way = self.ways.get(at as usize)?;
-            at = way.next;
-            Some(way)
+            let path = self.paths.get(at as usize)?;
+            at = path.next;
+            Some(path)
         })
     }
 
-    /// Whether a box, relative to the anchor and known up to `error`, may be seen in a cell.
+    /// Whether a box in a cell may be seen along one of the paths to it. The box is relative to the anchor
+    /// and known up to `error`; each window that is tested is counted.
     pub(super) fn shows(&self, cell: CellId, min: DVec3, max: DVec3, error: f64, tests: &mut u64) -> bool {
-        self.ways_into(cell).any(|way| {
+        self.paths_to(cell).any(|path| {
             *tests += 1;
-            let sides = &self.sides[way.window.sides.start as usize..way.window.sides.end as usize];
-            way.window.whole || !sides.iter().any(|side| side.excludes(min, max, error))
+            let sides = &self.sides[path.window.sides.start as usize..path.window.sides.end as usize];
+            path.window.whole || !sides.iter().any(|side| side.excludes(min, max, error))
         })
     }
 }

@@ -1,9 +1,9 @@
-//! Mirrors: portals into the same scene, seen from behind the glass.
+//! Mirrors: portals into the same scene, seen from behind the glass (Luebke and Georges, 1995).
 //!
-//! A mirror returns a view of its own, that of the eye reflected in its plane, with the plane as a clip
-//! plane; what is seen in it is found by a walk that begins in the mirror's cell, within what is seen of the
-//! mirror (Luebke and Georges, 1995). The picture of a mirror lies where the mirror itself is on the screen,
-//! so the reflected view draws into the same pixels.
+//! A mirror that is seen gives a view of its own: that of the eye reflected in the plane of the mirror, with
+//! this plane as a clip plane. What is seen in the mirror is found by a walk that begins in the mirror's
+//! cell, within the window through which the mirror itself is seen. The reflected view draws to the pixels
+//! where the mirror is on the screen.
 
 use super::mirror::MirrorId;
 use super::portal_stats::{NotCulled, PortalStats};
@@ -16,7 +16,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::{DMat4, DVec3};
 use visibility_core::{Culler, FrustumCuller, Plane, Scene, View, ViewError, VisibleSet};
 
-/// What a mirror shows.
+/// One mirror that is seen: the view to draw what it shows with, and the objects to draw.
 #[derive(Clone, Debug)]
 pub struct Reflection {
     mirror: MirrorId,
@@ -32,40 +32,41 @@ impl Reflection {
         self.mirror
     }
 
-    /// The reflection that the mirror is seen in, by its place in
-    /// [`PortalEye::reflections`](super::portal_eye::PortalEye::reflections); none where it is seen directly.
+    /// Where the mirror is seen in another: the index of that reflection in
+    /// [`PortalEye::reflections`](super::portal_eye::PortalEye::reflections). `None` where it is seen
+    /// directly.
     pub fn parent(&self) -> Option<usize> {
         self.parent
     }
 
-    /// How many mirrors lines of sight meet: 1 where the mirror is seen directly.
+    /// The number of mirrors that lines of sight meet: 1 where the mirror is seen directly.
     pub fn depth(&self) -> u32 {
         self.depth
     }
 
-    /// The view to draw the reflection with: the eye's own, reflected, so that it draws to where the mirror
-    /// is on the screen, but with triangles winding the other way. What is behind the mirror is cut away by
-    /// its clip plane, which takes the place of those that the view had.
+    /// The view to draw the reflection with, to the pixels of the mirror. It mirrors space, so triangles wind
+    /// the other way. Its clip plane cuts away what is behind the mirror, and takes the place of the clip
+    /// planes of the eye's own view.
     pub fn view(&self) -> &View {
         &self.view
     }
 
-    /// The objects to draw with it. Conservative.
+    /// The objects to draw. Conservative.
     pub fn visible(&self) -> &VisibleSet {
         &self.visible
     }
 }
 
-/// The reflections of a frame, and memory for more.
+/// Reflections of the last frame, and memory for more.
 #[derive(Clone, Debug)]
 pub(super) struct Reflections {
     all: Vec<Reflection>,
-    /// How many of them are of this frame.
+    /// How many of `all` are of the last frame.
     count: usize,
     walk: PortalWalk,
-    /// Mirrors that are seen, each in a reflection or directly, with the sides that bound it.
+    /// Mirrors that were seen: the reflection they were seen in, if any, and the window.
     seen: Vec<(Option<usize>, SeenMirror)>,
-    /// Of the reflection that they are seen in.
+    /// The planes of the windows of `seen`.
     sides: Vec<WindowPlane>,
     most: usize,
     deepest: u32,
@@ -77,7 +78,7 @@ impl Reflections {
         Self { all, count: 0, walk: PortalWalk::default(), seen, sides, most: 8, deepest: 2 }
     }
 
-    /// Without reflections, with the same limits.
+    /// The same limits, and no reflections.
     pub(super) fn anew(&self) -> Self {
         Self { most: self.most, deepest: self.deepest, ..Self::new() }
     }
@@ -96,7 +97,7 @@ impl Reflections {
         &self.all[..self.count]
     }
 
-    /// Looks into the mirrors that a walk has met, and into those seen in them.
+    /// Reflects the view in the mirrors that a walk has met, and again in the mirrors that those show.
     #[expect(clippy::too_many_arguments)]
     pub(super) fn look(
         &mut self,
@@ -167,7 +168,7 @@ impl Reflections {
         }
     }
 
-    /// Notes the mirrors that a walk has met.
+    /// Adds the mirrors that a walk has met to `seen`; `parent` is the reflection of that walk.
     fn take(&mut self, parent: Option<usize>, walk: &PortalWalk) {
         let first = self.seen.len();
         for seen in &walk.mirrors {
@@ -182,7 +183,7 @@ impl Reflections {
     }
 }
 
-/// The view from behind a mirror, of what is before it or within `error` of that.
+/// A view reflected in a plane. Shows what is before the plane, or behind it by at most `error`.
 fn reflect(view: &View, plane: &Plane, error: f64) -> Result<View, ViewError> {
     let n = plane.normal;
     let offset = plane.signed_distance(view.origin());
@@ -195,9 +196,9 @@ fn reflect(view: &View, plane: &Plane, error: f64) -> Result<View, ViewError> {
         .with_clip_planes(&[Plane::new(n, offset + error + 8.0 * U * offset.abs())])
 }
 
-/// A side behind the mirror, for points relative to the reflected view's anchor. Where that is not the
-/// reflection of the other anchor, by rounding, is a part of the new side's error; so is the rounding of the
-/// normal, `8u`.
+/// A window's plane reflected in a mirror, for points relative to the anchor of the reflected view. Where
+/// this anchor is not the exact reflection of the other one, the distance is part of the new plane's error;
+/// so is the rounding of the normal, `8u`.
 fn reflect_side(side: &WindowPlane, plane: &Plane, from: &PortalView, to: &PortalView) -> WindowPlane {
     let n = plane.normal;
     let turned = side.plane.normal - n * (2.0 * n.dot(side.plane.normal));

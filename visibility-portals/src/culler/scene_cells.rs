@@ -13,17 +13,19 @@ use visibility_core::{
     Stamp, Viewcells,
 };
 
-/// The cells of a scene as [`PortalEye`](super::portal_eye::PortalEye)s see through them.
+/// Cells, portals, doors, mirrors and PVS of a building, and which objects are in which cells: what all
+/// [`PortalEye`](super::portal_eye::PortalEye)s share.
 ///
-/// An object is in every cell that its box touches, and visible where it is seen in any of them.
-/// [`sync`](Self::sync) takes in what moved, in time proportional to that; an object whose last change was
-/// not taken in counts as visible, and so does one in no cell.
+/// An object is in every cell that its bounds touch, and visible if it is seen in any of them. An object in
+/// no cell is always visible, and so is one that changed after the last [`sync`](Self::sync).
 ///
 /// ```
-/// use visibility_core::{Aabb, CellGraph, CellId, ConvexPolygon, PortalId, Scene, Viewcell, Viewcells, glam::DVec3};
+/// use visibility_core::glam::DVec3;
+/// use visibility_core::{Aabb, CellGraph, CellId, ConvexPolygon, PortalId, Scene, Viewcell, Viewcells};
 /// use visibility_portals::SceneCells;
 /// // Two rooms side by side along x, with a door at x = 4.
-/// let door = ConvexPolygon::new([[4.0, 1.0, 0.0], [4.0, 2.0, 0.0], [4.0, 2.0, 2.0], [4.0, 1.0, 2.0]].map(DVec3::from))?;
+/// let corners = [[4.0, 1.0, 0.0], [4.0, 2.0, 0.0], [4.0, 2.0, 2.0], [4.0, 1.0, 2.0]];
+/// let door = ConvexPolygon::new(corners.map(DVec3::from))?;
 /// let graph = CellGraph::new(2, [(door, [CellId(0), CellId(1)])])?;
 /// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 4.0, 3.0));
 /// let mut cells = SceneCells::new(graph, Viewcells::new([room(0.0), room(4.0)]), 1e-6)?;
@@ -44,16 +46,16 @@ pub struct SceneCells {
     pub(super) doors: Doors,
     pub(super) pvs: Option<Pvs>,
     pub(super) mirrors: Vec<Mirror>,
-    /// By cell.
+    /// By cell: index of its last mirror, or `NONE`.
     pub(super) first_mirror: Vec<u32>,
-    /// By index of the object.
+    /// By index of an object.
     objects: Vec<Entry>,
-    /// How far the scene's changes are taken in; the start before the first scene.
+    /// How far the changes of the scene are taken in.
     pub(super) cursor: SceneCursor,
     stamp: Stamp,
 }
 
-/// Which object was last known by an index, and the cells that it is in.
+/// The cells of one object. `id` is `None` if no object is known at this index.
 #[derive(Clone, Debug, Default)]
 struct Entry {
     id: Option<ObjectId>,
@@ -61,18 +63,18 @@ struct Entry {
 }
 
 impl SceneCells {
-    /// From the cells and portals of a building and where the cells are: viewcell `i` holds cell `i`, in the
-    /// world's own coordinates. No object is known before [`sync`](Self::sync); all portals are open both
-    /// ways.
+    /// Makes the cells of a building from cells and portals and from the bodies of the cells: viewcell `i` is
+    /// the body of cell `i`, in world space. All portals are open both ways; no object is known before the
+    /// first [`sync`](Self::sync).
     ///
-    /// Objects that the graph [lists](CellGraph::set_objects) are taken to be in those cells alone, at the
-    /// first `sync`, until they change: whoever knows that a wall only touches a room behind another wall can
-    /// say so.
+    /// Objects that the graph [lists](CellGraph::set_objects) are taken to be in the listed cells alone,
+    /// until they change. The lists are read by the first `sync`, and must be right for that scene as it is
+    /// then.
     ///
-    /// `tolerance`, in the world's units, is how far portals and cells may be from where they should be: 1e-6
-    /// will do for what was computed in `f64` in metres, the last decimal for what was read from text. An
-    /// object this near a cell is in it, a line of sight this near a portal passes, and gaps of twice as much
-    /// between cells are none.
+    /// `tolerance` is how far portals and bodies may be from where they should be, in world units: 1e-6 for
+    /// coordinates in metres that were computed in `f64`, the last decimal for coordinates read from text. An
+    /// object that near a cell is in the cell, a line of sight that near a portal passes it, and gaps between
+    /// cells of up to twice as much are none.
     ///
     /// # Errors
     /// [`SceneCellsError::Viewcells`], [`SceneCellsError::Tolerance`].
@@ -104,11 +106,11 @@ impl SceneCells {
         })
     }
 
-    /// Limits what is seen from a cell to its potentially visible set, of cells from cells. It must have been
-    /// made with every portal open.
+    /// Limits what is seen from a cell to its row of a PVS whose viewcells and targets are the cells of the
+    /// graph. The PVS must hold for all portals open: opening a door never adds to it.
     ///
     /// # Errors
-    /// [`SceneCellsError::Pvs`].
+    /// [`SceneCellsError::Pvs`] if its targets are not cells, or its counts are not those of the graph.
     pub fn with_pvs(mut self, pvs: Pvs) -> Result<Self, SceneCellsError> {
         let (cells, viewcells, targets) = (self.graph.cell_count(), pvs.viewcell_count(), pvs.target_count());
         if pvs.targets() != PvsTargets::Cells || viewcells != cells || targets != cells {
@@ -119,28 +121,30 @@ impl SceneCells {
         Ok(self)
     }
 
-    /// Identifies cells, PVS, mirrors, the state of all doors, and the cells of each object: a new stamp
-    /// after every call that may have changed any of these. Clones share it until either changes.
+    /// Identifies the content: cells, PVS, mirrors, the state of all doors, and the cells of each object.
+    /// Every call that may change any of these takes a new stamp. A clone has the same stamp until either
+    /// changes.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
 
-    /// Cells and portals.
+    /// The cells and the portals between them.
     pub fn graph(&self) -> &CellGraph {
         &self.graph
     }
 
-    /// Where the cells are.
+    /// The bodies of the cells; viewcell `i` is that of cell `i`.
     pub fn viewcells(&self) -> &Viewcells {
         &self.viewcells
     }
 
+    /// Takes a new stamp. An error for an unknown portal.
     fn changed(&mut self, known: bool, portal: PortalId) -> Result<(), SceneCellsError> {
         self.stamp = Stamp::new();
         if known { Ok(()) } else { Err(SceneCellsError::UnknownPortal(portal)) }
     }
 
-    /// Opens or closes a portal, as a door does, for all frames from here on. Constant time, no allocation.
+    /// Opens or closes a portal, as a door does. Constant time, no allocation.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownPortal`].
@@ -149,12 +153,13 @@ impl SceneCells {
         self.changed(known, portal)
     }
 
-    /// Whether a portal is open; false for an unknown one.
+    /// Whether a portal is open, whatever its passage. False for an unknown portal.
     pub fn is_open(&self, portal: PortalId) -> bool {
         self.doors.is_open(portal)
     }
 
-    /// Says from which sides one can see through a portal while it is open. Constant time.
+    /// Sets in which directions a portal can be seen through while it is open. A closed portal stays closed.
+    /// Constant time, no allocation.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownPortal`].
@@ -163,10 +168,10 @@ impl SceneCells {
         self.changed(known, portal)
     }
 
-    /// Hangs a mirror on the boundary of a cell: a convex polygon whose normal, from whose tip its vertices
-    /// run counter-clockwise, points into the cell. What it shows is returned by each frame as
-    /// [`Reflection`](super::reflection::Reflection)s. The mirror itself, as something to be drawn, is an
-    /// object like any other. It is uncovered until [`set_mirror`](Self::set_mirror) covers it.
+    /// Adds a mirror on the boundary of a cell. Its vertices run counter-clockwise as seen from within the
+    /// cell: the normal points into it. Each frame that sees the mirror returns a
+    /// [`Reflection`](super::reflection::Reflection). The glass itself, if it is to be drawn, is an object
+    /// like any other.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownCell`], [`SceneCellsError::NoPlane`].
@@ -184,7 +189,8 @@ impl SceneCells {
         Ok(MirrorId(id))
     }
 
-    /// Covers a mirror, so that it shows nothing, or uncovers it. Constant time.
+    /// Covers a mirror (`false`), so that it is never reflected in, or uncovers it. Mirrors begin uncovered.
+    /// Constant time, no allocation.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownMirror`].
@@ -195,10 +201,10 @@ impl SceneCells {
         Ok(())
     }
 
-    /// Takes in what has changed in the scene since the last call, in time proportional to that (and to the
-    /// logarithm of the number of cells); the first call, and one after more changes than the scene
-    /// remembers, looks at every object. Allocates only where an object comes to be in more cells than ever,
-    /// or is new.
+    /// Takes in what has changed in the scene since the last call, in time proportional to that times the
+    /// logarithm of the number of cells. The first call, a call with another scene, and one after more
+    /// changes than the scene lists, look at every object. Allocates only for new objects, and for objects in
+    /// more cells than ever before.
     pub fn sync(&mut self, scene: &Scene) {
         if self.cursor.is_current(scene) {
             return;
@@ -225,7 +231,7 @@ impl SceneCells {
         self.stamp = Stamp::new();
     }
 
-    /// The objects that the graph lists.
+    /// Puts the objects that the graph lists into the listed cells.
     fn take_listed(&mut self, scene: &Scene) {
         self.objects.resize_with(scene.index_limit(), Entry::default);
         for cell in (0..self.graph.cell_count() as u32).map(CellId) {
@@ -258,8 +264,8 @@ impl SceneCells {
         entry.cells.sort_unstable();
     }
 
-    /// The cells that an object is in, as of the last [`sync`](Self::sync), ascending; none for an unknown
-    /// object.
+    /// The cells that an object is in, ascending, as of the last [`sync`](Self::sync). Empty for an object in
+    /// no cell and for an unknown one.
     pub fn cells_of(&self, id: ObjectId) -> &[CellId] {
         match self.objects.get(id.index()) {
             Some(entry) if entry.id == Some(id) => &entry.cells,
@@ -267,8 +273,8 @@ impl SceneCells {
         }
     }
 
-    /// Whether a cell may see another with every portal open, from anywhere to anywhere in it: by the
-    /// potentially visible sets, if there are any, otherwise by whether portals join them at all.
+    /// Whether one cell may see another with all portals open: by the PVS, if there is one; otherwise whether
+    /// any chain of portals joins them. False for unknown cells.
     pub fn can_see(&self, from: CellId, to: CellId) -> bool {
         match &self.pvs {
             Some(pvs) => pvs.sees(from.into(), to.0),
@@ -276,9 +282,9 @@ impl SceneCells {
         }
     }
 
-    /// Whether a cell may see another through the portals that are open now. Stricter than
-    /// [`can_see`](Self::can_see), and still never wrong where it says no: some chain of open portals must
-    /// join them, all through cells that the first can see. Looks at each portal once at most; allocates.
+    /// Whether one cell may see another through the portals that are open now: some chain of these must join
+    /// them, through cells that the first can see. Conservative, and never true where
+    /// [`can_see`](Self::can_see) is false. Looks at each portal at most once; allocates.
     pub fn can_see_now(&self, from: CellId, to: CellId) -> bool {
         self.can_see(from, to) && self.joined(from, to, |portal, forward| self.doors.passes(portal, forward))
     }
@@ -307,7 +313,7 @@ impl SceneCells {
     }
 }
 
-/// A box in the world, larger by `tolerance` and by what adding the origin may have rounded.
+/// A box in world space, enlarged on all sides by `tolerance` and by the rounding of adding the origin.
 pub(super) fn in_world(bounds: &Aabb, origin: DVec3, tolerance: f64) -> (DVec3, DVec3) {
     let (min, max) = (bounds.min.as_dvec3() + origin, bounds.max.as_dvec3() + origin);
     let grown = DVec3::splat(tolerance) + (min.abs().max(max.abs())) * f64::EPSILON;

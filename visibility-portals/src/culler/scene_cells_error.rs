@@ -1,23 +1,23 @@
-//! Why the cells of a scene cannot be made, or know no such thing.
+//! Errors of `SceneCells`.
 
 use super::mirror::MirrorId;
 use core::fmt;
 use visibility_core::{CellId, PortalId};
 
-/// Why cells, portals and what belongs to them cannot be used.
+/// Why [`SceneCells`](super::scene_cells::SceneCells) cannot be made or changed.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum SceneCellsError {
-    /// Not as many viewcells as there are cells.
+    /// The number of viewcells is not that of the cells.
     Viewcells {
         /// How many cells.
         cells: usize,
         /// How many viewcells.
         viewcells: usize,
     },
-    /// The tolerance is not a number from zero up.
+    /// The tolerance is negative, infinite or NaN.
     Tolerance(f64),
-    /// Sets of something else, or of another number of cells.
+    /// The PVS has other counts than the graph, or its targets are objects.
     Pvs {
         /// How many cells.
         cells: usize,
@@ -26,11 +26,11 @@ pub enum SceneCellsError {
         /// How many targets they have.
         targets: usize,
     },
-    /// There is no such cell.
+    /// The graph has no such cell.
     UnknownCell(CellId),
-    /// There is no such portal.
+    /// The graph has no such portal.
     UnknownPortal(PortalId),
-    /// There is no such mirror.
+    /// No such mirror was added.
     UnknownMirror(MirrorId),
     /// The mirror has no area.
     NoPlane,

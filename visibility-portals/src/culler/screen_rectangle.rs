@@ -1,4 +1,4 @@
-//! Rectangles on the screen: the narrowing of Luebke and Georges, four planes a portal.
+//! Bounding rectangles on the screen: the narrowing of Luebke and Georges, with four planes for each portal.
 
 use super::portal_view::PortalView;
 use super::window_plane::{Corner, U, WindowPlane};

@@ -1,11 +1,11 @@
-//! Which objects a walk through portals shows.
+//! The test of objects against the windows of a walk.
 
 use super::portal_view::PortalView;
 use super::portal_walk::PortalWalk;
 use super::scene_cells::SceneCells;
 use visibility_core::{CullStats, Scene, VisibleSet};
 
-/// What one walk shows of a scene.
+/// A walk, with the cells, the scene and the view that it was made for.
 pub(super) struct Seen<'a> {
     pub(super) cells: &'a SceneCells,
     pub(super) scene: &'a Scene,
@@ -14,7 +14,8 @@ pub(super) struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// Keeps what is seen, what changed in the frame at hand, and what is in no cell.
+    /// Removes objects whose bounds are in no window of any cell that they are in. Objects in no cell stay,
+    /// and so do those whose entry in `unknown` is `frame`. Counts the windows tested.
     pub(super) fn retain(
         &self,
         unknown: &[u64],

@@ -1,14 +1,12 @@
-//! Where lines of sight begin: in the cells that the front of the view is in.
-//!
-//! Where the front lies in one cell, as it nearly always does, that is the cell; where it lies across a
-//! portal, it is several. Where part of it is in no cell, nothing is known of what is seen from there.
+//! The cells in which lines of sight begin: those that the front of the view (near plane and clip planes)
+//! reaches into. One, as a rule; several where the front crosses a portal.
 
 use super::scene_cells::SceneCells;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellId, View, ViewcellId};
 
-/// Memory for finding the cells of a front.
+/// Memory for finding the cells in which lines of sight begin.
 #[derive(Clone, Debug, Default)]
 pub(super) struct StartCells {
     touching: Vec<ViewcellId>,

@@ -1,14 +1,14 @@
-//! The half-spaces that bound what is seen through portals, each with a bound on its error, and clipping
-//! portals to them.
+//! The planes that bound what is seen through portals, each with a bound on its error, and clipping portals
+//! to them.
 //!
 //! # Why nothing is lost to rounding
-//! A window is a list of [`WindowPlane`]s, each of which *every* line of sight through the chain of portals
-//! satisfies: the planes of the view, and the planes through the eye and an edge of a portal of the chain.
-//! Sides are always made from a whole edge as it was given, never from corners that clipping has computed, so
-//! errors do not add up along a chain. Clipping only finds out which sides matter, and whether any line is
-//! left. To forget a side can only show more; so all that must be safe is
-//! - each side, by its error terms, derived at [`WindowPlane::through_edge`] and [`WindowPlane::of_view`];
-//! - that a polygon is called empty only if it is, derived at [`clip`].
+//! A window is a list of [`WindowPlane`]s: the planes of the view, and planes through the eye and an edge of
+//! a portal of the chain. *Every* line of sight through the chain is on the inner side of each. Planes are
+//! always made from a whole edge as it was given, never from corners that clipping has computed, so errors do
+//! not add up along a chain. Clipping only finds out which planes matter, and whether any line is left.
+//! Leaving a plane out shows more, never less. So two things must be safe:
+//! - each plane, by its error terms: derived at [`WindowPlane::through_edge`] and [`WindowPlane::of_view`];
+//! - that a polygon is called empty only if it is: derived at [`clip`].
 
 use visibility_core::glam::DVec3;
 use visibility_core::{Plane, ViewPlane};
@@ -16,7 +16,7 @@ use visibility_core::{Plane, ViewPlane};
 /// Unit round-off of `f64`.
 pub(super) const U: f64 = f64::EPSILON / 2.0;
 
-/// A half-space that all lines of sight through a window lie in, for points relative to the anchor of a
+/// A half-space that holds all lines of sight through a window, for points relative to the anchor of a
 /// [`PortalView`](super::portal_view::PortalView).
 ///
 /// A point `x` that is seen satisfies `normal . x + offset >= -(slack + slope |x|)`, with the unit normal as
@@ -84,12 +84,14 @@ impl WindowPlane {
         })
     }
 
-    /// How far off a point at most at `reach` from the anchor can be.
+    /// The most that a point at a distance of at most `reach` from the anchor may be beyond the plane and
+    /// still be seen.
     pub(super) fn margin(&self, reach: f64) -> f64 {
         self.slack + self.slope * reach
     }
 
-    /// Whether a box, relative to the anchor and known up to `error`, lies surely beyond.
+    /// Whether a box is certainly on the outer side. The box is relative to the anchor, and known up to
+    /// `error`. False for NaN.
     pub(super) fn excludes(&self, min: DVec3, max: DVec3, error: f64) -> bool {
         let n = self.plane.normal;
         let far = DVec3::select(n.cmpge(DVec3::ZERO), max, min);
@@ -99,10 +101,10 @@ impl WindowPlane {
     }
 }
 
-/// A side so far off bounds nothing worth the test.
+/// Planes whose slope is no less than this are left out: they are known too little to bound anything.
 const USELESS: f64 = 0.25;
 
-/// A corner of a portal that is being clipped, and what bounds it from there to the next corner.
+/// A corner of a clipped portal, and what bounds the portal from this corner to the next.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Corner {
     pub(super) at: DVec3,
@@ -112,9 +114,9 @@ pub(super) struct Corner {
 /// What bounds a clipped portal.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Edge {
-    /// The portal's own edge that begins with this vertex.
+    /// The edge of the portal from this vertex to the next.
     Own(u32),
-    /// A side of the window that it was clipped to.
+    /// The plane of the window with this index.
     Window(u32),
     /// The far plane, or a clip plane.
     End,

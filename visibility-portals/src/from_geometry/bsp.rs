@@ -1,9 +1,9 @@
-//! Polygon soups, by a BSP tree along the planes of polygons.
+//! Cells from any polygons, by a BSP tree along their planes.
 //!
 //! This work is based on: Henry Fuchs, Zvi Kedem and Bruce Naylor, "On Visible Surface Generation by A Priori
 //! Tree Structures", 1980, for the auto-partition; Seth Teller, "Visibility Computations in Densely Occluded
-//! Polyhedral Environments", 1992, for preferring the planes of which polygons cover most. Where no plane is
-//! covered enough, a leaf is left as it is, with what polygons are in it: those then hide nothing.
+//! Polyhedral Environments", 1992, for preferring the planes of which polygons cover most. A region in which
+//! no plane is covered enough is not divided; polygons left within it hide nothing.
 
 use super::leaves::{Bsp, Child, Node, numbered};
 use super::subdivision::{GeometryError, Subdivision, checked};
@@ -14,35 +14,37 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, CellId, ConvexPolygon, Plane, Viewcells};
 
-/// Which leaves are solid, and so no cells.
+/// Which regions are solid, and so no cells.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Solid<'a> {
-    /// None: the inside of a wall is a cell that nobody enters.
+    /// None. The inside of a wall is a cell that nobody enters.
     Nothing,
-    /// Those that no way leads to from any of these points. Where none of the points is in a leaf, none.
+    /// Those that cannot be reached through portals from any of these points. None, if none of the points is
+    /// in a region.
     Unreached(&'a [DVec3]),
-    /// Those that see backs of polygons and no fronts, a polygon's front being where its vertices run
-    /// counter-clockwise.
+    /// Those bounded by backs of polygons and by no fronts. A polygon's vertices run counter-clockwise as
+    /// seen from its front.
     Backs,
 }
 
-/// How [`from_polygons`] divides space.
+/// Settings of [`from_polygons`].
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct PolygonSettings<'a> {
-    /// Lines that stay farther than this from all polygons are never stopped. `None`: 2^-20 of the greatest
-    /// coordinate, which is well above the rounding of `f32`.
+    /// The distance, in world units, that a line must keep from all polygons to be certain to pass. `None`:
+    /// 2^-20 of the greatest coordinate, well above the rounding of `f32`.
     pub tolerance: Option<f64>,
-    /// A region is split along a plane where polygons cover at least this share of its section, or a 512th of
-    /// the largest side of the whole, squared: of a large region even large walls cover little.
+    /// The least share of the section of a region, from 0 to 1, that polygons must cover for the region to be
+    /// split there. An area of 1/512 of the square of the longest side of the whole will do as well: of a
+    /// large region even large walls cover little.
     pub least_share: f64,
-    /// Never along one where they cover less than this area. `None`: 2^-13 of the largest side of the whole,
-    /// squared.
+    /// The least area that polygons must cover in any case. `None`: 2^-13 of the square of the longest side
+    /// of the whole.
     pub least_area: Option<f64>,
-    /// How far the outermost cells reach beyond the polygons.
+    /// The distance by which the outermost cells reach beyond the polygons.
     pub margin: f64,
-    /// Splitting stops at so many leaves.
+    /// The most regions. Splitting stops there.
     pub most_cells: usize,
-    /// Which leaves are solid.
+    /// Which regions are solid.
     pub solid: Solid<'a>,
 }
 
@@ -59,26 +61,30 @@ impl Default for PolygonSettings<'_> {
     }
 }
 
-/// Planes looked at closely for each split: those with most area.
+/// The number of planes that are compared closely for a split: those with most area.
 const CANDIDATES: usize = 12;
 
-/// A polygon, or what splits have left of one.
+/// A polygon, or a part that splits have left of one.
 #[derive(Clone, Debug)]
 struct Fragment {
     vertices: Vec<DVec3>,
-    /// The plane that it shares with others.
+    /// Index of its plane among the distinct planes.
     plane: u32,
     area: f64,
 }
 
-/// Cells and portals from opaque polygons of any kind: gaps, duplicates, T-junctions and polygons that pass
-/// through one another are allowed.
+/// Divides space along opaque polygons of any kind: gaps, duplicates, T-junctions and polygons that pass
+/// through one another are allowed. Time is about that of regions times the polygons that reach into them.
+///
+/// # Errors
+/// [`GeometryError`], with the index of the polygon or the name of the setting.
 ///
 /// ```
 /// use visibility_core::{ConvexPolygon, glam::DVec3};
 /// use visibility_portals::from_geometry::{from_polygons, PolygonSettings};
 /// // A wall across the world with a gap in it.
-/// let wall = |y: [f64; 2]| ConvexPolygon::new([[y[0], 0.0], [y[1], 0.0], [y[1], 3.0], [y[0], 3.0]].map(|[y, z]| DVec3::new(0.0, y, z)));
+/// let corner = |[y, z]: [f64; 2]| DVec3::new(0.0, y, z);
+/// let wall = |[a, b]: [f64; 2]| ConvexPolygon::new([[a, 0.0], [b, 0.0], [b, 3.0], [a, 3.0]].map(corner));
 /// let soup = [wall([0.0, 4.0])?, wall([5.0, 9.0])?];
 /// let halves = from_polygons(&soup, &PolygonSettings::default())?;
 /// let open: f64 = halves.graph.portals().iter().map(|portal| portal.polygon().area()).sum();
@@ -153,7 +159,7 @@ pub fn from_polygons(
     Ok(Subdivision { graph, viewcells: kept().map(|leaf| leaf.body.clone()).collect(), outside })
 }
 
-/// When to stop.
+/// The settings as lengths, areas and counts.
 struct Limits {
     lengths: Lengths,
     share: f64,
@@ -162,7 +168,8 @@ struct Limits {
     leaves: usize,
 }
 
-/// The polygons that cover anything, and the planes that they lie in, nearly equal ones made one.
+/// The polygons that cover anything, and their planes. Planes that are nearly equal, or each other turned
+/// over, become one.
 fn fragments(polygons: &[ConvexPolygon], lengths: &Lengths) -> (Vec<Fragment>, Vec<Plane>) {
     let mut order: Vec<(f64, usize)> = polygons.iter().map(ConvexPolygon::area).zip(0..).collect();
     // The largest first: their planes are the most certain.
@@ -229,8 +236,8 @@ fn build(fragments: Vec<Fragment>, planes: &[Plane], min: DVec3, max: DVec3, lim
     bsp
 }
 
-/// The plane to split a region along: that of which polygons cover the greatest share, less for splitting
-/// others, more for balance.
+/// The plane to split a region along: the one of which polygons cover the greatest share, less for polygons
+/// that it cuts, more for balance. `None` if none is covered enough.
 fn best_plane(
     bsp: &Bsp,
     parent: Option<(u32, bool)>,
@@ -271,7 +278,7 @@ fn best_plane(
     best.map(|(_, plane)| plane)
 }
 
-/// What lies in a plane, in front of it and behind it.
+/// The polygons in a plane, in front of it, and behind it.
 #[allow(clippy::type_complexity)]
 fn divide(
     fragments: Vec<Fragment>,
@@ -307,14 +314,14 @@ fn divide(
 }
 
 impl Fragment {
-    /// Twice the area along the normal from which the vertices run counter-clockwise.
+    /// Twice the area, along the normal around which the vertices run counter-clockwise.
     fn normal(&self) -> DVec3 {
         let v = &self.vertices;
         v.windows(2).fold(DVec3::ZERO, |sum, pair| sum + (pair[0] - v[0]).cross(pair[1] - v[0]))
     }
 }
 
-/// The leaves that no portals lead to from some; none if there are no starts.
+/// The regions that no chain of portals joins to one of `starts`. None, if there are no starts.
 fn unreached(
     leaves: usize,
     portals: &[super::leaves::LeafPortal],

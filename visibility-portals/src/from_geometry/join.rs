@@ -1,20 +1,20 @@
-//! Fewer convex polygons that cover at least what many did.
+//! Joins convex polygons of one plane into fewer that cover at least the same.
 //!
-//! Taking covers away from a portal leaves more pieces than anyone needs. Two pieces become their convex hull
-//! where that is hardly larger than both: a little of what is covered counts as open then, which is
-//! conservative, and chains of portals are far fewer.
+//! What is left of a portal when opaque polygons are taken away is more pieces than anyone needs. Two pieces
+//! become their convex hull where it is hardly larger than both. A little of what is opaque counts as open
+//! then, which is conservative, and chains of portals are far fewer.
 
 use super::subtract::area;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// How much of a hull may be covered after all.
+/// The most of a hull that may be opaque, as a share.
 const WASTE: f64 = 0.1;
 
-/// Beyond so many pieces only the hull of all of them is tried.
+/// With more pieces, only the hull of all of them is tried.
 const MOST: usize = 48;
 
-/// Joins pieces of a plane with a unit normal.
+/// Joins convex pieces of a plane with a unit normal.
 pub(super) fn join(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
     if pieces.len() < 2 {
         return;

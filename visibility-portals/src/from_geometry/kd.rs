@@ -1,38 +1,40 @@
-//! Walls along the axes, by a kd-tree with splits along the larger walls.
+//! Cells from walls along the axes, by a kd-tree with splits along the larger walls.
 //!
 //! This work is based on: Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive
-//! Walkthroughs", 1991: space is split along the plane of which opaque faces cover most, until no wall worth
-//! it is left; the portals are what is not opaque of the rectangles that two leaves share. All planes are
-//! coordinates of walls and nothing is computed from them, so every comparison is exact.
+//! Walkthroughs", 1991. Space is split along the plane of which opaque faces cover most, until no wall worth
+//! it is left. Portals are what is not opaque of the rectangles between two leaves. All planes are
+//! coordinates of walls, and nothing is computed from them, so every comparison is exact.
 
 use super::subdivision::{GeometryError, Subdivision, checked};
 use alloc::vec::Vec;
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_core::{CellGraph, CellId, ConvexPolygon, Viewcell};
 
-/// How [`from_walls`] divides space.
+/// Settings of [`from_walls`], in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct WallSettings {
-    /// Coordinates that differ by no more than this are the same.
+    /// Coordinates that differ by no more than this become one.
     pub tolerance: f64,
-    /// A region is split where faces cover at least this share of its section ...
+    /// The least share of the section of a region, from 0 to 1, that faces must cover for the region to be
+    /// split there; or see `least_area`.
     pub least_share: f64,
-    /// ... or this area. `None`: a thirty-second of the largest face.
+    /// The area that faces must cover, if it is less than that share. `None`: a thirty-second of the largest
+    /// face.
     pub least_area: Option<f64>,
-    /// How far the outermost cells reach beyond the walls.
+    /// The distance by which the outermost cells reach beyond the walls.
     pub margin: f64,
-    /// Splitting stops at so many cells.
+    /// The most cells. Splitting stops there.
     pub most_cells: usize,
 }
 
 impl Default for WallSettings {
-    /// For metres.
+    /// Settings for metres: a tolerance of 0.1 mm, a margin of 1 m, a share of 0.3, 32,768 cells.
     fn default() -> Self {
         Self { tolerance: 1e-4, least_share: 0.3, least_area: None, margin: 1.0, most_cells: 1 << 15 }
     }
 }
 
-/// An opaque box, of no thickness if it is a rectangle, or a region.
+/// A box. Walls of no thickness have the same least and greatest coordinate along one axis.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Box3 {
     min: DVec3,
@@ -40,26 +42,26 @@ struct Box3 {
 }
 
 impl Box3 {
-    /// What two have in common; empty if its corners are not in order.
+    /// The common part of two boxes; empty if its corners are in the wrong order.
     fn common(&self, other: &Self) -> Self {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }
     }
 
-    /// Its area across an axis; zero if it is empty.
+    /// The area of the section across an axis; zero for an empty box.
     fn section(&self, axis: usize) -> f64 {
         let size = (self.max - self.min).max(DVec3::ZERO);
         size[(axis + 1) % 3] * size[(axis + 2) % 3]
     }
 }
 
-/// A node: a leaf with its cell, `None` if it is solid; or split.
+/// A node of the tree: a leaf with its cell (`None` if it is solid), or a split.
 #[derive(Clone, Copy, Debug)]
 enum Node {
     Leaf(Option<CellId>),
     Split { axis: usize, at: f64, low: usize },
 }
 
-/// A rectangle between a low and a high node, in the plane of a split.
+/// A rectangle in the plane of a split, between a node on the lower side and one on the upper.
 struct Shared {
     low: usize,
     high: usize,
@@ -67,11 +69,12 @@ struct Shared {
     rectangle: Box3,
 }
 
-/// Cells and portals from opaque boxes along the axes, each by its least and greatest corner; a rectangle is
-/// a box of no thickness.
+/// Divides space along opaque boxes, each given by its least and its greatest corner in world space. A
+/// rectangle is a box of no thickness. What boxes fill is no cell. Takes time in proportion to cells times
+/// walls at worst.
 ///
-/// What boxes fill is no cell. Coordinates are in the world's units. Takes time in proportion to the number
-/// of cells times walls at worst.
+/// # Errors
+/// [`GeometryError`], with the index of the wall or the name of the setting.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -121,8 +124,9 @@ pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdi
     Ok(Subdivision { graph, viewcells, outside })
 }
 
-/// The upright walls over segments of a floor plan, along x or y, and the floor and ceiling over all of them:
-/// for [`from_walls`]. Openings are where there is no segment, from floor to ceiling.
+/// The walls of a floor plan, for [`from_walls`]: an upright rectangle over each segment, from `z = floor` to
+/// `z = ceiling`, and the floor and the ceiling over all of them. Segments are along x or y. Openings are
+/// where there is no segment.
 ///
 /// # Errors
 /// [`GeometryError::NotAWall`] for a segment along neither axis, [`GeometryError::NonFinite`].
@@ -150,7 +154,7 @@ pub fn floor_plan(
     Ok(walls)
 }
 
-/// The walls, checked, with coordinates that are nearly the same made the same.
+/// The walls, checked, with coordinates that differ by at most the tolerance made one.
 fn prepared(walls: &[[DVec3; 2]], tolerance: f64) -> Result<Vec<Box3>, GeometryError> {
     let mut all = Vec::with_capacity(walls.len());
     for (index, &[min, max]) in walls.iter().enumerate() {
@@ -224,8 +228,8 @@ impl Tree<'_> {
         }
     }
 
-    /// The plane of which faces cover most: its axis and place, the share of the region's section, the area.
-    /// Of equals the most central.
+    /// The plane of which faces cover most of a region: axis, coordinate, share of the region's section, and
+    /// area. Of equal planes the most central.
     fn best_split(
         &self,
         region: &Box3,
@@ -263,7 +267,7 @@ impl Tree<'_> {
         best
     }
 
-    /// What is open of the rectangles that pairs of cells share, with the cell at lower coordinates first.
+    /// The open parts of the rectangles between pairs of cells, the cell at lower coordinates first.
     fn portals(&self, root: &Box3) -> Vec<(ConvexPolygon, [CellId; 2])> {
         let mut shared = Vec::new();
         let mut regions = alloc::vec![(0, *root)];
@@ -314,7 +318,7 @@ impl Tree<'_> {
         }
     }
 
-    /// The rectangles that remain of one when walls are taken away.
+    /// The rectangles that are left of one when walls are taken away.
     fn open(&self, axis: usize, rectangle: &Box3) -> Vec<Box3> {
         let (mut open, mut next) = (alloc::vec![*rectangle], Vec::new());
         for wall in self.walls {
@@ -334,14 +338,14 @@ fn fills(wall: &Box3, region: &Box3) -> bool {
     wall.min.cmple(region.min).all() && region.max.cmple(wall.max).all()
 }
 
-/// The parts of a rectangle below and above a place, with the children that they belong to.
+/// The parts of a rectangle below and above a coordinate, each with the child that it belongs to.
 fn halves(rectangle: &Box3, axis: usize, at: f64, child: usize) -> impl Iterator<Item = (usize, Box3)> {
     let (mut below, mut above) = (*rectangle, *rectangle);
     (below.max[axis], above.min[axis]) = (below.max[axis].min(at), above.min[axis].max(at));
     [(child, below), (child + 1, above)].into_iter().filter(move |(_, part)| part.min[axis] < part.max[axis])
 }
 
-/// What a wall leaves of a rectangle: up to four.
+/// Appends what a wall leaves of a rectangle: up to four.
 fn without(axis: usize, piece: &Box3, wall: &Box3, out: &mut Vec<Box3>) {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let apart = |i: usize| wall.max[i] <= piece.min[i] || piece.max[i] <= wall.min[i];
@@ -366,8 +370,8 @@ fn without(axis: usize, piece: &Box3, wall: &Box3, out: &mut Vec<Box3>) {
     }
 }
 
-/// A rectangle across an axis as a polygon whose normal points along it. `None` if it is thinner than
-/// polygons can be.
+/// A rectangle across an axis as a polygon whose normal points along the axis. `None` if it is too thin for a
+/// polygon.
 fn upright(axis: usize, rectangle: &Box3) -> Option<ConvexPolygon> {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let corner = |a: DVec3, b: DVec3| {

@@ -1,7 +1,8 @@
-//! Portals from the leaves of a BSP tree: each node's plane, cut to the node's region, is handed down on both
-//! sides to the leaves that it bounds (Naylor, Amanatides and Thibault, "Merging BSP Trees Yields Polyhedral
-//! Set Operations", 1990, call it the sub-hyperplane); what two leaves share of it, less what is opaque, is a
-//! portal.
+//! Portals between the leaves of a BSP tree.
+//!
+//! The plane of each node, cut to the region of the node, is split to the leaves on both sides that it bounds
+//! (Naylor, Amanatides and Thibault, "Merging BSP Trees Yields Polyhedral Set Operations", 1990, call it the
+//! sub-hyperplane). What two leaves on opposite sides share of it, less what is opaque, is a portal.
 
 use super::join::join;
 use super::subtract::{Lengths, around, subtract, width};
@@ -10,26 +11,26 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellId, ConvexPolygon, Plane, Viewcell};
 
-/// What is on one side of a node: a node or a leaf, by its number.
+/// A child of a node: another node, or a leaf.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Child {
     Node(u32),
     Leaf(u32),
 }
 
-/// A plane that divides the region of its node.
+/// A plane that splits the region of its node.
 #[derive(Clone, Debug)]
 pub(super) struct Node {
     pub(super) plane: Plane,
-    /// The node above, and whether this one is in front of it.
+    /// The parent node, and whether this one is in front of it.
     pub(super) parent: Option<(u32, bool)>,
     pub(super) front: Child,
     pub(super) back: Child,
-    /// The opaque polygons in the plane, and whether each faces its front.
+    /// The opaque polygons in the plane; true with those that face its front.
     pub(super) covers: Vec<(Vec<DVec3>, bool)>,
 }
 
-/// An opaque polygon made ready to be taken away.
+/// An opaque polygon, made ready to be taken away.
 struct Cover {
     planes: Vec<Plane>,
     min: DVec3,
@@ -53,7 +54,7 @@ fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     points.iter().fold(empty, |(min, max), &p| (min.min(p), max.max(p)))
 }
 
-/// A tree that divides a box.
+/// A BSP tree of a box.
 #[derive(Clone, Debug)]
 pub(super) struct Bsp {
     pub(super) nodes: Vec<Node>,
@@ -62,21 +63,22 @@ pub(super) struct Bsp {
     pub(super) max: DVec3,
 }
 
-/// What is known of a leaf.
+/// A leaf: its body, and what bounds it.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
     pub(super) body: Viewcell,
-    /// Whether it reaches to the boundary of the box.
+    /// Whether it touches the boundary of the box.
     pub(super) outside: bool,
-    /// Area of the fronts of polygons that it sees, and of backs.
+    /// Area of the fronts of polygons that bound it.
     pub(super) fronts: f64,
+    /// Area of their backs.
     pub(super) backs: f64,
 }
 
-/// A portal between two leaves, whose normal points into the second.
+/// A portal between two leaves; its normal points into the second.
 pub(super) type LeafPortal = (ConvexPolygon, [u32; 2]);
 
-/// The part of a plane in the box.
+/// The part of a plane in a box.
 pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Lengths) -> Vec<DVec3> {
     let middle = (min + max) * 0.5;
     let reach = (max - min).length();
@@ -91,7 +93,7 @@ pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Le
     polygon
 }
 
-/// Keeps what is on the inner side of a plane.
+/// Clips a polygon to the inner side of a plane.
 pub(super) fn cut(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &Lengths) {
     let mut inner = Vec::new();
     clip_into(polygon, plane, lengths.merge, &mut inner);
@@ -99,7 +101,7 @@ pub(super) fn cut(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &Lengths) {
 }
 
 impl Bsp {
-    /// The part of a plane in the region of the child of a node on one side.
+    /// The part of a plane in the region of one child of a node.
     pub(super) fn section(
         &self,
         plane: &Plane,
@@ -116,7 +118,7 @@ impl Bsp {
         polygon
     }
 
-    /// The leaves and the portals between them.
+    /// The leaves, and the portals between them.
     pub(super) fn portals(&self, lengths: &Lengths) -> (Vec<Leaf>, Vec<LeafPortal>) {
         let empty = Viewcell { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY, planes: Vec::new() };
         let leaf = Leaf { body: empty, outside: false, fronts: 0.0, backs: 0.0 };
@@ -217,7 +219,7 @@ impl Leaf {
     }
 }
 
-/// Numbers the leaves to be kept, and their portals with them.
+/// Numbers the leaves to be kept from 0, and renames the ends of their portals.
 pub(super) fn numbered(
     portals: Vec<LeafPortal>,
     keep: &[bool],

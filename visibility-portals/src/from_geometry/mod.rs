@@ -1,17 +1,17 @@
-//! Cells and portals made from geometry.
+//! Cells and portals from geometry.
 //!
-//! - [`from_walls`] divides space by a kd-tree along the larger walls, for buildings along the axes and for
+//! - [`from_walls`] divides space by a kd-tree along the larger walls: for buildings along the axes and for
 //!   floor plans.
-//! - [`from_polygons`] divides it by a BSP tree along the planes of polygons, for everything else.
+//! - [`from_polygons`] divides it by a BSP tree along the planes of polygons: for everything else.
 //!
-//! # What is promised
-//! Both are conservative: no line that stays farther than the tolerance from all polygons is ever stopped,
-//! wherever the cells are. What is opaque is what polygons surely cover; where they leave a gap, the gap is
-//! open, and a portal. Polygons too small to divide space by cover nothing but what lies in a plane that was
-//! chosen for other reasons. So more and smaller cells make a tighter answer, never a wrong one.
+//! # Promises
+//! Both are conservative: wherever the cells are, a line that stays farther than the tolerance from all
+//! polygons is never stopped. Opaque is what polygons certainly cover. Where they leave a gap, there is a
+//! portal. Polygons too small to divide space by cover nothing, except in planes that were chosen for other
+//! polygons. So more and smaller cells make the answer tighter, never wrong.
 //!
-//! Portals narrower than the tolerance are left out: a line through one passes within the tolerance of the
-//! portal's edges.
+//! Portals narrower than the tolerance are left out, since any line through one passes within the tolerance
+//! of its edges.
 
 mod bsp;
 mod join;

@@ -1,25 +1,25 @@
-//! What geometry is divided into, and why it cannot be.
+//! The result of dividing space, and the errors.
 
 use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::cells::Leak;
 use visibility_core::{CellGraph, CellGraphError, CellId, Viewcell, Viewcells};
 
-/// Cells with the portals between them, and where they are.
+/// Cells, the portals between them, and their bodies.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Subdivision {
-    /// Which cells are joined by which portals.
+    /// Cells and portals.
     pub graph: CellGraph,
-    /// The bodies of the cells, by their numbers.
+    /// The bodies of the cells, in world space; viewcell `i` is that of cell `i`.
     pub viewcells: Vec<Viewcell>,
-    /// The cells that reach to the boundary of all that was divided, ascending: the outside.
+    /// The cells that touch the boundary of the region that was divided, ascending.
     pub outside: Vec<CellId>,
 }
 
 impl Subdivision {
-    /// A way from the cell that a point is in to the outside, if there is one: where a map is meant to be
-    /// closed, the portals on it lead to the leak. `None` as well for a point in no cell. Takes time in
-    /// proportion to cells and portals.
+    /// The shortest way, by number of portals, from the cell that a point of the world is in to an outside
+    /// cell. On a map that is meant to be closed, it shows where the map is not. `None` if there is no way,
+    /// and for a point in no cell. Takes time in proportion to cells and portals.
     pub fn leak(&self, inside: visibility_core::glam::DVec3) -> Option<Leak> {
         let from = Viewcells::new(self.viewcells.iter().cloned())
             .locate(inside)
@@ -32,7 +32,7 @@ impl Subdivision {
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum GeometryError {
-    /// A corner is NaN or infinite.
+    /// A coordinate is NaN or infinite.
     NonFinite {
         /// Which wall, polygon or segment, in the order given.
         index: usize,
@@ -42,14 +42,14 @@ pub enum GeometryError {
         /// Which.
         index: usize,
     },
-    /// A setting is not a number that can be worked with.
+    /// A setting is NaN, infinite, negative, or too small for coordinates of this size.
     Setting {
-        /// Which.
+        /// Name of the setting.
         what: &'static str,
         /// Its value.
         value: f64,
     },
-    /// There are too many cells or portals.
+    /// More cells or portals than a graph can have.
     Graph(CellGraphError),
 }
 
@@ -72,7 +72,7 @@ impl From<CellGraphError> for GeometryError {
     }
 }
 
-/// A setting that must be a number from zero on.
+/// A setting that must be finite and not negative.
 pub(super) fn checked(what: &'static str, value: f64) -> Result<f64, GeometryError> {
     if value >= 0.0 && value.is_finite() { Ok(value) } else { Err(GeometryError::Setting { what, value }) }
 }

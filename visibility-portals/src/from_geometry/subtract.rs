@@ -1,28 +1,28 @@
-//! What covers leave of a polygon in their plane.
+//! Taking opaque polygons away from a polygon of the same plane.
 
 use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
 use visibility_core::Plane;
 use visibility_core::glam::DVec3;
 
-/// Lengths below which differences mean nothing, all parts of one tolerance.
+/// Distances below which differences mean nothing, in world units, all parts of one tolerance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lengths {
-    /// Polygons whose vertices are no farther than this from a plane lie in it.
+    /// A polygon whose vertices are all within this of a plane lies in it.
     pub(super) plane: f64,
-    /// Covers are widened by this, so that those that share an edge leave no gap between them. Corners are
-    /// cut off where they would stick out more than 1.42 times as far.
+    /// Opaque polygons are widened by this, so that two that share an edge leave no gap. A corner is cut off
+    /// where it would stick out more than 1.42 times as far.
     pub(super) widen: f64,
     /// What is narrower than this is no portal.
     pub(super) sliver: f64,
-    /// Points nearer to each other, or to a plane, are one, or on it: some thousand times the rounding of
-    /// coordinates.
+    /// Points nearer to each other are one, and points nearer to a plane are on it. Some thousand times the
+    /// rounding of coordinates.
     pub(super) merge: f64,
 }
 
 impl Lengths {
-    /// Half of the tolerance for being off the plane and 1.42 quarters for being widened make 0.86 of it: no
-    /// cover reaches farther from what it stands for.
+    /// Half of the tolerance for being off the plane and 1.42 quarters for being widened make 0.86 of it:
+    /// nothing opaque reaches farther from the polygon that it stands for.
     pub(super) fn new(tolerance: f64, extent: f64) -> Self {
         let merge = extent / (1u64 << 40) as f64;
         Self { plane: tolerance * 0.5, widen: tolerance * 0.25, sliver: tolerance * 0.25, merge }
@@ -34,7 +34,8 @@ impl Lengths {
     }
 }
 
-/// Upright half-spaces, inner side first, whose common part is a polygon widened.
+/// Appends planes at right angles to that of a polygon, inner side first, whose common part is the polygon
+/// widened by `by`.
 pub(super) fn around(cover: &[DVec3], normal: DVec3, by: f64, out: &mut Vec<Plane>) {
     out.clear();
     let doubled =
@@ -59,7 +60,7 @@ pub(super) fn around(cover: &[DVec3], normal: DVec3, by: f64, out: &mut Vec<Plan
     }
 }
 
-/// Takes what is inside of all the planes away from the polygons. Returns how much area that was.
+/// Takes what is inside of all the planes away from polygons. Returns how much area that was.
 pub(super) fn subtract(
     pieces: &mut Vec<Vec<DVec3>>,
     planes: &[Plane],
@@ -92,7 +93,7 @@ pub(super) fn subtract(
     covered
 }
 
-/// The area of a polygon across a unit normal.
+/// The area of a polygon, projected along a unit normal.
 pub(super) fn area(polygon: &[DVec3], normal: DVec3) -> f64 {
     let sum = polygon
         .windows(2)
@@ -100,7 +101,7 @@ pub(super) fn area(polygon: &[DVec3], normal: DVec3) -> f64 {
     (sum.dot(normal) * 0.5).abs()
 }
 
-/// The least distance of two parallel lines with a convex polygon between them.
+/// The width of a convex polygon: the least distance of two parallel lines with the polygon between them.
 pub(super) fn width(polygon: &[DVec3], normal: DVec3) -> f64 {
     let mut least = f64::INFINITY;
     for (i, &a) in polygon.iter().enumerate() {

@@ -14,10 +14,11 @@
 
 use visibility_core::geometry::DoubleDouble;
 
-/// The most constraints that a certificate needs: by Helly's theorem one more than the dimension, six.
+/// The most constraints of a certificate: by Helly's theorem seven for six variables; one more for a
+/// constraint of the caller's.
 pub(crate) const MOST: usize = 8;
 
-/// `normal . x >= least`, for a normal of which each coordinate is known up to `error`.
+/// The constraint `normal . x >= least`, where each coordinate of the normal is known up to `error`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row<const K: usize> {
     pub(crate) normal: [DoubleDouble; K],
@@ -25,10 +26,10 @@ pub(crate) struct Row<const K: usize> {
     pub(crate) least: f64,
 }
 
-/// Underflow takes at most 2^-1074 from any of the few hundred operations below.
+/// Underflow takes at most 2^-1074 from any of the few hundred operations below: less than this in all.
 const UNDERFLOW: f64 = 1e-300;
 
-/// What is left of a quotient or a sum by rounding in evaluating the bound below.
+/// Rounds up quotients and sums of the bound below, which are wrong by far less.
 const UP: f64 = 1.0 + 1e-12;
 
 /// The left and the right side of the bound, each rounded against a proof.
@@ -60,7 +61,7 @@ fn sides<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[Doub
     (left - UNDERFLOW, right * UP + UNDERFLOW)
 }
 
-/// Whether the multipliers prove that no `x` satisfies all rows.
+/// Whether multipliers prove that no `x` satisfies all rows.
 pub(crate) fn proves<const K: usize>(
     rows: &[Row<K>],
     bounds: &[f64; K],
@@ -101,16 +102,15 @@ pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option
     })
 }
 
-/// Gaussian elimination with full pivoting of the matrix whose columns are the normals of the rows that are
-/// used.
+/// Gaussian elimination with full pivoting. The columns of the matrix are the normals of rows.
 struct Elimination<const K: usize> {
-    /// As eliminated: multipliers below the pivots, the upper triangle from them on; rows and columns in
-    /// their new order.
+    /// Multipliers below the pivots, the upper triangle from the pivots on; rows and columns in pivoting
+    /// order.
     m: [[f64; MOST]; K],
     /// Which coordinate, and which of the rows, each has been.
     coordinate: [usize; K],
     row: [usize; MOST],
-    /// By which each row's normal was scaled.
+    /// By column: the factor that its normal was scaled by.
     scale: [f64; MOST],
     count: usize,
     rank: usize,
@@ -174,8 +174,8 @@ impl<const K: usize> Elimination<K> {
         right
     }
 
-    /// Multipliers, by the number of the row, that make the sum of normals zero, none of them negative; and
-    /// whether some were as good as zero and have become that.
+    /// Multipliers by index of the row, none negative, that make the sum of normals zero; and whether some
+    /// were as good as zero and were set to zero.
     fn nonnegative(&self, zero: f64) -> Option<([f64; MOST], bool)> {
         (self.rank..self.count).find_map(|free| {
             let mut right = [0.0; K];
@@ -200,7 +200,7 @@ impl<const K: usize> Elimination<K> {
         })
     }
 
-    /// The multipliers corrected until the sum of normals is zero up to about 2^-100.
+    /// Multipliers, corrected until the sum of normals is zero up to about 2^-100.
     fn refined(&self, rows: &[Row<K>], multipliers: [f64; MOST]) -> [DoubleDouble; MOST] {
         let mut multipliers = multipliers.map(DoubleDouble::from);
         for _ in 0..3 {

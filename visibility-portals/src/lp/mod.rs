@@ -1,10 +1,10 @@
-//! Linear programs in few dimensions, with answers that are proofs.
+//! Linear programs in few variables, with answers that are proofs.
 //!
-//! [`Solver`] finds a point in an intersection of half-spaces, or the best one, by the randomized incremental
-//! algorithm (Raimund Seidel, "Small-Dimensional Linear Programming and Convex Hulls Made Easy", 1991), in
-//! time linear in the half-spaces. It computes with `f64`, but believes nothing of what it computed: a point
-//! is checked against all half-spaces, and that there is none is only said with a [`Certificate`], a few
-//! multipliers whose contradiction survives all rounding (Farkas' lemma). What can be proved neither way is
+//! [`Solver`] finds a point in the intersection of half-spaces, or the best one, by the randomized
+//! incremental algorithm (Raimund Seidel, "Small-Dimensional Linear Programming and Convex Hulls Made Easy",
+//! 1991), in time linear in the half-spaces. It computes in `f64` and trusts none of it. A point is checked
+//! against all half-spaces. That there is none is only said with a [`Certificate`]: a few multipliers whose
+//! contradiction survives all rounding (Farkas' lemma). What can be proved neither way is
 //! [`Feasible::Maybe`].
 
 mod certificate;
@@ -15,17 +15,17 @@ pub(crate) use seidel::{BOX, Levels, Stop};
 
 use visibility_core::geometry::DoubleDouble;
 
-/// The points `x` where `normal . x + offset >= 0`.
+/// The points `x` with `normal . x + offset >= 0`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct HalfSpace<const D: usize> {
     /// Points inwards; of any length.
     pub normal: [f64; D],
-    /// The value at the origin.
+    /// Value of the left side at the origin.
     pub offset: f64,
 }
 
-/// A proof that half-spaces and a box have no point in common: numbers `l_i >= 0` for a few of the
-/// half-spaces such that, for all points of the box, `sum l_i (normal_i . x + offset_i) < 0`.
+/// A proof that half-spaces and a box have no point in common: multipliers `l_i >= 0` for a few of the
+/// half-spaces such that `sum l_i (normal_i . x + offset_i) < 0` for all points `x` of the box.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Certificate {
     constraints: [u32; MOST],
@@ -49,8 +49,8 @@ impl Certificate {
         self
     }
 
-    /// The half-spaces that contradict each other, by their numbers, each with its multiplier: the exact sum
-    /// of two numbers.
+    /// The half-spaces that contradict each other, by index, each with its multiplier: the exact sum of two
+    /// numbers.
     pub fn multipliers(&self) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
         let pairs = self.constraints.iter().zip(&self.multipliers).take(self.count);
         pairs.map(|(&constraint, l)| (constraint as usize, [l.hi, l.lo]))
@@ -60,27 +60,27 @@ impl Certificate {
 /// Whether half-spaces have a point in common.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Feasible<const D: usize> {
-    /// This one, surely.
+    /// A point that certainly satisfies every half-space.
     Yes([f64; D]),
-    /// Surely none.
+    /// No point does, certainly.
     No(Certificate),
-    /// What they have in common, if anything, is too thin for rounding to tell.
+    /// What they have in common, if anything, is too thin for rounding to tell; or a number is not finite.
     Maybe,
 }
 
 /// The point of half-spaces at which an objective is greatest.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Greatest<const D: usize> {
-    /// This one, up to rounding: it may violate half-spaces by about 1e-12 of its size.
+    /// The point, up to rounding: it may be outside of half-spaces by about 1e-12 of its size.
     At([f64; D]),
-    /// Surely there is no point at all.
+    /// There is certainly no point at all.
     Infeasible(Certificate),
-    /// There is no point, or next to none; or numbers are not finite.
+    /// There is no point, or next to none; or a number is not finite.
     Unknown,
 }
 
-/// Solves linear programs in `D` variables, from 1 to 6. Its memory serves one program after another: once it
-/// has seen the largest, it allocates nothing.
+/// Solves linear programs in `D` variables, from 1 to 6. Allocates nothing once it has seen the largest
+/// program.
 ///
 /// ```
 /// use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
@@ -101,19 +101,19 @@ pub struct Solver<const D: usize> {
     levels: Levels,
 }
 
-/// By how much a point has to be inside of all half-spaces, relative to the size of the numbers, to be looked
-/// for, and in which random order of them. A point that is inside by little is easily proved; where many
-/// half-spaces are nearly parallel, another order may not lose as many digits.
+/// How far inside of all half-spaces a point is looked for, relative to the size of their coefficients, and
+/// the random order in which they are taken; one try after another. A point well inside is easily proved;
+/// where many half-spaces are nearly parallel, another order may lose fewer digits.
 const TRIES: [(f64, u64); 5] = [(1e-9, 0), (0.0, 0), (1e-7, 1), (1e-10, 2), (0.0, 3)];
 
 impl<const D: usize> Solver<D> {
-    /// A solver without memory.
+    /// A solver that has seen no program.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Whether half-spaces have a point in common in the box where no coordinate is greater than `bound` in
-    /// size.
+    /// Whether half-spaces have a point in common in the box of the points with no coordinate beyond `bound`
+    /// in size.
     pub fn feasible(&mut self, constraints: &[HalfSpace<D>], bound: f64) -> Feasible<D> {
         if !is_finite(constraints, bound) {
             return Feasible::Maybe;
@@ -138,8 +138,8 @@ impl<const D: usize> Solver<D> {
         Feasible::Maybe
     }
 
-    /// The point of the half-spaces, in the box where no coordinate is greater than `bound` in size, at which
-    /// `objective . x` is greatest; if there are several, one of them.
+    /// The point at which `objective . x` is greatest, of the half-spaces and of the box of the points with
+    /// no coordinate beyond `bound` in size. If there are several, one of them.
     pub fn greatest(&mut self, constraints: &[HalfSpace<D>], objective: [f64; D], bound: f64) -> Greatest<D> {
         if !is_finite(constraints, bound) || objective.iter().any(|o| !o.is_finite()) {
             return Greatest::Unknown;
@@ -160,7 +160,7 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    /// Whether the conflict that was come upon is one.
+    /// The proof that the half-spaces come upon last contradict each other, if they do.
     fn certificate(&self, constraints: &[HalfSpace<D>], bound: f64) -> Option<Certificate> {
         let mut rows = [Row { normal: [DoubleDouble::ZERO; D], error: 0.0, least: -bound }; MOST];
         let conflict = self.levels.conflict();
@@ -188,7 +188,7 @@ fn is_finite<const D: usize>(constraints: &[HalfSpace<D>], bound: f64) -> bool {
         && constraints.iter().all(finite)
 }
 
-/// Whether a point surely is in the box and in all half-spaces.
+/// Whether a point is certainly in the box and in all half-spaces.
 fn is_inside<const D: usize>(constraints: &[HalfSpace<D>], bound: f64, x: &[f64; D]) -> bool {
     x.iter().all(|x| x.abs() <= bound)
         && constraints.iter().all(|half| {

@@ -16,38 +16,38 @@
 
 use alloc::vec::Vec;
 
-/// The greatest dimension.
+/// The most variables.
 pub(crate) const DIMENSIONS: usize = 6;
 
 /// From here on, tags name the bounds of the box: the upper bound of variable k is `BOX + 2 k`, the lower one
 /// `BOX + 2 k + 1`.
 pub(crate) const BOX: u32 = u32::MAX - 2 * DIMENSIONS as u32;
 
-/// What does not satisfy a constraint by this much, relative to the size of the point and to the greatest
-/// coefficient, does not satisfy it.
+/// A point that is outside of a constraint by less satisfies it; relative to the size of the point and to the
+/// greatest coefficient. No proof depends on it.
 const TOLERANCE: f64 = 1e-12;
 
-/// What is smaller than this, where coefficients of size one were subtracted, is zero.
+/// Coefficients of size one that cancel to less are zero.
 const NOTHING: f64 = 1e-13;
 
-/// Rows looked at, by all levels together, before a program is given up: random order makes it as good as
-/// impossible.
+/// Rows looked at, by all levels together and for each row of the program, before it is given up. In random
+/// order that is as good as impossible.
 const STEPS_PER_ROW: u64 = 200_000;
 
 /// Why there is no point.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Stop {
-    /// The constraints in [`Levels::conflict`] contradict each other.
+    /// The constraints in [`Levels::conflict`] contradict each other, up to rounding.
     Conflict,
     /// The limit of steps was reached.
     GaveUp,
 }
 
-/// The rows of one dimension: coefficients, then the constant; the greatest coefficient is 1 or -1, or all
-/// are zero.
+/// Rows of one dimension: coefficients, then the constant, and a tag. The greatest coefficient is 1 or -1, or
+/// all are zero.
 type Rows<const N: usize> = Vec<([f64; N], u32)>;
 
-/// The memory of all dimensions, which serves one program after another.
+/// Scratch memory of the programs of all dimensions.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Levels {
     rows1: Rows<2>,
@@ -56,21 +56,20 @@ pub(crate) struct Levels {
     rows4: Rows<5>,
     rows5: Rows<6>,
     rows6: Rows<7>,
-    /// By dimension: the constraint in whose plane the program of one dimension less lies; later the
-    /// conflict.
+    /// By dimension: the constraint in whose plane the program of one dimension less lies.
     tight: [u32; DIMENSIONS + 1],
     /// The constraints that contradict each other, after [`Stop::Conflict`].
     conflict: [u32; DIMENSIONS + 1],
     conflicting: usize,
     steps: u64,
-    /// The box: each variable is at most so great, either way.
+    /// By variable: the bound on its size.
     bounds: [f64; DIMENSIONS],
-    /// Which random order rows are put in.
+    /// Chooses the random order of the rows.
     pub(crate) seed: u64,
 }
 
 impl Levels {
-    /// The constraints that contradict each other.
+    /// The tags of the constraints that contradict each other.
     pub(crate) fn conflict(&self) -> &[u32] {
         &self.conflict[..self.conflicting]
     }
@@ -85,7 +84,7 @@ impl Levels {
         Stop::Conflict
     }
 
-    /// A program in one variable.
+    /// Solves a program in one variable.
     fn solve1(&mut self, objective: [f64; 1], [variable]: [usize; 1], top: usize) -> Result<[f64; 1], Stop> {
         let bound = self.bounds[variable];
         let ((mut low, mut high), [mut by_high, mut by_low]) = ((-bound, bound), sides(variable));
@@ -128,7 +127,7 @@ fn sides(variable: usize) -> [u32; 2] {
     [BOX + 2 * variable as u32, BOX + 2 * variable as u32 + 1]
 }
 
-/// Scaled so that the greatest coefficient is one; a row without coefficients keeps its constant.
+/// A row scaled so that its greatest coefficient is 1 or -1. A row without coefficients keeps its constant.
 fn normalised<const N: usize>(mut row: [f64; N]) -> [f64; N] {
     let mut most = 0.0;
     for a in &row[..N - 1] {

@@ -1,15 +1,14 @@
-//! Which objects a cell sees: those in the cells that it sees that some line through a sequence of portals
-//! can reach.
+//! The baker of cell-to-object visibility: which objects can be seen from each cell.
 //!
 //! This work is based on: Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive
 //! Walkthroughs", 1991, where objects of a cell are kept if they meet the bundle of lines through the portals
-//! that lead there; in space that bundle is bounded by the planes that [separate](crate::separating_planes)
+//! that lead there. In space that bundle is bounded by the planes that [separate](crate::separating_planes)
 //! the first portal from the last (Teller and Hanrahan, "Global Visibility Algorithms for Illumination
-//! Computations", 1993). An object is hidden from a cell only if, on every way into every cell that it is in,
-//! its box lies beyond one of those planes.
+//! Computations", 1993). An object is hidden from a cell only if, at the end of every chain of portals to
+//! every cell that it is in, its box lies beyond one of those planes.
 //!
-//! The cells that see each other must be known: only portals between cells that are seen are gone through,
-//! and where no unseen object can lie between the planes, a chain of portals ends.
+//! Cell-to-cell visibility must be baked before: chains pass only through cells that are seen, and end where
+//! no object that is not yet seen can lie between the planes.
 
 mod object_chains;
 
@@ -24,45 +23,46 @@ use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, CellId, ObjectId, Pvs, PvsError, PvsTargets};
 
-/// Which objects are seen from each cell.
+/// Result of a bake of cell-to-object visibility.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct ObjectOutcome {
-    /// For each cell, the [indices](ObjectId::index) of the objects seen from it, ascending.
+    /// By cell: the [indices](ObjectId::index) of the objects seen from it, ascending.
     pub rows: Vec<Vec<u32>>,
-    /// Cells that see all objects in all cells that they see, since the limit of steps was reached or the
-    /// bake was stopped; ascending.
+    /// Cells that reached the limit of steps or were not looked from, ascending. They see all objects in all
+    /// cells that they see.
     pub fallbacks: Vec<CellId>,
-    /// Chains of portals looked at, by cell.
+    /// By cell: the number of chains of portals that were looked at.
     pub steps: Vec<u64>,
-    /// Whether the bake went to its end.
+    /// Whether all cells were looked from.
     pub complete: bool,
 }
 
 impl ObjectOutcome {
-    /// How many objects a cell sees in the mean. 0 without cells.
+    /// The mean number of objects that a cell sees. 0 without cells.
     pub fn mean_visible(&self) -> f64 {
         let sum: usize = self.rows.iter().map(Vec::len).sum();
         if self.rows.is_empty() { 0.0 } else { sum as f64 / self.rows.len() as f64 }
     }
 
-    /// The sets, compressed, with objects by their indices as targets; cells that share a portal are stored
-    /// by how they differ.
+    /// The same as a compressed PVS, with the cells as viewcells and the indices of objects as targets. Rows
+    /// of cells that share a portal in `graph` are stored by their differences.
     ///
     /// # Errors
-    /// [`PvsError::Target`] if there is an object with an index that is not below `objects`,
-    /// [`PvsError::TooLarge`].
+    /// [`PvsError::Target`] if an index is not below `objects`; [`PvsError::TooLarge`].
     pub fn to_pvs(&self, graph: &CellGraph, objects: usize) -> Result<Pvs, PvsError> {
         Pvs::new(PvsTargets::Objects, objects, &self.rows, |viewcell| neighbours(graph, viewcell))
     }
 }
 
-/// Finds which objects each cell sees, for a [`Bake`](visibility_core::bake::Bake). Its items are the cells;
-/// its steps, the chains of portals looked at. The objects are those that the graph says are in its cells.
+/// Computes which objects each cell sees, for a [`Bake`](visibility_core::bake::Bake).
+///
+/// Its items are the cells; its steps are the chains of portals looked at. The objects are those that the
+/// graph [lists](CellGraph::set_objects) in its cells.
 ///
 /// ```
 /// use visibility_core::{Aabb, CellId, Scene, bake::Bake, glam::DVec3};
 /// use visibility_portals::{CellBaker, ObjectBaker, Settings, prt};
-/// // Two rooms with a door between them in the plane x = 4; two objects in the second, one of them beside the door's wall.
+/// // Three rooms in a row with two doors; two objects in the last, one of them beside the door's wall.
 /// let mut graph = prt::read("PRT1\n3\n2\n\
 ///     4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n\
 ///     4 1 2 (8 0 0) (8 1 0) (8 1 2) (8 0 2)\n")?.graph;
@@ -83,14 +83,14 @@ pub struct ObjectBaker<'a> {
     portals: DirectedPortals,
     targets: Targets,
     settings: Settings,
-    /// By cell; `None` for one that was not looked from.
+    /// By cell; `None` for a cell that was not looked from.
     done: Vec<Option<SeenObjects>>,
 }
 
-/// What is seen from one cell.
+/// The objects seen from one cell.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct SeenObjects {
-    /// Indices of objects, ascending; none if `gave_up`.
+    /// Indices of objects, ascending. Empty if `gave_up`.
     row: Vec<u32>,
     steps: u64,
     /// Whether the limit of steps was reached.
@@ -98,13 +98,13 @@ pub struct SeenObjects {
 }
 
 impl<'a> ObjectBaker<'a> {
-    /// Prepares the portals. `bounds` gives the least and the greatest corner of an object's box, in the
-    /// units of the portals; an object without, or with one that is no box, is seen wherever one of its cells
-    /// is.
+    /// Makes the portals ready. `bounds` gives the least and the greatest corner of the box of an object in
+    /// world space. An object for which it gives `None`, or corners that are NaN or in the wrong order, is
+    /// seen wherever one of its cells is.
     ///
     /// # Errors
-    /// [`BakeError`], as for [`CellBaker`](crate::CellBaker); [`BakeError::Cells`] if the matrix is of
-    /// another number of cells.
+    /// As [`CellBaker::new`](crate::CellBaker::new); [`BakeError::Cells`] if the matrix has another number of
+    /// cells.
     pub fn new(
         graph: &CellGraph,
         matrix: &'a CellMatrix,

@@ -1,5 +1,5 @@
-//! Depth first through chains of portals from one cell, marking the objects that the planes of each chain let
-//! through.
+//! The search for the objects seen from one cell: depth first through chains of portals, marking the objects
+//! that are inside of the planes of a chain.
 
 use crate::cell_matrix::CellMatrix;
 use crate::clip_polygon::{Clip, clip};
@@ -10,13 +10,14 @@ use core::ops::Range;
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, CellId, ObjectId, Plane};
 
-/// The objects to be seen, by the cells that they are in.
+/// The objects, by the cells that they are in.
 #[derive(Clone, Debug)]
 pub(super) struct Targets {
-    /// Middle and half size of each object's box; NaN for one that has none.
+    /// Center and half size of the box of each object; NaN if it has none.
     boxes: Vec<(DVec3, DVec3)>,
+    /// [Index](ObjectId::index) of each object.
     index: Vec<u32>,
-    /// Where each cell's objects begin in `of_cell`, and at the end where the last ones stop.
+    /// By cell: where its objects begin in `of_cell`; one more entry marks the end of the last.
     first: Vec<u32>,
     of_cell: Vec<u32>,
 }
@@ -47,7 +48,7 @@ impl Targets {
         }
     }
 
-    /// All that the answer depends on, for a fingerprint.
+    /// Boxes, indices and cells as numbers, for a fingerprint.
     pub(super) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
         let boxes = self
             .boxes
@@ -57,11 +58,12 @@ impl Targets {
         boxes.map(f64::to_bits).chain(lists)
     }
 
+    /// The objects in a cell.
     fn of(&self, cell: u32) -> &[u32] {
         &self.of_cell[self.first[cell as usize] as usize..self.first[cell as usize + 1] as usize]
     }
 
-    /// All objects in some cells, by index.
+    /// The indices of all objects in some cells, ascending.
     pub(super) fn in_cells(&self, cells: impl Iterator<Item = CellId>) -> Vec<u32> {
         let mut all: Vec<u32> =
             cells.flat_map(|cell| self.of(cell.0)).map(|&target| self.index[target as usize]).collect();
@@ -70,7 +72,7 @@ impl Targets {
         all
     }
 
-    /// Whether an object's box is surely beyond one of the planes.
+    /// Whether the box of an object is certainly beyond one of the planes.
     fn is_outside(&self, target: u32, planes: &[Plane]) -> bool {
         let (middle, half) = self.boxes[target as usize];
         planes.iter().any(|plane| {
@@ -83,26 +85,26 @@ impl Targets {
     }
 }
 
-/// A link of the chain that is being looked at.
+/// A portal of the chain that is being looked at.
 #[derive(Clone, Debug)]
 struct Link {
     portal: u32,
     source: Range<usize>,
     pass: Range<usize>,
     planes: Range<usize>,
-    /// Where the set of portals that can be gone through farther on begins.
+    /// Where the set of portals that can be passed after this one begins in `Chains::sets`.
     set: usize,
     next: u32,
     points: usize,
 }
 
-/// Memory of the search, used for one cell after another.
+/// Scratch memory of the search.
 #[derive(Default)]
 pub struct Chains {
     seen: Vec<bool>,
     points: Vec<DVec3>,
     planes: Vec<Plane>,
-    /// Sets of portals: a word for 64 of them, a set for each link.
+    /// One bit for each portal, a set for each link of the chain.
     sets: Vec<u64>,
     links: Vec<Link>,
     stamps: Vec<u32>,
@@ -110,7 +112,7 @@ pub struct Chains {
     queue: Vec<u32>,
 }
 
-/// What all steps from one cell share.
+/// What stays the same while chains that begin with one portal are looked at.
 struct Search<'a> {
     portals: &'a DirectedPortals,
     matrix: &'a CellMatrix,
@@ -123,8 +125,8 @@ struct Search<'a> {
 }
 
 impl Chains {
-    /// The objects seen from a cell, by index and ascending; the steps it took; and whether there were too
-    /// many, so that the objects mean nothing.
+    /// The indices of the objects seen from a cell, ascending; the steps taken; and whether that were more
+    /// than `limit`, in which case the list is empty.
     pub(super) fn seen_from(
         &mut self,
         from: CellId,
@@ -150,7 +152,7 @@ impl Chains {
         (seen.collect(), steps, false)
     }
 
-    /// Looks through all chains that begin with one portal. False if there are too many.
+    /// Looks at all chains that begin with one portal. False if the limit of steps is reached.
     fn search(&mut self, search: &Search, limit: u64, steps: &mut u64) -> bool {
         let (all, first) = (&search.portals.all, search.first);
         self.points.clear();
@@ -175,6 +177,8 @@ impl Chains {
         true
     }
 
+    /// The next portal to lengthen the chain by. Removes links that have no more; `None` when the chain is
+    /// empty.
     fn next_child(&mut self, search: &Search) -> Option<u32> {
         while let Some(link) = self.links.last_mut() {
             let end = search.portals.from(search.portals.all[link.portal as usize].to).end;
@@ -193,7 +197,7 @@ impl Chains {
         None
     }
 
-    /// Lengthens the chain by a portal, if lines can go through it to an object that is not yet seen.
+    /// Lengthens the chain by a portal, if lines can pass it and then reach an object that is not yet seen.
     fn go_through(&mut self, search: &Search, child: u32, points: usize, planes: usize) -> bool {
         let Some(last) = self.links.last().cloned() else { return false };
         // A line goes through each portal once.
@@ -211,7 +215,7 @@ impl Chains {
         self.enter(search, child, source, pass, planes, points)
     }
 
-    /// The parts of the source and of a portal between which lines can pass through the last portal of the
+    /// The parts of the first portal and of a next one between which lines can pass the last portal of the
     /// chain.
     fn narrow(&mut self, search: &Search, last: &Link, child: u32) -> Option<(Range<usize>, Range<usize>)> {
         let (all, margins) = (&search.portals.all, &search.portals.margins);
@@ -243,6 +247,7 @@ impl Chains {
         Some((source, pass))
     }
 
+    /// Clips a polygon to the inner side of a plane; `None` if nothing is left.
     fn clipped(&mut self, polygon: Range<usize>, plane: Plane, merge: f64) -> Option<Range<usize>> {
         match clip(&mut self.points, polygon.clone(), &plane, merge) {
             Clip::All => Some(polygon),
@@ -251,8 +256,8 @@ impl Chains {
         }
     }
 
-    /// Marks what is seen in the cell behind a portal; if lines may reach more beyond, makes it the next link
-    /// and says so. The planes of the link are those from `planes` on.
+    /// Marks the objects seen in the cell behind a portal. If others may be seen beyond, appends the portal
+    /// to the chain, with the planes from index `planes` on, and returns true.
     fn enter(
         &mut self,
         search: &Search,
@@ -282,8 +287,8 @@ impl Chains {
         true
     }
 
-    /// Adds the set of portals that can be reached from a cell on without leaving the planes from `planes`
-    /// on. False if no cell behind them holds an object between the planes that is not yet seen.
+    /// Appends the set of portals that can be reached from a cell without leaving the planes from index
+    /// `planes` on. False if no cell behind them holds an object inside of the planes that is not yet seen.
     fn reach(&mut self, search: &Search, cell: u32, planes: usize) -> bool {
         let set = self.sets.len();
         self.sets.resize(set + search.words, 0);
@@ -330,13 +335,13 @@ impl Chains {
     }
 }
 
-/// What lies ahead of a portal's plane, or on it.
+/// The half-space in front of a portal, its plane included.
 fn ahead(search: &Search, portal: u32) -> Plane {
     let plane = search.portals.all[portal as usize].plane;
     Plane::new(plane.normal, plane.offset + search.portals.margins.keep)
 }
 
-/// Whether a portal lies beyond one of the planes.
+/// Whether a portal is beyond one of the planes.
 fn is_beyond(search: &Search, portal: u32, planes: &[Plane]) -> bool {
     let directed = &search.portals.all[portal as usize];
     planes.iter().any(|plane| {

@@ -1,4 +1,4 @@
-//! One link of the chain: what lines can still come from and go through, and what they can still reach.
+//! The chain of portals that is being looked at: lengthening it, and what lines through it can still reach.
 
 use super::known::{Found, Known};
 use super::scratch::{Frame, Scratch};
@@ -10,7 +10,7 @@ use visibility_core::Plane;
 use visibility_core::glam::DVec3;
 
 impl Scratch {
-    /// The first frame: the source itself, from which everything possible may be reached.
+    /// Begins the chain with the source, from which all candidates may be reached.
     pub(crate) fn enter_source(&mut self, known: &Known, source: u32) {
         let portal = &known.portals.all[source as usize];
         self.points.extend_from_slice(known.portals.vertices_of(portal));
@@ -37,8 +37,8 @@ impl Scratch {
         self.frames.push(Frame { portal, cell, source, pass, planes, set, next, points });
     }
 
-    /// The next candidate that leads on from the end of the chain; takes links off the chain that have no
-    /// more.
+    /// The next candidate to lengthen the chain by. Removes links that have no more; `None` when the chain is
+    /// empty.
     pub(crate) fn next_child(&mut self) -> Option<usize> {
         while let Some(frame) = self.frames.last_mut() {
             let end = self.of_cell[frame.cell as usize].1;
@@ -58,7 +58,7 @@ impl Scratch {
         None
     }
 
-    /// Goes on through a candidate, if lines can.
+    /// Lengthens the chain by a candidate, if lines can pass it and then reach a goal.
     pub(crate) fn visit(&mut self, known: &Known, first: u32, child: usize, found: &mut Found) {
         let Some(frame) = self.frames.last().cloned() else { return };
         let row = self.row(known, child);
@@ -118,13 +118,13 @@ impl Scratch {
         self.push(cell, number, source, pass, planes, set, points);
     }
 
-    /// Whether a goal is in a frame's set and in a row.
+    /// Whether a goal is both in a link's set and in a row.
     fn leads_to_goal(&self, set: usize, row: usize) -> bool {
         let sets = self.sets[set..].iter().zip(self.row_words(row)).zip(&self.goals);
         sets.into_iter().any(|((a, b), c)| a & b & c != 0)
     }
 
-    /// What is in a frame's set and in a row counts as reached.
+    /// Marks as reached what is both in a link's set and in a row.
     fn reach_all(&mut self, set: usize, row: usize) {
         let words = self.words;
         for i in 0..words {
@@ -132,15 +132,15 @@ impl Scratch {
         }
     }
 
-    /// A cell is seen: no portal that leads to it is a goal any more.
+    /// Notes that a cell is seen: portals that lead to it are goals no longer.
     fn drop_goals(&mut self, cell: u32) {
         for (i, _) in self.to.iter().enumerate().filter(|(_, to)| **to == cell) {
             self.goals[i / 64] &= !(1 << (i % 64));
         }
     }
 
-    /// The parts of the source and of a candidate between which lines can pass through the last portal of the
-    /// chain. Adds to the store of points, also if there are none.
+    /// The parts of the source and of a candidate between which lines can pass the last portal of the chain.
+    /// Appends to `points` in either case.
     fn narrow(
         &mut self,
         known: &Known,
@@ -191,8 +191,8 @@ impl Scratch {
         }
     }
 
-    /// Floods the candidates in a frame's set and a row, from a cell on, through cells; adds the set of those
-    /// not outside any plane.
+    /// Appends the set of the candidates that are in a link's set and in a row, can be reached from a cell,
+    /// and are not beyond any plane.
     fn flood_again(&mut self, known: &Known, from: usize, row: usize, cell: u32, planes: Range<usize>) {
         let set = self.sets.len();
         self.sets.resize(set + self.words, 0);
@@ -237,7 +237,7 @@ impl Scratch {
     }
 }
 
-/// Whether a portal lies beyond one of the planes.
+/// Whether a portal is beyond one of the planes.
 fn outside(known: &Known, planes: &[Plane], ball: (DVec3, f64), portal: u32) -> bool {
     // The distance to the nearest plane decides nearly always; found without branches, it is found for
     // several planes at once.
@@ -259,7 +259,7 @@ fn outside(known: &Known, planes: &[Plane], ball: (DVec3, f64), portal: u32) -> 
         .any(|plane| distance(plane) < 0.0 && vertices.iter().all(|&v| plane.signed_distance(v) < 0.0))
 }
 
-/// The half-space with so much more.
+/// The half-space enlarged: its boundary moved by `by` against its unit normal.
 fn outward(plane: &Plane, by: f64) -> Plane {
     Plane::new(plane.normal, plane.offset + by)
 }

@@ -1,11 +1,12 @@
-//! The flow from one portal, from its first chain to its last.
+//! The flow from one portal.
 
 use super::known::{Found, Known};
 use super::scratch::Scratch;
 use crate::cell_matrix::bits;
 use alloc::vec::Vec;
 
-/// Floods from a portal.
+/// Finds what can be seen through one portal, the source. After `limit` steps all that is not proven hidden
+/// counts as seen.
 pub(crate) fn portal_flow(known: &Known, source: u32, limit: u64, scratch: &mut Scratch) -> Found {
     let mut found = Found::default();
     scratch.begin(known, source);
@@ -28,7 +29,7 @@ pub(crate) fn portal_flow(known: &Known, source: u32, limit: u64, scratch: &mut 
     found
 }
 
-/// Everything that was possible counts as seen.
+/// Counts as seen all that is not proven hidden.
 fn give_up(scratch: &mut Scratch, mut found: Found) -> Found {
     let mut cells: Vec<u32> = Vec::new();
     for (i, &word) in scratch.goals.iter().enumerate() {

@@ -1,35 +1,34 @@
-//! What a flow from one portal is given, and what it gives back.
+//! Input and output of a flow.
 
 use crate::directed_portals::DirectedPortals;
 use alloc::vec::Vec;
 
-/// What floods read: the state of a bake between two rounds.
+/// What flows read: the state of a bake between two rounds.
 pub(crate) struct Known<'a> {
     pub(crate) portals: &'a DirectedPortals,
-    /// For each portal, the portals that lines through it may go through later, as far as is known: rows of
+    /// By portal, one bit for each portal that lines through it may pass later, as far as is known. Rows of
     /// `stride` words.
     pub(crate) rows: &'a [u64],
     pub(crate) stride: usize,
-    /// For each cell, the cells that need not be shown to be seen from it: rows of `cell_stride` words.
+    /// By cell, one bit for each cell that need not be shown to be seen from it. Rows of `cell_stride` words.
     pub(crate) seen: &'a [u64],
     pub(crate) cell_stride: usize,
-    /// Whether chains that lead to a cell not yet known to be seen are tested in Pluecker space, for lines
-    /// clear of edges by so much.
+    /// The clearance, if chains that lead to a cell not yet known to be seen are to be tested in Pluecker
+    /// space.
     pub(crate) exact: Option<f64>,
 }
 
-/// What one flood found.
+/// Result of one flow.
 #[derive(Default)]
 pub struct Found {
-    /// The portals, by their numbers among all, that turned out not to be reachable.
+    /// Portals that no line through the source reaches.
     pub(crate) hidden: Vec<u32>,
-    /// The cells seen that were not known to be, and whether a line was found that proves it.
+    /// Cells that are seen and were not known to be; true with those for which a line was found.
     pub(crate) cells: Vec<(u32, bool)>,
     /// Chains looked at.
     pub(crate) steps: u64,
-    /// Chains on which the separating planes leave something, and a certificate says that no line goes
-    /// through.
+    /// Chains that only a certificate excluded.
     pub(crate) rejected: u64,
-    /// Whether the limit of steps was reached, and everything possible is called visible.
+    /// Whether the limit of steps was reached, so that all that is not proven hidden counts as seen.
     pub(crate) gave_up: bool,
 }

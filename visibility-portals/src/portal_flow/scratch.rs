@@ -1,4 +1,4 @@
-//! The candidates of one source, and the memory that floods work in.
+//! Scratch memory of flows, and the candidates of a source.
 
 use super::known::Known;
 use crate::cell_matrix::bits;
@@ -9,66 +9,71 @@ use core::ops::Range;
 use visibility_core::Plane;
 use visibility_core::glam::DVec3;
 
-/// What a flood works with; its memory serves one flood after another.
+/// Scratch memory, which serves one flow after another.
 #[derive(Default)]
 pub struct Scratch {
-    /// The portals that may be seen through the source, ascending.
+    /// The portals that may be seen through the source, ascending. Their places in this list number them.
     pub(crate) candidates: Vec<u32>,
     pub(crate) count: usize,
     /// Words in a set of candidates.
     pub(crate) words: usize,
-    /// By candidate: the ball around it, and the cell that it leads to.
+    /// By candidate: center and radius of a ball that holds it.
     pub(crate) balls: Vec<(DVec3, f64)>,
+    /// By candidate: the cell that it leads to.
     pub(crate) to: Vec<u32>,
-    /// By candidate: whether the source's plane cuts it.
+    /// By candidate: whether the plane of the source may cut it.
     pub(crate) cut: Vec<bool>,
-    /// By cell: the candidates that lead from it.
+    /// By cell: the range of the candidates that lead from it.
     pub(crate) of_cell: Vec<(u32, u32)>,
-    /// By candidate, where its row of `rows` begins if it has one yet, otherwise `NO_ROW`.
+    /// By candidate: where its row begins in `rows`, or `NO_ROW`.
     row_of: Vec<u32>,
+    /// Rows of [`Known::rows`], with the bits of candidates alone. Made when first asked for.
     pub(crate) rows: Vec<u64>,
-    /// For each word of the full rows: those bits that are candidates, and how many candidates come before.
+    /// For each word of a full row that has candidates: its index, the bits of candidates, and how many
+    /// candidates come before.
     mask: Vec<(u32, u64, u32)>,
     /// The candidates that lead to cells not yet known to be seen.
     pub(crate) goals: Vec<u64>,
-    /// The candidates that are, or may be, seen.
+    /// The candidates that are seen, or may be.
     pub(crate) reached: Vec<u64>,
     pub(crate) points: Vec<DVec3>,
     pub(crate) planes: Vec<Plane>,
-    /// Sets of candidates, one for each frame.
+    /// Sets of candidates, one for each link of the chain.
     pub(crate) sets: Vec<u64>,
     pub(crate) frames: Vec<Frame>,
-    /// By cell, the flood that came through it last.
+    /// By cell: the number of the flood that came to it last.
     pub(crate) stamps: Vec<u32>,
     pub(crate) stamp: u32,
     pub(crate) queue: Vec<u32>,
     pub(crate) pluecker: Pluecker,
-    /// What was excluded lately in this flood, and which of it is to be forgotten next.
+    /// What was excluded last in this flow, at most 32.
     pub(crate) refuted: Vec<Refuted>,
+    /// Index of the one to be replaced next.
     pub(crate) oldest: usize,
 }
 
 /// A link of the chain of portals that is being looked at.
 #[derive(Clone, Debug)]
 pub(crate) struct Frame {
-    /// The portal just gone through, by its number among all, and the cell behind it.
+    /// The portal.
     pub(crate) portal: u32,
+    /// The cell behind it.
     pub(crate) cell: u32,
-    /// The part of the source that lines can come from, and the part of this portal that they go through:
-    /// places in the store of points.
+    /// The part of the source that lines can come from, a range of `points`.
     pub(crate) source: Range<usize>,
+    /// The part of this portal that they can pass, a range of `points`.
     pub(crate) pass: Range<usize>,
-    /// The planes that bound what comes after.
+    /// The planes that bound what comes after, a range of `planes`.
     pub(crate) planes: Range<usize>,
-    /// Where the set of candidates that can be reached from here begins.
+    /// Where the set of candidates that can be reached from here begins in `sets`.
     pub(crate) set: usize,
     /// The next candidate to look at.
     pub(crate) next: u32,
-    /// The store of points as it was before this frame.
+    /// Length of `points` before this link.
     pub(crate) points: usize,
 }
 
-/// Portals, each the one way, that no line passes all of, by a certificate.
+/// Portals that no line passes all of, by a certificate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Refuted {
     pub(crate) portals: [u32; MOST],
@@ -78,7 +83,7 @@ pub(crate) struct Refuted {
 const NO_ROW: u32 = u32::MAX;
 
 impl Scratch {
-    /// Takes in the candidates of a source.
+    /// Takes in the candidates of a source and forgets the last flow.
     pub(crate) fn begin(&mut self, known: &Known, source: u32) {
         let all = &known.portals.all;
         let row = &known.rows[source as usize * known.stride..][..known.stride];
@@ -131,7 +136,7 @@ impl Scratch {
         self.oldest = 0;
     }
 
-    /// Where, in `rows`, the row of a candidate among the candidates begins.
+    /// Where the row of a candidate begins in `rows`.
     pub(crate) fn row(&mut self, known: &Known, candidate: usize) -> usize {
         if self.row_of[candidate] == NO_ROW {
             self.row_of[candidate] = self.rows.len() as u32;
@@ -141,12 +146,13 @@ impl Scratch {
         self.row_of[candidate] as usize
     }
 
+    /// The row that begins there.
     pub(crate) fn row_words(&self, start: usize) -> &[u64] {
         &self.rows[start..start + self.words]
     }
 }
 
-/// Adds those bits of a full row that are candidates, moved together, to `out`.
+/// Appends those bits of a full row that are candidates, moved together, to `out`.
 pub(crate) fn compress(row: &[u64], mask: &[(u32, u64, u32)], words: usize, out: &mut Vec<u64>) {
     let start = out.len();
     out.resize(start + words, 0);

@@ -1,4 +1,4 @@
-//! Lines that prove what a flow found, and certificates that refute it.
+//! Lines that prove that a cell is seen, and certificates that no line passes a chain.
 
 use super::known::Known;
 use super::scratch::{Refuted, Scratch};
@@ -8,11 +8,11 @@ use crate::stabbing::pluecker::Polytope;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
-/// So many of the last proofs of a flood are kept.
+/// The most certificates of one flow that are kept for other chains.
 const REMEMBERED: usize = 32;
 
 impl Scratch {
-    /// The line from the middle of the source's part to the middle of the target's, by two points.
+    /// The line from the middle of a part of the source to the middle of a part of the target, by two points.
     pub(crate) fn middle_line(&self, source: &Range<usize>, pass: &Range<usize>) -> [DVec3; 2] {
         [source, pass].map(|place| {
             let points = &self.points[place.clone()];
@@ -20,15 +20,15 @@ impl Scratch {
         })
     }
 
-    /// Whether a line passes through all portals of the chain and a last one, which proves that the cells at
-    /// both ends see each other.
+    /// Whether a line, by two points, passes all portals of the chain and a last one. That proves that the
+    /// cells at both ends see each other.
     pub(crate) fn witness(&self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let chain = self.frames.iter().map(|frame| frame.portal).chain([target]);
         chain.into_iter().all(|portal| passes(known, &known.portals.all[portal as usize], a, b))
     }
 
-    /// Whether it is certain, and wanted to be known, that no line goes through all portals of the chain and
-    /// a last one.
+    /// Whether it is certain that no line passes all portals of the chain and a last one. False if that is
+    /// not to be tested.
     pub(crate) fn is_excluded(&mut self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let (Some(clearance), Some(direction)) = (known.exact, (b - a).try_normalize()) else { return false };
         if self.is_refuted(target) {
@@ -58,15 +58,15 @@ impl Scratch {
         true
     }
 
-    /// Whether a chain with the same portals, and maybe others between them, was excluded before.
+    /// Whether a certificate excludes the chain and a last portal.
     fn is_refuted(&self, target: u32) -> bool {
         let has = |portal: u32| portal == target || self.frames.iter().any(|frame| frame.portal == portal);
         self.refuted.iter().any(|refuted| refuted.portals[..refuted.count].iter().all(|&portal| has(portal)))
     }
 }
 
-/// Whether the line through two points passes through a portal, along its normal. No rounding says so wrongly
-/// by more than the portal was drawn in.
+/// Whether the line through two points passes a portal, along its normal. Rounding never says so wrongly by
+/// more than the portal was drawn in.
 fn passes(known: &Known, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));
     // Over so short a way, or so nearly along the plane, the point where they meet is not known.

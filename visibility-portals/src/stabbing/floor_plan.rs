@@ -18,19 +18,21 @@ use alloc::vec::Vec;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec2;
 
+/// Scratch memory of the linear program.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FloorPlan {
     levels: Levels,
     rows: Vec<([f64; 2], f64)>,
 }
 
-/// By how much, relative to the size of things, a line is looked for inside of all ends.
+/// How far inside of all ends a line is first looked for, relative to the size of the coefficients.
 const INSIDE: [f64; 4] = [1e-2, 1e-4, 1e-6, 0.0];
 
-/// How far the program looks.
+/// Bound on both variables of the program.
 const FAR: f64 = 1e6;
 
 impl FloorPlan {
+    /// A line through segments, each by its left and its right end, at least `clearance` away from all ends.
     pub(crate) fn stab(&mut self, segments: &[[DVec2; 2]], clearance: f64) -> Stab<[DVec2; 2]> {
         let (Some(first), Some(last)) = (segments.first(), segments.last()) else { return Stab::Maybe };
         let sensible = clearance > 0.0 && segments.iter().flatten().all(|p| p.is_finite());
@@ -84,6 +86,7 @@ impl FloorPlan {
         Stab::Maybe
     }
 
+    /// The proof that the ends that the program came upon contradict each other, if they do.
     fn certificate(
         &self,
         segments: &[[DVec2; 2]],
@@ -116,7 +119,8 @@ impl FloorPlan {
     }
 }
 
-/// Whether a line surely passes all ends as far off as it has to.
+/// Whether a line, by a point and a direction, certainly passes all segments at least `clearance` away from
+/// their ends.
 pub(super) fn is_clear(segments: &[[DVec2; 2]], [point, direction]: [DVec2; 2], clearance: f64) -> bool {
     let length = direction.length();
     segments.iter().flatten().enumerate().all(|(i, &p)| {

@@ -1,12 +1,12 @@
-//! Does a line pass through all these portals?
+//! Lines through sequences of openings.
 //!
 //! [`Stabber`] answers for segments of a floor plan, for axis-aligned rectangles and for convex polygons in
-//! space, each time with a line that does, a certificate that none does, or *maybe*; rounding never makes one
-//! of the first two out of the third. The planes that separate portals answer a part of the same question
-//! faster, as a [`CellBaker`](crate::CellBaker) does: [`antipenumbra`](crate::antipenumbra).
+//! space: with a line that passes all of them, with a certificate that none does, or with *maybe*. Rounding
+//! never turns a *maybe* into one of the others. Separating planes answer part of the same question faster:
+//! [`antipenumbra`](crate::antipenumbra).
 //!
-//! In the plane, *maybe* means that lines have less room than rounding takes. In space it can mean, too, that
-//! any few edges leave a line but all together do not: certificates are of linear programs, and the lines
+//! In the plane, *maybe* means that lines have less room than rounding takes. In space it can also mean that
+//! lines pass any few of the edges but not all together: certificates are of linear programs, and the lines
 //! among the points of Pluecker space are those of a quadric.
 
 mod floor_plan;

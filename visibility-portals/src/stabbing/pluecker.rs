@@ -41,19 +41,20 @@ use alloc::vec::Vec;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec3;
 
-/// An edge of a portal, which lies to the left of it as seen along lines that pass.
+/// An edge of a portal, from `a` to `b`. Lines that pass the portal have the portal on the left of the edge.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Edge {
     pub(crate) a: DVec3,
     pub(crate) b: DVec3,
-    /// By how much it is moved.
+    /// The displacement that draws the edge in.
     pub(crate) shift: DVec3,
-    /// Whether it bounds the portal: not if it is a point, or if rounding has put other vertices on its wrong
-    /// side.
+    /// Whether it bounds the portal: false for an edge without length, and where rounding has put other
+    /// vertices on its outer side.
     pub(crate) bounds: bool,
 }
 
 impl Edge {
+    /// The same edge from `b` to `a`.
     fn reversed(&self) -> Self {
         Self { a: self.b, b: self.a, ..*self }
     }
@@ -62,21 +63,22 @@ impl Edge {
 /// A portal of a sequence.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Opening<'a> {
-    /// Its vertices, around the way that lines take.
+    /// Its edges, counter-clockwise around the direction in which lines pass; clockwise if `against`.
     pub(crate) edges: &'a [Edge],
-    /// Whether the edges are given the other way round.
+    /// See `edges`.
     pub(crate) against: bool,
-    /// The unit normal of its plane, along the way.
+    /// Unit normal of its plane, in the direction in which lines pass.
     pub(crate) normal: DVec3,
 }
 
 impl Opening<'_> {
+    /// An edge, in counter-clockwise order.
     fn edge(&self, i: usize) -> Edge {
         if self.against { self.edges[i].reversed() } else { self.edges[i] }
     }
 }
 
-/// Appends the edges of a polygon, counter-clockwise about a unit normal, each with the shift that draws it
+/// Appends the edges of a polygon, counter-clockwise around a unit normal, each with the shift that draws it
 /// in by `inset`.
 pub(crate) fn edges_of(
     vertices: impl Iterator<Item = DVec3> + Clone,
@@ -96,37 +98,39 @@ pub(crate) fn edges_of(
     }
 }
 
-/// What the test works with; its memory serves one after another.
+/// Scratch memory of the test.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pluecker {
     levels: Levels,
-    /// Half-spaces in the five coordinates.
+    /// Half-spaces in five coordinates.
     rows: Vec<([f64; 5], f64)>,
-    /// Which opening and which of its edges each row is of, and the number of the edge among all.
+    /// By row: index of the opening, index of the edge in it, and index of the edge among all.
     of: Vec<(u32, u32, u32)>,
-    /// The coordinates: `d = start + x u + y v`, and lengths.
+    /// Meaning of the coordinates: `d = start + x u + y v`, and `m` in units of `size`.
     frame: [DVec3; 3],
+    /// Greatest coordinate of a vertex, relative to the origin.
     size: f64,
-    /// After a proof: the openings that it needs, by their places in the sequence. No sequence that has them
-    /// all has a line.
+    /// After a proof: the openings that it names, by their places in the sequence. No line passes all of
+    /// them.
     pub(crate) needed: Vec<u32>,
 }
 
-/// How far the program looks, in units of the size of things; lines farther off are not excluded by that.
+/// Bound on the variables of the program, in units of the size of things. No line is excluded by being
+/// farther off.
 const FAR: f64 = 1e6;
 
-/// What a sequence came to.
+/// What the half-spaces of the edges have in common.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Polytope {
-    /// It is empty.
+    /// Nothing: no line passes.
     Empty(Certificate),
-    /// It is not, as far as is known.
+    /// Something, as far as is known.
     Open,
 }
 
 impl Pluecker {
-    /// Whether surely no line stays clear of all edges by `clearance`. The program starts from a line that is
-    /// about right, through `origin`.
+    /// Whether it is certain that no line passes all openings at least `clearance` away from their edges. The
+    /// program starts from a line that is about right, by `origin` and `direction`.
     pub(crate) fn test<'a>(
         &mut self,
         opening: impl Fn(usize) -> Opening<'a>,
@@ -185,8 +189,8 @@ impl Pluecker {
         }
     }
 
-    /// After a test: a line, by a point and a direction, near a point of the polytope that is inside of all
-    /// edges by so much, relative to the size of things.
+    /// After a test that is `Open`: a line, by a point and a direction, near a point of the polytope that is
+    /// inside of all half-spaces by `inside`, relative to the size of their coefficients.
     pub(crate) fn line(&mut self, origin: DVec3, inside: f64) -> Option<[DVec3; 2]> {
         let rows = &self.rows;
         let inside = |i: usize| {
@@ -202,7 +206,7 @@ impl Pluecker {
         Some([origin + d.cross(m) / d.length_squared(), d])
     }
 
-    /// The proof that the conflict come upon is one.
+    /// The proof that the half-spaces that the program came upon contradict each other, if they do.
     fn certificate<'a>(
         &mut self,
         opening: &impl Fn(usize) -> Opening<'a>,
@@ -236,7 +240,7 @@ impl Pluecker {
     }
 }
 
-/// A vector in numbers of twice the length.
+/// A vector of double-double numbers.
 type Long = [DoubleDouble; 3];
 
 fn difference(a: DVec3, b: DVec3) -> Long {
@@ -250,14 +254,14 @@ fn cross(a: &Long, b: &Long) -> Long {
     })
 }
 
-/// A bound on the error of each coordinate of a cross product of vectors of at most these sizes: two products
-/// and a difference, each wrong by at most `ERROR` of the product of the sizes or of the sum of two of them.
+/// Bound on the error of each coordinate of a cross product: two products and a difference, each wrong by at
+/// most `ERROR` of the product of the greatest coordinates, or of the sum of two such products.
 fn error_of_cross(a: &Long, b: &Long) -> f64 {
     let size = |a: &Long| a.iter().fold(0.0, |size: f64, a| size.max(a.hi.abs()));
     8.0 * DoubleDouble::ERROR * size(a) * size(b)
 }
 
-/// The row of an edge: `h`, with the edge moved, about an origin, `m` being measured in a unit.
+/// The half-space of an edge: `h`, with the edge shifted, relative to an origin, with `m` in units of `unit`.
 fn halfspace(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     // a x b = a x (b - a).
     let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));
@@ -270,7 +274,7 @@ fn halfspace(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     Row { normal: [d[0], d[1], d[2], m[0], m[1], m[2]], error, least: 0.0 }
 }
 
-/// The row that says that a portal is not seen from its edge.
+/// The half-space that says that a line does not pass a portal edge-on: `N . d >= 6 c^2`.
 fn area(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
     let (mut sum, mut error) = ([DoubleDouble::ZERO; 3], f64::MIN_POSITIVE);
     for i in 0..opening.edges.len() {

@@ -1,11 +1,11 @@
-//! How far a line that meets a segment or a polygon can be from an origin.
+//! Bound on the distance of a line from an origin, by the segment or polygon that it passes.
 
-/// A bound on distances that were computed in `f64` from differences of coordinates, and the least power of
-/// two, from 1 up, that is no less. In that unit both halves of a row of a linear program are of one size.
-/// Distances that are not finite give infinity or a unit of 1.
+/// Upper bound on distances that were computed in `f64` from differences of coordinates, and the least power
+/// of two from 1 up that is no less. In this unit both halves of a row of a linear program have one size. NaN
+/// is passed over; an infinite distance makes both infinite.
 ///
-/// A difference is rounded by u of itself, three squares and two sums by 3u, a root by u; half of the error
-/// of the squares counts. That is less than 4u of the distance, and 8u here.
+/// A difference is rounded by `u` of itself, three squares and two sums by `3u`, a root by `u`; half of the
+/// error of the squares counts. That is less than `4u` of the distance; `8u` are added.
 pub(super) fn radius_of(distances: impl Iterator<Item = f64>) -> (f64, f64) {
     let radius = distances.fold(0.0, f64::max) * (1.0 + 4.0 * f64::EPSILON) + f64::MIN_POSITIVE;
     let mut unit = 1.0;

@@ -1,23 +1,23 @@
-//! Openings along the axes, which lines pass if they do so in three projections.
+//! Axis-aligned openings.
 
 use visibility_core::glam::{DVec2, DVec3};
 
-/// An opening in a wall at right angles to an axis.
+/// An opening in a wall at right angles to an axis, in world space.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Rectangle {
     /// The corner with the least coordinates.
     pub min: DVec3,
-    /// The one with the greatest; the same as `min` along the axis.
+    /// The corner with the greatest coordinates; the same as `min` along `axis`.
     pub max: DVec3,
-    /// The axis, 0, 1 or 2, along which lines go through.
+    /// The axis at right angles to the wall: 0, 1 or 2.
     pub axis: usize,
-    /// Whether they go towards greater coordinates.
+    /// Whether lines pass towards greater coordinates along `axis`.
     pub forward: bool,
 }
 
 impl Rectangle {
-    /// As seen along an axis: its left and its right end, in the plane of the two axes that follow. `None` if
-    /// it is seen as a whole.
+    /// The rectangle as seen along an axis: a segment in the plane of the two axes that follow it, by its
+    /// left and its right end. `None` if it is seen as a rectangle.
     pub(super) fn seen_along(&self, axis: usize) -> Option<[DVec2; 2]> {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         // Towards the second axis, the third is to the left; towards the third, the second is to the right.
@@ -29,7 +29,7 @@ impl Rectangle {
         Some(if self.forward { [left, right] } else { [right, left] })
     }
 
-    /// Counter-clockwise around the way that lines take.
+    /// The corners, counter-clockwise around the direction in which lines pass.
     pub(super) fn corners(&self) -> [DVec3; 4] {
         let (i, j) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
         let corner = |at_i: f64, at_j: f64| {

@@ -1,14 +1,14 @@
-//! The answer to whether a line passes.
+//! The answer to whether a line passes a sequence of openings.
 
 use crate::lp::Certificate;
 
-/// Whether a line passes through a sequence; `L` is the line, by a point and a direction.
+/// Whether a line passes a sequence of openings. `L` is the line, by a point and a direction.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Stab<L> {
-    /// This one does, surely, and stays clear of all edges by the clearance.
+    /// A line that certainly passes all openings, at least the clearance away from all their edges.
     Line(L),
-    /// None does that stays clear of all edges by the clearance. The certificate names a few ends of segments
-    /// or edges of polygons, counted through the sequence: no line passes even these.
+    /// No line passes all openings that far from their edges. The certificate names a few of the ends of
+    /// segments, or edges of polygons, counted through the sequence: no line passes even these.
     No(Certificate),
     /// Neither was shown.
     Maybe,

@@ -1,4 +1,4 @@
-//! The search for lines through sequences of openings.
+//! The search for a line through a sequence of openings.
 
 use super::floor_plan::FloorPlan;
 use super::pluecker::{Edge, Opening, Pluecker, Polytope, edges_of};
@@ -8,14 +8,14 @@ use alloc::vec::Vec;
 use visibility_core::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
 
-/// Looks for lines through sequences. Its memory serves one sequence after another: once it has seen the
-/// longest, it allocates nothing, unless for polygons of more than eight vertices.
+/// Searches for lines through sequences of openings. Allocates nothing once it has seen the longest sequence,
+/// except for polygons of more than eight vertices.
 ///
 /// ```
 /// use visibility_core::glam::DVec2;
 /// use visibility_portals::stabbing::{Stab, Stabber};
 /// let mut stabber = Stabber::new(1e-6);
-/// // Three doors on the way along x, the left end of each first: the last one is to the left of where the others let one look.
+/// // Three doors along x, the left end of each first. The last is too far left for the others.
 /// let door = |x, from: f64| [DVec2::new(x, from + 1.0), DVec2::new(x, from)];
 /// assert!(matches!(stabber.segments(&[door(0.0, 0.0), door(1.0, 0.5), door(2.0, 1.5)]), Stab::Line(_)));
 /// assert!(stabber.segments(&[door(0.0, 0.0), door(1.0, 0.5), door(2.0, 3.5)]).is_no());
@@ -26,16 +26,18 @@ pub struct Stabber {
     plan: FloorPlan,
     pluecker: Pluecker,
     edges: Vec<Edge>,
-    /// Where the edges of each polygon end, and its normal.
+    /// By polygon: where its edges end in `edges`, and its unit normal.
     ends: Vec<(usize, DVec3)>,
-    /// Rectangles as seen along an axis, and which of them each segment is; their corners.
+    /// Rectangles as seen along an axis.
     seen: Vec<[DVec2; 2]>,
+    /// By segment in `seen`: the index of its rectangle.
     of: Vec<u32>,
     corners: Vec<[DVec3; 4]>,
 }
 
 impl Stabber {
-    /// For lines that stay clear of all edges by a distance, in the unit of the coordinates.
+    /// Sets the distance, in the unit of the coordinates, that lines must keep from all edges. With one that
+    /// is not positive, nothing is decided in floor plans.
     pub fn new(clearance: f64) -> Self {
         Self {
             clearance,
@@ -49,18 +51,20 @@ impl Stabber {
         }
     }
 
-    /// A line in the plane through segments, each given by the end that it passes on its left and the one on
-    /// its right.
+    /// A line in the plane through segments, each given by the end that the line passes on its left and the
+    /// end that it passes on its right.
     ///
-    /// As a linear program in two variables, solved in time linear in the segments (Seth Teller and Carlo
+    /// A linear program in two variables, solved in time linear in the segments (Seth Teller and Carlo
     /// Sequin, "Visibility Preprocessing for Interactive Walkthroughs", 1991).
     pub fn segments(&mut self, segments: &[[DVec2; 2]]) -> Stab<[DVec2; 2]> {
         self.plan.stab(segments, self.clearance)
     }
 
-    /// A line through axis-aligned rectangles. Seen along each of the axes, the line passes through segments;
-    /// where the [`segments`](Self::segments) (Self::segments) of one axis exclude it there is none (Teller
-    /// and Sequin, 1991). Otherwise it is looked for as in [`polygons`](Self::polygons).
+    /// A line through axis-aligned rectangles.
+    ///
+    /// Seen along each axis, the line passes segments; where those of one axis allow no
+    /// [line](Self::segments) there is none (Teller and Sequin, 1991). Otherwise as
+    /// [`polygons`](Self::polygons). A certificate by segments names them as ends, two for each rectangle.
     pub fn rectangles(&mut self, rectangles: &[Rectangle]) -> Stab<[DVec3; 2]> {
         for axis in 0..3 {
             self.seen.clear();
@@ -85,12 +89,13 @@ impl Stabber {
         answer
     }
 
-    /// A line through planar convex polygons, each given by its vertices, counter-clockwise around the way
-    /// that the line takes.
+    /// A line through planar convex polygons, each given by its vertices, counter-clockwise around the
+    /// direction in which the line passes.
     ///
-    /// By a linear program in five dimensions, in time linear in the edges: see Durand's survey, chapter 8,
-    /// section 3. `No` is certain; lines are tried only a few, so that `Maybe` can be said of a sequence that
-    /// has one, and of a sequence that has none although lines pass any few of its edges.
+    /// A linear program in five variables, solved in time linear in the edges: see Durand's survey, chapter
+    /// 8, section 3. Only a few lines are tried, so [`Stab::Maybe`] may be said of a sequence that has a
+    /// line. It is also said of sequences that have none although lines pass any few of the edges, and of
+    /// polygons that are not planar or not convex.
     pub fn polygons<P: AsRef<[DVec3]>>(&mut self, polygons: &[P]) -> Stab<[DVec3; 2]> {
         self.edges.clear();
         self.ends.clear();
@@ -130,7 +135,8 @@ impl Stabber {
         }
     }
 
-    /// Whether a line surely passes all edges, as far from them as it has to be.
+    /// Whether a line, by a point and a direction, certainly passes all edges at least the clearance away
+    /// from them.
     fn is_clear(&self, point: DVec3, direction: DVec3) -> bool {
         self.edges.iter().filter(|edge| edge.a != edge.b).all(|edge| {
             let (e, from) = (edge.b - edge.a, point - edge.a);
@@ -145,7 +151,7 @@ impl Stabber {
     }
 }
 
-/// By how much, relative to the size of things, a line is first looked for inside of all edges.
+/// How far inside of all edges a line is first looked for, relative to the size of the coefficients.
 const INSIDE: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 
 #[cfg(test)]
