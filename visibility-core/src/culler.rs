@@ -74,8 +74,8 @@ impl core::fmt::Display for Accuracy {
 pub struct CullStats {
     /// Nodes of a hierarchy whose children were tested.
     pub nodes: u64,
-    /// Nodes that were taken whole, with all below them, without a test.
-    pub whole: u64,
+    /// Nodes whose candidates were all kept without a test of any of them.
+    pub accepted_subtrees: u64,
     /// Tests of a box against a plane, a map or the like.
     pub tests: u64,
     /// Objects left in the set. In a sum, those of the last summand.
@@ -85,7 +85,7 @@ pub struct CullStats {
 impl AddAssign for CullStats {
     fn add_assign(&mut self, other: Self) {
         self.nodes += other.nodes;
-        self.whole += other.whole;
+        self.accepted_subtrees += other.accepted_subtrees;
         self.tests += other.tests;
         self.visible = other.visible;
     }

@@ -4,8 +4,9 @@
 //! (Assarsson and Möller, "Optimized View Frustum Culling Algorithms for Bounding Boxes", 2000: "masking"); one that
 //! no plane crosses is taken whole.
 
-use crate::scene::{NONE, lanes};
+use crate::scene::{Boxes64, lanes};
 use crate::view::{MAX_PLANES, ViewPlane};
+use crate::walk::{Child, SceneHierarchy, Walk};
 use crate::{Accuracy, CullStats, Culler, Scene, Simd, View, VisibleSet};
 
 /// A plane of a view as the kernel tests it in `f32`: an upper bound on the signed distance of a box.
@@ -96,90 +97,95 @@ impl Culler for FrustumCuller {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        cull_outside(self.simd, scene, view.planes(scene.origin()).as_slice(), visible)
+        ConvexVolume::new(self.simd, view.planes(scene.origin()).as_slice()).retain(scene, visible)
     }
 }
 
-/// Removes what lies outside any of the planes, of which the first [`MAX_PLANES`] are looked at.
-pub(crate) fn cull_outside(
+/// A convex volume of at most [`MAX_PLANES`] planes, as blocks of 64 boxes are tested against it.
+///
+/// ```
+/// use visibility_core::walk::{BoxHierarchy, SceneHierarchy};
+/// use visibility_core::{Aabb, ConvexVolume, Plane, Scene, Simd, ViewPlane, glam::DVec3};
+/// let above = ViewPlane { plane: Plane::new(DVec3::Z, -1.0), error: 0.0 };
+/// let volume = ConvexVolume::new(Simd::best(), &[above]);
+/// let mut scene = Scene::new();
+/// scene.insert_batch([-3.0, 0.5, 3.0].map(|z| Aabb::from_arrays([0.0, 0.0, z], [1.0, 1.0, z + 1.0])));
+/// SceneHierarchy.for_each_block(&scene, None, |block| {
+///     assert_eq!((block.occupied() & !volume.outside(block.boxes(), volume.all())).count_ones(), 2);
+/// });
+/// ```
+#[derive(Clone, Debug)]
+pub struct ConvexVolume {
     simd: Simd,
-    scene: &Scene,
-    planes: &[ViewPlane],
-    visible: &mut VisibleSet,
-) -> CullStats {
-    visible.prepare(scene);
-    let mut frame = Frame::new(simd, scene, planes, visible);
-    let root = scene.tree().root;
-    if root != NONE {
-        frame.visit(root as usize, frame.all);
-    }
-    let mut stats = frame.stats;
-    visible.commit();
-    stats.visible += visible.unculled_count(scene);
-    stats
-}
-
-/// What one walk of the hierarchy needs.
-struct Frame<'a> {
-    simd: Simd,
-    scene: &'a Scene,
-    visible: &'a mut VisibleSet,
-    /// Boxes outside these are hidden.
     planes: [TestPlane; MAX_PLANES],
     /// The same planes turned round: boxes outside these are inside those.
     flipped: [TestPlane; MAX_PLANES],
-    /// A bit for each plane that there is.
     all: u32,
-    stats: CullStats,
 }
 
-impl<'a> Frame<'a> {
-    fn new(simd: Simd, scene: &'a Scene, view_planes: &[ViewPlane], visible: &'a mut VisibleSet) -> Self {
-        let mut planes = [TestPlane::ALL; MAX_PLANES];
-        let mut flipped = [TestPlane::ALL; MAX_PLANES];
-        let mut all = 0;
+impl ConvexVolume {
+    /// The volume inside all of the planes, of which only the first [`MAX_PLANES`] count.
+    pub fn new(simd: Simd, view_planes: &[ViewPlane]) -> Self {
+        let mut volume = Self {
+            simd,
+            planes: [TestPlane::ALL; MAX_PLANES],
+            flipped: [TestPlane::ALL; MAX_PLANES],
+            all: 0,
+        };
         for (i, view_plane) in view_planes.iter().take(MAX_PLANES).enumerate() {
-            planes[i] = TestPlane::new(view_plane);
-            flipped[i] = TestPlane::new(&ViewPlane { plane: view_plane.plane.flipped(), ..*view_plane });
-            all |= 1 << i;
+            volume.planes[i] = TestPlane::new(view_plane);
+            volume.flipped[i] =
+                TestPlane::new(&ViewPlane { plane: view_plane.plane.flipped(), ..*view_plane });
+            volume.all |= 1 << i;
         }
-        Self { simd, scene, visible, planes, flipped, all, stats: CullStats::default() }
+        volume
     }
 
-    /// Tests the children of a node against those planes that cross it, and goes on below. Whether anything is left.
-    fn visit(&mut self, node: usize, active: u32) -> bool {
-        let tree = self.scene.tree();
-        let boxes = &tree.bounds[node];
-        let candidates = self.visible.mask(self.scene, node);
-        let mut mask = candidates & !self.simd.any_outside(boxes, &self.planes, active);
-        self.stats.nodes += 1;
-        self.stats.tests += u64::from(candidates.count_ones()) * u64::from(active.count_ones());
-        if tree.levels[node] == 0 {
-            self.stats.visible += u64::from(mask.count_ones());
-            self.visible.set_mask(node, mask);
-            return mask != 0;
-        }
-        let mut inside = [0; MAX_PLANES];
-        for plane in lanes(active.into()) {
-            inside[plane] = self.simd.any_outside(boxes, &self.flipped, 1 << plane);
-        }
-        for lane in lanes(mask) {
-            let child = tree.child(node, lane);
-            let crossing = lanes(active.into())
-                .fold(0, |set, plane| set | ((!inside[plane] >> lane & 1) as u32) << plane);
-            let some = if crossing == 0 {
-                let kept = self.visible.keep_below(self.scene, child);
-                self.stats.whole += 1;
-                self.stats.visible += kept;
-                kept != 0
-            } else {
-                self.visit(child, crossing)
-            };
-            if !some {
-                mask &= !(1 << lane);
+    /// A bit for each plane.
+    pub fn all(&self) -> u32 {
+        self.all
+    }
+
+    /// The lanes whose boxes lie surely outside at least one of the `active` planes, given a bit each.
+    #[inline]
+    pub fn outside(&self, boxes: &Boxes64, active: u32) -> u64 {
+        self.simd.any_outside(boxes, &self.planes, active)
+    }
+
+    /// The lanes whose boxes lie surely inside one plane, so that it need not be tested below them.
+    #[inline]
+    pub fn inside(&self, boxes: &Boxes64, plane: usize) -> u64 {
+        self.simd.any_outside(boxes, &self.flipped, 1 << (plane % MAX_PLANES))
+    }
+
+    /// Removes the objects that lie surely outside one of the planes.
+    pub fn retain(&self, scene: &Scene, visible: &mut VisibleSet) -> CullStats {
+        let mut walk = Walk::new(scene, &SceneHierarchy, visible);
+        self.visit(&mut walk, None, self.all);
+        walk.finish()
+    }
+
+    /// Tests the children of a node against the planes that cross it, `active`, and goes on below. Whether anything is left.
+    fn visit(&self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, active: u32) -> bool {
+        walk.visit(node, |walk, block, candidates| {
+            let mut mask = candidates & !self.outside(block.boxes(), active);
+            walk.stats.tests += u64::from(candidates.count_ones()) * u64::from(active.count_ones());
+            if block.leaf().is_some() {
+                return mask;
             }
-        }
-        self.visible.set_mask(node, mask);
-        mask != 0
+            let mut inside = [0; MAX_PLANES];
+            for plane in lanes(active.into()) {
+                inside[plane] = self.inside(block.boxes(), plane);
+            }
+            for lane in lanes(mask) {
+                let Child::Node(child) = block.child(lane) else { continue };
+                let crossing = lanes(active.into())
+                    .fold(0, |set, plane| set | ((!inside[plane] >> lane & 1) as u32) << plane);
+                let any =
+                    if crossing == 0 { walk.accept(child) } else { self.visit(walk, Some(child), crossing) };
+                mask &= !(u64::from(!any) << lane);
+            }
+            mask
+        })
     }
 }

@@ -58,19 +58,20 @@ mod simd;
 mod stamp;
 pub mod view;
 mod visible_set;
+pub mod walk;
 
 pub use backface::BackfaceCuller;
 pub use casters::{CasterCuller, Light, LightError};
 pub use cells::{CellGraph, CellGraphError, CellId, Portal, PortalId};
 pub use culler::{Accuracy, CullStats, Culler};
-pub use frustum::FrustumCuller;
+pub use frustum::{ConvexVolume, FrustumCuller};
 pub use geometry::{
     Aabb, Containment, ConvexPolygon, Plane, PolygonError, PolygonSide, Side, SidePlane, Sphere,
 };
 pub use glam;
 pub use occlusion::{
-    BoxHierarchy, Child, Edge, HardwareQueries, Late, MeshError, OccluderMesh, Occlusion, Occlusion64,
-    OcclusionCuller, OcclusionMap, Preparation, QueryDevice, SceneHierarchy, Selection, prepare,
+    Edge, HardwareQueries, Late, MeshError, OccluderMesh, Occlusion, Occlusion64, OcclusionCuller,
+    OcclusionMap, Preparation, QueryDevice, Selection, prepare,
 };
 pub use pipeline::{Explanation, Pipeline};
 pub use pvs::{Pvs, PvsCuller, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells};
@@ -82,3 +83,4 @@ pub use view::{
     ClipMatrix, Depth, Eye, MAX_CLIP_PLANES, MAX_PLANES, Pose, View, ViewError, ViewPlane, ViewPlanes, Window,
 };
 pub use visible_set::VisibleSet;
+pub use walk::{BoxHierarchy, Child, SceneHierarchy};

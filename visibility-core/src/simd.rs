@@ -7,7 +7,7 @@
 //! This is the only module with `unsafe` code: calls of functions compiled for instructions that the program at large does not
 //! assume, and loads of arrays into registers.
 
-use crate::backface::{Cones64, Sight, inside};
+use crate::backface::{Cones64, SplitEye, inside};
 use crate::frustum::TestPlane;
 use crate::scene::Boxes64;
 use crate::view::MAX_PLANES;
@@ -86,15 +86,15 @@ impl Simd {
 
     /// The lanes whose cones surely hold the eye.
     #[allow(unsafe_code)]
-    pub(crate) fn inside_cones(self, cones: &Cones64, sight: &Sight) -> u64 {
+    pub(crate) fn inside_cones(self, cones: &Cones64, eye: &SplitEye) -> u64 {
         match self.0 {
             // SAFETY: a value with this path exists only where the processor was found to have AVX2.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            SimdLevel::Avx2 => unsafe { inside_cones_avx2(cones, sight) },
+            SimdLevel::Avx2 => unsafe { inside_cones_avx2(cones, eye) },
             // SAFETY: a value with this path exists only where the processor was found to have these extensions.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            SimdLevel::Avx512 => unsafe { inside_cones_avx512(cones, sight) },
-            _ => inside_cones::<16>(cones, sight, signs_portable),
+            SimdLevel::Avx512 => unsafe { inside_cones_avx512(cones, eye) },
+            _ => inside_cones::<16>(cones, eye, signs_portable),
         }
     }
 }
@@ -113,27 +113,27 @@ fn any_outside_avx512(boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active:
 
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
 #[target_feature(enable = "avx2")]
-fn inside_cones_avx2(cones: &Cones64, sight: &Sight) -> u64 {
-    inside_cones::<32>(cones, sight, |values| signs_avx2(values))
+fn inside_cones_avx2(cones: &Cones64, eye: &SplitEye) -> u64 {
+    inside_cones::<32>(cones, eye, |values| signs_avx2(values))
 }
 
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-fn inside_cones_avx512(cones: &Cones64, sight: &Sight) -> u64 {
-    inside_cones::<64>(cones, sight, |values| signs_avx512(values))
+fn inside_cones_avx512(cones: &Cones64, eye: &SplitEye) -> u64 {
+    inside_cones::<64>(cones, eye, |values| signs_avx512(values))
 }
 
 /// The body for cones: [`inside`] for `WIDTH` lanes at once.
 #[inline(always)]
 fn inside_cones<const WIDTH: usize>(
     cones: &Cones64,
-    sight: &Sight,
+    eye: &SplitEye,
     signs: impl Fn(&[f32; WIDTH]) -> u64,
 ) -> u64 {
     let mut mask = 0;
     for chunk in 0..64 / WIDTH {
         let numbers = cones.numbers.each_ref().map(|row| &row.as_chunks::<WIDTH>().0[chunk]);
-        mask |= signs(&inside(numbers, sight)) << (chunk * WIDTH);
+        mask |= signs(&inside(numbers, eye)) << (chunk * WIDTH);
     }
     mask
 }

@@ -33,6 +33,12 @@ impl Stamp {
     pub fn new() -> Self {
         Self(next_serial())
     }
+
+    /// The stamp with a number that its owner has counted up from [`next_range`](crate::serial::next_range), whose numbers are
+    /// greater than any serial.
+    pub(crate) const fn from_count(count: u64) -> Self {
+        Self(count)
+    }
 }
 
 /// How far a reader of a scene's changes has come: the scene, and the revision up to which its changes are

@@ -1,7 +1,8 @@
 //! The set that goes through the cullers of a frame: candidates in, survivors out.
 
 use crate::scene::{NONE, Tree, lanes};
-use crate::{Aabb, CullStats, ObjectId, Scene, SceneCursor, View};
+use crate::walk::Child;
+use crate::{Aabb, CullStats, ObjectId, Scene, SceneCursor, Stamp, View};
 use alloc::vec::Vec;
 use smallvec::SmallVec;
 
@@ -32,8 +33,8 @@ pub struct VisibleSet {
     /// By node: which lanes are in the set, or, in inner nodes, have something below them that is. The mask of a node
     /// whose lane above is not set means nothing.
     words: Vec<u64>,
-    /// The layout of the scene that `words` belongs to; 0 for none.
-    layout: u64,
+    /// The layout of the scene that `words` belongs to.
+    layout: Stamp,
     /// All objects on `layers`, whatever is in `words`.
     everything: bool,
     layers: u32,
@@ -85,7 +86,7 @@ impl VisibleSet {
     pub const fn new() -> Self {
         Self {
             words: Vec::new(),
-            layout: 0,
+            layout: Stamp::NONE,
             everything: true,
             layers: u32::MAX,
             order: Vec::new(),
@@ -211,7 +212,7 @@ impl VisibleSet {
     }
 
     /// Whether the masks can be used for this scene as it is.
-    fn is_current(&self, scene: &Scene) -> bool {
+    pub(crate) fn is_current(&self, scene: &Scene) -> bool {
         !self.everything && self.is_of_layout(scene)
     }
 
@@ -232,7 +233,13 @@ impl VisibleSet {
 
     /// The lanes of a node in the set, when those above it are.
     pub(crate) fn mask(&self, scene: &Scene, node: usize) -> u64 {
-        if self.is_current(scene) {
+        self.mask_if(self.is_current(scene), scene, node)
+    }
+
+    /// The same where it is known whether the masks are current, as it is throughout a walk.
+    #[inline(always)]
+    pub(crate) fn mask_if(&self, is_current: bool, scene: &Scene, node: usize) -> u64 {
+        if is_current {
             self.words[node]
         } else if scene.tree().levels[node] == 0 {
             scene.lanes_on_layers(node, self.layers)
@@ -251,13 +258,41 @@ impl VisibleSet {
     }
 
     /// Takes a node and all below it as it is. Returns how many objects that are.
-    pub(crate) fn keep_below(&mut self, scene: &Scene, node: usize) -> u64 {
-        let mask = self.mask(scene, node);
+    pub(crate) fn keep_below(&mut self, is_current: bool, scene: &Scene, node: usize) -> u64 {
+        let mask = self.mask_if(is_current, scene, node);
         self.words[node] = mask;
         if scene.tree().levels[node] == 0 {
             return mask.count_ones().into();
         }
-        lanes(mask).map(|lane| self.keep_below(scene, scene.tree().child(node, lane))).sum()
+        lanes(mask).map(|lane| self.keep_below(is_current, scene, scene.tree().child(node, lane))).sum()
+    }
+
+    /// The lanes of a block of another hierarchy that are candidates: its nodes, and those of its objects that are in the set.
+    pub(crate) fn listed_candidates(&self, scene: &Scene, children: &[Child]) -> u64 {
+        let is_candidate = |child: &Child| match *child {
+            Child::Node(_) => true,
+            Child::Object(id) => self.contains(scene, id),
+        };
+        (0..).zip(children).fold(0, |mask, (lane, child)| mask | u64::from(is_candidate(child)) << lane)
+    }
+
+    /// Notes an object to be taken out by [`drop_now`](Self::drop_now).
+    pub(crate) fn drop_later(&mut self, id: ObjectId) {
+        self.listed[id.index() / 64] |= 1 << (id.index() % 64);
+    }
+
+    /// Takes out what was noted since the set was prepared. How many objects are left.
+    pub(crate) fn drop_now(&mut self, scene: &Scene) -> u64 {
+        let dropped = core::mem::take(&mut self.listed);
+        let kept = self.retain(scene, |id, _| dropped[id.index() / 64] >> (id.index() % 64) & 1 == 0);
+        self.listed = dropped;
+        kept.visible
+    }
+
+    /// Begins to note what to take out.
+    pub(crate) fn begin_drops(&mut self, scene: &Scene) {
+        self.listed.clear();
+        self.listed.resize(scene.index_limit().div_ceil(64), 0);
     }
 
     /// Keeps the objects for which `keep` is true: the simplest way to write a culler. Objects that are never culled are not asked for.
@@ -340,7 +375,7 @@ impl VisibleSet {
         grown.clear();
         grown.resize(tree.node_count(), 0);
         for &id in ids {
-            let Some((leaf, lane)) = scene.locate(id) else { continue };
+            let Some((leaf, lane)) = scene.leaf_of(id) else { continue };
             let is_new = if grown[leaf] != 0 {
                 // What lies above the leaf is in both sets, then.
                 let new = self.mask(scene, leaf) & !grown[leaf] & 1 << lane;
@@ -410,7 +445,7 @@ impl VisibleSet {
     }
 
     /// Calls `each` for the objects in the set that are flagged as occluders and can be culled, in the order of the hierarchy.
-    pub(crate) fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
+    pub fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
         let mut walk = Walk::new(self, scene, true);
         loop {
             if scene.tree().root != NONE {
@@ -437,7 +472,7 @@ impl VisibleSet {
     /// Whether an object is in the set. False for an unknown one.
     #[inline]
     pub fn contains(&self, scene: &Scene, id: ObjectId) -> bool {
-        scene.locate(id).is_some_and(|(leaf, lane)| self.holds(scene, leaf, lane))
+        scene.leaf_of(id).is_some_and(|(leaf, lane)| self.holds(scene, leaf, lane))
     }
 
     #[inline]

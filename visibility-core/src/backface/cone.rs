@@ -2,7 +2,7 @@
 
 use super::facing::Facing;
 use super::fit::{Doubt, Facet, Fit, SLACK, Surface, fit};
-use super::sight::{NUMBERS, Sight, inside};
+use super::split_eye::{NUMBERS, SplitEye, inside};
 use crate::{Aabb, Eye, Triangle};
 use alloc::vec::Vec;
 use glam::{DAffine3, DVec3};
@@ -111,13 +111,13 @@ impl NormalCone {
     ///
     /// Cost: some 20 ns; [`Cones`](super::Cones) test 64 in that time.
     pub fn facing(&self, eye: &Eye) -> Facing {
-        self.facing_sight(&Sight::new(eye))
+        self.facing_split(&SplitEye::new(eye))
     }
 
-    fn facing_sight(&self, sight: &Sight) -> Facing {
-        if self.holds(sight) {
+    fn facing_split(&self, eye: &SplitEye) -> Facing {
+        if self.holds(eye) {
             Facing::Back
-        } else if self.flipped().holds(sight) {
+        } else if self.flipped().holds(eye) {
             Facing::Front
         } else {
             Facing::Undecided
@@ -131,9 +131,9 @@ impl NormalCone {
         [a, b, c, d, e, f, g, h, i, x, y, z, self.margin]
     }
 
-    fn holds(&self, sight: &Sight) -> bool {
+    fn holds(&self, eye: &SplitEye) -> bool {
         let numbers = self.numbers().map(|number| [number]);
-        inside::<1>(numbers.each_ref(), sight)[0] < 0.0
+        inside::<1>(numbers.each_ref(), eye)[0] < 0.0
     }
 
     /// Which side of all its triangles every eye in a viewcell sees. Improper boxes decide nothing.

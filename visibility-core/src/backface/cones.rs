@@ -1,7 +1,7 @@
 //! Many cones in blocks of 64, and the tree of cones over cones.
 
 use super::NormalCone;
-use super::sight::{NUMBERS, Sight};
+use super::split_eye::{NUMBERS, SplitEye};
 use crate::scene::lanes;
 use crate::{Aabb, Eye, Simd};
 use alloc::vec::Vec;
@@ -80,10 +80,10 @@ impl Cones {
     /// Sets a bit for each cone of which the eye surely sees backs only: cone `i` in bit `i % 64` of word `i / 64`. Words beyond the
     /// cones are zeroed; cones beyond the words are left out.
     pub fn back_facing(&self, eye: &Eye, masks: &mut [u64]) {
-        let sight = Sight::new(eye);
+        let eye = SplitEye::new(eye);
         masks.fill(0);
         for (block, mask) in self.blocks.iter().zip(masks) {
-            *mask = self.simd.inside_cones(block, &sight);
+            *mask = self.simd.inside_cones(block, &eye);
         }
     }
 
@@ -95,12 +95,12 @@ impl Cones {
             return;
         }
         // Cones are convex: they hold a box if they hold its corners.
-        let sights = viewcell.corners().map(|corner| Sight::new(&Eye::Point(corner.as_dvec3())));
+        let eyes = viewcell.corners().map(|corner| SplitEye::new(&Eye::Point(corner.as_dvec3())));
         for (block, mask) in self.blocks.iter().zip(masks) {
             *mask = u64::MAX;
-            for sight in &sights {
+            for eye in &eyes {
                 if *mask != 0 {
-                    *mask &= self.simd.inside_cones(block, sight);
+                    *mask &= self.simd.inside_cones(block, eye);
                 }
             }
         }
@@ -164,13 +164,13 @@ impl ConeTree {
         if self.is_empty() {
             return 0;
         }
-        self.visit(self.levels.len() - 1, 0, &Sight::new(eye), masks)
+        self.visit(self.levels.len() - 1, 0, &SplitEye::new(eye), masks)
     }
 
     /// Tests one block, and those below it that are not decided.
-    fn visit(&self, level: usize, block: usize, sight: &Sight, masks: &mut [u64]) -> u64 {
+    fn visit(&self, level: usize, block: usize, eye: &SplitEye, masks: &mut [u64]) -> u64 {
         let cones = &self.levels[level];
-        let mask = cones.simd.inside_cones(&cones.blocks[block], sight);
+        let mask = cones.simd.inside_cones(&cones.blocks[block], eye);
         if level == 0 {
             if let Some(word) = masks.get_mut(block) {
                 *word = mask;
@@ -182,7 +182,7 @@ impl ConeTree {
         }
         let here = (cones.count - block * 64).min(64);
         let rest = !mask & (u64::MAX >> (64 - here));
-        1 + lanes(rest).map(|lane| self.visit(level - 1, block * 64 + lane, sight, masks)).sum::<u64>()
+        1 + lanes(rest).map(|lane| self.visit(level - 1, block * 64 + lane, eye, masks)).sum::<u64>()
     }
 
     /// Sets all bits below a block of a level.

@@ -1,10 +1,11 @@
 //! The culler of objects that turn their backs.
 
-use super::sight::Sight;
+use super::split_eye::SplitEye;
 use super::{Cones64, NormalCone};
-use crate::scene::{NONE, lanes};
+use crate::scene::lanes;
+use crate::walk::{Child, SceneHierarchy, Walk};
 use crate::{
-    Aabb, Accuracy, Changes, CullStats, Culler, ObjectId, Scene, SceneCursor, SceneError, Simd, View,
+    Aabb, Accuracy, Changes, CullStats, Culler, ObjectId, Scene, SceneCursor, SceneError, Simd, Stamp, View,
     VisibleSet,
 };
 use alloc::collections::BTreeSet;
@@ -82,14 +83,15 @@ impl Entry {
 struct Block {
     cones: Cones64,
     ids: [ObjectId; 64],
-    /// The layout of the scene for which the block was last found right, 0 for none.
-    layout: u64,
+    /// The layout of the scene for which the block was last found right.
+    layout: Stamp,
     /// When it was.
     checked: u64,
 }
 
 impl Block {
-    const NONE: Self = Self { cones: Cones64::OPEN, ids: [ObjectId::NONE; 64], layout: 0, checked: 0 };
+    const NONE: Self =
+        Self { cones: Cones64::OPEN, ids: [ObjectId::NONE; 64], layout: Stamp::NONE, checked: 0 };
 }
 
 impl Default for BackfaceCuller {
@@ -222,7 +224,7 @@ impl BackfaceCuller {
         self.clock += 1;
         self.entries[id.index()] = Entry { id, cone, changed: self.clock };
         // A block that was right for another layout will be looked at anyway.
-        if let Some((leaf, lane)) = scene.locate(id)
+        if let Some((leaf, lane)) = scene.leaf_of(id)
             && let Some(block) = self.blocks.get_mut(leaf)
             && block.layout == scene.layout()
             && block.ids[lane] == id
@@ -233,12 +235,11 @@ impl BackfaceCuller {
 
     /// Brings the block of a leaf up to date, if objects have changed places since it was: those that it
     /// holds must be the same, with the same cones.
-    fn refresh(&mut self, scene: &Scene, leaf: usize) {
+    fn refresh(&mut self, scene: &Scene, leaf: usize, ids: &[ObjectId; 64]) {
         let block = &mut self.blocks[leaf];
         if block.layout == scene.layout() {
             return;
         }
-        let ids = &scene.tree().ids[leaf];
         for (lane, id) in ids.iter().enumerate() {
             let entry = self.entries.get(id.index()).filter(|entry| entry.id == *id).unwrap_or(&Entry::NONE);
             if block.ids[lane] != *id || entry.changed > block.checked {
@@ -250,36 +251,24 @@ impl BackfaceCuller {
     }
 
     /// Removes what turns its back from a node and all below it. Whether anything is left.
-    fn visit(&mut self, frame: &mut Frame, node: usize) -> bool {
-        let Frame { scene, sight, visible, stats } = frame;
-        let tree = scene.tree();
-        let candidates = visible.mask(scene, node);
-        let mut mask = candidates;
-        stats.nodes += 1;
-        if tree.levels[node] == 0 {
-            if candidates != 0 {
-                self.refresh(scene, node);
-                mask &= !self.simd.inside_cones(&self.blocks[node].cones, sight);
-            }
-            stats.tests += u64::from(candidates.count_ones());
-            stats.visible += u64::from(mask.count_ones());
-        } else {
-            for lane in lanes(candidates) {
-                if !self.visit(frame, tree.child(node, lane)) {
-                    mask &= !(1 << lane);
+    fn visit(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, eye: &SplitEye) -> bool {
+        walk.visit(node, |walk, block, candidates| {
+            let mut mask = candidates;
+            if let Some((leaf, ids)) = block.leaf() {
+                if candidates != 0 {
+                    self.refresh(walk.scene(), leaf, ids);
+                    mask &= !self.simd.inside_cones(&self.blocks[leaf].cones, eye);
                 }
+                walk.stats.tests += u64::from(candidates.count_ones());
+                return mask;
             }
-        }
-        frame.visible.set_mask(node, mask);
-        mask != 0
+            for lane in lanes(candidates) {
+                let Child::Node(child) = block.child(lane) else { continue };
+                mask &= !(u64::from(!self.visit(walk, Some(child), eye)) << lane);
+            }
+            mask
+        })
     }
-}
-
-struct Frame<'a> {
-    scene: &'a Scene,
-    sight: Sight,
-    visible: &'a mut VisibleSet,
-    stats: CullStats,
 }
 
 impl Culler for BackfaceCuller {
@@ -292,19 +281,11 @@ impl Culler for BackfaceCuller {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        visible.prepare(scene);
         self.forget_changed(scene);
-        self.blocks.resize(scene.tree().node_count(), Block::NONE);
-        let mut stats = CullStats::default();
-        if scene.tree().root != NONE {
-            let sight = Sight::of_view(view, scene.origin());
-            let sight = sight.unwrap_or(Sight::UNKNOWN);
-            let mut frame = Frame { scene, sight, visible, stats };
-            self.visit(&mut frame, scene.tree().root as usize);
-            stats = frame.stats;
-        }
-        visible.commit();
-        stats.visible += visible.unculled_count(scene);
-        stats
+        self.blocks.resize(scene.leaf_limit(), Block::NONE);
+        let eye = SplitEye::of_view(view, scene.origin()).unwrap_or(SplitEye::UNKNOWN);
+        let mut walk = Walk::new(scene, &SceneHierarchy, visible);
+        self.visit(&mut walk, None, &eye);
+        walk.finish()
     }
 }

@@ -28,7 +28,7 @@ mod cones;
 mod culler;
 mod facing;
 mod fit;
-mod sight;
+mod split_eye;
 
 pub use cluster::{Cluster, MAX_CLUSTER, MIN_CLUSTER, MeshError, cluster_mesh};
 pub use cone::NormalCone;
@@ -36,4 +36,4 @@ pub(crate) use cones::Cones64;
 pub use cones::{ConeTree, Cones};
 pub use culler::BackfaceCuller;
 pub use facing::{Facing, facing};
-pub(crate) use sight::{Sight, inside};
+pub(crate) use split_eye::{SplitEye, inside};

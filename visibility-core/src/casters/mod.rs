@@ -11,8 +11,7 @@ mod light;
 
 pub use light::{Light, LightError};
 
-use crate::frustum::cull_outside;
-use crate::scene::NONE;
+use crate::frustum::ConvexVolume;
 use crate::view::{MAX_PLANES, ViewPlane};
 use crate::{Aabb, Accuracy, CullStats, Culler, Plane, Scene, Simd, View, VisibleSet, float};
 use glam::DVec3;
@@ -151,7 +150,7 @@ impl Culler for CasterCuller {
         let mut stats = CullStats::default();
         // At least once, so that the set is brought to the layout of the scene and counted.
         for at_once in planes.chunks(MAX_PLANES).chain(planes.is_empty().then_some(&[][..])) {
-            stats += cull_outside(self.simd, scene, at_once, visible);
+            stats += ConvexVolume::new(self.simd, at_once).retain(scene, visible);
         }
         if let (Some(range), Light::Point { position, .. } | Light::Spot { position, .. }) =
             (self.range(), self.light)
@@ -165,12 +164,7 @@ impl Culler for CasterCuller {
 
 /// A bound on the coordinates of everything that can be culled.
 fn reach(scene: &Scene) -> DVec3 {
-    let tree = scene.tree();
-    if tree.root == NONE {
-        return DVec3::ZERO;
-    }
-    let hull = tree.bounds[tree.root as usize].hull();
-    hull.min.abs().max(hull.max.abs()).as_dvec3()
+    scene.culled_bounds().map_or(DVec3::ZERO, |all| all.min.abs().max(all.max.abs()).as_dvec3())
 }
 
 /// The planes of a box, which are exact.

@@ -4,8 +4,9 @@
 //! (Cohen-Or et al., "A Survey of Visibility for Walkthrough Applications", 2003, section 6: all image-space methods "place a hierarchy on the scene").
 
 use super::selection::{Candidate, choose, is_whole};
-use super::{BoxHierarchy, Child, Occlusion, OcclusionMap, SceneHierarchy, Selection};
-use crate::scene::{Boxes64, NONE, lanes};
+use super::{Occlusion, OcclusionMap, Selection};
+use crate::scene::{Boxes64, lanes};
+use crate::walk::{Block, BoxHierarchy, Child, SceneHierarchy, Walk};
 use crate::{
     Aabb, Accuracy, CullStats, Culler, Eye, ObjectId, Scene, SceneCursor, View, ViewPlanes, VisibleSet,
 };
@@ -45,10 +46,6 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     last: Vec<ObjectId>,
     /// The scene of the last frame, which `last` and what the map remembers are of.
     scene: SceneCursor,
-    /// By object index, what a walk of a foreign hierarchy found hidden.
-    hidden: Vec<u64>,
-    /// What a walk of a foreign hierarchy has still to visit.
-    queue: Vec<(f32, Child, Aabb)>,
 }
 
 impl<M: OcclusionMap> OcclusionCuller<M> {
@@ -69,8 +66,6 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             candidates: Vec::new(),
             last: Vec::new(),
             scene: SceneCursor::START,
-            hidden: Vec::new(),
-            queue: Vec::new(),
         }
     }
 
@@ -158,27 +153,15 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         }
         // Also where nothing was added: it is now that a map learns what this frame begins with.
         self.map.flush();
-        let mut stats = if self.hierarchy.is_of_scene() {
-            let mut walk = Walk {
-                map: &mut self.map,
-                scene,
-                eye,
-                cuts: &cuts,
-                visible: &mut *visible,
-                left: if self.selection == Selection::Interleaved { self.budget } else { 0 },
-                stats: CullStats::default(),
-            };
-            let root = scene.tree().root;
-            if root != NONE {
-                walk.visit(root as usize);
-            }
-            let stats = walk.stats;
-            visible.commit();
-            stats
-        } else {
-            self.walk_foreign(scene, &eye, &cuts, visible)
+        let mut frame = Frame {
+            map: &mut self.map,
+            eye,
+            cuts: &cuts,
+            left: if self.selection == Selection::Interleaved { self.budget } else { 0 },
         };
-        stats.visible += visible.unculled_count(scene);
+        let mut walk = Walk::new(scene, &self.hierarchy, visible);
+        frame.visit(&mut walk, None);
+        let stats = walk.finish();
         if self.selection == Selection::LastVisible {
             self.last.clear();
             visible.for_each_occluder(scene, |id| self.last.push(id));
@@ -193,71 +176,58 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 }
 
-/// A walk of the scene's own hierarchy, 64 boxes at a time.
-struct Walk<'a, M> {
+/// What the walk of one frame tests against.
+struct Frame<'a, M> {
     map: &'a mut M,
-    scene: &'a Scene,
     eye: Eye,
     cuts: &'a ViewPlanes,
-    visible: &'a mut VisibleSet,
     /// Triangles that may still be added on the way.
     left: usize,
-    stats: CullStats,
 }
 
-impl<M: OcclusionMap> Walk<'_, M> {
+impl<M: OcclusionMap> Frame<'_, M> {
     /// Goes through a node that may be seen. Whether anything below it is left.
-    fn visit(&mut self, node: usize) -> bool {
-        let tree = self.scene.tree();
-        let candidates = self.visible.mask(self.scene, node);
-        self.stats.nodes += 1;
-        self.stats.tests += u64::from(candidates.count_ones());
-        let boxes = &tree.bounds[node];
-        if tree.levels[node] == 0 {
-            let mut mask = candidates & !self.map.test_64(boxes, candidates).hidden;
-            if self.left > 0 && self.add_seen(node, mask) {
-                // What this leaf has added may hide others in it.
-                self.stats.tests += u64::from(mask.count_ones());
-                mask &= !self.map.test_64(boxes, mask).hidden;
-            }
-            self.visible.set_mask(node, mask);
-            self.stats.visible += u64::from(mask.count_ones());
-            return mask != 0;
-        }
-        let answer = self.map.test_64(boxes, candidates);
-        let mut mask = candidates & !answer.hidden;
-        // Order matters only while the map still grows.
-        let order = if self.left > 0 { nearest_first(&self.eye, boxes, mask) } else { lanes_of(mask) };
-        for lane in order {
-            let lane = usize::from(lane);
-            let child = tree.child(node, lane);
-            let some = if answer.visible >> lane & 1 != 0 && self.left == 0 {
-                let kept = self.visible.keep_below(self.scene, child);
-                self.stats.whole += 1;
-                self.stats.visible += kept;
-                kept != 0
+    fn visit<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, node: Option<usize>) -> bool {
+        walk.visit(node, |walk, block, candidates| {
+            walk.stats.tests += u64::from(candidates.count_ones());
+            let answer = self.map.test_64(block.boxes(), candidates);
+            let mut mask = candidates & !answer.hidden;
+            let objects = block.objects(candidates);
+            // Order matters only while the map still grows.
+            let order = if self.left > 0 {
+                nearest_first(&self.eye, block.boxes(), mask & !objects)
             } else {
-                // What was added since the node was tested may hide this one.
-                self.stats.tests += u64::from(self.left > 0);
-                let hidden = self.left > 0 && self.map.test(&boxes.get(lane)) == Occlusion::Hidden;
-                !hidden && self.visit(child)
+                lanes_of(mask & !objects)
             };
-            if !some {
-                mask &= !(1 << lane);
+            for lane in order {
+                let lane = usize::from(lane);
+                let Child::Node(child) = block.child(lane) else { continue };
+                let any = if answer.visible >> lane & 1 != 0 && self.left == 0 {
+                    walk.accept(child)
+                } else {
+                    // What was added since the node was tested may hide this one.
+                    walk.stats.tests += u64::from(self.left > 0);
+                    let hidden =
+                        self.left > 0 && self.map.test(&block.boxes().get(lane)) == Occlusion::Hidden;
+                    !hidden && self.visit(walk, Some(child))
+                };
+                mask &= !(u64::from(!any) << lane);
             }
-        }
-        self.visible.set_mask(node, mask);
-        mask != 0
+            if self.left > 0 && self.add_seen(walk.scene(), block, mask & objects) {
+                // What this block has added may hide other objects in it.
+                walk.stats.tests += u64::from((mask & objects).count_ones());
+                mask &= !(self.map.test_64(block.boxes(), mask & objects).hidden & objects);
+            }
+            mask
+        })
     }
 
-    /// Adds the occluders among the visible objects of a leaf, nearest first, while the budget lasts. Whether there was any.
-    fn add_seen(&mut self, leaf: usize, mask: u64) -> bool {
+    /// Adds the occluders among the visible objects of a block, nearest first, while the budget lasts. Whether there was any.
+    fn add_seen(&mut self, scene: &Scene, block: &Block<'_>, mask: u64) -> bool {
         let before = self.left;
-        let tree = self.scene.tree();
-        for lane in nearest_first(&self.eye, &tree.bounds[leaf], mask & tree.occluders[leaf]) {
-            let Some((mesh, transform)) = self.scene.occluder(tree.ids[leaf][usize::from(lane)]) else {
-                continue;
-            };
+        for lane in nearest_first(&self.eye, block.boxes(), mask & block.occluders()) {
+            let Child::Object(id) = block.child(usize::from(lane)) else { continue };
+            let Some((mesh, transform)) = scene.occluder(id) else { continue };
             let cost = self.map.cost(mesh);
             if cost <= self.left && is_whole(mesh, transform, self.cuts) {
                 self.left -= cost;
@@ -296,97 +266,5 @@ pub(super) fn nearness(eye: &Eye, bounds: &Aabb) -> f32 {
             let nearest = glam::Vec3::select(along.cmpge(glam::Vec3::ZERO), bounds.min, bounds.max);
             nearest.dot(along)
         }
-    }
-}
-
-impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
-    /// A walk of another hierarchy, a box at a time. Objects that it finds hidden are taken out at the end; those that it does not list
-    /// stay.
-    fn walk_foreign(
-        &mut self,
-        scene: &Scene,
-        eye: &Eye,
-        cuts: &ViewPlanes,
-        visible: &mut VisibleSet,
-    ) -> CullStats {
-        self.hidden.clear();
-        self.hidden.resize(scene.index_limit().div_ceil(64), 0);
-        let mut queue = core::mem::take(&mut self.queue);
-        queue.clear();
-        let mut stats = CullStats::default();
-        let mut left = if self.selection == Selection::Interleaved { self.budget } else { 0 };
-        self.push_children(scene, eye, None, &mut queue);
-        while let Some((_, child, bounds)) = queue.pop() {
-            stats.tests += 1;
-            let answer = self.map.test(&bounds);
-            match child {
-                Child::Node(node) if answer == Occlusion::Hidden => self.hide_below(scene, node, &mut queue),
-                Child::Node(_) if answer == Occlusion::Visible && left == 0 => stats.whole += 1,
-                Child::Node(node) => {
-                    stats.nodes += 1;
-                    self.push_children(scene, eye, Some(node), &mut queue);
-                }
-                Child::Object(id) if answer == Occlusion::Hidden => self.hide(scene, id),
-                Child::Object(id) if left > 0 && visible.contains(scene, id) => {
-                    let occluder = scene.occluder(id).filter(|(mesh, transform)| {
-                        self.map.cost(mesh) <= left && is_whole(mesh, transform, cuts)
-                    });
-                    if let Some((mesh, transform)) = occluder {
-                        left -= self.map.cost(mesh);
-                        self.map.add(mesh, transform);
-                        self.map.flush();
-                    }
-                }
-                Child::Object(_) => {}
-            }
-        }
-        self.queue = queue;
-        let hidden = &self.hidden;
-        let is_hidden = |id: ObjectId| hidden[id.index() / 64] >> (id.index() % 64) & 1 != 0;
-        let kept = visible.retain(scene, |id, _| !is_hidden(id));
-        stats.visible = kept.visible - visible.unculled_count(scene);
-        stats
-    }
-
-    /// Notes an object as hidden, unless it is gone: another may have its index now.
-    fn hide(&mut self, scene: &Scene, id: ObjectId) {
-        if !scene.contains(id) {
-            return;
-        }
-        if let Some(word) = self.hidden.get_mut(id.index() / 64) {
-            *word |= 1 << (id.index() % 64);
-        }
-    }
-
-    /// Everything below a node is hidden with it. The queue serves as a stack above what it holds.
-    fn hide_below(&mut self, scene: &Scene, node: usize, queue: &mut Vec<(f32, Child, Aabb)>) {
-        let floor = queue.len();
-        queue.push((0.0, Child::Node(node), Aabb::EMPTY));
-        while queue.len() > floor {
-            match queue.pop() {
-                Some((_, Child::Node(node), _)) => {
-                    self.hierarchy.for_each_child(scene, Some(node), &mut |child, bounds| {
-                        queue.push((0.0, child, bounds));
-                    });
-                }
-                Some((_, Child::Object(id), _)) => self.hide(scene, id),
-                None => {}
-            }
-        }
-    }
-
-    /// Puts the children of a node on top of the stack, the nearest uppermost.
-    fn push_children(
-        &self,
-        scene: &Scene,
-        eye: &Eye,
-        node: Option<usize>,
-        queue: &mut Vec<(f32, Child, Aabb)>,
-    ) {
-        let first = queue.len();
-        self.hierarchy.for_each_child(scene, node, &mut |child, bounds| {
-            queue.push((nearness(eye, &bounds), child, bounds));
-        });
-        queue[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
     }
 }

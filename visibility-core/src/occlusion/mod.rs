@@ -5,7 +5,6 @@
 //! walks the hierarchy and prunes.
 
 mod culler;
-mod hierarchy;
 mod mesh;
 mod parts;
 mod prepare;
@@ -13,7 +12,6 @@ mod queries;
 mod selection;
 
 pub use culler::OcclusionCuller;
-pub use hierarchy::{BoxHierarchy, Child, SceneHierarchy};
 pub use mesh::{Edge, MeshError, OccluderMesh};
 pub use prepare::{Preparation, prepare};
 pub use queries::{HardwareQueries, Late, QueryDevice};

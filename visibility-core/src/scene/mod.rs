@@ -16,7 +16,7 @@ pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub(crate) use tree::{NONE, Tree};
 
 use crate::serial::next_range;
-use crate::{Aabb, Child, OccluderMesh};
+use crate::{Aabb, OccluderMesh, Stamp};
 use alloc::{boxed::Box, vec::Vec};
 use build::Entry;
 use changes::ChangeLog;
@@ -519,22 +519,9 @@ impl Scene {
         Some((&self.meshes[mesh.0 as usize], transform))
     }
 
-    /// Calls `each` for everything directly below a node of the hierarchy, or, for `None`, for the topmost node.
-    pub(crate) fn for_each_child(&self, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb)) {
-        let Some(node) = node else {
-            if self.tree.root != NONE {
-                let root = self.tree.root as usize;
-                each(Child::Node(root), self.tree.bounds[root].hull());
-            }
-            return;
-        };
-        for lane in lanes(self.tree.occupied[node]) {
-            let child = match self.tree.levels[node] {
-                0 => Child::Object(self.tree.ids[node][lane]),
-                _ => Child::Node(self.tree.child(node, lane)),
-            };
-            each(child, self.tree.bounds[node].get(lane));
-        }
+    /// A box around all objects that can be culled, maybe larger than need be; `None` if there are none.
+    pub fn culled_bounds(&self) -> Option<Aabb> {
+        (self.tree.root != NONE).then(|| self.tree.bounds[self.tree.root as usize].hull())
     }
 
     /// Names the scene's state, to ask later for the changes [since](Self::changes_since).
@@ -579,14 +566,21 @@ impl Scene {
         &self.tree
     }
 
-    /// The leaf and lane of an object, if it is in the scene.
-    pub(crate) fn locate(&self, id: ObjectId) -> Option<(usize, usize)> {
+    /// The leaf of the hierarchy that an object is in, and its lane there; `None` for an unknown object. For cullers that keep data beside the
+    /// [leaves](crate::walk::Block::leaf) that a walk comes to.
+    #[inline]
+    pub fn leaf_of(&self, id: ObjectId) -> Option<(usize, usize)> {
         self.slot(id).ok().map(|slot| (slot.node(), slot.lane()))
     }
 
-    /// Changes whenever an object gets another slot; masks of another layout say nothing.
-    pub(crate) fn layout(&self) -> u64 {
-        self.layout
+    /// One more than the greatest number of any leaf: how long an array by leaf must be.
+    pub fn leaf_limit(&self) -> usize {
+        self.tree.node_count()
+    }
+
+    /// Changes whenever an object gets another leaf or lane: masks and data by leaf are those of one layout.
+    pub fn layout(&self) -> Stamp {
+        Stamp::from_count(self.layout)
     }
 
     /// Those lanes of a leaf whose objects share a layer with `layers`.

@@ -7,7 +7,7 @@ use glam::DVec3;
 /// An eye in two `f32`, so that its difference to an apex loses nothing where coordinates are great; or minus the
 /// direction of a parallel view, in the same way.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sight {
+pub(crate) struct SplitEye {
     high: [f32; 3],
     low: [f32; 3],
     /// 1, or 0 for a direction, which has no apex.
@@ -16,7 +16,7 @@ pub(crate) struct Sight {
     blur: f32,
 }
 
-impl Sight {
+impl SplitEye {
     /// An eye that may be anywhere: no cone holds it.
     pub(crate) const UNKNOWN: Self = Self { high: [f32::NAN; 3], low: [0.0; 3], weight: 1.0, blur: f32::NAN };
 
@@ -70,9 +70,9 @@ pub(crate) const NUMBERS: usize = 13;
 ///   of the comparison remain, at least `2^-74`.
 /// - An overflow is infinite or NaN, on either side of either comparison, and then decides nothing or what is true anyway.
 #[inline(always)]
-pub(crate) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], sight: &Sight) -> [f32; WIDTH] {
+pub(crate) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &SplitEye) -> [f32; WIDTH] {
     let [xx, xy, xz, yx, yy, yz, zx, zy, zz, ax, ay, az, margin] = cones;
-    let Sight { high, low, weight, blur } = *sight;
+    let SplitEye { high, low, weight, blur } = *eye;
     let mut found = [0.0; WIDTH];
     for i in 0..WIDTH {
         let x = (high[0] - weight * ax[i]) + low[0];
