@@ -10,8 +10,7 @@
 //! Every direction is scaled so that its largest number is 1, and carries `error`, a bound on how far any of its numbers is off. The
 //! bounds are relative, so they hold at any magnitude; what underflows loses at most the least normal number, which is added.
 
-use crate::occluders::corners_of;
-use visibility_core::glam::{DMat3, DVec3};
+use visibility_core::glam::{BVec3, DMat3, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
 use visibility_core::{Aabb, Eye, View};
 
@@ -72,6 +71,11 @@ impl Line {
     pub(crate) fn at(&self, v: [f64; 3]) -> f64 {
         dot(self.n, v)
     }
+}
+
+/// The corners of a box.
+pub(crate) fn corners_of([min, max]: [DVec3; 2]) -> impl Iterator<Item = DVec3> {
+    (0..8).map(move |i| DVec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min))
 }
 
 /// A box as seen: the direction of its least corner, what its sides add to that, and a bound on the error of `n . v` for any corner.

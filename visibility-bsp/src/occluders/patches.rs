@@ -4,7 +4,7 @@
 //! rounding of the vertices explains, and make a convex polygon. Whatever is left of flatness and convexity by rounding does no
 //! harm: see `shadow`.
 
-use super::{OccluderTriangle, Outline};
+use super::outline::{OccluderTriangle, Outline};
 use crate::shadow::{MOST_EDGES, plane_of};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;

@@ -6,8 +6,8 @@
 //! rectangles may overlap one another: fewer are then needed, and no crack runs between them.
 
 use super::cover::join_group;
+use super::outline::{OccluderTriangle, Outline};
 use super::overlaps::{Rectangle, groups};
-use super::{OccluderTriangle, Outline};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;

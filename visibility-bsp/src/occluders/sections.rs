@@ -13,10 +13,12 @@
 //! begins there is looked at. Sections that are little larger than what faces of their boxes make up are left out, and faces that a
 //! section close by covers are dropped: one polygon is to hide what several did.
 
+use super::blocks::{BLOCK, halve};
 use super::cover::join_group;
+use super::outline::Outline;
 use super::overlaps::{Rectangle, groups};
 use super::rectangles::{Level, Levels, corners, from_ordered, ordered};
-use super::{BLOCK, Outline, halve, work};
+use super::work;
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;

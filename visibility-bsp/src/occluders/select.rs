@@ -1,11 +1,11 @@
 //! Which polygons hide most from where the eye is, by solid angle (Coorg and Teller, "Real-Time Occlusion Culling for Models with Large
 //! Occluders", 1997): first by a bound that costs a few operations, then, of the best, by what is in the picture.
 
-use super::{Block, Occluders, Polygon};
-use crate::clip_projection::ClipProjection;
+use super::polygons::{Block, Occluders, Polygon};
+use crate::clip_projection::{ClipProjection, corners_of};
 use crate::shadow::Corner;
 use alloc::vec::Vec;
-use visibility_core::glam::{BVec3, DVec3};
+use visibility_core::glam::DVec3;
 use visibility_core::{Changes, Eye, ObjectId, Plane, Scene, SceneCursor, Stamp, View, VisibleSet};
 
 /// A half of all directions, in steradians.
@@ -184,11 +184,6 @@ impl Selector {
         });
         self.chosen = chosen;
     }
-}
-
-/// The corners of a box.
-pub(crate) fn corners_of([min, max]: [DVec3; 2]) -> impl Iterator<Item = DVec3> {
-    (0..8).map(move |i| DVec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min))
 }
 
 /// Whether an object is drawn, or out of view. What an earlier culler took out for another reason is not drawn, so it must not hide.

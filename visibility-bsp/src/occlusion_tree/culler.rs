@@ -1,6 +1,6 @@
 //! The occlusion tree with large polygons made in advance.
 
-use super::OcclusionTree;
+use super::map::OcclusionTree;
 use crate::clip_projection::ClipProjection;
 use crate::occluders::{Occluders, Selector, sides_of};
 use alloc::sync::Arc;

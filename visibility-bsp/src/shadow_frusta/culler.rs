@@ -1,6 +1,6 @@
 //! Testing boxes against the frusta of the eye's region.
 
-use super::ShadowFrusta;
+use super::bake::ShadowFrusta;
 use crate::clip_projection::ClipProjection;
 use crate::occluders::{Chosen, Selector, sides_of};
 use crate::shadow::Shadows;

@@ -1,57 +1,12 @@
 //! Sorting polygons into a tree: the same for a new tree, for one that grows, and for a leaf that gets its first polygons.
 
-use super::fragments::Record;
-use super::{BspError, BspTree, EMPTY, NONE, Node, SOLID, Subtree, bounds_of, is_leaf, splitter};
-use alloc::vec::Vec;
-use visibility_core::{Aabb, Plane, PolygonSide, SidePlane, glam::DVec3};
-
-/// A polygon that is being sorted in.
-#[derive(Clone, Debug)]
-pub(super) struct Source {
-    owner: u32,
-    /// Its number among those given together.
-    number: u32,
-    pub(super) plane: Plane,
-}
-
-/// A part of one, on its way down.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Piece {
-    pub(super) source: u32,
-    pub(super) start: u32,
-    pub(super) len: u32,
-    pub(super) bounds: Aabb,
-}
-
-/// Pieces to be sorted into what is on one side of a node (or, for `NONE`, into the whole tree): those from `begin` to the end of the stack.
-#[derive(Clone, Copy, Debug)]
-struct Task {
-    begin: usize,
-    parent: u32,
-    side: u8,
-    /// Nodes above.
-    level: u32,
-}
-
-/// The memory of the sorting, kept by the tree so that an object that moves every frame allocates nothing.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Builder {
-    sources: Vec<Source>,
-    /// All pieces under way: a stack whose top belongs to the topmost task.
-    pieces: Vec<Piece>,
-    tasks: Vec<Task>,
-    sides: Vec<PolygonSide>,
-    front: Vec<Piece>,
-    back: Vec<Piece>,
-    cut: [Vec<DVec3>; 3],
-}
-
-impl Builder {
-    pub(super) fn memory(&self) -> usize {
-        self.sources.capacity() * size_of::<Source>()
-            + (self.pieces.capacity() + self.front.capacity() + self.back.capacity()) * size_of::<Piece>()
-    }
-}
+use super::bsp_tree::{BspError, BspTree};
+use super::builder::{Builder, Piece, Source, Task};
+use super::node::{EMPTY, NONE, Node, SOLID, bounds_of, is_leaf};
+use super::splitter;
+use super::store::Record;
+use super::subtree::Subtree;
+use visibility_core::{Plane, PolygonSide, SidePlane, glam::DVec3};
 
 /// Fragments that may come of each polygon, on average, before a tree is given up.
 const GROWTH: usize = 256;

@@ -1,6 +1,7 @@
 //! Which leaf a point is in.
 
-use super::{BspTree, Leaf, SOLID, is_leaf};
+use super::bsp_tree::{BspTree, Leaf};
+use super::node::{EMPTY, SOLID, is_leaf};
 use alloc::vec::Vec;
 use visibility_core::{SidePlane, glam::DVec3};
 
@@ -35,6 +36,6 @@ impl BspTree {
                 open.extend([(child, true), (node.children[1], false), (node.children[0], false)]);
             }
         }
-        made.pop().unwrap_or(super::EMPTY)
+        made.pop().unwrap_or(EMPTY)
     }
 }

@@ -1,6 +1,6 @@
 //! Which plane to divide by: one that cuts few polygons and leaves about as many on either side, estimated on a sample.
 
-use super::build::{Piece, Source};
+use super::builder::{Piece, Source};
 use visibility_core::{Plane, PolygonSide, SidePlane, glam::DVec3};
 
 /// Sets larger than this are first divided by planes across an axis, between objects rather than through them.

@@ -1,7 +1,9 @@
 //! Owners that come and go, without a new tree (Chrysanthou and Slater, "Computing Dynamic Changes to BSP Trees", 1992): what comes is sorted
 //! down to the leaves, what goes is taken out of its nodes, and nodes that neither hold nor divide anything any more are closed.
 
-use super::{BspError, BspTree, EMPTY, NONE, Subtree, is_leaf};
+use super::bsp_tree::{BspError, BspTree};
+use super::node::{EMPTY, NONE, bounds_of, is_leaf};
+use super::subtree::Subtree;
 use visibility_core::glam::DVec3;
 
 impl BspTree {
@@ -100,7 +102,7 @@ impl BspTree {
             // Most often nothing changes; then there is no need to look at all of the fragments.
             while fragment != NONE && subtree != self.subtrees[id as usize] {
                 let record = self.store.record(fragment);
-                let bounds = super::bounds_of(self.store.vertices(record));
+                let bounds = bounds_of(self.store.vertices(record));
                 subtree = subtree.union(&Subtree::of(bounds, record.owner));
                 fragment = record.next;
             }

@@ -1,0 +1,33 @@
+//! Runs of things that are near one another in space.
+
+use visibility_core::glam::DVec3;
+
+/// The number of polygons, or boxes, in a block.
+pub(super) const BLOCK: usize = 32;
+
+/// Puts what is near in space near in order: halves at the middle of the longest side until a block is left.
+pub(super) fn halve(order: &mut [u32], centers: &[DVec3]) {
+    if order.len() <= BLOCK {
+        return;
+    }
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for &i in order.iter() {
+        (min, max) = (min.min(centers[i as usize]), max.max(centers[i as usize]));
+    }
+    let size = max - min;
+    let axis = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
+    // Whole blocks to the left, so that only the last is not full.
+    let half = (order.len() / 2).next_multiple_of(BLOCK).min(order.len() - 1);
+    order.select_nth_unstable_by(half, |&a, &b| {
+        centers[a as usize][axis].total_cmp(&centers[b as usize][axis]).then(a.cmp(&b))
+    });
+    let (left, right) = order.split_at_mut(half);
+    halve(left, centers);
+    halve(right, centers);
+}

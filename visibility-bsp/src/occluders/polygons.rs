@@ -1,0 +1,289 @@
+//! The polygons of a scene's occluders, in blocks of those near one another.
+
+use super::blocks::{BLOCK, halve};
+use super::mesh_triangles::{is_closed, triangles_of};
+use super::outline::Outline;
+use super::{patches, rectangles, sections};
+use crate::shadow::{OccluderPolygon, plane_of};
+use alloc::collections::BTreeMap;
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+use visibility_core::{Changes, ObjectId, Scene, SceneCursor, Stamp};
+
+/// One polygon.
+#[derive(Clone, Debug)]
+pub(super) struct Polygon {
+    /// Where its vertices begin, and how many they are; none once it is dropped.
+    pub(super) first: u32,
+    pub(super) count: u32,
+    /// Where its sources begin, and how many they are.
+    pub(super) first_source: u32,
+    pub(super) sources: u32,
+    /// Where the boxes begin that it is a section of, and how many they are.
+    pub(super) first_solid: u32,
+    pub(super) solids: u32,
+    pub(super) normal: DVec3,
+    pub(super) reach: [f64; 2],
+    pub(super) area: f64,
+    pub(super) center: DVec3,
+    pub(super) radius: f64,
+    pub(super) two_sided: bool,
+}
+
+/// Polygons near one another.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    pub(super) center: DVec3,
+    pub(super) radius: f64,
+    /// The area of the largest.
+    pub(super) area: f64,
+    pub(super) first: u32,
+    pub(super) count: u32,
+}
+
+/// Large convex occluder polygons of a scene, and the objects that each is made of.
+///
+/// Made when a scene is loaded, and shared by the cullers of all views. An occluder that is moved, removed, put on another layer or no
+/// longer flagged stops hiding at once, whether [`sync`](Self::sync) has been called or not; with `sync` it hides from where it is now.
+///
+/// # Cost
+/// About 200 bytes a polygon. Making `n` polygons takes `n log n` steps, some microseconds a triangle, however the triangles lie. For that, joining
+/// has limits, beyond which polygons stay smaller than they could be: rectangles of one plane that hang together are joined if their sides
+/// make a grid of at most 16,384 cells, into at most 64 rectangles; boxes are cut by a common plane in groups of at most 256.
+///
+/// ```
+/// use visibility_bsp::Occluders;
+/// use visibility_core::{Aabb, Object, Preparation, Scene, glam::Vec3};
+/// let mut scene = Scene::new();
+/// // Two slabs of a wall, side by side, become one wall.
+/// for y in [0.0, 4.0] {
+///     let bounds = Aabb::from_arrays([5.0, y, 0.0], [5.5, y + 4.0, 3.0]);
+///     let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+///     let corners = bounds.corners();
+///     let triangles: Vec<_> =
+///         visibility_core::OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect();
+///     scene.set_triangles(id, triangles)?;
+/// }
+/// scene.prepare_occluders(&Preparation::default());
+/// let occluders = Occluders::new(&scene);
+/// assert_eq!(occluders.largest_area(), 24.0);
+/// # Ok::<(), visibility_core::SceneError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Occluders {
+    pub(super) polygons: Vec<Polygon>,
+    pub(super) blocks: Vec<Block>,
+    pub(super) vertices: Vec<DVec3>,
+    pub(super) sources: Vec<ObjectId>,
+    /// The boxes of sections, least and greatest corner.
+    pub(super) solids: Vec<[DVec3; 2]>,
+    /// The polygons of an object, by its index.
+    pub(super) of_object: BTreeMap<u32, Vec<u32>>,
+    /// The scene, and the revision of it, that the polygons were made from.
+    pub(super) cursor: SceneCursor,
+    /// Names these polygons and their numbers. A new one after every change.
+    pub(super) stamp: Stamp,
+}
+
+impl Default for Occluders {
+    /// No polygons, of no scene.
+    fn default() -> Self {
+        Self {
+            polygons: Vec::new(),
+            blocks: Vec::new(),
+            vertices: Vec::new(),
+            sources: Vec::new(),
+            solids: Vec::new(),
+            of_object: BTreeMap::new(),
+            cursor: SceneCursor::START,
+            stamp: Stamp::new(),
+        }
+    }
+}
+
+impl Occluders {
+    /// From the meshes of a scene's occluders as they are now.
+    pub fn new(scene: &Scene) -> Self {
+        let ids: Vec<ObjectId> = scene.ids().filter(|&id| scene.occluder(id).is_some()).collect();
+        let mut occluders = Self { cursor: SceneCursor::at(scene), ..Self::default() };
+        occluders.add_from(scene, &ids);
+        occluders
+    }
+
+    /// Takes in what has changed in the scene since: polygons of changed objects are dropped and made anew, object by object. Costs time in
+    /// proportion to the changed objects; [`new`](Self::new), which also joins polygons across objects, gives larger polygons.
+    pub fn sync(&mut self, scene: &Scene) {
+        let Changes::Objects(changed) = self.cursor.follow(scene) else {
+            *self = Self::new(scene);
+            return;
+        };
+        if changed.is_empty() {
+            return;
+        }
+        self.stamp = Stamp::new();
+        // Those that shared a polygon with a changed object lose it too, and bring in their own part again.
+        let mut affected: Vec<ObjectId> = changed.to_vec();
+        for id in changed {
+            for &polygon in self.of_object.get(&(id.index() as u32)).into_iter().flatten() {
+                let polygon = &mut self.polygons[polygon as usize];
+                let first = polygon.first_source as usize;
+                affected.extend(&self.sources[first..first + polygon.sources as usize]);
+                polygon.count = 0;
+            }
+        }
+        affected.sort_unstable();
+        affected.dedup();
+        for id in &affected {
+            for &number in self.of_object.get(&(id.index() as u32)).into_iter().flatten() {
+                let polygon = &mut self.polygons[number as usize];
+                if polygon.sources == 1 {
+                    polygon.count = 0;
+                }
+            }
+        }
+        let dropped = self.polygons.iter().filter(|polygon| polygon.count == 0).count();
+        if dropped > 64 && dropped * 2 > self.polygons.len() {
+            // More holes than polygons: time to begin anew, which costs as much as made the holes.
+            *self = Self::new(scene);
+            return;
+        }
+        for &id in affected.iter().filter(|&&id| scene.occluder(id).is_some()) {
+            self.add_from(scene, &[id]);
+        }
+    }
+
+    /// How many polygons there are.
+    pub fn len(&self) -> usize {
+        self.polygons.iter().filter(|polygon| polygon.count > 0).count()
+    }
+
+    /// Whether there is no polygon.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The area of the largest polygon, in square metres; zero without any.
+    pub fn largest_area(&self) -> f64 {
+        self.polygons.iter().filter(|p| p.count > 0).map(|p| p.area).fold(0.0, f64::max)
+    }
+
+    /// The radius of the largest polygon about its middle.
+    pub(crate) fn largest_radius(&self) -> f64 {
+        self.polygons.iter().filter(|p| p.count > 0).map(|p| p.radius).fold(0.0, f64::max)
+    }
+
+    /// The corners of the polygons, each in order.
+    pub fn polygons(&self) -> impl Iterator<Item = &[DVec3]> {
+        self.polygons.iter().filter(|p| p.count > 0).map(|p| self.vertices_of(p))
+    }
+
+    fn vertices_of(&self, polygon: &Polygon) -> &[DVec3] {
+        &self.vertices[polygon.first as usize..(polygon.first + polygon.count) as usize]
+    }
+
+    /// The objects that a polygon is part of.
+    pub(crate) fn sources_of(&self, polygon: u32) -> &[ObjectId] {
+        let polygon = &self.polygons[polygon as usize];
+        &self.sources[polygon.first_source as usize..(polygon.first_source + polygon.sources) as usize]
+    }
+
+    /// The boxes that a polygon is a section of: an eye must be outside of all of them. None of a polygon that is there itself.
+    pub(crate) fn solids_of(&self, polygon: u32) -> &[[DVec3; 2]] {
+        let polygon = &self.polygons[polygon as usize];
+        &self.solids[polygon.first_solid as usize..(polygon.first_solid + polygon.solids) as usize]
+    }
+
+    /// The middle of a polygon, and its radius about it.
+    pub(crate) fn about(&self, polygon: u32) -> (DVec3, f64) {
+        let p = &self.polygons[polygon as usize];
+        (p.center, p.radius)
+    }
+
+    /// A polygon as shadows are made of it.
+    pub(crate) fn occluder_polygon(&self, polygon: u32) -> OccluderPolygon<'_> {
+        let p = &self.polygons[polygon as usize];
+        OccluderPolygon {
+            vertices: self.vertices_of(p),
+            normal: p.normal,
+            reach: p.reach,
+            two_sided: p.two_sided,
+        }
+    }
+
+    /// Adds the polygons of some objects, joined with one another.
+    fn add_from(&mut self, scene: &Scene, ids: &[ObjectId]) {
+        let mut pieces = Vec::new();
+        for (source, &id) in (0..).zip(ids) {
+            if let Some((mesh, transform)) = scene.occluder(id) {
+                triangles_of(mesh, transform, source, is_closed(mesh.triangles()), &mut pieces);
+            }
+        }
+        let levels = rectangles::take_rectangles(&mut pieces);
+        let mut outlines = rectangles::join(&levels);
+        let solids = sections::solids(&levels);
+        outlines.extend(sections::sections(&solids));
+        sections::drop_covered(&mut outlines);
+        outlines.extend(patches::join(&pieces));
+        let middle = |outline: &Outline| {
+            let mut center = DVec3::ZERO;
+            for v in &outline.vertices {
+                center += *v / outline.vertices.len() as f64;
+            }
+            center
+        };
+        let centers: Vec<DVec3> = outlines.iter().map(middle).collect();
+        // Those of one size together, so that a block of small ones is passed over as soon as it is not near.
+        let planes: Vec<_> = outlines.iter().map(|outline| plane_of(&outline.vertices)).collect();
+        let class = |number: u32| planes[number as usize].map_or(0, |(.., area)| area.to_bits() >> 53);
+        let mut order: Vec<u32> =
+            (0..outlines.len() as u32).filter(|&i| planes[i as usize].is_some()).collect();
+        order.sort_by_key(|&number| class(number));
+        for alike in order.chunk_by_mut(|&a, &b| class(a) == class(b)) {
+            halve(alike, &centers);
+        }
+        let (start, mut classes) = (self.polygons.len(), Vec::with_capacity(order.len()));
+        for &number in &order {
+            let outline = &outlines[number as usize];
+            let Some((normal, reach, area)) = planes[number as usize] else { continue };
+            classes.push(class(number));
+            let center = centers[number as usize];
+            let radius = outline.vertices.iter().map(|v| v.distance(center)).fold(0.0, f64::max);
+            let number = self.polygons.len() as u32;
+            self.polygons.push(Polygon {
+                first: self.vertices.len() as u32,
+                count: outline.vertices.len() as u32,
+                first_source: self.sources.len() as u32,
+                sources: outline.sources.len() as u32,
+                first_solid: self.solids.len() as u32,
+                solids: outline.solids.len() as u32,
+                normal,
+                reach,
+                area,
+                center,
+                radius,
+                two_sided: outline.two_sided,
+            });
+            self.vertices.extend_from_slice(&outline.vertices);
+            let solids = outline.solids.iter().map(|&solid| &solids[solid as usize]);
+            self.solids.extend(solids.map(|solid| [solid.min, solid.max]));
+            for &source in &outline.sources {
+                let id = ids[source as usize];
+                self.sources.push(id);
+                self.of_object.entry(id.index() as u32).or_default().push(number);
+            }
+        }
+        let mut first = start;
+        let blocks = classes.chunk_by(|a, b| a == b).flat_map(|alike| alike.chunks(BLOCK)).map(<[u64]>::len);
+        for count in blocks {
+            let block = &self.polygons[first..first + count];
+            let mut center = DVec3::ZERO;
+            for polygon in block {
+                center += polygon.center / block.len() as f64;
+            }
+            let radius = block.iter().map(|p| p.center.distance(center) + p.radius).fold(0.0, f64::max);
+            let area = block.iter().map(|p| p.area).fold(0.0, f64::max);
+            self.blocks.push(Block { center, radius, area, first: first as u32, count: block.len() as u32 });
+            first += count;
+        }
+    }
+}
