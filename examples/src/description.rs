@@ -1,7 +1,8 @@
-//! The JSON facts beside a scene file: up axis, near plane, names, transparency, camera walks and reference counts.
+//! The JSON facts beside a scene file: up axis, near plane, names, transparency, camera walks and reference
+//! counts.
 //!
-//! Every key is optional, since each scene has its own; a key of the wrong type is an error that names it by its path,
-//! such as `cameras[1].keys[3].eye`. Keys that are not known here are ignored.
+//! Every key is optional, since each scene has its own; a key of the wrong type is an error that names it by
+//! its path, such as `cameras[1].keys[3].eye`. Keys that are not known here are ignored.
 
 use crate::error::SourceError;
 use crate::walk::{CameraKey, Walk};
@@ -42,7 +43,8 @@ pub struct Description {
     pub reference: Vec<ReferenceCounts>,
 }
 
-/// For each key of a walk, what a 640 by 360 item buffer shows with every object drawn and opaque, doors closed.
+/// For each key of a walk, what a 640 by 360 item buffer shows with every object drawn and opaque, doors
+/// closed.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ReferenceCounts {
     /// The name of the walk.

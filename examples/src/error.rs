@@ -1,8 +1,8 @@
 //! The one error of every scene source: which file or recipe, what is wrong with it, and where.
 //!
-//! A scene file comes from somebody else and may be cut short, mistyped or made to break its reader, so each loader
-//! answers with this instead of a panic. The place is a byte offset in binary files and a key path such as
-//! `cameras[1].keys[3].eye` in JSON: a person must be able to find the spot with an editor.
+//! A scene file comes from somebody else and may be cut short, mistyped or made to break its reader, so each
+//! loader answers with this instead of a panic. The place is a byte offset in binary files and a key path
+//! such as `cameras[1].keys[3].eye` in JSON: a person must be able to find the spot with an editor.
 
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 //! The bytes behind a glTF document, and typed reading of them that trusts no number in the document.
 //!
-//! A buffer is the binary chunk of a GLB, a base64 `data:` URI, or a file below the folder of the document: nothing else
-//! is opened, whatever the URI says. An accessor is checked against the bytes that are really there before anything is
-//! reserved, so it can never ask for more memory than the file has bytes for.
+//! A buffer is the binary chunk of a GLB, a base64 `data:` URI, or a file below the folder of the document:
+//! nothing else is opened, whatever the URI says. An accessor is checked against the bytes that are really
+//! there before anything is reserved, so it can never ask for more memory than the file has bytes for.
 
 use crate::error::SourceError;
 use glam::Vec3;

@@ -1,8 +1,8 @@
 //! glTF and GLB files as scenes: every primitive of every node's mesh becomes an object, in world space.
 //!
-//! Nodes are walked with a list rather than by recursion and each at most once, so that neither a cycle nor a deep or
-//! entangled hierarchy can hang the program or overflow its stack. Animation, skins and morph targets are left out:
-//! objects stand where the file puts them at rest.
+//! Nodes are walked with a list rather than by recursion and each at most once, so that neither a cycle nor a
+//! deep or entangled hierarchy can hang the program or overflow its stack. Animation, skins and morph targets
+//! are left out: objects stand where the file puts them at rest.
 
 use crate::error::SourceError;
 use crate::gltf_buffers::Buffers;
@@ -16,10 +16,12 @@ use std::path::Path;
 
 /// A mesh can be placed any number of times, so the size of a scene is not bounded by that of its file.
 const MOST_TRIANGLES: usize = 1 << 25;
-/// Nor is the work bounded: a thousand nodes may each read the same million vertices. This many are read in all.
+/// Nor is the work bounded: a thousand nodes may each read the same million vertices. This many are read in
+/// all.
 const MOST_READ: usize = 1 << 27;
 
-/// Reads a glTF or GLB document from its bytes; the path says where further files are, and is shown in messages.
+/// Reads a glTF or GLB document from its bytes; the path says where further files are, and is shown in
+/// messages.
 ///
 /// The walks are made up from the bounds of the scene.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneSource, SourceError> {
@@ -92,8 +94,8 @@ fn describe(error: &gltf::Error) -> String {
     }
 }
 
-/// The nodes of the default scene with their world transforms: of the first scene if none is the default, and of all
-/// nodes that are no children if there are no scenes.
+/// The nodes of the default scene with their world transforms: of the first scene if none is the default, and
+/// of all nodes that are no children if there are no scenes.
 fn placed_nodes<'a>(
     document: &'a gltf::Document,
     path: &Path,

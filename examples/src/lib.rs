@@ -1,7 +1,7 @@
 //! What the example programs share: scene sources and camera walks.
 //!
-//! A scene comes from a recipe ([`built_in`]) or from a file ([`load()`]); either way it is a [`SceneSource`]: objects as
-//! plain triangles, and walks to fly the camera along.
+//! A scene comes from a recipe ([`built_in`]) or from a file ([`load()`]); either way it is a
+//! [`SceneSource`]: objects as plain triangles, and walks to fly the camera along.
 
 pub mod description;
 pub mod error;

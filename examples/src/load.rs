@@ -1,7 +1,8 @@
 //! Scenes from files, by extension, with the facts that lie beside them.
 //!
-//! A VSCN file holds triangles and nothing else; the JSON of the same stem brings names, the up axis, which objects are
-//! glass or doors, and the camera walks. Without it the scene still loads, with z up and walks made up from its bounds.
+//! A VSCN file holds triangles and nothing else; the JSON of the same stem brings names, the up axis, which
+//! objects are glass or doors, and the camera walks. Without it the scene still loads, with z up and walks
+//! made up from its bounds.
 
 use crate::description::Description;
 use crate::error::SourceError;
@@ -11,7 +12,8 @@ use crate::{gltf_file, vscn, walk};
 use glam::{DQuat, DVec3, Vec3};
 use std::path::Path;
 
-/// The scene that a user names: a recipe with its sizes (`office:7,24`), a file, or `cars5:FILE`, five cars by the placements beside one.
+/// The scene that a user names: a recipe with its sizes (`office:7,24`), a file, or `cars5:FILE`, five cars
+/// by the placements beside one.
 pub fn open(name: &str) -> Result<SceneSource, SourceError> {
     let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();
     let is_recipe = |known: String| before_sizes(&known) == before_sizes(name);
@@ -34,10 +36,11 @@ pub fn load(path: &Path) -> Result<SceneSource, SourceError> {
     }
 }
 
-/// Reads the car of a VSCN file and its JSON, and puts the copies of it where the JSON says; the walks are for these.
+/// Reads the car of a VSCN file and its JSON, and puts the copies of it where the JSON says; the walks are
+/// for these.
 ///
-/// The copies are turned about y by their yaw and then moved by (x, 0, z); their objects keep their names, with the
-/// number of the car in front.
+/// The copies are turned about y by their yaw and then moved by (x, 0, z); their objects keep their names,
+/// with the number of the car in front.
 pub fn cars5(path: &Path) -> Result<SceneSource, SourceError> {
     let description = Description::load(&path.with_extension("json"))?;
     if description.cars5_placements.is_empty() {
@@ -106,8 +109,8 @@ fn assemble(path: &Path, description: &Description) -> Result<SceneSource, Sourc
     Ok(scene)
 }
 
-/// A description that counts otherwise belongs to another file: its names and transparency would be put on the wrong
-/// objects.
+/// A description that counts otherwise belongs to another file: its names and transparency would be put on
+/// the wrong objects.
 fn check_counts(
     path: &Path,
     description: &Description,

@@ -1,7 +1,8 @@
 //! What every scene source yields: named objects as plain triangles, and camera walks through them.
 //!
-//! Recipes, VSCN files and glTF files all end here, so a program is written once for all of them. Nothing is indexed or
-//! shared: a triangle soup is what the cullers' scene is filled from, and the simplest thing to get right.
+//! Recipes, VSCN files and glTF files all end here, so a program is written once for all of them. Nothing is
+//! indexed or shared: a triangle soup is what the cullers' scene is filled from, and the simplest thing to
+//! get right.
 
 use crate::walk::Walk;
 use glam::{DVec3, Vec3};
@@ -18,7 +19,8 @@ pub struct SceneSource {
     pub near: f32,
     /// The objects, in the order of the file or recipe: their index is their identity.
     pub objects: Vec<SourceObject>,
-    /// The camera walks; a loader makes one up when the scene brings none, so this is empty only for an empty scene.
+    /// The camera walks; a loader makes one up when the scene brings none, so this is empty only for an empty
+    /// scene.
     pub walks: Vec<Walk>,
     /// The cells and portals that the scene comes with; most come with none.
     pub cells: Option<SourceCells>,
@@ -33,22 +35,25 @@ pub struct SourceCells {
     pub viewcells: Viewcells,
     /// Their names.
     pub names: Vec<String>,
-    /// How far an object reaches into the cells that it is in, at least, in metres. Where walls stand across the boundaries of cells, one that
-    /// only touches a cell is hidden from it by the wall there; an object that reaches so far into none is in all that it touches.
+    /// How far an object reaches into the cells that it is in, at least, in metres. Where walls stand across
+    /// the boundaries of cells, one that only touches a cell is hidden from it by the wall there; an object
+    /// that reaches so far into none is in all that it touches.
     pub depth: f64,
-    /// The same with a cell for each doorway, as deep as its wall, where that is known: what is seen through portals from one point is much
-    /// tighter then.
+    /// The same with a cell for each doorway, as deep as its wall, where that is known: what is seen through
+    /// portals from one point is much tighter then.
     pub with_doorways: Option<Box<SourceCells>>,
 }
 
-/// How far cells and portals may be off: about a tenth of a micrometre in a building, and what rounding does far from the origin.
+/// How far cells and portals may be off: about a tenth of a micrometre in a building, and what rounding does
+/// far from the origin.
 pub fn tolerance(cells: &Viewcells) -> f64 {
     let (extent, farthest) = size(cells);
     // Powers of two: answers do not change when a scene is scaled by one.
     extent * 2.0f64.powi(-30) + farthest * 2.0f64.powi(-49)
 }
 
-/// How clear of the edges of portals a line must pass for sets that are baked to count it: about a micrometre in a building.
+/// How clear of the edges of portals a line must pass for sets that are baked to count it: about a micrometre
+/// in a building.
 pub fn clearance(cells: &Viewcells) -> f64 {
     let (extent, farthest) = size(cells);
     (extent * 2.0f64.powi(-26)).max(farthest * 2.0f64.powi(-32))
@@ -71,8 +76,9 @@ pub struct SourceObject {
     pub triangles: Vec<[Vec3; 3]>,
     /// False for glass and cut-out billboards, which can be hidden but must never hide anything.
     pub opaque: bool,
-    /// True for a door leaf: the walks of some scenes pass through closed doors, so a program may want to open (leave
-    /// out) these. Reference counts that come with a scene are taken with every door closed and drawn.
+    /// True for a door leaf: the walks of some scenes pass through closed doors, so a program may want to
+    /// open (leave out) these. Reference counts that come with a scene are taken with every door closed and
+    /// drawn.
     pub door: bool,
 }
 
@@ -103,7 +109,8 @@ impl SceneSource {
     }
 }
 
-/// Non-finite coordinates are skipped one by one: a camera or a picture needs a usable box even when a file holds a NaN.
+/// Non-finite coordinates are skipped one by one: a camera or a picture needs a usable box even when a file
+/// holds a NaN.
 fn bounds_of<'a>(points: impl Iterator<Item = &'a Vec3>) -> Option<Corners> {
     let mut low = Vec3::INFINITY;
     let mut high = Vec3::NEG_INFINITY;

@@ -1,6 +1,8 @@
-//! Keeping in memory what can be seen: objects are loaded as they become visible and unloaded some time after they were hidden.
+//! Keeping in memory what can be seen: objects are loaded as they become visible and unloaded some time after
+//! they were hidden.
 //!
-//! The visible set says what appeared and what vanished since the frame before, so a frame costs what changed, not what is there.
+//! The visible set says what appeared and what vanished since the frame before, so a frame costs what
+//! changed, not what is there.
 
 use std::collections::{HashMap, VecDeque};
 use visibility_core::{ObjectId, Scene, VisibleSet};

@@ -1,8 +1,8 @@
 //! VSCN, the simplest scene file there is: objects as counted lists of world-space triangles.
 //!
-//! Little endian: `u32` magic 0x4E435356 ("VSCN"), `u32` number of objects, then for each object `u32` number of
-//! triangles and nine `f32` a triangle. Counts are checked against the bytes that are left before anything is
-//! reserved, so a file can never ask for more memory than its own size calls for.
+//! Little endian: `u32` magic 0x4E435356 ("VSCN"), `u32` number of objects, then for each object `u32` number
+//! of triangles and nine `f32` a triangle. Counts are checked against the bytes that are left before anything
+//! is reserved, so a file can never ask for more memory than its own size calls for.
 
 use crate::error::SourceError;
 use crate::source::SceneSource;
@@ -15,7 +15,8 @@ const COUNT_BYTES: usize = 4;
 
 /// The triangles of every object of a VSCN file; the path is for messages only.
 ///
-/// Vertices are kept as they are, NaN and infinities included: that a culler can stand them is its own business.
+/// Vertices are kept as they are, NaN and infinities included: that a culler can stand them is its own
+/// business.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Vec<[Vec3; 3]>>, SourceError> {
     let mut reader = Reader { bytes, at: 0, path };
     let magic = reader.count("the magic number")?;

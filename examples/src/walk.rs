@@ -1,8 +1,8 @@
 //! Camera walks: key frames, frames in between, and making keys from a route on the ground.
 //!
-//! A walk is a list of keys that is interpolated linearly. Routes become keys by walking along a polyline at an even
-//! pace while looking at the point a few metres further along it, which is how a person walks: the view turns into a
-//! corner before the feet do.
+//! A walk is a list of keys that is interpolated linearly. Routes become keys by walking along a polyline at
+//! an even pace while looking at the point a few metres further along it, which is how a person walks: the
+//! view turns into a corner before the feet do.
 
 use crate::error::SourceError;
 use glam::{DVec3, Vec3};
@@ -30,8 +30,8 @@ pub struct Walk {
 }
 
 impl Walk {
-    /// The camera at a position along the keys: 0 is the first key, 1.5 is halfway from the second to the third, and
-    /// positions outside stay at the ends. `None` for a walk without keys.
+    /// The camera at a position along the keys: 0 is the first key, 1.5 is halfway from the second to the
+    /// third, and positions outside stay at the ends. `None` for a walk without keys.
     pub fn at(&self, position: f64) -> Option<CameraKey> {
         let last = self.keys.len().checked_sub(1)?;
         // A NaN position maps to the start: `max` returns the other operand.
@@ -57,9 +57,11 @@ pub struct Frame {
     pub camera: CameraKey,
 }
 
-/// Spreads `count` frames evenly over all walks, each walk getting a share proportional to its keys and both of its ends.
+/// Spreads `count` frames evenly over all walks, each walk getting a share proportional to its keys and both
+/// of its ends.
 ///
-/// With as many frames as there are keys the frames are the keys. A walk whose share is a single frame shows its start.
+/// With as many frames as there are keys the frames are the keys. A walk whose share is a single frame shows
+/// its start.
 pub fn frames(walks: &[Walk], count: usize) -> Vec<Frame> {
     let total: u128 = walks.iter().map(|w| w.keys.len() as u128).sum();
     let mut frames = Vec::new();
@@ -81,10 +83,10 @@ pub fn frames(walks: &[Walk], count: usize) -> Vec<Frame> {
 
 /// Keys at an even pace along a polyline, each looking at the point `look_ahead` metres further along.
 ///
-/// Near the end the look rests on the end. Where the point ahead is less than half as far off as it should be, at the
-/// end or because the route turns back on itself, the look goes straight on instead: a camera that looks at its own
-/// feet shows nothing. Repeated waypoints are ignored. Fewer than two distinct waypoints, or a `look_ahead` that is not
-/// positive, leave no direction to look in and give no keys.
+/// Near the end the look rests on the end. Where the point ahead is less than half as far off as it should
+/// be, at the end or because the route turns back on itself, the look goes straight on instead: a camera that
+/// looks at its own feet shows nothing. Repeated waypoints are ignored. Fewer than two distinct waypoints, or
+/// a `look_ahead` that is not positive, leave no direction to look in and give no keys.
 pub fn along(waypoints: &[DVec3], keys: usize, look_ahead: f64) -> Vec<CameraKey> {
     let Some(route) = Route::new(waypoints) else {
         return Vec::new();
@@ -158,7 +160,8 @@ impl Route {
 const MADE_UP_KEYS: usize = 48;
 const MADE_UP_FOV: f32 = 60.0;
 
-/// Walks for a scene that brings none: once around its box from outside, and once straight through its middle.
+/// Walks for a scene that brings none: once around its box from outside, and once straight through its
+/// middle.
 ///
 /// Empty when the scene has no finite point.
 pub fn made_up(bounds: Option<(Vec3, Vec3)>, up: Vec3) -> Vec<Walk> {
@@ -184,7 +187,8 @@ pub fn made_up(bounds: Option<(Vec3, Vec3)>, up: Vec3) -> Vec<Walk> {
     vec![walk("around the scene", orbit.collect()), walk("through the middle", through)]
 }
 
-/// A near-plane distance for a scene that names none: small beside the scene, so that walking through it works.
+/// A near-plane distance for a scene that names none: small beside the scene, so that walking through it
+/// works.
 pub fn made_up_near(bounds: Option<(Vec3, Vec3)>) -> f32 {
     let diagonal = bounds.map_or(1.0, |(low, high)| (high.as_dvec3() - low.as_dvec3()).length());
     ((diagonal * 5e-4) as f32).clamp(1e-4, 1.0)

@@ -1,5 +1,6 @@
-//! The answers of every culler with every setting of its dial on every built-in scene, held against a table: rearranging code must not
-//! change any of them. `PINNED_ANSWERS=write cargo test -p visibility-examples --test pinned_answers` writes the table anew.
+//! The answers of every culler with every setting of its dial on every built-in scene, held against a table:
+//! rearranging code must not change any of them. `PINNED_ANSWERS=write cargo test -p visibility-examples
+//! --test pinned_answers` writes the table anew.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -25,8 +26,8 @@ impl Hash {
     }
 }
 
-/// A line of the table: the scene, the culler, the number of objects in the sets of all frames, the hash of the sets, and the hash of
-/// the orders in which the sets are iterated.
+/// A line of the table: the scene, the culler, the number of objects in the sets of all frames, the hash of
+/// the sets, and the hash of the orders in which the sets are iterated.
 fn line(scene: &str, culler: &str, mut pipeline: Pipeline, world: &World) -> String {
     let mut visible = VisibleSet::new();
     let (mut count, mut sets, mut orders) = (0, Hash::EMPTY, Hash::EMPTY);

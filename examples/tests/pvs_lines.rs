@@ -1,8 +1,9 @@
-//! No line that passes through portals passes between cells that are called hidden from each other: on made-up maps, and along lines
-//! planted through chains of portals that leave next to no room.
+//! No line that passes through portals passes between cells that are called hidden from each other: on
+//! made-up maps, and along lines planted through chains of portals that leave next to no room.
 //!
-//! `cargo test --release --test pvs_lines -- --ignored` does the same on the maps in `../shared/portals` (or in the directory that
-//! `VISIBILITY_MAPS` names), with as many lines as `VISIBILITY_LINES` says, and takes minutes.
+//! `cargo test --release --test pvs_lines -- --ignored` does the same on the maps in `../shared/portals` (or
+//! in the directory that `VISIBILITY_MAPS` names), with as many lines as `VISIBILITY_LINES` says, and takes
+//! minutes.
 
 use std::path::PathBuf;
 use visibility_core::glam::{DQuat, DVec3};
@@ -107,7 +108,8 @@ fn real_maps() {
     for path in maps {
         let graph = read(&path).unwrap().graph;
         let matrix = visible(&graph);
-        // With the test in Pluecker space less is seen: what is hidden by mistake, is with it. And threads change nothing.
+        // With the test in Pluecker space less is seen: what is hidden by mistake, is with it. And threads
+        // change nothing.
         let [exact, by_two] = [1, 2].map(|threads| bake(&graph, EXACT, threads, |_| {}).unwrap().outcome);
         assert_eq!(exact, by_two, "{}", path.display());
         let cells = (0..graph.cell_count() as u32).map(CellId);

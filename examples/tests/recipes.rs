@@ -81,8 +81,8 @@ fn positions_are_pinned() {
 
 #[test]
 fn the_sums_of_all_coordinates_are_pinned() {
-    // Weights from 1 to 7 in turn, so that exchanged coordinates show too. A piece of furniture that is moved by a
-    // centimetre changes a sum by tens; the last bits of all sines together do not reach one.
+    // Weights from 1 to 7 in turn, so that exchanged coordinates show too. A piece of furniture that is moved
+    // by a centimetre changes a sum by tens; the last bits of all sines together do not reach one.
     let sums: [(&str, f64); 5] = [
         ("plpcity", 329062664.0),
         ("london", 419011144.9),
@@ -143,8 +143,8 @@ fn office_cells_and_portals_are_the_stored_ones() {
     }
 }
 
-/// How far a walk is from the stored one: of its eyes the farthest, of its targets the third farthest, since where a
-/// route turns back a hair decides whether the look goes along it or straight on.
+/// How far a walk is from the stored one: of its eyes the farthest, of its targets the third farthest, since
+/// where a route turns back a hair decides whether the look goes along it or straight on.
 fn distance(walk: &Walk, stored: &Walk) -> (f64, f64) {
     let distances = |pick: fn(&visibility_examples::CameraKey) -> DVec3| {
         let pairs = walk.keys.iter().zip(&stored.keys);

@@ -1,5 +1,6 @@
-//! Every culler, baker and tessellation at the limits of its settings: nothing, one, all that the type holds, negative, not a number. Each must be
-//! refused with an error, or be made and show a few frames, without a panic and without memory for what is not there.
+//! Every culler, baker and tessellation at the limits of its settings: nothing, one, all that the type holds,
+//! negative, not a number. Each must be refused with an error, or be made and show a few frames, without a
+//! panic and without memory for what is not there.
 
 use peak_alloc::PeakAlloc;
 use std::sync::Arc;

@@ -1,4 +1,5 @@
-//! Any changes to an interrupted bake, its checksum made right again: refused with a reason, or gone on with to an end.
+//! Any changes to an interrupted bake, its checksum made right again: refused with a reason, or gone on with
+//! to an end.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,5 +1,5 @@
-//! Any bytes as a scene and its cameras, culled by every culler there is: no panic, and one that promises to hide nothing visible hides
-//! nothing that an exact ray sees.
+//! Any bytes as a scene and its cameras, culled by every culler there is: no panic, and one that promises to
+//! hide nothing visible hides nothing that an exact ray sees.
 #![no_main]
 
 #[path = "../../examples/tests/extremes/oracle.rs"]

@@ -1,4 +1,5 @@
-//! A stored tessellation with any of its bytes changed, the checksum mended: refused with a reason, or projected from to the end.
+//! A stored tessellation with any of its bytes changed, the checksum mended: refused with a reason, or
+//! projected from to the end.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,7 +1,8 @@
 //! What the fuzz targets share.
 
-/// Makes length and checksum right in the header that baked sets, tessellations and interrupted bakes have in common: no input has them so by chance, and what
-/// lies behind them is to be reached too. Bytes shorter than a header stay as they are.
+/// Makes length and checksum right in the header that baked sets, tessellations and interrupted bakes have in
+/// common: no input has them so by chance, and what lies behind them is to be reached too. Bytes shorter than
+/// a header stay as they are.
 pub fn mend(bytes: &mut [u8]) {
     if bytes.len() < 40 {
         return;

@@ -1,4 +1,5 @@
-//! Culls a small scene on bare Linux, without the standard library or libc, and exits with 0 if the answer is right.
+//! Culls a small scene on bare Linux, without the standard library or libc, and exits with 0 if the answer is
+//! right.
 #![no_std]
 #![no_main]
 

@@ -1,4 +1,5 @@
-//! What the standard library and the C runtime would bring: an entry point, an allocator, memory functions, a panic handler.
+//! What the standard library and the C runtime would bring: an entry point, an allocator, memory functions, a
+//! panic handler.
 
 use core::alloc::{GlobalAlloc, Layout};
 use core::arch::{asm, global_asm};
@@ -60,8 +61,8 @@ unsafe impl GlobalAlloc for Bump {
 #[global_allocator]
 static ALLOCATOR: Bump = Bump { memory: UnsafeCell::new([0; HEAP]), used: AtomicUsize::new(0) };
 
-// The compiler calls these by name. They are written with volatile or string instructions, or it would see through their loops
-// and call them from within themselves.
+// The compiler calls these by name. They are written with volatile or string instructions, or it would see
+// through their loops and call them from within themselves.
 
 /// # Safety
 /// As the C function.

@@ -111,7 +111,7 @@ impl ItemBuffer {
 
     /// Per pixel the number of the triangle seen through its centre, or [`NONE`]; row by row from the top of
     /// the picture, each from the left. The centre of column `i` is at clip-space
-    /// `x / w = (i + 0.5) / width * 2 - 1`, that of row `j` at `y / w = 1 - (j + 0.5) / height * 2`. Of triangles
+    /// `x / w = (2 * i + 1) / width - 1`, that of row `j` at `y / w = 1 - (2 * j + 1) / height`. Of triangles
     /// that tie for a pixel, the nearest by rounding has it, or the first drawn.
     pub fn items(&self) -> &[u32] {
         &self.image.items

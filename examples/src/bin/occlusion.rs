@@ -1,4 +1,5 @@
-//! `occlusion`: culls the boxes of a VISC file behind its occluders, and says how fast and how right that was.
+//! `occlusion`: culls the boxes of a VISC file behind its occluders, and says how fast and how right that
+//! was.
 
 use clap::{Parser, ValueEnum};
 use std::error::Error;

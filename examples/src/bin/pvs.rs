@@ -14,7 +14,8 @@ struct Arguments {
     /// The map: a `.prt` file, as map compilers write them.
     map: PathBuf,
 
-    /// Test in Pluecker space, too, what separating planes call visible: fewer pairs, every one less with a certificate.
+    /// Test in Pluecker space, too, what separating planes call visible: fewer pairs, every one less with a
+    /// certificate.
     #[arg(long)]
     exact: bool,
 

@@ -1,4 +1,5 @@
-//! Walks through a scene while only what is visible, or was a moment ago, is in memory; says how much that was.
+//! Walks through a scene while only what is visible, or was a moment ago, is in memory; says how much that
+//! was.
 
 use clap::Parser;
 use std::process::ExitCode;
@@ -7,7 +8,8 @@ use visibility_examples::built_in;
 use visibility_examples::streaming::Cache;
 use visibility_examples::walkthrough::{World, cullers};
 
-/// Walk through a built-in scene while objects are loaded as they become visible and unloaded after they were hidden.
+/// Walk through a built-in scene while objects are loaded as they become visible and unloaded after they were
+/// hidden.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {

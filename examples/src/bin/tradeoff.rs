@@ -1,4 +1,5 @@
-//! Measures every culler and each setting of its dial on every scene: what it costs, what it leaves to draw, what it gets wrong.
+//! Measures every culler and each setting of its dial on every scene: what it costs, what it leaves to draw,
+//! what it gets wrong.
 
 use clap::Parser;
 use peak_alloc::PeakAlloc;
@@ -24,7 +25,8 @@ struct Arguments {
     #[arg(long, value_delimiter = ',', default_value = "plpcity,london,town,forest,office")]
     scenes: Vec<String>,
 
-    /// Only these cullers, separated by commas, as `walkthrough --cullers` takes them. By default all, with every dial.
+    /// Only these cullers, separated by commas, as `walkthrough --cullers` takes them. By default all, with
+    /// every dial.
     #[arg(long, value_delimiter = ',')]
     cullers: Vec<String>,
 

@@ -1,4 +1,5 @@
-//! Walks a camera through a scene, culls every frame with each culler asked for, and says how fast and how right the answers were.
+//! Walks a camera through a scene, culls every frame with each culler asked for, and says how fast and how
+//! right the answers were.
 
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -38,8 +39,8 @@ struct Arguments {
     #[arg(long, value_name = "FILE.json")]
     cameras: Option<PathBuf>,
 
-    /// Cullers to compare, separated by commas; a+b runs b after a, and `auto` is the best of all for the scene. All but `frustum`
-    /// itself run after the frustum.
+    /// Cullers to compare, separated by commas; a+b runs b after a, and `auto` is the best of all for the
+    /// scene. All but `frustum` itself run after the frustum.
     #[arg(long, default_value = "frustum,hzb", value_name = "LIST")]
     cullers: String,
 
@@ -47,7 +48,8 @@ struct Arguments {
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
 
-    /// Size of the picture: its shape is that of the view, its pixels are those that the exact answer is measured by.
+    /// Size of the picture: its shape is that of the view, its pixels are those that the exact answer is
+    /// measured by.
     #[arg(long, default_value = "640x360", value_name = "WxH", value_parser = parse_size::<u32>)]
     size: [u32; 2],
 
@@ -59,7 +61,8 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     dump: Option<PathBuf>,
 
-    /// Say for every frame which stage of each culler removed this object, by its number or name, and mark it in the pictures.
+    /// Say for every frame which stage of each culler removed this object, by its number or name, and mark it
+    /// in the pictures.
     #[arg(long, value_name = "OBJECT")]
     explain: Option<String>,
 
@@ -206,8 +209,8 @@ impl Album<'_> {
         canvas.save(&path).map_err(|error| format!("cannot write {}: {error}", path.display()))
     }
 
-    /// The middle of each walk from the eye, and from above for each culler; for a culler that lost something, also the frame in which
-    /// it lost most.
+    /// The middle of each walk from the eye, and from above for each culler; for a culler that lost
+    /// something, also the frame in which it lost most.
     fn walks(&self, trials: &[Trial], judgement: &Judgement) -> Result<(), Box<dyn Error>> {
         let Self { world, marked, .. } = *self;
         let mut middles = Vec::new();

@@ -1,4 +1,5 @@
-//! One frame as an engine would have it: occluders found in view, put in order and drawn; boxes tested through the hierarchy.
+//! One frame as an engine would have it: occluders found in view, put in order and drawn; boxes tested
+//! through the hierarchy.
 
 use super::visc::Visc;
 use glam::{Affine3A, DVec3};

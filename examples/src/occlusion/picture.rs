@@ -5,8 +5,8 @@ use std::io;
 use std::path::Path;
 use visibility_hzb::Hzb;
 
-/// Writes `pixels.png` and `level-0.png` (tiles of 8 x 8 pixels) up to the single texel: near is bright, far is dark, and blue is where nothing is
-/// known to cover all of a texel.
+/// Writes `pixels.png` and `level-0.png` (tiles of 8 x 8 pixels) up to the single texel: near is bright, far
+/// is dark, and blue is where nothing is known to cover all of a texel.
 pub fn save(hzb: &Hzb, folder: &Path) -> io::Result<()> {
     std::fs::create_dir_all(folder)?;
     let pixels: Vec<f32> = (0..hzb.height())

@@ -1,6 +1,7 @@
 //! VISB: which boxes are visible in each view.
 //!
-//! Little endian: u32 magic, u32 views, u32 boxes; per view a bit for each box, least significant first, whole bytes; 1 is visible.
+//! Little endian: u32 magic, u32 views, u32 boxes; per view a bit for each box, least significant first,
+//! whole bytes; 1 is visible.
 
 use super::visc::Reader;
 use crate::error::SourceError;

@@ -1,7 +1,8 @@
 //! VISC: occluder triangles, occludee boxes and views in one file.
 //!
-//! Little endian: u32 magic, u32 triangles, 9 f32 each; u32 boxes, 6 f32 each; u32 views, each u32 width and height, 16 f32 of a column-major
-//! clip-from-world matrix in OpenGL's convention, and 3 f32 of the eye. Every 12 triangles are one box.
+//! Little endian: u32 magic, u32 triangles, 9 f32 each; u32 boxes, 6 f32 each; u32 views, each u32 width and
+//! height, 16 f32 of a column-major clip-from-world matrix in OpenGL's convention, and 3 f32 of the eye.
+//! Every 12 triangles are one box.
 
 use crate::error::SourceError;
 use glam::Vec3;

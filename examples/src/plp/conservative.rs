@@ -1,5 +1,6 @@
-//! The conservative form against testing every cell from front to back, as its paper's table 1 (Klosowski and Silva, "Efficient
-//! Conservative Visibility Culling Using the Prioritized-Layered Projection Algorithm", 2001, section 5).
+//! The conservative form against testing every cell from front to back, as its paper's table 1 (Klosowski and
+//! Silva, "Efficient Conservative Visibility Culling Using the Prioritized-Layered Projection Algorithm",
+//! 2001, section 5).
 
 use crate::walkthrough::World;
 use std::sync::Arc;
@@ -9,7 +10,8 @@ use visibility_core::{
 use visibility_hzb::Hzb;
 use visibility_plp::{Budget, ConservativePlpCuller, Fineness, OctreeTessellation, Tessellation};
 
-/// Cells for the conservative form: finer than those for a budget alone, since only what lies wholly behind something is hidden.
+/// Cells for the conservative form: finer than those for a budget alone, since only what lies wholly behind
+/// something is hidden.
 pub const FINE: Fineness = Fineness { vertices: 64, halvings: 8 };
 
 /// What one method does a frame, on average.
@@ -25,9 +27,10 @@ pub struct Effort {
     pub visible: f64,
 }
 
-/// Every cell in the view volume, front to back by the distance of its centre: projected unless hidden by what was before
-/// it (Meissner, Bartz, Huttner, Muller and Einighammer, "Generation of Subdivision Hierarchies for Efficient Occlusion Culling of
-/// Large Polygonal Models", 1999, with the test of the HP fx graphics cards).
+/// Every cell in the view volume, front to back by the distance of its centre: projected unless hidden by
+/// what was before it (Meissner, Bartz, Huttner, Muller and Einighammer, "Generation of Subdivision
+/// Hierarchies for Efficient Occlusion Culling of Large Polygonal Models", 1999, with the test of the HP fx
+/// graphics cards).
 pub fn front_to_back(world: &World, cells: &OctreeTessellation, map: &mut Hzb) -> Effort {
     let mut sum = Effort { name: "front to back".to_owned(), ..Effort::default() };
     let mut candidates = VisibleSet::new();

@@ -10,7 +10,8 @@ const RIGHT: Color = [255, 255, 255];
 const WRONG: Color = [214, 30, 30];
 const NOTHING: Color = [40, 48, 64];
 
-/// Which pixels of a view are right when only the given triangles, ascending, are drawn. Dark where there is nothing to see.
+/// Which pixels of a view are right when only the given triangles, ascending, are drawn. Dark where there is
+/// nothing to see.
 pub fn right_and_wrong(
     world: &TriangleWorld,
     view: &View,

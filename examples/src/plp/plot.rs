@@ -8,8 +8,8 @@ use std::path::Path;
 const COLORS: [RGBColor; 4] =
     [RGBColor(0, 90, 160), RGBColor(0, 140, 120), RGBColor(200, 130, 0), RGBColor(190, 50, 50)];
 
-/// Draws, over the frames of a walk, how many triangles are visible, how many of them one method finds at each budget, and how many sorting by
-/// distance, which is the method 0, finds at the greatest.
+/// Draws, over the frames of a walk, how many triangles are visible, how many of them one method finds at
+/// each budget, and how many sorting by distance, which is the method 0, finds at the greatest.
 pub fn plot(path: &Path, title: &str, coverage: &Coverage, method: usize) -> Result<(), Box<dyn Error>> {
     let frames = coverage.exact.len();
     let most = coverage.exact.iter().copied().max().unwrap_or(1).max(1);

@@ -1,4 +1,5 @@
-//! Maps of cells and portals made up for tests: grids of rooms with odd windows, and chains of portals around a line.
+//! Maps of cells and portals made up for tests: grids of rooms with odd windows, and chains of portals around
+//! a line.
 
 use super::stabs::Random;
 use visibility_core::glam::{DQuat, DVec3};
@@ -77,7 +78,8 @@ pub fn rounded(graph: &CellGraph, decimals: i32) -> CellGraph {
     mapped(graph, |v| (v * scale).round() / scale)
 }
 
-/// Cells in a row, and a line through all portals between them, clear of their edges by no more than a clearance.
+/// Cells in a row, and a line through all portals between them, clear of their edges by no more than a
+/// clearance.
 pub struct Planted {
     /// Cell 0, portal 0, cell 1, portal 1 ...
     pub graph: CellGraph,
@@ -85,12 +87,13 @@ pub struct Planted {
     pub line: (DVec3, DVec3),
 }
 
-/// The least way from one portal of a chain to the next: where portals that are hinged meet the line much nearer to each other, rounding
-/// decides which comes first.
+/// The least way from one portal of a chain to the next: where portals that are hinged meet the line much
+/// nearer to each other, rounding decides which comes first.
 const LEAST_GAP: f64 = 1e-9;
 
-/// A chain of `count` portals around a random line, each with some edges at exactly the clearance from the line, the others farther, some
-/// hinged to the one before. In no known place, turned any way, also against the normals.
+/// A chain of `count` portals around a random line, each with some edges at exactly the clearance from the
+/// line, the others farther, some hinged to the one before. In no known place, turned any way, also against
+/// the normals.
 pub fn planted(count: usize, clearance: f64, random: &mut Random) -> Planted {
     let direction = random.direction();
     let place = DVec3::new(random.between(-3e3, 3e3), random.between(-3e3, 3e3), random.between(-3e3, 3e3));
@@ -170,7 +173,8 @@ fn on_edge_of(normal: DVec3, through: DVec3, wall: DVec3, distance: f64) -> Opti
     Some(through + toward * (distance / toward.dot(wall)))
 }
 
-/// Where a plane cuts the prism between walls along a line: a polygon counter-clockwise around the plane's normal.
+/// Where a plane cuts the prism between walls along a line: a polygon counter-clockwise around the plane's
+/// normal.
 fn prism_cut(plane: &Plane, middle: DVec3, walls: &[(DVec3, f64)]) -> Option<ConvexPolygon> {
     let u = plane.normal.any_orthonormal_vector();
     let v = plane.normal.cross(u);

@@ -1,4 +1,5 @@
-//! What the program `pvs` does: reads a map of cells and portals, bakes which cells see which, and says what came of it.
+//! What the program `pvs` does: reads a map of cells and portals, bakes which cells see which, and says what
+//! came of it.
 
 pub mod built;
 pub mod maps;

@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 /// Triangles of a box.
 const FACES: usize = 12;
 
-/// The boxes among a scene's opaque triangles, as their least and greatest corners. Only runs of twelve triangles that follow one another
-/// and make up the surface of one box count.
+/// The boxes among a scene's opaque triangles, as their least and greatest corners. Only runs of twelve
+/// triangles that follow one another and make up the surface of one box count.
 pub fn boxes(source: &SceneSource) -> Vec<[DVec3; 2]> {
     let mut found = Vec::new();
     for object in source.objects.iter().filter(|object| object.opaque && !object.door) {
@@ -49,7 +49,8 @@ fn as_box(triangles: &[[glam::Vec3; 3]]) -> Option<[DVec3; 2]> {
         let missing = a ^ b ^ c;
         halves.insert((face, shared & 1 << face, missing));
     }
-    // In order, the halves of a face follow one another: each lacks the corner across from that which the other lacks.
+    // In order, the halves of a face follow one another: each lacks the corner across from that which the
+    // other lacks.
     let halves: Vec<(usize, u8, u8)> = halves.into_iter().collect();
     let whole = |pair: &[(usize, u8, u8)]| {
         let [(face, side, a), (other, across, b)] = [pair[0], pair[1]];

@@ -1,14 +1,16 @@
-//! Judges a cell-to-cell visibility by lines: whoever calls two cells hidden from each other, between which a line passes clear of all
-//! portal edges, has lost something that can be seen.
+//! Judges a cell-to-cell visibility by lines: whoever calls two cells hidden from each other, between which a
+//! line passes clear of all portal edges, has lost something that can be seen.
 //!
-//! Shares nothing with what it judges but the portals: a line is on the inner side of a polygon's edges or it is not, which one
-//! triple product for each edge says (the side operator of Pluecker coordinates; Durand's survey, chapter 8, section 3).
+//! Shares nothing with what it judges but the portals: a line is on the inner side of a polygon's edges or it
+//! is not, which one triple product for each edge says (the side operator of Pluecker coordinates; Durand's
+//! survey, chapter 8, section 3).
 
 use visibility_core::glam::DVec3;
 use visibility_core::{CellGraph, CellId, PortalId};
 use visibility_portals::CellMatrix;
 
-/// Random numbers: splitmix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
+/// Random numbers: splitmix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators",
+/// 2014).
 pub struct Random(pub u64);
 
 impl Random {
@@ -57,8 +59,8 @@ pub struct Verdict {
     pub false_hidden: u64,
 }
 
-/// Whether a line, by a point and a unit direction, goes through a portal in the direction of its normal (`forward`) or against it, and
-/// stays clear of the edges by `clearance` and by what rounding can be wrong.
+/// Whether a line, by a point and a unit direction, goes through a portal in the direction of its normal
+/// (`forward`) or against it, and stays clear of the edges by `clearance` and by what rounding can be wrong.
 pub fn goes_through(
     graph: &CellGraph,
     portal: PortalId,
@@ -88,7 +90,8 @@ pub fn goes_through(
     })
 }
 
-/// The cells that a line goes through from `cell` on, having come in through `entry`; stops where no portal is passed with clearance.
+/// The cells that a line goes through from `cell` on, having come in through `entry`; stops where no portal
+/// is passed with clearance.
 pub fn walk(
     graph: &CellGraph,
     mut cell: CellId,
@@ -167,7 +170,8 @@ pub fn random_lines(
     verdict
 }
 
-/// For each pair that `matrix` hides and `theirs` shows, lines from portals of the one to portals of the other.
+/// For each pair that `matrix` hides and `theirs` shows, lines from portals of the one to portals of the
+/// other.
 pub fn directed_lines(
     graph: &CellGraph,
     matrix: &CellMatrix,

@@ -1,7 +1,7 @@
 //! A forest on hills: a few kinds of trees of exactly 1,000 triangles each, set out evenly but without order.
 //!
-//! It stands in for the forests of the papers on extended projections, exact from-region visibility and the visible
-//! zone. No tree hides much by itself: only many together do, which is what occluder fusion is about.
+//! It stands in for the forests of the papers on extended projections, exact from-region visibility and the
+//! visible zone. No tree hides much by itself: only many together do, which is what occluder fusion is about.
 
 use super::mesh::{Mesh, Parts, Pose, around, circle};
 use super::random::Random;

@@ -135,7 +135,8 @@ pub(crate) fn desk() -> Mesh {
     mesh
 }
 
-/// Screen, its post and foot, keyboard, and the case on the floor: 60 triangles. Stands on a desk at the same origin.
+/// Screen, its post and foot, keyboard, and the case on the floor: 60 triangles. Stands on a desk at the same
+/// origin.
 pub(crate) fn computer() -> Mesh {
     const DESK: f64 = 0.74;
     let mut mesh = Mesh::from_cuboid([-0.27, -0.03, 0.86], [0.27, 0.02, 1.22]);

@@ -1,7 +1,8 @@
-//! A 2.5-D London: terraces of prisms round the edges of blocks on warped streets, and a few towers in the centre.
+//! A 2.5-D London: terraces of prisms round the edges of blocks on warped streets, and a few towers in the
+//! centre.
 //!
-//! It stands in for the city model of the paper on virtual occluders: many simple buildings of a few storeys, of which
-//! a person in the street sees the nearest rows and the towers above them.
+//! It stands in for the city model of the paper on virtual occluders: many simple buildings of a few storeys,
+//! of which a person in the street sees the nearest rows and the towers above them.
 
 use super::mesh::{Mesh, Parts};
 use super::random::Random;
@@ -28,7 +29,8 @@ const TRIANGLES_PER_BLOCK: u64 = 250;
 
 /// The city of `blocks_x` by `blocks_y` blocks, each with about 25 buildings.
 ///
-/// 12 by 12 blocks are 3,674 objects with 35,588 triangles; 101 by 101 make the full city of 249,851 buildings.
+/// 12 by 12 blocks are 3,674 objects with 35,588 triangles; 101 by 101 make the full city of 249,851
+/// buildings.
 pub fn london(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError> {
     let limits = Limits::new(format!("london:{blocks_x},{blocks_y}"));
     limits.at_least_one("blocks along x", blocks_x)?;

@@ -1,7 +1,8 @@
-//! The solids that the recipes are put together from, in f64: cuboids, cylinders, prisms, and moving them about.
+//! The solids that the recipes are put together from, in f64: cuboids, cylinders, prisms, and moving them
+//! about.
 //!
-//! Recipes compute in f64 and round to f32 once, at the end, so that a chair on the far side of a large city is still
-//! the same chair to within half a unit in the last place.
+//! Recipes compute in f64 and round to f32 once, at the end, so that a chair on the far side of a large city
+//! is still the same chair to within half a unit in the last place.
 
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -12,8 +13,8 @@ pub(crate) struct Mesh {
     pub(crate) triangles: Vec<[DVec3; 3]>,
 }
 
-/// The six faces of a cuboid as two triangles each, seen from outside counter-clockwise; corners are numbered around
-/// the bottom, then around the top.
+/// The six faces of a cuboid as two triangles each, seen from outside counter-clockwise; corners are numbered
+/// around the bottom, then around the top.
 const CUBOID_FACES: [[usize; 3]; 12] = [
     [0, 2, 1],
     [0, 3, 2],

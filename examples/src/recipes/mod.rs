@@ -1,11 +1,12 @@
 //! Procedural scenes: each recipe makes the same scene everywhere, and brings camera walks through it.
 //!
-//! They stand in for the models of the papers that cannot be had: a city of furnished houses, a 2.5-D London, a
-//! walled town, forests, and office floors with exact cells and portals. All have z up and metres as the unit, and
-//! sizes to choose. Sizes are bounded so that a typing error cannot ask for more memory than a machine has.
+//! They stand in for the models of the papers that cannot be had: a city of furnished houses, a 2.5-D London,
+//! a walled town, forests, and office floors with exact cells and portals. All have z up and metres as the
+//! unit, and sizes to choose. Sizes are bounded so that a typing error cannot ask for more memory than a
+//! machine has.
 //!
-//! The walks are made for the sample sizes. Larger scenes keep them, since they grow outwards from the same corner or
-//! centre; in smaller ones they may leave the scene.
+//! The walks are made for the sample sizes. Larger scenes keep them, since they grow outwards from the same
+//! corner or centre; in smaller ones they may leave the scene.
 
 mod forest;
 mod furniture;

@@ -1,8 +1,9 @@
-//! Office floors with exact cells and portals: corridors with furnished rooms on both sides, joined by a stair.
+//! Office floors with exact cells and portals: corridors with furnished rooms on both sides, joined by a
+//! stair.
 //!
-//! It stands in for Soda Hall in the papers on architectural cells and portals. The cells are boxes and the portals
-//! rectangles that lie exactly in the openings, so that portal cullers can be tested without a cell finder. What cullers take has a cell
-//! for each doorway as well, since walls are not thin.
+//! It stands in for Soda Hall in the papers on architectural cells and portals. The cells are boxes and the
+//! portals rectangles that lie exactly in the openings, so that portal cullers can be tested without a cell
+//! finder. What cullers take has a cell for each doorway as well, since walls are not thin.
 
 use super::mesh::{Mesh, Parts};
 use super::random::Random;
@@ -36,7 +37,8 @@ const JOINED_EVERY: u32 = 4;
 
 const END_WALL: f64 = 0.2;
 const CORRIDOR_WALL: f64 = 0.12;
-/// Walls stand across the boundaries of cells, half on either side, and nothing else reaches less far into a cell.
+/// Walls stand across the boundaries of cells, half on either side, and nothing else reaches less far into a
+/// cell.
 const REACH: f64 = 0.01;
 const FACADE: f64 = 0.25;
 
@@ -109,12 +111,13 @@ pub fn office(floors: u32, rooms: u32) -> Result<Office, SourceError> {
     Ok(Office { scene, cells: building.cells, portals: building.portals })
 }
 
-/// The cells and portals as cullers take them: with the normal of each portal into the second of its cells, and, if asked for, a cell for each
-/// doorway.
+/// The cells and portals as cullers take them: with the normal of each portal into the second of its cells,
+/// and, if asked for, a cell for each doorway.
 ///
-/// A doorway in a wall is as deep as the wall, and what is seen aslant through one is much less than through a hole in a sheet: then each is a
-/// cell between two portals. The other cells go on to the middles of the walls, so that a near plane that pokes into a wall is still in a
-/// cell. What they have in common with doorways belongs to these, which come first.
+/// A doorway in a wall is as deep as the wall, and what is seen aslant through one is much less than through
+/// a hole in a sheet: then each is a cell between two portals. The other cells go on to the middles of the
+/// walls, so that a near plane that pokes into a wall is still in a cell. What they have in common with
+/// doorways belongs to these, which come first.
 fn source_cells(cells: &[Cell], portals: &[Portal], deep: bool) -> Result<SourceCells, SourceError> {
     let refused = |error: &dyn std::fmt::Display| SourceError::recipe("office", error.to_string());
     let doorways = portals.iter().filter(|portal| deep && portal.depth > 0.0).count();

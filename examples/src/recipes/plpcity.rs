@@ -1,8 +1,9 @@
-//! A city of furnished houses on streets, in place of the CITY model of the paper on prioritized-layered projection.
+//! A city of furnished houses on streets, in place of the CITY model of the paper on prioritized-layered
+//! projection.
 //!
-//! Blocks of 4 by 2 lots lie between streets. Each house has two storeys of four furnished rooms, windows, a front door
-//! and inner doors without leaves, a gabled roof and a chimney: from the street little of what is inside shows, and
-//! from inside little of the city does.
+//! Blocks of 4 by 2 lots lie between streets. Each house has two storeys of four furnished rooms, windows, a
+//! front door and inner doors without leaves, a gabled roof and a chimney: from the street little of what is
+//! inside shows, and from inside little of the city does.
 
 use super::mesh::{Mesh, Parts, Pose};
 use super::random::Random;

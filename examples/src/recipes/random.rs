@@ -1,7 +1,8 @@
-//! The random numbers of the recipes: one 64-bit linear congruential generator, so that a scene is the same everywhere.
+//! The random numbers of the recipes: one 64-bit linear congruential generator, so that a scene is the same
+//! everywhere.
 //!
-//! The upper 31 bits of the state make a number in [0, 1). The order of the draws is part of a recipe: whoever moves a
-//! call changes the scene.
+//! The upper 31 bits of the state make a number in [0, 1). The order of the draws is part of a recipe:
+//! whoever moves a call changes the scene.
 
 /// The generator; two with the same seed draw the same numbers.
 #[derive(Debug, Clone)]

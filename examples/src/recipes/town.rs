@@ -1,7 +1,7 @@
 //! A walled town of the 16th century: rings of gabled, jettied timber houses about a church on a square.
 //!
-//! It stands in for the town of the paper on exact from-region visibility: detailed houses shoulder to shoulder along
-//! curved streets, where only a few can be seen at once.
+//! It stands in for the town of the paper on exact from-region visibility: detailed houses shoulder to
+//! shoulder along curved streets, where only a few can be seen at once.
 
 use super::mesh::{Cylinder, Mesh, Parts, Pose};
 use super::random::Random;

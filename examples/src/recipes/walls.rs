@@ -1,7 +1,7 @@
 //! Walls along an axis with doors and windows cut out, as cuboids.
 //!
-//! The wall is cut into upright strips at the edges of its openings; a strip that an opening covers keeps what is
-//! below and above it.
+//! The wall is cut into upright strips at the edges of its openings; a strip that an opening covers keeps
+//! what is below and above it.
 
 use super::mesh::Mesh;
 

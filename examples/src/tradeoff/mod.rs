@@ -1,7 +1,8 @@
-//! The trade of speed for accuracy: every culler with every setting of its dial over a scene, each a [`Point`]: what it costs, what it
-//! leaves to be drawn, and what it gets wrong.
+//! The trade of speed for accuracy: every culler with every setting of its dial over a scene, each a
+//! [`Point`]: what it costs, what it leaves to be drawn, and what it gets wrong.
 //!
-//! [`sweep`](mod@sweep) measures the points, [`pareto`] finds those that no other beats, [`output`] prints them, and [`plot`] draws them.
+//! [`sweep`](mod@sweep) measures the points, [`pareto`] finds those that no other beats, [`output`] prints
+//! them, and [`plot`] draws them.
 
 pub mod output;
 pub mod pareto;

@@ -13,7 +13,8 @@ pub fn csv(out: impl Write, points: &[Point]) -> csv::Result<()> {
     Ok(())
 }
 
-/// The point with the least time to cull and draw of those that hid nothing visible, and promise so if a promise is `needed`.
+/// The point with the least time to cull and draw of those that hid nothing visible, and promise so if a
+/// promise is `needed`.
 pub fn best_sound(points: &[Point], needed: bool) -> Option<&Point> {
     let safe = [Accuracy::Exact, Accuracy::Conservative].map(Accuracy::name);
     let promises = |point: &&Point| !needed || safe.contains(&point.accuracy);

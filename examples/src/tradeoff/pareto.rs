@@ -7,7 +7,8 @@ fn costs(point: &Point) -> [f64; 3] {
     [point.frame_us, point.triangles, point.wrong_pixels_percent]
 }
 
-/// Indices of the points of one scene that no other is better than in time, triangles drawn and wrong pixels at once, by ascending time.
+/// Indices of the points of one scene that no other is better than in time, triangles drawn and wrong pixels
+/// at once, by ascending time.
 pub fn best(points: &[Point]) -> Vec<usize> {
     let beaten = |point: &Point| {
         let mine = costs(point);

@@ -56,7 +56,8 @@ fn plot(path: &Path, scene: &str, points: &[Point], quantity: &Quantity) -> Resu
         let style = if on_front { color.filled() } else { color.stroke_width(1) };
         chart.draw_series([Circle::new(at, if on_front { 5 } else { 3 }, style)])?;
         if on_front {
-            // Labels on the right half are written to the left of their point, so that they stay within the picture.
+            // Labels on the right half are written to the left of their point, so that they stay within the
+            // picture.
             let right = (at.0 / times.0).ln() > 0.5 * (times.1 / times.0).ln();
             let (anchor, gap) = if right { (HPos::Right, -8) } else { (HPos::Left, 8) };
             let style = FONT.into_font().color(&color).pos(Pos::new(anchor, VPos::Center));

@@ -37,8 +37,8 @@ pub struct Sweep {
     pub too_slow: Vec<String>,
 }
 
-/// Measures the entries on a world. `progress` is told what comes next. What cullers share of the world's [preparations](World::prepared)
-/// counts for each in full.
+/// Measures the entries on a world. `progress` is told what comes next. What cullers share of the world's
+/// [preparations](World::prepared) counts for each in full.
 pub fn sweep(
     world: &World,
     entries: &[String],
@@ -52,7 +52,8 @@ pub fn sweep(
         let (parsed, cost) = world.prepared.cost_of(|| parse(entry, world));
         let pipeline = match parsed {
             Ok(mut made) => made.remove(0).1,
-            // A stage of a pipeline that this build does not know is as absent as one that does not suit the scene.
+            // A stage of a pipeline that this build does not know is as absent as one that does not suit the
+            // scene.
             Err(error @ (CullerError::Unsuited { .. } | CullerError::Unknown { .. })) => {
                 done.left_out
                     .push((entry.clone(), error.to_string().lines().next().unwrap_or_default().to_owned()));

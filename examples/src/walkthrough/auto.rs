@@ -1,4 +1,5 @@
-//! The choice made easy: tries every culler that goes with a world on a few of its views, and says which to take and why.
+//! The choice made easy: tries every culler that goes with a world on a few of its views, and says which to
+//! take and why.
 
 use super::{World, cullers};
 use std::fmt;

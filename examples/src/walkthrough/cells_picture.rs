@@ -1,5 +1,6 @@
-//! What is seen through portals, as a plan of the storey that the eye is on: the cells seen, the windows that portals leave, and through them
-//! lines of sight from the eye, one that stabs all portals on the way for each cell seen.
+//! What is seen through portals, as a plan of the storey that the eye is on: the cells seen, the windows that
+//! portals leave, and through them lines of sight from the eye, one that stabs all portals on the way for
+//! each cell seen.
 
 use super::canvas::{Canvas, Color, LETTER};
 use super::map_picture::Map;
@@ -25,7 +26,8 @@ const LEGEND: u32 = 84;
 /// An object that covers more than this share of the plan is floor or ceiling.
 const GROUND: f64 = 0.02;
 
-/// Draws a frame, or says why there is nothing to draw: the scene has no cells, or the frame was not culled by portals.
+/// Draws a frame, or says why there is nothing to draw: the scene has no cells, or the frame was not culled
+/// by portals.
 pub fn draw(
     world: &World,
     trial: &Trial,

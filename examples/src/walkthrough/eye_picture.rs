@@ -18,7 +18,8 @@ pub struct Shown<'a> {
     pub marked: Option<u32>,
 }
 
-/// Draws what a view sees: each object in a color of its own, faces shaded by their direction so that shapes can be made out.
+/// Draws what a view sees: each object in a color of its own, faces shaded by their direction so that shapes
+/// can be made out.
 pub fn draw(world: &World, view: &View, shown: Shown<'_>) -> Result<Canvas, MeasureError> {
     let (width, height) = world.size;
     let mut buffer = ItemBuffer::new(width, height)?;
@@ -41,7 +42,8 @@ pub fn draw(world: &World, view: &View, shown: Shown<'_>) -> Result<Canvas, Meas
     Ok(canvas)
 }
 
-/// A color that tells an object from its neighbours: hues a golden section of the circle apart, two brightnesses.
+/// A color that tells an object from its neighbours: hues a golden section of the circle apart, two
+/// brightnesses.
 fn own_color(object: usize) -> [f32; 3] {
     let hue = (object as f64 * 0.618_033_988_75).fract() as f32 * 6.0;
     let strength = if object.is_multiple_of(2) { 0.55 } else { 0.35 };

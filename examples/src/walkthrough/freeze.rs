@@ -6,8 +6,8 @@ use super::eye_picture::{self, Shown};
 use visibility_core::{Pipeline, Pose, View, VisibleSet};
 use visibility_measure::MeasureError;
 
-/// Pictures of what is left of a frame after culling: from a bird's place behind and above its camera, and from the next few
-/// cameras of the walk. Each with the words for its file name.
+/// Pictures of what is left of a frame after culling: from a bird's place behind and above its camera, and
+/// from the next few cameras of the walk. Each with the words for its file name.
 pub fn draw(
     world: &World,
     pipeline: &mut Pipeline,
@@ -18,7 +18,8 @@ pub fn draw(
     pipeline.freeze();
     let mut pictures = Vec::new();
     let mut draw = |what: String, view: &View| -> Result<(), MeasureError> {
-        // The engine's own loop: cull for the camera at hand, draw what is in the set. The pipeline keeps to the frozen view.
+        // The engine's own loop: cull for the camera at hand, draw what is in the set. The pipeline keeps to
+        // the frozen view.
         pipeline.cull(&world.scene, view, &mut visible);
         let mut drawn: Vec<u32> = visible.iter(&world.scene).map(|id| id.index() as u32).collect();
         drawn.sort_unstable();

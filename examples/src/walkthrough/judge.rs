@@ -50,7 +50,8 @@ struct Judged {
     comparisons: Vec<Comparison>,
 }
 
-/// Draws every frame into an item buffer, on all processors, and compares. `progress` is called after each frame.
+/// Draws every frame into an item buffer, on all processors, and compares. `progress` is called after each
+/// frame.
 pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Result<Judgement, MeasureError> {
     let next = AtomicUsize::new(0);
     let worker = || -> Result<Vec<Judged>, MeasureError> {

@@ -172,7 +172,8 @@ impl Map {
         ]
     }
 
-    /// Paints the footprints of objects, those for which `shown` is true of the object and its share of the map, small ones over large ones: a chair shows on its floor, and under its roof.
+    /// Paints the footprints of objects, those for which `shown` is true of the object and its share of the
+    /// map, small ones over large ones: a chair shows on its floor, and under its roof.
     ///
     /// Done with the item buffer, seen from above, in which the height of each object is its rank by size.
     pub(super) fn paint(

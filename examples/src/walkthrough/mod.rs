@@ -1,7 +1,8 @@
-//! The main job: walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
+//! The main job: walk a camera through a scene, cull every frame, and say how fast and how right the answers
+//! were.
 //!
-//! [`trial`] runs the cullers and keeps what they report, [`judge`](mod@judge) holds that against the exact answer, [`output`] prints it, and
-//! [`eye_picture`], [`map_picture`] and [`cells_picture`] draw it.
+//! [`trial`] runs the cullers and keeps what they report, [`judge`](mod@judge) holds that against the exact
+//! answer, [`output`] prints it, and [`eye_picture`], [`map_picture`] and [`cells_picture`] draw it.
 
 pub mod auto;
 pub mod canvas;

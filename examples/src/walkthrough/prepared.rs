@@ -1,4 +1,5 @@
-//! What cullers need made of a world before they can be: trees, tessellations, baked sets. Made once, however many cullers ask.
+//! What cullers need made of a world before they can be: trees, tessellations, baked sets. Made once, however
+//! many cullers ask.
 
 use std::any::Any;
 use std::mem;
@@ -64,7 +65,8 @@ impl Prepared {
         Ok(value.downcast().expect("a name stands for one type"))
     }
 
-    /// Runs what may ask for preparations, and tells what that cost: what was there already counts as if it had been made for it.
+    /// Runs what may ask for preparations, and tells what that cost: what was there already counts as if it
+    /// had been made for it.
     pub fn cost_of<R>(&self, ask: impl FnOnce() -> R) -> (R, Cost) {
         self.take_reused();
         let (answer, mut cost) = self.measure(ask);

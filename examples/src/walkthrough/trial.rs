@@ -30,13 +30,14 @@ impl Trial {
     }
 }
 
-/// The walk is repeated until this much time has been measured, so that the p99 of a fast culler is not that of a few interrupts.
+/// The walk is repeated until this much time has been measured, so that the p99 of a fast culler is not that
+/// of a few interrupts.
 const MEASURE: Duration = Duration::from_millis(300);
 /// But no more often than this.
 const PASSES: usize = 200;
 
-/// Walks once to see what is reported and to warm up, then several times against the clock. Each pass begins anew, as after a
-/// camera cut, so all of them do the same work.
+/// Walks once to see what is reported and to warm up, then several times against the clock. Each pass begins
+/// anew, as after a camera cut, so all of them do the same work.
 pub fn run(name: String, pipeline: Pipeline, world: &World) -> Trial {
     run_for(MEASURE, Duration::MAX, name, pipeline, world).expect("there is no end to the patience")
 }

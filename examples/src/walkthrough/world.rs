@@ -23,7 +23,8 @@ pub struct World {
 }
 
 impl World {
-    /// Fills a scene and makes a view of every key of the walks, or of `count` frames spread evenly over them.
+    /// Fills a scene and makes a view of every key of the walks, or of `count` frames spread evenly over
+    /// them.
     pub fn new(source: SceneSource, size: (u32, u32), count: Option<usize>) -> Result<Self, WorldError> {
         let keys = source.walks.iter().map(|walk| walk.keys.len()).sum();
         let frames = frames(&source.walks, count.unwrap_or(keys));
@@ -46,7 +47,8 @@ impl World {
         Ok(Self::with_views(source, DVec3::ZERO, views, poses, size))
     }
 
-    /// The same with views made elsewhere, and an origin that the objects are relative to; `poses` may be empty where nothing is drawn.
+    /// The same with views made elsewhere, and an origin that the objects are relative to; `poses` may be
+    /// empty where nothing is drawn.
     ///
     /// # Panics
     /// If the origin is not finite, or the cells are not those of their graph.
@@ -126,8 +128,8 @@ pub fn objects_in_cells(scene: &Scene, ids: &[ObjectId], viewcells: &Viewcells) 
     pairs
 }
 
-/// Of objects in cells, grouped by object, those pairs in which the object reaches as far into the cell as the source says; all pairs of an
-/// object that reaches so far into none.
+/// Of objects in cells, grouped by object, those pairs in which the object reaches as far into the cell as
+/// the source says; all pairs of an object that reaches so far into none.
 fn deep_enough(
     scene: &Scene,
     cells: &SourceCells,

@@ -6,8 +6,8 @@ use visibility_core::View;
 use visibility_core::glam::{DMat4, DVec2, DVec3};
 use visibility_examples::walkthrough::World;
 
-/// Whether an object is hidden beyond any doubt, with none of what leaves an exact culler free to show it: each of its triangles is behind one
-/// of another object, by more than such a culler may miss.
+/// Whether an object is hidden beyond any doubt, with none of what leaves an exact culler free to show it:
+/// each of its triangles is behind one of another object, by more than such a culler may miss.
 pub(crate) fn surely_hidden(world: &World, view: &View, object: usize) -> bool {
     let (objects, origin) = (&world.source.objects, world.origin());
     let (clip, near) = (view.clip_from(origin), view.planes(origin).as_slice()[4].plane);
@@ -28,7 +28,8 @@ pub(crate) fn surely_hidden(world: &World, view: &View, object: usize) -> bool {
         && width(&clip, corners(object).flatten()) > 10.0 * NARROWEST
 }
 
-/// The width of points in the picture, across the longest line through two of them, in halves of it; `NAN` unless all are before the eye.
+/// The width of points in the picture, across the longest line through two of them, in halves of it; `NAN`
+/// unless all are before the eye.
 fn width(clip: &DMat4, points: impl Iterator<Item = DVec3> + Clone) -> f64 {
     let places = points.map(|p| in_picture(clip, p));
     let farthest = |from: DVec2| {
@@ -53,7 +54,8 @@ fn in_picture(clip: &DMat4, p: DVec3) -> DVec2 {
     if at.w > 0.0 { at.truncate().truncate() / at.w } else { DVec2::NAN }
 }
 
-/// How far a point is inside of a triangle in the picture, in halves of it; not a positive number unless all of them are before the eye.
+/// How far a point is inside of a triangle in the picture, in halves of it; not a positive number unless all
+/// of them are before the eye.
 fn inside_by(clip: &DMat4, point: DVec3, corners: [DVec3; 3]) -> f64 {
     let (at, [a, b, c]) = (in_picture(clip, point), corners.map(|p| in_picture(clip, p)));
     let turn = (b - a).perp_dot(c - a).signum();

@@ -1,10 +1,10 @@
-//! Every culler at the extremes of its input: coordinates from 1e-30 to 1e30, eyes in the worst places, polygons that are none, cameras
-//! that see almost nothing or almost everything. No panic, no hang, and what promises to be conservative hides nothing that an
-//! exact ray sees.
+//! Every culler at the extremes of its input: coordinates from 1e-30 to 1e30, eyes in the worst places,
+//! polygons that are none, cameras that see almost nothing or almost everything. No panic, no hang, and what
+//! promises to be conservative hides nothing that an exact ray sees.
 //!
-//! Cullers are taken from the table that `walkthrough` takes them from, so a new one is tested as soon as it can be asked for.
-//! `EXTREMES_CASES` sets how many random worlds are tried, 60 by default; `EXTREMES_CULLERS=naylor,bsp` tries only cullers whose names
-//! begin so.
+//! Cullers are taken from the table that `walkthrough` takes them from, so a new one is tested as soon as it
+//! can be asked for. `EXTREMES_CASES` sets how many random worlds are tried, 60 by default;
+//! `EXTREMES_CULLERS=naylor,bsp` tries only cullers whose names begin so.
 
 mod exact;
 mod maze;

@@ -1,4 +1,5 @@
-//! Rooms in a row, a storey or a block, joined by holes in walls without thickness: worlds for what looks through portals.
+//! Rooms in a row, a storey or a block, joined by holes in walls without thickness: worlds for what looks
+//! through portals.
 
 use super::strategies::{cuboid, soup};
 use glam::{DVec3, Vec3};
@@ -12,8 +13,8 @@ pub(crate) struct Maze {
     /// The walls come first: a wall that is spoiled would be a hole that is no portal.
     pub(crate) objects: Vec<SourceObject>,
     pub(crate) walls: usize,
-    /// The smallest and largest corner of each room, and the corners of each hole, counter-clockwise as seen from the second of the rooms
-    /// that it joins; stretched as objects are.
+    /// The smallest and largest corner of each room, and the corners of each hole, counter-clockwise as seen
+    /// from the second of the rooms that it joins; stretched as objects are.
     pub(crate) rooms: Vec<[Vec3; 2]>,
     pub(crate) holes: Vec<([Vec3; 4], [usize; 2])>,
 }
@@ -126,7 +127,8 @@ impl Maze {
         }
     }
 
-    /// The rooms and holes as cells and portals of a world with an origin; `None` where they are too small for coordinates there.
+    /// The rooms and holes as cells and portals of a world with an origin; `None` where they are too small
+    /// for coordinates there.
     pub(crate) fn cells(&self, origin: DVec3) -> Option<SourceCells> {
         let place = |p: Vec3| p.as_dvec3() + origin;
         let holes = self

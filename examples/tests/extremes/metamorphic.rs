@@ -1,6 +1,7 @@
-//! What is the same world to the eye must be the same to a culler: scaled by a power of two, turned by a right angle, mirrored, or with its
-//! objects in another order. The picture does not change by a bit, since each new coordinate and each new element of the matrix is exact;
-//! so answers may differ only where sums are rounded in another order, or where a culler's own choices hang on the order of objects.
+//! What is the same world to the eye must be the same to a culler: scaled by a power of two, turned by a
+//! right angle, mirrored, or with its objects in another order. The picture does not change by a bit, since
+//! each new coordinate and each new element of the matrix is exact; so answers may differ only where sums are
+//! rounded in another order, or where a culler's own choices hang on the order of objects.
 
 use crate::strategies::{Case, World, random, world};
 use crate::{cases, entries, parse, shown};

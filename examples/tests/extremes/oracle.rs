@@ -9,9 +9,10 @@ use visibility_testing::Random;
 /// Points tried on each object.
 const POINTS: usize = 6;
 
-/// A random point of an object to which an unobstructed segment runs from the eye, inside the view, beyond any doubt of rounding.
-/// For exact cullers, which may miss what is narrower than they say (of the one that there is, a ten-millionth of half the picture), the
-/// same must be true of a disc about the point. The segment is one that the rooms let pass. `rays` counts the segments that were in view.
+/// A random point of an object to which an unobstructed segment runs from the eye, inside the view, beyond
+/// any doubt of rounding. For exact cullers, which may miss what is narrower than they say (of the one that
+/// there is, a ten-millionth of half the picture), the same must be true of a disc about the point. The
+/// segment is one that the rooms let pass. `rays` counts the segments that were in view.
 pub(crate) fn seen_point(
     world: &World,
     view: &View,
@@ -70,8 +71,8 @@ pub(crate) const NARROWEST: f64 = 2e-7;
 /// Relative error of a sum of a few products, with much to spare.
 const ROUNDING: f64 = 1e-11;
 
-/// Points of a triangle around one of it, given by two of its weights, at a distance from it in the picture; `None` unless all of them are on
-/// the triangle.
+/// Points of a triangle around one of it, given by two of its weights, at a distance from it in the picture;
+/// `None` unless all of them are on the triangle.
 fn disc(
     view: &View,
     origin: DVec3,
@@ -109,8 +110,8 @@ fn surely_in_view(view: &View, origin: DVec3, point: DVec3) -> bool {
     })
 }
 
-/// From the point towards the eye, or against parallel lines of sight, until it has surely left the view: what lies before the near plane
-/// hides nothing.
+/// From the point towards the eye, or against parallel lines of sight, until it has surely left the view:
+/// what lies before the near plane hides nothing.
 pub(crate) fn sight_line(view: &View, origin: DVec3, point: DVec3) -> Option<Segment> {
     let (to_eye, size, most) = match view.eye(origin) {
         Eye::Point(eye) => (eye - point, eye.abs() + point.abs(), 1.0),
@@ -126,8 +127,8 @@ pub(crate) fn sight_line(view: &View, origin: DVec3, point: DVec3) -> Option<Seg
     from.is_finite().then_some(Segment { from, to: point })
 }
 
-/// What cullers that look through portals are allowed: not to know a room's outside from its inside within a tolerance; and, where sets are
-/// baked, not to count lines that pass an edge of a portal too closely.
+/// What cullers that look through portals are allowed: not to know a room's outside from its inside within a
+/// tolerance; and, where sets are baked, not to count lines that pass an edge of a portal too closely.
 #[derive(Default)]
 pub(crate) struct Rooms {
     rooms: Vec<Viewcell>,
@@ -149,7 +150,8 @@ impl Rooms {
         }
     }
 
-    /// Whether a culler may not know of the segment, which is relative to the origin; false only if that is certain.
+    /// Whether a culler may not know of the segment, which is relative to the origin; false only if that is
+    /// certain.
     fn may_hide(&self, segment: &Segment, origin: DVec3) -> bool {
         let segment = Segment { from: segment.from + origin, to: segment.to + origin };
         let size = segment.from.abs().max(segment.to.abs()).max_element();
@@ -185,7 +187,8 @@ impl Segment {
     fn distance(&self, other: &Self) -> f64 {
         let (u, v, w) = (self.to - self.from, other.to - other.from, self.from - other.from);
         let [uu, uv, vv, uw, vw] = [u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w)];
-        // The nearest point on this one to the other's line, then on the other, then back again, each kept between the ends.
+        // The nearest point on this one to the other's line, then on the other, then back again, each kept
+        // between the ends.
         let within = |x: f64| if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) };
         let on_this = within((uv * vw - vv * uw) / (uu * vv - uv * uv));
         let on_other = within((vw + uv * on_this) / vv);

@@ -1,4 +1,5 @@
-//! Wide and narrow instructions give the same answers at the extremes too. Only bounds tests and the two maps have more than one form.
+//! Wide and narrow instructions give the same answers at the extremes too. Only bounds tests and the two maps
+//! have more than one form.
 
 use crate::shown;
 use crate::strategies::{World, random};

@@ -1,4 +1,5 @@
-//! The hierarchical z-buffer: dials for its resolution, for the coverage of pixels, and for the triangles that it draws a frame.
+//! The hierarchical z-buffer: dials for its resolution, for the coverage of pixels, and for the triangles
+//! that it draws a frame.
 
 use super::{Known, Made};
 use crate::picture_size::parse_size;

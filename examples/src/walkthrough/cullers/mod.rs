@@ -1,5 +1,6 @@
-//! Cullers by the names that programs take on the command line. Each family of cullers has a file of its own here, with a table of its
-//! names; a culler that needs something made from the scene first makes it when it is asked for.
+//! Cullers by the names that programs take on the command line. Each family of cullers has a file of its own
+//! here, with a table of its names; a culler that needs something made from the scene first makes it when it
+//! is asked for.
 
 mod bsp;
 mod hom;
@@ -17,7 +18,8 @@ pub struct Known {
     pub name: &'static str,
     /// What it is, and what its dial means if it has one.
     pub what: &'static str,
-    /// Settings of the dial that are worth comparing, from the most accurate to the fastest; empty if there is no dial.
+    /// Settings of the dial that are worth comparing, from the most accurate to the fastest; empty if there
+    /// is no dial.
     pub dials: &'static [&'static str],
     /// Makes one for a world, with the dial's setting: what stands after the colon in `name:dial`.
     make: fn(dial: Option<&str>, world: &World) -> Made,
@@ -31,7 +33,8 @@ pub fn known() -> impl Iterator<Item = &'static Known> {
     [hom::KNOWN, hzb::KNOWN, bsp::KNOWN, portals::KNOWN, pvs::KNOWN, plp::KNOWN].into_iter().flatten()
 }
 
-/// Pipelines of two and three stages that are worth comparing; those whose stages do not go with a scene are left out there.
+/// Pipelines of two and three stages that are worth comparing; those whose stages do not go with a scene are
+/// left out there.
 const PIPELINES: &[&str] = &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb"];
 
 /// What is worth comparing: each culler at each setting of its dial, then the pipelines.
@@ -47,8 +50,9 @@ pub fn entries() -> Vec<String> {
     entries
 }
 
-/// Pipelines from a list such as `frustum,a,a+b:10%`: separated by commas; `a+b` runs `b` after `a`, and `b:10%` sets the dial of `b`.
-/// Every one but `frustum` itself runs after the frustum. Yields each entry with its pipeline.
+/// Pipelines from a list such as `frustum,a,a+b:10%`: separated by commas; `a+b` runs `b` after `a`, and
+/// `b:10%` sets the dial of `b`. Every one but `frustum` itself runs after the frustum. Yields each entry
+/// with its pipeline.
 pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Pipeline)>, CullerError> {
     list.split(',')
         .map(|entry| {

@@ -1,4 +1,5 @@
-//! Prioritized-layered projection, its conservative form, and the order by distance that they are measured against.
+//! Prioritized-layered projection, its conservative form, and the order by distance that they are measured
+//! against.
 
 use super::{Known, World};
 use crate::plp::conservative::FINE;
@@ -49,7 +50,8 @@ pub(super) const KNOWN: &[Known] = &[
         what: "a share of all triangles as plp (cplp:1%), then all that a z-buffer of 512x288 of them does not hide",
         dials: SHARES,
         make: |dial, world| {
-            // A tenth of the tests of front to back, for hardly more triangles: `plp --conservative` shows both.
+            // A tenth of the tests of front to back, for hardly more triangles: `plp --conservative` shows
+            // both.
             let budget = budget(dial.or(Some("1%")), world)?;
             let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
             let fine = || Ok(OctreeTessellation::with_fineness(&world.scene, FINE));
