@@ -7,7 +7,7 @@
 //! | 0 to 8 | magic: eight letters that name the format |
 //! | 8 to 12 | version of the format |
 //! | 12 to 16 | kind: which one of the structures of that format |
-//! | 16 to 24 | fingerprint: a hash of what the structure was made from, or another number of the format's choice |
+//! | 16 to 24 | fingerprint: a hash of what the structure was made from, or what the format puts here |
 //! | 24 to 32 | length of header and content, in bytes |
 //! | 32 to 40 | checksum: FNV-1a, in 64 bits, of all other bytes |
 //! | 40 on | content |

@@ -9,7 +9,8 @@ use crate::{Accuracy, CullStats, Scene, Viewcell, VisibleSet};
 /// value owns the scratch memory of one thread; several work over one `&Scene`.
 ///
 /// ```
-/// use visibility_core::{Aabb, Accuracy, CullStats, Pose, RegionCuller, Scene, View, Viewcell, VisibleSet, glam::DVec3};
+/// use visibility_core::glam::DVec3;
+/// use visibility_core::{Aabb, Accuracy, CullStats, Pose, RegionCuller, Scene, View, Viewcell, VisibleSet};
 /// /// Hides objects that are farther away than anything is ever drawn.
 /// struct Within(f64);
 /// impl RegionCuller for Within {

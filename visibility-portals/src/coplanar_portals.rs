@@ -10,11 +10,12 @@
 //! `d < c` of some plane. At an angle `w` to the plane, take the section across the plane along the line, and
 //! in it the strip of the line and all that is nearer than `c`. A polygon that the line passes crosses the
 //! strip from border to border. On the upper border, at `x` along the plane from where the line meets it, the
-//! height is `x tan w + c / cos w`, and the polygon is no higher than `d`: so there `x <= -(c - d cos w) /
-//! sin w <= -(c - d)`. On the lower border likewise `x >= c - d`. In sections at `s` beside the line the
-//! strip is narrower, `sqrt(c^2 - s^2)`, which for `s` up to `sqrt(c^2 - d^2) >= c - d` leaves at least `x =
-//! 0`. Seen along the plane's normal, both polygons hence contain the same points, at least `2 (c - d)` wide
-//! whichever way. Polygons that overlap less than that in some direction are passed by no such line.
+//! height is `x tan w + c / cos w`, and the polygon is no higher than `d`: so there
+//! `x <= -(c - d cos w) / sin w <= -(c - d)`. On the lower border likewise `x >= c - d`. In sections at `s`
+//! beside the line the strip is narrower, `sqrt(c^2 - s^2)`, which for `s` up to `sqrt(c^2 - d^2) >= c - d`
+//! leaves at least `x = 0`. Seen along the plane's normal, both polygons hence contain the same points, at
+//! least `2 (c - d)` wide whichever way. Polygons that overlap less than that in some direction are passed by
+//! no such line.
 
 use alloc::vec::Vec;
 use visibility_core::Plane;

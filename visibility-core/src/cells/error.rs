@@ -1,21 +1,22 @@
-//! What can be wrong with cells and portals, and which of them it is.
+//! Errors of cells and portals, and which of them is wrong.
 
 use super::{CellId, PortalId};
 use crate::{ObjectId, PolygonError};
 use core::fmt;
 
-/// Why cells and portals cannot be used, or should not be trusted.
+/// Why cells and portals cannot make a graph, or fail a check.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum CellGraphError {
-    /// More than [`CellGraph::LIMIT`](super::CellGraph::LIMIT).
+    /// More cells, portals or objects in cells than a graph can have: see
+    /// [`CellGraph::LIMIT`](super::CellGraph::LIMIT).
     TooMany {
         /// Of what.
         what: &'static str,
         /// How many at least.
         count: usize,
     },
-    /// A portal leads to a cell that does not exist.
+    /// A portal joins a cell that does not exist.
     UnknownCell {
         /// The portal.
         portal: PortalId,
@@ -24,26 +25,26 @@ pub enum CellGraphError {
         /// How many cells there are.
         cells: usize,
     },
-    /// A portal leads from a cell to itself.
+    /// A portal joins a cell to itself.
     SameCell {
         /// The portal.
         portal: PortalId,
         /// The cell.
         cell: CellId,
     },
-    /// A portal is an empty polygon, or one without area.
+    /// A portal has no area.
     NoPlane {
         /// The portal.
         portal: PortalId,
     },
-    /// The vertices of a portal make no convex polygon: it is bent, or not convex, or has no area.
+    /// The vertices of a portal make no convex polygon: it is bent, not convex, or has no area.
     Polygon {
         /// The portal.
         portal: PortalId,
         /// What is wrong with it.
         error: PolygonError,
     },
-    /// An object is said to be in a cell that does not exist.
+    /// An object is listed in a cell that does not exist.
     UnknownObjectCell {
         /// The object.
         object: ObjectId,
@@ -52,9 +53,8 @@ pub enum CellGraphError {
         /// How many cells there are.
         cells: usize,
     },
-    /// Two portals of one cell cannot both be on the boundary of a convex body: one lies behind the other.
-    /// Either the cell is not convex, or the portal is not on its boundary, or its normal points the wrong
-    /// way.
+    /// A portal of a cell reaches behind another, so they cannot both be on the boundary of a convex body:
+    /// the cell is not convex, a portal is not on its boundary, or a normal points the wrong way.
     NotOnBoundary {
         /// The cell.
         cell: CellId,
@@ -65,7 +65,7 @@ pub enum CellGraphError {
         /// How far it reaches.
         distance: f64,
     },
-    /// Not as many bodies as there are cells.
+    /// The number of bodies is not that of the cells.
     Bodies {
         /// How many cells.
         cells: usize,
@@ -81,7 +81,7 @@ pub enum CellGraphError {
         /// How far it reaches out of the body, or how far it is from the nearest face, whichever is more.
         distance: f64,
     },
-    /// A portal's normal does not point from the body of its first cell into that of the second.
+    /// The normal of a portal does not point from the body of its first cell into that of the second.
     WrongWay {
         /// The portal.
         portal: PortalId,

@@ -1,18 +1,19 @@
-//! Ways from one cell to another, for finding where a map that is meant to be closed is not.
+//! The shortest chain of portals from a cell to an outside cell, to find where a map that is meant to be
+//! closed is not.
 
 use super::{CellGraph, CellId, PortalId};
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::fmt;
 
-/// A way through portals from a cell to one where it should not lead: shortest by number of portals.
+/// A chain of portals from a cell to one that it should not lead to; no other has fewer portals.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Leak {
-    /// The cell that it starts in.
+    /// The cell that it begins in.
     pub from: CellId,
-    /// The cell that it comes out in.
+    /// The cell that it ends in.
     pub to: CellId,
-    /// The portals on it, in order; none if the start is itself such a cell.
+    /// The portals in order. Empty if `from` is itself an outside cell.
     pub portals: Vec<PortalId>,
 }
 
@@ -29,13 +30,15 @@ impl fmt::Display for Leak {
 impl core::error::Error for Leak {}
 
 impl CellGraph {
-    /// The shortest way, by number of portals, from a cell to any that is outside. `None` if there is none,
-    /// or no such cell. Takes time and memory in proportion to cells and portals.
+    /// Finds the chain with the fewest portals from a cell to any cell that `outside` accepts. `None` if
+    /// there is none, or no cell `from`. Takes time and memory in proportion to cells and portals.
     ///
     /// ```
     /// use visibility_core::{CellGraph, CellId, ConvexPolygon, PortalId, glam::DVec3};
-    /// let door = |x: f64| ConvexPolygon::new([[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0]].map(|[y, z]| DVec3::new(x, y, z)));
-    /// let graph = CellGraph::new(4, [(door(4.0)?, [CellId(0), CellId(1)]), (door(8.0)?, [CellId(1), CellId(2)])])?;
+    /// let corners = [[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0]];
+    /// let door = |x: f64| ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(x, y, z)));
+    /// let doors = [(door(4.0)?, [CellId(0), CellId(1)]), (door(8.0)?, [CellId(1), CellId(2)])];
+    /// let graph = CellGraph::new(4, doors)?;
     /// let leak = graph.leak(CellId(0), |cell| cell == CellId(2)).unwrap();
     /// assert_eq!(leak.to_string(), "cell 0 leaks to cell 2 through portals 0, 1");
     /// assert_eq!(graph.leak(CellId(0), |cell| cell == CellId(3)), None);

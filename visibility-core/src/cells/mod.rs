@@ -1,14 +1,14 @@
 //! Cells and portals: rooms, and the openings through which they are seen from one another.
 //!
-//! A [`CellGraph`] divides the space that can be walked into convex cells; what bounds a cell is opaque but
-//! for its portals, convex polygons that it shares with one other cell each. A line of sight therefore leaves
-//! a cell only through portals, which is all that visibility needs to know of the walls (Airey, "Increasing
-//! Update Rates in the Building Walkthrough System", 1990; Teller and Sequin, "Visibility Preprocessing for
-//! Interactive Walkthroughs", 1991; Durand's survey, chapter 5, section 7).
+//! A [`CellGraph`] divides the space that can be walked into convex cells. The boundary of a cell is opaque,
+//! except for its portals: convex polygons, each of which it shares with one other cell. A line of sight
+//! leaves a cell only through portals, and that is all that visibility needs to know of the walls (Airey,
+//! "Increasing Update Rates in the Building Walkthrough System", 1990; Teller and Sequin, "Visibility
+//! Preprocessing for Interactive Walkthroughs", 1991; Durand's survey, chapter 5, section 7).
 //!
 //! # Conventions
-//! Coordinates are `f64`, in the world's own units. A portal's normal, from whose tip its vertices run
-//! counter-clockwise, points into the second of its two cells. Cells and portals are numbered from 0 in the
+//! Coordinates are `f64`, in world space. The vertices of a portal run counter-clockwise as seen from the
+//! second of its two cells; its normal points into that cell. Cells and portals are numbered from 0 in the
 //! order given.
 
 mod error;
@@ -44,7 +44,7 @@ impl PortalId {
     }
 }
 
-/// An opening between two cells.
+/// An opening between two cells: a convex polygon.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Portal {
     polygon: ConvexPolygon,
@@ -53,33 +53,34 @@ pub struct Portal {
 }
 
 impl Portal {
-    /// The opening, counter-clockwise as seen from the second cell.
+    /// The polygon in world space, its vertices counter-clockwise as seen from the second cell.
     pub fn polygon(&self) -> &ConvexPolygon {
         &self.polygon
     }
 
-    /// The cells on both sides; the normal points into the second.
+    /// The cells on both sides. The normal points into the second.
     pub fn cells(&self) -> [CellId; 2] {
         self.cells
     }
 
-    /// The cell on the other side, seen from one of the two.
+    /// The cell on the other side of `cell`; the first cell, if `cell` is not one of the two.
     pub fn other(&self, cell: CellId) -> CellId {
         if self.cells[0] == cell { self.cells[1] } else { self.cells[0] }
     }
 
-    /// The plane fitted to the polygon, its unit normal pointing into the second cell.
+    /// The plane fitted to the polygon. Its unit normal points into the second cell.
     pub fn plane(&self) -> Plane {
         self.plane
     }
 }
 
-/// Convex cells, the convex portals between them, and the objects in each.
+/// Convex cells, the portals between them, and lists of the objects in each cell.
 ///
 /// ```
 /// use visibility_core::{CellGraph, CellId, ConvexPolygon, glam::DVec3};
 /// // Two rooms side by side along x, with a door at x = 4; its normal, +x, points into the second room.
-/// let door = ConvexPolygon::new([[4.0, 1.0, 0.0], [4.0, 2.0, 0.0], [4.0, 2.0, 2.0], [4.0, 1.0, 2.0]].map(DVec3::from))?;
+/// let corners = [[4.0, 1.0, 0.0], [4.0, 2.0, 0.0], [4.0, 2.0, 2.0], [4.0, 1.0, 2.0]];
+/// let door = ConvexPolygon::new(corners.map(DVec3::from))?;
 /// let graph = CellGraph::new(2, [(door, [CellId(0), CellId(1)])])?;
 /// assert_eq!(graph.portals_of(CellId(1)).len(), 1);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -88,7 +89,7 @@ impl Portal {
 pub struct CellGraph {
     stamp: Stamp,
     portals: Vec<Portal>,
-    /// Where each cell's portals begin in `of_cells`, and at the end where the last ones stop.
+    /// By cell: where its portals begin in `of_cells`; one more entry marks the end of the last.
     first: Vec<u32>,
     of_cells: Vec<PortalId>,
     /// As `first`, for `objects`.
@@ -97,18 +98,18 @@ pub struct CellGraph {
 }
 
 impl CellGraph {
-    /// The most cells or portals that a graph can have.
+    /// The most cells or portals of a graph.
     pub const LIMIT: usize = 1 << 20;
 
-    /// A graph from the number of its cells and its portals, each with the two cells that it joins: its
-    /// normal points into the second.
+    /// Makes a graph from the number of its cells and from its portals, each with the two cells that it
+    /// joins: its normal points into the second. Takes time and memory in proportion to cells and portals.
     ///
-    /// Whether the portals of a cell can bound a convex body is not asked here, but by
-    /// [`validate`](Self::validate). Takes time and memory in proportion to cells and portals.
+    /// Whether the portals of a cell can bound a convex body is not checked here: see
+    /// [`validate`](Self::validate).
     ///
     /// # Errors
-    /// Names the first portal that joins a cell to itself or to one that does not exist, or that has no
-    /// plane; see [`CellGraphError`].
+    /// [`CellGraphError::TooMany`]; [`CellGraphError::UnknownCell`], [`CellGraphError::SameCell`] and
+    /// [`CellGraphError::NoPlane`] for the first such portal.
     pub fn new(
         cells: usize,
         portals: impl IntoIterator<Item = (ConvexPolygon, [CellId; 2])>,
@@ -159,7 +160,7 @@ impl CellGraph {
     /// As [`new`](Self::new), from the vertices of each portal, in order around it.
     ///
     /// # Errors
-    /// [`CellGraphError::Polygon`] names the first portal that is not planar or not convex, up to
+    /// [`CellGraphError::Polygon`] for the first portal that is not planar or not convex, up to
     /// [`ConvexPolygon::TOLERANCE`]; otherwise as `new`.
     pub fn from_vertices<V: IntoIterator<Item = DVec3>>(
         cells: usize,
@@ -174,37 +175,37 @@ impl CellGraph {
         Self::new(cells, all)
     }
 
-    /// Identifies cells, portals and lists of objects: a new stamp after each
-    /// [`set_objects`](Self::set_objects). Clones share it.
+    /// Identifies cells, portals and lists of objects. [`set_objects`](Self::set_objects) takes a new stamp.
+    /// A clone has the same stamp until either changes.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
 
-    /// How many cells there are.
+    /// The number of cells.
     pub fn cell_count(&self) -> usize {
         self.first.len().saturating_sub(1)
     }
 
-    /// All portals, in the order of their numbers.
+    /// All portals; portal `i` has number `i`.
     pub fn portals(&self) -> &[Portal] {
         &self.portals
     }
 
-    /// A portal, if there is one of that number.
+    /// The portal with a number. `None` for an unknown one.
     pub fn portal(&self, id: PortalId) -> Option<&Portal> {
         self.portals.get(id.index())
     }
 
-    /// The portals of a cell, ascending; none for an unknown cell.
+    /// The portals of a cell, ascending. Empty for an unknown cell.
     pub fn portals_of(&self, cell: CellId) -> &[PortalId] {
         slice_of(&self.first, &self.of_cells, cell)
     }
 
-    /// Says which objects are in which cells, in place of what was said before. An object that reaches into
-    /// several cells is named with each of them. Pairs may come in any order; sorts them.
+    /// Replaces the lists of objects. A pair puts an object into a cell; an object may be in several. Pairs
+    /// may come in any order, and twice. Takes time for sorting them.
     ///
     /// # Errors
-    /// [`CellGraphError::UnknownObjectCell`]; then nothing has changed.
+    /// [`CellGraphError::UnknownObjectCell`], [`CellGraphError::TooMany`]; then nothing changes.
     pub fn set_objects(
         &mut self,
         pairs: impl IntoIterator<Item = (CellId, ObjectId)>,
@@ -229,7 +230,7 @@ impl CellGraph {
         Ok(())
     }
 
-    /// The objects in a cell, ascending; none for an unknown cell.
+    /// The objects listed in a cell, ascending. Empty for an unknown cell.
     pub fn objects_in(&self, cell: CellId) -> &[ObjectId] {
         slice_of(&self.first_object, &self.objects, cell)
     }

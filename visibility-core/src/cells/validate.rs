@@ -1,16 +1,16 @@
-//! Whether portals can bound convex cells.
+//! Checks that portals can bound convex cells.
 
 use super::{CellGraph, CellGraphError, CellId};
 use crate::{Plane, Viewcell};
 use glam::DVec3;
 
 impl CellGraph {
-    /// Checks that the portals of each cell can lie on the boundary of one convex body: each is on the inner
-    /// side of all others, up to `tolerance` in the world's units (text with d decimals needs about 10^-d
-    /// times the extent of the map over that of its smallest portal).
+    /// Checks that the portals of each cell can lie on the boundary of one convex body: no vertex of one is
+    /// behind the plane of another, by more than `tolerance` in world units. Coordinates read from text with
+    /// d decimals need about 10^-d times the extent of the map over that of its smallest portal.
     ///
-    /// Visibility through portals is conservative whether or not this holds; it is a check of whoever made
-    /// the cells. Takes time in proportion to the sum over cells of their portals, squared.
+    /// Visibility through portals is conservative whether or not this holds. The check is for whoever makes
+    /// the cells. Takes time in proportion to the sum over all cells of the square of their portals.
     ///
     /// # Errors
     /// [`CellGraphError::NotOnBoundary`], for the first such cell.
@@ -33,9 +33,9 @@ impl CellGraph {
         Ok(())
     }
 
-    /// Checks portals against the bodies of the cells: each must lie in a face of the body of either of its
-    /// cells, up to `tolerance` in the world's units, and its normal must point into the second. `bodies[i]`
-    /// is that of cell `i`.
+    /// Checks portals against the bodies of the cells, `bodies[i]` being that of cell `i`: each portal must
+    /// lie in a face of both bodies, up to `tolerance` in world units, and its normal must point into the
+    /// second.
     ///
     /// # Errors
     /// [`CellGraphError::Bodies`]; [`CellGraphError::OffBody`] and [`CellGraphError::WrongWay`], for the
@@ -44,8 +44,10 @@ impl CellGraph {
     /// ```
     /// use visibility_core::{CellGraph, CellId, ConvexPolygon, Viewcell, glam::DVec3};
     /// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 4.0, 3.0));
-    /// let door = |x: f64| ConvexPolygon::new([[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0]].map(|[y, z]| DVec3::new(x, y, z)));
-    /// let check = |x| CellGraph::new(2, [(door(x).unwrap(), [CellId(0), CellId(1)])]).unwrap().validate_bodies(&[room(0.0), room(4.0)], 1e-6);
+    /// let corners = [[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0]];
+    /// let door = |x: f64| ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(x, y, z))).unwrap();
+    /// let graph = |x: f64| CellGraph::new(2, [(door(x), [CellId(0), CellId(1)])]).unwrap();
+    /// let check = |x: f64| graph(x).validate_bodies(&[room(0.0), room(4.0)], 1e-6);
     /// assert_eq!(check(4.0), Ok(()));
     /// assert_eq!(check(3.0).unwrap_err().to_string(), "portal 0 is 1 off the boundary of cell 0");
     /// ```
@@ -78,7 +80,7 @@ impl CellGraph {
     }
 }
 
-/// The faces of a body, with unit normals to the inside.
+/// The faces of a body, with unit normals that point inwards.
 fn faces(body: &Viewcell) -> impl Iterator<Item = Plane> + '_ {
     let sides = (0..3).flat_map(|axis| {
         let normal = DVec3::AXES[axis];

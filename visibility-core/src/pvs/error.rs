@@ -1,25 +1,25 @@
-//! Why a potentially visible set cannot be made or loaded.
+//! Errors of a PVS.
 
 use super::ViewcellId;
 use crate::envelope::EnvelopeError;
 use core::fmt;
 
-/// Why a [`Pvs`](super::Pvs) is refused.
+/// Why a [`Pvs`](super::Pvs) cannot be made or loaded.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum PvsError {
-    /// A row given is not ascending, or names a target that does not exist.
+    /// A row given is not ascending, or holds a target that does not exist.
     Target {
         /// The viewcell of the row.
         viewcell: ViewcellId,
         /// The target out of order, or unknown.
         target: u32,
     },
-    /// More than 32-bit numbers can count.
+    /// More viewcells, targets or bytes than 32-bit numbers can count.
     TooLarge,
-    /// The bytes are not those of a stored set.
+    /// The bytes are damaged, or not those of a stored PVS.
     Envelope(EnvelopeError),
-    /// A row makes no sense, although the checksum is right: whoever wrote it was wrong.
+    /// A stored row makes no sense, although the checksum is right: whoever wrote it was wrong.
     Row {
         /// Its viewcell.
         viewcell: ViewcellId,

@@ -1,19 +1,19 @@
-//! Potentially visible sets, stored: for each viewcell what can be seen from anywhere in it, in a form for
-//! memory and disk alike.
+//! Potentially visible sets: for each viewcell, what can be seen from anywhere in it, compressed; the same
+//! bytes in memory and on disk.
 //!
-//! # The form
+//! # Format
 //! All numbers are little-endian:
 //! - the header of an [envelope](crate::envelope): `VISI-PVS`, version 1, kind (0: cells, 1: objects), and in
 //!   place of a fingerprint the number of viewcells and that of targets (`u32` each);
-//! - for each viewcell, and once more for the end, where its row begins among the rows (`u32`);
-//! - the rows. A row is a byte 0 and runs, or a byte 1, another viewcell (`u32`) whose row begins with 0, and
-//!   the runs of what differs from that. Runs are the lengths of what is not there and what is, in turn, in 7
-//!   bits a byte, least significant first, the top bit set on all bytes but the last; what follows the last
-//!   run is not there.
+//! - for each viewcell, where its row begins among the rows (`u32`), and once more for the end of the last;
+//! - the rows. A row is a byte 0 and runs; or a byte 1, another viewcell (`u32`) whose row begins with 0, and
+//!   the runs of the difference from that row. Runs are lengths: of targets that are not in the row, of
+//!   targets that are, and so on in turn. A length takes 7 bits a byte, least significant first, with the top
+//!   bit set on all bytes but the last. What follows the last run is not in the row.
 //!
-//! Rooms that lie side by side see much the same, so most rows are shorter as differences (Gotsman, Sudarsky
-//! and Fayman, "Optimized Occlusion Culling Using Five-Dimensional Subdivision", 1999, keep differences to
-//! the parent for the same reason).
+//! Rooms side by side see much the same, so most rows are shorter as differences (Gotsman, Sudarsky and
+//! Fayman, "Optimized Occlusion Culling Using Five-Dimensional Subdivision", 1999, store differences from the
+//! parent for the same reason).
 
 mod culler;
 mod error;
@@ -34,19 +34,20 @@ use runs::write_runs;
 /// What the targets of a [`Pvs`] are.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum PvsTargets {
-    /// Cells, by their numbers.
+    /// Cells of a [`CellGraph`](crate::CellGraph), by their numbers.
     Cells,
-    /// Objects, by numbers that whoever made the set has given them.
+    /// Objects, numbered by whoever made the PVS.
     Objects,
 }
 
-/// What can be seen from each viewcell, compressed.
+/// For each viewcell, the targets that can be seen from anywhere in it. Never changes.
 ///
 /// ```
 /// use visibility_core::{ViewcellId, Pvs, PvsTargets};
 /// // Three viewcells; the third sees what the second sees, and target 70 too.
 /// let rows = [vec![0], vec![0, 1, 2, 3], vec![0, 1, 2, 3, 70]];
-/// let pvs = Pvs::new(PvsTargets::Objects, 100, &rows, |cell| if cell.0 == 2 { vec![ViewcellId(1)] } else { vec![] })?;
+/// let before = |viewcell: ViewcellId| viewcell.0.checked_sub(1).map(ViewcellId);
+/// let pvs = Pvs::new(PvsTargets::Objects, 100, &rows, before)?;
 /// let stored: Vec<u8> = pvs.as_bytes().to_vec();
 /// let loaded = Pvs::from_bytes(stored)?;
 /// assert!(loaded.sees(ViewcellId(2), 70) && !loaded.sees(ViewcellId(1), 70));
@@ -70,14 +71,14 @@ impl Eq for Pvs {}
 const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 1 };
 
 impl Pvs {
-    /// Compresses rows of targets, a row for each viewcell, ascending and without repetition.
+    /// Compresses rows of targets: row `i` holds what viewcell `i` sees, ascending and without repetition.
     ///
-    /// `neighbours` names the viewcells that probably see much the same; those with greater numbers than the
-    /// viewcell's own, and unknown ones, are passed over. Takes time in proportion to the rows and those of
-    /// the neighbours.
+    /// `neighbours` names viewcells that probably see much the same. Those with greater numbers than the
+    /// viewcell itself, and unknown ones, are passed over. Takes time in proportion to the rows and to those
+    /// of the neighbours.
     ///
     /// # Errors
-    /// [`PvsError::Target`] if a row is not ascending or names a target that does not exist,
+    /// [`PvsError::Target`] if a row is not ascending, or holds a target that is not below `target_count`;
     /// [`PvsError::TooLarge`].
     pub fn new<R: AsRef<[u32]>, N: IntoIterator<Item = ViewcellId>>(
         targets: PvsTargets,
@@ -128,13 +129,12 @@ impl Pvs {
         Ok(Self { bytes: writer.finish(), stamp: Stamp::new() })
     }
 
-    /// The binary form, to be written to a file as it is.
+    /// The bytes, to be stored as they are.
     pub fn as_bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Identifies the sets. They never change, so a clone has the same stamp; the same bytes loaded twice
-    /// have two.
+    /// Identifies the content. A clone has the same stamp; the same bytes loaded twice have two.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
@@ -144,12 +144,12 @@ impl Pvs {
         if self.word(12) == 0 { PvsTargets::Cells } else { PvsTargets::Objects }
     }
 
-    /// How many viewcells there are.
+    /// The number of viewcells.
     pub fn viewcell_count(&self) -> usize {
         self.word(16) as usize
     }
 
-    /// How many targets there are.
+    /// The number of targets.
     pub fn target_count(&self) -> usize {
         self.word(20) as usize
     }
@@ -159,7 +159,7 @@ impl Pvs {
     }
 }
 
-/// What is in one of two ascending rows.
+/// The numbers that are in exactly one of two ascending rows.
 fn difference<'a>(a: &'a [u32], b: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
     let (mut i, mut j) = (0, 0);
     core::iter::from_fn(move || {

@@ -1,4 +1,4 @@
-//! Loading a stored set, and asking it.
+//! Loading a stored PVS, and asking it.
 
 use super::runs::Runs;
 use super::{FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
@@ -7,11 +7,11 @@ use crate::envelope::{HEADER, Reader};
 use alloc::vec::Vec;
 
 impl Pvs {
-    /// Takes the bytes of a stored set as they are. They are read through once, to be sure that they are
-    /// whole and make sense; nothing is built from them.
+    /// Takes the bytes of a stored PVS. They are read through once, to make sure that they are whole and make
+    /// sense. Nothing is built from them.
     ///
     /// # Errors
-    /// [`PvsError`], with the reason.
+    /// [`PvsError::Envelope`], [`PvsError::Row`].
     pub fn from_bytes(bytes: impl Into<Vec<u8>>) -> Result<Self, PvsError> {
         let bytes = bytes.into();
         let mut reader = Reader::new(&bytes, FORMAT)?;
@@ -43,7 +43,7 @@ impl Pvs {
         Ok(())
     }
 
-    /// The bytes of a row.
+    /// The bytes of the row of a viewcell. `None` for an unknown one, or if they are outside the rows.
     fn row(&self, viewcell: ViewcellId) -> Option<&[u8]> {
         if viewcell.index() >= self.viewcell_count() {
             return None;
@@ -53,16 +53,16 @@ impl Pvs {
         self.bytes.get(rows..)?.get(start..end)
     }
 
-    /// The runs of a row, and those that it differs from.
+    /// The runs of a row, and the runs of the row that it differs from.
     fn runs(&self, viewcell: ViewcellId) -> [Runs<'_>; 2] {
         let of = |viewcell| self.row(viewcell).and_then(parts).unwrap_or((None, &[]));
         let (base, runs) = of(viewcell);
         [Runs::new(runs), Runs::new(base.map_or(&[][..], |base| of(base).1))]
     }
 
-    /// Writes what a viewcell sees, a bit for each target, to `words`, whose memory is reused. False, and
-    /// then no bit is set, for an unknown viewcell. Takes time in proportion to the row's bytes and the
-    /// words; never fails.
+    /// Writes one bit for each target, set if the viewcell sees it, to `words`, whose memory is reused. For
+    /// an unknown viewcell, sets no bit and returns false. Takes time in proportion to the bytes of the row
+    /// and to the words.
     pub fn write_bits(&self, viewcell: ViewcellId, words: &mut Vec<u64>) -> bool {
         words.clear();
         words.resize(self.target_count().div_ceil(64), 0);
@@ -72,9 +72,9 @@ impl Pvs {
         viewcell.index() < self.viewcell_count()
     }
 
-    /// Writes what any of some viewcells sees, a bit for each target, to `words`, whose memory is reused as
-    /// that of `row` is. A viewcell without a row may see all; no viewcells see none. Takes time in
-    /// proportion to the rows' bytes and, for each viewcell, to the words.
+    /// Writes one bit for each target, set if any of the viewcells sees it, to `words`. An unknown viewcell
+    /// sees all; no viewcells see none. The memory of `words` and of `row` is reused; what `row` holds then
+    /// is of no use. Takes time in proportion to the bytes of the rows and, for each viewcell, to the words.
     pub fn write_union(&self, viewcells: &[ViewcellId], words: &mut Vec<u64>, row: &mut Vec<u64>) {
         words.clear();
         words.resize(self.target_count().div_ceil(64), 0);
@@ -88,15 +88,15 @@ impl Pvs {
         }
     }
 
-    /// Whether a viewcell sees a target. False for unknown ones. Takes time in proportion to the row's bytes;
-    /// for many questions about one viewcell see [`write_bits`](Self::write_bits).
+    /// Whether a viewcell sees a target. False if either is unknown. Takes time in proportion to the bytes of
+    /// the row; for many questions about one viewcell see [`write_bits`](Self::write_bits).
     pub fn sees(&self, viewcell: ViewcellId, target: u32) -> bool {
         let runs = self.runs(viewcell).into_iter().flatten().flatten();
         runs.filter(|&(start, end)| start <= target && target < end).count() % 2 == 1
     }
 }
 
-/// The viewcell that a row differs from, if any, and its runs.
+/// The viewcell that a row differs from, if any, and its runs. `None` if the row is neither.
 fn parts(row: &[u8]) -> Option<(Option<ViewcellId>, &[u8])> {
     match *row {
         [0, ref runs @ ..] => Some((None, runs)),
@@ -105,7 +105,7 @@ fn parts(row: &[u8]) -> Option<(Option<ViewcellId>, &[u8])> {
     }
 }
 
-/// Turns over the bits from `start` up to `end`.
+/// Inverts the bits from `start` up to `end`, exclusive.
 fn flip(words: &mut [u64], start: usize, end: usize) {
     if start >= end {
         return;

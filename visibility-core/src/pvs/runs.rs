@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-/// Adds a number in 7 bits a byte.
+/// Appends a number with 7 bits a byte, least significant first.
 pub(super) fn push_number(mut number: u32, out: &mut Vec<u8>) {
     while number >= 0x80 {
         out.push(number as u8 | 0x80);
@@ -11,7 +11,7 @@ pub(super) fn push_number(mut number: u32, out: &mut Vec<u8>) {
     out.push(number as u8);
 }
 
-/// Adds the runs of ascending numbers: how many are left out, how many follow one another, and so on.
+/// Appends the runs of ascending numbers: how many are left out, how many follow one another, and so on.
 pub(super) fn write_runs(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
     // The run so far, and the end of the run before.
     let (mut start, mut end, mut before) = (0, 0, 0);
@@ -34,8 +34,8 @@ pub(super) fn write_runs(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
     }
 }
 
-/// The runs that bytes hold: pairs of a first number and the one after the last. `Err` if they make no sense:
-/// that ends it.
+/// The runs that bytes hold: pairs of a first number and the number after the last. An `Err` says what makes
+/// no sense, and ends the runs.
 pub(super) struct Runs<'a> {
     bytes: &'a [u8],
     at: u32,

@@ -1,13 +1,13 @@
-//! Which viewcell an eye is in.
+//! Viewcells, and the search for those that a point or a box is in.
 
 use crate::{CellId, Plane};
 use alloc::vec::Vec;
 use glam::DVec3;
 
-/// A viewcell, by its number: its place among the [`Viewcells`] and among the rows of a [`Pvs`](super::Pvs).
+/// A viewcell, by its number: its place among the [`Viewcells`], and among the rows of a [`Pvs`](super::Pvs).
 ///
-/// Not every viewcell is a cell of a [`CellGraph`](crate::CellGraph); where each is, both have the same
-/// number.
+/// Not every viewcell is a cell of a [`CellGraph`](crate::CellGraph). Where viewcells are the cells of a
+/// graph, both have the same numbers.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct ViewcellId(pub u32);
 
@@ -19,30 +19,31 @@ impl ViewcellId {
 }
 
 impl From<CellId> for ViewcellId {
-    /// The viewcell with the number of a cell, where viewcells are the cells of a graph.
+    /// The viewcell with the number of a cell.
     fn from(cell: CellId) -> Self {
         Self(cell.0)
     }
 }
 
-/// A region that eyes can be in: the part of a box that is inside of all of some planes.
+/// A region of viewpoints in world space: the part of a box that is on the inner side of some planes,
+/// boundaries included.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Viewcell {
-    /// The corners of a box around it, in the world.
+    /// The corner of the box with the least coordinates.
     pub min: DVec3,
-    /// See `min`.
+    /// The corner of the box with the greatest coordinates.
     pub max: DVec3,
-    /// What bounds it besides the box; nothing, if the viewcell is the box.
+    /// Planes that cut off parts of the box; their normals point inwards. Empty if the viewcell is the box.
     pub planes: Vec<Plane>,
 }
 
 impl Viewcell {
-    /// A box.
+    /// The viewcell that is a whole box.
     pub fn from_box(min: DVec3, max: DVec3) -> Self {
         Self { min, max, planes: Vec::new() }
     }
 
-    /// Whether a point is in it, boundary included. False for NaN.
+    /// Whether a point is in the viewcell, boundary included. False for NaN.
     pub fn contains(&self, p: DVec3) -> bool {
         in_box(p, self.min, self.max) && self.planes.iter().all(|plane| plane.signed_distance(p) >= 0.0)
     }
@@ -52,8 +53,8 @@ fn in_box(p: DVec3, min: DVec3, max: DVec3) -> bool {
     min.cmple(p).all() && p.cmple(max).all()
 }
 
-/// Viewcells in a binary tree of boxes, split at the median, so that an eye is found in time in proportion to
-/// the logarithm of their number, as long as their boxes overlap but little.
+/// Viewcells in a binary tree of boxes, split at the median. A point is found in time in proportion to the
+/// logarithm of their number, as long as their boxes overlap little.
 ///
 /// ```
 /// use visibility_core::{ViewcellId, Viewcell, Viewcells, glam::DVec3};
@@ -65,9 +66,10 @@ fn in_box(p: DVec3, min: DVec3, max: DVec3) -> bool {
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Viewcells {
     cells: Vec<Viewcell>,
-    /// The numbers of the viewcells, in the order of the tree's leaves.
+    /// Numbers of the viewcells, in the order of the leaves.
     order: Vec<u32>,
-    /// Children follow their parent: the first at once, the second after all below the first.
+    /// In depth-first order: the first child follows its parent, the second follows all nodes below the
+    /// first.
     nodes: Vec<Node>,
 }
 
@@ -75,19 +77,20 @@ pub struct Viewcells {
 struct Node {
     min: DVec3,
     max: DVec3,
-    /// The node after this one and all below it.
+    /// Index of the node after all nodes below this one.
     next: u32,
-    /// A leaf's places in the order; empty for an inner node.
+    /// First of a leaf's places in `order`.
     start: u32,
+    /// End of these places, exclusive; equal to `start` for an inner node.
     end: u32,
 }
 
-/// Viewcells in a leaf, at most.
+/// The most viewcells in a leaf.
 const LEAF: usize = 4;
 
 impl Viewcells {
-    /// Viewcells, numbered in the order given; no eye is in one with a NaN. Takes time in proportion to n log
-    /// n.
+    /// Builds the tree. Viewcells are numbered in the order given; one with a NaN, or with its corners in the
+    /// wrong order, contains no point. Takes time in proportion to n log n.
     pub fn new(cells: impl IntoIterator<Item = Viewcell>) -> Self {
         let cells: Vec<Viewcell> = cells.into_iter().collect();
         let usable = |cell: &Viewcell| cell.min.cmple(cell.max).all();
@@ -127,13 +130,14 @@ impl Viewcells {
         self.nodes[node].next = self.nodes.len() as u32;
     }
 
-    /// The viewcells, in the order of their numbers.
+    /// All viewcells; viewcell `i` has number `i`.
     pub fn cells(&self) -> &[Viewcell] {
         &self.cells
     }
 
-    /// The viewcell that a point of the world is in; of several, the one with the least number. On the
-    /// boundary between two, either is right, since each sees all that is seen from its boundary.
+    /// The viewcell that a point in world space is in; of several, the one with the least number. `None` for
+    /// a point in none, or with a NaN. On the boundary between two viewcells either is right, since each sees
+    /// all that is seen from its boundary.
     pub fn locate(&self, p: DVec3) -> Option<ViewcellId> {
         let (mut at, mut found) = (0, None);
         while let Some(node) = self.nodes.get(at) {
@@ -151,10 +155,10 @@ impl Viewcells {
         found
     }
 
-    /// Calls `each` with the viewcells that may touch a box of the world, boundaries included: those of which
-    /// a corner or more of the box is on the inner side of each plane, or so near it that rounding cannot
-    /// tell. None for a box with a NaN. Takes time in proportion to the logarithm of their number, and to how
-    /// many there are.
+    /// Calls `each` with the viewcells that may touch a box in world space, boundaries included: those whose
+    /// own box meets it, and for each of whose planes some corner of the box is on the inner side, or so near
+    /// it that rounding cannot tell. None for a box with a NaN. Takes time in proportion to their number and
+    /// to the logarithm of that of all.
     pub fn for_each_touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(ViewcellId)) {
         let meets = |low: DVec3, high: DVec3| low.cmple(max).all() && min.cmple(high).all();
         let (magnitude, mut at) = (min.abs().max(max.abs()), 0);

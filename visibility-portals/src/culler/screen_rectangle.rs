@@ -41,8 +41,8 @@ pub(super) fn around(eye_view: &PortalView, corners: &[Corner], error: f64, oute
 /// Adds the planes of a rectangle on the screen: `x - left w >= 0` and so on, by rows of the clip matrix.
 /// Planes that are known too little to bound anything are left out.
 ///
-/// Let `s` be the sum of the lengths of the two parts of a row, and `l` that of their difference, so that `s
-/// >= l`. The difference is rounded by `2u s`, the unit normal by `4u` of itself, the product with a point
+/// Let `s` be the sum of the lengths of the two parts of a row, and `l` that of their difference, so that
+/// `s >= l`. The difference is rounded by `2u s`, the unit normal by `4u` of itself, the product with a point
 /// `x` by `4u |x|`: at most `10u (s / l) |x|` in all. The offset is off by what the rows are, and rounded by
 /// `6u` of itself.
 pub(super) fn push_sides(eye_view: &PortalView, rectangle: Rectangle, sides: &mut Vec<WindowPlane>) {

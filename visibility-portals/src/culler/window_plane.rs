@@ -42,10 +42,10 @@ impl WindowPlane {
     /// on the left of the edge as seen from the eye; `sign` -1 turns it round. `None` if the edge is too
     /// short, or too near in line with the eye, to bound anything.
     ///
-    /// The true normal is `(a + p) x (b + q)` with `|p|, |q| <= error = e`. It is off `a x b` by at most `e
-    /// (|a| + |b| + e)`, and the computed product by another `4u |a| |b|` and, once it has unit length, `8u`
-    /// of itself. Of a point at `x`, as far as it is from the eye, that makes `slope |x|`, and `e` for where
-    /// the eye is.
+    /// The true normal is `(a + p) x (b + q)` with `|p|, |q| <= error = e`. It is off `a x b` by at most
+    /// `e (|a| + |b| + e)`, and the computed product by another `4u |a| |b|` and, once it has unit length,
+    /// `8u` of itself. Of a point at `x`, as far as it is from the eye, that makes `slope |x|`, and `e` for
+    /// where the eye is.
     pub(super) fn through_edge(a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<Self> {
         let normal = a.cross(b);
         let (length, la, lb) = (normal.length(), a.length(), b.length());
@@ -62,8 +62,9 @@ impl WindowPlane {
     /// As [`through_edge`](Self::through_edge), where the lines of sight run along a unit `direction`, within
     /// `turn` of the true one.
     ///
-    /// The true normal is `direction' x (b - a + r)` with `|r| <= 2 error`; it is off by at most `2 e + |b -
-    /// a| (turn + 8u)`. Of a point `x`, that counts by its distance from `a`, at most `|x| + |a|`.
+    /// The true normal is `direction' x (b - a + r)` with `|r| <= 2 error`; it is off by at most
+    /// `2 e + |b - a| (turn + 8u)`. Of a point `x`, that counts by its distance from `a`, at most
+    /// `|x| + |a|`.
     pub(super) fn along(
         direction: DVec3,
         turn: f64,
@@ -125,11 +126,12 @@ pub(super) enum Edge {
 /// The part of a convex polygon inside of a side; `error` is how far the corners may be from the true
 /// polygon, and what clipping adds to that is added to it. Whether anything may be left.
 ///
-/// Let a true point `x` of the polygon be inside of the true half-space: the side holds it to `n . x + o >=
-/// -margin`. The polygon that `corners` span has a point within `error` of it, for which `n . y + o >=
-/// -(margin + error)`: clipping to the plane moved out by that keeps `y`. To compute the distance of a corner
-/// rounds by `8u` of its reach, which is added once for the corner that is dropped, and once more for where
-/// the crossing is put. That point is off the edge by rounding only, `4u` of the reach: the new `error`.
+/// Let a true point `x` of the polygon be inside of the true half-space: the side holds it to
+/// `n . x + o >= -margin`. The polygon that `corners` span has a point within `error` of it, for which
+/// `n . y + o >= -(margin + error)`: clipping to the plane moved out by that keeps `y`. To compute the
+/// distance of a corner rounds by `8u` of its reach, which is added once for the corner that is dropped, and
+/// once more for where the crossing is put. That point is off the edge by rounding only, `4u` of the reach:
+/// the new `error`.
 pub(super) fn clip(
     corners: &[Corner],
     side: &WindowPlane,

@@ -22,9 +22,9 @@
 //!
 //! # What is certified
 //! A line that stays clear of all edges by a distance `c` passes them on the same side after each has been
-//! moved by less than `c`, any way: here into the polygon, by the [`inset`](Edge::shift), which adds `shift x
-//! (b - a)` to the first half of `h`. With `d` of unit length, lengths about an origin `o`, and a polygon of
-//! the sequence all of whose vertices are within a radius of `o`:
+//! moved by less than `c`, any way: here into the polygon, by the [`inset`](Edge::shift), which adds
+//! `shift x (b - a)` to the first half of `h`. With `d` of unit length, lengths about an origin `o`, and a
+//! polygon of the sequence all of whose vertices are within a radius of `o`:
 //! - `|d_k| <= 1`, and `|m_k| <= radius`, since the line meets the polygon;
 //! - `N . d >= 6 c^2`, where `N` is the sum of `a x b` around that polygon, twice its area along its normal:
 //!   seen along the line, it is a polygon of area `N . d / 2` that contains a disc with radius `c`.
