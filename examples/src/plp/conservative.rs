@@ -8,11 +8,7 @@ use visibility_core::{
     Containment, Culler, Eye, FrustumCuller, ObjectId, Occlusion, OcclusionMap, Scene, View, VisibleSet,
 };
 use visibility_hzb::Hzb;
-use visibility_plp::{Budget, ConservativePlpCuller, Fineness, OctreeTessellation, Tessellation};
-
-/// Cells for the conservative form: finer than those for a budget alone, since only what lies wholly behind
-/// something is hidden.
-pub const FINE: Fineness = Fineness { vertices: 64, halvings: 8 };
+use visibility_plp::{Budget, ConservativePlpCuller, OctreeTessellation, Tessellation};
 
 /// What one method does a frame, on average.
 #[derive(Clone, Debug, Default)]

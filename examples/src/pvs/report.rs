@@ -1,6 +1,6 @@
 //! What a bake came to, for people and for programs.
 
-use super::{Baked, Map};
+use super::bake::{Baked, Map};
 use serde::Serialize;
 use std::fmt::Write;
 

@@ -3,9 +3,10 @@
 //! It stands in for the forests of the papers on extended projections, exact from-region visibility and the
 //! visible zone. No tree hides much by itself: only many together do, which is what occluder fusion is about.
 
+use super::limits::Limits;
 use super::mesh::{Mesh, Parts, Pose, around, circle};
 use super::random::Random;
-use super::{Limits, Route, scene_on};
+use super::scene::{Route, scene_on};
 use crate::error::SourceError;
 use crate::source::SceneSource;
 use glam::{DVec2, DVec3};

@@ -4,9 +4,10 @@
 //! It stands in for the city model of the paper on virtual occluders: many simple buildings of a few storeys,
 //! of which a person in the street sees the nearest rows and the towers above them.
 
+use super::limits::Limits;
 use super::mesh::{Mesh, Parts};
 use super::random::Random;
-use super::{Limits, Route, scene};
+use super::scene::{Route, scene};
 use crate::error::SourceError;
 use crate::source::SceneSource;
 use glam::{DVec2, DVec3};

@@ -10,12 +10,14 @@
 
 mod forest;
 mod furniture;
+mod limits;
 mod london;
 mod mesh;
 mod office;
 mod plpcity;
 mod random;
 mod rooms;
+mod scene;
 mod town;
 mod walls;
 
@@ -27,92 +29,6 @@ pub use town::town;
 
 use crate::error::SourceError;
 use crate::source::SceneSource;
-use crate::walk::{Walk, along};
-use glam::{DVec3, Vec3};
-use mesh::Parts;
-
-/// The most triangles that a recipe may make, about a gigabyte.
-const MOST_TRIANGLES: u64 = 1 << 25;
-
-/// Checks of the sizes asked for, before anything is allocated.
-struct Limits {
-    spec: String,
-}
-
-impl Limits {
-    fn new(spec: String) -> Self {
-        Self { spec }
-    }
-
-    fn at_least_one(&self, what: &str, size: u32) -> Result<(), SourceError> {
-        if size == 0 {
-            return Err(SourceError::recipe(&self.spec, format!("there must be at least one of the {what}")));
-        }
-        Ok(())
-    }
-
-    /// `units` parts of the scene with about `each` triangles must stay below the bound.
-    fn triangles(&self, units: u64, each: u64) -> Result<(), SourceError> {
-        let total = u128::from(units) * u128::from(each);
-        if total > u128::from(MOST_TRIANGLES) {
-            return Err(SourceError::recipe(
-                &self.spec,
-                format!(
-                    "about {total} triangles are more than the {MOST_TRIANGLES} that recipes are bounded to"
-                ),
-            ));
-        }
-        Ok(())
-    }
-}
-
-/// A camera walk as a route over the ground plan.
-struct Route {
-    name: &'static str,
-    fov_y_degrees: f32,
-    keys: usize,
-    /// How far ahead along the route the camera looks, in metres.
-    look_ahead: f64,
-    waypoints: &'static [[f64; 2]],
-}
-
-/// The eye height of a person who walks.
-const EYE_HEIGHT: f64 = 1.65;
-
-impl Route {
-    /// The walk at eye height over ground of the given height.
-    fn walk(&self, ground: impl Fn(f64, f64) -> f64) -> Walk {
-        let plan: Vec<_> = self.waypoints.iter().map(|&[x, y]| DVec3::new(x, y, 0.0)).collect();
-        let mut keys = along(&plan, self.keys, self.look_ahead);
-        for point in keys.iter_mut().flat_map(|key| [&mut key.eye, &mut key.target]) {
-            point.z = ground(point.x, point.y) + EYE_HEIGHT;
-        }
-        Walk { name: self.name.to_owned(), fov_y_degrees: self.fov_y_degrees, up: Vec3::Z, keys }
-    }
-}
-
-/// Puts a recipe's parts and walks over level ground together.
-fn scene(name: &str, near: f32, parts: Parts, routes: &[Route]) -> SceneSource {
-    scene_on(name, near, parts, routes, |_, _| 0.0)
-}
-
-/// The same with walks that follow the height of the ground.
-fn scene_on(
-    name: &str,
-    near: f32,
-    parts: Parts,
-    routes: &[Route],
-    ground: impl Fn(f64, f64) -> f64,
-) -> SceneSource {
-    SceneSource {
-        name: name.to_owned(),
-        up: Vec3::Z,
-        near,
-        objects: parts.into_objects(),
-        walks: routes.iter().map(|route| route.walk(&ground)).collect(),
-        cells: None,
-    }
-}
 
 /// A recipe as the user names it: its sizes, what they are by default, and how it is made.
 struct Recipe {

@@ -5,11 +5,12 @@
 //! portals rectangles that lie exactly in the openings, so that portal cullers can be tested without a cell
 //! finder. What cullers take has a cell for each doorway as well, since walls are not thin.
 
+use super::limits::Limits;
 use super::mesh::{Mesh, Parts};
 use super::random::Random;
 use super::rooms::{Floor, RoomKind, furnish};
+use super::scene::{Route, scene};
 use super::walls::{Opening, Wall};
-use super::{Limits, Route, scene};
 use crate::error::SourceError;
 use crate::source::{SceneSource, SourceCells};
 use crate::walk::Walk;

@@ -5,11 +5,12 @@
 //! front door and inner doors without leaves, a gabled roof and a chimney: from the street little of what is
 //! inside shows, and from inside little of the city does.
 
+use super::limits::Limits;
 use super::mesh::{Mesh, Parts, Pose};
 use super::random::Random;
 use super::rooms::{Floor, RoomKind, furnish};
+use super::scene::{Route, scene};
 use super::walls::{Opening, Wall};
-use super::{Limits, Route, scene};
 use crate::error::SourceError;
 use crate::source::SceneSource;
 use glam::DVec3;

@@ -3,9 +3,10 @@
 //! It stands in for the town of the paper on exact from-region visibility: detailed houses shoulder to
 //! shoulder along curved streets, where only a few can be seen at once.
 
+use super::limits::Limits;
 use super::mesh::{Cylinder, Mesh, Parts, Pose};
 use super::random::Random;
-use super::{Limits, Route, scene};
+use super::scene::{Route, scene};
 use crate::error::SourceError;
 use crate::source::SceneSource;
 use glam::{DVec2, DVec3};

@@ -1,6 +1,7 @@
 //! Points as CSV for programs and as a table for people.
 
-use super::{Point, best};
+use super::pareto::best;
+use super::point::Point;
 use comfy_table::{CellAlignment, Table, presets};
 use std::io::Write;
 use visibility_core::Accuracy;

@@ -1,6 +1,6 @@
 //! The points that no other point beats.
 
-use super::Point;
+use super::point::Point;
 
 /// What counts as better when points are compared: all smaller or equal, and one smaller.
 fn costs(point: &Point) -> [f64; 3] {

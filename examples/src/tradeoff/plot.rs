@@ -1,6 +1,7 @@
 //! Plots of one scene's points: time against overdraw, and time against wrong pixels.
 
-use super::{Point, best};
+use super::pareto::best;
+use super::point::Point;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::error::Error;

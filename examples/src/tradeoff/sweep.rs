@@ -1,6 +1,6 @@
 //! Measures every culler with every setting of its dial, and some pipelines of several stages.
 
-use super::Point;
+use super::point::Point;
 use crate::walkthrough::cullers::{CullerError, parse};
 use crate::walkthrough::{World, judge, run_for};
 use std::time::Duration;

@@ -1,6 +1,7 @@
 //! Object space: BSP trees, occlusion trees, shadow frusta, large occluders.
 
-use super::{Known, World, no_dial};
+use super::known::{Known, no_dial};
+use crate::walkthrough::World;
 use std::sync::Arc;
 use visibility_bsp::{
     BspOrderCuller, LargeOccludersCuller, NaylorCuller, Occluders, OcclusionTreeCuller, SceneTree,

@@ -1,6 +1,6 @@
 //! Hierarchical occlusion maps: the dial is the opacity threshold.
 
-use super::{Known, Made};
+use super::known::{Known, Made};
 use visibility_hzb::{DepthEstimate, Hom, HomCuller};
 
 pub(super) const KNOWN: &[Known] = &[

@@ -1,7 +1,7 @@
 //! The hierarchical z-buffer: dials for its resolution, for the coverage of pixels, and for the triangles
 //! that it draws a frame.
 
-use super::{Known, Made};
+use super::known::{Known, Made};
 use crate::picture_size::parse_size;
 use visibility_core::Selection;
 use visibility_hzb::{Coverage, Hzb, HzbCuller};

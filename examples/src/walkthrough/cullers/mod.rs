@@ -5,28 +5,15 @@
 mod bsp;
 mod hom;
 mod hzb;
-mod plp;
+mod known;
+pub mod plp;
 pub mod portals;
 mod pvs;
 
+pub use known::Known;
+
 use super::World;
-use visibility_core::{Culler, FrustumCuller, Pipeline};
-
-/// A culler that can be asked for by name.
-pub struct Known {
-    /// The name, without its dial.
-    pub name: &'static str,
-    /// What it is, and what its dial means if it has one.
-    pub what: &'static str,
-    /// Settings of the dial that are worth comparing, from the most accurate to the fastest; empty if there
-    /// is no dial.
-    pub dials: &'static [&'static str],
-    /// Makes one for a world, with the dial's setting: what stands after the colon in `name:dial`.
-    make: fn(dial: Option<&str>, world: &World) -> Made,
-}
-
-/// A culler, or why it does not go with the dial or the scene.
-type Made = Result<Box<dyn Culler + Send>, String>;
+use visibility_core::{FrustumCuller, Pipeline};
 
 /// All cullers that can be asked for, besides `frustum`, which every pipeline begins with.
 pub fn known() -> impl Iterator<Item = &'static Known> {
@@ -110,11 +97,6 @@ impl std::fmt::Display for CullerError {
 }
 
 impl std::error::Error for CullerError {}
-
-/// For cullers without a dial.
-fn no_dial(dial: Option<&str>) -> Result<(), String> {
-    dial.map_or(Ok(()), |dial| Err(format!("it has no dial to set to `{dial}`")))
-}
 
 #[cfg(test)]
 mod tests {

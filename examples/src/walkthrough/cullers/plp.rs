@@ -1,14 +1,20 @@
 //! Prioritized-layered projection, its conservative form, and the order by distance that they are measured
 //! against.
 
-use super::{Known, World};
-use crate::plp::conservative::FINE;
+use super::known::Known;
+use crate::walkthrough::World;
 use std::sync::Arc;
 use visibility_core::{
     Accuracy, CullStats, Culler, Eye, ObjectId, OcclusionCuller, Scene, Selection, View, VisibleSet,
 };
 use visibility_hzb::Hzb;
-use visibility_plp::{Budget, ConservativePlpCuller, DelaunayTessellation, OctreeTessellation, PlpCuller};
+use visibility_plp::{
+    Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
+};
+
+/// Cells for the conservative form: finer than those for a budget alone, since only what lies wholly behind
+/// something is hidden.
+pub const FINE: Fineness = Fineness { vertices: 64, halvings: 8 };
 
 /// Budgets worth comparing.
 const SHARES: &[&str] = &["10%", "5%", "2%", "1%"];

@@ -1,7 +1,8 @@
 //! Cells and portals.
 
-use super::{Known, World};
+use super::known::Known;
 use crate::source::tolerance;
+use crate::walkthrough::World;
 use visibility_core::Culler;
 use visibility_portals::{Narrowing, PortalCuller, PortalEye, SceneCells};
 

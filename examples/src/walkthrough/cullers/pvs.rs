@@ -1,6 +1,6 @@
 //! Potentially visible sets of cells, baked when they are first asked for.
 
-use super::{Known, Made};
+use super::known::{Known, Made};
 use crate::pvs::built::Origin;
 use crate::walkthrough::World;
 use crate::walkthrough::cell_sets::{Detail, sets_of};
