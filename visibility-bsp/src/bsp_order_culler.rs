@@ -7,14 +7,16 @@ use alloc::vec::Vec;
 use core::borrow::Borrow;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 
-/// Hides objects of which no polygon is in view, and puts the others in order: by their nearest part, front to back.
+/// Hides objects of which no polygon is in view, and puts the others in order: by their nearest part, front
+/// to back.
 ///
-/// Subtrees outside the view volume are not entered, nor those of one object that has its place already. The order is that of the first
-/// fragment of each object on the walk; objects that the tree does not know as they are come last. Fragments in full order are had
-/// from the [tree](SceneTree::tree) itself.
+/// Subtrees outside the view volume are not entered, nor those of one object that has its place already. The
+/// order is that of the first fragment of each object on the walk; objects that the tree does not know as
+/// they are come last. Fragments in full order are had from the [tree](SceneTree::tree) itself.
 ///
-/// Costs some tens of nanoseconds for each node in view whose polygons are of several objects. After 65,536 nodes, or as many as
-/// [`with_nodes`](Self::with_nodes) says, it goes no further: objects that were not met by then are visible, and come last.
+/// Costs some tens of nanoseconds for each node in view whose polygons are of several objects. After 65,536
+/// nodes, or as many as [`with_nodes`](Self::with_nodes) says, it goes no further: objects that were not met
+/// by then are visible, and come last.
 ///
 /// ```
 /// use visibility_bsp::{BspOrderCuller, SceneTree};
@@ -22,7 +24,8 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 /// let mut scene = Scene::new();
 /// let [far, near] = [8.0, 4.0].map(|x: f32| {
 ///     let id = scene.insert(Aabb::from_arrays([x, 0.0, 0.0], [x, 1.0, 1.0]));
-///     scene.set_triangles(id, [[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[y, z]| Vec3::new(x, y, z))]).unwrap();
+///     let triangle = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[y, z]| Vec3::new(x, y, z));
+///     scene.set_triangles(id, [triangle]).unwrap();
 ///     id
 /// });
 /// let tree = SceneTree::new(&scene)?;
@@ -108,7 +111,8 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// Whether the rank of an owner is still to be found. One that was removed from the scene may be in the tree still.
+    /// Whether the rank of an owner is still to be found. One that was removed from the scene may be in the
+    /// tree still.
     #[inline]
     fn is_wanted(&self, owner: u32) -> bool {
         self.ranks.get(owner as usize) == Some(&NOT_MET)

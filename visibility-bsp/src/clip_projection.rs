@@ -1,14 +1,17 @@
-//! The camera as object space needs it: directions from the eye with bounds on their rounding, and planes through the eye.
+//! The camera as object space needs it: directions from the eye with bounds on their rounding, and planes
+//! through the eye.
 //!
 //! # Directions
-//! A point `p` of the scene becomes the three numbers `(x, y, w)` of clip space, linear in `p`. Up to a positive factor they name the line
-//! of sight through `p`, for perspective and parallel views alike: a plane through the eye (or along the direction of sight) is one linear
-//! function of them, and the convex hull of points spans the cone of sight of their hull. So the tests below need no eye, only the matrix
-//! that the engine draws with, and a shadow frustum of a parallel view, a prism, is no special case.
+//! A point `p` of the scene becomes the three numbers `(x, y, w)` of clip space, linear in `p`. Up to a
+//! positive factor they name the line of sight through `p`, for perspective and parallel views alike: a plane
+//! through the eye (or along the direction of sight) is one linear function of them, and the convex hull of
+//! points spans the cone of sight of their hull. So the tests below need no eye, only the matrix that the
+//! engine draws with, and a shadow frustum of a parallel view, a prism, is no special case.
 //!
 //! # Bounds
-//! Every direction is scaled so that its largest number is 1, and carries `error`, a bound on how far any of its numbers is off. The
-//! bounds are relative, so they hold at any magnitude; what underflows loses at most the least normal number, which is added.
+//! Every direction is scaled so that its largest number is 1, and carries `error`, a bound on how far any of
+//! its numbers is off. The bounds are relative, so they hold at any magnitude; what underflows loses at most
+//! the least normal number, which is added.
 
 use visibility_core::glam::{BVec3, DMat3, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
@@ -17,7 +20,7 @@ use visibility_core::{Aabb, Eye, View};
 /// Unit round-off of `f64`.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// Directions and planes that are off by more than this are of no use.
+/// Maximum error of a direction or a plane, relative to its largest number; those with more are not used.
 const TOO_WRONG: f64 = 1.0 / (1u64 << 24) as f64;
 
 /// A line of sight, its largest number 1 in magnitude.
@@ -25,20 +28,21 @@ const TOO_WRONG: f64 = 1.0 / (1u64 << 24) as f64;
 pub(crate) struct Direction {
     pub(crate) v: [f64; 3],
     pub(crate) error: f64,
-    /// What the numbers were divided by: what they are at the point itself.
+    /// What clip-space x, y and w of the point were divided by.
     pub(crate) size: f64,
 }
 
-/// A plane through the eye: `n . v` is positive on the inner side, and its sign is certain for an exact direction of numbers up to 1
-/// where it is beyond `slack`.
+/// A plane through the eye: `n . v` is positive on the inner side, and its sign is certain for an exact
+/// direction of numbers up to 1 where it is beyond `slack`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     pub(crate) n: [f64; 3],
     pub(crate) slack: f64,
 }
 
-/// `n . v` of a direction that is off by `error` is off by at most `slack` of the line and this: three numbers of at most 1 times it,
-/// and a little for the error's own rounding and its product with that of the line.
+/// `n . v` of a direction that is off by `error` is off by at most `slack` of the line and this: three
+/// numbers of at most 1 times it, and a little for the error's own rounding and its product with that of the
+/// line.
 pub(crate) fn slack_of(error: f64) -> f64 {
     3.125 * error
 }
@@ -52,7 +56,8 @@ impl Line {
     pub(crate) fn through(a: &Direction, b: &Direction) -> Option<Self> {
         let (p, q) = (a.v, b.v);
         let n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
-        // Each number: two products of factors up to 1, off by the errors of both, and three roundings of numbers up to 2.
+        // Each number: two products of factors up to 1, off by the errors of both, and three roundings of
+        // numbers up to 2.
         let error = 2.0 * (a.error + b.error) + 8.0 * U;
         Self::scaled(n, error)
     }
@@ -78,7 +83,8 @@ pub(crate) fn corners_of([min, max]: [DVec3; 2]) -> impl Iterator<Item = DVec3> 
     (0..8).map(move |i| DVec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min))
 }
 
-/// A box as seen: the direction of its least corner, what its sides add to that, and a bound on the error of `n . v` for any corner.
+/// A box as seen: the direction of its least corner, what its sides add to that, and a bound on the error of
+/// `n . v` for any corner.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BoxProjection {
     pub(crate) base: [f64; 3],
@@ -107,23 +113,25 @@ impl BoxProjection {
     }
 }
 
-/// A view made ready for one frame.
+/// A view for one frame: its clip-space rows relative to an anchor, with bounds on their rounding.
 #[derive(Clone, Debug)]
 pub(crate) struct ClipProjection {
     rows: [ClipRow; 3],
     /// Positive beyond the near plane.
     near: ClipRow,
-    /// What all is relative to, in scene coordinates: the eye of a perspective view.
+    /// The point that rows are relative to, in scene coordinates: the eye of a perspective view.
     anchor: DVec3,
     pub(crate) eye: Eye,
-    /// How far the true eye may be from the one above, in metres (its direction, from the one above).
+    /// Bound on the distance of the true eye from `eye` in metres; for parallel views on the error of the
+    /// unit direction.
     pub(crate) eye_error: f64,
-    /// Takes directions back to space, for perspective views.
+    /// From clip-space x, y and w to directions in space, for perspective views.
     back: DMat3,
-    /// How large a number of a direction taken back can be, and how far off.
+    /// Bounds on the numbers that `back` makes of a direction, and on their error.
     back_size: f64,
     back_error: f64,
-    /// The sign of the determinant of three points' directions where that of the points, seen from the eye, is positive.
+    /// The sign of the determinant of three points' directions where that of the points, seen from the eye,
+    /// is positive.
     turn: f64,
 }
 
@@ -141,7 +149,7 @@ impl ClipProjection {
         turn: 0.0,
     };
 
-    /// For points relative to `origin`.
+    /// The projection of a view for points relative to `origin`.
     pub(crate) fn new(view: &View, origin: DVec3) -> Self {
         let projection = ViewProjection::new(view, origin);
         let rows = [projection.x(), projection.y(), projection.w()];
@@ -168,12 +176,12 @@ impl ClipProjection {
         self.rows.map(|row| row.linear.dot(q) + row.constant)
     }
 
-    /// How fast x and y grow across the direction of sight.
+    /// Lengths of the rows of x and y: clip-space units per metre.
     pub(crate) fn scale(&self) -> [f64; 2] {
         [self.rows[0].linear.length(), self.rows[1].linear.length()]
     }
 
-    /// How far beyond the near plane a point is, and the bound on its error.
+    /// Value of the near plane's row at a point, positive beyond the plane, and the bound on its error.
     pub(crate) fn beyond_near(&self, p: DVec3) -> (f64, f64) {
         self.near.at(p - self.anchor)
     }
@@ -186,11 +194,12 @@ impl ClipProjection {
         value > error
     }
 
-    /// A box as seen.
+    /// Projects a box; `None` if rounding leaves its directions too uncertain.
     pub(crate) fn cone(&self, bounds: &Aabb) -> Option<BoxProjection> {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (q, size) = (min - self.anchor, max - min);
-        // Each corner is a value at the least corner and up to three products, summed: any term passes at most eight roundings.
+        // Each corner is a value at the least corner and up to three products, summed: any term passes at
+        // most eight roundings.
         let reach = q.abs() + size;
         let (mut base, mut sides, mut error) = ([0.0; 3], [[0.0; 3]; 3], 0.0f64);
         let mut largest = 0.0f64;
@@ -214,10 +223,12 @@ impl ClipProjection {
         (error < TOO_WRONG).then(|| BoxProjection { base: scaled(base), sides: sides.map(scaled), slack })
     }
 
-    /// How far from the eye something in view can be and yet be before the near plane, in metres; infinite for parallel views.
+    /// How far from the eye something in view can be and yet be before the near plane, in metres; infinite
+    /// for parallel views.
     pub(crate) fn clearance(&self) -> f64 {
         let Eye::Point(eye) = self.eye else { return f64::INFINITY };
-        // The distance grows towards the corners of the picture. Rounding is far below the tenth that is added.
+        // The distance grows towards the corners of the picture. Rounding is far below the tenth that is
+        // added.
         let (at_eye, _) = self.near.at(eye - self.anchor);
         let mut farthest = 0.0f64;
         for corner in [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]] {
@@ -230,12 +241,14 @@ impl ClipProjection {
         1.1 * farthest
     }
 
-    /// Whether the eye is outside of a box, and all of the box that is in the picture surely beyond the near plane; `clear` is the clearance.
+    /// Whether the eye is outside of a box, and all of the box that is in the picture surely beyond the near
+    /// plane; `clear` is the clearance.
     pub(crate) fn is_outside(&self, &[min, max]: &[DVec3; 2], clear: f64) -> bool {
         match self.eye {
             Eye::Point(eye) => {
                 let away = (min - eye).max(eye - max).max(DVec3::ZERO);
-                // Rounding takes four units of the distance, which the clearance has to spare; NaN is not outside.
+                // Rounding takes four units of the distance, which the clearance has to spare; NaN is not
+                // outside.
                 away.length() > clear.max(f64::MIN_POSITIVE) + 4.0 * self.eye_error
             }
             Eye::Direction(_) => corners_of([min, max]).all(|p| {
@@ -245,7 +258,8 @@ impl ClipProjection {
         }
     }
 
-    /// 1 or -1: the sign of the determinant of the directions of three points whose normal points away from the eye; 0 if unknown.
+    /// 1 or -1: the sign of the determinant of the directions of three points whose normal points away from
+    /// the eye; 0 if unknown.
     pub(crate) fn turn(&self) -> f64 {
         self.turn
     }
@@ -255,8 +269,8 @@ impl ClipProjection {
         self.back * DVec3::from_array(v)
     }
 
-    /// A plane as directions meet it: how far before it the eye is, and how fast a direction comes nearer to it, as a function of the
-    /// direction. None for parallel views.
+    /// A plane as directions meet it: how far before it the eye is, and how fast a direction comes nearer to
+    /// it, as a function of the direction. None for parallel views.
     pub(crate) fn approach(&self, normal: DVec3, offset: f64) -> Option<Approach> {
         let Eye::Point(eye) = self.eye else { return None };
         let [x, y, z] = [self.back.x_axis, self.back.y_axis, self.back.z_axis];
@@ -266,12 +280,14 @@ impl ClipProjection {
         Some(Approach { height, height_error, speed: [-normal.dot(x), -normal.dot(y), -normal.dot(z)] })
     }
 
-    /// Whether of all directions of a convex part, given by its corners, each comes through one plane before it comes to another.
+    /// Whether of all directions of a convex part, given by its corners, each comes through one plane before
+    /// it comes to another.
     ///
-    /// At direction `v` a plane is met after `height / speed . v`; the first is met earlier if `height' (speed . v) > height (speed' . v)`,
-    /// which is linear in `v`, so that the corners decide. The second plane is surely met by the directions that count, from before:
-    /// `speed' . v > 0`; then the first one is, too. Heights are off by `height_error`; `speed . v` for unit normals by no more than three
-    /// times the error of the direction taken back, and what that of `v` makes of it.
+    /// At direction `v` a plane is met after `height / speed . v`; the first is met earlier if `height'
+    /// (speed . v) > height (speed' . v)`, which is linear in `v`, so that the corners decide. The second
+    /// plane is surely met by the directions that count, from before: `speed' . v > 0`; then the first one
+    /// is, too. Heights are off by `height_error`; `speed . v` for unit normals by no more than three times
+    /// the error of the direction taken back, and what that of `v` makes of it.
     pub(crate) fn is_met_first(
         &self,
         first: &Approach,
@@ -305,7 +321,8 @@ impl ClipProjection {
     }
 }
 
-/// A plane as directions meet it.
+/// A plane as a function of the direction: the eye's distance from it in metres, a bound on the error of
+/// that, and the speed `speed . v` at which direction `v` approaches it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Approach {
     height: f64,
@@ -313,10 +330,10 @@ pub(crate) struct Approach {
     speed: [f64; 3],
 }
 
-/// How large what an inverse makes of a direction is at most, and by how much that may be off.
+/// Bounds on the numbers that an inverse makes of a direction, and on their error.
 ///
-/// `back . forth` is `1 + R`; so what it makes of a direction is off by at most `R` times the truth. `R` is computed with three products and sums,
-/// and a difference.
+/// `back . forth` is `1 + R`; so what it makes of a direction is off by at most `R` times the truth. `R` is
+/// computed with three products and sums, and a difference.
 fn wrong_by(forth: DMat3, back: DMat3) -> (f64, f64) {
     let (mut size, mut residue) = (0.0f64, 0.0f64);
     for row in 0..3 {

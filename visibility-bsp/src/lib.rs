@@ -1,17 +1,19 @@
-//! Visibility culling in object space: occluders are planes through the eye, at no resolution, and nothing is drawn.
+//! Visibility culling in object space: occluders are planes through the eye, at no resolution, and nothing is
+//! drawn.
 //!
 //! | What it does | Type | Needs | Promise |
 //! |---|---|---|---|
-//! | Hides boxes behind the large walls of a scene, which fuse | [`OcclusionTreeCuller`] | meshes | conservative |
-//! | Hides boxes behind single walls and pairs of them, and remembers why | [`LargeOccludersCuller`] | meshes | conservative |
-//! | Hides boxes behind single walls chosen in advance for the eye's region | [`ShadowFrustaCuller`] | meshes | conservative |
+//! | Hides boxes behind large walls, which fuse | [`OcclusionTreeCuller`] | meshes | conservative |
+//! | The same by one wall or two, and remembers why | [`LargeOccludersCuller`] | meshes | conservative |
+//! | The same by walls chosen in advance for a region | [`ShadowFrustaCuller`] | meshes | conservative |
 //! | Hides every object of which nothing is seen | [`NaylorCuller`] | triangles | exact |
 //! | Puts objects in the order of depth | [`BspOrderCuller`] | triangles | conservative |
 //! | Tests boxes against occluders, for a driver of your own | [`OcclusionTree`] | meshes | conservative |
 //!
-//! The first three share [`Occluders`], large polygons made when a scene is loaded; the next two share a [`SceneTree`]. Each has a `sync` for
-//! scenes that change; an object that has changed since neither hides anything nor is hidden by mistake. Below these are
-//! [`BspTree`], the partition of any polygons, and [`Solid`], set operations on closed meshes.
+//! The first three share [`Occluders`], large polygons made when a scene is loaded; the next two share a
+//! [`SceneTree`]. Each has a `sync` for scenes that change; an object that has changed since neither hides
+//! anything nor is hidden by mistake. Below these are [`BspTree`], the partition of any polygons, and
+//! [`Solid`], set operations on closed meshes.
 //!
 //! ```
 //! use visibility_bsp::{Occluders, OcclusionTreeCuller};
@@ -26,7 +28,8 @@
 //!
 //! let occluders = std::sync::Arc::new(Occluders::new(&scene)); // once, for all views
 //! let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(OcclusionTreeCuller::new(occluders));
-//! let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.5, 0.1, f64::INFINITY)?;
+//! let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+//! let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?;
 //! let mut visible = VisibleSet::new();
 //! pipeline.cull(&scene, &view, &mut visible);
 //! assert!(visible.contains(&scene, wall) && !visible.contains(&scene, behind));

@@ -3,8 +3,8 @@
 use alloc::vec::Vec;
 use visibility_core::{Side, SidePlane, glam::DVec3};
 
-/// The parts of a polygon in front of a plane and behind it; what lies on the plane belongs to both. The points of the cut are the same
-/// for every polygon that shares the edge.
+/// The parts of a polygon in front of a plane and behind it; what lies on the plane belongs to both. The
+/// points of the cut are the same for every polygon that shares the edge.
 pub(crate) fn cut(polygon: &[DVec3], plane: &SidePlane, front: &mut Vec<DVec3>, back: &mut Vec<DVec3>) {
     front.clear();
     back.clear();

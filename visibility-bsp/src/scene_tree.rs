@@ -4,10 +4,12 @@ use crate::tree::{BspError, BspTree};
 use alloc::vec::Vec;
 use visibility_core::{Changes, ObjectId, Scene, SceneCursor};
 
-/// A [`BspTree`] of the triangles of a [`Scene`], in scene coordinates; each fragment's owner is the index of its object.
+/// A [`BspTree`] of the triangles of a [`Scene`], in scene coordinates; each fragment's owner is the index of
+/// its object.
 ///
-/// Built once and shared by the cullers of all views. When the scene has changed, [`sync`](Self::sync) brings it up to date in time
-/// proportional to what changed; an object whose change it has not taken in is never hidden, and hides nothing.
+/// Built once and shared by the cullers of all views. When the scene has changed, [`sync`](Self::sync) brings
+/// it up to date in time proportional to what changed; an object whose change it has not taken in is never
+/// hidden, and hides nothing.
 ///
 /// ```
 /// use visibility_bsp::SceneTree;
@@ -25,16 +27,17 @@ use visibility_core::{Changes, ObjectId, Scene, SceneCursor};
 #[derive(Clone, Debug)]
 pub struct SceneTree {
     tree: BspTree,
-    /// By index: the object whose triangles are all in the tree.
+    /// By object index: the object, if all of its triangles are in the tree.
     represented: Vec<Option<ObjectId>>,
-    /// The scene, and the revision of it, that is in the tree.
+    /// The scene and its revision that the tree is up to date with.
     cursor: SceneCursor,
 }
 
 impl SceneTree {
-    /// The tree of a scene as it is now.
+    /// Builds the tree of all triangles of a scene, as they are now.
     ///
-    /// An object without triangles, or with one that is not finite or has no area, counts as visible always: nothing is known of it.
+    /// An object without triangles, or with one that is not finite or has no area, counts as visible always:
+    /// nothing is known of it.
     ///
     /// # Errors
     /// [`BspError::TooManyFragments`].
@@ -48,7 +51,8 @@ impl SceneTree {
         Ok(Self { tree, represented, cursor: SceneCursor::at(scene) })
     }
 
-    /// Takes in what has changed in the scene.
+    /// Brings the tree up to date with the scene: triangles of changed objects are removed and inserted
+    /// again. Another scene than before is taken in as by [`new`](Self::new).
     ///
     /// # Errors
     /// [`BspError::TooManyFragments`]; what could not be taken in is never hidden.
@@ -63,7 +67,8 @@ impl SceneTree {
                     self.represented[id.index()] = None;
                 }
                 for &id in ids {
-                    // Listed more than once, it is in the tree already; removed, its index may be another's, which is listed too.
+                    // Listed more than once, it is in the tree already; removed, its index may be another's,
+                    // which is listed too.
                     if self.represented[id.index()].is_some() || !scene.contains(id) || self.has(id) {
                         continue;
                     }
@@ -75,7 +80,7 @@ impl SceneTree {
         Ok(())
     }
 
-    /// The object with this index, if all of it is in the tree.
+    /// The object with this index, if all of its triangles are in the tree.
     pub(crate) fn object(&self, index: u32) -> Option<ObjectId> {
         self.represented.get(index as usize).copied().flatten()
     }
@@ -86,7 +91,7 @@ impl SceneTree {
         any
     }
 
-    /// The tree itself.
+    /// The tree, whose fragments' owners are object indices.
     pub fn tree(&self) -> &BspTree {
         &self.tree
     }
@@ -101,23 +106,23 @@ fn corners(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [visibility_core
     triangles.iter().map(|triangle| triangle.map(|corner| corner.as_dvec3()))
 }
 
-/// Whether there is something of the object in the tree, and nothing missing.
+/// Whether an object has triangles, and the tree accepts all of them.
 fn is_fully_represented(scene: &Scene, id: ObjectId) -> bool {
     let mut triangles = corners(scene, id).peekable();
     triangles.peek().is_some() && triangles.all(|triangle| BspTree::accepts(&triangle))
 }
 
-/// What a view makes of the objects of a shared tree in one frame.
+/// Which objects have changed since a shared tree was brought up to date, for one view and frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct StaleObjects {
-    /// By index; `frame` if the object has changed since the tree was brought up to date.
+    /// By object index: `frame` for objects that have changed since the tree was brought up to date.
     changed: Vec<u32>,
     frame: u32,
     lost: bool,
 }
 
 impl StaleObjects {
-    /// To be called first in a frame.
+    /// Compares the tree with the scene. To be called first in a frame.
     pub(crate) fn begin(&mut self, shared: &SceneTree, scene: &Scene) {
         self.frame = self.frame.wrapping_add(1);
         if self.frame == 0 || self.changed.len() != scene.index_limit() {
@@ -136,13 +141,13 @@ impl StaleObjects {
         }
     }
 
-    /// Whether the object with this index is in the tree as it is in the scene.
+    /// Whether the object with this index has not changed since the tree was brought up to date.
     #[inline]
     pub(crate) fn is_current(&self, index: u32) -> bool {
         !self.lost && self.changed.get(index as usize).is_some_and(|&frame| frame != self.frame)
     }
 
-    /// Whether all of an object is in the tree as it is in the scene.
+    /// Whether all triangles of an object are in the tree, as they are in the scene.
     pub(crate) fn is_known(&self, shared: &SceneTree, id: ObjectId) -> bool {
         self.is_current(index(id)) && shared.represented.get(id.index()) == Some(&Some(id))
     }

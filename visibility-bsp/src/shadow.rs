@@ -1,45 +1,48 @@
-//! The shadow that a convex polygon casts from the eye: the planes through the eye and its edges, and the polygon's own plane
-//! (Crow, "Shadow Algorithms for Computer Graphics", 1977; Chin and Feiner, "Near Real-Time Shadow Generation Using BSP Trees", 1989).
+//! The shadow that a convex polygon casts from the eye: the planes through the eye and its edges, and the
+//! polygon's own plane (Crow, "Shadow Algorithms for Computer Graphics", 1977; Chin and Feiner, "Near
+//! Real-Time Shadow Generation Using BSP Trees", 1989).
 //!
 //! # Why it is sound, also for polygons that are not quite flat
-//! An occluder is a patch of triangles whose boundary is one closed loop. A line of sight that has every edge of the loop on its left is
-//! gone round by the loop, and so meets the patch. All vertices lie on the eye's side of the *back plane*, which is pushed away from the eye
-//! until they do; so whatever lies strictly beyond that plane on such a line lies beyond the patch. Neither argument asks for flatness,
-//! or for rounding to be kind: edges are those between the exact vertices.
+//! An occluder is a patch of triangles whose boundary is one closed loop. A line of sight that has every edge
+//! of the loop on its left is gone round by the loop, and so meets the patch. All vertices lie on the eye's
+//! side of the *back plane*, which is pushed away from the eye until they do; so whatever lies strictly
+//! beyond that plane on such a line lies beyond the patch. Neither argument asks for flatness, or for
+//! rounding to be kind: edges are those between the exact vertices.
 //!
 //! # The near plane
-//! What lies before it is not drawn and must not hide. A patch that crosses it is cut a little beyond it; edges keep their own exact ends,
-//! and the cut becomes an edge of its own.
+//! What lies before it is not drawn and must not hide. A patch that crosses it is cut a little beyond it;
+//! edges keep their own exact ends, and the cut becomes an edge of its own.
 
 use crate::clip_projection::{ClipProjection, Direction, Line, U, slack_of};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
-/// The most edges that an occluder polygon may have.
+/// Maximum number of edges of an occluder polygon.
 pub(crate) const MOST_EDGES: usize = 16;
 
-/// One edge of a shadow.
+/// An edge of a polygon and the plane through it and the eye.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ShadowEdge {
     pub(crate) line: Line,
-    /// The ends of the edge, in space: a line through the same ends is the same line. NaN where the near plane cuts.
+    /// Ends of the edge in scene coordinates, NaN for an edge made by the near plane. Edges with the same
+    /// ends in either order have the same plane.
     pub(crate) ends: [DVec3; 2],
     pub(crate) directions: [Direction; 2],
 }
 
-/// A corner of what is seen of a polygon.
+/// A corner of the part of a polygon beyond the near plane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Corner {
     pub(crate) p: DVec3,
     pub(crate) v: [f64; 3],
-    /// What `v` was divided by.
+    /// What the clip-space x, y and w of the point were divided by to make `v`.
     pub(crate) size: f64,
-    /// Which edge of the shadow leads to the next corner.
+    /// Index of the shadow's edge that leads to the next corner, `u8::MAX` for none.
     pub(crate) edge: u8,
 }
 
-/// The shadow of one polygon, its parts in [`Shadows`].
+/// The shadow of one polygon: ranges of `Shadows::edges` and `Shadows::corners`, and the plane behind it.
 #[derive(Clone, Debug)]
 pub(crate) struct Shadow {
     pub(crate) edges: Range<usize>,
@@ -47,10 +50,11 @@ pub(crate) struct Shadow {
     pub(crate) back: BackPlane,
 }
 
-/// The plane behind a polygon: what lies surely behind it can be hidden by the polygon.
+/// The plane behind all vertices of a polygon, seen from the eye: only what lies behind it can be hidden by
+/// the polygon.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BackPlane {
-    /// Unit normal, towards the eye.
+    /// Unit normal, pointing to the side that the eye is on.
     pub(crate) normal: DVec3,
     pub(crate) offset: f64,
 }
@@ -70,24 +74,25 @@ impl BackPlane {
         i32::from(least > error) - i32::from(greatest < -error)
     }
 
-    /// The signed distance of a point.
+    /// Signed distance of a point in metres, positive on the eye's side.
     pub(crate) fn at(&self, p: DVec3) -> f64 {
         self.normal.dot(p) + self.offset
     }
 }
 
-/// A polygon of which shadows are made: its vertices, and how it lies.
+/// A convex polygon to cast a shadow from, almost flat, in scene coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OccluderPolygon<'a> {
     pub(crate) vertices: &'a [DVec3],
-    /// Unit normal on the side from which the vertices run counter-clockwise.
+    /// Unit normal on the side from which the vertices run counter-clockwise: the front.
     pub(crate) normal: DVec3,
     /// Bounds on `normal . v` over the vertices, rounding included.
     pub(crate) reach: [f64; 2],
     pub(crate) two_sided: bool,
 }
 
-/// The normal of a loop of vertices and how far they reach along it, or nothing without area.
+/// The unit normal of a loop of vertices, the least and greatest `normal . v` over them with rounding
+/// included, and the area in square metres. `None` if the loop has no area or is not finite.
 pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     let (&first, rest) = vertices.split_first()?;
     let mut sum = DVec3::ZERO;
@@ -109,13 +114,13 @@ pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     (reach[0].is_finite() && reach[1].is_finite()).then_some((normal, reach, area))
 }
 
-/// Shadows of one frame, in memory that is kept from frame to frame.
+/// The shadows of one frame. The memory is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shadows {
     pub(crate) list: Vec<Shadow>,
     pub(crate) edges: Vec<ShadowEdge>,
     pub(crate) corners: Vec<Corner>,
-    /// Values beyond the near plane.
+    /// Scratch: by vertex of the polygon at hand, the value of the near plane's row.
     near: Vec<f64>,
     directions: Vec<Option<Direction>>,
 }
@@ -131,7 +136,8 @@ impl Shadows {
         &self.edges[shadow.edges.clone()]
     }
 
-    /// Adds the shadow of a polygon; false if it casts none that can be relied on.
+    /// Adds the shadow of a polygon. False if there is none: the eye is not surely in front of it, it is
+    /// before the near plane, or rounding leaves an edge in doubt.
     pub(crate) fn cast(
         &mut self,
         projection: &ClipProjection,
@@ -183,7 +189,8 @@ impl Shadows {
             nearest = nearest.min(value);
             doubt = doubt.max(error);
         }
-        // Where the cut is made: beyond the plane by far more than rounding, or the unevenness of a patch, can take back.
+        // Where the cut is made: beyond the plane by far more than rounding, or the unevenness of a patch,
+        // can take back.
         let limit = (farthest * 1e-4).max(1024.0 * doubt);
         if !(farthest > limit) {
             return None;
@@ -236,7 +243,8 @@ impl Shadows {
             return None;
         }
 
-        // Inwards is where the middle is, for all edges alike, and for a polygon seen from its front always to the same hand.
+        // Inwards is where the middle is, for all edges alike, and for a polygon seen from its front always
+        // to the same hand.
         let mut middle = [0.0; 3];
         for corner in corners {
             for (sum, v) in middle.iter_mut().zip(corner.v) {

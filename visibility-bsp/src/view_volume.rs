@@ -1,10 +1,11 @@
-//! The volume of a view, for boxes and polygons in scene coordinates: outside only beyond the error of its planes.
+//! The volume of a view, for boxes and polygons in scene coordinates: outside only beyond the error of its
+//! planes.
 
 use visibility_core::{Aabb, Containment, MAX_PLANES, Plane, Scene, View, glam::DVec3};
 
 #[derive(Clone, Debug)]
 pub(crate) struct ViewVolume {
-    /// Moved outwards by their errors.
+    /// The planes of the view, moved outwards by their errors.
     planes: [Plane; MAX_PLANES],
     count: usize,
 }
@@ -14,7 +15,8 @@ impl ViewVolume {
         let mut volume = Self { planes: [Plane::new(DVec3::ZERO, 1.0); MAX_PLANES], count: 0 };
         for of_view in view.planes(scene.origin()).as_slice() {
             let Plane { normal, offset } = of_view.plane;
-            // Each component of the normal is within 4 units of round-off, which the widest coordinate multiplies.
+            // Each component of the normal is within 4 units of round-off, which the widest coordinate
+            // multiplies.
             volume.planes[volume.count] =
                 Plane::new(normal, offset + 2.0 * of_view.error + 16.0 * f64::EPSILON * offset.abs());
             volume.count += 1;
@@ -22,8 +24,8 @@ impl ViewVolume {
         volume
     }
 
-    /// The planes, one bit each, that a box is wholly inside of, given some of them: no others matter for what is in the box. `None` if no
-    /// point of it is in view.
+    /// The planes, one bit each, that a box is wholly inside of, given some of them: no others matter for
+    /// what is in the box. `None` if no point of it is in view.
     #[inline]
     pub(crate) fn inside_of(&self, mut known: u32, bounds: &Aabb) -> Option<u32> {
         for (i, plane) in self.planes[..self.count].iter().enumerate() {
@@ -39,7 +41,7 @@ impl ViewVolume {
         Some(known)
     }
 
-    /// Whether planes that something is inside of are all there are.
+    /// Whether a mask of planes is that of all planes.
     #[inline]
     pub(crate) fn is_inside(&self, planes: u32) -> bool {
         planes == (1 << self.count) - 1

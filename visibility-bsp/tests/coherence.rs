@@ -1,4 +1,5 @@
-//! What is remembered changes no answer; what has changed in the scene is never trusted; nothing is allocated once warm.
+//! What is remembered changes no answer; what has changed in the scene is never trusted; nothing is allocated
+//! once warm.
 #![allow(missing_docs)]
 
 mod common;
@@ -182,7 +183,8 @@ fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_bett
         let live = reported(&room.scene, &blurred, &mut live);
         let fresh = reported(&room.scene, &blurred, &mut LargeOccludersCuller::new(occluders.clone()));
         println!("{blur}: {all} sharp, {} live, {} fresh", live.len(), fresh.len());
-        // An eye that surely is within the ball of an answer has that answer, though a new culler may not find it.
+        // An eye that surely is within the ball of an answer has that answer, though a new culler may not
+        // find it.
         assert!(live.len() <= fresh.len());
         counts.push(live.len());
     }

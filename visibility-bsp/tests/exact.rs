@@ -1,5 +1,5 @@
-//! Naylor's exact culling against an item buffer: nothing that has a pixel is hidden, and what is reported without one is seen when one
-//! looks closely at where it says.
+//! Naylor's exact culling against an item buffer: nothing that has a pixel is hidden, and what is reported
+//! without one is seen when one looks closely at where it says.
 #![allow(missing_docs)]
 
 mod shapes;
@@ -73,7 +73,8 @@ fn reported(culler: &mut impl Culler, scene: &Scene, view: &View) -> HashSet<u32
     set.iter(scene).map(|id| id.index() as u32).collect()
 }
 
-/// Objects with a pixel. Glass is drawn where nothing opaque is before it: each alone with all that is opaque.
+/// Objects with a pixel. Glass is drawn where nothing opaque is before it: each alone with all that is
+/// opaque.
 fn pixels(buffer: &mut ItemBuffer, scene: &Scene, view: &View) -> HashSet<u32> {
     let opaque = |id: &ObjectId| scene.object(*id).unwrap().occluder;
     let item = |id: ObjectId| (id.index() as u32, scene.triangles(id).unwrap());
@@ -230,7 +231,8 @@ fn synced_and_built_trees_give_the_same_answers() {
         let mut cullers = [&tree, &fresh].map(NaylorCuller::new);
         let [synced, built] = cullers.each_mut().map(|culler| reported(culler, &scene, &view));
         for &index in synced.symmetric_difference(&built) {
-            // Moved objects are rounded; where two of them touch, gaps are about as narrow as the tolerance, and trees may differ about them.
+            // Moved objects are rounded; where two of them touch, gaps are about as narrow as the tolerance,
+            // and trees may differ about them.
             let id = scene.ids().find(|id| id.index() == index as usize).unwrap();
             let width = cullers.iter().filter_map(|culler| culler.witness(id)).map(|w| w.width).sum::<f64>();
             assert!(width < 1e-5, "round {round}: object {id}, {width} wide");

@@ -167,7 +167,8 @@ fn turned_copies_and_scales_are_no_trouble() {
 
 #[test]
 fn many_faces_are_no_trouble() {
-    // Convex, so that every plane of a face has all others behind it: a list, if it were not divided otherwise.
+    // Convex, so that every plane of a face has all others behind it: a list, if it were not divided
+    // otherwise.
     let n = 1500;
     let at = |i: usize, z: f64| {
         let a = (i % n) as f64 / n as f64 * core::f64::consts::TAU;

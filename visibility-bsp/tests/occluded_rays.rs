@@ -1,4 +1,5 @@
-//! Nothing visible is hidden: segments from the eye to points of hidden boxes must all be blocked, on random soups with eyes at the worst places.
+//! Nothing visible is hidden: segments from the eye to points of hidden boxes must all be blocked, on random
+//! soups with eyes at the worst places.
 #![allow(missing_docs)]
 
 mod common;
@@ -193,7 +194,8 @@ fn hostile_boxes_and_views_do_no_harm() {
     }
 }
 
-/// The near plane cuts one end off a ridge, and with it what two slopes would hide there; whichever way round their corners go.
+/// The near plane cuts one end off a ridge, and with it what two slopes would hide there; whichever way round
+/// their corners go.
 #[test]
 fn two_polygons_hide_nothing_where_the_near_plane_cuts_the_edge_that_they_share() {
     let mut hidden = 0;

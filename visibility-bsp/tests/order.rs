@@ -19,7 +19,8 @@ fn visited(tree: &BspTree, eye: Eye, back: bool, order: &mut Order, out: &mut Ve
     if back { tree.back_to_front(eye, order, visit) } else { tree.front_to_back(eye, order, visit) }
 }
 
-/// Rays through points of fragments: along each, what is nearer must not come after what is farther. Returns how many pairs were compared.
+/// Rays through points of fragments: along each, what is nearer must not come after what is farther. Returns
+/// how many pairs were compared.
 fn check(random: &mut Random, fragments: &[(usize, Vec<DVec3>)], eye: Eye, rays: usize) -> usize {
     let mut pairs = 0;
     let mut hits = Vec::new();

@@ -1,5 +1,6 @@
-//! At the rims of shadows, where rounding would decide if it were let: what sticks out of every shadow by a few units of round-off must not be
-//! hidden. Sides are judged in exact arithmetic on the elements of the view's matrix.
+//! At the rims of shadows, where rounding would decide if it were let: what sticks out of every shadow by a
+//! few units of round-off must not be hidden. Sides are judged in exact arithmetic on the elements of the
+//! view's matrix.
 #![allow(missing_docs)]
 
 mod common;
@@ -23,13 +24,15 @@ enum Kind {
     Joined,
     /// An edge of each is in one plane with the eye, and they are to either side of it.
     Beside,
-    /// A corner of the smaller is in the plane of an edge of the larger, and its other corners are to either side.
+    /// A corner of the smaller is in the plane of an edge of the larger, and its other corners are to either
+    /// side.
     Across,
 }
 
 const KINDS: [Kind; 3] = [Kind::Joined, Kind::Beside, Kind::Across];
 
-/// Occluders with edges that lie in one plane through a point, boxes with a corner in that plane, and a view from all but that point.
+/// Occluders with edges that lie in one plane through a point, boxes with a corner in that plane, and a view
+/// from all but that point.
 struct Rim {
     triangles: Vec<Triangle>,
     boxes: Vec<Aabb>,
@@ -37,8 +40,8 @@ struct Rim {
 }
 
 impl Rim {
-    /// All is whole numbers, times a power of two, so nothing but the eye is rounded. In front of a large triangle, or behind it, comes a
-    /// smaller one.
+    /// All is whole numbers, times a power of two, so nothing but the eye is rounded. In front of a large
+    /// triangle, or behind it, comes a smaller one.
     fn new(random: &mut Random, scale: f64, kind: Kind) -> Option<Self> {
         let whole = |random: &mut Random, reach: f64| random.fine_vector(reach).round();
         let eye = whole(random, 2000.0);
@@ -136,7 +139,8 @@ fn what_sticks_out_of_a_shadow_by_rounding_is_not_hidden_by_the_tree() {
     assert!(hidden > 5_000 && shown > 10_000);
 }
 
-/// Triangles as occluders and boxes as what may be hidden, with the cullers that use polygons made in advance.
+/// Triangles as occluders and boxes as what may be hidden, with the cullers that use polygons made in
+/// advance.
 fn scene_of(triangles: &[Triangle], boxes: &[Aabb]) -> (Scene, Vec<visibility_core::ObjectId>) {
     let mut scene = Scene::new();
     for triangle in triangles {
@@ -192,7 +196,8 @@ fn divisor(a: i128, b: i128) -> (i128, i128, i128) {
     (d, y, x - a.div_euclid(b) * y)
 }
 
-/// A point of whole numbers within a triangle of whole numbers, but for being nearer to the front by the least that whole numbers can be.
+/// A point of whole numbers within a triangle of whole numbers, but for being nearer to the front by the
+/// least that whole numbers can be.
 fn in_front_by_nothing(t: [[i128; 3]; 3]) -> Option<[i128; 3]> {
     let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| t[k][i] - t[0][i]));
     let n = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
@@ -202,7 +207,8 @@ fn in_front_by_nothing(t: [[i128; 3]; 3]) -> Option<[i128; 3]> {
         return None;
     }
     let mut q = [x * s * one, y * s * one, z * one];
-    // That is far off along the plane: sides of the triangle bring it back. Along them it is at shares of these determinants.
+    // That is far off along the plane: sides of the triangle bring it back. Along them it is at shares of
+    // these determinants.
     let dot = |a: [i128; 3], b: [i128; 3]| (0..3).map(|i| a[i] as f64 * b[i] as f64).sum::<f64>();
     for _ in 0..8 {
         let (uu, uv, vv, qu, qv) = (dot(u, u), dot(u, v), dot(v, v), dot(q, u), dot(q, v));

@@ -1,5 +1,5 @@
-//! Sections of solids as occluders: what they hide, and that they hide nothing from eyes that see a solid from within, or past a face of it that is
-//! cut away.
+//! Sections of solids as occluders: what they hide, and that they hide nothing from eyes that see a solid
+//! from within, or past a face of it that is cut away.
 #![allow(missing_docs)]
 
 mod common;
@@ -44,7 +44,8 @@ fn hides(scene: &Scene, view: &View, culler: &mut dyn Culler, id: ObjectId) -> b
     !visible.contains(scene, id)
 }
 
-/// Two storeys of a wall, the slab between them, whose edge is set back, and another wall that ends at theirs.
+/// Two storeys of a wall, the slab between them, whose edge is set back, and another wall that ends at
+/// theirs.
 const HOUSE: [Aabb; 4] = [
     Aabb::from_arrays([4.0, -5.0, 0.0], [4.25, 5.0, 3.0]),
     Aabb::from_arrays([4.125, -5.0, 3.0], [12.0, 5.0, 3.25]),
@@ -98,7 +99,8 @@ fn nothing_hides(solids: &[Aabb], view: &View, target: Aabb) {
 
 #[test]
 fn an_eye_inside_a_solid_sees_what_is_in_it() {
-    // A slab set back from the face of a larger box below; faces are drawn from outside, so that from inside the box nothing is before the target.
+    // A slab set back from the face of a larger box below; faces are drawn from outside, so that from inside
+    // the box nothing is before the target.
     let solids = [
         Aabb::from_arrays([0.0, -5.0, -4.0], [9.0, 5.0, 1.0]),
         Aabb::from_arrays([5.0, -5.0, 1.0], [9.0, 5.0, 5.0]),
@@ -113,7 +115,8 @@ fn an_eye_inside_a_solid_sees_what_is_in_it() {
 
 #[test]
 fn a_face_before_the_near_plane_does_not_hide() {
-    // The eye is outside, but so close that the wall's face is cut away where it looks; the section behind it is not.
+    // The eye is outside, but so close that the wall's face is cut away where it looks; the section behind it
+    // is not.
     let target = Aabb::from_arrays([9.0, -0.5, 0.5], [9.5, 0.5, 1.5]);
     let eye = DVec3::new(3.95, 0.0, 1.0);
     let window = Window::centered(3.0, 3.0);

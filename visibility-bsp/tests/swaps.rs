@@ -1,4 +1,5 @@
-//! Scenes, occluders and trees that are swapped, cloned, reverted or dropped under a live culler: it must answer as a new one does.
+//! Scenes, occluders and trees that are swapped, cloned, reverted or dropped under a live culler: it must
+//! answer as a new one does.
 #![allow(missing_docs)]
 
 mod common;
@@ -35,7 +36,8 @@ fn hides(culler: &mut dyn Culler, scene: &Scene, view: &View, id: ObjectId) -> b
     !visible.contains(scene, id)
 }
 
-/// Two sets of polygons of one revision, in which the same number means the near wall once and the far wall once.
+/// Two sets of polygons of one revision, in which the same number means the near wall once and the far wall
+/// once.
 #[test]
 fn other_occluders_of_the_same_revision_are_taken_in() {
     let mut scene = Scene::new();

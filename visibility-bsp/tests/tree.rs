@@ -1,4 +1,5 @@
-//! What is in a tree: fragments that add up to the polygons, shared nodes, solid and empty leaves, hostile input.
+//! What is in a tree: fragments that add up to the polygons, shared nodes, solid and empty leaves, hostile
+//! input.
 #![allow(missing_docs)]
 
 mod shapes;

@@ -1,4 +1,5 @@
-//! Frames of the cullers and objects that move through a tree allocate nothing once warm. Counted by an allocator of our own.
+//! Frames of the cullers and objects that move through a tree allocate nothing once warm. Counted by an
+//! allocator of our own.
 #![allow(missing_docs)]
 
 mod shapes;

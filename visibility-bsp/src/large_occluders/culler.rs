@@ -11,10 +11,11 @@ use visibility_core::{
     VisibleSet,
 };
 
-/// Culls what is behind single large polygons or pairs of them, and remembers why.
+/// Culls boxes behind a single large polygon, or behind two that share an edge, and keeps each answer while
+/// the eye moves within a ball in which it cannot change.
 ///
-/// Put it after the frustum. It hides less than an [`OcclusionTreeCuller`](crate::OcclusionTreeCuller), since more than two occluders do not
-/// fuse; while the camera stands still or moves slowly, it costs less.
+/// Put it after the frustum. It hides less than an [`OcclusionTreeCuller`](crate::OcclusionTreeCuller), since
+/// more than two occluders do not fuse; while the camera stands still or moves slowly, it costs less.
 ///
 /// ```
 /// use visibility_bsp::{LargeOccludersCuller, Occluders};
@@ -31,14 +32,15 @@ pub struct LargeOccludersCuller {
     occluders: Arc<Occluders>,
     selector: Selector,
     most: usize,
-    /// The grid by which occluders are chosen, and where on it they were chosen last.
+    /// Spacing in metres of the grid that the eye is rounded to for choosing occluders, and the rounded eye
+    /// of the last choice.
     pitch: f64,
     chosen_at: Option<Eye>,
     selected: Vec<u32>,
     active: Vec<u32>,
     /// The objects of all active polygons, each once.
     sources: Vec<ObjectId>,
-    /// Those of the active polygons that are sections.
+    /// Numbers of the active polygons that are sections of boxes.
     sections: Vec<u32>,
     /// Whether all selected polygons are active.
     all_active: bool,
@@ -66,30 +68,33 @@ impl LargeOccludersCuller {
         }
     }
 
-    /// Uses so many polygons at a time.
+    /// Sets the maximum number of polygons in use, 0 for none; any number is allowed. The cost of a test that
+    /// is not remembered grows in proportion.
     pub fn with_polygons(self, most: usize) -> Self {
         Self { most, chosen_at: None, ..self }
     }
 
-    /// Computes everything anew each frame, or not: the answers are the same.
+    /// Turns the memory of answers on (the default) or off. Off, each frame computes everything; the answers
+    /// are the same.
     pub fn with_coherence(mut self, coherent: bool) -> Self {
         self.inner.map_mut().coherent = coherent;
         self
     }
 
-    /// Gives it other polygons, or the same brought up to date.
+    /// Replaces the polygons, by those of another scene or by the same ones brought up to date. What was
+    /// remembered of others is dropped in the next frame.
     pub fn set_occluders(&mut self, occluders: Arc<Occluders>) {
         self.pitch = pitch_of(&occluders);
         self.occluders = occluders;
         self.chosen_at = None;
     }
 
-    /// How many boxes were tested against occluders in the last frame, those that what is remembered answered left out.
+    /// Number of boxes that the last frame tested against polygons; those answered from memory do not count.
     pub fn computed(&self) -> u64 {
         self.inner.map().computed()
     }
 
-    /// The eye's place on the grid: choosing by it makes the choice the same for all eyes near one another.
+    /// The eye rounded to the grid, so that eyes near one another choose the same polygons.
     fn place(&self, eye: Eye) -> Eye {
         let pitch = self.pitch;
         let whole = |x: f64| {
@@ -104,10 +109,11 @@ impl LargeOccludersCuller {
     }
 }
 
-/// Adding it leaves no bits for fractions.
+/// 1.5 times 2^52: a number of magnitude below 2^51 loses its fraction when this is added.
 const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
 
-/// About a sixty-fourth of the size of the largest polygon, a power of two.
+/// Spacing of the grid in metres: the greatest power of two that is at most 1/32 of the largest polygon's
+/// radius, 1 if there is none.
 fn pitch_of(occluders: &Occluders) -> f64 {
     let size = occluders.largest_radius() / 32.0;
     // The bits above the mantissa are the power of two.
@@ -138,8 +144,8 @@ impl Culler for LargeOccludersCuller {
         let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
         let count = sides_of(view, scene, &mut sides);
         let sides = &sides[..count];
-        // While neither the scene nor the choice has changed, what remains to be tested is that the occluders are still drawn, in this view's
-        // layers too, and that the eye is outside of the boxes of sections.
+        // While neither the scene nor the choice has changed, what remains to be tested is that the occluders
+        // are still drawn, in this view's layers too, and that the eye is outside of the boxes of sections.
         let settled = map.coherent
             && !chosen
             && self.all_active

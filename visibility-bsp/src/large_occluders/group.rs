@@ -6,11 +6,11 @@ use core::ops::Range;
 use visibility_core::Eye;
 use visibility_core::glam::DVec3;
 
-/// An edge of a polygon and, in a frame, the plane through it and the eye.
+/// An edge of a polygon and the plane through it and the eye of the frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
     pub(super) ends: [DVec3; 2],
-    /// A point of the polygon, to tell the inner side by.
+    /// A point inside the polygon, by which the inner side of the plane is told.
     pub(super) inner: DVec3,
     normal: DVec3,
     /// The bound on the error of the plane's value at a point `q` from the eye is `slope |q| + least`.
@@ -18,27 +18,29 @@ pub(super) struct Edge {
     least: f64,
 }
 
-/// Polygons that hide together.
+/// One polygon, or two that share an edge, and the edges that bound what they hide together.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
     pub(super) edges: Range<usize>,
-    /// Which of the polygons: twice the same where it is only one.
+    /// Indices into `Groups::faces`: twice the same for a single polygon.
     pub(super) polygons: [usize; 2],
-    /// Whether the eye sees them to either side of the edge that they share; if not, they cover one another instead of going on from there.
+    /// Whether the eye sees the two polygons on opposite sides of the shared edge. If not, one folds over the
+    /// other, and they hide nothing together.
     pub(super) joined: bool,
 }
 
-/// A polygon in a frame.
+/// The plane of a polygon and which side of it the eye of the frame is on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face {
-    /// Unit normals and offsets of its two sides: the front, and, if it hides from there, the back.
+    /// The back planes for an eye before the front, and for one before the back; the second is used if
+    /// `two_sided`.
     front: [BackPlane; 2],
     two_sided: bool,
-    /// The side that the eye is before, as the plane that all vertices are before.
+    /// The one of these for the side that the eye is on.
     pub(super) back: BackPlane,
-    /// Whether the eye surely is far enough before it.
+    /// Whether the eye is surely in front of it, farther than the near plane reaches.
     pub(super) before: bool,
-    /// Whether the eye is before its front.
+    /// Whether the eye is on the side of the front.
     pub(super) from_front: bool,
 }
 
@@ -50,10 +52,11 @@ impl Face {
         Self { front: [front, rear], two_sided, back: front, before: false, from_front: true }
     }
 
-    /// Takes in the eye. What is within `clear` of it may be before the near plane, so a polygon must be farther than that.
+    /// Determines which side of the polygon the eye is on. What is within `clear` metres of the eye may be
+    /// before the near plane, so the plane must be farther than that.
     pub(super) fn look(&mut self, eye: &Eye, eye_error: f64, clear: f64) {
-        // The eye must be before the plane behind the vertices and, so that what it sees of an uneven polygon is one side, before that of
-        // the vertices too.
+        // The eye must be before the plane behind the vertices and, so that what it sees of an uneven polygon
+        // is one side, before that of the vertices too.
         let height = |near: &BackPlane, far: &BackPlane| match eye {
             Eye::Point(eye) => {
                 let size = near.normal.abs().dot(eye.abs()) + near.offset.abs() + far.offset.abs();
@@ -80,8 +83,9 @@ impl Edge {
 
     /// Takes in the eye: the plane through it and the edge, its normal inwards.
     ///
-    /// Its value at a point is a determinant of three differences to the eye, six products of three factors: rounding adds `8u` of each at
-    /// most, and an eye that is off by `e` as much as `e` in the place of each factor. 64 for the one and the other cover both.
+    /// Its value at a point is a determinant of three differences to the eye, six products of three factors:
+    /// rounding adds `8u` of each at most, and an eye that is off by `e` as much as `e` in the place of each
+    /// factor. 64 for the one and the other cover both.
     pub(super) fn look(&mut self, eye: &Eye, eye_error: f64) {
         match eye {
             Eye::Point(eye) => {
@@ -109,7 +113,7 @@ impl Edge {
         }
     }
 
-    /// What points are taken relative to: the eye, or for parallel views an end of the edge.
+    /// The point that others are relative to: the eye, or for parallel views an end of the edge.
     fn base(&self, eye: &Eye) -> DVec3 {
         match eye {
             Eye::Point(eye) => *eye,
@@ -131,8 +135,8 @@ impl Edge {
         self.normal.dot(corner) > self.error(size)
     }
 
-    /// By how much the eye is on the inner side of the supporting plane, through the edge and the corner of a box behind the polygon that a plane
-    /// turned about the edge meets first; negative beyond it.
+    /// By how much the eye is on the inner side of the supporting plane, through the edge and the corner of a
+    /// box behind the polygon that a plane turned about the edge meets first; negative beyond it.
     pub(super) fn support(&self, eye: DVec3, min: DVec3, max: DVec3) -> Option<f64> {
         let [a, b] = self.ends;
         let side = b - a;
@@ -143,8 +147,8 @@ impl Edge {
             let normal = if normal.dot(self.inner - a) < 0.0 { -normal } else { normal };
             let next = DVec3::select(normal.cmpge(DVec3::ZERO), min, max);
             if next == at || normal.dot(next - a) >= normal.dot(at - a) {
-                // The normal is off by a few roundings of its factors, which the eye's distance from the edge makes larger; a corner
-                // that was taken for another by rounding is within as much.
+                // The normal is off by a few roundings of its factors, which the eye's distance from the edge
+                // makes larger; a corner that was taken for another by rounding is within as much.
                 let length = normal.length();
                 let distance = normal.dot(eye - a) / length;
                 let error = 64.0 * U * side.length() * (at - a).length() / length * (eye - a).length();

@@ -9,20 +9,20 @@ use hashbrown::HashMap;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{Aabb, Accuracy, Eye, OccluderMesh, Occlusion, OcclusionMap, View};
 
-/// An answer, and for how long it holds.
+/// The answer for a box, and the ball of eyes for which it holds.
 #[derive(Clone, Copy, Debug)]
 struct Known {
-    /// Where the eye was, and how far from there it may be.
+    /// Centre of the ball, and its radius in metres.
     eye: DVec3,
     radius: f64,
-    /// How far the true eye may have been from `eye`: already taken off the radius.
+    /// Bound on the distance of the true eye from `eye` in that frame, already subtracted from the radius.
     eye_error: f64,
     answer: Occlusion,
-    /// When it was last asked for.
+    /// The last frame that asked for it.
     frame: u64,
 }
 
-/// What is remembered, by the bits of the boxes: a box that has moved is another.
+/// Answers by the bits of the box's corners, so that a box that has moved is another box.
 #[derive(Clone, Debug, Default)]
 struct Memory {
     known: HashMap<[u32; 6], Known>,
@@ -30,27 +30,29 @@ struct Memory {
     groups: Groups,
 }
 
-/// The polygons in use, and how the eye sees them.
+/// The polygons in use, with all that depends on the eye of the frame.
 #[derive(Clone, Debug, Default)]
 struct Groups {
     faces: Vec<Face>,
     edges: Vec<Edge>,
     groups: Vec<Group>,
-    /// The frame whose eye has been taken in: that is put off until a box must be computed.
+    /// The frame for whose eye `edges` and `groups` are computed. That is put off until an answer is not
+    /// remembered.
     looked: u64,
 }
 
-/// A box that was not asked about for so many frames is forgotten.
+/// Number of frames after which the answer for a box that is not asked for is forgotten.
 const FORGET: u64 = 64;
 
-/// Occluders, singly and in pairs.
+/// Single polygons and pairs of them as an occlusion map that remembers its answers.
 #[derive(Clone, Debug)]
 pub(super) struct GroupMap {
     pub(super) coherent: bool,
     projection: ClipProjection,
     frame: u64,
     memory: RefCell<Memory>,
-    /// Edges of all polygons, by their ends, to find those that are shared.
+    /// Scratch: the ends of each edge as ordered bits, its polygon and its number, sorted to find shared
+    /// edges.
     shared: Vec<([u64; 6], usize, usize)>,
 }
 
@@ -77,7 +79,7 @@ impl GroupMap {
         memory.groups.edges.clear();
     }
 
-    /// Takes other polygons; what is remembered is about those before.
+    /// Replaces the polygons and forgets all answers.
     pub(super) fn group(&mut self, occluders: &Occluders, polygons: &[u32]) {
         self.forget();
         self.shared.clear();
@@ -120,7 +122,8 @@ impl GroupMap {
         }
     }
 
-    /// Computes what the groups say of a box.
+    /// Tests a box against all groups. Returns the answer and the radius in metres within which the eye may
+    /// move before it can change.
     fn compute(&self, memory: &mut Memory, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         memory.computed += 1;
         if memory.groups.looked != self.frame {
@@ -132,7 +135,8 @@ impl GroupMap {
 }
 
 impl Groups {
-    /// Takes in which side of each polygon the eye is surely before, if any, and says whether that is another than the last time.
+    /// Takes in which side of each polygon the eye is surely before, if any, and says whether that is another
+    /// than the last time.
     fn turn(&mut self, projection: &ClipProjection) -> bool {
         let clear = projection.clearance();
         let mut turned = false;
@@ -144,7 +148,7 @@ impl Groups {
         turned
     }
 
-    /// Takes in the eye.
+    /// Computes the planes through the eye and all edges, and which pairs are joined.
     fn look(&mut self, projection: &ClipProjection) {
         let (eye, error) = (projection.eye, projection.eye_error);
         for edge in &mut self.edges {
@@ -153,8 +157,9 @@ impl Groups {
         for number in 0..self.groups.len() {
             let group = &self.groups[number];
             let joined = self.is_joined(group);
-            // Parallel views have no distance within which the near plane is: a polygon that is not beyond it all is of no use. Both ends of
-            // each edge, since of two polygons that go the same way round, the edges that are left begin nowhere at one end of the shared one.
+            // Parallel views have no distance within which the near plane is: a polygon that is not beyond it
+            // all is of no use. Both ends of each edge, since of two polygons that go the same way round, the
+            // edges that are left begin nowhere at one end of the shared one.
             let surely_beyond = |end: &DVec3| {
                 let (value, error) = projection.beyond_near(*end);
                 value > error
@@ -171,7 +176,8 @@ impl Groups {
         if a == b {
             return true;
         }
-        // Going round both from the sides that the eye sees, the shared edge must be gone through in opposite directions.
+        // Going round both from the sides that the eye sees, the shared edge must be gone through in opposite
+        // directions.
         let [one, two] = [a, b].map(|polygon| &self.groups[polygon]);
         for i in one.edges.clone() {
             for j in two.edges.clone() {
@@ -186,7 +192,8 @@ impl Groups {
         false
     }
 
-    /// What the groups say of a box, and how far the eye may move before they may say something else.
+    /// Tests a box against all groups. Returns the answer and the radius in metres within which the eye may
+    /// move before it can change; 0 where that is not computed.
     fn compute(&self, eye: &Eye, coherent: bool, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         let point = match eye {
             Eye::Point(eye) if coherent => Some(*eye),
@@ -224,7 +231,7 @@ impl Groups {
     }
 }
 
-/// The ends of an edge as ordered bits, whichever comes first.
+/// The ends of an edge as bits, the lesser first, so that both directions have one key.
 fn key(ends: [DVec3; 2]) -> [u64; 6] {
     let [a, b] = ends.map(|p| (p + 0.0).to_array().map(f64::to_bits));
     let (a, b) = if a <= b { (a, b) } else { (b, a) };
@@ -284,7 +291,8 @@ impl OcclusionMap for GroupMap {
             return known.answer;
         }
         let (answer, radius) = self.compute(&mut memory, min, max);
-        // Well inside what was computed: distances to planes are off by far less than a millionth of the box's own distance.
+        // Well inside what was computed: distances to planes are off by far less than a millionth of the
+        // box's own distance.
         let size = eye.abs().max(min.abs()).max(max.abs()).max_element();
         let doubt = 1e-9 * size + 4.0 * eye_error;
         let radius = (radius * (1.0 - 1e-6) - doubt).max(0.0);

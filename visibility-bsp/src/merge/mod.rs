@@ -1,8 +1,8 @@
-//! Solids as trees, and what two of them have in common, together, or one without the other, by merging the trees (Naylor, Amanatides and
-//! Thibault, "Merging BSP Trees Yields Polyhedral Set Operations", 1990).
+//! Solids as trees, and what two of them have in common, together, or one without the other, by merging the
+//! trees (Naylor, Amanatides and Thibault, "Merging BSP Trees Yields Polyhedral Set Operations", 1990).
 //!
-//! One tree's root divides the other tree in two; each half is merged with what the first tree has on that side, until one of
-//! the two is a leaf, which decides.
+//! One tree's root divides the other tree in two; each half is merged with what the first tree has on that
+//! side, until one of the two is a leaf, which decides.
 
 mod partition;
 
@@ -13,8 +13,8 @@ use visibility_core::glam::DVec3;
 
 /// A bounded solid: the points inside a closed boundary, as a tree of planes.
 ///
-/// The operations cost time proportional to the number of nodes that the boundaries of the two share space with, at the worst to the product
-/// of the two trees.
+/// The operations cost time proportional to the number of nodes that the boundaries of the two share space
+/// with, at the worst to the product of the two trees.
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Solid};
@@ -22,7 +22,8 @@ use visibility_core::glam::DVec3;
 /// /// The faces of the box from `(x, 0, 0)` to `(x + 2, 1, 1)`, counter-clockwise as seen from outside.
 /// let faces = |x: f64| {
 ///     let at = |i: u32| DVec3::new(x + f64::from(i & 1) * 2.0, f64::from(i >> 1 & 1), f64::from(i >> 2));
-///     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]].map(|face| face.map(at))
+///     let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+///     faces.map(|face| face.map(at))
 /// };
 /// let [a, b] = [Solid::new(faces(0.0))?, Solid::new(faces(1.0))?];
 /// let middle = DVec3::new(1.5, 0.5, 0.5);
@@ -34,18 +35,18 @@ use visibility_core::glam::DVec3;
 pub struct Solid {
     arena: Arena,
     root: u32,
-    /// No point of the solid has greater coordinates.
+    /// Upper bound on the magnitude of the solid's coordinates, by axis.
     reach: DVec3,
 }
 
 /// Why there is no such solid.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum SolidError {
-    /// The boundary makes no tree.
+    /// No tree can be built of the boundary.
     Boundary(BspError),
     /// A tree is too deep to be merged.
     TooDeep {
-        /// How many levels it has.
+        /// Number of levels of the tree.
         levels: usize,
     },
 }
@@ -69,7 +70,7 @@ impl From<BspError> for SolidError {
     }
 }
 
-/// What to keep of two solids.
+/// A set operation on two solids.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Operation {
     Union,
@@ -86,7 +87,7 @@ impl Solid {
         Self::from_tree(&BspTree::build_solid(boundary.into_iter().map(|polygon| (0, polygon)))?)
     }
 
-    /// The solid leaves of a tree that was [built of solids](BspTree::build_solid).
+    /// The solid made of the solid leaves of a tree that was [built of solids](BspTree::build_solid).
     ///
     /// # Errors
     /// [`SolidError::TooDeep`].
@@ -100,12 +101,12 @@ impl Solid {
         Ok(Self { arena, root, reach })
     }
 
-    /// Whether no point is in it.
+    /// Whether the solid has no points.
     pub fn is_empty(&self) -> bool {
         self.root == EMPTY
     }
 
-    /// Nodes of its tree.
+    /// Number of nodes of its tree.
     pub fn node_count(&self) -> usize {
         self.arena.len()
     }
@@ -118,7 +119,7 @@ impl Solid {
         self.arena.locate(self.root, p) == SOLID
     }
 
-    /// What is in either.
+    /// The union: all points in either solid.
     ///
     /// # Errors
     /// [`SolidError::TooDeep`], here and in the other operations.
@@ -126,7 +127,7 @@ impl Solid {
         self.merge(other, Operation::Union)
     }
 
-    /// What is in both.
+    /// The intersection: all points in both solids.
     ///
     /// # Errors
     /// [`SolidError::TooDeep`].
@@ -134,7 +135,7 @@ impl Solid {
         self.merge(other, Operation::Intersection)
     }
 
-    /// What is in this one and not in the other.
+    /// The difference: all points in this solid and not in the other.
     ///
     /// # Errors
     /// [`SolidError::TooDeep`].

@@ -1,8 +1,9 @@
 //! Dividing a tree by a plane.
 //!
-//! Only that part of a plane matters that lies within the region at hand, its *sub-hyperplane*, here a convex polygon. Two of them, that of the
-//! dividing plane and that of the node, can lie to each other in seven ways: in the same plane facing the same way or opposite
-//! ways; each in front of or behind the other's plane (four ways); or across.
+//! Only that part of a plane matters that lies within the region at hand, its *sub-hyperplane*, here a convex
+//! polygon. Two of them, that of the dividing plane and that of the node, can lie to each other in seven
+//! ways: in the same plane facing the same way or opposite ways; each in front of or behind the other's plane
+//! (four ways); or across.
 
 use crate::polygon_cut::cut;
 use alloc::vec::Vec;
@@ -34,7 +35,8 @@ impl Node {
     }
 }
 
-/// A sub-hyperplane: where its corners begin, and how many they are. Without corners, its region was too thin to have one.
+/// A sub-hyperplane: where its corners begin, and how many they are. Without corners, its region was too thin
+/// to have one.
 #[derive(Clone, Copy, Debug)]
 struct Sub {
     start: u32,
@@ -181,7 +183,8 @@ impl Arena {
             }
             PolygonSide::Across => self.partition_across(&node, by),
             side => {
-                // The dividing plane passes one side of the node only; the other side is whole, and the node on one side of the plane.
+                // The dividing plane passes one side of the node only; the other side is whole, and the node
+                // on one side of the plane.
                 let divided = usize::from(side == PolygonSide::Front);
                 let parts = self.partition(node.children[divided], by);
                 let whole = |arena: &mut Self, part: u32| {

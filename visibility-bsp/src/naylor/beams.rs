@@ -1,19 +1,23 @@
 //! The beam tree: a binary partition of the picture into what is covered already and what is still open.
 //!
-//! Each line is the image of a plane through the eye and an edge, each leaf a beam of lines of visibility. Polygons come nearest first. One
-//! that reaches an open leaf is seen there, and closes the part of the leaf that it covers; one that reaches only closed leaves is hidden. A
-//! node both of whose sides are closed is closed itself, so that the tree shrinks to one leaf as the picture fills.
+//! Each line is the image of a plane through the eye and an edge, each leaf a beam of lines of visibility.
+//! Polygons come nearest first. One that reaches an open leaf is seen there, and closes the part of the leaf
+//! that it covers; one that reaches only closed leaves is hidden. A node both of whose sides are closed is
+//! closed itself, so that the tree shrinks to one leaf as the picture fills.
 //!
 //! # Rounding
-//! Corners are known up to an error `d`, for which whoever draws them answers. The line of an edge is taken from its two ends as they were drawn,
-//! never from what cuts have left of it, so that two polygons that share an edge have the same line for it, to the last bit. Where one has only
-//! a part of the edge, of length `s`, the two lines differ by up to `d (1 + 2 r / s)` at a distance of `r`, and the picture is at most 2.9 wide. A
-//! point within 4 times that of a line is *on* it: once for the point, once for the line, and as much again for points that were cut along another such
-//! line. An edge on a line of the tree divides nothing again.
+//! Corners are known up to an error `d`, for which whoever draws them answers. The line of an edge is taken
+//! from its two ends as they were drawn, never from what cuts have left of it, so that two polygons that
+//! share an edge have the same line for it, to the last bit. Where one has only a part of the edge, of length
+//! `s`, the two lines differ by up to `d (1 + 2 r / s)` at a distance of `r`, and the picture is at most 2.9
+//! wide. A point within 4 times that of a line is *on* it: once for the point, once for the line, and as much
+//! again for points that were cut along another such line. An edge on a line of the tree divides nothing
+//! again.
 //!
-//! So a polygon may fail to cover a strip as wide as the margin of a line, and what lies behind it reaches an open leaf there. Margins are at
-//! most a quarter of [`NARROWEST`], and parts of wider polygons that are narrower than that are not seen. A polygon that is itself so narrow is
-//! told apart: it is cut a margin beyond each line, and where it then reaches an open leaf it is [glimpsed](Visibility::Glimpsed).
+//! So a polygon may fail to cover a strip as wide as the margin of a line, and what lies behind it reaches an
+//! open leaf there. Margins are at most a quarter of [`NARROWEST`], and parts of wider polygons that are
+//! narrower than that are not seen. A polygon that is itself so narrow is told apart: it is cut a margin
+//! beyond each line, and where it then reaches an open leaf it is [glimpsed](Visibility::Glimpsed).
 
 use alloc::vec::Vec;
 use visibility_core::Side;
@@ -54,8 +58,8 @@ impl Line {
         Self { a, b, c, margin: 4.0 * error }
     }
 
-    /// The line from one corner to another, in front on its left, and whether it is certain far from them too; `None` if they are so close
-    /// that it could be any.
+    /// The line from one corner to another, in front on its left, and whether it is certain far from them
+    /// too; `None` if they are so close that it could be any.
     fn through(p: Corner, q: Corner, error: f64) -> Option<(Self, bool)> {
         let (dx, dy) = (q.x - p.x, q.y - p.y);
         let length = visibility_core::glam::DVec2::new(dx, dy).length();
@@ -78,7 +82,8 @@ impl Line {
     }
 }
 
-/// Gaps that are narrower, in units of half the picture, are not seen through: at 2560 columns the 8000th part of a pixel.
+/// Gaps that are narrower, in units of half the picture, are not seen through: at 2560 columns the 8000th
+/// part of a pixel.
 pub(super) const NARROWEST: f64 = 1e-7;
 
 /// What there is to see of a polygon.
@@ -105,7 +110,8 @@ struct Node {
 struct Task {
     parent: u32,
     side: u8,
-    /// Whether it was once too thin to tell which side of a line it is on. It is then in the right place, up to rounding, but has no area to cover.
+    /// Whether it was once too thin to tell which side of a line it is on. It is then in the right place, up
+    /// to rounding, but has no area to cover.
     thin: bool,
     /// Its corners are those from here to the end of the stack.
     begin: usize,
@@ -131,7 +137,8 @@ pub(super) struct Beams {
     tasks: Vec<Task>,
     /// All parts under way: a stack whose top belongs to the topmost task.
     corners: Vec<Corner>,
-    /// Those of the edges of the polygon at hand, each with whether it is certain; none for edges too short to divide anything.
+    /// Those of the edges of the polygon at hand, each with whether it is certain; none for edges too short
+    /// to divide anything.
     lines: Vec<Option<(Line, bool)>>,
     part: Vec<Corner>,
     sides: Vec<f64>,
@@ -140,7 +147,8 @@ pub(super) struct Beams {
 
 const NO_PARENT: u32 = u32::MAX;
 
-/// Lines that divide the picture to begin with, on each axis a power of two less one: whatever comes first, the tree is no list.
+/// Lines that divide the picture to begin with, on each axis a power of two less one: whatever comes first,
+/// the tree is no list.
 const GRID: u32 = 3;
 
 impl Beams {
@@ -198,7 +206,8 @@ impl Beams {
         self.run(polygon, false)
     }
 
-    /// The same, after which what lies behind the polygon is not seen any more. `error` bounds that of its corners.
+    /// The same, after which what lies behind the polygon is not seen any more. `error` bounds that of its
+    /// corners.
     pub(super) fn add(&mut self, polygon: &[Corner], error: f64) -> Visibility {
         self.lines.clear();
         for (i, &p) in polygon.iter().enumerate() {
@@ -221,8 +230,8 @@ impl Beams {
         visibility
     }
 
-    /// Edges too short to have a line: their neighbours may be all but parallel, and would cover a strip without an end. It ends square to the
-    /// edge before, at that end of the short edge which comes first.
+    /// Edges too short to have a line: their neighbours may be all but parallel, and would cover a strip
+    /// without an end. It ends square to the edge before, at that end of the short edge which comes first.
     fn end_strips(&mut self, polygon: &[Corner], error: f64) {
         let count = polygon.len();
         for i in 0..count {
@@ -359,7 +368,8 @@ impl Beams {
         }
     }
 
-    /// Sends what is in front of a node or less than its margin behind it to the front, and likewise to the back.
+    /// Sends what is in front of a node or less than its margin behind it to the front, and likewise to the
+    /// back.
     fn pass_generously(&mut self, id: u32, task: Task) {
         let Node { line: Line { margin, .. }, children, .. } = self.nodes[id as usize];
         self.part.clear();
@@ -392,7 +402,8 @@ impl Beams {
     fn close(&mut self, task: Task) {
         let mut slot = (task.parent, task.side);
         let mut divided = false;
-        // Uncertain lines come last: they divide no more than the strip that the others leave, where they are close to their edge.
+        // Uncertain lines come last: they divide no more than the strip that the others leave, where they are
+        // close to their edge.
         for certain in [true, false] {
             for i in task.begin..self.corners.len() {
                 let Corner { on_line, edge, .. } = self.corners[i];
@@ -469,7 +480,8 @@ mod tests {
 
     #[test]
     fn a_picture_covered_by_polygons_is_closed_though_their_corners_are_rounded() {
-        // Rows of quadrangles, each divided at other places, their common edge slanted: corners of one row lie on edges of the next, within rounding.
+        // Rows of quadrangles, each divided at other places, their common edge slanted: corners of one row
+        // lie on edges of the next, within rounding.
         let mut beams = Beams::default();
         beams.begin(ERROR);
         let (rows, slant) = (9, 0.0371);

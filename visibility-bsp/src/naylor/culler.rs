@@ -8,19 +8,21 @@ use alloc::vec::Vec;
 use core::borrow::Borrow;
 use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
 
-/// Hides every object of which no part of a triangle is seen, and none other: the visible set itself.
+/// Hides exactly those objects of which no part of a triangle is seen: what is left is the visible set.
 ///
-/// Triangles have two faces. Those of objects that are flagged as occluders hide what is behind them; the others are only
-/// seen. Of triangles in one plane none hides another. Objects without triangles, with broken ones, or that have changed since the
-/// [tree](SceneTree::sync) was brought up to date, are visible.
+/// Triangles have two faces. Those of objects that are flagged as occluders hide what is behind them; the
+/// others are only seen. Of triangles in one plane none hides another. Objects without triangles, with broken
+/// ones, or that have changed since the [tree](SceneTree::sync) was brought up to date, are visible.
 ///
 /// # Tolerance
-/// What is narrower than a ten-millionth of half the picture, an 8000th of a pixel of 2560, may be missed, such as gaps and faces seen edge on; but
-/// not an object before the near plane whose whole box is no wider: that one is reported. Where the coordinates of the scene are so large that
-/// single precision of the picture is not to be had, nothing is hidden.
+/// What is narrower than a ten-millionth of half the picture, an 8000th of a pixel of 2560, may be missed,
+/// such as gaps and faces seen edge on; but not an object before the near plane whose whole box is no wider:
+/// that one is reported. Where the coordinates of the scene are so large that single precision of the picture
+/// is not to be had, nothing is hidden.
 ///
 /// # Cost
-/// Follows what is seen: about a microsecond for each fragment that is visible or on the boundary of what is; memory likewise.
+/// Follows what is seen: about a microsecond for each fragment that is visible or on the boundary of what is;
+/// memory likewise.
 ///
 /// ```
 /// use visibility_bsp::{NaylorCuller, SceneTree};
@@ -34,7 +36,8 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 ///     id
 /// });
 /// let mut pipeline = Pipeline::new().with(NaylorCuller::new(std::sync::Arc::new(SceneTree::new(&scene)?)));
-/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.5, 1.0, 0.1, f64::INFINITY)?;
+/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// let view = View::perspective(pose, 1.5, 1.0, 0.1, f64::INFINITY)?;
 /// let mut visible = VisibleSet::new();
 /// pipeline.cull(&scene, &view, &mut visible);
 /// assert!(visible.contains(&scene, near) && !visible.contains(&scene, far));
@@ -47,22 +50,22 @@ pub struct NaylorCuller<S> {
     order: Order,
     beams: Beams,
     image: ProjectedPolygon,
-    /// By index: what part an object plays, once it has been met.
+    /// By object index: the state of the object in this frame.
     parts: Vec<Part>,
     /// By index: the object that was seen in the last frame, and where it was seen first.
     witnesses: Vec<Option<(ObjectId, Witness)>>,
 }
 
-/// What part an object plays in a frame.
+/// State of an object in a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Part {
-    /// Not met yet.
+    /// None of its fragments has been reached.
     Unknown,
-    /// Not a candidate, or not in the tree as it is: its fragments are passed by.
+    /// Not in the set, or not in the tree as it is in the scene: its fragments are skipped.
     None,
-    /// It was not seen for sure yet; and whether it hides.
+    /// No part of it was surely seen so far.
     Hidden { occluder: bool, glimpsed: bool },
-    /// It was seen.
+    /// A part of it was seen.
     Seen { occluder: bool },
 }
 
@@ -80,7 +83,8 @@ impl<S: Borrow<SceneTree>> NaylorCuller<S> {
         }
     }
 
-    /// Where an object was seen in the last frame, before all of its other parts; `None` if it was hidden, or is visible only because nothing is known of it.
+    /// Where an object was seen in the last frame, before all of its other parts; `None` if it was hidden, or
+    /// is visible only because nothing is known of it.
     pub fn witness(&self, id: ObjectId) -> Option<Witness> {
         let (seen, witness) = self.witnesses.get(id.index()).copied().flatten()?;
         (seen == id).then_some(witness)

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::{DMat4, DVec3, DVec4};
 use visibility_core::{Aabb, MAX_PLANES, Plane, Scene, Side, SidePlane, View};
 
-/// The memory of what is drawn.
+/// A polygon in the picture, with scratch memory for clipping it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProjectedPolygon {
     space: [Vec<DVec3>; 3],
@@ -16,18 +16,18 @@ pub(super) struct ProjectedPolygon {
 }
 
 impl ProjectedPolygon {
-    /// How far off its corners may be.
+    /// Bound on the error of its corners, in halves of the picture.
     pub(super) fn error(&self) -> f64 {
         self.error
     }
 
-    /// What was drawn last, counter-clockwise.
+    /// Corners of the polygon projected last, counter-clockwise.
     pub(super) fn polygon(&self) -> &[Corner] {
         &self.polygon
     }
 }
 
-/// A view, as it draws scene coordinates.
+/// The projection of scene coordinates to the picture, with bounds on its rounding.
 #[derive(Clone, Debug)]
 pub(super) struct ScreenProjection {
     clip: DMat4,
@@ -35,28 +35,32 @@ pub(super) struct ScreenProjection {
     planes: [SidePlane; MAX_PLANES],
     count: usize,
     volume: ViewVolume,
-    /// The least `w` of what is in view.
+    /// Lower bound on `w` in view.
     least_w: f64,
-    /// That of `x`, `y` and `w`.
+    /// Bound on the error of clip-space `x`, `y` and `w`.
     error: f64,
 }
 
-/// Pictures less certain than this are of no use.
+/// Maximum error of a point of the picture; a view with more is not culled.
 const WORST: f64 = 1e-8;
 
-/// How many times as wide as the picture polygons are cut in space. What is left is cut in the picture, where an edge keeps its line.
+/// How many times as wide as the picture polygons are cut in space. What is left is cut in the picture, where
+/// an edge keeps its line.
 const WIDER: f64 = 4.0;
 
 impl ScreenProjection {
-    /// `None` where the coordinates of the scene are so large, or its near plane so near, that rounding blurs the picture.
+    /// `None` where the coordinates of the scene are so large, or its near plane so near, that rounding blurs
+    /// the picture.
     ///
-    /// `x`, `y` and `w` are sums of four products, rounded by at most `5 u` of the sum of magnitudes `m`; the matrix is rounded once, and the vertex
-    /// itself, if it was cut, by another `6 u` of its magnitude: `12 u m` in all. `x / w` is then known up to `12 u m (1 + |x / w|) / w`.
+    /// `x`, `y` and `w` are sums of four products, rounded by at most `5 u` of the sum of magnitudes `m`; the
+    /// matrix is rounded once, and the vertex itself, if it was cut, by another `6 u` of its magnitude: `12 u
+    /// m` in all. `x / w` is then known up to `12 u m (1 + |x / w|) / w`.
     pub(super) fn new(view: &View, scene: &Scene, bounds: &Aabb) -> Option<Self> {
         let origin = scene.origin();
         let clip = view.clip_from(origin);
         let reach = bounds.min.abs().max(bounds.max.abs()).as_dvec3();
-        // Rounded outwards, the largest numbers are infinite, and nothing that is computed from them tells so.
+        // Rounded outwards, the largest numbers are infinite, and nothing that is computed from them tells
+        // so.
         if !reach.is_finite() {
             return None;
         }
@@ -91,17 +95,17 @@ impl ScreenProjection {
         }
     }
 
-    /// How far off points of the wider picture may be that are no nearer than `w` says.
+    /// Bound on the error of points of the wider picture whose `w` is at least this.
     fn error_at(&self, w: f64) -> f64 {
         (self.error * (1.0 + WIDER) / w).max(4.0 * f64::EPSILON)
     }
 
-    /// How far off points of the picture may be.
+    /// Bound on the error of points of the picture, in halves of it.
     pub(super) fn error(&self) -> f64 {
         self.error_at(self.least_w)
     }
 
-    /// Draws what is in view of a polygon. False if there is nothing.
+    /// Clips a polygon to the view and projects it. False if nothing is left.
     pub(super) fn draw(&self, vertices: &[DVec3], image: &mut ProjectedPolygon) -> bool {
         let [polygon, inner, outer] = &mut image.space;
         polygon.clear();
@@ -139,8 +143,8 @@ impl ScreenProjection {
         image.polygon.len() >= 3
     }
 
-    /// Whether all of a box is before the near plane and no wider in the picture, in some direction, than gaps that are not seen through; `None` where
-    /// it reaches behind the near plane.
+    /// Whether all of a box is before the near plane and no wider in the picture, in some direction, than
+    /// gaps that are not seen through; `None` where it reaches behind the near plane.
     pub(super) fn is_narrow(&self, bounds: &Aabb) -> Option<bool> {
         let mut corners = [[0.0; 2]; 8];
         for (place, corner) in corners.iter_mut().zip(bounds.corners()) {
@@ -168,7 +172,7 @@ impl ScreenProjection {
         Some(corners.iter().all(|p| off(p) <= 2.0 * NARROWEST * length))
     }
 
-    /// Draws a rectangle around a box. False if the box is outside the view.
+    /// Projects a box to a rectangle around it. False if the box is outside the view.
     pub(super) fn draw_box(&self, bounds: &Aabb, image: &mut ProjectedPolygon) -> bool {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for corner in bounds.corners() {
@@ -195,10 +199,11 @@ impl ScreenProjection {
     }
 }
 
-/// Less than any `w` in view.
+/// A lower bound on `w` in view, `None` if there is no positive one.
 fn nearest_w(view: &View) -> Option<f64> {
     let clip = view.clip_from(view.origin());
-    // Along the near plane w is constant for every camera by the book; an oblique one may have less at a corner of the picture.
+    // Along the near plane w is constant for every camera by the book; an oblique one may have less at a
+    // corner of the picture.
     let inverse = clip.inverse();
     let near = view.depth().at_near();
     let mut least = f64::INFINITY;

@@ -1,7 +1,8 @@
 //! The largest rectangles in a group of rectangles of one plane.
 //!
-//! The group is laid out on the grid of its sides. Of the grid's cells, all the rectangles without a gap that no other contains are found
-//! row by row, as the largest rectangles under a histogram are; of these, the ones that add most area are taken until all cells are covered.
+//! The group is laid out on the grid of its sides. Of the grid's cells, all the rectangles without a gap that
+//! no other contains are found row by row, as the largest rectangles under a histogram are; of these, the
+//! ones that add most area are taken until all cells are covered.
 
 use super::overlaps::Rectangle;
 use super::work;
@@ -33,7 +34,8 @@ impl Grid {
             return None;
         }
         let mut grid = Self { lines, filled: alloc::vec![false; cells] };
-        // How many rectangles begin less how many end, by row and column; sums of these are how many there are.
+        // How many rectangles begin less how many end, by row and column; sums of these are how many there
+        // are.
         let width = grid.columns() + 1;
         let mut layers = alloc::vec![0i32; width * (grid.rows() + 1)];
         for rectangle in group {
@@ -78,8 +80,8 @@ impl Grid {
         })
     }
 
-    /// Every rectangle of filled cells that no larger one contains, as columns and rows from and to, by its first row, then last row, then
-    /// column.
+    /// Every rectangle of filled cells that no larger one contains, as columns and rows from and to, by its
+    /// first row, then last row, then column.
     fn largest(&self) -> Vec<[usize; 4]> {
         let (columns, rows) = (self.columns(), self.rows());
         let mut found = Vec::new();
@@ -87,7 +89,8 @@ impl Grid {
         let mut heights = alloc::vec![0usize; columns];
         // By column, how many cells up to it are filled in the row below.
         let mut filled_below = alloc::vec![0usize; columns + 1];
-        // Rectangles that end in this row and are still growing to the right: the first column and the height, which ascends.
+        // Rectangles that end in this row and are still growing to the right: the first column and the
+        // height, which ascends.
         let mut open: Vec<(usize, usize)> = Vec::new();
         for row in 0..rows {
             for column in 0..columns {
@@ -150,8 +153,8 @@ impl Ord for Candidate {
     }
 }
 
-/// Hands over up to 64 rectangles that together cover what a group covers, those that add most first, each with its sources. A group
-/// whose grid has more than 16,384 cells is handed over as it is.
+/// Hands over up to 64 rectangles that together cover what a group covers, those that add most first, each
+/// with its sources. A group whose grid has more than 16,384 cells is handed over as it is.
 pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f64; 2], Vec<u32>)) {
     let grid = if group.len() > 1 { Grid::new(group) } else { None };
     let Some(grid) = grid else {

@@ -5,7 +5,8 @@ use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 
-/// The triangles of a mesh where it is; whether it has an inside is for the caller to say. Whether they hide from behind as well: only if the mesh says so and has an inside that can be seen.
+/// The triangles of a mesh where it is; whether it has an inside is for the caller to say. Whether they hide
+/// from behind as well: only if the mesh says so and has an inside that can be seen.
 pub(crate) fn triangles_of(
     mesh: &OccluderMesh,
     transform: &Affine3A,
@@ -53,7 +54,8 @@ fn placer(transform: &Affine3A) -> impl Fn(DVec3) -> DVec3 {
     move |p| if identity { p } else { x * p.x + y * p.y + z * p.z + shift }
 }
 
-/// Whether every edge is gone through as often one way as the other: the mesh then has an inside, however its solids touch.
+/// Whether every edge is gone through as often one way as the other: the mesh then has an inside, however its
+/// solids touch.
 pub(super) fn is_closed(triangles: &[[u32; 3]]) -> bool {
     let mut sides: Vec<(u32, u32, bool)> = Vec::with_capacity(triangles.len() * 3);
     for t in triangles {

@@ -1,9 +1,11 @@
-//! Which rectangles of a plane hang together: groups of rectangles that overlap, or touch along a side, directly or by way of others.
+//! Which rectangles of a plane hang together: groups of rectangles that overlap, or touch along a side,
+//! directly or by way of others.
 //!
-//! Two sweeps, one along each of the two axes, look for pairs whose intervals along the sweep meet and whose intervals across it share
-//! more than a point. A segment tree across the sweep holds, for each of its intervals, the rectangle that reaches farthest along the sweep:
-//! all others there are of its group. A subtree that holds one group only is not entered again, so that a sweep takes `n log n` steps
-//! however many pairs there are.
+//! Two sweeps, one along each of the two axes, look for pairs whose intervals along the sweep meet and whose
+//! intervals across it share more than a point. A segment tree across the sweep holds, for each of its
+//! intervals, the rectangle that reaches farthest along the sweep: all others there are of its group. A
+//! subtree that holds one group only is not entered again, so that a sweep takes `n log n` steps however many
+//! pairs there are.
 
 use super::work;
 use alloc::collections::BTreeMap;
@@ -23,7 +25,8 @@ const NONE: u32 = u32::MAX;
 /// An interval across the sweep, a node of the segment tree.
 #[derive(Clone, Copy)]
 struct Interval {
-    /// Of the rectangles that span this interval, but not the one above it, the one with the greatest end along the sweep.
+    /// Of the rectangles that span this interval, but not the one above it, the one with the greatest end
+    /// along the sweep.
     spanning: u32,
     /// Any rectangle of the subtree.
     any: u32,
@@ -108,7 +111,8 @@ impl Sweep<'_> {
         self.leaders[a.max(b) as usize] = a.min(b);
     }
 
-    /// Unites a rectangle with all that it meets between two lines, and puts it there. `node` spans the lines of `span`.
+    /// Unites a rectangle with all that it meets between two lines, and puts it there. `node` spans the lines
+    /// of `span`.
     fn insert(&mut self, node: usize, span: [usize; 2], range: [usize; 2], number: u32) {
         if range[0].max(span[0]) >= range[1].min(span[1]) {
             return;

@@ -1,8 +1,8 @@
 //! Triangles in any direction, joined across shared edges into convex polygons.
 //!
-//! Two polygons are joined if they go through one edge in opposite directions, bit for bit the same ends, lie in one plane within what
-//! rounding of the vertices explains, and make a convex polygon. Whatever is left of flatness and convexity by rounding does no
-//! harm: see `shadow`.
+//! Two polygons are joined if they go through one edge in opposite directions, bit for bit the same ends, lie
+//! in one plane within what rounding of the vertices explains, and make a convex polygon. Whatever is left of
+//! flatness and convexity by rounding does no harm: see `shadow`.
 
 use super::outline::{OccluderTriangle, Outline};
 use crate::shadow::{MOST_EDGES, plane_of};

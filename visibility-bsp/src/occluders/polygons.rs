@@ -10,16 +10,18 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{Changes, ObjectId, Scene, SceneCursor, Stamp};
 
-/// One polygon.
+/// A convex occluder polygon.
 #[derive(Clone, Debug)]
 pub(super) struct Polygon {
-    /// Where its vertices begin, and how many they are; none once it is dropped.
+    /// Index of the first vertex in `Occluders::vertices`, and the number of vertices: 0 once the polygon is
+    /// dropped.
     pub(super) first: u32,
     pub(super) count: u32,
-    /// Where its sources begin, and how many they are.
+    /// Index of the first source object in `Occluders::sources`, and the number of sources.
     pub(super) first_source: u32,
     pub(super) sources: u32,
-    /// Where the boxes begin that it is a section of, and how many they are.
+    /// Index of the first box in `Occluders::solids` that the polygon is a section of, and the number of
+    /// boxes.
     pub(super) first_solid: u32,
     pub(super) solids: u32,
     pub(super) normal: DVec3,
@@ -30,12 +32,12 @@ pub(super) struct Polygon {
     pub(super) two_sided: bool,
 }
 
-/// Polygons near one another.
+/// A run of polygons that are near one another in space, with a sphere around them.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
     pub(super) center: DVec3,
     pub(super) radius: f64,
-    /// The area of the largest.
+    /// Area of the largest polygon of the run, in square metres.
     pub(super) area: f64,
     pub(super) first: u32,
     pub(super) count: u32,
@@ -43,13 +45,15 @@ pub(super) struct Block {
 
 /// Large convex occluder polygons of a scene, and the objects that each is made of.
 ///
-/// Made when a scene is loaded, and shared by the cullers of all views. An occluder that is moved, removed, put on another layer or no
-/// longer flagged stops hiding at once, whether [`sync`](Self::sync) has been called or not; with `sync` it hides from where it is now.
+/// Made when a scene is loaded, and shared by the cullers of all views. An occluder that is moved, removed,
+/// put on another layer or no longer flagged stops hiding at once, whether [`sync`](Self::sync) has been
+/// called or not; with `sync` it hides from where it is now.
 ///
 /// # Cost
-/// About 200 bytes a polygon. Making `n` polygons takes `n log n` steps, some microseconds a triangle, however the triangles lie. For that, joining
-/// has limits, beyond which polygons stay smaller than they could be: rectangles of one plane that hang together are joined if their sides
-/// make a grid of at most 16,384 cells, into at most 64 rectangles; boxes are cut by a common plane in groups of at most 256.
+/// About 200 bytes a polygon. Making `n` polygons takes `n log n` steps, some microseconds a triangle,
+/// however the triangles lie. For that, joining has limits, beyond which polygons stay smaller than they
+/// could be: rectangles of one plane that hang together are joined if their sides make a grid of at most
+/// 16,384 cells, into at most 64 rectangles; boxes are cut by a common plane in groups of at most 256.
 ///
 /// ```
 /// use visibility_bsp::Occluders;
@@ -75,18 +79,18 @@ pub struct Occluders {
     pub(super) blocks: Vec<Block>,
     pub(super) vertices: Vec<DVec3>,
     pub(super) sources: Vec<ObjectId>,
-    /// The boxes of sections, least and greatest corner.
+    /// Least and greatest corners of the boxes that sections cut, in scene coordinates.
     pub(super) solids: Vec<[DVec3; 2]>,
-    /// The polygons of an object, by its index.
+    /// Numbers of the polygons made from each object, by object index; dropped polygons may be among them.
     pub(super) of_object: BTreeMap<u32, Vec<u32>>,
     /// The scene, and the revision of it, that the polygons were made from.
     pub(super) cursor: SceneCursor,
-    /// Names these polygons and their numbers. A new one after every change.
+    /// Identifies these polygons and their numbers: a new stamp after every change.
     pub(super) stamp: Stamp,
 }
 
 impl Default for Occluders {
-    /// No polygons, of no scene.
+    /// No polygons, made from no scene.
     fn default() -> Self {
         Self {
             polygons: Vec::new(),
@@ -102,7 +106,7 @@ impl Default for Occluders {
 }
 
 impl Occluders {
-    /// From the meshes of a scene's occluders as they are now.
+    /// Makes polygons of the meshes of all occluders of a scene, as they are now.
     pub fn new(scene: &Scene) -> Self {
         let ids: Vec<ObjectId> = scene.ids().filter(|&id| scene.occluder(id).is_some()).collect();
         let mut occluders = Self { cursor: SceneCursor::at(scene), ..Self::default() };
@@ -110,8 +114,10 @@ impl Occluders {
         occluders
     }
 
-    /// Takes in what has changed in the scene since: polygons of changed objects are dropped and made anew, object by object. Costs time in
-    /// proportion to the changed objects; [`new`](Self::new), which also joins polygons across objects, gives larger polygons.
+    /// Brings the polygons up to date with the scene: those of changed objects are dropped, and made anew
+    /// object by object. [`new`](Self::new), which also joins polygons across objects, makes larger ones.
+    /// Making takes time in proportion to the changed objects, and counting what was dropped some nanoseconds
+    /// a polygon. Another scene than before is taken in as by `new`.
     pub fn sync(&mut self, scene: &Scene) {
         let Changes::Objects(changed) = self.cursor.follow(scene) else {
             *self = Self::new(scene);
@@ -152,7 +158,7 @@ impl Occluders {
         }
     }
 
-    /// How many polygons there are.
+    /// Number of polygons.
     pub fn len(&self) -> usize {
         self.polygons.iter().filter(|polygon| polygon.count > 0).count()
     }
@@ -162,17 +168,17 @@ impl Occluders {
         self.len() == 0
     }
 
-    /// The area of the largest polygon, in square metres; zero without any.
+    /// Area of the largest polygon in square metres, 0 if there is none.
     pub fn largest_area(&self) -> f64 {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| p.area).fold(0.0, f64::max)
     }
 
-    /// The radius of the largest polygon about its middle.
+    /// Radius of the largest polygon about the mean of its vertices, in metres; 0 if there is none.
     pub(crate) fn largest_radius(&self) -> f64 {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| p.radius).fold(0.0, f64::max)
     }
 
-    /// The corners of the polygons, each in order.
+    /// Vertices of each polygon in scene coordinates, counter-clockwise as seen from its front.
     pub fn polygons(&self) -> impl Iterator<Item = &[DVec3]> {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| self.vertices_of(p))
     }
@@ -181,25 +187,26 @@ impl Occluders {
         &self.vertices[polygon.first as usize..(polygon.first + polygon.count) as usize]
     }
 
-    /// The objects that a polygon is part of.
+    /// The objects that a polygon was made from: it hides only while all of them are drawn and unchanged.
     pub(crate) fn sources_of(&self, polygon: u32) -> &[ObjectId] {
         let polygon = &self.polygons[polygon as usize];
         &self.sources[polygon.first_source as usize..(polygon.first_source + polygon.sources) as usize]
     }
 
-    /// The boxes that a polygon is a section of: an eye must be outside of all of them. None of a polygon that is there itself.
+    /// The boxes that a polygon is a section of, by least and greatest corner: it hides only from eyes
+    /// outside all of them. Empty for a polygon that is part of a surface.
     pub(crate) fn solids_of(&self, polygon: u32) -> &[[DVec3; 2]] {
         let polygon = &self.polygons[polygon as usize];
         &self.solids[polygon.first_solid as usize..(polygon.first_solid + polygon.solids) as usize]
     }
 
-    /// The middle of a polygon, and its radius about it.
+    /// The mean of a polygon's vertices, and the greatest distance of a vertex from it in metres.
     pub(crate) fn about(&self, polygon: u32) -> (DVec3, f64) {
         let p = &self.polygons[polygon as usize];
         (p.center, p.radius)
     }
 
-    /// A polygon as shadows are made of it.
+    /// A polygon in the form that shadows are cast from.
     pub(crate) fn occluder_polygon(&self, polygon: u32) -> OccluderPolygon<'_> {
         let p = &self.polygons[polygon as usize];
         OccluderPolygon {
@@ -210,7 +217,7 @@ impl Occluders {
         }
     }
 
-    /// Adds the polygons of some objects, joined with one another.
+    /// Adds the polygons of some objects, joined across these objects but not with polygons made before.
     fn add_from(&mut self, scene: &Scene, ids: &[ObjectId]) {
         let mut pieces = Vec::new();
         for (source, &id) in (0..).zip(ids) {

@@ -1,9 +1,10 @@
 //! Faces along the axes, joined into the largest rectangles of which no point is open.
 //!
-//! Pairs of triangles that make a rectangle along the axes are taken as one; rectangles that lie in exactly the same plane, bit for bit, and
-//! touch, are laid out on the grid of their sides; and of the grid's cells all the largest rectangles without a gap are
-//! found. Everything is compared, nothing computed, so that what is joined covers exactly what its parts cover. The
-//! rectangles may overlap one another: fewer are then needed, and no crack runs between them.
+//! Pairs of triangles that make a rectangle along the axes are taken as one; rectangles that lie in exactly
+//! the same plane, bit for bit, and touch, are laid out on the grid of their sides; and of the grid's cells
+//! all the largest rectangles without a gap are found. Everything is compared, nothing computed, so that what
+//! is joined covers exactly what its parts cover. The rectangles may overlap one another: fewer are then
+//! needed, and no crack runs between them.
 
 use super::cover::join_group;
 use super::outline::{OccluderTriangle, Outline};
@@ -12,12 +13,13 @@ use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Planes along the axes: which axis they are across, where on it (as ordered bits), and which way they face (0 down, 1 up, 2 both).
+/// Planes along the axes: which axis they are across, where on it (as ordered bits), and which way they face
+/// (0 down, 1 up, 2 both).
 pub(super) type Level = (usize, u64, u8);
-/// The rectangles in each.
+/// The rectangles in each plane.
 pub(super) type Levels = BTreeMap<Level, Vec<Rectangle>>;
 
-/// Joins rectangles.
+/// Joins the rectangles of each plane into fewer and larger ones.
 pub(super) fn join(levels: &Levels) -> Vec<Outline> {
     let mut outlines = Vec::new();
     for (&(axis, bits, facing), rectangles) in levels {
@@ -36,7 +38,7 @@ pub(super) fn join(levels: &Levels) -> Vec<Outline> {
     outlines
 }
 
-/// Bits in the order of the numbers; zeros of either sign are one.
+/// The bits of a number, mapped so that they are ordered as the numbers are; both zeros have the same.
 pub(super) fn ordered(x: f64) -> u64 {
     let bits = (x + 0.0).to_bits();
     if bits >> 63 != 0 { !bits } else { bits | 1 << 63 }
@@ -63,10 +65,11 @@ pub(super) fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down:
         .into()
 }
 
-/// Takes pairs of triangles that make up a rectangle out of the pieces.
+/// Removes pairs of triangles that make a rectangle along the axes, and returns the rectangles.
 pub(super) fn take_rectangles(pieces: &mut Vec<OccluderTriangle>) -> Levels {
     let mut levels = Levels::new();
-    // Halves that wait for their other half: by level, rectangle and source, the piece with each corner missing.
+    // Halves that wait for their other half: by level, rectangle and source, the piece with each corner
+    // missing.
     type Key = (Level, [u64; 4], u32);
     let mut halves: BTreeMap<Key, [Option<usize>; 4]> = BTreeMap::new();
     let mut taken = alloc::vec![false; pieces.len()];

@@ -1,17 +1,21 @@
-//! Sections of solids: rectangles inside closed boxes, which hide like walls though no face is there (the inside of what is opaque as an occluder:
-//! Schaufler, Dorsey, Decoret, Sillion, "Conservative Volumetric Visibility with Occluder Fusion", 2000).
+//! Sections of solids: rectangles inside closed boxes, which hide like walls though no face is there (the
+//! inside of what is opaque as an occluder: Schaufler, Dorsey, Decoret, Sillion, "Conservative Volumetric
+//! Visibility with Occluder Fusion", 2000).
 //!
 //! # Why it is sound
-//! A line of sight that meets a point of a closed box has met a face of that box before, or at that point, if it begins outside. So a rectangle
-//! of which every point is in a box of some set hides what is behind it from every eye outside of them all; `Selector` sees to
-//! that, and to it that no such face is cut away by the near plane. Boxes may abut or overlap, their faces need not lie in one
-//! plane: a front of walls, of the edges of the floors between them and of the ends of other walls is cut by one plane, and has no slits in it.
+//! A line of sight that meets a point of a closed box has met a face of that box before, or at that point, if
+//! it begins outside. So a rectangle of which every point is in a box of some set hides what is behind it
+//! from every eye outside of them all; `Selector` sees to that, and to it that no such face is cut away by
+//! the near plane. Boxes may abut or overlap, their faces need not lie in one plane: a front of walls, of the
+//! edges of the floors between them and of the ends of other walls is cut by one plane, and has no slits in
+//! it.
 //!
 //! # Which
-//! Boxes along the axes are found as six rectangles of one object. Of all planes across an axis, those through the near sides of boxes cut the
-//! largest sets of boxes at once, since nothing more is cut until the next one begins; of what a plane cuts, only what touches a box that
-//! begins there is looked at. Sections that are little larger than what faces of their boxes make up are left out, and faces that a
-//! section close by covers are dropped: one polygon is to hide what several did.
+//! Boxes along the axes are found as six rectangles of one object. Of all planes across an axis, those
+//! through the near sides of boxes cut the largest sets of boxes at once, since nothing more is cut until the
+//! next one begins; of what a plane cuts, only what touches a box that begins there is looked at. Sections
+//! that are little larger than what faces of their boxes make up are left out, and faces that a section close
+//! by covers are dropped: one polygon is to hide what several did.
 
 use super::blocks::{BLOCK, halve};
 use super::cover::join_group;
@@ -23,7 +27,7 @@ use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// A closed box.
+/// A closed box of one object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Solid {
     pub(crate) min: DVec3,
@@ -31,16 +35,16 @@ pub(crate) struct Solid {
     pub(super) source: u32,
 }
 
-/// A section has at least so many times the area of what is in one plane anyway.
+/// Least area of a section, in areas of the largest rectangle that faces of its boxes make in one plane.
 const GAIN: f64 = 1.25;
-/// A face is dropped for a section no farther from it than this share of its smaller side.
+/// Greatest distance of a section from a face that is dropped for it, in smaller sides of the face.
 const CLOSE: f64 = 0.25;
-/// Larger groups of boxes are not looked at. A box that so many others touch begins no section.
+/// Maximum number of boxes that are cut together. A box that more than these touch begins no section.
 const MOST_BOXES: usize = 256;
-/// Faces near a section beyond which no more are looked at for being covered by it.
+/// Maximum number of faces near a section that are tested for being covered by it.
 const MOST_FACES: usize = 4096;
 
-/// The boxes of which all six faces are there.
+/// Finds the boxes of which all six faces are there.
 pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
     // Faces by object, level and sides; and pairs of those across x, which a box is found by.
     let mut faces: BTreeSet<(u32, Level, [u64; 4])> = BTreeSet::new();
@@ -59,7 +63,8 @@ pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
     pairs.sort_unstable();
     let mut solids = Vec::new();
     for alike in pairs.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        // From each of them on, the first far side; the greatest number, which no finite coordinate has, if there is none.
+        // From each of them on, the first far side; the greatest number, which no finite coordinate has, if
+        // there is none.
         let mut far_sides = alloc::vec![u64::MAX; alike.len()];
         let mut next_far = u64::MAX;
         for (&(_, _, x1, far), side) in alike.iter().zip(&mut far_sides).rev() {
@@ -83,16 +88,16 @@ pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
     solids
 }
 
-/// The two axes across one.
+/// The coordinates along the two other axes.
 fn flat(v: DVec3, axis: usize) -> [f64; 2] {
     [v[(axis + 1) % 3], v[(axis + 2) % 3]]
 }
 
-/// Boxes in runs of those near one another, to find those that touch a box.
+/// A hierarchy of boxes, to find those that touch a box.
 struct Near {
     order: Vec<u32>,
     boxes: Vec<(DVec3, DVec3)>,
-    /// About each block of the level below, beginning with the boxes in order.
+    /// By level, a box around each block of the level below; the lowest blocks are runs of `order`.
     levels: Vec<Vec<(DVec3, DVec3)>>,
 }
 
@@ -114,7 +119,7 @@ impl Near {
         Self { order, boxes, levels }
     }
 
-    /// Hands over up to `most` that touch a box, and returns whether these are all.
+    /// Calls `each` with up to `most` boxes that touch a box, and returns whether these are all.
     fn touching(&self, min: DVec3, max: DVec3, most: usize, mut each: impl FnMut(u32)) -> bool {
         let mut left = most;
         let touches = |b: &(DVec3, DVec3)| b.0.cmple(max).all() && b.1.cmpge(min).all();
@@ -144,7 +149,7 @@ impl Near {
     }
 }
 
-/// All sections of boxes that are worth it.
+/// Finds all sections of boxes that are larger than the faces there.
 pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
     let near = Near::new(solids.iter().map(|solid| (solid.min, solid.max)).collect());
     let mut outlines = Vec::new();
@@ -228,7 +233,7 @@ fn is_gain(solids: &[Solid], axis: usize, low: [f64; 2], high: [f64; 2], boxes: 
     area(low, high) > GAIN * largest
 }
 
-/// Drops faces, and sections, for sections close by that cover them.
+/// Drops faces and sections that a section close by covers.
 pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
     let about = |outline: &Outline| {
         outline

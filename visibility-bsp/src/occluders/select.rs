@@ -1,5 +1,6 @@
-//! Which polygons hide most from where the eye is, by solid angle (Coorg and Teller, "Real-Time Occlusion Culling for Models with Large
-//! Occluders", 1997): first by a bound that costs a few operations, then, of the best, by what is in the picture.
+//! Which polygons hide most from where the eye is, by solid angle (Coorg and Teller, "Real-Time Occlusion
+//! Culling for Models with Large Occluders", 1997): first by a bound that costs a few operations, then, of
+//! the best, by what is in the picture.
 
 use super::polygons::{Block, Occluders, Polygon};
 use crate::clip_projection::{ClipProjection, corners_of};
@@ -8,27 +9,28 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{Changes, Eye, ObjectId, Plane, Scene, SceneCursor, Stamp, View, VisibleSet};
 
-/// A half of all directions, in steradians.
+/// Solid angle of half of all directions, in steradians.
 const MOST_ANGLE: f32 = core::f32::consts::TAU;
 
-/// A polygon that may be used this frame.
+/// A polygon that is chosen for this frame, unless it turns out to be unusable.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chosen {
     pub(crate) polygon: u32,
-    /// No less than its solid angle, in steradians.
+    /// Upper bound on its solid angle in steradians; later its worth.
     pub(crate) bound: f32,
 }
 
-/// Chooses polygons for one view, and remembers which objects have changed since the polygons were made.
+/// Chooses polygons for one view, and knows which objects have changed since the polygons were made.
 #[derive(Clone, Debug)]
 pub(crate) struct Selector {
     pub(crate) chosen: Vec<Chosen>,
     blocks: Vec<(f32, u32)>,
-    /// The polygons that the rest is about; `Stamp::NONE` if it is about none.
+    /// Stamp of the polygons that the other fields are about; `Stamp::NONE` before the first frame and after
+    /// a reset.
     occluders: Stamp,
-    /// Changes of the scene up to here are in `stale`.
+    /// The scene and revision up to which changes are in `stale`.
     seen: SceneCursor,
-    /// By object index, a bit for those that have changed since the polygons were made.
+    /// By object index, one bit: whether the object has changed since the polygons were made.
     stale: Vec<u64>,
     /// The polygons are of another scene, or more has changed than was listed: none of them can be trusted.
     lost: bool,
@@ -48,13 +50,14 @@ impl Default for Selector {
 }
 
 impl Selector {
-    /// Takes in changes of the scene and of the polygons. Returns whether any polygon may be another, or has become usable or unusable,
-    /// since the last call.
+    /// Takes in changes of the scene and of the polygons. Returns whether any polygon may be another, or has
+    /// become usable or unusable, since the last call.
     pub(crate) fn follow(&mut self, occluders: &Occluders, scene: &Scene) -> bool {
         let mut news = self.occluders != occluders.stamp;
         let mut changes = self.seen.peek(scene);
         if news || self.lost || changes == Changes::Everything {
-            // Other polygons, or another scene than in the last frame: what has changed is counted again from where the polygons were made.
+            // Other polygons, or another scene than in the last frame: what has changed is counted again from
+            // where the polygons were made.
             self.occluders = occluders.stamp;
             self.stale.clear();
             changes = occluders.cursor.peek(scene);
@@ -82,13 +85,14 @@ impl Selector {
         self.occluders = Stamp::NONE;
     }
 
-    /// Whether an object is as it was when the polygons were made.
+    /// Whether an object is in the scene and has not changed since the polygons were made.
     fn is_fresh(&self, scene: &Scene, id: ObjectId) -> bool {
         let stale = self.stale.get(id.index() / 64).is_none_or(|word| word >> (id.index() % 64) & 1 != 0);
         !stale && !self.lost && scene.contains(id)
     }
 
-    /// Whether the objects of a polygon are as they were, and on the view's layers.
+    /// Whether all objects that a polygon was made from are unchanged, flagged as occluders, and on a layer
+    /// of the view.
     pub(crate) fn is_usable(&self, occluders: &Occluders, polygon: u32, scene: &Scene, view: &View) -> bool {
         occluders.sources_of(polygon).iter().all(|&id| {
             self.is_fresh(scene, id)
@@ -96,7 +100,8 @@ impl Selector {
         })
     }
 
-    /// Chooses up to `count` polygons by the bound on their solid angle, of those that may be in the picture, or all around.
+    /// Chooses up to `count` polygons by the bound on their solid angle, of those that may be in the picture,
+    /// or all around.
     pub(crate) fn choose(&mut self, occluders: &Occluders, eye: &Eye, sides: Option<&[Plane]>, count: usize) {
         self.chosen.clear();
         self.blocks.clear();
@@ -137,7 +142,8 @@ impl Selector {
         self.chosen.truncate(count);
     }
 
-    /// Of the chosen, keeps the `count` of most worth; `worth` is given a polygon and the bound on its solid angle.
+    /// Keeps the `count` chosen polygons of greatest worth. `worth` is given a polygon and the bound on its
+    /// solid angle.
     pub(crate) fn keep_worthy(&mut self, count: usize, mut worth: impl FnMut(u32, f32) -> f32) {
         if self.chosen.len() <= count || count == 0 {
             return;
@@ -150,8 +156,8 @@ impl Selector {
         self.chosen.truncate(count);
     }
 
-    /// Of the chosen, keeps those that may hide in this frame: unchanged, drawn in this view, and on the inner side of its clip planes; sections
-    /// only if the eye is outside.
+    /// Keeps the chosen polygons that may hide in this frame: those whose objects are unchanged and drawn in
+    /// this view, on the inner side of its clip planes; and sections only if the eye is outside their boxes.
     pub(crate) fn keep_usable(
         &mut self,
         occluders: &Occluders,
@@ -186,7 +192,8 @@ impl Selector {
     }
 }
 
-/// Whether an object is drawn, or out of view. What an earlier culler took out for another reason is not drawn, so it must not hide.
+/// Whether an object is in the set, or outside the view. An object in view that an earlier culler removed is
+/// not drawn, so it must not hide.
 pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, sides: &[Plane], id: ObjectId) -> bool {
     visible.contains(scene, id)
         || scene.bounds(id).is_ok_and(|bounds| {
@@ -194,7 +201,8 @@ pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, sides: &[Plane], id:
         })
 }
 
-/// The sides of a view, with what rounding may have moved them taken off, into a buffer of the caller's.
+/// Writes the planes of a view, each moved outwards by its rounding error, to `out`, and returns their
+/// number.
 pub(crate) fn sides_of(view: &View, scene: &Scene, out: &mut [Plane; visibility_core::MAX_PLANES]) -> usize {
     let planes = view.planes(scene.origin());
     for (out, side) in out.iter_mut().zip(planes.as_slice()) {
@@ -204,7 +212,7 @@ pub(crate) fn sides_of(view: &View, scene: &Scene, out: &mut [Plane; visibility_
 }
 
 impl Block {
-    /// No less than the bound of any polygon in it.
+    /// Upper bound on the solid angle of any polygon in the block.
     fn bound(&self, eye: &Eye) -> f32 {
         match eye {
             Eye::Point(eye) => {
@@ -216,7 +224,8 @@ impl Block {
     }
 }
 
-/// No less than the solid angle of a polygon, if it is before the eye: its height over the eye times its area over the cube of the least distance.
+/// No less than the solid angle of a polygon, if it is before the eye: its height over the eye times its area
+/// over the cube of the least distance.
 fn bound(polygon: &Polygon, eye: &Eye) -> f32 {
     match eye {
         Eye::Point(eye) => {
@@ -235,8 +244,8 @@ fn bound(polygon: &Polygon, eye: &Eye) -> f32 {
     }
 }
 
-/// The solid angle of a convex polygon, in steradians; for parallel views its share of the picture, four for all of it. Good to a few
-/// percent, which is enough to choose by.
+/// The solid angle of a convex polygon, in steradians; for parallel views its share of the picture, four for
+/// all of it. Good to a few percent, which is enough to choose by.
 pub(crate) fn angle_of(projection: &ClipProjection, corners: &[Corner]) -> f32 {
     let Some((first, rest)) = corners.split_first() else { return 0.0 };
     let mut sum = 0.0;
@@ -265,7 +274,8 @@ pub(crate) fn angle_of(projection: &ClipProjection, corners: &[Corner]) -> f32 {
     sum as f32
 }
 
-/// Of a triangle of unit vectors (Van Oosterom and Strackee, "The Solid Angle of a Plane Triangle", 1983).
+/// Solid angle of a triangle of unit vectors, in steradians (Van Oosterom and Strackee, "The Solid Angle of a
+/// Plane Triangle", 1983).
 fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     let y = a.dot(b.cross(c)).abs();
     let x = 1.0 + a.dot(b) + b.dot(c) + c.dot(a);

@@ -1,4 +1,5 @@
-//! Counts the elementary steps of making polygons, in tests only: how they grow with the input is what tests of cost assert.
+//! Counts the elementary steps of making polygons, in tests only: how they grow with the input is what tests
+//! of cost assert.
 
 #[cfg(test)]
 std::thread_local! {
@@ -41,7 +42,8 @@ mod tests {
         scene
     }
 
-    /// Twice the boxes may take a little more than twice the steps, where each with each would take four times as many.
+    /// Twice the boxes may take a little more than twice the steps, where each with each would take four
+    /// times as many.
     #[test]
     fn steps_grow_as_boxes_do() {
         type Input = (&'static str, fn(usize, usize) -> Aabb);

@@ -1,28 +1,30 @@
 //! Boxes against the tree: down one side while that is certain, in two parts where it is not.
 //!
 //! # Why it is sound
-//! Parts of a box are kept as the corners of a convex set whose cone holds every direction that the part has, when each corner may be moved
-//! by the part's error. A plane parts it at twice the slack beyond itself to either side, so that each part holds all the box's
-//! directions that are exactly on that side, and those within rounding of the plane go both ways: they are hidden only if both
-//! sides say so, and one of them is theirs. So two shadows that share an edge leave no gap, and none is wider than it is. Each cut
-//! adds four roundings to the error.
+//! Parts of a box are kept as the corners of a convex set whose cone holds every direction that the part has,
+//! when each corner may be moved by the part's error. A plane parts it at twice the slack beyond itself to
+//! either side, so that each part holds all the box's directions that are exactly on that side, and those
+//! within rounding of the plane go both ways: they are hidden only if both sides say so, and one of them is
+//! theirs. So two shadows that share an edge leave no gap, and none is wider than it is. Each cut adds four
+//! roundings to the error.
 
 use super::nodes::{AWAY, Child, HIDDEN, LIT, MOST_PLANES, Nodes};
 use crate::clip_projection::{BoxProjection, ClipProjection, U, dot, slack_of};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Eye, Occlusion};
 
-/// More corners than a hexagon ever gets here; beyond, the answer is that some of it may be seen.
+/// Maximum number of corners of a part of a box. A part that would get more counts as visible in part.
 const MOST: usize = 24;
 
-/// What the leaves that a box reaches say of it.
+/// Whether parts of a box reached leaves that hide them, and leaves that do not.
 #[derive(Clone, Copy, Debug, Default)]
 struct Found {
     hidden: bool,
     lit: bool,
 }
 
-/// Part of a box as seen.
+/// A convex part of a box's outline: directions of its corners, and the bound on the error of `n . v` for
+/// them.
 #[derive(Clone, Copy)]
 struct Part {
     corners: [[f64; 3]; MOST],
@@ -34,13 +36,15 @@ struct Part {
 const FACES: [[u8; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
-/// For each set of faces that an eye can be before, by mask, the corners of the outline in order, and how many they are
-/// (Schmalstieg and Tobler, "Fast Projected Area Computation for Three-Dimensional Bounding Boxes", 1999).
+/// For each set of faces that an eye can be before, by mask, the corners of the outline in order, and how
+/// many they are (Schmalstieg and Tobler, "Fast Projected Area Computation for Three-Dimensional Bounding
+/// Boxes", 1999).
 const OUTLINES: [([u8; 6], u8); 64] = {
     let mut table = [([0; 6], 0); 64];
     let mut mask = 1;
     while mask < 64 {
-        // Edges of front faces whose other way round is in no front face lead from corner to corner around the outline.
+        // Edges of front faces whose other way round is in no front face lead from corner to corner around
+        // the outline.
         let mut next = [u8::MAX; 8];
         let mut face = 0;
         while face < 6 {
@@ -84,19 +88,19 @@ const OUTLINES: [([u8; 6], u8); 64] = {
     table
 };
 
-/// A box on its way through the tree.
+/// The test of one box.
 struct Walk<'a> {
     nodes: &'a Nodes,
     projection: &'a ClipProjection,
     min: DVec3,
     max: DVec3,
-    /// The faces that the eye is before, as a mask.
+    /// Mask of the faces that the eye is before.
     faces: usize,
     found: Found,
 }
 
 impl Nodes {
-    /// What the tree says of a box.
+    /// Tests a box against the tree.
     pub(crate) fn test(&self, projection: &ClipProjection, bounds: &Aabb) -> Occlusion {
         if !bounds.is_finite() {
             return Occlusion::Visible;
@@ -141,7 +145,8 @@ impl Nodes {
 }
 
 impl Walk<'_> {
-    /// Notes what a leaf says of a part. False if that is neither that it is hidden nor that it is lit, or not the same as of others.
+    /// Notes whether a leaf hides a part. False if it neither hides nor surely shows it, or if another part
+    /// had the other answer: the box is then visible in part.
     fn look(&mut self, leaf: Child, part: &Part) -> bool {
         let lit = match leaf {
             AWAY => return true,
@@ -174,8 +179,9 @@ impl Walk<'_> {
         all
     }
 
-    /// Whether a part of a box that itself is on both sides of a plane is behind it: if along each of its lines of sight, the plane comes before
-    /// the plane of one of the faces that the box is entered by, which is no farther than where it is entered.
+    /// Whether a part of a box that itself is on both sides of a plane is behind it: if along each of its
+    /// lines of sight, the plane comes before the plane of one of the faces that the box is entered by, which
+    /// is no farther than where it is entered.
     fn is_behind(&self, plane: usize, part: &Part) -> bool {
         let Some(first) = &self.nodes.approaches[plane] else { return false };
         (0..6).filter(|face| self.faces >> face & 1 != 0).any(|face| {
@@ -190,7 +196,8 @@ impl Walk<'_> {
         })
     }
 
-    /// Takes a part of a box down. False as soon as the answer is that some of it may be seen.
+    /// Tests a part of a box against a child and all below. False as soon as the box is known to be visible
+    /// in part.
     fn visit(&mut self, child: Child, part: &Part) -> bool {
         if part.count == 0 {
             return true;
@@ -246,7 +253,8 @@ impl Part {
         part
     }
 
-    /// Puts what of it is where `sign * value >= limit` into another, whose slack is that of a cut more; false if that has too many corners.
+    /// Puts what of it is where `sign * value >= limit` into another, whose slack is that of a cut more;
+    /// false if that has too many corners.
     fn beyond(&self, values: &[f64; MOST], sign: f64, limit: f64, out: &mut Self) -> bool {
         let mut count = 0;
         let mut j = self.count - 1;
@@ -274,7 +282,7 @@ impl Part {
     }
 }
 
-/// The faces that the eye is before, as a mask, if that is certain of each of the six.
+/// Mask of the faces that the eye is before, `None` if that is uncertain for any of the six.
 fn faces_before(projection: &ClipProjection, min: DVec3, max: DVec3) -> Option<usize> {
     let mut mask = 0;
     let certain = match projection.eye {

@@ -11,8 +11,8 @@ use visibility_core::{
 
 /// Culls what is behind the large polygons of a scene, by an [`OcclusionTree`] that is built anew each frame.
 ///
-/// Put it after the frustum. Costs for each polygon that the scene has a few nanoseconds, for each of those used about a microsecond, and for
-/// each box tested a few hundred nanoseconds.
+/// Put it after the frustum. Costs for each polygon that the scene has a few nanoseconds, for each of those
+/// used about a microsecond, and for each box tested a few hundred nanoseconds.
 ///
 /// ```
 /// use visibility_bsp::{Occluders, OcclusionTreeCuller};
@@ -46,13 +46,14 @@ impl OcclusionTreeCuller {
         Self { occluders, selector: Selector::default(), inner }
     }
 
-    /// Uses so many polygons a frame.
+    /// Sets the maximum number of polygons used a frame, 0 for none; any number is allowed.
     pub fn with_polygons(mut self, most: usize) -> Self {
         self.inner.map_mut().most = most;
         self
     }
 
-    /// Gives it other polygons, or the same brought up to date.
+    /// Replaces the polygons, by those of another scene or by the same ones brought up to date. What was
+    /// remembered of others is dropped in the next frame.
     pub fn set_occluders(&mut self, occluders: Arc<Occluders>) {
         self.occluders = occluders;
     }

@@ -12,7 +12,7 @@ use core::ops::Range;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{Aabb, Accuracy, OccluderMesh, Occlusion, OcclusionMap, View};
 
-/// A polygon that waits for the next flush.
+/// A polygon that has been added and takes effect at the next flush.
 #[derive(Clone, Debug)]
 pub(super) struct Waiting {
     vertices: Range<usize>,
@@ -21,18 +21,18 @@ pub(super) struct Waiting {
     two_sided: bool,
 }
 
-/// Polygons that add less of the sky than this, in steradians, are not worth their planes.
+/// Polygons that would put less than this solid angle in shadow, in steradians, are left out.
 const LEAST_GAIN: f32 = 1e-6;
 
-/// A gain that is at least so much of the greatest is taken for it.
+/// A polygon is added without another comparison if its gain is at least this share of the greatest.
 const NEARLY: f32 = 0.7;
 
-/// How much a shadow would add.
+/// How much of the picture a shadow would put in shadow that is not yet, with its number.
 #[derive(Clone, Copy, Debug)]
 struct Gain {
     angle: f32,
     number: u32,
-    /// How many had been added when that was found.
+    /// Number of polygons that had been added when `angle` was computed.
     asked: u32,
 }
 
@@ -58,15 +58,16 @@ impl Ord for Gain {
 
 /// An occlusion map in object space: exact up to rounding, at any resolution.
 ///
-/// Of what is added, the polygons that cover most of the picture are used, 64 unless set otherwise. It is at its best with few large
-/// convex polygons, as [`OcclusionTreeCuller`] gives it; meshes, as [`OcclusionCuller`](visibility_core::OcclusionCuller) gives it, are taken by
-/// their faces.
+/// Of what is added, the polygons that cover most of the picture are used, 64 unless set otherwise. It is at
+/// its best with few large convex polygons, as [`OcclusionTreeCuller`](crate::OcclusionTreeCuller) gives it;
+/// meshes, as [`OcclusionCuller`](visibility_core::OcclusionCuller) gives it, are taken by their faces.
 ///
 /// ```
 /// use visibility_bsp::OcclusionTree;
 /// use visibility_core::glam::{Affine3A, DVec3};
 /// use visibility_core::{Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
-/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.5, 0.1, f64::INFINITY)?;
+/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?;
 /// let mut tree = OcclusionTree::new();
 /// tree.begin(&view, DVec3::ZERO);
 /// // Two slabs that meet in the middle: neither alone hides what is behind both.
@@ -84,14 +85,14 @@ pub struct OcclusionTree {
     projection: ClipProjection,
     pub(super) nodes: Nodes,
     shadows: Shadows,
-    /// How many polygons may still be used this frame, and how many a frame.
+    /// Number of polygons that may still be used this frame, and the maximum per frame.
     left: usize,
     pub(super) most: usize,
     pub(super) vertices: Vec<DVec3>,
     pub(super) waiting: Vec<Waiting>,
     heap: BinaryHeap<Gain>,
     pieces: Vec<OccluderTriangle>,
-    /// What shadows fall on, where that is known.
+    /// Density of objects in the picture, where it is known: shadows are chosen by what they may fall on.
     pub(super) density: Option<ScreenDensity>,
 }
 
@@ -120,22 +121,22 @@ impl OcclusionTree {
         }
     }
 
-    /// Uses so many polygons a frame.
+    /// Sets the maximum number of polygons used a frame, 0 for none; any number is allowed.
     pub fn with_polygons(self, most: usize) -> Self {
         Self { most, ..self }
     }
 
-    /// How many planes through the eye the tree has.
+    /// Number of planes through the eye in the tree, the four sides of the picture included.
     pub fn len(&self) -> usize {
         self.nodes.nodes.len()
     }
 
-    /// Whether nothing has been added to it.
+    /// Whether no polygon is in use this frame.
     pub fn is_empty(&self) -> bool {
         self.nodes.planes.is_empty()
     }
 
-    /// Has a polygon wait for the next flush. It stays if a frame begins before.
+    /// Adds a polygon for the next flush. It is kept if a frame begins in between.
     pub(super) fn wait(&mut self, occluder_polygon: &OccluderPolygon<'_>) {
         let first = self.vertices.len();
         self.vertices.extend_from_slice(occluder_polygon.vertices);
@@ -201,8 +202,8 @@ impl OcclusionMap for OcclusionTree {
         }
         self.waiting.clear();
         self.vertices.clear();
-        // The largest first. What one adds only shrinks as others are added, so that one whose gain, asked again, still is about the greatest
-        // need not be compared with the rest.
+        // The largest first. What one adds only shrinks as others are added, so that one whose gain, asked
+        // again, still is about the greatest need not be compared with the rest.
         while let Some(Gain { number, asked, .. }) = self.heap.pop() {
             if self.left == 0 {
                 break;

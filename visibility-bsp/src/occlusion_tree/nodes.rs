@@ -1,4 +1,5 @@
-//! The tree itself: planes through the eye that part lit directions from shadowed ones, and how shadows are added.
+//! The tree itself: planes through the eye that part lit directions from shadowed ones, and how shadows are
+//! added.
 
 use super::screen_density::ScreenDensity;
 use crate::clip_projection::{Approach, ClipProjection, Line, U, slack_of};
@@ -8,36 +9,38 @@ use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
-/// Below a node: another node by its number, or one of the leaves below.
+/// A child of a node: the number of another node, or one of the leaves `LIT`, `AWAY` and `HIDDEN | number`.
 pub(crate) type Child = u32;
-/// A leaf of directions in which nothing hides.
+/// A leaf in whose directions nothing hides.
 pub(crate) const LIT: Child = u32::MAX;
-/// A leaf of directions that are not in the picture.
+/// A leaf of directions outside the picture.
 pub(crate) const AWAY: Child = u32::MAX - 1;
-/// With a number below: a leaf of directions in which everything behind the back planes that the number stands for is hidden.
+/// Flag of a leaf in shadow. The other bits are an index into `Nodes::hides`; what is behind the back planes
+/// listed there is hidden.
 pub(crate) const HIDDEN: Child = 1 << 31;
 
-/// No more nodes than this: a bound on time and memory for hostile occluders.
+/// Maximum number of nodes: a bound on time and memory for hostile occluders.
 const MOST_NODES: usize = 1 << 16;
-/// No path is longer than this, which bounds the stack that tests take.
+/// Maximum depth of a node, which bounds the recursion of tests.
 const DEEPEST: u16 = 480;
 
-/// So many of the polygons that hide in a leaf are asked.
+/// Maximum number of polygons of one leaf that are tested, the last added first.
 pub(crate) const MOST_PLANES: usize = 16;
 
-/// A plane through the eye.
+/// A node: a plane through the eye and an edge of an occluder, or a side of the picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Node {
     pub(crate) line: Line,
-    /// Below it: outside and inside.
+    /// The children outside and inside of the plane.
     pub(crate) children: [Child; 2],
-    /// The node above, doubled, plus which of its children this is.
+    /// Twice the number of the parent, plus which of its children this is; `NO_PARENT` for the root.
     parent: u32,
     depth: u16,
     ends: [DVec3; 2],
 }
 
-/// A fragment on its way down, or where it came to: which child of which node it is for, and its corners.
+/// A fragment of a polygon and the place in the tree that it has reached: `parent` is twice a node plus the
+/// child, `first` and `count` are a range of corners.
 #[derive(Clone, Copy, Debug)]
 struct Task {
     parent: u32,
@@ -51,42 +54,45 @@ impl Task {
     }
 }
 
-/// What hides in a leaf: a polygon, and what was there before it. The leaf is inside the shadows of both, so what is behind either is hidden; of
-/// polygons that cross, neither is nearer everywhere.
+/// A polygon that hides in a leaf, and the leaf that was there before it was added. The leaf is inside the
+/// shadows of both, so whatever is behind either is hidden; of polygons that cross, neither is nearer
+/// everywhere.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hide {
     pub(crate) plane: u32,
     pub(crate) under: Child,
 }
 
-/// The planes of a frame, in memory that is kept from frame to frame.
+/// The occlusion tree of one frame. The memory is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nodes {
     pub(crate) nodes: Vec<Node>,
     pub(crate) planes: Vec<BackPlane>,
-    /// The same as directions meet them.
+    /// The back planes as functions of the direction, `None` for parallel views.
     pub(crate) approaches: Vec<Option<Approach>>,
     pub(crate) hides: Vec<Hide>,
     pub(crate) root: Child,
     corners: Vec<Corner>,
-    /// What a plane is at the corners of the fragment that it parts.
+    /// Scratch: values of a plane at the corners of the fragment that it divides.
     values: Vec<f64>,
     tasks: Vec<Task>,
-    /// Where polygons that were taken down came to, and the corners of what came there: the next time, they go on from there.
+    /// Fragments of shadows at the leaves that they reached, with their corners in `arrived`. The next call
+    /// of `reach` for the same shadow goes on from there.
     arrivals: Vec<Task>,
     arrived: Vec<Corner>,
-    /// Which of the arrivals are those of each shadow when it was last taken down.
+    /// By shadow, the range of its fragments in `arrivals`; `None` before the first call of `reach` and after
+    /// `add`.
     reached: Vec<Option<Range<usize>>>,
 }
 
 const NO_PARENT: u32 = u32::MAX;
 
-/// What a part of the picture is worth to have in shadow.
+/// How the benefit of putting a part of the picture in shadow is measured.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Worth<'a> {
-    /// Its solid angle.
+    /// By its solid angle in steradians.
     Angle,
-    /// The objects that are there.
+    /// By the objects whose centres are there.
     Density(&'a ScreenDensity),
 }
 
@@ -100,7 +106,7 @@ impl Worth<'_> {
 }
 
 impl Nodes {
-    /// One lit leaf, within the sides of the picture.
+    /// Empties the tree: one lit leaf inside the four sides of the picture.
     pub(crate) fn clear(&mut self) {
         self.nodes.clear();
         self.planes.clear();
@@ -110,7 +116,8 @@ impl Nodes {
         self.arrived.clear();
         self.reached.clear();
         self.root = LIT;
-        // -w <= x <= w and -w <= y <= w: what violates one of them is not in view, and these numbers are exact.
+        // -w <= x <= w and -w <= y <= w: what violates one of them is not in view, and these numbers are
+        // exact.
         let mut parent = NO_PARENT;
         for n in [[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]] {
             let line = Line { n, slack: 16.0 * U };
@@ -118,7 +125,8 @@ impl Nodes {
         }
     }
 
-    /// Puts a node in the place of a leaf, with a lit leaf inside.
+    /// Replaces a leaf by a node with `outside` as its outer child and a lit leaf as its inner one; returns
+    /// its number.
     fn add_node(&mut self, parent: u32, line: Line, outside: Child, ends: [DVec3; 2]) -> u32 {
         let number = self.nodes.len() as u32;
         let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth + 1 };
@@ -134,8 +142,9 @@ impl Nodes {
         }
     }
 
-    /// Takes a shadow's polygon down to the leaves that it reaches, and says how much of the picture it would put in shadow: what of it comes to
-    /// lit leaves, and a tenth of what comes to shadows of what is farther, since only what is between is gained there.
+    /// Takes a shadow's polygon down to the leaves that it reaches, and says how much of the picture it would
+    /// put in shadow: what of it comes to lit leaves, and a tenth of what comes to shadows of what is
+    /// farther, since only what is between is gained there.
     pub(super) fn reach(
         &mut self,
         projection: &ClipProjection,
@@ -176,7 +185,8 @@ impl Nodes {
             let (front, weight) = match leaf {
                 AWAY => continue,
                 LIT => (task, 1.0),
-                // The order of occluders is approximate, and those that cross one another have none: so something nearer may come late.
+                // The order of occluders is approximate, and those that cross one another have none: so
+                // something nearer may come late.
                 _ => match self.before(&task, leaf) {
                     Some(front) => (front, 0.1),
                     None => continue,
@@ -191,7 +201,8 @@ impl Nodes {
         gain
     }
 
-    /// Adds a shadow that has just been taken down: the leaves that are lit, or hidden by something farther, are parted by its edges.
+    /// Adds a shadow that has just been taken down: the leaves that are lit, or hidden by something farther,
+    /// are parted by its edges.
     pub(crate) fn add(&mut self, projection: &ClipProjection, shadows: &Shadows, number: usize) {
         let shadow = &shadows.list[number];
         let plane = self.planes.len() as u32;
@@ -206,7 +217,7 @@ impl Nodes {
         }
     }
 
-    /// What of a fragment is before all planes of a leaf.
+    /// The part of a fragment that is in front of all back planes of a leaf, `None` if there is none.
     fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
         let (mut task, mut leaf) = (*task, leaf);
         for _ in 0..MOST_PLANES {
@@ -261,8 +272,9 @@ impl Nodes {
         }
     }
 
-    /// On which side of a plane a fragment is; where on both, its two parts. Nothing depends on these being exact: what is hidden is decided by
-    /// the planes above a leaf, and the fragments only choose which to add.
+    /// On which side of a plane a fragment is; where on both, its two parts. Nothing depends on these being
+    /// exact: what is hidden is decided by the planes above a leaf, and the fragments only choose which to
+    /// add.
     fn part(&mut self, task: &Task, line: &Line) -> Parted {
         let range = task.range();
         let slack = 4.0 * line.slack + 64.0 * U;
@@ -308,8 +320,8 @@ impl Nodes {
         Parted::Both(parts[0], parts[1])
     }
 
-    /// Puts the edges of a shadow below a leaf, so that what is inside all of them is hidden behind its plane; outside, the leaf stays what it
-    /// was. Edges that surely do not reach into the leaf are left out.
+    /// Puts the edges of a shadow below a leaf, so that what is inside all of them is hidden behind its
+    /// plane; outside, the leaf stays what it was. Edges that surely do not reach into the leaf are left out.
     fn augment(&mut self, shadows: &Shadows, shadow: &Shadow, task: &Task, old: Child, plane: u32) {
         let parent = task.parent;
         let corners = &self.corners[task.range()];
@@ -346,10 +358,11 @@ impl Nodes {
 
     /// The edges, as a mask, without which the rest of a leaf's directions still are in the shadow.
     ///
-    /// Let a direction be surely inside all edges and all planes above the leaf: the leaf and the shadow meet. If the leaf also reached
-    /// beyond an edge (and not beyond another), the way there from that direction would cross the edge itself, between its ends, within the leaf.
-    /// So an edge is needless if no point of it can be in the leaf; and also if a plane above is that very edge, of
-    /// a neighbour or of another part of the polygon.
+    /// Let a direction be surely inside all edges and all planes above the leaf: the leaf and the shadow
+    /// meet. If the leaf also reached beyond an edge (and not beyond another), the way there from that
+    /// direction would cross the edge itself, between its ends, within the leaf. So an edge is needless if no
+    /// point of it can be in the leaf; and also if a plane above is that very edge, of a neighbour or of
+    /// another part of the polygon.
     fn needless(
         &self,
         edges: &[crate::shadow::ShadowEdge],
@@ -385,7 +398,8 @@ impl Nodes {
                 let slack = node.line.slack + slack_of(a.error.max(b.error)) + 8.0 * U;
                 let (sa, sb) = (node.line.at(a.v) * sign + slack, node.line.at(b.v) * sign + slack);
                 let span = &mut spans[i];
-                // Directions between the ends are a.v + t (b.v - a.v) up to a factor: where that is below zero they are outside.
+                // Directions between the ends are a.v + t (b.v - a.v) up to a factor: where that is below
+                // zero they are outside.
                 if sa < 0.0 && sb < 0.0 {
                     *span = [1.0, 0.0];
                 } else if sa < 0.0 {
@@ -403,22 +417,22 @@ impl Nodes {
     }
 }
 
-/// Where a fragment is.
+/// Where a fragment lies relative to a plane.
 enum Parted {
-    /// On one side: 0 outside, 1 inside.
+    /// On one side: 0 is outside, 1 is inside.
     Side(u32),
-    /// Its parts outside and inside.
+    /// Across the plane: the parts outside and inside.
     Both(Task, Task),
 }
 
-/// Where a segment meets a plane through the eye that has these values at its ends. Directions are scaled one by one, points are not: so the
-/// values are taken back to the points.
+/// Where a segment meets a plane through the eye that has these values at its ends. Directions are scaled one
+/// by one, points are not: so the values are taken back to the points.
 fn crossing(a: &Corner, b: &Corner, at_a: f64, at_b: f64) -> Option<Corner> {
     let (at_a, at_b) = (at_a * a.size, at_b * b.size);
     between(a, b, at_a / (at_a - at_b))
 }
 
-/// A point of a segment.
+/// The corner at `a + t (b - a)`, `None` if `t` is not from 0 to 1 or the point has no direction.
 fn between(a: &Corner, b: &Corner, t: f64) -> Option<Corner> {
     let v = [0, 1, 2].map(|i| a.v[i] * a.size * (1.0 - t) + b.v[i] * b.size * t);
     let size = v[0].abs().max(v[1].abs()).max(v[2].abs());

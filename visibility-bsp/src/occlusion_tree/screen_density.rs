@@ -1,33 +1,35 @@
-//! Where in the picture the objects are: a shadow is worth what it may fall on, and empty sky is worth little.
+//! Where in the picture the objects are: a shadow is worth what it may fall on, and empty sky is worth
+//! little.
 
 use crate::clip_projection::ClipProjection;
 use crate::shadow::Corner;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Cells of the picture along each side.
+/// Number of cells of the picture along each side.
 const CELLS: usize = 32;
 const LINES: usize = CELLS + 1;
-/// So much of the worth is spread evenly, since objects are more than their middles.
+/// Share of the worth that is spread evenly over the picture, since objects extend beyond their centres.
 const EVEN: f64 = 0.25;
 
-/// How many objects are in each part of the picture, by their middles: only for choosing, so rounding does no harm.
+/// Number of objects in each part of the picture, counted at their centres. Only for choosing occluders, so
+/// rounding does no harm.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ScreenDensity {
-    /// Of how many the middles are left of and below each crossing of the grid's lines, row by row.
+    /// By crossing of the grid's lines, row by row: the number of centres to the left of it and below.
     sums: Vec<f32>,
     all: f64,
 }
 
 impl ScreenDensity {
-    /// Counts nothing yet.
+    /// Empties the grid.
     pub(super) fn clear(&mut self) {
         self.all = 0.0;
         self.sums.clear();
         self.sums.resize(LINES * LINES, 0.0);
     }
 
-    /// Counts an object.
+    /// Counts an object with this centre, if that is in the picture.
     pub(super) fn add(&mut self, projection: &ClipProjection, middle: DVec3) {
         let [x, y, w] = projection.values(middle);
         if w > 0.0 && x.abs() <= w && y.abs() <= w {
@@ -37,7 +39,8 @@ impl ScreenDensity {
         }
     }
 
-    /// Sums up what was counted.
+    /// Turns counts of cells into sums over all cells to the left and below. To be called after the last
+    /// `add`.
     pub(super) fn finish(&mut self) {
         for row in 1..LINES {
             let mut sum = 0.0;
@@ -48,7 +51,7 @@ impl ScreenDensity {
         }
     }
 
-    /// How many are left of and below a place on the grid, as if they were spread evenly over each cell.
+    /// Number of centres to the left of and below a place on the grid, taken as evenly spread over each cell.
     fn below(&self, [x, y]: [f64; 2]) -> f64 {
         let [column, row] = [x, y].map(|a| (a as usize).min(CELLS - 1));
         let (s, t) = (x - column as f64, y - row as f64);
@@ -58,7 +61,7 @@ impl ScreenDensity {
         low * (1.0 - t) + high * t
     }
 
-    /// What a rectangle of the grid is worth, and its area.
+    /// Worth of a rectangle of the grid in objects, and its area in cells.
     fn rectangle(&self, low: [f64; 2], high: [f64; 2]) -> (f64, f64) {
         let count = self.below(high) - self.below([low[0], high[1]]) - self.below([high[0], low[1]])
             + self.below(low);
@@ -66,7 +69,8 @@ impl ScreenDensity {
         (count.max(0.0) + area * (EVEN * self.all + 1.0) / (CELLS * CELLS) as f64, area)
     }
 
-    /// What a convex part of the picture is worth: its share of the rectangle about it.
+    /// Worth of a convex part of the picture: that of its bounding rectangle times its share of the
+    /// rectangle's area.
     pub(super) fn within(&self, corners: &[Corner]) -> f32 {
         let flat = |corner: &Corner| [0, 1].map(|i| place(corner.v[i] / corner.v[2]));
         let Some((first, rest)) = corners.split_first() else { return 0.0 };
@@ -84,8 +88,8 @@ impl ScreenDensity {
         if area > 0.0 { (worth * (0.5 * twice.abs() / area).min(1.0)) as f32 } else { 0.0 }
     }
 
-    /// About what a polygon is worth of which only the middle, the radius and the area, as seen from the eye, are known; none of one that is close,
-    /// or large.
+    /// About what a polygon is worth of which only the middle, the radius and the area, as seen from the eye,
+    /// are known; none of one that is close, or large.
     pub(super) fn about(
         &self,
         projection: &ClipProjection,
@@ -105,7 +109,7 @@ impl ScreenDensity {
     }
 }
 
-/// From -1 to 1, as a place on the grid.
+/// Place on the grid, in cells, of a picture coordinate from -1 to 1.
 fn place(a: f64) -> f64 {
     // What is not a number is somewhere, too.
     if a > -1.0 { (a * 0.5 + 0.5).min(1.0) * CELLS as f64 } else { 0.0 }

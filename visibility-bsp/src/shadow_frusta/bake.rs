@@ -6,16 +6,16 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{Eye, Scene};
 
-/// Where eyes are imagined in a region: the middle, and near its corners.
+/// Number of eyes that stand for a region: its middle, and places near four of its corners.
 const SAMPLES: usize = 5;
-/// So many candidates are looked at for a region.
+/// Maximum number of candidates compared for a region, half of them for each eye.
 const CANDIDATES: usize = 96;
-/// So many objects stand for all of them.
+/// Maximum number of objects that stand for all objects.
 const OBJECTS: usize = 512;
-/// Words of a set of them.
+/// Number of 64-bit words of a set of pairs of eye and object.
 const WORDS: usize = SAMPLES * OBJECTS / 64;
 
-/// A node of the kd-tree: the axis and place of its plane, or what is in the leaf.
+/// A node of the kd-tree: its plane and children, or the range of `chosen` of a leaf.
 #[derive(Clone, Copy, Debug)]
 enum Region {
     Split { axis: usize, at: f64, children: [u32; 2] },
@@ -24,8 +24,9 @@ enum Region {
 
 /// For each region of space, the polygons that hide most from there.
 ///
-/// Made when a scene is loaded, and shared by the cullers of all views. Eyes outside the scene's bounds are served by the nearest region. Polygons
-/// of objects that have changed since are not used until it is made anew.
+/// Made when a scene is loaded, and shared by the cullers of all views. Eyes outside the scene's bounds are
+/// served by the nearest region. Polygons of objects that have changed since are not used until it is made
+/// anew.
 ///
 /// Making it costs about a millisecond a region.
 ///
@@ -44,10 +45,10 @@ pub struct ShadowFrusta {
     most: usize,
 }
 
-/// What is the same for all regions.
+/// What the choice for every region needs.
 struct Bake<'a> {
     occluders: &'a Occluders,
-    /// Middles of objects.
+    /// Centres of the objects that stand for all.
     objects: Vec<DVec3>,
     selector: Selector,
     most: usize,
@@ -81,17 +82,18 @@ impl ShadowFrusta {
         made
     }
 
-    /// How many regions there are.
+    /// Number of regions.
     pub fn regions(&self) -> usize {
         self.regions.iter().filter(|region| matches!(region, Region::Leaf { .. })).count()
     }
 
-    /// How many polygons a region has at most.
+    /// Maximum number of polygons of a region.
     pub(super) fn most(&self) -> usize {
         self.most
     }
 
-    /// The polygons that are used from a place.
+    /// Numbers of the polygons that are used from an eye; for an eye outside the bounds, those of the nearest
+    /// region.
     pub(super) fn chosen_at(&self, eye: DVec3) -> &[u32] {
         let mut region = 0;
         loop {
@@ -106,7 +108,8 @@ impl ShadowFrusta {
         }
     }
 
-    /// Halves a region across its longest side until so many are made.
+    /// Divides a box into so many regions, halving across the longest side, and returns the number of its
+    /// node.
     fn part(&mut self, bake: &mut Bake<'_>, min: DVec3, max: DVec3, regions: usize) -> u32 {
         let number = self.regions.len();
         self.regions.push(Region::Leaf { first: 0, count: 0 });
@@ -135,7 +138,7 @@ impl ShadowFrusta {
 }
 
 impl Bake<'_> {
-    /// The polygons that together hide most of the objects from eyes in a region.
+    /// Appends the polygons that together hide most objects from eyes in a region, best first.
     fn choose(&mut self, min: DVec3, max: DVec3, out: &mut Vec<u32>) {
         let at = |share: [f64; 3]| min + (max - min) * DVec3::from_array(share);
         // Opposite corners of the region, four of the eight.
@@ -171,7 +174,8 @@ impl Bake<'_> {
         }
     }
 
-    /// Which objects, by their middles, a polygon hides from each of the eyes: a bit each. Only a choice, so nothing here is careful of rounding.
+    /// Which objects, by their middles, a polygon hides from each of the eyes: a bit each. Only a choice, so
+    /// nothing here is careful of rounding.
     fn hidden_by(&self, polygon: u32, eyes: &[DVec3; SAMPLES]) -> [u64; WORDS] {
         let occluder_polygon = self.occluders.occluder_polygon(polygon);
         let mut set = [0u64; WORDS];

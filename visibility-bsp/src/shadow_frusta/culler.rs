@@ -11,14 +11,15 @@ use visibility_core::{
     OcclusionMap, Plane, Scene, Selection, View, VisibleSet,
 };
 
-/// The frusta of a frame as a map.
+/// The shadow frusta of one frame as an occlusion map.
 #[derive(Clone, Debug)]
 struct Frusta {
     projection: ClipProjection,
     shadows: Shadows,
 }
 
-/// Culls what is inside the shadow of a single occluder, of those that were chosen for the region that the eye is in.
+/// Culls what is inside the shadow of a single occluder, of those that were chosen for the region that the
+/// eye is in.
 ///
 /// Put it after the frustum.
 ///
@@ -40,19 +41,19 @@ pub struct ShadowFrustaCuller {
 }
 
 impl ShadowFrustaCuller {
-    /// Uses what was chosen in advance.
+    /// Uses the polygons chosen in advance, shared by all views.
     pub fn new(frusta: Arc<ShadowFrusta>) -> Self {
         let map = Frusta { projection: ClipProjection::BLIND, shadows: Shadows::default() };
         let inner = OcclusionCuller::new(map).with_selection(Selection::Interleaved).with_budget(0);
         Self { frusta, selector: Selector::default(), inner }
     }
 
-    /// Gives it another choice.
+    /// Replaces the frusta, from the next frame on.
     pub fn set_frusta(&mut self, frusta: Arc<ShadowFrusta>) {
         self.frusta = frusta;
     }
 
-    /// How many frusta the last frame had.
+    /// Number of shadow frusta in the last frame.
     pub fn frusta(&self) -> usize {
         self.inner.map().shadows.list.len()
     }
@@ -72,7 +73,8 @@ impl Culler for ShadowFrustaCuller {
         self.selector.follow(occluders, scene);
         let projection = ClipProjection::new(view, scene.origin());
         self.selector.chosen.clear();
-        // A parallel view is in no region: those of where its picture is taken from would do, but hide little.
+        // A parallel view is in no region: those of where its picture is taken from would do, but hide
+        // little.
         match projection.eye {
             Eye::Point(eye) => {
                 let chosen = self.frusta.chosen_at(eye).iter();

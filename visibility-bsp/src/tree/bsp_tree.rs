@@ -1,8 +1,7 @@
 //! The tree as it is kept, and what can be asked of it at once.
 
 use super::builder::Builder;
-use super::fragments::Fragment;
-use super::node::{EMPTY, NONE, Node, is_leaf};
+use super::node::{EMPTY, Node, is_leaf};
 use super::store::Store;
 use super::subtree::Subtree;
 use alloc::vec::Vec;
@@ -24,14 +23,16 @@ pub enum Leaf {
     Solid,
 }
 
-/// A binary space partition of convex polygons, each of which belongs to an owner: an object, or anything with a number.
+/// A binary space partition of convex polygons, each of which belongs to an owner: an object, or anything
+/// with a number.
 ///
 /// Built at once from many polygons ([`build`](Self::build)), it is later changed by owners that come and go
 /// ([`insert`](Self::insert), [`remove`](Self::remove)) without being built anew.
 ///
 /// # Robustness
-/// Sides are told by [`SidePlane`]: a polygon that reaches no farther than rounding to one side of a plane goes whole to the other, so cuts make
-/// no slivers out of rounding, and polygons in one plane share a node. Cut points depend on nothing but the two ends of the edge and the
+/// Sides are told by [`SidePlane`](visibility_core::SidePlane): a polygon that reaches no farther than
+/// rounding to one side of a plane goes whole to the other, so cuts make no slivers out of rounding, and
+/// polygons in one plane share a node. Cut points depend on nothing but the two ends of the edge and the
 /// plane, so that two polygons that share an edge are cut in the same points, to the last bit.
 ///
 /// # Cost
@@ -57,27 +58,27 @@ pub enum Leaf {
 pub struct BspTree {
     pub(super) root: u32,
     pub(super) nodes: Vec<Node>,
-    /// By node: a summary of everything in it and below.
+    /// By node: bounds and owner of everything in it and below.
     pub(super) subtrees: Vec<Subtree>,
     pub(super) free_nodes: Vec<u32>,
     pub(super) store: Store,
-    /// No coordinate is greater than this; the margins of the planes hold up to here.
+    /// Upper bound on the magnitude of coordinates, by axis; the margins of the planes hold up to it.
     pub(super) magnitude: DVec3,
-    /// What is behind a polygon where nothing else is.
+    /// The leaf behind a polygon where nothing else is: `SOLID` in trees of solids, else `EMPTY`.
     pub(super) behind: u32,
-    /// At least the depth of the tree: nodes that are removed do not lower it.
+    /// Upper bound on the depth of the tree: removing nodes does not lower it.
     pub(super) most_levels: u32,
     pub(super) builder: Builder,
 }
 
-/// Why polygons do not make a tree.
+/// Why a tree cannot be built.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum BspError {
     /// The polygons cut each other into so many parts that a tree of them is of no use.
     TooManyFragments {
-        /// How many polygons there are.
+        /// Number of polygons.
         polygons: usize,
-        /// How many fragments would have been allowed.
+        /// Maximum number of cuts for so many polygons.
         limit: usize,
     },
 }
@@ -101,7 +102,7 @@ impl Default for BspTree {
 }
 
 impl BspTree {
-    /// A tree of nothing: one empty leaf.
+    /// A tree without polygons: one empty leaf.
     pub fn new() -> Self {
         Self {
             root: EMPTY,
@@ -116,12 +117,12 @@ impl BspTree {
         }
     }
 
-    /// Nodes with a plane.
+    /// Number of nodes, each of which has a plane.
     pub fn node_count(&self) -> usize {
         self.nodes.len() - self.free_nodes.len()
     }
 
-    /// Parts into which the polygons were cut: as many as there are polygons, if none was.
+    /// Number of fragments: that of the polygons if none was cut.
     pub fn fragment_count(&self) -> usize {
         self.store.len()
     }
@@ -131,7 +132,7 @@ impl BspTree {
         self.fragment_count() == 0
     }
 
-    /// The most planes between the root and a leaf.
+    /// Greatest number of planes between the root and a leaf. Visits every node.
     pub fn depth(&self) -> usize {
         let mut deepest = 0;
         let mut open = Vec::from([(self.root, 0)]);
@@ -144,21 +145,12 @@ impl BspTree {
         deepest
     }
 
-    /// A box around everything in the tree; improper if there is nothing.
+    /// A box around all fragments, rounded outwards; [`Aabb::EMPTY`] if there are none.
     pub fn bounds(&self) -> Aabb {
         if is_leaf(self.root) { Aabb::EMPTY } else { self.subtrees[self.root as usize].bounds }
     }
 
-    /// Calls `each` for every fragment of an owner, in no particular order.
-    pub fn for_each_fragment(&self, owner: u32, mut each: impl FnMut(Fragment<'_>)) {
-        let mut id = self.store.first_of(owner);
-        while id != NONE {
-            each(Fragment { tree: self, id });
-            id = self.store.record(id).next_of_owner;
-        }
-    }
-
-    /// Bytes held.
+    /// Bytes of memory held.
     pub fn memory(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>()
             + self.subtrees.capacity() * size_of::<Subtree>()

@@ -1,4 +1,5 @@
-//! Sorting polygons into a tree: the same for a new tree, for one that grows, and for a leaf that gets its first polygons.
+//! Sorting polygons into a tree: the same for a new tree, for one that grows, and for a leaf that gets its
+//! first polygons.
 
 use super::bsp_tree::{BspError, BspTree};
 use super::builder::{Builder, Piece, Source, Task};
@@ -14,8 +15,8 @@ const GROWTH: usize = 256;
 impl BspTree {
     /// The tree of some polygons, each with its owner. Both faces of a polygon count; there is no inside.
     ///
-    /// Polygons must be convex and flat, up to rounding, with their vertices in order. One that is not finite or has no
-    /// area is [left out](Self::accepts).
+    /// Polygons must be convex and flat, up to rounding, with their vertices in order. One that is not finite
+    /// or has no area is [left out](Self::accepts).
     ///
     /// # Errors
     /// [`BspError::TooManyFragments`].
@@ -23,7 +24,8 @@ impl BspTree {
         Self::build_with(EMPTY, polygons)
     }
 
-    /// The tree of the boundary of solids: closed, every polygon counter-clockwise as seen from outside. What is behind it is [solid](super::Leaf::Solid).
+    /// The tree of the boundary of solids: closed, every polygon counter-clockwise as seen from outside. What
+    /// is behind it is [solid](super::Leaf::Solid).
     ///
     /// # Errors
     /// [`BspError::TooManyFragments`].
@@ -140,8 +142,8 @@ impl BspTree {
     /// Makes a node out of a leaf that pieces have come to, and tells the side of each of them.
     fn divide_leaf(&mut self, builder: &mut Builder, task: Task) -> u32 {
         let set = &builder.pieces[task.begin..];
-        // A plane of the box, if one divides well; it must leave less on each side than there was, and something on both, so that every leaf is beside a
-        // polygon which says what the leaf is.
+        // A plane of the box, if one divides well; it must leave less on each side than there was, and
+        // something on both, so that every leaf is beside a polygon which says what the leaf is.
         let mut chosen = None;
         if let Some(plane) = splitter::box_plane(set) {
             let plane = SidePlane::new(plane, self.magnitude);
@@ -183,7 +185,8 @@ impl BspTree {
         }
     }
 
-    /// Moves the pieces of a task to a node and to both sides of it, as `builder.sides` says. Returns how many were cut.
+    /// Moves the pieces of a task to a node and to both sides of it, as `builder.sides` says. Returns how
+    /// many were cut.
     fn distribute(&mut self, builder: &mut Builder, Task { begin, level, .. }: Task, node: u32) -> usize {
         let Builder { sources, pieces, tasks, sides, front, back, cut, .. } = builder;
         let plane = self.nodes[node as usize].plane;

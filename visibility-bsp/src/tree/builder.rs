@@ -12,7 +12,7 @@ pub(super) struct Source {
     pub(super) plane: Plane,
 }
 
-/// A part of one, on its way down.
+/// A part of a polygon on its way down the tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
     pub(super) source: u32,
@@ -21,13 +21,14 @@ pub(super) struct Piece {
     pub(super) bounds: Aabb,
 }
 
-/// Pieces to be sorted into what is on one side of a node (or, for `NONE`, into the whole tree): those from `begin` to the end of the stack.
+/// Pieces to be sorted into what is on one side of a node (or, for `NONE`, into the whole tree): those from
+/// `begin` to the end of the stack.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Task {
     pub(super) begin: usize,
     pub(super) parent: u32,
     pub(super) side: u8,
-    /// Nodes above.
+    /// Number of nodes above.
     pub(super) level: u32,
 }
 

@@ -25,13 +25,13 @@ impl<'a> Fragment<'a> {
         self.tree.store.record(self.id)
     }
 
-    /// Whose polygon it is a part of.
+    /// Owner of the polygon that it is a part of.
     #[inline]
     pub fn owner(&self) -> u32 {
         self.record().owner
     }
 
-    /// Which polygon of those that were given together with it, counted from zero.
+    /// Number of its polygon among those given in the same call of `build` or `insert`, counted from 0.
     pub fn polygon(&self) -> u32 {
         self.record().polygon
     }
@@ -47,6 +47,17 @@ impl<'a> Fragment<'a> {
         let record = self.record();
         let plane = self.tree.nodes[record.node as usize].plane.plane;
         if record.same_way { plane } else { plane.flipped() }
+    }
+}
+
+impl BspTree {
+    /// Calls `each` for every fragment of an owner, in no particular order.
+    pub fn for_each_fragment(&self, owner: u32, mut each: impl FnMut(Fragment<'_>)) {
+        let mut id = self.store.first_of(owner);
+        while id != NONE {
+            each(Fragment { tree: self, id });
+            id = self.store.record(id).next_of_owner;
+        }
     }
 }
 

@@ -18,8 +18,9 @@ impl BspTree {
         if child == SOLID { Leaf::Solid } else { Leaf::Empty }
     }
 
-    /// Hands the planes of the tree to `make`, children before parents, each with what `make` returned for the tree behind it and in front; leaves are
-    /// `u32::MAX` where empty and one less where solid. Returns what was made of the root.
+    /// Hands the planes of the tree to `make`, children before parents, each with what `make` returned for
+    /// the tree behind it and in front; leaves are `u32::MAX` where empty and one less where solid. Returns
+    /// what was made of the root.
     pub(crate) fn copy_planes(&self, make: &mut dyn FnMut(&SidePlane, [u32; 2]) -> u32) -> u32 {
         let (mut open, mut made) = (Vec::from([(self.root, false)]), Vec::new());
         while let Some((child, visited)) = open.pop() {

@@ -7,8 +7,8 @@ use super::subtree::Subtree;
 use alloc::vec::Vec;
 use visibility_core::{Eye, glam::DVec4};
 
-/// The memory of a walk: a stack of the nodes whose near side is being walked. A walk makes room for as many as the tree has levels, so that
-/// later walks of the same tree allocate nothing.
+/// The memory of a walk: a stack of the nodes whose near side is being walked. A walk makes room for as many
+/// as the tree has levels, so that later walks of the same tree allocate nothing.
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Order};
@@ -18,18 +18,19 @@ use visibility_core::{Eye, glam::DVec4};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Order {
-    /// Of the nodes whose near side is being walked, all that is still wanted: looking a node up again would cost more.
+    /// Of the nodes whose near side is being walked, all that is still wanted: looking a node up again would
+    /// cost more.
     path: Vec<Step>,
 }
 
-/// What is to come of a node once its near side is done.
+/// What remains to be visited of a node once its near side is done.
 #[derive(Clone, Copy, Debug)]
 struct Step {
-    /// The first fragment in its plane.
+    /// Number of the first fragment in its plane, `NONE` if there is none.
     first: u32,
-    /// What is on its far side.
+    /// The child on its far side.
     far: u32,
-    /// With which marks it was entered.
+    /// The marks that `Walk::enter` returned for it.
     marks: u32,
 }
 
@@ -40,10 +41,11 @@ impl Order {
     }
 }
 
-/// What happens on a [walk](BspTree::walk).
+/// The visitor of a [walk](BspTree::walk).
 pub trait Walk {
-    /// Asked before anything of a node or below is looked at: whether to go there. The walk keeps some marks for every node, of which it
-    /// knows no meaning; those of the node above, or 0 for the root, come in, those of this one are returned, and `None` passes it by.
+    /// Asked before anything of a node or below is looked at: whether to go there. The walk keeps some marks
+    /// for every node, of which it knows no meaning; those of the node above, or 0 for the root, come in,
+    /// those of this one are returned, and `None` passes it by.
     fn enter(&mut self, subtree: &Subtree, above: u32) -> Option<u32> {
         let _ = subtree;
         Some(above)
@@ -61,9 +63,9 @@ impl<F: FnMut(Fragments<'_>)> Walk for F {
 }
 
 impl BspTree {
-    /// Calls `visit` with the fragments of node after node, nearest first: none of a later node hides any of an earlier one, seen from the eye,
-    /// in any direction. An eye in the plane of a node sees the node's fragments edge on, and neither side through the other, so that
-    /// every order of the two is right.
+    /// Calls `visit` with the fragments of node after node, nearest first: none of a later node hides any of
+    /// an earlier one, seen from the eye, in any direction. An eye in the plane of a node sees the node's
+    /// fragments edge on, and neither side through the other, so that every order of the two is right.
     ///
     /// Some nanoseconds a node.
     pub fn front_to_back(&self, eye: Eye, order: &mut Order, mut visit: impl FnMut(Fragments<'_>)) {
@@ -81,7 +83,8 @@ impl BspTree {
     }
 
     fn walk_ordered(&self, eye: Eye, reverse: bool, order: &mut Order, walk: &mut impl Walk) {
-        // The eye is in front where normal . eye + offset > 0; an eye at infinity where it looks against the normal.
+        // The eye is in front where normal . eye + offset > 0; an eye at infinity where it looks against the
+        // normal.
         let eye = match eye {
             Eye::Point(eye) => eye.extend(1.0),
             Eye::Direction(direction) => (-direction).extend(0.0),

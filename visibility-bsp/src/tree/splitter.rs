@@ -1,9 +1,11 @@
-//! Which plane to divide by: one that cuts few polygons and leaves about as many on either side, estimated on a sample.
+//! Which plane to divide by: one that cuts few polygons and leaves about as many on either side, estimated on
+//! a sample.
 
 use super::builder::{Piece, Source};
 use visibility_core::{Plane, PolygonSide, SidePlane, glam::DVec3};
 
-/// Sets larger than this are first divided by planes across an axis, between objects rather than through them.
+/// Sets larger than this are first divided by planes across an axis, between objects rather than through
+/// them.
 const BOXES: usize = 12;
 /// Pieces that a candidate is judged by.
 const SAMPLE: usize = 96;
@@ -20,7 +22,8 @@ fn sample(len: usize, most: usize) -> impl Iterator<Item = usize> + Clone {
     (0..count).map(move |i| i * len / count)
 }
 
-/// A plane across an axis, along sides of the boxes of pieces; `None` where there are few, or all such planes cut too many.
+/// A plane across an axis, along sides of the boxes of pieces; `None` where there are few, or all such planes
+/// cut too many.
 pub(super) fn box_plane(set: &[Piece]) -> Option<Plane> {
     if set.len() <= BOXES {
         return None;

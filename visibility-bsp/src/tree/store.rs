@@ -1,10 +1,11 @@
-//! The parts of polygons that a tree holds: in a list per node and a list per owner, their vertices in one array.
+//! The parts of polygons that a tree holds: in a list per node and a list per owner, their vertices in one
+//! array.
 
 use super::node::NONE;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// A fragment as it is kept.
+/// A fragment as it is stored.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Record {
     pub(super) owner: u32,
@@ -31,7 +32,7 @@ pub(super) struct Store {
     free: Vec<u32>,
     vertices: Vec<DVec3>,
     room: Vec<Vec<u32>>,
-    /// By owner, the first of its fragments.
+    /// By owner, the number of its first fragment, `NONE` if it has none.
     owners: Vec<u32>,
 }
 
@@ -66,7 +67,7 @@ impl Store {
         &self.vertices[start as usize..][..len as usize]
     }
 
-    /// Keeps vertices; returns where they are.
+    /// Stores vertices and returns the index of the first.
     pub(super) fn keep(&mut self, vertices: &[DVec3]) -> u32 {
         let (room, class) = room_for(vertices.len());
         if let Some(start) = self.room.get_mut(class).and_then(Vec::pop) {
@@ -88,7 +89,8 @@ impl Store {
         self.room[class].push(start);
     }
 
-    /// Puts a fragment at the head of the list of its owner and of a node's list, which begins with `head`. Returns its number.
+    /// Puts a fragment at the head of the list of its owner and of a node's list, which begins with `head`.
+    /// Returns its number.
     pub(super) fn add(&mut self, record: Record, head: u32) -> u32 {
         let owner = record.owner as usize;
         if self.owners.len() <= owner {
@@ -121,7 +123,8 @@ impl Store {
         self.owners.get_mut(owner as usize).map_or(NONE, |first| core::mem::replace(first, NONE))
     }
 
-    /// Frees a fragment, taken out of its node's list. Returns what it was; if it was the list's first, the list now begins with its `next`.
+    /// Frees a fragment, taken out of its node's list. Returns what it was; if it was the list's first, the
+    /// list now begins with its `next`.
     pub(super) fn free(&mut self, id: u32) -> Record {
         let record = self.records[id as usize];
         if record.previous != NONE {
@@ -135,8 +138,8 @@ impl Store {
         record
     }
 
-    /// Copies records and vertices into new memory in the order of `lists` (the first fragment of each node), so that walking the nodes is
-    /// walking memory; the heads are brought up to date.
+    /// Copies records and vertices into new memory in the order of `lists` (the first fragment of each node),
+    /// so that walking the nodes is walking memory; the heads are brought up to date.
     pub(super) fn pack<'a>(&mut self, lists: impl Iterator<Item = &'a mut u32>) {
         let old = core::mem::take(self);
         self.owners.resize(old.owners.len(), NONE);

@@ -3,7 +3,7 @@
 use super::node::NONE;
 use visibility_core::Aabb;
 
-/// What is known of a node and all below it together.
+/// Bounds and owner of all fragments in a node and below it.
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Fragments, Order, Subtree, Walk};
@@ -28,11 +28,11 @@ use visibility_core::Aabb;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Subtree {
     pub(super) bounds: Aabb,
-    /// `NONE` for nobody's, `MANY` for more than one's.
+    /// The owner of all fragments, `NONE` if there is no fragment, `MANY` if there is more than one owner.
     owner: u32,
 }
 
-/// In place of an owner: more than one.
+/// In place of an owner: there is more than one.
 const MANY: u32 = u32::MAX - 1;
 
 impl Subtree {
@@ -51,13 +51,13 @@ impl Subtree {
         Self { bounds: self.bounds.union(&other.bounds), owner }
     }
 
-    /// A box around all of it.
+    /// A box around all fragments, rounded outwards.
     #[inline]
     pub fn bounds(&self) -> &Aabb {
         &self.bounds
     }
 
-    /// Whose it is, if all of it is one owner's.
+    /// The owner of all fragments, `None` if there are several.
     #[inline]
     pub fn owner(&self) -> Option<u32> {
         (self.owner < MANY).then_some(self.owner)

@@ -1,5 +1,6 @@
-//! Owners that come and go, without a new tree (Chrysanthou and Slater, "Computing Dynamic Changes to BSP Trees", 1992): what comes is sorted
-//! down to the leaves, what goes is taken out of its nodes, and nodes that neither hold nor divide anything any more are closed.
+//! Owners that come and go, without a new tree (Chrysanthou and Slater, "Computing Dynamic Changes to BSP
+//! Trees", 1992): what comes is sorted down to the leaves, what goes is taken out of its nodes, and nodes
+//! that neither hold nor divide anything any more are closed.
 
 use super::bsp_tree::{BspError, BspTree};
 use super::node::{EMPTY, NONE, bounds_of, is_leaf};
@@ -7,9 +8,11 @@ use super::subtree::Subtree;
 use visibility_core::glam::DVec3;
 
 impl BspTree {
-    /// Adds polygons of an owner, in addition to those that it has. Returns how many were [accepted](Self::accepts).
+    /// Adds polygons of an owner, in addition to those that it has. Returns how many were
+    /// [accepted](Self::accepts).
     ///
-    /// Costs some 100 ns a polygon and level of the tree, and no allocation once an owner as large has been removed.
+    /// Costs some 100 ns a polygon and level of the tree, and no allocation once an owner as large has been
+    /// removed.
     ///
     /// # Errors
     /// [`BspError::TooManyFragments`]; the owner then has no polygons in the tree.
@@ -27,8 +30,8 @@ impl BspTree {
 
     /// Takes out all polygons of an owner. Returns whether it had any.
     ///
-    /// Planes that no polygon lies in any more stay only while they divide polygons of others on both sides: never more
-    /// than there are nodes with polygons.
+    /// Planes that no polygon lies in any more stay only while they divide polygons of others on both sides:
+    /// never more than there are nodes with polygons.
     pub fn remove(&mut self, owner: u32) -> bool {
         let first = self.store.take_owner(owner);
         let mut id = first;
@@ -48,7 +51,8 @@ impl BspTree {
         first != NONE
     }
 
-    /// Takes a node without polygons out of the tree if one of its sides is a leaf, and then those above it that were waiting for that.
+    /// Takes a node without polygons out of the tree if one of its sides is a leaf, and then those above it
+    /// that were waiting for that.
     fn close(&mut self, mut id: u32) {
         loop {
             let node = &self.nodes[id as usize];
@@ -57,7 +61,8 @@ impl BspTree {
             if node.first != NONE || (!is_leaf(back) && !is_leaf(front)) {
                 return self.shrink(id);
             }
-            // What is left in its place: the side that is not a leaf. Of two leaves, the one in front, where there was nothing solid.
+            // What is left in its place: the side that is not a leaf. Of two leaves, the one in front, where
+            // there was nothing solid.
             let rest = if is_leaf(front) && !is_leaf(back) { back } else { front };
             if !is_leaf(rest) {
                 self.nodes[rest as usize].parent = parent;

@@ -1,5 +1,5 @@
-//! Numbers without rounding: sums of `f64` that do not overlap (Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
-//! Geometric Predicates", 1997: two-product and grow-expansion).
+//! Numbers without rounding: sums of `f64` that do not overlap (Shewchuk, "Adaptive Precision Floating-Point
+//! Arithmetic and Fast Robust Geometric Predicates", 1997: two-product and grow-expansion).
 
 use visibility_core::View;
 use visibility_core::glam::DVec3;

@@ -12,7 +12,8 @@ pub fn triangles_of(bounds: &Aabb) -> Vec<Triangle> {
     visibility_core::OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect()
 }
 
-/// A scene of solid boxes, walls, slanted and sliver triangles, all of them occluders, among small boxes that are not.
+/// A scene of solid boxes, walls, slanted and sliver triangles, all of them occluders, among small boxes that
+/// are not.
 pub struct Soup {
     pub scene: Scene,
     /// The triangles of all occluders.
@@ -100,8 +101,8 @@ impl Soup {
     }
 }
 
-/// Where a segment first meets a triangle, as a share of it, with both sides counted and the rim widened by a little: that much is the oracle's own
-/// rounding.
+/// Where a segment first meets a triangle, as a share of it, with both sides counted and the rim widened by a
+/// little: that much is the oracle's own rounding.
 pub fn meets(from: DVec3, to: DVec3, triangle: &Triangle) -> Option<f64> {
     let [a, b, c] = triangle.map(|p| p.as_dvec3());
     let (u, v, along) = (b - a, c - a, to - from);
