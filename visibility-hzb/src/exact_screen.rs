@@ -1,7 +1,8 @@
 //! Points on the screen in double-double arithmetic, for tests of bounds on rounding.
 
+use crate::setup::screen_projection::ScreenProjection;
 use visibility_core::geometry::DoubleDouble;
-use visibility_core::glam::DVec4;
+use visibility_core::glam::{Affine3A, DVec4};
 
 /// `x`, `y` and `w` of a point `p` as [`ScreenProjection`](crate::setup::screen_projection::ScreenProjection)
 /// has them, for a picture of the given size in pixels. `rows` are the first, second and fourth of the clip
@@ -12,4 +13,26 @@ pub(crate) fn on_screen(rows: [DVec4; 3], p: [f64; 3], [width, height]: [f64; 2]
     });
     let half = |sum: DoubleDouble, side: f64| sum.times(DoubleDouble::from(0.5 * side));
     [half(w.plus(x), width), half(w.plus(y.negated()), height), w]
+}
+
+/// The values of the rows of `projection`, as they are, at a transformed point: `x`, `y`, `w`, `n` and the
+/// distance beyond the near plane.
+pub(crate) fn exact_values(
+    projection: &ScreenProjection,
+    transform: &Affine3A,
+    p: [f32; 3],
+) -> [DoubleDouble; 5] {
+    let [a, b, c] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
+    let (shift, anchor) = (transform.translation, projection.anchor.to_array());
+    let place: [DoubleDouble; 3] = core::array::from_fn(|i| {
+        let terms = [(a[i], p[0]), (b[i], p[1]), (c[i], p[2])];
+        let start = DoubleDouble::difference(f64::from(shift[i]), anchor[i]);
+        terms
+            .into_iter()
+            .fold(start, |sum, (m, p)| sum.plus(DoubleDouble::product(f64::from(m), f64::from(p))))
+    });
+    let [x, y, w, n] = projection.rows;
+    [x, y, w, n, projection.near].map(|row| {
+        (0..3).fold(DoubleDouble::from(row.constant), |sum, i| sum.plus(place[i].times(row.linear[i].into())))
+    })
 }

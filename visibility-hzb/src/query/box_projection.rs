@@ -294,7 +294,10 @@ pub(crate) fn project<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exact_screen::exact_values;
     use crate::random::random;
+    use visibility_core::glam::{Affine3A, DVec3};
+    use visibility_core::{Aabb, Pose, View};
 
     /// In `f64`, whose own rounding is far below any bound here.
     #[test]
@@ -316,5 +319,38 @@ mod tests {
             off += u32::from(wrong > f64::from(MARGIN * values[0][0].abs()));
         }
         assert!(off > 100, "something is lost: {off}");
+    }
+
+    /// Boxes far aside and close to the plane of the eye, where most digits of `w` cancel.
+    #[test]
+    fn depth_keys_hold_where_w_cancels() {
+        let mut random = random(6);
+        let (mut known, mut total) = (0, 0);
+        for trial in 0..20_000 {
+            let mut unit = || random(-1.0, 1.0);
+            let along = DVec3::new(unit(), unit(), unit()).normalize();
+            let pose = Pose::look_at(DVec3::ZERO, along, DVec3::new(unit(), unit(), unit()));
+            let view = View::perspective(pose, 1.0, 1.7, 1e-6, f64::INFINITY).unwrap();
+            let projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
+            let aside = along.cross(DVec3::new(unit(), unit(), unit())).normalize() * 1000.0;
+            let middle = (aside + along * 10f64.powf(2.0 * unit() - 2.0)).as_vec3();
+            let bounds = Aabb::new(middle - 1e-4, middle + 1e-4);
+            let [low, high] = [bounds.min.to_array(), bounds.max.to_array()];
+            let boxes = [low[0], low[1], low[2], high[0], high[1], high[2]].map(|side| [side]);
+            let projected = project(&ScreenProjection32::new(&projection), &boxes);
+            total += 1;
+            if !projected.known[0] {
+                continue;
+            }
+            known += 1;
+            for corner in bounds.corners() {
+                let [_, _, w, n, _] = exact_values(&projection, &Affine3A::IDENTITY, corner.to_array());
+                let beyond = |key: f32| w.times(f64::from(key).into()).plus(n.negated()).hi;
+                assert!(w.hi > 0.0, "trial {trial}: behind the eye");
+                assert!(beyond(projected.nearest[0]) >= 0.0, "trial {trial}: nearer");
+                assert!(beyond(projected.farthest[0]) <= 0.0, "trial {trial}: farther");
+            }
+        }
+        assert!(known > 1000 && known < total, "{known} of {total}");
     }
 }

@@ -89,3 +89,58 @@ pub(crate) fn extent_of(
     }
     rounded_outwards(low, high, least_w, object)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exact_screen::exact_values;
+    use crate::random::random;
+    use crate::setup::depth_plane::plane;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::glam::{Affine3A, DVec3, Vec3};
+    use visibility_core::{Pose, View};
+
+    /// Exact corners of triangles lie within the bounds of computed ones, and are no farther than their depth
+    /// plane.
+    #[test]
+    fn bounds_and_depth_planes_hold_at_exact_corners() {
+        let mut random = random(12);
+        let (mut bounded, mut planes) = (0, 0);
+        for trial in 0..40_000 {
+            let mut vector = |size: f64| Vec3::from_array([0; 3].map(|_| (size * random(-1.0, 1.0)) as f32));
+            let pose = Pose::look_at(DVec3::ZERO, vector(1.0).as_dvec3(), DVec3::Z);
+            let view = View::perspective(pose, 1.0, 1.7, 0.01, f64::INFINITY).unwrap();
+            let projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
+            let points = [vector(20.0), vector(20.0), vector(20.0)];
+            let reach = points.into_iter().fold(Vec3::ZERO, |most, p| most.max(p.abs()));
+            let object = projection.project_object(&Affine3A::IDENTITY, reach.to_array().map(f64::from));
+            let corners = points.map(|p| object.at(p.to_array().map(f64::from)));
+            let exact = points.map(|p| exact_values(&projection, &Affine3A::IDENTITY, p.to_array()));
+            let [x, y, w, n] = [0, 1, 2, 3].map(|i| corners.map(|corner| corner[i]));
+            let Some(bounds) = extent(&x, &y, &w, &n, &object) else { continue };
+            assert_eq!(extent_of(&corners, &mut Vec::new(), &object), Some(bounds));
+            for [x, y, w, n, _] in exact {
+                for (i, value) in [x, y, n].into_iter().enumerate() {
+                    let beyond = |side: f64| value.plus(w.times((-side).into())).hi;
+                    assert!(
+                        beyond(bounds[2 * i]) >= 0.0 && beyond(bounds[2 * i + 1]) <= 0.0,
+                        "trial {trial}"
+                    );
+                    bounded += 1;
+                }
+            }
+            let errors = [object.determinant_error(), object.cross_error(projection.size)];
+            let [a, b, c] = plane(corners.each_ref(), &object, &projection, &errors);
+            for [x, y, w, n, _] in exact {
+                let inside = x.hi >= 0.0 && x.hi <= 640.0 * w.hi && y.hi >= 0.0 && y.hi <= 360.0 * w.hi;
+                let terms = [x.times(a.into()), y.times(b.into()), w.times(c.into())];
+                let key = terms.into_iter().fold(DoubleDouble::ZERO, DoubleDouble::plus);
+                if inside && key.hi.is_finite() {
+                    assert!(n.plus(key.negated()).hi >= 0.0, "trial {trial}: a corner is behind its plane");
+                    planes += 1;
+                }
+            }
+        }
+        assert!(bounded > 10_000 && planes > 1_000, "{bounded} bounds, {planes} planes");
+    }
+}

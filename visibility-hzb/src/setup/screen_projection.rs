@@ -230,3 +230,89 @@ pub(crate) fn project_object(
     let certain = volume.abs() > 32.0 * f64::EPSILON * most;
     (finite && certain).then_some((object, projection.facing * volume.signum()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exact_screen::exact_values as exact;
+    use crate::random::random;
+    use crate::vector::{cross, dot, less, point};
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Pose};
+
+    const SIZE: [f64; 2] = [640.0, 360.0];
+
+    fn exact_cross(a: [DoubleDouble; 3], b: [DoubleDouble; 3]) -> [DoubleDouble; 3] {
+        core::array::from_fn(|i| {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            a[j].times(b[k]).plus(a[k].times(b[j]).negated())
+        })
+    }
+
+    fn exact_dot(a: [DoubleDouble; 3], b: [DoubleDouble; 3]) -> DoubleDouble {
+        (0..3).fold(DoubleDouble::ZERO, |sum, i| sum.plus(a[i].times(b[i])))
+    }
+
+    /// From the origin, where rows have no error of their own, so that nothing else covers for a bound.
+    #[test]
+    fn values_determinants_and_lines_are_within_their_errors() {
+        let mut random = random(8);
+        for trial in 0..20_000 {
+            let mut vector = |size: f64| Vec3::from_array([0; 3].map(|_| (size * random(-1.0, 1.0)) as f32));
+            let (target, transform) = (
+                vector(1.0).as_dvec3(),
+                match trial % 2 {
+                    0 => Affine3A::IDENTITY,
+                    _ => Affine3A::from_cols(
+                        vector(2.0).into(),
+                        vector(2.0).into(),
+                        vector(2.0).into(),
+                        vector(9.0).into(),
+                    ),
+                },
+            );
+            let points = [vector(20.0), vector(20.0), vector(20.0)];
+            let view = View::perspective(Pose::look_at(DVec3::ZERO, target, DVec3::Z), 1.0, 1.7, 0.1, 900.0);
+            let projection = ScreenProjection::new(&view.unwrap(), DVec3::ZERO, [640, 360], [640, 360]);
+            let reach =
+                points.into_iter().fold(Vec3::ZERO, |most, p| most.max(p.abs())).to_array().map(f64::from);
+            let object = projection.project_object(&transform, reach);
+            let computed = points.map(|p| object.at(p.to_array().map(f64::from)));
+            let wanted = points.map(|p| exact(&projection, &transform, p.to_array()));
+            let off = |value: f64, exact: DoubleDouble| exact.plus((-value).into()).hi.abs();
+            for (computed, wanted) in computed.iter().zip(&wanted) {
+                for i in 0..5 {
+                    assert!(off(computed[i], wanted[i]) <= object.error[i], "trial {trial}, row {i}");
+                }
+            }
+            let [a, b, c] = &computed;
+            let [p, q, r] = wanted.map(|[x, y, w, ..]| [x, y, w]);
+            let determinant = dot(cross(point(&less(b, a)), point(&less(c, a))), point(a));
+            let wanted = exact_dot(exact_cross(q, r), p);
+            assert!(off(determinant, wanted) <= object.determinant_error(), "trial {trial}: determinant");
+            let pixel = [random(0.0, SIZE[0]), random(0.0, SIZE[1]), 1.0];
+            let line = dot(cross(point(a), point(b)), pixel);
+            let wanted = exact_dot(exact_cross(p, q), pixel.map(DoubleDouble::from));
+            assert!(off(line, wanted) <= object.cross_error(SIZE), "trial {trial}: line");
+        }
+    }
+
+    /// Entries of 22 bits, so that the determinant is zero exactly and not in `f64`.
+    #[test]
+    fn flat_transforms_have_no_front() {
+        let mut random = random(9);
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.7, 0.1, 900.0).unwrap();
+        let projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
+        let bounds = Aabb::new(Vec3::NEG_ONE, Vec3::ONE);
+        for _ in 0..5_000 {
+            let mut axis =
+                || Vec3::from_array([0; 3].map(|_| (random(-1.0, 1.0) * 4_194_304.0) as i32 as f32));
+            let (a, b) = (axis(), axis());
+            let flat = Affine3A::from_cols(a.into(), b.into(), (a - b).into(), (Vec3::X * 5.0).into());
+            assert!(project_object(&projection, &bounds, &flat).is_none(), "{a} {b}");
+        }
+        assert!(project_object(&projection, &bounds, &Affine3A::from_scale(Vec3::splat(3.0))).is_some());
+    }
+}
