@@ -350,3 +350,69 @@ fn wrong_by(forth: DMat3, back: DMat3) -> (f64, f64) {
     // The true one is at most size / (1 - R).
     if residue < 0.5 { (2.0 * size, 2.0 * size * residue) } else { (size, f64::INFINITY) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whole numbers from -2^bits to 2^bits.
+    struct Whole(u64);
+
+    impl Whole {
+        fn next(&mut self, bits: u32) -> i64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> (63 - bits)) as i64 - (1 << bits)
+        }
+    }
+
+    fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i128 {
+        let [a, b, c] = [a, b, c].map(|v| v.map(i128::from));
+        (a[1] * b[2] - a[2] * b[1]) * c[0]
+            + (a[2] * b[0] - a[0] * b[2]) * c[1]
+            + (a[0] * b[1] - a[1] * b[0]) * c[2]
+    }
+
+    /// Directions in units of 2^-40, close together, so that products are rounded and 128 bits hold their determinants.
+    #[test]
+    fn planes_through_close_directions_tell_sides_only_where_they_exactly_are() {
+        let mut whole = Whole(5);
+        let unit = (1i64 << 40) as f64;
+        let direction = |v: [i64; 3]| Direction { v: v.map(|x| x as f64 / unit), error: 0.0, size: 1.0 };
+        let mut decided = 0;
+        for round in 0..100_000 {
+            let a = [whole.next(39), whole.next(39), 1 << 40];
+            let step = [whole.next(28), whole.next(28)];
+            let b = [a[0] + step[0], a[1] + step[1], a[2]];
+            let times = whole.next(6);
+            // In the plane, or a little beside it.
+            let aside = if round % 2 == 0 { 0 } else { whole.next(round % 12) };
+            let c = [a[0] + times * step[0] + aside, a[1] + times * step[1], a[2]];
+            let Some(line) = Line::through(&direction(a), &direction(b)) else { continue };
+            let at = line.at(direction(c).v);
+            if at.abs() > line.slack {
+                decided += 1;
+                assert_eq!(at.signum() as i128, determinant(a, b, c).signum(), "{a:?} {b:?} {c:?}");
+            }
+        }
+        assert!(decided > 10_000, "{decided}");
+    }
+
+    /// Eyes within a few units of the last place of a plane.
+    #[test]
+    fn an_eye_is_before_a_plane_only_if_it_exactly_is() {
+        let mut whole = Whole(6);
+        let mut before = 0;
+        for round in 0..100_000 {
+            let (n, p) = ([(); 3].map(|()| whole.next(50)), [(); 3].map(|()| whole.next(23)));
+            let [normal, eye] = [n, p].map(|v| DVec3::from_array(v.map(|x| x as f64)));
+            let offset = -normal.dot(eye) * (1.0 + f64::from(round % 64 - 32) * U);
+            let view = ClipProjection { eye: Eye::Point(eye), eye_error: 0.0, ..ClipProjection::BLIND };
+            let exact = (0..3).map(|i| i128::from(n[i]) * i128::from(p[i])).sum::<i128>() + offset as i128;
+            if view.is_before(normal, offset) {
+                before += 1;
+                assert!(exact > 0, "{eye} is {exact} before {normal} {offset}");
+            }
+        }
+        assert!(before > 5000, "{before}");
+    }
+}
