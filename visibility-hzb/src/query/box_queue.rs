@@ -67,3 +67,30 @@ fn moved(bounds: &Aabb, transform: &Affine3A) -> Aabb {
     let margin = size * (8.0 * f32::EPSILON) + f32::MIN_POSITIVE;
     Aabb::new(middle - reach - margin, middle + reach + margin)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::random;
+    use visibility_core::glam::Vec3;
+
+    /// In `f64`, whose rounding is far below that of `f32`.
+    #[test]
+    fn transformed_corners_are_within_the_box_around_them() {
+        let mut random = random(4);
+        for trial in 0..20_000 {
+            let mut vector = |size: f64| Vec3::from_array([0; 3].map(|_| (size * random(-1.0, 1.0)) as f32));
+            let [a, b, c, shift] = [vector(2.0), vector(2.0), vector(2.0), vector(100.0)];
+            let transform = Affine3A::from_cols(a.into(), b.into(), c.into(), shift.into());
+            let (p, q) = (vector(50.0), vector(50.0));
+            let bounds = Aabb::new(p.min(q), p.max(q));
+            let around = BoxQueue::around(&bounds, &transform);
+            for corner in bounds.corners() {
+                let [a, b, c, shift, p] = [a, b, c, shift, corner].map(Vec3::as_dvec3);
+                let exact = a * p.x + b * p.y + c * p.z + shift;
+                let inside = exact.cmpge(around.min.as_dvec3()) & exact.cmple(around.max.as_dvec3());
+                assert!(inside.all(), "trial {trial}: {exact} is not within {around:?}");
+            }
+        }
+    }
+}

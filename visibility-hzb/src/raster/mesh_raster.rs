@@ -338,3 +338,43 @@ fn bound_cuts(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exact_screen::exact_values;
+    use crate::random::random;
+    use visibility_core::glam::{Affine3A, DVec3};
+    use visibility_core::{Pose, View};
+
+    /// Points close to the plane of the eye, where most digits of `w` cancel.
+    #[test]
+    fn vertices_are_within_their_errors() {
+        let mut random = random(3);
+        let mut close = 0;
+        for trial in 0..100_000 {
+            let slope = random(0.0005, 0.002);
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::new(1.0, slope, 0.0), DVec3::Z);
+            let view = View::perspective(pose, 1.0, 1.7, 1e-6, f64::INFINITY).unwrap();
+            let projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
+            let y = random(900.0, 1000.0) as f32;
+            let p = Vec3::new((-slope * f64::from(y)) as f32, y, random(-1.0, 1.0) as f32);
+            let object =
+                projection.project_object(&Affine3A::IDENTITY, p.to_array().map(|v| f64::from(v.abs())));
+            let [x, y, w, n, _] = object.at(p.to_array().map(f64::from));
+            let (vertex, error, most) = seen_at([x, y, w, n], &object);
+            if !(error < f64::INFINITY) {
+                continue;
+            }
+            close += u32::from(w < 1e-9);
+            let [x, y, w, n, _] = exact_values(&projection, &Affine3A::IDENTITY, p.to_array());
+            let over = |key: f64| w.times(key.into()).plus(n.negated()).hi;
+            assert!(over(vertex.far.into()) <= 0.0 && over(most) >= 0.0, "trial {trial}: depth keys");
+            for (value, exact) in [(vertex.x, x), (vertex.y, y)] {
+                let off = exact.plus(w.times((-value).into())).hi.abs();
+                assert!(off <= error * w.hi, "trial {trial}: {off} of {}", error * w.hi);
+            }
+        }
+        assert!(close > 100, "{close} points are close");
+    }
+}
