@@ -1,0 +1,88 @@
+//! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- cycles`, `-- width`.
+
+mod cycles;
+mod module_tree;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// The longest comment line, as rustfmt's `max_width` is the longest line of code.
+const WIDTH: usize = 110;
+
+fn main() -> ExitCode {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
+    let task = std::env::args().nth(1).unwrap_or_default();
+    let found = match task.as_str() {
+        "cycles" => check_cycles(root),
+        "width" => check_width(root),
+        _ => Err("usage: cargo run -p xtask -- (cycles | width)".to_owned()),
+    };
+    match found {
+        Ok(0) => ExitCode::SUCCESS,
+        Ok(count) => {
+            println!("{task}: {count} found");
+            ExitCode::FAILURE
+        }
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The crates of the workspace: folders with a manifest and a `src`.
+fn crates(root: &Path) -> Result<Vec<PathBuf>, String> {
+    let entries = std::fs::read_dir(root).map_err(|error| format!("{}: {error}", root.display()))?;
+    let mut folders: Vec<PathBuf> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.join("Cargo.toml").is_file() && path.join("src").is_dir())
+        .collect();
+    folders.sort();
+    Ok(folders)
+}
+
+/// Prints each group of modules that need each other. How many groups there are.
+fn check_cycles(root: &Path) -> Result<usize, String> {
+    let mut count = 0;
+    for folder in crates(root)? {
+        let source = folder.join("src");
+        let Some(file) =
+            ["lib.rs", "main.rs"].map(|name| source.join(name)).into_iter().find(|p| p.is_file())
+        else {
+            continue;
+        };
+        for group in cycles::cycles(&file)? {
+            count += 1;
+            let name = folder.strip_prefix(root).unwrap_or(&folder).display();
+            println!("{name}: {} modules need each other\n  {}", group.len(), group.join("\n  "));
+        }
+    }
+    Ok(count)
+}
+
+/// Prints each comment line that is wider than the code may be. How many there are.
+fn check_width(root: &Path) -> Result<usize, String> {
+    let (mut count, mut folders) = (0, crates(root)?);
+    while let Some(folder) = folders.pop() {
+        let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
+            if path.is_dir() && path.file_name().is_some_and(|name| name != "target") {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                let text =
+                    std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+                for (number, line) in (1..).zip(text.lines()) {
+                    // A link cannot be wrapped.
+                    if line.trim_start().starts_with("//")
+                        && line.chars().count() > WIDTH
+                        && !line.contains("://")
+                    {
+                        count += 1;
+                        println!("{}:{number}: {} wide", path.display(), line.chars().count());
+                    }
+                }
+            }
+        }
+    }
+    Ok(count)
+}
