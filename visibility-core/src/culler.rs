@@ -1,7 +1,6 @@
 //! The seam that all cullers share.
 
-use crate::{Scene, View, VisibleSet};
-use core::ops::AddAssign;
+use crate::{CullStats, Scene, View, VisibleSet};
 
 /// What a culler promises of the set it leaves, compared with V, the objects to which an unobstructed segment runs from the eye
 /// inside the view. (The words are those of Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003.)
@@ -59,35 +58,6 @@ impl Accuracy {
 impl core::fmt::Display for Accuracy {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.pad(self.name())
-    }
-}
-
-/// How much work a culler did: counters, the same on every machine, no clock.
-///
-/// ```
-/// use visibility_core::CullStats;
-/// let mut sum = CullStats { nodes: 2, ..CullStats::default() };
-/// sum += CullStats { nodes: 1, visible: 5, ..CullStats::default() };
-/// assert_eq!((sum.nodes, sum.visible), (3, 5));
-/// ```
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct CullStats {
-    /// Nodes of a hierarchy whose children were tested.
-    pub nodes: u64,
-    /// Nodes whose candidates were all kept without a test of any of them.
-    pub accepted_subtrees: u64,
-    /// Tests of a box against a plane, a map or the like.
-    pub tests: u64,
-    /// Objects left in the set. In a sum, those of the last summand.
-    pub visible: u64,
-}
-
-impl AddAssign for CullStats {
-    fn add_assign(&mut self, other: Self) {
-        self.nodes += other.nodes;
-        self.accepted_subtrees += other.accepted_subtrees;
-        self.tests += other.tests;
-        self.visible = other.visible;
     }
 }
 

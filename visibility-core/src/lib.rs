@@ -43,6 +43,7 @@ pub mod backface;
 pub mod bake;
 mod casters;
 pub mod cells;
+mod cull_stats;
 mod culler;
 pub mod envelope;
 mod float;
@@ -56,6 +57,7 @@ pub mod scene;
 mod serial;
 mod simd;
 mod stamp;
+mod test_plane;
 pub mod view;
 mod visible_set;
 pub mod walk;
@@ -63,7 +65,8 @@ pub mod walk;
 pub use backface::BackfaceCuller;
 pub use casters::{CasterCuller, Light, LightError};
 pub use cells::{CellGraph, CellGraphError, CellId, Portal, PortalId};
-pub use culler::{Accuracy, CullStats, Culler};
+pub use cull_stats::CullStats;
+pub use culler::{Accuracy, Culler};
 pub use frustum::{ConvexVolume, FrustumCuller};
 pub use geometry::{
     Aabb, Containment, ConvexPolygon, Plane, PolygonError, PolygonSide, Side, SidePlane, Sphere,
@@ -76,9 +79,11 @@ pub use occlusion::{
 pub use pipeline::{Explanation, Pipeline};
 pub use pvs::{Pvs, PvsCuller, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells};
 pub use region_culler::RegionCuller;
-pub use scene::{Boxes64, Changes, Maintenance, MeshId, Object, ObjectId, Scene, SceneError, Triangle};
+pub use scene::{
+    Boxes64, Changes, Maintenance, MeshId, Object, ObjectId, Scene, SceneCursor, SceneError, Triangle,
+};
 pub use simd::{Simd, SimdLevel};
-pub use stamp::{SceneCursor, Stamp};
+pub use stamp::Stamp;
 pub use view::{
     ClipMatrix, Depth, Eye, MAX_CLIP_PLANES, MAX_PLANES, Pose, View, ViewError, ViewPlane, ViewPlanes, Window,
 };

@@ -8,8 +8,8 @@
 //! assume, and loads of arrays into registers.
 
 use crate::backface::{Cones64, SplitEye, inside};
-use crate::frustum::TestPlane;
 use crate::scene::Boxes64;
+use crate::test_plane::TestPlane;
 use crate::view::MAX_PLANES;
 
 /// Which instructions to use. Answers are the same on all.

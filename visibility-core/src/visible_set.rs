@@ -1,7 +1,6 @@
 //! The set that goes through the cullers of a frame: candidates in, survivors out.
 
 use crate::scene::{NONE, Tree, lanes};
-use crate::walk::Child;
 use crate::{Aabb, CullStats, ObjectId, Scene, SceneCursor, Stamp, View};
 use alloc::vec::Vec;
 use smallvec::SmallVec;
@@ -265,15 +264,6 @@ impl VisibleSet {
             return mask.count_ones().into();
         }
         lanes(mask).map(|lane| self.keep_below(is_current, scene, scene.tree().child(node, lane))).sum()
-    }
-
-    /// The lanes of a block of another hierarchy that are candidates: its nodes, and those of its objects that are in the set.
-    pub(crate) fn listed_candidates(&self, scene: &Scene, children: &[Child]) -> u64 {
-        let is_candidate = |child: &Child| match *child {
-            Child::Node(_) => true,
-            Child::Object(id) => self.contains(scene, id),
-        };
-        (0..).zip(children).fold(0, |mask, (lane, child)| mask | u64::from(is_candidate(child)) << lane)
     }
 
     /// Notes an object to be taken out by [`drop_now`](Self::drop_now).

@@ -248,7 +248,7 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         hierarchy.for_each_block(scene, node, |block| {
             let candidates = match block.children {
                 Children::Node { node, .. } => self.visible.mask_if(self.is_current, scene, node),
-                Children::Listed(children) => self.visible.listed_candidates(scene, children),
+                Children::Listed(children) => self.listed_candidates(children),
             };
             self.stats.nodes += 1;
             let mask = candidates & test(self, block, candidates);
@@ -275,6 +275,15 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         let kept = self.visible.keep_below(self.is_current, self.scene, child);
         self.stats.visible += kept;
         kept != 0
+    }
+
+    /// The lanes of a block of another hierarchy that are candidates: its nodes, and those of its objects that are in the set.
+    fn listed_candidates(&self, children: &[Child]) -> u64 {
+        let is_candidate = |child: &Child| match *child {
+            Child::Node(_) => true,
+            Child::Object(id) => self.visible.contains(self.scene, id),
+        };
+        (0..).zip(children).fold(0, |mask, (lane, child)| mask | u64::from(is_candidate(child)) << lane)
     }
 
     /// Notes an object, or all below a node of another hierarchy, to be taken out at the end.

@@ -25,6 +25,7 @@
 mod cluster;
 mod cone;
 mod cones;
+mod cones64;
 mod culler;
 mod facing;
 mod fit;
@@ -32,8 +33,8 @@ mod split_eye;
 
 pub use cluster::{Cluster, MAX_CLUSTER, MIN_CLUSTER, MeshError, cluster_mesh};
 pub use cone::NormalCone;
-pub(crate) use cones::Cones64;
 pub use cones::{ConeTree, Cones};
+pub(crate) use cones64::Cones64;
 pub use culler::BackfaceCuller;
 pub use facing::{Facing, facing};
 pub(crate) use split_eye::{SplitEye, inside};

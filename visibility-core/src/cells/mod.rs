@@ -12,37 +12,17 @@
 //! order given.
 
 mod error;
+mod ids;
 mod leak;
 mod validate;
 
 pub use error::CellGraphError;
+pub use ids::{CellId, PortalId};
 pub use leak::Leak;
 
 use crate::{ConvexPolygon, ObjectId, Plane, Stamp};
 use alloc::vec::Vec;
 use glam::DVec3;
-
-/// A cell of a [`CellGraph`], by its number.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
-pub struct CellId(pub u32);
-
-impl CellId {
-    /// The number of the cell, to index arrays with.
-    pub const fn index(self) -> usize {
-        self.0 as usize
-    }
-}
-
-/// A portal of a [`CellGraph`], by its number.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
-pub struct PortalId(pub u32);
-
-impl PortalId {
-    /// The number of the portal, to index arrays with.
-    pub const fn index(self) -> usize {
-        self.0 as usize
-    }
-}
 
 /// An opening between two cells: a convex polygon.
 #[derive(Clone, PartialEq, Debug)]

@@ -193,6 +193,25 @@ impl ConvexPolygon {
     }
 }
 
+impl Plane {
+    /// Where a convex polygon lies. An empty polygon is `Outside`.
+    pub fn classify_polygon(&self, polygon: &ConvexPolygon) -> Containment {
+        let (mut inside, mut outside) = (true, true);
+        for &v in polygon.vertices() {
+            match self.classify_point(v) {
+                Containment::Inside => outside = false,
+                Containment::Outside => inside = false,
+                Containment::Crossing => (inside, outside) = (false, false),
+            }
+        }
+        match (inside, outside) {
+            (_, true) => Containment::Outside,
+            (true, false) => Containment::Inside,
+            (false, false) => Containment::Crossing,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

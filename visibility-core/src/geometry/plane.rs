@@ -1,6 +1,6 @@
 //! Oriented planes and their three-way tests.
 
-use crate::{Aabb, Containment, ConvexPolygon, Sphere};
+use crate::{Aabb, Containment, Sphere};
 use glam::DVec3;
 
 /// Unit round-off of `f64`: half the distance from 1 to the next number.
@@ -106,23 +106,6 @@ impl Plane {
         // The length is rounded a few times, the sums below once more.
         let error = self.error_bound(center.abs()) + 8.0 * U * (reach + distance.abs());
         self.decide(distance - reach, distance + reach, error)
-    }
-
-    /// Where a convex polygon lies. An empty polygon is `Outside`.
-    pub fn classify_polygon(&self, polygon: &ConvexPolygon) -> Containment {
-        let (mut inside, mut outside) = (true, true);
-        for &v in polygon.vertices() {
-            match self.classify_point(v) {
-                Containment::Inside => outside = false,
-                Containment::Outside => inside = false,
-                Containment::Crossing => (inside, outside) = (false, false),
-            }
-        }
-        match (inside, outside) {
-            (_, true) => Containment::Outside,
-            (true, false) => Containment::Inside,
-            (false, false) => Containment::Crossing,
-        }
     }
 
     /// The verdict on a range of distances with an error; comparisons with NaN are false, so NaN is `Crossing`.

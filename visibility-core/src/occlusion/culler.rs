@@ -3,13 +3,11 @@
 //! A node that is hidden prunes all below it; one that nothing can hide is taken whole; only what lies between is looked into
 //! (Cohen-Or et al., "A Survey of Visibility for Walkthrough Applications", 2003, section 6: all image-space methods "place a hierarchy on the scene").
 
-use super::selection::{Candidate, choose, is_whole};
+use super::selection::{Candidate, choose, distance_key, is_whole};
 use super::{Occlusion, OcclusionMap, Selection};
 use crate::scene::{Boxes64, lanes};
 use crate::walk::{Block, BoxHierarchy, Child, SceneHierarchy, Walk};
-use crate::{
-    Aabb, Accuracy, CullStats, Culler, Eye, ObjectId, Scene, SceneCursor, View, ViewPlanes, VisibleSet,
-};
+use crate::{Accuracy, CullStats, Culler, Eye, ObjectId, Scene, SceneCursor, View, ViewPlanes, VisibleSet};
 use alloc::vec::Vec;
 use smallvec::SmallVec;
 
@@ -249,22 +247,7 @@ fn lanes_of(mask: u64) -> SmallVec<[u8; 64]> {
 /// The lanes of a mask by the distance of their boxes.
 fn nearest_first(eye: &Eye, boxes: &Boxes64, mask: u64) -> SmallVec<[u8; 64]> {
     let mut order: SmallVec<[(f32, u8); 64]> =
-        lanes(mask).map(|lane| (nearness(eye, &boxes.get(lane)), lane as u8)).collect();
+        lanes(mask).map(|lane| (distance_key(eye, &boxes.get(lane)), lane as u8)).collect();
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     order.into_iter().map(|(_, lane)| lane).collect()
-}
-
-/// Grows with the distance of a box from the eye. Only an order: rounding does no harm.
-pub(super) fn nearness(eye: &Eye, bounds: &Aabb) -> f32 {
-    match eye {
-        Eye::Point(eye) => {
-            let eye = eye.as_vec3();
-            eye.clamp(bounds.min, bounds.max.max(bounds.min)).distance_squared(eye)
-        }
-        Eye::Direction(along) => {
-            let along = along.as_vec3();
-            let nearest = glam::Vec3::select(along.cmpge(glam::Vec3::ZERO), bounds.min, bounds.max);
-            nearest.dot(along)
-        }
-    }
 }

@@ -6,6 +6,7 @@
 
 mod culler;
 mod mesh;
+mod mesh_build;
 mod parts;
 mod prepare;
 mod queries;

@@ -1,7 +1,6 @@
 //! Which occluders are worth their cost from where the eye is.
 
-use super::culler::nearness;
-use crate::{Eye, ObjectId, OccluderMesh, Scene, ViewPlanes};
+use crate::{Aabb, Eye, ObjectId, OccluderMesh, Scene, ViewPlanes};
 use alloc::vec::Vec;
 use core::cmp::Ordering;
 use glam::{Affine3A, Vec3};
@@ -100,7 +99,7 @@ impl Candidate {
             id,
             angle,
             distance: distance as f32,
-            gap: nearness(eye, &bounds),
+            gap: distance_key(eye, &bounds),
             cost: cost(mesh),
             seen: false,
         })
@@ -167,6 +166,21 @@ fn take(
         candidates.swap(taken + i, middle + i);
     }
     taken + more
+}
+
+/// Grows with the distance of a box from the eye. Only an order: rounding does no harm.
+pub(super) fn distance_key(eye: &Eye, bounds: &Aabb) -> f32 {
+    match eye {
+        Eye::Point(eye) => {
+            let eye = eye.as_vec3();
+            eye.clamp(bounds.min, bounds.max.max(bounds.min)).distance_squared(eye)
+        }
+        Eye::Direction(along) => {
+            let along = along.as_vec3();
+            let nearest = glam::Vec3::select(along.cmpge(glam::Vec3::ZERO), bounds.min, bounds.max);
+            nearest.dot(along)
+        }
+    }
 }
 
 #[cfg(test)]

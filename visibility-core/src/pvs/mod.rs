@@ -29,7 +29,7 @@ pub use viewcells::{Viewcell, ViewcellId, Viewcells};
 use crate::Stamp;
 use crate::envelope::{Format, Writer};
 use alloc::vec::Vec;
-use runs::write_runs;
+use runs::{word, write_runs};
 
 /// What the targets of a [`Pvs`] are.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
@@ -155,7 +155,7 @@ impl Pvs {
     }
 
     fn word(&self, place: usize) -> u32 {
-        read::word(&self.bytes, place)
+        word(&self.bytes, place)
     }
 }
 

@@ -120,10 +120,3 @@ fn flip(words: &mut [u64], start: usize, end: usize) {
     words[first + 1..last].iter_mut().for_each(|word| *word ^= u64::MAX);
     words[last] ^= tail;
 }
-
-pub(super) fn word(bytes: &[u8], place: usize) -> u32 {
-    match bytes.get(place..).and_then(|rest| rest.first_chunk()) {
-        Some(&word) => u32::from_le_bytes(word),
-        None => 0,
-    }
-}

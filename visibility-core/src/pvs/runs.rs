@@ -81,3 +81,11 @@ impl Iterator for Runs<'_> {
         Some(run)
     }
 }
+
+/// The little-endian word at a place; 0 where there are not four bytes.
+pub(super) fn word(bytes: &[u8], place: usize) -> u32 {
+    match bytes.get(place..).and_then(|rest| rest.first_chunk()) {
+        Some(&word) => u32::from_le_bytes(word),
+        None => 0,
+    }
+}

@@ -4,8 +4,8 @@
 //! look at: their bounds are tightened, and where they have come to lie across one another, what is in a few neighbours
 //! is dealt out among them anew ([`regroup`](super::tree)). Nodes above whose content was changed are queued in their turn.
 
+use super::queue::{OVERLAP, Queue};
 use super::tree::Tree;
-use alloc::vec::Vec;
 
 /// What a call of [`Scene::maintain`](crate::Scene::maintain) did.
 ///
@@ -27,73 +27,6 @@ pub struct Maintenance {
     pub waiting: usize,
 }
 
-/// Nodes that wait to be looked at: a bit for each. They are taken in turns, by number.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Queue {
-    queued: Vec<u64>,
-    waiting: usize,
-    /// The node from which the next one is looked for.
-    at: usize,
-    /// By node, up to which overlap with others there is no point in dealing out anew, as was found when that was last tried.
-    borne: Vec<f32>,
-}
-
-impl Queue {
-    pub(super) fn push(&mut self, node: usize) {
-        let word = node / 64;
-        if word >= self.queued.len() {
-            self.queued.resize(word + 1, 0);
-            self.borne.resize(word * 64 + 64, OVERLAP);
-        }
-        self.waiting += usize::from(self.queued[word] >> (node % 64) & 1 == 0);
-        self.queued[word] |= 1 << (node % 64);
-    }
-
-    fn remove(&mut self, node: usize) {
-        if let Some(word) = self.queued.get_mut(node / 64) {
-            self.waiting -= usize::from(*word >> (node % 64) & 1 != 0);
-            *word &= !(1 << (node % 64));
-        }
-    }
-
-    /// Takes out a node that was dealt out anew.
-    fn settle(&mut self, node: usize) {
-        self.remove(node);
-        if let Some(borne) = self.borne.get_mut(node) {
-            *borne = OVERLAP;
-        }
-    }
-
-    fn pop(&mut self) -> Option<u32> {
-        if self.waiting == 0 {
-            return None;
-        }
-        let mut word = self.at / 64;
-        let mut rest = self.queued.get(word).map_or(0, |bits| bits & u64::MAX << (self.at % 64));
-        while rest == 0 {
-            word = if word + 1 < self.queued.len() { word + 1 } else { 0 };
-            rest = self.queued[word];
-        }
-        let node = word * 64 + rest.trailing_zeros() as usize;
-        self.remove(node);
-        self.at = node + 1;
-        Some(node as u32)
-    }
-
-    pub(super) fn memory(&self) -> usize {
-        size_of_val(&self.queued[..]) + size_of_val(&self.borne[..])
-    }
-
-    pub(super) fn clear(&mut self) {
-        (self.waiting, self.at) = (0, 0);
-        self.queued.fill(0);
-        self.borne.fill(OVERLAP);
-    }
-}
-
-/// Neighbours that cover less of a node, all together, are left alone. Fresh blocks come close to this, for the bounds of objects
-/// overlap too.
-const OVERLAP: f32 = 1.0;
 /// Where dealing out did not help, it is tried again once the overlap is so much greater,
 const BEAR: f32 = 1.5;
 /// or after a while: each time that the node is looked at, so much of that is forgotten.

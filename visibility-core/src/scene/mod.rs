@@ -3,14 +3,17 @@
 mod boxes64;
 mod build;
 mod changes;
+mod cursor;
 mod curve;
 mod maintain;
 mod object;
+mod queue;
 mod tree;
 
 pub use boxes64::Boxes64;
 pub(crate) use boxes64::lanes;
 pub use changes::Changes;
+pub use cursor::SceneCursor;
 pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub(crate) use tree::{NONE, Tree};
@@ -22,7 +25,7 @@ use build::Entry;
 use changes::ChangeLog;
 use glam::{Affine3A, DVec3};
 use hashbrown::HashMap;
-use maintain::Queue;
+use queue::Queue;
 use tree::{Payload, Scratch, Slot};
 
 /// The store of objects: bounds, layers, costs, flags and triangles, in a hierarchy that every culler walks.

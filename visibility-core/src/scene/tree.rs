@@ -11,37 +11,18 @@
 mod moving;
 pub(super) mod pack;
 mod regroup;
+mod scratch;
+mod slot;
 
-pub(super) use moving::Scratch;
+pub(super) use scratch::Scratch;
+pub(crate) use slot::{NONE, Slot};
 
 use super::boxes64::{Boxes64, lanes};
 use crate::{Aabb, ObjectId};
 use alloc::vec::Vec;
 
-pub(crate) const NONE: u32 = u32::MAX;
-
 /// The level of leaves outside the tree.
 pub(crate) const UNCULLED: u8 = u8::MAX;
-
-/// A lane of a node, as one number: `node * 64 + lane`.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) struct Slot(pub(crate) u32);
-
-impl Slot {
-    pub(crate) const NONE: Self = Self(NONE);
-
-    pub(crate) fn new(node: u32, lane: usize) -> Self {
-        Self(node << 6 | lane as u32)
-    }
-
-    pub(crate) fn node(self) -> usize {
-        (self.0 >> 6) as usize
-    }
-
-    pub(crate) fn lane(self) -> usize {
-        (self.0 & 63) as usize
-    }
-}
 
 /// What a lane of a leaf holds besides bounds.
 #[derive(Clone, Copy, Debug)]

@@ -1,15 +1,10 @@
 //! The planes that bound a view, extracted from its clip matrix (Gribb and Hartmann, "Fast Extraction of Viewing
 //! Frustum Planes from the World-View-Projection Matrix", 2001).
 
+use super::limits::{MAX_CLIP_PLANES, MAX_PLANES};
 use super::{View, ViewError};
 use crate::Plane;
 use glam::{DVec3, DVec4};
-
-/// The most planes that a view can have.
-pub const MAX_PLANES: usize = 16;
-
-/// The most planes that [`View::with_clip_planes`] takes: what is left beside the six of the clip matrix.
-pub const MAX_CLIP_PLANES: usize = MAX_PLANES - 6;
 
 /// One plane of a view, and how far rounding may have moved it.
 ///

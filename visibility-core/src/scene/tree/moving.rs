@@ -1,37 +1,8 @@
 //! Moving objects within the tree: one by one, or a crowd leaf by leaf.
 
-use super::{NONE, Slot, Tree};
-use crate::scene::maintain::Queue;
+use super::{NONE, Scratch, Slot, Tree};
+use crate::scene::queue::Queue;
 use crate::{Aabb, ObjectId};
-use alloc::vec::Vec;
-
-/// What moving many objects needs for a while, kept so that no frame allocates.
-#[derive(Clone, Debug)]
-pub(in crate::scene) struct Scratch {
-    /// Where each object that moves was when all were looked up.
-    pub(in crate::scene) slots: Vec<Slot>,
-    /// Places in the batch and lanes, by leaf.
-    sorted: Vec<u32>,
-    /// By node, where its part of `sorted` ends.
-    ends: Vec<u32>,
-    /// Places in the batch of those who must be moved one by one.
-    pub(in crate::scene) left: Vec<u32>,
-}
-
-impl Scratch {
-    /// A place in the batch and a lane fill a word.
-    pub(in crate::scene) const MOST: usize = 1 << 26;
-
-    pub(in crate::scene) const EMPTY: Self =
-        Self { slots: Vec::new(), sorted: Vec::new(), ends: Vec::new(), left: Vec::new() };
-
-    pub(in crate::scene) fn memory(&self) -> usize {
-        size_of_val(&self.slots[..])
-            + size_of_val(&self.sorted[..])
-            + size_of_val(&self.ends[..])
-            + size_of_val(&self.left[..])
-    }
-}
 
 impl Tree {
     /// Sets the bounds of the object in a slot of the tree and enlarges what is above where it sticks out. False, with

@@ -1,0 +1,23 @@
+//! A place in the hierarchy.
+
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// A lane of a node, as one number: `node * 64 + lane`.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct Slot(pub(crate) u32);
+
+impl Slot {
+    pub(crate) const NONE: Self = Self(NONE);
+
+    pub(crate) fn new(node: u32, lane: usize) -> Self {
+        Self(node << 6 | lane as u32)
+    }
+
+    pub(crate) fn node(self) -> usize {
+        (self.0 >> 6) as usize
+    }
+
+    pub(crate) fn lane(self) -> usize {
+        (self.0 & 63) as usize
+    }
+}
