@@ -372,7 +372,8 @@ mod tests {
             + (a[0] * b[1] - a[1] * b[0]) * c[2]
     }
 
-    /// Directions in units of 2^-40, close together, so that products are rounded and 128 bits hold their determinants.
+    /// Directions in units of 2^-40, close together, so that products are rounded and 128 bits hold their
+    /// determinants.
     #[test]
     fn planes_through_close_directions_tell_sides_only_where_they_exactly_are() {
         let mut whole = Whole(5);

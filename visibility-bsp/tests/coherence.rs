@@ -228,6 +228,30 @@ fn an_occluder_that_has_changed_hides_no_longer() {
     }
 }
 
+/// Walls that face inwards hide nothing from outside, also of a room that is two units of the last place
+/// wide.
+#[test]
+fn a_room_turned_inside_out_does_not_hide_its_contents() {
+    for (at, width) in [(0.0, 2.0), (1e3, 2.0), (1e7, 2.0), (1e7, 4.0)] {
+        let at = Vec3::splat(at);
+        let walls = Aabb::new(at, at + width);
+        let mut scene = Scene::new();
+        let room = scene.insert(Object { occluder: true, ..Object::new(walls) });
+        let inside_out: Vec<_> = triangles_of(&walls).into_iter().map(|[a, b, c]| [a, c, b]).collect();
+        scene.set_triangles(room, inside_out).unwrap();
+        let middle = at + width * 0.5;
+        let target = scene.insert(Aabb::new(middle, middle));
+        scene.prepare_occluders(&Preparation::default());
+        let eye = middle.as_dvec3() - DVec3::new(40.0, 1.0, 2.0);
+        let pose = Pose::look_at(eye, middle.as_dvec3(), DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
+        let room = Room { scene, wall: room, target, view };
+        for culler in &mut room.cullers() {
+            assert!(!room.hides(&mut **culler), "{}: {width} at {at}", culler.name());
+        }
+    }
+}
+
 #[test]
 fn an_object_that_is_not_drawn_does_not_hide() {
     let room = Room::new();
