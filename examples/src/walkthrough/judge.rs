@@ -26,7 +26,8 @@ pub struct Verdict {
 
 /// The exact answer of a walk, and how right each pipeline was.
 pub struct Judgement {
-    /// Visible objects of each frame, by index.
+    /// Visible objects of each frame, by index; of objects that tie for all their pixels, the one that the
+    /// image shows.
     pub exact: Vec<Vec<u32>>,
     /// Triangles with a pixel, all frames together.
     pub visible_triangles: u64,
@@ -61,7 +62,9 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
             let frame = next.fetch_add(1, Ordering::Relaxed);
             let Some(view) = world.views.get(frame) else { return Ok(judged) };
             let seen = buffer.draw(view, world.origin(), world.items())?;
-            let exact = seen.objects().iter().filter(|object| object.is_visible()).map(|object| object.key);
+            // What the image shows: of objects that tie, one, or walls in one plane would count twice.
+            let shown = seen.objects().iter().filter(|object| object.visible_triangles > 0);
+            let exact = shown.map(|object| object.key);
             let comparisons = trials.iter().map(|trial| {
                 let mut comparison = Comparison::default();
                 seen.compare(|_, key| trial.reported[frame].binary_search(&key).is_ok(), &mut comparison);
