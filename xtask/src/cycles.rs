@@ -42,14 +42,8 @@ fn circles(needs: &[Vec<usize>]) -> Vec<Vec<usize>> {
             seen
         })
         .collect();
-    let mut found = Vec::new();
-    for a in 0..needs.len() {
-        let group: Vec<usize> = (0..needs.len()).filter(|&b| reached[a][b] && reached[b][a]).collect();
-        if group.first() == Some(&a) {
-            found.push(group);
-        }
-    }
-    found
+    let group = |a: usize| (0..needs.len()).filter(|&b| reached[a][b] && reached[b][a]).collect::<Vec<_>>();
+    (0..needs.len()).filter_map(|a| Some(group(a)).filter(|group| group.first() == Some(&a))).collect()
 }
 
 #[cfg(test)]
