@@ -1,7 +1,8 @@
-//! Backface culling: 64 cones a call, beside the frustum culler's 64 boxes, in one run. Throughput is per cluster.
+//! Backface culling: 64 cones a call, beside the frustum culler's 64 boxes, in one run. Throughput is per
+//! cluster.
 //!
-//! The kernels are not public, so both are measured as their cullers run them, on a scene whose blocks all have to be tested; the
-//! cones also in a row, as [`Cones`] tests them, and in a tree.
+//! The kernels are not public, so both are measured as their cullers run them, on a scene whose blocks all
+//! have to be tested; the cones also in a row, as [`Cones`] tests them, and in a tree.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;

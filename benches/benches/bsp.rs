@@ -1,4 +1,5 @@
-//! BSP trees: building, walking in order of depth, objects that come and go, merging of solids, and a whole frame of the exact culling.
+//! BSP trees: building, walking in order of depth, objects that come and go, merging of solids, and a whole
+//! frame of the exact culling.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;

@@ -1,4 +1,5 @@
-//! Building a scene from nothing and rebuilding it, beside sorting as many keys and the builders of other crates.
+//! Building a scene from nothing and rebuilding it, beside sorting as many keys and the builders of other
+//! crates.
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use parry3d::partitioning::BvhBuildStrategy;

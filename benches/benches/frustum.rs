@@ -1,4 +1,5 @@
-//! Frustum culling: every contender on 100 thousand and a million boxes, in random order and sorted, at 11 % and 1 % in view.
+//! Frustum culling: every contender on 100 thousand and a million boxes, in random order and sorted, at 11 %
+//! and 1 % in view.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::{hint::black_box, time::Duration};

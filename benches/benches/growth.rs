@@ -1,9 +1,11 @@
-//! How the time to build each structure grows with its input, for input that is harder than it looks: boxes that all coincide, that
-//! are nested in one another, that lie side by side in one plane, and that are scattered.
+//! How the time to build each structure grows with its input, for input that is harder than it looks: boxes
+//! that all coincide, that are nested in one another, that lie side by side in one plane, and that are
+//! scattered.
 //!
-//! `cargo bench --bench growth` prints, for 2,000, 4,000, ... 32,000 boxes, milliseconds and how many times longer the last doubling took:
-//! about 2 for what is linear, 4 for what is quadratic. A series ends after the first build that takes more than two seconds. A word after `--`
-//! keeps the lines whose structure or input contains it: `cargo bench --bench growth -- occluders`.
+//! `cargo bench --bench growth` prints, for 2,000, 4,000, ... 32,000 boxes, milliseconds and how many times
+//! longer the last doubling took: about 2 for what is linear, 4 for what is quadratic. A series ends after
+//! the first build that takes more than two seconds. A word after `--` keeps the lines whose structure or
+//! input contains it: `cargo bench --bench growth -- occluders`.
 
 use std::hint::black_box;
 use std::time::Instant;

@@ -1,5 +1,5 @@
-//! Hierarchical occlusion maps: bringing the pyramid up to date, the overlap test by outcome and size, and a frame of a made-up town beside
-//! the z-buffer's.
+//! Hierarchical occlusion maps: bringing the pyramid up to date, the overlap test by outcome and size, and a
+//! frame of a made-up town beside the z-buffer's.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -26,7 +26,8 @@ fn wall(low: [f32; 3], high: [f32; 3]) -> OccluderMesh {
     OccluderMesh::cuboid(&Aabb::from_arrays(low, high)).expect("a box")
 }
 
-/// A frame of one occluder, small or as large as the picture: all of it is drawing that, and counting above it.
+/// A frame of one occluder, small or as large as the picture: all of it is drawing that, and counting above
+/// it.
 fn pyramid(c: &mut Criterion) {
     let mut group = c.benchmark_group("hom/pyramid");
     let small = wall([500.0, -10.0, -10.0], [501.0, 10.0, 10.0]);
@@ -90,7 +91,8 @@ fn overlap(c: &mut Criterion) {
     group.finish();
 }
 
-/// A town of 2,500 houses and 20,000 things among them, seen from a street: the whole frame through the pipeline.
+/// A town of 2,500 houses and 20,000 things among them, seen from a street: the whole frame through the
+/// pipeline.
 fn frame(c: &mut Criterion) {
     let mut random = Random(3);
     let mut scene = Scene::new();

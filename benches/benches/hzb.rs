@@ -1,5 +1,5 @@
-//! The hierarchical z-buffer: drawing boxes and triangles by size, bringing the pyramid up to date, testing boxes by size and outcome, and
-//! whole frames of a made-up town and of built-in scenes.
+//! The hierarchical z-buffer: drawing boxes and triangles by size, bringing the pyramid up to date, testing
+//! boxes by size and outcome, and whole frames of a made-up town and of built-in scenes.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -26,7 +26,8 @@ fn cube(random: &mut Random, pixels: f32) -> Aabb {
     Aabb::new(middle - 0.5 * pixels, middle + 0.5 * pixels)
 }
 
-/// Cubes that do not hide each other entirely, drawn into an empty buffer; and the same with each set of instructions.
+/// Cubes that do not hide each other entirely, drawn into an empty buffer; and the same with each set of
+/// instructions.
 fn raster(c: &mut Criterion) {
     let mut group = c.benchmark_group("hzb/raster 64 boxes");
     group.throughput(Throughput::Elements(64)).measurement_time(Duration::from_secs(2));
@@ -142,7 +143,8 @@ fn queries(c: &mut Criterion) {
     group.finish();
 }
 
-/// A town of 2,500 houses and 20,000 things among them, seen from a street: the whole frame through the pipeline.
+/// A town of 2,500 houses and 20,000 things among them, seen from a street: the whole frame through the
+/// pipeline.
 fn frame(c: &mut Criterion) {
     let mut random = Random(3);
     let mut scene = Scene::new();

@@ -1,4 +1,5 @@
-//! Moving 1 %, 10 % and all of the objects each frame, with and without `maintain`, and what culling costs afterwards.
+//! Moving 1 %, 10 % and all of the objects each frame, with and without `maintain`, and what culling costs
+//! afterwards.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;

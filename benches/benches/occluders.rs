@@ -1,5 +1,5 @@
-//! Cullers of object space on built-in scenes, beside the z-buffer: what is made in advance, whole frames of the walks, and frames of an eye
-//! that hardly moves.
+//! Cullers of object space on built-in scenes, beside the z-buffer: what is made in advance, whole frames of
+//! the walks, and frames of an eye that hardly moves.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::sync::Arc;

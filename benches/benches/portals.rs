@@ -1,4 +1,5 @@
-//! Portals each frame: by the number of portals that lines of sight cross, with either narrowing, and a thousand doors.
+//! Portals each frame: by the number of portals that lines of sight cross, with either narrowing, and a
+//! thousand doors.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -9,7 +10,8 @@ use visibility_core::{
 };
 use visibility_portals::{Narrowing, PortalEye, SceneCells};
 
-/// Rooms of 4 m in a row along x, with a door 1 m wide and 2 m high in the middle of each wall, and ten boxes in each.
+/// Rooms of 4 m in a row along x, with a door 1 m wide and 2 m high in the middle of each wall, and ten boxes
+/// in each.
 fn row(rooms: u32) -> (SceneCells, Scene) {
     let room = |i: u32| DVec3::new(f64::from(i) * 4.0, 0.0, 0.0);
     let door = |x: f64| {

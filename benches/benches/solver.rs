@@ -1,4 +1,5 @@
-//! Linear programs by dimension and size, ours beside `microlp`, and stabbing lines by the length of the sequence.
+//! Linear programs by dimension and size, ours beside `microlp`, and stabbing lines by the length of the
+//! sequence.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use microlp::{ComparisonOp, OptimizationDirection, Problem};
@@ -16,7 +17,8 @@ const BOUND: f64 = 100.0;
 /// As many programs of half-spaces with random normals as are solved in turn, so that none is known by heart.
 const PROGRAMS: usize = 64;
 
-/// Planes within 10 of the origin, turned towards it or, one of a few, away from it: about half of the programs have no solution.
+/// Planes within 10 of the origin, turned towards it or, one of a few, away from it: about half of the
+/// programs have no solution.
 fn programs<const D: usize>(count: usize, random: &mut Random) -> Vec<Vec<HalfSpace<D>>> {
     let away = 0.7 / count as f32;
     let mut half = || HalfSpace {

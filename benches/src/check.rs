@@ -1,4 +1,5 @@
-//! Whether a contender's answer can be used: every box that is surely within all planes of the view must be in it.
+//! Whether a contender's answer can be used: every box that is surely within all planes of the view must be
+//! in it.
 
 use crate::contenders::Contender;
 use treeculler::{Frustum, Vec3};
@@ -22,8 +23,8 @@ pub struct Verdict {
 
 /// Holds the indices that a contender reported against the planes of the view in `f64`.
 ///
-/// treeculler also drops boxes beyond the bounds of the frustum's own corners, rightly so: with `corners`, those are
-/// not counted as lost.
+/// treeculler also drops boxes beyond the bounds of the frustum's own corners, rightly so: with `corners`,
+/// those are not counted as lost.
 pub fn check(boxes: &[Aabb], view: &View, reported: &[u32], corners: bool) -> Verdict {
     let planes = view.planes(DVec3::ZERO);
     let mut marked = vec![false; boxes.len()];

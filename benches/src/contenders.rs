@@ -1,8 +1,8 @@
 //! Those who cull: ours, the plain loop that one writes without a library, and the other crates.
 //!
-//! Each holds the boxes and the frustum of every frame in its own types, made beforehand, and writes what is visible to a buffer
-//! that it keeps. Each is used as its documentation recommends; where there were several ways, the fastest in our
-//! measurements was taken.
+//! Each holds the boxes and the frustum of every frame in its own types, made beforehand, and writes what is
+//! visible to a buffer that it keeps. Each is used as its documentation recommends; where there were several
+//! ways, the fastest in our measurements was taken.
 
 use bvh::aabb::{Bounded, IntersectsAabb};
 use bvh::bounding_hierarchy::BHShape;
@@ -46,7 +46,8 @@ pub fn all(boxes: &[Aabb], views: &[View]) -> Vec<Box<dyn Contender>> {
     all
 }
 
-/// Ours alone: on each instruction set, and at last the widest with the visible ids written to a list, as the others do.
+/// Ours alone: on each instruction set, and at last the widest with the visible ids written to a list, as the
+/// others do.
 pub fn ours(boxes: &[Aabb], views: &[View]) -> Vec<Box<dyn Contender>> {
     let each = Simd::available().map(|simd| Ours::new(boxes, views, simd, false));
     let last = Ours::new(boxes, views, Simd::best(), true);
@@ -72,8 +73,9 @@ fn planes(view: &View) -> Planes {
     })
 }
 
-/// The loop over centres and half extents with glam that engines begin with. `EARLY` leaves at the first plane that excludes a
-/// box, which pays where neighbours share their fate; otherwise all six are tested without a branch.
+/// The loop over centres and half extents with glam that engines begin with. `EARLY` leaves at the first
+/// plane that excludes a box, which pays where neighbours share their fate; otherwise all six are tested
+/// without a branch.
 struct Plain<const EARLY: bool> {
     boxes: Vec<(Vec3, Vec3)>,
     frames: Vec<Planes>,

@@ -1,7 +1,9 @@
-//! Boxes and cameras: small boxes spread evenly through a cube, seen by a camera that turns a little each frame.
+//! Boxes and cameras: small boxes spread evenly through a cube, seen by a camera that turns a little each
+//! frame.
 //!
-//! An even spread is the hard case for frustum culling: no empty space to skip, and every plane cuts the crowd. The camera
-//! turns, because on a still view a processor learns the branches of a short walk by heart, which no game would see.
+//! An even spread is the hard case for frustum culling: no empty space to skip, and every plane cuts the
+//! crowd. The camera turns, because on a still view a processor learns the branches of a short walk by heart,
+//! which no game would see.
 
 use glam::{DMat4, DVec3, Vec3};
 use visibility_core::{Aabb, Depth, View};
@@ -12,8 +14,8 @@ pub const REACH: f32 = 500.0;
 /// Frames of one turn of the camera.
 pub const FRAMES: usize = 16;
 
-/// SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014): the same boxes on every
-/// machine.
+/// SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014): the same boxes
+/// on every machine.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
@@ -122,9 +124,9 @@ impl Share {
     }
 }
 
-/// A camera in the middle of the cube, 60 degrees high and 16:9 wide, swinging by 10 degrees to either side; it is back where
-/// it began after [`FRAMES`] frames. All six planes are finite and the clip space is that of OpenGL, because treeculler
-/// knows no other.
+/// A camera in the middle of the cube, 60 degrees high and 16:9 wide, swinging by 10 degrees to either side;
+/// it is back where it began after [`FRAMES`] frames. All six planes are finite and the clip space is that of
+/// OpenGL, because treeculler knows no other.
 pub fn views(share: Share) -> Vec<View> {
     let view = |frame: usize| {
         let phase = core::f64::consts::TAU * frame as f64 / FRAMES as f64;

@@ -19,8 +19,8 @@ pub struct SceneSource {
     pub near: f32,
     /// The objects, in the order of the file or recipe: their index is their identity.
     pub objects: Vec<SourceObject>,
-    /// The camera walks; a loader makes one up when the scene brings none, so this is empty only for an empty
-    /// scene.
+    /// The camera walks; a loader makes one up when the scene brings none, so this is empty only for an
+    /// empty scene.
     pub walks: Vec<Walk>,
     /// The cells and portals that the scene comes with; most come with none.
     pub cells: Option<SourceCells>,
@@ -29,7 +29,8 @@ pub struct SceneSource {
 /// The cells and portals of a scene. Cell `i` of the graph is viewcell `i`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceCells {
-    /// Which cells are joined by which portals. Its objects are filled in when a scene is made of the source.
+    /// Which cells are joined by which portals. Its objects are filled in when a scene is made of the
+    /// source.
     pub graph: CellGraph,
     /// Where the cells are.
     pub viewcells: Viewcells,

@@ -1,4 +1,5 @@
-//! Frustum culling of a million boxes, and what a frame of it costs: `cargo run --release -p visibility-core --example frustum`.
+//! Frustum culling of a million boxes, and what a frame of it costs: `cargo run --release -p visibility-core
+//! --example frustum`.
 
 use std::time::Instant;
 use visibility_core::glam::DVec3;

@@ -2,8 +2,9 @@
 
 use crate::{CullStats, Scene, View, VisibleSet};
 
-/// What a culler promises of the set it leaves, compared with V, the objects to which an unobstructed segment runs from the eye
-/// inside the view. (The words are those of Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003.)
+/// What a culler promises of the set it leaves, compared with V, the objects to which an unobstructed segment
+/// runs from the eye inside the view. (The words are those of Cohen-Or, Chrysanthou, Silva and Durand, "A
+/// Survey of Visibility for Walkthrough Applications", 2003.)
 ///
 /// ```
 /// use visibility_core::Accuracy;
@@ -33,8 +34,8 @@ impl Accuracy {
         matches!(self, Self::Exact | Self::Aggressive)
     }
 
-    /// The accuracy of one culler after another, which keeps what both keep: visible objects survive if neither hides any, hidden
-    /// ones are gone if either shows none.
+    /// The accuracy of one culler after another, which keeps what both keep: visible objects survive if
+    /// neither hides any, hidden ones are gone if either shows none.
     pub const fn and(self, other: Self) -> Self {
         match (self.never_hides() && other.never_hides(), self.never_shows() || other.never_shows()) {
             (true, true) => Self::Exact,
@@ -63,9 +64,10 @@ impl core::fmt::Display for Accuracy {
 
 /// Removes from a set of objects what a view cannot see.
 ///
-/// A culler owns the scratch memory and the temporal coherence of one view, so stereo, split screen and shadow cascades are
-/// several cullers over one `&Scene`, on as many threads as there are. Cullers are combined and called by a [`Pipeline`](crate::Pipeline),
-/// which also fills the set with candidates; whoever calls `cull` alone calls [`VisibleSet::fill`] first.
+/// A culler owns the scratch memory and the temporal coherence of one view, so stereo, split screen and
+/// shadow cascades are several cullers over one `&Scene`, on as many threads as there are. Cullers are
+/// combined and called by a [`Pipeline`](crate::Pipeline), which also fills the set with candidates; whoever
+/// calls `cull` alone calls [`VisibleSet::fill`] first.
 ///
 /// ```
 /// use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
@@ -89,6 +91,7 @@ pub trait Culler {
     /// Removes from `visible`, which holds the candidates, what it can prove hidden.
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats;
 
-    /// Forgets what it remembers of earlier frames. Needed for nothing but to start anew: camera cuts are safe.
+    /// Forgets what it remembers of earlier frames. Needed for nothing but to start anew: camera cuts are
+    /// safe.
     fn reset(&mut self) {}
 }

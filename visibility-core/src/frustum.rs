@@ -1,8 +1,9 @@
-//! Frustum culling: boxes outside one of the planes of the view are hidden. The walk serves any convex volume of planes.
+//! Frustum culling: boxes outside one of the planes of the view are hidden. The walk serves any convex volume
+//! of planes.
 //!
-//! The hierarchy is walked from the top, 64 boxes a test. A node passes to each child only those planes that cross it
-//! (Assarsson and Möller, "Optimized View Frustum Culling Algorithms for Bounding Boxes", 2000: "masking"); one that
-//! no plane crosses is taken whole.
+//! The hierarchy is walked from the top, 64 boxes a test. A node passes to each child only those planes that
+//! cross it (Assarsson and Möller, "Optimized View Frustum Culling Algorithms for Bounding Boxes", 2000:
+//! "masking"); one that no plane crosses is taken whole.
 
 use crate::scene::{Boxes64, lanes};
 use crate::test_plane::TestPlane;
@@ -10,10 +11,11 @@ use crate::view::{MAX_PLANES, ViewPlane};
 use crate::walk::{Child, SceneHierarchy, Walk};
 use crate::{Accuracy, CullStats, Culler, Scene, Simd, View, VisibleSet};
 
-/// Removes what lies outside the planes of the view. Conservative: a box near an edge of the view may lie outside
-/// without being outside any one plane.
+/// Removes what lies outside the planes of the view. Conservative: a box near an edge of the view may lie
+/// outside without being outside any one plane.
 ///
-/// Cost follows what is in view: some 20 ns for 64 objects on the boundary, 1 ns for 64 that are inside, nothing for the rest.
+/// Cost follows what is in view: some 20 ns for 64 objects on the boundary, 1 ns for 64 that are inside,
+/// nothing for the rest.
 ///
 /// ```
 /// use visibility_core::{FrustumCuller, Pipeline};
@@ -121,7 +123,8 @@ impl ConvexVolume {
         walk.finish()
     }
 
-    /// Tests the children of a node against the planes that cross it, `active`, and goes on below. Whether anything is left.
+    /// Tests the children of a node against the planes that cross it, `active`, and goes on below. Whether
+    /// anything is left.
     fn visit(&self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, active: u32) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let mut mask = candidates & !self.outside(block.boxes(), active);

@@ -1,8 +1,9 @@
 //! Which objects can this camera see?
 //!
-//! The core of the `visibility` crates: the [`Scene`] of objects and its hierarchy, the [`View`] in any engine's convention, the
-//! [`VisibleSet`] that goes through a [`Pipeline`] of [`Culler`]s each frame, and the [`FrustumCuller`]. The exact answer,
-//! against which every culler can be judged, is in the crate `visibility-measure`.
+//! The core of the `visibility` crates: the [`Scene`] of objects and its hierarchy, the [`View`] in any
+//! engine's convention, the [`VisibleSet`] that goes through a [`Pipeline`] of [`Culler`]s each frame, and
+//! the [`FrustumCuller`]. The exact answer, against which every culler can be judged, is in the crate
+//! `visibility-measure`.
 //!
 //! ```
 //! use visibility_core::{glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
@@ -25,8 +26,10 @@
 //! ```
 //!
 //! # Promises
-//! - A conservative culler never hides a visible object, whatever the rounding, at any magnitude of coordinates.
-//! - The same clip matrix gives the same answer on every processor, with any SIMD path, on any number of threads.
+//! - A conservative culler never hides a visible object, whatever the rounding, at any magnitude of
+//!   coordinates.
+//! - The same clip matrix gives the same answer on every processor, with any SIMD path, on any number of
+//!   threads.
 //! - No allocation per frame once buffers have grown, no panic on any input.
 //!
 //! # Features

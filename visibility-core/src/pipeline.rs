@@ -3,10 +3,11 @@
 use crate::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
 use alloc::{boxed::Box, vec::Vec};
 
-/// A list of cullers, each of which sees what those before it left. This is what an engine calls once per frame and view.
+/// A list of cullers, each of which sees what those before it left. This is what an engine calls once per
+/// frame and view.
 ///
-/// To understand what it does, let it [explain](Self::set_explaining) which stage removed which object, or [freeze](Self::freeze)
-/// its view and look at the result from elsewhere.
+/// To understand what it does, let it [explain](Self::set_explaining) which stage removed which object, or
+/// [freeze](Self::freeze) its view and look at the result from elsewhere.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
@@ -124,7 +125,8 @@ impl Pipeline {
         self.stages.iter().fold(Accuracy::Conservative, |all, (culler, _)| all.and(culler.accuracy()))
     }
 
-    /// Fills `visible` with the objects on the view's layers and lets each stage remove what it can. What is left is drawn.
+    /// Fills `visible` with the objects on the view's layers and lets each stage remove what it can. What is
+    /// left is drawn.
     ///
     /// Returns the sum of the stages' counters.
     pub fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
@@ -161,8 +163,8 @@ impl Pipeline {
         }
     }
 
-    /// Notes from the next frame on which stage removes which object, or stops doing so. While on, a frame costs time and memory for every
-    /// object of the scene; while off, nothing.
+    /// Notes from the next frame on which stage removes which object, or stops doing so. While on, a frame
+    /// costs time and memory for every object of the scene; while off, nothing.
     pub fn set_explaining(&mut self, explaining: bool) {
         self.removals = explaining.then(Removals::default);
     }
@@ -180,8 +182,9 @@ impl Pipeline {
         }
     }
 
-    /// Goes on culling for the view of the last frame, whatever views come: draw from elsewhere, and look at what was culled. Objects
-    /// that move meanwhile are culled where they are. Before the first frame there is nothing to freeze, and nothing happens.
+    /// Goes on culling for the view of the last frame, whatever views come: draw from elsewhere, and look at
+    /// what was culled. Objects that move meanwhile are culled where they are. Before the first frame
+    /// there is nothing to freeze, and nothing happens.
     pub fn freeze(&mut self) {
         self.frozen = self.last;
     }

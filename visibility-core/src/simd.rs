@@ -1,11 +1,12 @@
 //! The kernel of every hierarchical test: 64 boxes against planes, for each instruction set.
 //!
-//! There is one body, in plain safe loops that compilers turn into SIMD; it is compiled once for the instruction set that
-//! the program is built for and, on x86-64 with `std`, again for AVX2 and AVX-512, one of which is chosen at run time.
-//! Rust neither reorders nor fuses floating-point operations, so all of them give the same bits.
+//! There is one body, in plain safe loops that compilers turn into SIMD; it is compiled once for the
+//! instruction set that the program is built for and, on x86-64 with `std`, again for AVX2 and AVX-512, one
+//! of which is chosen at run time. Rust neither reorders nor fuses floating-point operations, so all of them
+//! give the same bits.
 //!
-//! This is the only module with `unsafe` code: calls of functions compiled for instructions that the program at large does not
-//! assume, and loads of arrays into registers.
+//! This is the only module with `unsafe` code: calls of functions compiled for instructions that the program
+//! at large does not assume, and loads of arrays into registers.
 
 use crate::backface::{Cones64, SplitEye, inside};
 use crate::scene::Boxes64;
@@ -21,8 +22,9 @@ use crate::view::MAX_PLANES;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Simd(SimdLevel);
 
-/// A set of instructions. A [`Simd`] whose [`level`](Simd::level) is beyond `Portable` exists only where the processor
-/// was found to have all instructions of that level: that is what makes calls of functions compiled for them sound.
+/// A set of instructions. A [`Simd`] whose [`level`](Simd::level) is beyond `Portable` exists only where the
+/// processor was found to have all instructions of that level: that is what makes calls of functions compiled
+/// for them sound.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum SimdLevel {
     /// What the program was built for.
@@ -77,7 +79,8 @@ impl Simd {
             // SAFETY: a value with this path exists only where the processor was found to have AVX2.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
             SimdLevel::Avx2 => unsafe { any_outside_avx2(boxes, planes, active) },
-            // SAFETY: a value with this path exists only where the processor was found to have these extensions.
+            // SAFETY: a value with this path exists only where the processor was found to have these
+            // extensions.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
             SimdLevel::Avx512 => unsafe { any_outside_avx512(boxes, planes, active) },
             _ => any_outside::<16>(boxes, planes, active, signs_portable),
@@ -91,7 +94,8 @@ impl Simd {
             // SAFETY: a value with this path exists only where the processor was found to have AVX2.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
             SimdLevel::Avx2 => unsafe { inside_cones_avx2(cones, eye) },
-            // SAFETY: a value with this path exists only where the processor was found to have these extensions.
+            // SAFETY: a value with this path exists only where the processor was found to have these
+            // extensions.
             #[cfg(all(target_arch = "x86_64", feature = "std"))]
             SimdLevel::Avx512 => unsafe { inside_cones_avx512(cones, eye) },
             _ => inside_cones::<16>(cones, eye, signs_portable),
@@ -138,8 +142,8 @@ fn inside_cones<const WIDTH: usize>(
     mask
 }
 
-/// The body. Works on `WIDTH` lanes at once, as many as there are registers for; `signs` turns negative numbers into a mask,
-/// which is all that compilers need help with.
+/// The body. Works on `WIDTH` lanes at once, as many as there are registers for; `signs` turns negative
+/// numbers into a mask, which is all that compilers need help with.
 #[inline(always)]
 fn any_outside<const WIDTH: usize>(
     boxes: &Boxes64,
@@ -198,7 +202,8 @@ fn signs_portable(values: &[f32; 16]) -> u64 {
     use core::arch::x86_64::{_mm_cmplt_ps, _mm_loadu_ps, _mm_movemask_ps, _mm_setzero_ps};
     let mut mask = 0;
     for (i, part) in values.as_chunks::<4>().0.iter().enumerate() {
-        // SAFETY: the program is built for processors with SSE2; the load reads the four numbers of `part` and needs no alignment.
+        // SAFETY: the program is built for processors with SSE2; the load reads the four numbers of `part`
+        // and needs no alignment.
         let bits = unsafe { _mm_movemask_ps(_mm_cmplt_ps(_mm_loadu_ps(part.as_ptr()), _mm_setzero_ps())) };
         mask |= u64::from(bits as u32) << (4 * i);
     }

@@ -33,8 +33,8 @@ impl Stamp {
         Self(next_serial())
     }
 
-    /// The stamp with a number that its owner has counted up from [`next_range`](crate::serial::next_range), whose numbers are
-    /// greater than any serial.
+    /// The stamp with a number that its owner has counted up from [`next_range`](crate::serial::next_range),
+    /// whose numbers are greater than any serial.
     pub(crate) const fn from_count(count: u64) -> Self {
         Self(count)
     }

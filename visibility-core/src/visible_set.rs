@@ -7,9 +7,10 @@ use smallvec::SmallVec;
 
 /// The objects of a scene that a view may see.
 ///
-/// It holds a mask for each node of the scene's hierarchy, so that cullers work on 64 objects at once and whole branches that are
-/// hidden are never touched. The masks belong to the layout of the scene at the time of culling: if objects come, go or are moved to
-/// another place in the hierarchy before the set is read, it counts as holding everything.
+/// It holds a mask for each node of the scene's hierarchy, so that cullers work on 64 objects at once and
+/// whole branches that are hidden are never touched. The masks belong to the layout of the scene at the time
+/// of culling: if objects come, go or are moved to another place in the hierarchy before the set is read, it
+/// counts as holding everything.
 ///
 /// Objects that are never culled are always in it, if they are on the view's layers.
 ///
@@ -29,8 +30,8 @@ use smallvec::SmallVec;
 /// ```
 #[derive(Clone, Debug)]
 pub struct VisibleSet {
-    /// By node: which lanes are in the set, or, in inner nodes, have something below them that is. The mask of a node
-    /// whose lane above is not set means nothing.
+    /// By node: which lanes are in the set, or, in inner nodes, have something below them that is. The mask
+    /// of a node whose lane above is not set means nothing.
     words: Vec<u64>,
     /// The layout of the scene that `words` belongs to.
     layout: Stamp,
@@ -53,7 +54,8 @@ struct Changes {
     /// The scene of `now`, and whether `before` is of another: then the same id names two objects.
     scene: SceneCursor,
     is_other: bool,
-    /// By index, the place in the list of the same time; means nothing where the list holds another object there.
+    /// By index, the place in the list of the same time; means nothing where the list holds another object
+    /// there.
     now_places: Vec<u32>,
     before_places: Vec<u32>,
 }
@@ -101,7 +103,8 @@ impl VisibleSet {
         Self { changes: Some(Changes::NONE), ..Self::new() }
     }
 
-    /// Makes every object on the view's layers a candidate. [`Pipeline::cull`](crate::Pipeline::cull) does this by itself.
+    /// Makes every object on the view's layers a candidate. [`Pipeline::cull`](crate::Pipeline::cull) does
+    /// this by itself.
     pub fn fill(&mut self, scene: &Scene, view: &View) {
         self.layers = view.layers();
         self.everything = true;
@@ -122,18 +125,21 @@ impl VisibleSet {
         }
     }
 
-    /// Adds what is in another set of the same scene: afterwards an object is in this set if it was in either. So the sets of two
-    /// eyes, whatever pipelines they come from, become the one that both are drawn from; it hides nothing that either eye sees.
+    /// Adds what is in another set of the same scene: afterwards an object is in this set if it was in
+    /// either. So the sets of two eyes, whatever pipelines they come from, become the one that both are
+    /// drawn from; it hides nothing that either eye sees.
     ///
-    /// A set of an earlier layout of the scene holds everything on its layers, and so then does the union. The order is dropped. Changes are told when the frame is ended by [`finish`](Self::finish), which is up to the caller.
-    /// Costs a few nanoseconds for each block of 64 objects in the sets.
+    /// A set of an earlier layout of the scene holds everything on its layers, and so then does the union.
+    /// The order is dropped. Changes are told when the frame is ended by [`finish`](Self::finish), which is
+    /// up to the caller. Costs a few nanoseconds for each block of 64 objects in the sets.
     ///
     /// ```
     /// use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet, glam::DVec3};
     /// let mut scene = Scene::new();
     /// scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [6.0, 1.0, 1.0]));
     /// let pose = |y: f64| Pose::look_at(DVec3::new(0.0, y, 0.0), DVec3::new(9.0, y, 0.0), DVec3::Z);
-    /// let eyes = [View::perspective(pose(0.03), 1.0, 1.0, 0.1, 100.0)?, View::perspective(pose(-0.03), 1.0, 1.0, 0.1, 100.0)?];
+    /// let eyes = [View::perspective(pose(0.03), 1.0, 1.0, 0.1, 100.0)?,
+    ///     View::perspective(pose(-0.03), 1.0, 1.0, 0.1, 100.0)?];
     /// // A pipeline and a set an eye, kept from frame to frame, and a set for both.
     /// let mut pipelines = [(); 2].map(|_| Pipeline::new().with(FrustumCuller::new()));
     /// let mut sets = [(); 2].map(|_| VisibleSet::new());
@@ -177,7 +183,8 @@ impl VisibleSet {
         }
     }
 
-    /// Ends a frame: notes what is visible, if changes are asked for. [`Pipeline::cull`](crate::Pipeline::cull) does this by itself.
+    /// Ends a frame: notes what is visible, if changes are asked for.
+    /// [`Pipeline::cull`](crate::Pipeline::cull) does this by itself.
     pub fn finish(&mut self, scene: &Scene) {
         let Some(mut changes) = self.changes.take() else { return };
         changes.is_other = !changes.scene.is_in(scene);
@@ -194,15 +201,16 @@ impl VisibleSet {
         self.changes = Some(changes);
     }
 
-    /// What is visible now and was not in the frame before, if the set was made [with changes](Self::with_changes).
+    /// What is visible now and was not in the frame before, if the set was made [with
+    /// changes](Self::with_changes).
     ///
     /// In the first frame of another scene, a clone included, that is everything visible.
     pub fn newly_visible(&self) -> impl Iterator<Item = ObjectId> + '_ {
         self.changes.iter().flat_map(|c| difference(&c.now, c.same_scene(&c.before), &c.before_places))
     }
 
-    /// What was visible in the frame before and is not now, if the set was made [with changes](Self::with_changes); also
-    /// what was removed from the scene meanwhile.
+    /// What was visible in the frame before and is not now, if the set was made [with
+    /// changes](Self::with_changes); also what was removed from the scene meanwhile.
     ///
     /// In the first frame of another scene that is everything visible in the scene before, by the ids of
     /// that.
@@ -251,7 +259,8 @@ impl VisibleSet {
         self.words[node] = mask;
     }
 
-    /// Ends the walk of a culler that has set the mask of every node that it reached: from now on those masks count.
+    /// Ends the walk of a culler that has set the mask of every node that it reached: from now on those masks
+    /// count.
     pub(crate) fn commit(&mut self) {
         self.everything = false;
     }
@@ -285,7 +294,8 @@ impl VisibleSet {
         self.listed.resize(scene.index_limit().div_ceil(64), 0);
     }
 
-    /// Keeps the objects for which `keep` is true: the simplest way to write a culler. Objects that are never culled are not asked for.
+    /// Keeps the objects for which `keep` is true: the simplest way to write a culler. Objects that are never
+    /// culled are not asked for.
     pub fn retain(&mut self, scene: &Scene, mut keep: impl FnMut(ObjectId, &Aabb) -> bool) -> CullStats {
         self.prepare(scene);
         let mut stats = CullStats::default();
@@ -341,9 +351,10 @@ impl VisibleSet {
         self.ordered = true;
     }
 
-    /// Keeps those objects in the set that are listed, in the order of the list, which [`iter`](Self::iter) then follows: the way of cullers
-    /// that have a budget, whose order is that of importance. Objects that are never culled stay and come first; what is listed but not in
-    /// the set stays out, and what is listed twice counts once, at its first place. Takes time in proportion to the list.
+    /// Keeps those objects in the set that are listed, in the order of the list, which [`iter`](Self::iter)
+    /// then follows: the way of cullers that have a budget, whose order is that of importance. Objects
+    /// that are never culled stay and come first; what is listed but not in the set stays out, and what
+    /// is listed twice counts once, at its first place. Takes time in proportion to the list.
     ///
     /// ```
     /// use visibility_core::{Aabb, Scene, VisibleSet};
@@ -386,8 +397,9 @@ impl VisibleSet {
         self.ordered = true;
     }
 
-    /// Gives the set an order in which the listed objects come first, after those that are never culled, and the others follow in that of the
-    /// hierarchy. Takes nothing out; what is listed but not in the set does not matter. Takes time in proportion to the set.
+    /// Gives the set an order in which the listed objects come first, after those that are never culled, and
+    /// the others follow in that of the hierarchy. Takes nothing out; what is listed but not in the set
+    /// does not matter. Takes time in proportion to the set.
     pub fn put_first(&mut self, scene: &Scene, ids: &[ObjectId]) {
         self.prepare(scene);
         self.ordered = false;
@@ -434,7 +446,8 @@ impl VisibleSet {
         leaves.map(|&leaf| u64::from(scene.lanes_on_layers(leaf as usize, self.layers).count_ones())).sum()
     }
 
-    /// Calls `each` for the objects in the set that are flagged as occluders and can be culled, in the order of the hierarchy.
+    /// Calls `each` for the objects in the set that are flagged as occluders and can be culled, in the order
+    /// of the hierarchy.
     pub fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
         let mut walk = Walk::new(self, scene, true);
         loop {
@@ -475,7 +488,8 @@ impl VisibleSet {
     }
 }
 
-/// Sets the bit of an object and those above it in masks of which all above a set bit are set. Whether it was not yet set.
+/// Sets the bit of an object and those above it in masks of which all above a set bit are set. Whether it was
+/// not yet set.
 fn add(masks: &mut [u64], tree: &Tree, leaf: usize, lane: usize) -> bool {
     let mut new = None;
     for (node, lane) in tree.path(leaf, lane) {
@@ -491,8 +505,9 @@ fn add(masks: &mut [u64], tree: &Tree, leaf: usize, lane: usize) -> bool {
     new.unwrap_or(false)
 }
 
-/// Those of `of` that are not among `others`, of which `places` says by index where to look (a sparse set: Briggs and Torczon, "An
-/// Efficient Representation for Sparse Sets", 1993). Ids are compared whole, since an index may have been used again.
+/// Those of `of` that are not among `others`, of which `places` says by index where to look (a sparse set:
+/// Briggs and Torczon, "An Efficient Representation for Sparse Sets", 1993). Ids are compared whole, since an
+/// index may have been used again.
 fn difference<'a>(
     of: &'a [ObjectId],
     others: &'a [ObjectId],
@@ -567,7 +582,8 @@ impl Iterator for Walk<'_> {
         Some(self.tree.ids[self.leaf][lane])
     }
 
-    /// As calling `next` to the end, but a leaf at a time: several times as fast, and what `for_each` and `collect` use.
+    /// As calling `next` to the end, but a leaf at a time: several times as fast, and what `for_each` and
+    /// `collect` use.
     fn fold<B, F: FnMut(B, ObjectId) -> B>(mut self, start: B, mut f: F) -> B {
         let mut result = start;
         loop {

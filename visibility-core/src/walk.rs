@@ -1,8 +1,10 @@
-//! The one walk of a frame: down a hierarchy of boxes, 64 siblings at a time, from a set of candidates to those that are left.
+//! The one walk of a frame: down a hierarchy of boxes, 64 siblings at a time, from a set of candidates to
+//! those that are left.
 //!
-//! A culler brings the test of a block of siblings; the walk brings the candidates among them and takes back a mask of those to keep. What
-//! is dropped is never looked into. The scene's own hierarchy hands out its nodes as they are, and its masks are those of the
-//! [`VisibleSet`]; any other [`BoxHierarchy`] is copied into blocks as it is walked, and its dropped objects are taken out at the end.
+//! A culler brings the test of a block of siblings; the walk brings the candidates among them and takes back
+//! a mask of those to keep. What is dropped is never looked into. The scene's own hierarchy hands out its
+//! nodes as they are, and its masks are those of the [`VisibleSet`]; any other [`BoxHierarchy`] is copied
+//! into blocks as it is walked, and its dropped objects are taken out at the end.
 
 use crate::scene::{Boxes64, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, VisibleSet};
@@ -24,8 +26,9 @@ pub enum Child {
 
 /// A hierarchy of boxes over the objects of a scene: an octree, a BSP tree, the scene's own.
 ///
-/// A box must contain everything below it. Objects that have moved since the hierarchy was brought up to date must not be listed, unless
-/// they are still within the boxes above them; what is not listed counts as visible.
+/// A box must contain everything below it. Objects that have moved since the hierarchy was brought up to date
+/// must not be listed, unless they are still within the boxes above them; what is not listed counts as
+/// visible.
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, Child};
@@ -46,12 +49,13 @@ pub trait BoxHierarchy {
     /// Calls `each` for everything directly below a node, or, for `None`, for what is at the top.
     fn for_each_child(&self, scene: &Scene, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb));
 
-    /// Whether this is the [`SceneHierarchy`], whose nodes have masks in a [`VisibleSet`]. No other hierarchy may say so.
+    /// Whether this is the [`SceneHierarchy`], whose nodes have masks in a [`VisibleSet`]. No other hierarchy
+    /// may say so.
     #[doc(hidden)]
     const IS_OF_SCENE: bool = false;
 
-    /// Calls `each` for the same children in blocks of at most 64. To be written by a hierarchy that keeps its boxes in such blocks; all
-    /// others inherit this, which copies 28 bytes a child.
+    /// Calls `each` for the same children in blocks of at most 64. To be written by a hierarchy that keeps
+    /// its boxes in such blocks; all others inherit this, which copies 28 bytes a child.
     fn for_each_block(&self, scene: &Scene, node: Option<usize>, mut each: impl FnMut(&Block<'_>))
     where
         Self: Sized,
@@ -113,7 +117,8 @@ pub struct Block<'a> {
 }
 
 enum Children<'a> {
-    /// A node of the scene's own hierarchy. What is kept beside its boxes is fetched when it is asked for: most tests need none of it.
+    /// A node of the scene's own hierarchy. What is kept beside its boxes is fetched when it is asked for:
+    /// most tests need none of it.
     Node { tree: &'a Tree, node: usize, leaf: bool },
     /// What another hierarchy has listed.
     Listed(&'a [Child]),
@@ -134,7 +139,8 @@ impl Block<'_> {
         }
     }
 
-    /// The lanes that may hold an occluder, a bit each: in a leaf of the scene's own hierarchy, the objects that are flagged as such.
+    /// The lanes that may hold an occluder, a bit each: in a leaf of the scene's own hierarchy, the objects
+    /// that are flagged as such.
     pub fn occluders(&self) -> u64 {
         match self.children {
             Children::Node { tree, node, .. } => tree.occluders[node],
@@ -152,8 +158,8 @@ impl Block<'_> {
         }
     }
 
-    /// The number of a leaf of the scene's own hierarchy and the objects in its lanes, for cullers that keep data beside the leaves; any id in
-    /// a free lane. `None` for other blocks.
+    /// The number of a leaf of the scene's own hierarchy and the objects in its lanes, for cullers that keep
+    /// data beside the leaves; any id in a free lane. `None` for other blocks.
     #[inline(always)]
     pub fn leaf(&self) -> Option<(usize, &[ObjectId; 64])> {
         match self.children {
@@ -189,7 +195,8 @@ fn first_lanes(count: usize) -> u64 {
 /// fn above(walk: &mut Walk<SceneHierarchy>, node: Option<usize>) -> bool {
 ///     walk.visit(node, |walk, block, candidates| {
 ///         let highest = &block.boxes().coordinates()[5];
-///         let mut mask = (0..64).filter(|&lane| highest[lane] > 0.0).fold(0, |mask, lane| mask | 1 << lane) & candidates;
+///         let mut mask = (0..64).filter(|&lane| highest[lane] > 0.0).fold(0, |mask,
+///             lane| mask | 1 << lane) & candidates;
 ///         for lane in 0..64 {
 ///             if let (1, Child::Node(below)) = (mask >> lane & 1, block.child(lane)) {
 ///                 mask &= !(u64::from(!above(walk, Some(below))) << lane);
@@ -199,7 +206,8 @@ fn first_lanes(count: usize) -> u64 {
 ///     })
 /// }
 /// let mut scene = Scene::new();
-/// let boxes = (0..100).map(|i| Aabb::from_arrays([i as f32, 0.0, -2.0], [i as f32, 1.0, if i < 40 { -1.0 } else { 1.0 }]));
+/// let boxes = (0..100).map(|i| Aabb::from_arrays([i as f32, 0.0, -2.0], [i as f32, 1.0,
+///     if i < 40 { -1.0 } else { 1.0 }]));
 /// scene.insert_batch(boxes);
 /// let mut visible = VisibleSet::new();
 /// let mut walk = Walk::new(&scene, &SceneHierarchy, &mut visible);
@@ -212,12 +220,14 @@ pub struct Walk<'a, H> {
     visible: &'a mut VisibleSet,
     /// Whether the set has masks of its own, as opposed to holding everything.
     is_current: bool,
-    /// The work so far. [`visit`](Self::visit) counts nodes and what is left; tests and accepted subtrees are the culler's to count.
+    /// The work so far. [`visit`](Self::visit) counts nodes and what is left; tests and accepted subtrees
+    /// are the culler's to count.
     pub stats: CullStats,
 }
 
 impl<'a, H: BoxHierarchy> Walk<'a, H> {
-    /// Begins a walk. If the layout of the scene has changed since the set was filled, everything is a candidate again.
+    /// Begins a walk. If the layout of the scene has changed since the set was filled, everything is a
+    /// candidate again.
     pub fn new(scene: &'a Scene, hierarchy: &'a H, visible: &'a mut VisibleSet) -> Self {
         visible.prepare(scene);
         if !H::IS_OF_SCENE {
@@ -232,11 +242,13 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         self.scene
     }
 
-    /// Has `test` look at the children of a node (`None`: those at the top), block by block, with the candidates among them; it returns those to
-    /// keep. To be called for every node that is kept and not [accepted](Self::accept).
+    /// Has `test` look at the children of a node (`None`: those at the top), block by block, with the
+    /// candidates among them; it returns those to keep. To be called for every node that is kept and not
+    /// [accepted](Self::accept).
     ///
-    /// Returns whether anything is left below the node, so that `test` can drop a child in which nothing is. Of other hierarchies than the
-    /// scene's own it returns true, since their nodes have no masks to save.
+    /// Returns whether anything is left below the node, so that `test` can drop a child in which nothing is.
+    /// Of other hierarchies than the scene's own it returns true, since their nodes have no masks to
+    /// save.
     #[inline(always)]
     pub fn visit(
         &mut self,
@@ -265,7 +277,8 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         any
     }
 
-    /// Keeps all candidates below a child, without a test. Whether there are any; true for other hierarchies than the scene's own.
+    /// Keeps all candidates below a child, without a test. Whether there are any; true for other hierarchies
+    /// than the scene's own.
     #[inline(always)]
     pub fn accept(&mut self, child: usize) -> bool {
         self.stats.accepted_subtrees += 1;
@@ -277,7 +290,8 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         kept != 0
     }
 
-    /// The lanes of a block of another hierarchy that are candidates: its nodes, and those of its objects that are in the set.
+    /// The lanes of a block of another hierarchy that are candidates: its nodes, and those of its objects
+    /// that are in the set.
     fn listed_candidates(&self, children: &[Child]) -> u64 {
         let is_candidate = |child: &Child| match *child {
             Child::Node(_) => true,
@@ -299,7 +313,8 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         }
     }
 
-    /// Ends the walk: what was dropped is no longer in the set. The counters, with the objects that are never culled among the visible.
+    /// Ends the walk: what was dropped is no longer in the set. The counters, with the objects that are never
+    /// culled among the visible.
     pub fn finish(mut self) -> CullStats {
         if H::IS_OF_SCENE {
             self.visible.commit();

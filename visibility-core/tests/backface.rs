@@ -1,4 +1,5 @@
-//! Backface culling against exact arithmetic: no triangle whose front an eye sees is ever in a culled cluster.
+//! Backface culling against exact arithmetic: no triangle whose front an eye sees is ever in a culled
+//! cluster.
 
 use visibility_core::backface::{
     BackfaceCuller, ConeTree, Cones, Facing, MeshError, NormalCone, cluster_mesh, facing,
@@ -94,7 +95,8 @@ fn point(rng: &mut Random, size: f64) -> Vec3 {
     rng.vector(size).as_vec3()
 }
 
-/// A patch of a bent sheet at a place and scale, in the manner of what people build: its normals lie on an arc or a cap.
+/// A patch of a bent sheet at a place and scale, in the manner of what people build: its normals lie on an
+/// arc or a cap.
 fn patch(rng: &mut Random, scale: f64, place: DVec3) -> Vec<Triangle> {
     let bend = [rng.range(-2.0, 2.0), rng.range(-2.0, 2.0) * f64::from(u8::from(rng.one_in(2)))];
     let frame = DMat3::from_cols(rng.vector(1.0), rng.vector(1.0), rng.vector(1.0));
@@ -189,8 +191,8 @@ fn at_the_limit(rng: &mut Random, cone: &NormalCone, scale: f64, place: DVec3) -
     found
 }
 
-/// Two slopes of a roof whose ridge goes through `at`, with the eye on the plane of the first, straight down its slope: there the cone has
-/// the least to spare.
+/// Two slopes of a roof whose ridge goes through `at`, with the eye on the plane of the first, straight down
+/// its slope: there the cone has the least to spare.
 fn roof(rng: &mut Random, at: DVec3, eye: DVec3, size: f64) -> [Triangle; 2] {
     let down = (eye - at).normalize();
     let ridge = down.any_orthonormal_vector();
@@ -212,7 +214,8 @@ fn eyes_that_cross_the_plane_of_a_slope_are_told_apart_in_time() {
     let mut told = 0;
     for round in 0..6000 {
         let scale = power_of_two(rng.between(-30, 30));
-        // Far from the origin, where f32 is coarse; or with the eye so far that it does not matter where the apex is.
+        // Far from the origin, where f32 is coarse; or with the eye so far that it does not matter where the
+        // apex is.
         let (place, far) = [(20, 4), (8, 24), (0, 4)][round % 3];
         let at = far_vector(&mut rng, scale, -4, place);
         let eye = at + far_vector(&mut rng, scale, -2, far);
@@ -481,8 +484,8 @@ fn clear_cases_are_decided_at_all_scales() {
             })
             .collect();
         let cone = NormalCone::from_triangles(&sheet);
-        // A hundredth of a degree from edge-on is a thousand times what rounding does at this distance from the origin; the
-        // least ellipse is a tenth of a degree.
+        // A hundredth of a degree from edge-on is a thousand times what rounding does at this distance from
+        // the origin; the least ellipse is a tenth of a degree.
         for (height, expected) in [(0.2, Facing::Front), (-0.2, Facing::Back)] {
             let eye = place + DVec3::new(5.0 * scale, 50.0 * scale, height * scale);
             assert_eq!(cone.facing(&Eye::Point(eye)), expected, "2^{exponent}");
@@ -490,7 +493,8 @@ fn clear_cases_are_decided_at_all_scales() {
     }
 }
 
-/// The point that a camera's matrix sees from, exactly, in homogeneous coordinates relative to the camera's origin: its minors.
+/// The point that a camera's matrix sees from, exactly, in homogeneous coordinates relative to the camera's
+/// origin: its minors.
 fn exact_eye(camera: &Camera) -> [Sum; 4] {
     let m = |row: usize, column: usize| vec![camera.matrix[4 * column + row]];
     let minor = |columns: [usize; 3], sign: f64| {

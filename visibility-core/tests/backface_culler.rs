@@ -1,5 +1,5 @@
-//! The backface culler in a scene that changes: what has changed since its cone was built counts as visible, and nothing whose front
-//! is seen is hidden.
+//! The backface culler in a scene that changes: what has changed since its cone was built counts as visible,
+//! and nothing whose front is seen is hidden.
 
 use visibility_core::backface::{BackfaceCuller, Facing, NormalCone, facing};
 use visibility_core::glam::{DVec3, Vec3};

@@ -1,5 +1,5 @@
-//! No object is left out whose shadow falls into a view: checked by segments from points of the view to the light, which know nothing
-//! of planes, hulls and silhouettes.
+//! No object is left out whose shadow falls into a view: checked by segments from points of the view to the
+//! light, which know nothing of planes, hulls and silhouettes.
 
 use visibility_core::glam::{DMat4, DQuat, DVec3};
 use visibility_core::{
@@ -96,7 +96,8 @@ fn random_light(rng: &mut Random, eye: &Eye) -> Light {
     }
 }
 
-/// The vector from a point to where its light comes from, or far along the way there; `None` if it is not lit.
+/// The vector from a point to where its light comes from, or far along the way there; `None` if it is not
+/// lit.
 fn ray(light: &Light, p: DVec3) -> Option<DVec3> {
     match *light {
         Light::Directional { toward_light } => Some(toward_light.normalize() * 1e4),
@@ -116,7 +117,8 @@ fn rays(rng: &mut Random, eye: &Eye, light: &Light, wanted: impl Fn(DVec3) -> bo
     points.filter_map(|p| Some((p, ray(light, p)?))).take(10_000).collect()
 }
 
-/// Whether the segment from `p` along `ray` surely meets a box: slabs (Kay and Kajiya, "Ray Tracing Complex Scenes", 1986).
+/// Whether the segment from `p` along `ray` surely meets a box: slabs (Kay and Kajiya, "Ray Tracing Complex
+/// Scenes", 1986).
 fn hits(min: DVec3, max: DVec3, p: DVec3, ray: DVec3) -> bool {
     let (mut enter, mut leave) = (0.0f64, 1.0f64);
     for axis in 0..3 {
@@ -207,7 +209,8 @@ fn no_blocker_of_ten_thousand_rays_is_left_out() {
     }
 }
 
-/// What is kept is little more than what is needed, in a scene as games have it: a plain full of houses, a camera that looks along it.
+/// What is kept is little more than what is needed, in a scene as games have it: a plain full of houses, a
+/// camera that looks along it.
 #[test]
 fn in_a_town_at_most_a_third_of_what_is_kept_is_not_needed() {
     let mut rng = Random(2);
@@ -258,7 +261,8 @@ fn in_a_town_at_most_a_third_of_what_is_kept_is_not_needed() {
     }
 }
 
-/// Points, lights and blockers with so few bits that a blocker's corner is on the segment exactly, from points exactly in view.
+/// Points, lights and blockers with so few bits that a blocker's corner is on the segment exactly, from
+/// points exactly in view.
 #[test]
 fn corners_exactly_on_segments_from_the_edges_of_the_view_are_kept() {
     let mut rng = Random(3);
@@ -327,8 +331,8 @@ fn corners_exactly_on_segments_from_the_edges_of_the_view_are_kept() {
     assert!(checked > 20_000 && culled > 10_000, "too easy: {checked} {culled}");
 }
 
-/// A light along an axis and blockers far along it: in the planes through the silhouette, that axis cancels, and what rounding leaves of
-/// it counts at these distances.
+/// A light along an axis and blockers far along it: in the planes through the silhouette, that axis cancels,
+/// and what rounding leaves of it counts at these distances.
 #[test]
 fn blockers_are_kept_however_far_along_an_axis_they_are() {
     let mut rng = Random(4);
@@ -350,7 +354,8 @@ fn blockers_are_kept_however_far_along_an_axis_they_are() {
             if !p.is_finite() || !camera.sees(p.as_dvec3()) {
                 continue;
             }
-            // Far enough for the light to come from beyond it: rounding the far end moves it along the ray only.
+            // Far enough for the light to come from beyond it: rounding the far end moves it along the ray
+            // only.
             let mut q = p;
             q[axis] += (toward_light[axis] * power_of_two(rng.between(20, 60))) as f32;
             boxes.push(Aabb::new(q, q));
@@ -367,8 +372,9 @@ fn blockers_are_kept_however_far_along_an_axis_they_are() {
     assert!(checked > 5_000, "too easy: {checked}");
 }
 
-/// The origin is exactly in an edge of the view and the light exactly along one or both of the planes that meet there; blockers are exactly
-/// on the way. All numbers are small integers and powers of two, and what rounding makes of the planes counts in the end.
+/// The origin is exactly in an edge of the view and the light exactly along one or both of the planes that
+/// meet there; blockers are exactly on the way. All numbers are small integers and powers of two, and what
+/// rounding makes of the planes counts in the end.
 #[test]
 fn blockers_are_kept_where_the_light_runs_along_planes_of_the_view() {
     let mut rng = Random(8);
@@ -392,7 +398,8 @@ fn blockers_are_kept_where_the_light_runs_along_planes_of_the_view() {
             continue;
         };
         assert!(camera.sees(DVec3::ZERO));
-        // Now and then only a thin wedge of it: planes that are nearly opposite, whose sum cancels almost wholly.
+        // Now and then only a thin wedge of it: planes that are nearly opposite, whose sum cancels almost
+        // wholly.
         let thin = integers(&mut rng, 1000) * 67108864.0 + integers(&mut rng, 1000);
         let wedge = [thin, integers(&mut rng, 3) - thin].map(|normal| Plane::new(normal, 0.0));
         let view = match view.with_clip_planes(&wedge) {
@@ -422,7 +429,8 @@ fn blockers_are_kept_where_the_light_runs_along_planes_of_the_view() {
     assert!(checked > 100_000, "too easy: {checked}");
 }
 
-/// Planes through the light, parallel to those of the view, where that has no end: otherwise a lamp behind it would keep all.
+/// Planes through the light, parallel to those of the view, where that has no end: otherwise a lamp behind it
+/// would keep all.
 #[test]
 fn a_lamp_behind_a_view_without_end_has_casters_in_a_cone() {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
@@ -438,7 +446,8 @@ fn a_lamp_behind_a_view_without_end_has_casters_in_a_cone() {
     assert_eq!(kept, [true, true, false, false, false]);
 }
 
-/// The same view in scenes and views with origins of their own, and on all instructions, has the same casters.
+/// The same view in scenes and views with origins of their own, and on all instructions, has the same
+/// casters.
 #[test]
 fn casters_are_the_same_on_all_instructions_and_wherever_the_origins_are() {
     let mut rng = Random(7);
@@ -529,7 +538,8 @@ fn the_range_of_a_light_is_a_ball_and_its_cone_a_cone() {
     assert_eq!(kept(spot(0.5)), [true, false, false, false]);
     assert_eq!(kept(spot(1.1)), [true, false, true, false]);
     assert_eq!(kept(spot(1.6)), [true, false, true, true]);
-    // Lit points at just the range, in numbers that are exact: what is there may be its own shadow's only blocker.
+    // Lit points at just the range, in numbers that are exact: what is there may be its own shadow's only
+    // blocker.
     let mut scene = Scene::new();
     let touching =
         [[3.0, 4.0, 12.0], [13.0, 0.0, 0.0], [12.0, -4.0, 3.0], [0.0, 5.0, -12.0], [-4.0, -3.0, -12.0]];

@@ -1,5 +1,5 @@
-//! Contract 1 for the frustum culler: nothing that touches the view is ever hidden, at any magnitude of coordinates and in any
-//! convention, and what is clear of it by more than rounding can reach is.
+//! Contract 1 for the frustum culler: nothing that touches the view is ever hidden, at any magnitude of
+//! coordinates and in any convention, and what is clear of it by more than rounding can reach is.
 
 use proptest::prelude::{ProptestConfig, any};
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
@@ -143,8 +143,8 @@ fn what_touches_the_view_is_visible_far_from_the_origin_of_the_world() {
     );
 }
 
-/// An eye at the origin of the scene, but far from that of the matrix: all that is large cancels, and what rounding makes of it
-/// stays. Elements of the matrix are rounded to multiples of `unit`.
+/// An eye at the origin of the scene, but far from that of the matrix: all that is large cancels, and what
+/// rounding makes of it stays. Elements of the matrix are rounded to multiples of `unit`.
 fn cancelling_camera(rng: &mut Random, distance: f64, unit: f64) -> (Camera, DMat4) {
     let depth = rng.pick(&DEPTHS);
     let (turn, eye) = (rng.vector(3.0), rng.vector(distance));
@@ -179,7 +179,8 @@ fn what_touches_the_view_is_visible_where_origins_cancel() {
     assert!(touching > 1000, "too easy: {touching}");
 }
 
-/// Multiplying a clip matrix by a number changes nothing of what is in view, even if products fall below what `f64` can hold.
+/// Multiplying a clip matrix by a number changes nothing of what is in view, even if products fall below what
+/// `f64` can hold.
 #[test]
 fn clip_matrices_of_any_magnitude_show_the_same() {
     let mut rng = Random(7);
@@ -251,7 +252,8 @@ fn boxes_that_bound_nothing_are_always_visible() {
     }
 }
 
-/// Moves a point out of a plane until it is `target` error bounds clear of it; `None` if rounding it to `f32` undoes that.
+/// Moves a point out of a plane until it is `target` error bounds clear of it; `None` if rounding it to `f32`
+/// undoes that.
 fn clear_point(rng: &mut Random, camera: &Camera, p: [f32; 3], n: DVec3, target: f64) -> Option<Aabb> {
     // The axis on which the least relative change leads away.
     let axis =
@@ -277,7 +279,8 @@ fn boxes_clear_of_a_plane_by_sixteen_error_bounds_are_hidden() {
     let mut rng = Random(11);
     let (mut total, mut close) = (0, 0);
     for case in 0..600 {
-        // Scales from 1e-15 to 1e15: the same for all of a view, or another for each box and an eye in the origin.
+        // Scales from 1e-15 to 1e15: the same for all of a view, or another for each box and an eye in the
+        // origin.
         let wild = case % 2 == 0;
         let exponent = rng.between(-50, 50);
         let depth = rng.pick(&DEPTHS);

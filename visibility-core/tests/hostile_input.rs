@@ -1,4 +1,5 @@
-//! Contract 5: no panic on any input, finite or not. Bad input is an error, or an object that is never culled.
+//! Contract 5: no panic on any input, finite or not. Bad input is an error, or an object that is never
+//! culled.
 
 use visibility_core::glam::DVec3;
 use visibility_core::{

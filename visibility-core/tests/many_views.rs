@@ -54,7 +54,8 @@ fn ids(scene: &Scene, set: &VisibleSet) -> BTreeSet<ObjectId> {
     ids
 }
 
-/// Whether a box has a point inside all planes of the list that are tested, and whether it is beyond one of them by much.
+/// Whether a box has a point inside all planes of the list that are tested, and whether it is beyond one of
+/// them by much.
 fn against(planes: &[Plane], origin: DVec3, bounds: &Aabb) -> (bool, bool) {
     let at = |plane: &Plane, p: Vec3| {
         plane.normal.normalize().dot(p.as_dvec3() - origin) + plane.offset / plane.normal.length()
@@ -128,7 +129,8 @@ fn bad_clip_planes_are_refused_by_number() {
     }
 }
 
-/// Neighbours share their planes, so a point between two faces is in both, wherever eye and scene have their origins.
+/// Neighbours share their planes, so a point between two faces is in both, wherever eye and scene have their
+/// origins.
 #[test]
 fn cube_faces_see_all_around_without_a_gap() {
     let mut rng = Random(2);
@@ -173,7 +175,8 @@ fn cube_faces_see_all_around_without_a_gap() {
     );
 }
 
-/// The table of the OpenGL specification: from the major axis, which way texture coordinates grow on each face.
+/// The table of the OpenGL specification: from the major axis, which way texture coordinates grow on each
+/// face.
 #[test]
 fn cube_faces_are_oriented_as_gpus_sample_them() {
     let faces = View::cube_faces(DVec3::ZERO, 0.1, 10.0).unwrap();

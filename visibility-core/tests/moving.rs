@@ -1,5 +1,5 @@
-//! Objects that move for long: culling stays about as cheap as after a rebuild. Judged by the counters of culling, which are the same on every
-//! machine.
+//! Objects that move for long: culling stays about as cheap as after a rebuild. Judged by the counters of
+//! culling, which are the same on every machine.
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};

@@ -1,4 +1,5 @@
-//! Contract 5: no allocation per frame once warm; and how many bytes an object takes. Counted by an allocator of our own.
+//! Contract 5: no allocation per frame once warm; and how many bytes an object takes. Counted by an allocator
+//! of our own.
 
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{

@@ -150,7 +150,8 @@ fn every_hierarchy_gives_the_same_answer() {
         let culler = OcclusionCuller::over(PlainMap::new(96, 60), Octree::new(&scene, 6));
         let mut foreign =
             Pipeline::new().with(FrustumCuller::new()).with(culler.with_selection(Selection::Interleaved));
-        // The order of adding differs, and with it which hidden objects are found; what is visible must be in all.
+        // The order of adding differs, and with it which hidden objects are found; what is visible must be in
+        // all.
         let foreign = visible(&mut foreign, &scene, &view);
         assert!(own.iter().all(|id| greene.contains(id) && foreign.contains(id)));
     }
@@ -304,7 +305,8 @@ impl QueryDevice for SimulatedCard {
     }
 }
 
-/// Culls by queries alone, each frame from the given eye. How many objects each frame reports, and whether any lacked one of V.
+/// Culls by queries alone, each frame from the given eye. How many objects each frame reports, and whether
+/// any lacked one of V.
 fn by_queries(latency: u32, late: Late, eyes: &[DVec3]) -> Vec<(usize, bool)> {
     let Street { scene, .. } = street();
     let mut culler = OcclusionCuller::new(HardwareQueries::new(SimulatedCard::new(latency), late));

@@ -6,8 +6,8 @@ use visibility_core::{Depth, Eye, View};
 use visibility_testing::Random;
 use visibility_testing::cameras::DEPTHS;
 
-/// A number as an unevaluated sum of two, good to some 100 bits: Dekker, "A Floating-Point Technique for Extending the Available
-/// Precision", 1971.
+/// A number as an unevaluated sum of two, good to some 100 bits: Dekker, "A Floating-Point Technique for
+/// Extending the Available Precision", 1971.
 #[derive(Clone, Copy, Debug)]
 struct Twice(f64, f64);
 
@@ -39,7 +39,8 @@ impl Twice {
     }
 }
 
-/// The exact value of a row of the clip matrix, given as a sum of rows times a factor, at a point relative to `origin`.
+/// The exact value of a row of the clip matrix, given as a sum of rows times a factor, at a point relative to
+/// `origin`.
 fn exact(rows: &[DVec4], factor: f64, view: &View, origin: DVec3, point: DVec3) -> Twice {
     let mut value = Twice(0.0, 0.0);
     for row in rows {
@@ -102,7 +103,8 @@ fn rows_are_within_their_error_of_the_exact_value() {
         let scale = |random: &mut Random| 10f64.powi((random.fine_unit() * 12.0) as i32 - 3);
         let vector =
             |random: &mut Random| DVec3::from_array([(); 3].map(|()| random.fine_unit() * 2.0 - 1.0));
-        // Far from the view's origin the constant rounds, far from the scene's the anchor does, and far from the eye the products do.
+        // Far from the view's origin the constant rounds, far from the scene's the anchor does, and far from
+        // the eye the products do.
         let (local, view_origin, origin, reach) = match case % 4 {
             0 => (vector(&mut random) * scale(&mut random), DVec3::ZERO, DVec3::ZERO, 0.0),
             1 => {

@@ -79,7 +79,8 @@ fn a_point_is_in_the_viewcells_that_it_is_exactly_in() {
     println!("{close} too close to tell");
 }
 
-/// Ten objects in a row in front of two rooms; the first room sees the even ones, the second all but the last.
+/// Ten objects in a row in front of two rooms; the first room sees the even ones, the second all but the
+/// last.
 fn world() -> (Scene, Vec<ObjectId>, Pvs, Viewcells) {
     let mut scene = Scene::new();
     scene.set_origin(DVec3::new(1e6, 0.0, 0.0)).unwrap();

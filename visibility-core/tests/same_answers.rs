@@ -1,12 +1,13 @@
-//! Contract 3, the same clip matrix gives the same answer with any instructions and on any platform; and that answers depend on
-//! where things are relative to each other, not on where the world has its origin.
+//! Contract 3, the same clip matrix gives the same answer with any instructions and on any platform; and that
+//! answers depend on where things are relative to each other, not on where the world has its origin.
 
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Depth, FrustumCuller, ObjectId, Pipeline, Pose, Scene, Simd, View, VisibleSet};
 use visibility_testing::cameras::{Camera, box_behind, clip_planes, power_of_two, random_camera};
 use visibility_testing::{FNV_START, Random, fnv};
 
-/// Clip matrices as an engine would pass them, column-major; written out, since trigonometry differs between platforms.
+/// Clip matrices as an engine would pass them, column-major; written out, since trigonometry differs between
+/// platforms.
 const MATRICES: [([f32; 16], Depth); 3] = [
     // Perspective from (3, -4, 2), turned on all axes, reversed infinite depth.
     (
@@ -127,8 +128,8 @@ fn all_instruction_sets_give_the_same_set_on_a_million_boxes() {
     assert!(decided >= 24, "too easy: {decided}");
 }
 
-/// A box whose deciding corner is as far outside a plane of the camera as rounding in `f32` reaches, so that it is in or out of the
-/// set by the last bit of the kernel's arithmetic.
+/// A box whose deciding corner is as far outside a plane of the camera as rounding in `f32` reaches, so that
+/// it is in or out of the set by the last bit of the kernel's arithmetic.
 fn box_at_the_limit(rng: &mut Random, camera: &Camera) -> Aabb {
     let plane = rng.pick(&[0, 1, 2, 3, 4]);
     let (n, d) = camera.coefficients(&clip_planes(camera.depth)[plane]);

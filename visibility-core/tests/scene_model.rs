@@ -21,7 +21,8 @@ struct Model {
     /// How much was found to be listed, culled and certain, to make sure that the test was one.
     listed: usize,
     hidden: usize,
-    /// Without boxes so large or so far from the rest that the bounds of whole blocks are nowhere out of view.
+    /// Without boxes so large or so far from the rest that the bounds of whole blocks are nowhere out of
+    /// view.
     calm: bool,
 }
 

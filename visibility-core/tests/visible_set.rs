@@ -419,7 +419,8 @@ fn cullers_in_a_pipeline_intersect() {
 #[test]
 fn the_accuracy_of_two_cullers_is_what_their_intersection_promises() {
     use Accuracy::*;
-    // By what each word promises: whether it never hides what is visible, and whether it never shows what is hidden.
+    // By what each word promises: whether it never hides what is visible, and whether it never shows what is
+    // hidden.
     let promises = |a| match a {
         Exact => (true, true),
         Conservative => (true, false),
@@ -430,8 +431,8 @@ fn the_accuracy_of_two_cullers_is_what_their_intersection_promises() {
     for a in all {
         assert_eq!((a.never_hides(), a.never_shows()), promises(a));
         for b in all {
-            // Sets over four objects, of which two are visible. Each result that a's and b's promises allow, intersected: the
-            // promise of both is what holds in every case.
+            // Sets over four objects, of which two are visible. Each result that a's and b's promises allow,
+            // intersected: the promise of both is what holds in every case.
             const V: u8 = 0b0011;
             let allowed = |accuracy, set: u8| {
                 let (never_hides, never_shows) = promises(accuracy);
@@ -448,7 +449,8 @@ fn the_accuracy_of_two_cullers_is_what_their_intersection_promises() {
     assert_eq!(Pipeline::new().accuracy(), Conservative);
 }
 
-/// A set goes from scene to scene, as when a level is loaded. (Scenes of the same history and size cannot be told apart.)
+/// A set goes from scene to scene, as when a level is loaded. (Scenes of the same history and size cannot be
+/// told apart.)
 #[test]
 fn a_set_of_another_scene_causes_no_panic_and_hides_nothing() {
     let mut rng = Random(8);

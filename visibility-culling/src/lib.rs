@@ -1,8 +1,8 @@
 //! Visibility culling for engines and viewers: which objects can this camera see?
 //!
-//! This crate is the family of `visibility` crates as one dependency. What every program needs is at the root: the
-//! [`Scene`], the [`View`], the [`Pipeline`] of cullers and the [`VisibleSet`] that goes through them. Each further
-//! family of cullers is a module behind a feature of the same name.
+//! This crate is the family of `visibility` crates as one dependency. What every program needs is at the
+//! root: the [`Scene`], the [`View`], the [`Pipeline`] of cullers and the [`VisibleSet`] that goes through
+//! them. Each further family of cullers is a module behind a feature of the same name.
 //!
 //! # Which culler for which scene
 //!
@@ -18,8 +18,8 @@
 //! | clusters of one-sided triangles | [`BackfaceCuller`] | | conservative | triangles |
 //! | shadow maps: what throws a shadow into the view | [`CasterCuller`] | | conservative | boxes and a light |
 //!
-//! Conservative and exact cullers never hide a visible object, whatever the rounding. `measure::Advisor` (feature
-//! `measure`) tries cullers on your own scene and says which to take.
+//! Conservative and exact cullers never hide a visible object, whatever the rounding. `measure::Advisor`
+//! (feature `measure`) tries cullers on your own scene and says which to take.
 //!
 //! # A frame
 //! ```

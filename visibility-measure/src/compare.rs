@@ -35,8 +35,8 @@ pub struct Comparison {
     pub false_hidden_objects: u32,
     /// Triangles of these objects that have a pixel.
     pub false_hidden_triangles: u32,
-    /// Objects that were not reported and show only in ties with objects that were: no error that this buffer
-    /// could tell. See [ties](crate#ties).
+    /// Objects that were not reported and show only in ties with objects that were: no error that this
+    /// buffer could tell. See [ties](crate#ties).
     pub tied_hidden_objects: u32,
     /// Pixels that show a false hidden object: drawing the reported objects alone leaves something else
     /// there, or nothing.

@@ -27,8 +27,8 @@
 //!
 //! # How it draws
 //! Both faces of every triangle, every triangle opaque, in `f64` from the view's own clip matrix:
-//! - Triangles are cut in homogeneous coordinates, before any division, so that points behind the
-//!   eye, on it, or 1e30 m away need no special cases.
+//! - Triangles are cut in homogeneous coordinates, before any division, so that points behind the eye, on it,
+//!   or 1e30 m away need no special cases.
 //! - They are filled row by row between edges, a pixel being covered when its centre is. Triangles that share
 //!   an edge compute it in the same way to the last bit, so that no pixel falls between them.
 //! - Nearest wins; of equally near triangles the first drawn. For perspective views, nearness is `1/w`; for

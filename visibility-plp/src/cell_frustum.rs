@@ -54,13 +54,13 @@ pub(crate) struct CellFrustum {
     planes: [BoundedPlane; MAX_PLANES],
     /// Number of `planes` in use.
     count: usize,
-    /// The first `side_count` planes have the eye on their inner side, so a box outside of one of them is not
-    /// on the way to anything in view. Lines of sight cross the remaining planes (near plane, portals,
-    /// mirrors) before they are in view.
+    /// The first `side_count` planes have the eye on their inner side, so a box outside of one of them is
+    /// not on the way to anything in view. Lines of sight cross the remaining planes (near plane,
+    /// portals, mirrors) before they are in view.
     side_count: usize,
-    /// Least signed distance of a face from the eye, along the face's outward normal, at which lines of sight
-    /// may leave a cell through it. Negative, to allow for rounding. In metres, or a cosine for a parallel
-    /// view.
+    /// Least signed distance of a face from the eye, along the face's outward normal, at which lines of
+    /// sight may leave a cell through it. Negative, to allow for rounding. In metres, or a cosine for a
+    /// parallel view.
     exit_margin: f64,
 }
 

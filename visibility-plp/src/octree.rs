@@ -28,7 +28,8 @@ pub struct Fineness {
     /// corners coincide (all in one of 1024 places along each side of the scene), at the last halving, and
     /// beyond 2^28 leaves.
     pub vertices: usize,
-    /// Number of times that the scene's side may be halved; more than 10 counts as 10. 0 makes a single cell.
+    /// Number of times that the scene's side may be halved; more than 10 counts as 10. 0 makes a single
+    /// cell.
     pub halvings: u32,
 }
 

@@ -17,10 +17,10 @@ pub struct Settings {
     /// Whether chains of portals that separating planes do not exclude are also tested in Pluecker space,
     /// where that decides whether a cell is seen. Sees fewer cells or the same, for somewhat more time.
     ///
-    /// Each rejection is certain: a certificate shows that no line passes certain edges of the chain clear by
-    /// the clearance. What is kept need not be visible: half-spaces with a point in common may still miss the
-    /// quadric of lines (see [`stabbing`](crate::stabbing)), and what they have in common may be too little
-    /// for `f64` to tell.
+    /// Each rejection is certain: a certificate shows that no line passes certain edges of the chain clear
+    /// by the clearance. What is kept need not be visible: half-spaces with a point in common may still
+    /// miss the quadric of lines (see [`stabbing`](crate::stabbing)), and what they have in common may
+    /// be too little for `f64` to tell.
     pub exact: bool,
 }
 

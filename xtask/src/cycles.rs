@@ -3,7 +3,8 @@
 use crate::module_tree::ModuleTree;
 use std::path::Path;
 
-/// The groups of a crate, each as the names of its files below the crate's `src` and the files that they need in the group.
+/// The groups of a crate, each as the names of its files below the crate's `src` and the files that they need
+/// in the group.
 ///
 /// # Errors
 /// The first file that cannot be read or parsed, and why.

@@ -1,4 +1,5 @@
-//! The modules of a crate as its source files declare them: what each defines, what it imports, and where a path leads.
+//! The modules of a crate as its source files declare them: what each defines, what it imports, and where a
+//! path leads.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

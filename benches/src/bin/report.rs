@@ -1,8 +1,9 @@
 //! Measures everything in one run, contenders in turns, and prints the tables of `RESULTS.md`:
 //! `cargo run --release -p visibility-benches --bin report > benches/RESULTS.md`.
 //!
-//! Numbers are ratios of medians. Each round measures every contender once, in an order of its own, so that what else the
-//! machine does hits all alike, and nobody always follows the one that leaves the caches in the worst state.
+//! Numbers are ratios of medians. Each round measures every contender once, in an order of its own, so that
+//! what else the machine does hits all alike, and nobody always follows the one that leaves the caches in the
+//! worst state.
 
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
 use std::hint::black_box;
@@ -276,7 +277,8 @@ fn drift(count: usize, percent: usize) -> Drift {
     Drift { sort, set_bounds, some, all, parry: insert.min(refit), culling }
 }
 
-/// Everything moves for a long time: what `maintain` takes, and what culling takes, as a multiple of a rebuilt scene.
+/// Everything moves for a long time: what `maintain` takes, and what culling takes, as a multiple of a
+/// rebuilt scene.
 fn moving_for_long(targets: &mut Vec<Target>) {
     println!("## Moving for long\n");
     println!(

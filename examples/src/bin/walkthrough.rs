@@ -61,8 +61,8 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     dump: Option<PathBuf>,
 
-    /// Say for every frame which stage of each culler removed this object, by its number or name, and mark it
-    /// in the pictures.
+    /// Say for every frame which stage of each culler removed this object, by its number or name, and mark
+    /// it in the pictures.
     #[arg(long, value_name = "OBJECT")]
     explain: Option<String>,
 

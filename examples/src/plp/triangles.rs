@@ -25,7 +25,8 @@ pub struct Seen {
     pub visible: Vec<(u32, u32)>,
     /// Pixels of the picture.
     pub pixels: u32,
-    /// Triangles that face the eye and meet the view volume, as far as their bounds tell, by ascending index.
+    /// Triangles that face the eye and meet the view volume, as far as their bounds tell, by ascending
+    /// index.
     pub candidates: Vec<u32>,
 }
 

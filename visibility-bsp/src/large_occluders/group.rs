@@ -24,8 +24,8 @@ pub(super) struct Group {
     pub(super) edges: Range<usize>,
     /// Indices into `Groups::faces`: twice the same for a single polygon.
     pub(super) polygons: [usize; 2],
-    /// Whether the eye sees the two polygons on opposite sides of the shared edge. If not, one folds over the
-    /// other, and they hide nothing together.
+    /// Whether the eye sees the two polygons on opposite sides of the shared edge. If not, one folds over
+    /// the other, and they hide nothing together.
     pub(super) joined: bool,
 }
 

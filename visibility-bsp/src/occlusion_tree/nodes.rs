@@ -80,8 +80,8 @@ pub(crate) struct Nodes {
     /// of `reach` for the same shadow goes on from there.
     arrivals: Vec<Task>,
     arrived: Vec<Corner>,
-    /// By shadow, the range of its fragments in `arrivals`; `None` before the first call of `reach` and after
-    /// `add`.
+    /// By shadow, the range of its fragments in `arrivals`; `None` before the first call of `reach` and
+    /// after `add`.
     reached: Vec<Option<Range<usize>>>,
 }
 

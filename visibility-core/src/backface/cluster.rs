@@ -1,9 +1,10 @@
 //! Cutting a mesh into clusters whose triangles face alike.
 //!
-//! Clustered backface culling (Johannsen and Carter, "Clustered backface culling", 1998) wants clusters of like normals that also lie
-//! together. Here the mesh is split in two again and again, each time where the two halves scatter least: in their normals,
-//! and in their places, a size of the mesh counting as much as a radian. Splits are along one of a few fixed directions, of normals or places, and never cut
-//! off less than a cluster, so that only meshes of less than 64 triangles have a cluster of less than 64.
+//! Clustered backface culling (Johannsen and Carter, "Clustered backface culling", 1998) wants clusters of
+//! like normals that also lie together. Here the mesh is split in two again and again, each time where the
+//! two halves scatter least: in their normals, and in their places, a size of the mesh counting as much as a
+//! radian. Splits are along one of a few fixed directions, of normals or places, and never cut off less than
+//! a cluster, so that only meshes of less than 64 triangles have a cluster of less than 64.
 
 use super::NormalCone;
 use crate::{Aabb, Triangle};
@@ -64,8 +65,8 @@ impl fmt::Display for MeshError {
 
 impl core::error::Error for MeshError {}
 
-/// Cuts an indexed mesh into clusters of 64 to 128 triangles with like normals, each with its bounds and its cone. Every triangle is
-/// in exactly one. The same mesh gives the same clusters on every machine.
+/// Cuts an indexed mesh into clusters of 64 to 128 triangles with like normals, each with its bounds and its
+/// cone. Every triangle is in exactly one. The same mesh gives the same clusters on every machine.
 ///
 /// Cost: some 5 microseconds a triangle.
 ///

@@ -7,14 +7,16 @@ use crate::{Aabb, Eye, Triangle};
 use alloc::vec::Vec;
 use glam::{DAffine3, DVec3};
 
-/// From where all of many triangles are seen from behind, bounded from within; and from where all are seen from the front.
+/// From where all of many triangles are seen from behind, bounded from within; and from where all are seen
+/// from the front.
 ///
-/// The cone is anchored, so that it is right for an eye at any distance, and elliptic: see the [module](crate::backface). An *open*
-/// cone decides nothing; so does every cone of triangles that face in directions which no half-space holds. 64 bytes.
+/// The cone is anchored, so that it is right for an eye at any distance, and elliptic: see the
+/// [module](crate::backface). An *open* cone decides nothing; so does every cone of triangles that face in
+/// directions which no half-space holds. 64 bytes.
 ///
 /// # Representation
-/// The eye `e` sees backs only if, with `v = e - behind` and `w = rows * v`, `w.z + |(w.x, w.y)| < 0`, by a margin
-/// that covers rounding. It sees fronts only if the same holds with `v = ahead - e`.
+/// The eye `e` sees backs only if, with `v = e - behind` and `w = rows * v`, `w.z + |(w.x, w.y)| < 0`, by a
+/// margin that covers rounding. It sees fronts only if the same holds with `v = ahead - e`.
 ///
 /// ```
 /// use visibility_core::backface::{Facing, NormalCone};
@@ -51,8 +53,8 @@ impl NormalCone {
     /// Decides nothing.
     pub const OPEN: Self = Self { rows: [[0.0; 3]; 3], behind: [0.0; 3], ahead: [0.0; 3], margin: 0.0 };
 
-    /// The cone of triangles. Triangles without area are never seen and do not count; a triangle that is not finite,
-    /// or so thin that rounding leaves its normal open, makes the cone open.
+    /// The cone of triangles. Triangles without area are never seen and do not count; a triangle that is not
+    /// finite, or so thin that rounding leaves its normal open, makes the cone open.
     ///
     /// Cost: some 0.5 microseconds a triangle.
     pub fn from_triangles<'a>(triangles: impl IntoIterator<Item = &'a Triangle>) -> Self {
@@ -144,8 +146,8 @@ impl NormalCone {
         self.facing_from_points(viewcell.corners().map(|corner| corner.as_dvec3()))
     }
 
-    /// Which side of all its triangles every eye in the convex hull of some points sees: a cone holds the hull
-    /// if it holds the points. Decides nothing without a point.
+    /// Which side of all its triangles every eye in the convex hull of some points sees: a cone holds the
+    /// hull if it holds the points. Decides nothing without a point.
     pub fn facing_from_points(&self, eyes: impl IntoIterator<Item = DVec3>) -> Facing {
         let mut all = None;
         for eye in eyes {
@@ -160,9 +162,10 @@ impl NormalCone {
 
     /// Planes to be behind of (in the apex), such that who is behind all of them is in the cone.
     fn facets(&self) -> impl Iterator<Item = Facet> {
-        // Who is behind all planes whose normals are `rows[2] + cos rows[0] + sin rows[1]`, for any angle, is in the cone, before
-        // its rows were rounded, up to `6u` of the greatest element, which is at most 16 times as long as the part of these
-        // normals along the axis: 96u, less than `SLACK`. Normals inside a polygon of normals follow from its corners.
+        // Who is behind all planes whose normals are `rows[2] + cos rows[0] + sin rows[1]`, for any angle, is
+        // in the cone, before its rows were rounded, up to `6u` of the greatest element, which is at
+        // most 16 times as long as the part of these normals along the axis: 96u, less than `SLACK`.
+        // Normals inside a polygon of normals follow from its corners.
         const COSINES: [f64; 5] =
             [1.0, 0.923_879_532_511_286_7, core::f64::consts::FRAC_1_SQRT_2, 0.382_683_432_365_089_8, 0.0];
         // A little more than one over the cosine of half the angle between corners.
@@ -179,13 +182,16 @@ impl NormalCone {
         })
     }
 
-    /// The cone of the triangles as a transform maps them, conservatively for any transform, however it scales or shears.
+    /// The cone of the triangles as a transform maps them, conservatively for any transform, however it
+    /// scales or shears.
     ///
-    /// A transform that mirrors (its determinant is negative) makes counter-clockwise triangles clockwise: their fronts, as [`Facing`](super::Facing)
-    /// defines them, are then what was inside. Engines that turn their winding rule round for mirrored objects, so that the outside stays
-    /// outside, add [`flipped`](Self::flipped). A transform that flattens, or is not finite, gives an open cone.
+    /// A transform that mirrors (its determinant is negative) makes counter-clockwise triangles clockwise:
+    /// their fronts, as [`Facing`](super::Facing) defines them, are then what was inside. Engines that
+    /// turn their winding rule round for mirrored objects, so that the outside stays outside, add
+    /// [`flipped`](Self::flipped). A transform that flattens, or is not finite, gives an open cone.
     ///
-    /// The result is some 2 % wider; transform the original each time, not the result. Cost: some 15 microseconds.
+    /// The result is some 2 % wider; transform the original each time, not the result. Cost: some 15
+    /// microseconds.
     ///
     /// ```
     /// use visibility_core::backface::{Facing, NormalCone};

@@ -60,8 +60,8 @@ impl Cones {
         self.count == 0
     }
 
-    /// Sets a bit for each cone of which the eye surely sees backs only: cone `i` in bit `i % 64` of word `i / 64`. Words beyond the
-    /// cones are zeroed; cones beyond the words are left out.
+    /// Sets a bit for each cone of which the eye surely sees backs only: cone `i` in bit `i % 64` of word `i
+    /// / 64`. Words beyond the cones are zeroed; cones beyond the words are left out.
     pub fn back_facing(&self, eye: &Eye, masks: &mut [u64]) {
         let eye = SplitEye::new(eye);
         masks.fill(0);
@@ -70,8 +70,8 @@ impl Cones {
         }
     }
 
-    /// As [`back_facing`](Self::back_facing) for every eye in a viewcell at once. An improper box sets no bit. Cost: up to
-    /// eight times that of one eye.
+    /// As [`back_facing`](Self::back_facing) for every eye in a viewcell at once. An improper box sets no
+    /// bit. Cost: up to eight times that of one eye.
     pub fn back_facing_from_aabb(&self, viewcell: &Aabb, masks: &mut [u64]) {
         masks.fill(0);
         if !viewcell.is_proper() {
@@ -90,8 +90,8 @@ impl Cones {
     }
 }
 
-/// Cones over cones, 64 below each, so that one test rejects up to thousands (Kumar, Manocha, Garrett and Lin,
-/// "Hierarchical Back-Face Computation", 1996).
+/// Cones over cones, 64 below each, so that one test rejects up to thousands (Kumar, Manocha, Garrett and
+/// Lin, "Hierarchical Back-Face Computation", 1996).
 ///
 /// Each cone above decides what all below it decide. The order of the cones is the grouping: those of
 /// [`cluster_mesh`](super::cluster_mesh) come so that neighbours face alike.
@@ -99,7 +99,8 @@ impl Cones {
 /// ```
 /// use visibility_core::backface::{ConeTree, NormalCone};
 /// use visibility_core::{glam::{DVec3, Vec3}, Eye};
-/// let floor = |x: f32| NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::X * x)]);
+/// let floor = |x: f32| NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X,
+///     Vec3::Y].map(|p| p + Vec3::X * x)]);
 /// let cones: Vec<NormalCone> = (0..100).map(|i| floor(i as f32)).collect();
 /// let tree = ConeTree::new(&cones);
 /// let mut masks = [0; 2];
@@ -140,8 +141,9 @@ impl ConeTree {
         self.len() == 0
     }
 
-    /// As [`Cones::back_facing`], with the same guarantee; a cone that is off by rounding may be decided here and not there, since
-    /// what is above it decides too. Returns the number of blocks of 64 that were tested.
+    /// As [`Cones::back_facing`], with the same guarantee; a cone that is off by rounding may be decided here
+    /// and not there, since what is above it decides too. Returns the number of blocks of 64 that were
+    /// tested.
     pub fn back_facing(&self, eye: &Eye, masks: &mut [u64]) -> u64 {
         masks.fill(0);
         if self.is_empty() {

@@ -37,7 +37,8 @@ use alloc::vec::Vec;
 /// culler.sync(&scene);
 /// let mut pipeline = Pipeline::new().with(culler);
 /// let mut visible = VisibleSet::new();
-/// let from = |x: f64| View::perspective(Pose::look_at(DVec3::X * x, DVec3::X * 5.0, DVec3::Z), 1.0, 1.0, 0.1, 100.0);
+/// let from = |x: f64| View::perspective(Pose::look_at(DVec3::X * x, DVec3::X * 5.0, DVec3::Z), 1.0,
+///     1.0, 0.1, 100.0);
 /// pipeline.cull(&scene, &from(0.0)?, &mut visible);
 /// assert!(!visible.contains(&scene, wall));
 /// pipeline.cull(&scene, &from(9.0)?, &mut visible);
@@ -53,8 +54,8 @@ pub struct BackfaceCuller {
     built: SceneCursor,
     /// Objects of all scenes that are drawn from both sides.
     two_sided: BTreeSet<ObjectId>,
-    /// Whether the culler has been in several scenes: then an object that one of them removes may still be in
-    /// another.
+    /// Whether the culler has been in several scenes: then an object that one of them removes may still be
+    /// in another.
     in_several: bool,
     /// By index of the object.
     entries: Vec<Entry>,

@@ -8,9 +8,9 @@ pub(super) const U: f64 = f64::EPSILON / 2.0;
 
 /// Which side of a triangle, or of everything that a cone stands for, an eye sees.
 ///
-/// The front is the side from which the corners `a`, `b`, `c` run counter-clockwise in a right-handed world: the one that
-/// `(b - a) x (c - a)` points to. Engines with a left-handed world, or with clockwise fronts, call the other side the front
-/// and use [`flipped`](Self::flipped).
+/// The front is the side from which the corners `a`, `b`, `c` run counter-clockwise in a right-handed world:
+/// the one that `(b - a) x (c - a)` points to. Engines with a left-handed world, or with clockwise fronts,
+/// call the other side the front and use [`flipped`](Self::flipped).
 ///
 /// ```
 /// use visibility_core::backface::Facing;
@@ -39,11 +39,12 @@ impl Facing {
 
 /// Which side of a triangle is seen from a point, or along the direction of a parallel view.
 ///
-/// Front and back are certain, whatever the rounding. The bound, with `u = 2^-53`: the sign is that of the determinant of
-/// `b - a`, `c - a` and `eye - a` (or the reversed direction), six products of three factors each. A term is rounded once in
-/// each of three differences, twice as a product, once in its component of the cross product and twice in the sum: eight
-/// times, so the error is less than `10u` of the sum of the terms' magnitudes, `10u` covering the rounding of that sum too. Products of
-/// differences of `f32` do not underflow in `f64`; that with the eye may, and then loses less than `2^-1020` in each of three.
+/// Front and back are certain, whatever the rounding. The bound, with `u = 2^-53`: the sign is that of the
+/// determinant of `b - a`, `c - a` and `eye - a` (or the reversed direction), six products of three factors
+/// each. A term is rounded once in each of three differences, twice as a product, once in its component of
+/// the cross product and twice in the sum: eight times, so the error is less than `10u` of the sum of the
+/// terms' magnitudes, `10u` covering the rounding of that sum too. Products of differences of `f32` do not
+/// underflow in `f64`; that with the eye may, and then loses less than `2^-1020` in each of three.
 ///
 /// Cost: some 14 ns.
 ///

@@ -1,12 +1,14 @@
 //! Fitting a cone to planes: the eyes behind all of them, bounded from within by an elliptic cone.
 //!
-//! An eye is behind every plane of a cluster exactly if it lies in the intersection of the half-spaces behind them.
-//! Anchored cones (Shirman and Abi-Ezzi, "The Cone of Normals Technique for Fast Processing of Curved Patches", 1993) bound that
-//! polyhedron from within by an apex behind all planes and the directions that point away from every normal. Theirs is circular;
-//! this one is elliptic, because the normals of what people build (pipes, rounded edges, window frames) are spread along arcs.
+//! An eye is behind every plane of a cluster exactly if it lies in the intersection of the half-spaces behind
+//! them. Anchored cones (Shirman and Abi-Ezzi, "The Cone of Normals Technique for Fast Processing of Curved
+//! Patches", 1993) bound that polyhedron from within by an apex behind all planes and the directions that
+//! point away from every normal. Theirs is circular; this one is elliptic, because the normals of what people
+//! build (pipes, rounded edges, window frames) are spread along arcs.
 //!
-//! The search for a good axis, ellipse and apex is in plain floating point and proves nothing. At the end everything is scaled and moved
-//! until each plane, with all that rounding may have done to it, is satisfied: that part is what answers rest upon.
+//! The search for a good axis, ellipse and apex is in plain floating point and proves nothing. At the end
+//! everything is scaled and moved until each plane, with all that rounding may have done to it, is satisfied:
+//! that part is what answers rest upon.
 
 use super::facing::U;
 use crate::Triangle;
@@ -19,8 +21,8 @@ use glam::{DVec2, DVec3};
 /// - the rounding of everything here in `f64`, less than `2^-40`.
 pub(super) const SLACK: f64 = 1.0 / 131072.0;
 
-/// Normals must have at least this much of their length along the axis: cones wider than 83 degrees cull next to nothing (0.4 % of
-/// all directions), and this bounds the rows of the matrix.
+/// Normals must have at least this much of their length along the axis: cones wider than 83 degrees cull next
+/// to nothing (0.4 % of all directions), and this bounds the rows of the matrix.
 const LEAST_COSINE: f64 = 0.12;
 
 /// The least half-axis of an ellipse, so that the slack is small beside it: 0.1 degrees.
@@ -31,7 +33,8 @@ const LEAST_AXIS: f64 = 1.0 / 512.0;
 pub(super) struct Facet {
     /// Of unit length.
     pub(super) normal: DVec3,
-    /// What must be behind the plane, and what before it, in the two apexes: for a triangle the same point of its plane.
+    /// What must be behind the plane, and what before it, in the two apexes: for a triangle the same point
+    /// of its plane.
     pub(super) points: [DVec3; 2],
     /// About the extent of what the plane stands for.
     pub(super) extent: f64,
@@ -79,8 +82,8 @@ impl Surface {
             });
             return if exact { Self::Nothing } else { Self::Unknown };
         }
-        // A component of the cross product is two products of differences: off by at most 4u of their magnitudes. Over three components
-        // that is less than 12u |p| |q|.
+        // A component of the cross product is two products of differences: off by at most 4u of their
+        // magnitudes. Over three components that is less than 12u |p| |q|.
         if 16.0 * U * size < area * (SLACK / 4.0) {
             Self::Facet(Facet { normal: cross / area, points: [a; 2], extent: p.length().max(q.length()) })
         } else {
@@ -134,8 +137,8 @@ pub(super) fn fit(facets: &[Facet], doubt: Doubt) -> Option<Fit> {
     Some(Fit { rows, behind: apex(0)?, ahead: apex(1)?, size })
 }
 
-/// The middle of the normals: about the centre of the smallest circle around them on the sphere (Badoiu and Clarkson, "Smaller
-/// Core-Sets for Balls", 2003: go towards the farthest in ever smaller steps).
+/// The middle of the normals: about the centre of the smallest circle around them on the sphere (Badoiu and
+/// Clarkson, "Smaller Core-Sets for Balls", 2003: go towards the farthest in ever smaller steps).
 fn axis(facets: &[Facet]) -> Option<DVec3> {
     let mut middle = facets.iter().map(|f| f.normal).sum::<DVec3>().try_normalize()?;
     let (mut best, mut best_cosine) = (middle, f64::NEG_INFINITY);
@@ -170,8 +173,8 @@ struct Ellipse {
 }
 
 impl Ellipse {
-    /// A small ellipse around points and what they may really be. The better of the circle around the origin and the ellipse
-    /// of least area.
+    /// A small ellipse around points and what they may really be. The better of the circle around the origin
+    /// and the ellipse of least area.
     fn around(points: &[DVec2], slack: f64) -> Option<Self> {
         let circle = Self { center: DVec2::ZERO, direction: DVec2::X, axes: [1.0; 2] }.grown(points, slack);
         let ellipse = Self::least(points).grown(points, slack);
@@ -180,8 +183,8 @@ impl Ellipse {
         (best.axes[0].max(best.axes[1]) + best.center.length() < 15.0).then_some(best)
     }
 
-    /// About the ellipse of least area, but for its size: weights that grow where points are far out (Titterington, "Estimation of
-    /// Correlation Coefficients by Ellipsoidal Trimming", 1978).
+    /// About the ellipse of least area, but for its size: weights that grow where points are far out
+    /// (Titterington, "Estimation of Correlation Coefficients by Ellipsoidal Trimming", 1978).
     fn least(points: &[DVec2]) -> Self {
         let mut weights = alloc::vec![1.0 / points.len() as f64; points.len()];
         let mut moments = Moments::of(points, &weights);
@@ -198,7 +201,8 @@ impl Ellipse {
             moments = Moments::of(points, &weights);
         }
         let Moments { mean, xx, xy, yy } = moments;
-        // Eigenvectors of the covariance without trigonometry: that of the greater eigenvalue is the longer row.
+        // Eigenvectors of the covariance without trigonometry: that of the greater eigenvalue is the longer
+        // row.
         let (middle, half) = ((xx + yy) * 0.5, (xx - yy) * 0.5);
         let radius = DVec2::new(half, xy).length();
         let (one, two) = (DVec2::new(half + radius, xy), DVec2::new(xy, radius - half));
@@ -209,8 +213,9 @@ impl Ellipse {
 
     /// Scaled so that it contains all points and what they may really be.
     ///
-    /// A unit normal with `c = (1 + |p|^2)^-1/2` of its length along the axis, projected to `p`, that is off by `slack` is projected to within
-    /// `slack (1 + |p|) / (c - slack)` of `p`. With `c > 0.12` and `slack <= 1/64` this is less than `2 slack (1 + |p|^2)`.
+    /// A unit normal with `c = (1 + |p|^2)^-1/2` of its length along the axis, projected to `p`, that is off
+    /// by `slack` is projected to within `slack (1 + |p|) / (c - slack)` of `p`. With `c > 0.12` and
+    /// `slack <= 1/64` this is less than `2 slack (1 + |p|^2)`.
     fn grown(mut self, points: &[DVec2], slack: f64) -> Self {
         let far = |e: &Self, p: DVec2| {
             let d = p - e.center;
@@ -226,7 +231,8 @@ impl Ellipse {
         self
     }
 
-    /// Grows with the share of directions that the cone culls: the mean over the ellipse's directions of one minus the sine.
+    /// Grows with the share of directions that the cone culls: the mean over the ellipse's directions of one
+    /// minus the sine.
     fn share(&self) -> f64 {
         // Quarter circle, by symmetry; cosines of odd multiples of 9 degrees.
         const COSINES: [f64; 5] = [0.9877, 0.8910, core::f64::consts::FRAC_1_SQRT_2, 0.4540, 0.1564];
@@ -268,7 +274,8 @@ impl Moments {
     }
 }
 
-/// The search for a point behind all planes (side 0) or before all of them (side 1), as near to them as possible.
+/// The search for a point behind all planes (side 0) or before all of them (side 1), as near to them as
+/// possible.
 struct Apex<'a> {
     facets: &'a [Facet],
     doubt: Doubt,
@@ -280,7 +287,8 @@ struct Apex<'a> {
 }
 
 impl Apex<'_> {
-    /// How far a point must be moved along [`down`](Self::down) to be on the right side of all planes: a convex function of the point.
+    /// How far a point must be moved along [`down`](Self::down) to be on the right side of all planes: a
+    /// convex function of the point.
     fn depth(&self, p: DVec3, doubt: Doubt) -> f64 {
         let sign = if self.side == 0 { 1.0 } else { -1.0 };
         let mut depth = f64::NEG_INFINITY;

@@ -4,8 +4,8 @@ use crate::view::ViewProjection;
 use crate::{Eye, View};
 use glam::DVec3;
 
-/// An eye in two `f32`, so that its difference to an apex loses nothing where coordinates are great; or minus the
-/// direction of a parallel view, in the same way.
+/// An eye in two `f32`, so that its difference to an apex loses nothing where coordinates are great; or minus
+/// the direction of a parallel view, in the same way.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SplitEye {
     high: [f32; 3],
@@ -38,7 +38,8 @@ impl SplitEye {
         Self { high: high.to_array(), low: low.to_array(), weight, blur: blur.next_up() }
     }
 
-    /// The eye of a view relative to `origin`, or `None` where rounding leaves open whether it is a point, or where.
+    /// The eye of a view relative to `origin`, or `None` where rounding leaves open whether it is a point, or
+    /// where.
     pub(crate) fn of_view(view: &View, origin: DVec3) -> Option<Self> {
         let projection = ViewProjection::new(view, origin);
         let error = projection.eye_error();
@@ -54,21 +55,25 @@ pub(crate) const NUMBERS: usize = 13;
 
 /// Negative for each cone that surely holds the eye, the same on all paths.
 ///
-/// With `v` the eye less the apex and `w = rows * v`, the cone holds the eye if `w.z + |(w.x, w.y)| <= 0`, for `rows` before they were
-/// rounded. Let `u = 2^-24`, `s` the greatest element of `rows`, `S` the sum of the magnitudes in `v`, `E` that in the eye. Then
+/// With `v` the eye less the apex and `w = rows * v`, the cone holds the eye if `w.z + |(w.x, w.y)| <= 0`,
+/// for `rows` before they were rounded. Let `u = 2^-24`, `s` the greatest element of `rows`, `S` the sum of
+/// the magnitudes in `v`, `E` that in the eye. Then
 ///
-/// - a component of `v` is two roundings off, `2u |v|` and `u |low| <= u^2 E`, and what two `f32` cannot hold of the eye, `u^2 E`;
-/// - a component of `w` is off by `3u` for the rounding of its products and sums, `u` for that of `rows` and `2u` for that of `v`,
-///   each of `s S`, and by `2u^2 s E`: less than `6.1 u s S + 2.1 u^2 s E`;
-/// - `w.z + |(w.x, w.y)|` by `1 + 2^1/2` times that, less than `15u s S + 6u^2 s E`. The margin is `32u s (S + 2u E)`: its own
-///   rounding is a millionth of it.
+/// - a component of `v` is two roundings off, `2u |v|` and `u |low| <= u^2 E`, and what two `f32` cannot hold
+///   of the eye, `u^2 E`;
+/// - a component of `w` is off by `3u` for the rounding of its products and sums, `u` for that of `rows` and
+///   `2u` for that of `v`, each of `s S`, and by `2u^2 s E`: less than `6.1 u s S + 2.1 u^2 s E`;
+/// - `w.z + |(w.x, w.y)|` by `1 + 2^1/2` times that, less than `15u s S + 6u^2 s E`. The margin is `32u s (S
+///   + 2u E)`: its own rounding is a millionth of it.
 /// - An eye off by `r` moves it by less than `4.2 s r`; the blur holds `5 r / 32u`.
-/// - Flushed denormals take `2^-126` from components of `v`, which is `2^-123 s` in the end; the blur's `2^-100` gives `2^-119 s`. They
-///   take as much from products: less than `2^-122`, without the factor `s`, and nothing next to `2^-50`, on which more below.
-/// - Comparing squares instead: five more roundings, for which 16u are there. Squares of what exceeds `2^-50` are well above denormals
-///   (those of smaller components may be flushed: `2^-126` next to `2^-100`), and, with `2^-122` as above, `4u` of either side
-///   of the comparison remain, at least `2^-74`.
-/// - An overflow is infinite or NaN, on either side of either comparison, and then decides nothing or what is true anyway.
+/// - Flushed denormals take `2^-126` from components of `v`, which is `2^-123 s` in the end; the blur's
+///   `2^-100` gives `2^-119 s`. They take as much from products: less than `2^-122`, without the factor `s`,
+///   and nothing next to `2^-50`, on which more below.
+/// - Comparing squares instead: five more roundings, for which 16u are there. Squares of what exceeds `2^-50`
+///   are well above denormals (those of smaller components may be flushed: `2^-126` next to `2^-100`), and,
+///   with `2^-122` as above, `4u` of either side of the comparison remain, at least `2^-74`.
+/// - An overflow is infinite or NaN, on either side of either comparison, and then decides nothing or what is
+///   true anyway.
 #[inline(always)]
 pub(crate) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &SplitEye) -> [f32; WIDTH] {
     let [xx, xy, xz, yx, yy, yz, zx, zy, zz, ax, ay, az, margin] = cones;

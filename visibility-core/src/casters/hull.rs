@@ -1,20 +1,24 @@
-//! The planes around a convex volume and a light: what bounds all segments from points of the volume to the light.
+//! The planes around a convex volume and a light: what bounds all segments from points of the volume to the
+//! light.
 //!
-//! Let the volume be where all planes `A . p >= 0` (homogeneous: `A . p` stands for `normal . p + offset`; for a light at infinity,
-//! `A . L` for `normal . direction`). A plane bounds the hull of volume and light if both are on its inner side. Such are
+//! Let the volume be where all planes `A . p >= 0` (homogeneous: `A . p` stands for `normal . p + offset`;
+//! for a light at infinity, `A . L` for `normal . direction`). A plane bounds the hull of volume and light if
+//! both are on its inner side. Such are
 //!
 //! - the planes of the volume with the light on the inner side, `A . L >= 0`, and
-//! - for each of these and each `B` with `B . L < 0`, the plane `C = (-B . L) A + (A . L) B`. As a sum of `A` and `B` with weights that are not
-//!   negative, it has the whole volume on its inner side, and `C . L = 0`: it goes through the light and the edge in which `A` and `B`
-//!   meet, the silhouette of the volume as the light sees it.
+//! - for each of these and each `B` with `B . L < 0`, the plane `C = (-B . L) A + (A . L) B`. As a sum of `A`
+//!   and `B` with weights that are not negative, it has the whole volume on its inner side, and `C . L = 0`:
+//!   it goes through the light and the edge in which `A` and `B` meet, the silhouette of the volume as the
+//!   light sees it.
 //!
-//! No other planes are needed (one step of the double description method: Motzkin, Raiffa, Thompson and Thrall, "The Double Description
-//! Method", 1953). Of the pairs, those that meet in no edge give planes that are valid and only add nothing, so neither vertices
-//! nor edges need to be found, and no special case exists: volumes without end, lights in, behind or on a plane of the volume, cameras
-//! of any kind are all one. Leaving planes out can only keep more.
+//! No other planes are needed (one step of the double description method: Motzkin, Raiffa, Thompson and
+//! Thrall, "The Double Description Method", 1953). Of the pairs, those that meet in no edge give planes that
+//! are valid and only add nothing, so neither vertices nor edges need to be found, and no special case
+//! exists: volumes without end, lights in, behind or on a plane of the volume, cameras of any kind are all
+//! one. Leaving planes out can only keep more.
 //!
-//! A volume without end is also bounded by the plane at infinity, normal 0 and offset 1, which a light at a finite place is inside of; its
-//! pair with `B` is the plane through the light parallel to `B`.
+//! A volume without end is also bounded by the plane at infinity, normal 0 and offset 1, which a light at a
+//! finite place is inside of; its pair with `B` is the plane through the light parallel to `B`.
 
 use crate::Plane;
 use crate::view::ViewPlane;
@@ -60,9 +64,10 @@ impl Source {
         let ViewPlane { plane, error: offset_error } = *view_plane;
         // Exact planes have normals within 8 epsilon of these.
         let normal_error = plane.normal.abs() * (8.0 * EPSILON);
-        // The light is rounded by half an epsilon when it is made relative to the scene; products and sums are rounded as in
-        // `Plane::error_bound`, by 3 epsilon. With the 8 of the normal that is 12 of the magnitudes; 16 also cover
-        // that bound itself and what is done with it: `toward` below rounds each of them three times.
+        // The light is rounded by half an epsilon when it is made relative to the scene; products and sums
+        // are rounded as in `Plane::error_bound`, by 3 epsilon. With the 8 of the normal that is 12
+        // of the magnitudes; 16 also cover that bound itself and what is done with it: `toward` below
+        // rounds each of them three times.
         let (distance, size, shift) = match *self {
             Self::Direction(d) => {
                 (Plane::new(plane.normal, 0.0).signed_distance(d), plane.normal.abs().dot(d.abs()), 0.0)
@@ -100,12 +105,13 @@ impl Facet {
         self.slot <= FAR && self.slot ^ 1 == other.slot
     }
 
-    /// The plane through the light and the edge between `self`, which the light is inside of, and `other`, which it is not surely inside of.
+    /// The plane through the light and the edge between `self`, which the light is inside of, and `other`,
+    /// which it is not surely inside of.
     ///
-    /// The weights are rounded so that the exact planes, taken with these very weights, have the light on the inner side of their sum:
-    /// with `a >= error(B) - B.L` and `b <= A.L - error(A)` and the exact values `A.L >= b`, `B.L >= -a`,
-    /// `a (A . L) + b (B . L) >= a b - b a = 0`. So the sum is a valid plane whatever the errors are, and where the light is nearly on
-    /// `other`, it is nearly that plane.
+    /// The weights are rounded so that the exact planes, taken with these very weights, have the light on the
+    /// inner side of their sum: with `a >= error(B) - B.L` and `b <= A.L - error(A)` and the exact values
+    /// `A.L >= b`, `B.L >= -a`, `a (A . L) + b (B . L) >= a b - b a = 0`. So the sum is a valid plane
+    /// whatever the errors are, and where the light is nearly on `other`, it is nearly that plane.
     fn toward(&self, other: &Self) -> RoundedPlane {
         let (a, b) = (other.error - other.distance, self.distance - self.error);
         let scale = a.max(b);
@@ -114,7 +120,8 @@ impl Facet {
         let (p, q) = (&self.plane, &other.plane);
         let normal = p.plane.normal * a + q.plane.normal * b;
         let offset = p.plane.offset * a + q.plane.offset * b;
-        // Two roundings each on top of what the planes bring along; components that cancel keep the errors of what they were.
+        // Two roundings each on top of what the planes bring along; components that cancel keep the errors of
+        // what they were.
         let size = p.plane.normal.abs() * a + q.plane.normal.abs() * b;
         let offset_size = p.plane.offset.abs() * a + q.plane.offset.abs() * b;
         RoundedPlane {
@@ -126,8 +133,9 @@ impl Facet {
 }
 
 impl RoundedPlane {
-    /// The plane with unit normal and all errors in the offset, for points with coordinates of at most `reach`: an error `e` of the
-    /// normal's x moves the plane by at most `e reach.x` there. `None` if nothing is left of it.
+    /// The plane with unit normal and all errors in the offset, for points with coordinates of at most
+    /// `reach`: an error `e` of the normal's x moves the plane by at most `e reach.x` there. `None` if
+    /// nothing is left of it.
     fn settle(&self, reach: DVec3) -> Option<ViewPlane> {
         let length = self.plane.normal.length();
         // Below, squares underflow: opposite planes of a volume without volume.
@@ -145,8 +153,8 @@ impl RoundedPlane {
     }
 }
 
-/// Adds the planes around a volume, given by its planes with their slots (opposite ones differ in the last bit and are below 6), and
-/// a light. They are valid for points with coordinates of at most `reach`.
+/// Adds the planes around a volume, given by its planes with their slots (opposite ones differ in the last
+/// bit and are below 6), and a light. They are valid for points with coordinates of at most `reach`.
 pub(super) fn push_hull<'a>(
     out: &mut HullPlanes,
     volume: impl Iterator<Item = (u8, &'a ViewPlane)>,
@@ -176,11 +184,13 @@ fn push(out: &mut HullPlanes, plane: &RoundedPlane, reach: DVec3) {
     }
 }
 
-/// Adds the planes around the cone of a spot light that are left when it is replaced by a pyramid with eight sides, 8 % wider in all.
+/// Adds the planes around the cone of a spot light that are left when it is replaced by a pyramid with eight
+/// sides, 8 % wider in all.
 ///
-/// The planes go through the light, touching the cone along eight sides; for half angle `t`, axis `s` and a unit vector `e` across it,
-/// the inner normal is `s tan t - e`. Vectors are unit and orthogonal to within 8 epsilon, the tangent is off by a few units in its last
-/// place: each component of the normal is within `32 epsilon (1 + tan t)` of a plane that holds the cone.
+/// The planes go through the light, touching the cone along eight sides; for half angle `t`, axis `s` and a
+/// unit vector `e` across it, the inner normal is `s tan t - e`. Vectors are unit and orthogonal to within 8
+/// epsilon, the tangent is off by a few units in its last place: each component of the normal is within `32
+/// epsilon (1 + tan t)` of a plane that holds the cone.
 pub(super) fn push_cone(out: &mut HullPlanes, light: DVec3, axis: DVec3, tangent: f64, reach: DVec3) {
     use core::f64::consts::FRAC_1_SQRT_2 as D;
     let Some(axis) = (axis / axis.abs().max_element()).try_normalize() else { return };
@@ -194,7 +204,8 @@ pub(super) fn push_cone(out: &mut HullPlanes, light: DVec3, axis: DVec3, tangent
 /// Adds the half-space on the side of `normal` of a plane through `point`.
 fn push_through(out: &mut HullPlanes, point: DVec3, normal: DVec3, normal_error: f64, reach: DVec3) {
     let size = normal.abs().dot(point.abs());
-    // Errors of the normal turn the plane about the point; its own rounding and that of the products shift it.
+    // Errors of the normal turn the plane about the point; its own rounding and that of the products shift
+    // it.
     let offset_error = normal_error * (point.abs().element_sum()) + 4.0 * EPSILON * size;
     let plane = Plane::new(normal, -normal.dot(point));
     push(out, &RoundedPlane { plane, normal_error: DVec3::splat(normal_error), offset_error }, reach);

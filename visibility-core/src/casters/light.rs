@@ -3,8 +3,8 @@
 use core::fmt;
 use glam::DVec3;
 
-/// A light, in world coordinates: `f64`, metres, like the origins of [`View`](crate::View) and [`Scene`](crate::Scene), whose difference is
-/// taken before anything is rounded.
+/// A light, in world coordinates: `f64`, metres, like the origins of [`View`](crate::View) and
+/// [`Scene`](crate::Scene), whose difference is taken before anything is rounded.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, CasterCuller, Light, LightError};
@@ -33,8 +33,8 @@ pub enum Light {
         position: DVec3,
         /// Axis of the cone, away from the light. Any length but zero.
         direction: DVec3,
-        /// Angle in radians between the axis and the side of the cone, more than 0 and at most pi. From pi/2 on, the
-        /// cone is not convex and bounds nothing.
+        /// Angle in radians between the axis and the side of the cone, more than 0 and at most pi. From pi/2
+        /// on, the cone is not convex and bounds nothing.
         half_angle: f64,
         /// What is farther away is neither lit nor casts a shadow. May be infinite.
         range: f64,

@@ -1,10 +1,12 @@
 //! Shadow casters: objects whose shadow may reach a view, though they themselves may be outside it.
 //!
-//! A shadow that falls on a point of the view is cast by something on the segment from that point to the light. So all casters meet
-//! the convex hull of the view's volume and the light; for the sun, the volume swept towards it. What lies outside a plane of that
-//! hull need not be drawn into the shadow map. (Williams, "Casting Curved Shadows on Curved Surfaces", 1978, draws casters from the
-//! light; that those needed lie in the hull of view and light is folklore of the shadow volume literature, e.g. Bittner, Mattausch,
-//! Silvennoinen and Wimmer, "Shadow Caster Culling for Efficient Shadow Mapping", 2011, who go on to cull those whose receivers are hidden.)
+//! A shadow that falls on a point of the view is cast by something on the segment from that point to the
+//! light. So all casters meet the convex hull of the view's volume and the light; for the sun, the volume
+//! swept towards it. What lies outside a plane of that hull need not be drawn into the shadow map. (Williams,
+//! "Casting Curved Shadows on Curved Surfaces", 1978, draws casters from the light; that those needed lie in
+//! the hull of view and light is folklore of the shadow volume literature, e.g. Bittner, Mattausch,
+//! Silvennoinen and Wimmer, "Shadow Caster Culling for Efficient Shadow Mapping", 2011, who go on to cull
+//! those whose receivers are hidden.)
 
 mod hull;
 mod light;
@@ -17,20 +19,24 @@ use crate::{Aabb, Accuracy, CullStats, Culler, Plane, Scene, Simd, View, Visible
 use glam::DVec3;
 use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 
-/// Removes objects whose shadow from one light can reach no point that a view shows. Conservative with respect to these: none whose shadow
-/// may come into view is removed, though one that is itself in view may be.
+/// Removes objects whose shadow from one light can reach no point that a view shows. Conservative with
+/// respect to these: none whose shadow may come into view is removed, though one that is itself in view may
+/// be.
 ///
-/// It is the first stage of the pipeline that finds what to draw into the light's shadow map: a [`FrustumCuller`](crate::FrustumCuller) has no place
-/// there, for casters may be outside the view. The view is the camera's, or one shadow cascade's part of it; candidates are
-/// the objects on its layers, so give it, by [`View::with_layers`], those of what casts shadows.
+/// It is the first stage of the pipeline that finds what to draw into the light's shadow map: a
+/// [`FrustumCuller`](crate::FrustumCuller) has no place there, for casters may be outside the view. The view
+/// is the camera's, or one shadow cascade's part of it; candidates are the objects on its layers, so give it,
+/// by [`View::with_layers`], those of what casts shadows.
 ///
-/// For lights with a range, also what is farther from the light is removed; for spot lights what is outside the cone, taken as
-/// a pyramid with eight sides. With [receivers](Self::with_receivers), also what shadows none of them.
+/// For lights with a range, also what is farther from the light is removed; for spot lights what is outside
+/// the cone, taken as a pyramid with eight sides. With [receivers](Self::with_receivers), also what shadows
+/// none of them.
 ///
 /// # Cost
-/// A walk of the hierarchy as the [`FrustumCuller`](crate::FrustumCuller)'s, against 8 to 12 planes in place of 6; a second walk of what is left for
-/// spot lights and for receivers; 5 ns for each object that is left of a light with a range. Among 100 thousand objects, where the
-/// frustum of a camera takes 7 us, the sun takes 8 to 13 and a lamp 8 to 11.
+/// A walk of the hierarchy as the [`FrustumCuller`](crate::FrustumCuller)'s, against 8 to 12 planes in place
+/// of 6; a second walk of what is left for spot lights and for receivers; 5 ns for each object that is left
+/// of a light with a range. Among 100 thousand objects, where the frustum of a camera takes 7 us, the sun
+/// takes 8 to 13 and a lamp 8 to 11.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, CasterCuller, Light, Pipeline, Pose, Scene, View, VisibleSet};
@@ -73,9 +79,9 @@ impl CasterCuller {
         Self { simd, ..self }
     }
 
-    /// The same, wanting only shadows on receivers within a box relative to the scene's origin: the bounds of all that receives
-    /// shadows, or of what the view shows of it. It matters most where the view has no end and the sun is low. A box that is not
-    /// finite bounds nothing.
+    /// The same, wanting only shadows on receivers within a box relative to the scene's origin: the bounds of
+    /// all that receives shadows, or of what the view shows of it. It matters most where the view has no
+    /// end and the sun is low. A box that is not finite bounds nothing.
     pub fn with_receivers(self, receivers: Aabb) -> Self {
         Self { receivers: receivers.is_finite().then_some(receivers), ..self }
     }
@@ -179,9 +185,9 @@ fn sides(bounds: &Aabb) -> [ViewPlane; 6] {
 
 /// Whether a box may come within `range` of the light: true unless it surely does not.
 ///
-/// The light is off by half an epsilon of its own size on each axis, and so is each difference; a square doubles what is relative and
-/// sums add as much again. The slack of 16 epsilon of each, where all are positive, is several times that. Overflow is
-/// infinite on the left only if the box is that far.
+/// The light is off by half an epsilon of its own size on each axis, and so is each difference; a square
+/// doubles what is relative and sums add as much again. The slack of 16 epsilon of each, where all are
+/// positive, is several times that. Overflow is infinite on the left only if the box is that far.
 fn is_within(bounds: &Aabb, light: DVec3, range: f64) -> bool {
     let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
     let slack = light.abs() * (4.0 * f64::EPSILON);

@@ -68,7 +68,8 @@ impl fmt::Display for PolygonError {
 impl core::error::Error for PolygonError {}
 
 impl ConvexPolygon {
-    /// How far a vertex may be off the plane, and a corner turn the wrong way, relative to the polygon's size.
+    /// How far a vertex may be off the plane, and a corner turn the wrong way, relative to the polygon's
+    /// size.
     pub const TOLERANCE: f64 = 1e-6;
 
     /// Checks that the vertices, in order around the boundary, are finite, planar and convex up to
@@ -176,7 +177,8 @@ impl ConvexPolygon {
                 (Containment::Inside, Containment::Outside) | (Containment::Outside, Containment::Inside)
             );
             if crosses {
-                // Always from the inner to the outer end, so that both neighbours of an edge cut it in the same point.
+                // Always from the inner to the outer end, so that both neighbours of an edge cut it in the
+                // same point.
                 let (inner, outer) = if a_side == Containment::Inside { (a, b) } else { (b, a) };
                 let (di, d_o) = (plane.signed_distance(inner), plane.signed_distance(outer));
                 out.vertices.push(inner + (outer - inner) * (di / (di - d_o)));

@@ -28,8 +28,10 @@ pub use sphere::Sphere;
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, Containment, Plane};
 /// let floor = Plane::new(DVec3::Z, 0.0); // keeps z >= 0
-/// assert_eq!(floor.classify_aabb(&Aabb::from_arrays([0.0, 0.0, 1.0], [1.0, 1.0, 2.0])), Containment::Inside);
-/// assert_eq!(floor.classify_aabb(&Aabb::from_arrays([0.0, 0.0, -1.0], [1.0, 1.0, 2.0])), Containment::Crossing);
+/// assert_eq!(floor.classify_aabb(&Aabb::from_arrays([0.0, 0.0, 1.0], [1.0, 1.0, 2.0])),
+///     Containment::Inside);
+/// assert_eq!(floor.classify_aabb(&Aabb::from_arrays([0.0, 0.0, -1.0], [1.0, 1.0, 2.0])),
+///     Containment::Crossing);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum Containment {

@@ -46,7 +46,8 @@ impl Plane {
     }
 
     /// The same half-space with a normal of unit length, or `None` where the normal is zero or not finite,
-    /// or the plane farther than `f64` reaches. Survives any magnitude: the normal is scaled before it is squared.
+    /// or the plane farther than `f64` reaches. Survives any magnitude: the normal is scaled before it is
+    /// squared.
     pub fn normalized(&self) -> Option<Self> {
         let scale = self.normal.abs().max_element();
         if !(scale > 0.0 && scale.is_finite()) {
@@ -108,7 +109,8 @@ impl Plane {
         self.decide(distance - reach, distance + reach, error)
     }
 
-    /// The verdict on a range of distances with an error; comparisons with NaN are false, so NaN is `Crossing`.
+    /// The verdict on a range of distances with an error; comparisons with NaN are false, so NaN is
+    /// `Crossing`.
     fn decide(&self, least: f64, greatest: f64, error: f64) -> Containment {
         if greatest < -error {
             Containment::Outside

@@ -1,9 +1,11 @@
 //! On which side of a plane a point or a polygon lies, decided only where rounding leaves no doubt.
 //!
-//! What divides space by planes (BSP trees, occlusion trees, shadow frusta) asks one question over and over: front, back, or too close to
-//! tell. Two forms of it are here. [`SidePlane`] takes the coefficients of a plane as given and adds a margin that holds for all points of
-//! some extent, cut points included. [`orientation`] takes three points instead, so that the rounding of the plane itself is in the bound
-//! (after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997: the filter of its `orient3d`).
+//! What divides space by planes (BSP trees, occlusion trees, shadow frusta) asks one question over and over:
+//! front, back, or too close to tell. Two forms of it are here. [`SidePlane`] takes the coefficients of a
+//! plane as given and adds a margin that holds for all points of some extent, cut points included.
+//! [`orientation`] takes three points instead, so that the rounding of the plane itself is in the bound
+//! (after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates",
+//! 1997: the filter of its `orient3d`).
 
 use super::Plane;
 use glam::DVec3;
@@ -71,8 +73,9 @@ pub enum PolygonSide {
     Across,
 }
 
-/// A plane and how far from it a point must be for its side to be sure: wide enough for points that were themselves computed by
-/// [`crossing`](Self::crossing), so that what was cut along a plane is never cut along it again.
+/// A plane and how far from it a point must be for its side to be sure: wide enough for points that were
+/// themselves computed by [`crossing`](Self::crossing), so that what was cut along a plane is never cut along
+/// it again.
 ///
 /// ```
 /// use visibility_core::{Plane, Side, SidePlane, glam::DVec3};
@@ -93,11 +96,13 @@ pub struct SidePlane {
 impl SidePlane {
     /// A plane for points whose coordinates are at most `magnitude` on each axis, in absolute value.
     ///
-    /// With `E` the [bound](Plane::error_bound) on the error of a signed distance at that magnitude, the margin is `8 E`:
+    /// With `E` the [bound](Plane::error_bound) on the error of a signed distance at that magnitude, the
+    /// margin is `8 E`:
     /// - a signed distance is computed with an error of at most `E`;
-    /// - a cut point is `a + (b - a) t` with `t = da / (da - db)`. Errors of `E` in `da` and `db` move it by at most `2 E` along the normal, the
-    ///   rounding of the quotient, the product and the sum of each coordinate by `6 u` of the coordinates, which is `E` once more. So a
-    ///   cut point is found within `4 E` of the plane that it was cut by;
+    /// - a cut point is `a + (b - a) t` with `t = da / (da - db)`. Errors of `E` in `da` and `db` move it by
+    ///   at most `2 E` along the normal, the rounding of the quotient, the product and the sum of each
+    ///   coordinate by `6 u` of the coordinates, which is `E` once more. So a cut point is found within `4 E`
+    ///   of the plane that it was cut by;
     /// - the rest, `4 E`, is for a second plane through the same polygon, computed from other vertices of it.
     pub fn new(plane: Plane, magnitude: DVec3) -> Self {
         Self { plane, margin: 8.0 * plane.error_bound(magnitude) }
@@ -109,7 +114,8 @@ impl SidePlane {
         Side::of(self.plane.signed_distance(p), self.margin)
     }
 
-    /// Where a polygon lies; `On` without points. One that reaches no farther than the margin to one side goes whole to the other.
+    /// Where a polygon lies; `On` without points. One that reaches no farther than the margin to one side
+    /// goes whole to the other.
     #[inline]
     pub fn side_of_polygon(&self, points: &[DVec3]) -> PolygonSide {
         let (mut least, mut greatest) = (0.0f64, 0.0f64);
@@ -126,24 +132,28 @@ impl SidePlane {
         }
     }
 
-    /// Where the plane cuts the segment between two points that lie on different sides of it: the same point, to the last bit, whichever
-    /// end comes first and whichever way the plane faces, so that two polygons that share an edge are cut without a crack.
+    /// Where the plane cuts the segment between two points that lie on different sides of it: the same point,
+    /// to the last bit, whichever end comes first and whichever way the plane faces, so that two polygons
+    /// that share an edge are cut without a crack.
     #[inline]
     pub fn crossing(&self, a: DVec3, b: DVec3) -> DVec3 {
         let (a, b) = if (a.x, a.y, a.z) <= (b.x, b.y, b.z) { (a, b) } else { (b, a) };
         let (da, db) = (self.plane.signed_distance(a), self.plane.signed_distance(b));
         let point = a + (b - a) * (da / (da - db));
-        // Rounding must not carry it beyond the segment's own box, nor a quotient of two zeros into the polygon.
+        // Rounding must not carry it beyond the segment's own box, nor a quotient of two zeros into the
+        // polygon.
         if point.is_nan() { a } else { point.clamp(a.min(b), a.max(b)) }
     }
 }
 
-/// On which side of the plane through `a`, `b` and `c` the point `p` lies; in front is the side from which the three are seen in
-/// counter-clockwise order. `On` where rounding could have decided, which includes three points (almost) on a line.
+/// On which side of the plane through `a`, `b` and `c` the point `p` lies; in front is the side from which
+/// the three are seen in counter-clockwise order. `On` where rounding could have decided, which includes
+/// three points (almost) on a line.
 ///
-/// The determinant of the differences to `p` is a sum of six products of three. Each difference is rounded once, each product of two
-/// differences once and the difference of two such products once, the product with the third and the two sums once more each: 3 + 1 + 1 +
-/// 1 + 2 roundings, `8u` of the sum of magnitudes, of which `10u` are taken to cover second-order terms and the rounding of the bound itself. Underflow
+/// The determinant of the differences to `p` is a sum of six products of three. Each difference is rounded
+/// once, each product of two differences once and the difference of two such products once, the product with
+/// the third and the two sums once more each: 3 + 1 + 1 + 1 + 2 roundings, `8u` of the sum of magnitudes, of
+/// which `10u` are taken to cover second-order terms and the rounding of the bound itself. Underflow
 /// of a product loses at most the least normal number, times the differences it is multiplied by.
 pub fn orientation(a: DVec3, b: DVec3, c: DVec3, p: DVec3) -> Side {
     let (a, b, c) = (a - p, b - p, c - p);

@@ -1,7 +1,9 @@
-//! The driver: chooses occluders, walks a hierarchy of boxes from front to back, and leaves out what a map says is hidden.
+//! The driver: chooses occluders, walks a hierarchy of boxes from front to back, and leaves out what a map
+//! says is hidden.
 //!
-//! A node that is hidden prunes all below it; one that nothing can hide is taken whole; only what lies between is looked into
-//! (Cohen-Or et al., "A Survey of Visibility for Walkthrough Applications", 2003, section 6: all image-space methods "place a hierarchy on the scene").
+//! A node that is hidden prunes all below it; one that nothing can hide is taken whole; only what lies
+//! between is looked into (Cohen-Or et al., "A Survey of Visibility for Walkthrough Applications", 2003,
+//! section 6: all image-space methods "place a hierarchy on the scene").
 
 use super::selection::{Candidate, choose, distance_key, is_whole};
 use super::{Occlusion, OcclusionMap, Selection};
@@ -13,11 +15,13 @@ use smallvec::SmallVec;
 
 /// Culls what a map finds hidden behind the scene's occluders.
 ///
-/// Occluders are the objects that are flagged as such and have a mesh ([`Scene::set_mesh`], [`Scene::prepare_occluders`]). Put it after
-/// the frustum in a pipeline: only what is still in the set is chosen from, and tested.
+/// Occluders are the objects that are flagged as such and have a mesh ([`Scene::set_mesh`],
+/// [`Scene::prepare_occluders`]). Put it after the frustum in a pipeline: only what is still in the set is
+/// chosen from, and tested.
 ///
 /// ```
-/// # use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Accuracy, Occlusion, OccluderMesh, OcclusionMap, View};
+/// # use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Accuracy, Occlusion, OccluderMesh,
+/// #     OcclusionMap, View};
 /// # struct Blank;
 /// # impl OcclusionMap for Blank {
 /// #     fn name(&self) -> &str { "blank" }
@@ -72,7 +76,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         Self { selection, ..self }
     }
 
-    /// Adds no more than so many triangles of occluders a frame, as the map [counts](OcclusionMap::cost) them.
+    /// Adds no more than so many triangles of occluders a frame, as the map [counts](OcclusionMap::cost)
+    /// them.
     pub fn with_budget(self, triangles: usize) -> Self {
         Self { budget: triangles, ..self }
     }
@@ -111,7 +116,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         }
     }
 
-    /// Fills the map with the first of the candidates. One that does not fit is passed over, since a smaller one after it may.
+    /// Fills the map with the first of the candidates. One that does not fit is passed over, since a smaller
+    /// one after it may.
     fn add_in_order(&mut self, scene: &Scene, cuts: &ViewPlanes, visible: &VisibleSet) {
         let mut left = self.budget;
         for id in visible.iter(scene) {
@@ -220,7 +226,8 @@ impl<M: OcclusionMap> Frame<'_, M> {
         })
     }
 
-    /// Adds the occluders among the visible objects of a block, nearest first, while the budget lasts. Whether there was any.
+    /// Adds the occluders among the visible objects of a block, nearest first, while the budget lasts.
+    /// Whether there was any.
     fn add_seen(&mut self, scene: &Scene, block: &Block<'_>, mask: u64) -> bool {
         let before = self.left;
         for lane in nearest_first(&self.eye, block.boxes(), mask & block.occluders()) {

@@ -1,7 +1,7 @@
 //! Occluders as meshes: welded, with the edges that join their triangles.
 //!
-//! What an occluder hides is bounded by its contour, and the contour is made of those edges that do not join two drawn triangles. So
-//! adjacency is found once, when the mesh is made.
+//! What an occluder hides is bounded by its contour, and the contour is made of those edges that do not join
+//! two drawn triangles. So adjacency is found once, when the mesh is made.
 
 use crate::geometry::orientation;
 use crate::{Aabb, Side};
@@ -64,8 +64,9 @@ impl core::error::Error for MeshError {}
 
 /// A triangle mesh that hides what is behind it.
 ///
-/// Counter-clockwise is the front. Only front faces hide unless the mesh is [two-sided](Self::with_two_sided): the inside of an open
-/// mesh seen from behind is not there, as with backface culling.
+/// Counter-clockwise is the front. Only front faces hide unless the mesh is
+/// [two-sided](Self::with_two_sided): the inside of an open mesh seen from behind is not there, as with
+/// backface culling.
 ///
 /// ```
 /// use visibility_core::{Aabb, OccluderMesh};
@@ -96,7 +97,8 @@ pub struct OccluderMesh {
 }
 
 impl OccluderMesh {
-    /// The triangles of a box by the numbers of its [corners](Aabb::corners), two for each face, counter-clockwise from outside.
+    /// The triangles of a box by the numbers of its [corners](Aabb::corners), two for each face,
+    /// counter-clockwise from outside.
     pub const CUBOID: [[u32; 3]; 12] = [
         [0, 2, 3],
         [0, 3, 1],
@@ -112,7 +114,8 @@ impl OccluderMesh {
         [1, 7, 5],
     ];
 
-    /// From triangles with areas, by welded vertices, without looking for parts. `None` if there is no triangle.
+    /// From triangles with areas, by welded vertices, without looking for parts. `None` if there is no
+    /// triangle.
     pub(super) fn whole(positions: &[Vec3], triangles: Vec<[u32; 3]>) -> Option<Self> {
         if triangles.is_empty() {
             return None;
@@ -168,8 +171,9 @@ impl OccluderMesh {
         mesh
     }
 
-    /// The convex solids that the mesh falls apart into, and last what remains of it, if anything does; none if it is of one piece. Together
-    /// they hide what it hides, and often more cheaply: a table is five boxes.
+    /// The convex solids that the mesh falls apart into, and last what remains of it, if anything does; none
+    /// if it is of one piece. Together they hide what it hides, and often more cheaply: a table is five
+    /// boxes.
     ///
     /// ```
     /// use visibility_core::{Aabb, OccluderMesh, Triangle};
@@ -207,8 +211,8 @@ impl OccluderMesh {
         &self.triangles
     }
 
-    /// All edges, each once. One that more than two triangles share, or two that go through it in the same direction, is listed once for
-    /// each of these triangles, with nothing on its right.
+    /// All edges, each once. One that more than two triangles share, or two that go through it in the same
+    /// direction, is listed once for each of these triangles, with nothing on its right.
     pub fn edges(&self) -> &[Edge] {
         &self.edges
     }
@@ -248,8 +252,8 @@ impl OccluderMesh {
         fnv(self.fingerprint, self.two_sided.into())
     }
 
-    /// About the area that it shows to an eye in the given unit direction, seen from there: exact for boxes along the axes, up to
-    /// 1.7 times too large for others, and blind to parts that cover each other.
+    /// About the area that it shows to an eye in the given unit direction, seen from there: exact for boxes
+    /// along the axes, up to 1.7 times too large for others, and blind to parts that cover each other.
     pub fn area_towards(&self, direction: Vec3) -> f32 {
         let d = direction.to_array();
         let part = |axis: usize| {

@@ -7,8 +7,9 @@ use alloc::vec::Vec;
 use glam::{DVec3, Vec3};
 
 impl OccluderMesh {
-    /// From an indexed mesh. Vertices at the same place (bit for bit, zeros of either sign) become one; triangles without area, or
-    /// with a vertex twice, are left out. A box along the axes gets its vertices and triangles in the order of [`cuboid`](Self::cuboid).
+    /// From an indexed mesh. Vertices at the same place (bit for bit, zeros of either sign) become one;
+    /// triangles without area, or with a vertex twice, are left out. A box along the axes gets its
+    /// vertices and triangles in the order of [`cuboid`](Self::cuboid).
     ///
     /// # Errors
     /// All of [`MeshError`].
@@ -51,7 +52,8 @@ impl OccluderMesh {
     /// A box, closed and convex.
     ///
     /// # Errors
-    /// [`MeshError::NonFinite`], and [`MeshError::Empty`] for a box that is flat in more than one direction or inverted.
+    /// [`MeshError::NonFinite`], and [`MeshError::Empty`] for a box that is flat in more than one direction
+    /// or inverted.
     pub fn cuboid(bounds: &Aabb) -> Result<Self, MeshError> {
         if !bounds.is_proper() {
             return Err(MeshError::Empty);

@@ -1,8 +1,10 @@
-//! The occlusion seam: something that occluders are added to and boxes are tested against, and the one driver that uses it.
+//! The occlusion seam: something that occluders are added to and boxes are tested against, and the one driver
+//! that uses it.
 //!
-//! A z-pyramid, an opacity map, an occlusion tree, a set of shadow frusta and a graphics card's own queries have this much in common
-//! (Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, sections 5 and 6). Each implements [`OcclusionMap`]; [`OcclusionCuller`] chooses occluders,
-//! walks the hierarchy and prunes.
+//! A z-pyramid, an opacity map, an occlusion tree, a set of shadow frusta and a graphics card's own queries
+//! have this much in common (Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough
+//! Applications", 2003, sections 5 and 6). Each implements [`OcclusionMap`]; [`OcclusionCuller`] chooses
+//! occluders, walks the hierarchy and prunes.
 
 mod culler;
 mod mesh;
@@ -55,11 +57,13 @@ pub struct Occlusion64 {
 
 /// Something that occluders are added to and boxes are tested against.
 ///
-/// A frame calls [`begin`](Self::begin), then [`add`](Self::add) any number of times and [`flush`](Self::flush), after which
-/// [`test`](Self::test) takes into account what was added; more may be added and flushed later in the frame.
+/// A frame calls [`begin`](Self::begin), then [`add`](Self::add) any number of times and
+/// [`flush`](Self::flush), after which [`test`](Self::test) takes into account what was added; more may be
+/// added and flushed later in the frame.
 ///
 /// ```
-/// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Accuracy, Occlusion, OccluderMesh, OcclusionMap, View};
+/// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Accuracy, Occlusion, OccluderMesh,
+///     OcclusionMap, View};
 /// /// A map that knows nothing, and so hides nothing.
 /// struct Blank;
 /// impl OcclusionMap for Blank {
@@ -78,15 +82,16 @@ pub trait OcclusionMap {
     /// What its answers promise of the boxes that they hide.
     fn accuracy(&self) -> Accuracy;
 
-    /// Empties the map for a frame. What is added and tested from here on is relative to `origin`, that of the scene.
+    /// Empties the map for a frame. What is added and tested from here on is relative to `origin`, that of
+    /// the scene.
     fn begin(&mut self, view: &View, origin: DVec3);
 
-    /// Adds an occluder, placed by `transform` in scene coordinates. A transform that mirrors turns the order of corners round; the front
-    /// stays the front.
+    /// Adds an occluder, placed by `transform` in scene coordinates. A transform that mirrors turns the order
+    /// of corners round; the front stays the front.
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A);
 
-    /// What adding an occluder costs at most, in triangles: what a [budget](OcclusionCuller::with_budget) is spent on. A map that draws some
-    /// meshes otherwise than triangle by triangle says so here.
+    /// What adding an occluder costs at most, in triangles: what a [budget](OcclusionCuller::with_budget) is
+    /// spent on. A map that draws some meshes otherwise than triangle by triangle says so here.
     fn cost(&self, occluder: &OccluderMesh) -> usize {
         occluder.triangles().len()
     }
@@ -94,8 +99,9 @@ pub trait OcclusionMap {
     /// Makes what was added so far count.
     fn flush(&mut self);
 
-    /// What the map says of a box. One that reaches the eye or the near plane is at least [`Occlusion::Partial`], so that what lies
-    /// inside it is looked at; an improper one is [`Occlusion::Visible`].
+    /// What the map says of a box. One that reaches the eye or the near plane is at least
+    /// [`Occlusion::Partial`], so that what lies inside it is looked at; an improper one is
+    /// [`Occlusion::Visible`].
     fn test(&self, bounds: &Aabb) -> Occlusion;
 
     /// What the map says of those of 64 boxes that are set in `candidates`; other lanes are in neither mask.

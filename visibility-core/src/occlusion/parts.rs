@@ -1,8 +1,9 @@
 //! Meshes that fall apart into convex solids, such as furniture and buildings made of boxes.
 //!
-//! A convex solid is drawn by its outline alone, and one solid's outline takes nothing away from another behind it. So solids
-//! are found once, when a mesh is made: first boxes listed in one run, as most tools write them, since boxes that touch share edges and cannot
-//! be told apart by these; then whatever is joined along edges to a convex whole.
+//! A convex solid is drawn by its outline alone, and one solid's outline takes nothing away from another
+//! behind it. So solids are found once, when a mesh is made: first boxes listed in one run, as most tools
+//! write them, since boxes that touch share edges and cannot be told apart by these; then whatever is joined
+//! along edges to a convex whole.
 
 use super::mesh::{OccluderMesh, join};
 use alloc::vec::Vec;

@@ -13,7 +13,8 @@ use alloc::vec::Vec;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Preparation {
-    /// Triangles whose height over their longest side is less than this share of it are slivers, and left out: they cover no pixel whole.
+    /// Triangles whose height over their longest side is less than this share of it are slivers, and left
+    /// out: they cover no pixel whole.
     pub sliver: f32,
     /// Triangles with less than this share of the area of the mesh's largest are left out.
     pub least_area: f32,
@@ -27,8 +28,8 @@ impl Default for Preparation {
     }
 }
 
-/// An occluder from triangles, or nothing if nothing worth adding remains. Triangles that are not finite are left out. Leaving triangles
-/// out is safe: an occluder with holes hides less.
+/// An occluder from triangles, or nothing if nothing worth adding remains. Triangles that are not finite are
+/// left out. Leaving triangles out is safe: an occluder with holes hides less.
 pub fn prepare(triangles: &[Triangle], preparation: &Preparation) -> Option<OccluderMesh> {
     let measured = |t: &Triangle| {
         let [a, b, c] = t.map(|p| p.as_dvec3());
@@ -51,9 +52,10 @@ pub fn prepare(triangles: &[Triangle], preparation: &Preparation) -> Option<Occl
 }
 
 impl Scene {
-    /// Makes an occluder of every object that is flagged as one, has triangles, and has no mesh yet. For loading time, and for what does not
-    /// move: whoever moves such an object gives its mesh the [transform](Scene::set_mesh) too. Other
-    /// [triangles](Scene::set_triangles) take the mesh away, until the next call. Returns how many were made.
+    /// Makes an occluder of every object that is flagged as one, has triangles, and has no mesh yet. For
+    /// loading time, and for what does not move: whoever moves such an object gives its mesh the
+    /// [transform](Scene::set_mesh) too. Other [triangles](Scene::set_triangles) take the mesh away,
+    /// until the next call. Returns how many were made.
     pub fn prepare_occluders(&mut self, preparation: &Preparation) -> usize {
         let ids: Vec<_> = self.ids().collect();
         let mut made = 0;

@@ -1,7 +1,9 @@
 //! An engine's own occlusion queries as a map: the graphics card answers, some frames late.
 //!
-//! The card compares boxes with the depth buffer that it has drawn (Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, sections 6.4 and 6.5: the HP
-//! occlusion-culling test, and Meissner et al.). Asking and waiting would stall it, so answers are taken when they come.
+//! The card compares boxes with the depth buffer that it has drawn (Cohen-Or, Chrysanthou, Silva and Durand,
+//! "A Survey of Visibility for Walkthrough Applications", 2003, sections 6.4 and 6.5: the HP
+//! occlusion-culling test, and Meissner et al.). Asking and waiting would stall it, so answers are taken when
+//! they come.
 
 use super::mesh::fnv;
 use super::{OccluderMesh, Occlusion, OcclusionMap};
@@ -23,7 +25,8 @@ use hashbrown::HashMap;
 /// }
 /// ```
 pub trait QueryDevice {
-    /// Issues a query, never about a box that reaches the near plane: is any sample of this box, relative to the scene's origin, in front of what has been drawn this frame?
+    /// Issues a query, never about a box that reaches the near plane: is any sample of this box, relative to
+    /// the scene's origin, in front of what has been drawn this frame?
     fn ask(&mut self, query: u64, bounds: &Aabb);
 
     /// Hands over the answers that have come since the last call: the query, and whether any sample passed.
@@ -42,8 +45,9 @@ pub trait QueryDevice {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Late {
-    /// They count as visible, unless neither the view nor the occluders have changed since. Nothing ever pops; a still camera culls all, a
-    /// moving one nothing, since answers come a frame late at the earliest.
+    /// They count as visible, unless neither the view nor the occluders have changed since. Nothing ever
+    /// pops; a still camera culls all, a moving one nothing, since answers come a frame late at the
+    /// earliest.
     Visible,
     /// They are believed for so many frames: what comes into view may pop in that much late.
     Trusted {
@@ -64,8 +68,9 @@ impl Late {
 
 /// A map that asks a device, and takes boxes for visible until it answers.
 ///
-/// A box is known again by its coordinates: one that moves is a new question. What the picture cannot show (a box between samples of
-/// the device) counts as hidden, so the promise of the map is relative to the picture's own resolution.
+/// A box is known again by its coordinates: one that moves is a new question. What the picture cannot show (a
+/// box between samples of the device) counts as hidden, so the promise of the map is relative to the
+/// picture's own resolution.
 ///
 /// ```
 /// use visibility_core::{HardwareQueries, Late, OcclusionCuller};
@@ -117,7 +122,8 @@ struct Question {
     answer: Option<(u64, bool)>,
 }
 
-/// A box that was not asked about for so many frames is forgotten: its object has moved on, or the device has lost the query.
+/// A box that was not asked about for so many frames is forgotten: its object has moved on, or the device has
+/// lost the query.
 const FORGET: u64 = 64;
 
 impl<D: QueryDevice> HardwareQueries<D> {
@@ -132,8 +138,9 @@ impl<D: QueryDevice> HardwareQueries<D> {
         &mut self.state.get_mut().device
     }
 
-    /// Says that the device's depth buffer will hold something else than in the frame before, for reasons that the map cannot see: the engine
-    /// draws occluders of its own. What is answered about earlier frames no longer counts.
+    /// Says that the device's depth buffer will hold something else than in the frame before, for reasons
+    /// that the map cannot see: the engine draws occluders of its own. What is answered about earlier
+    /// frames no longer counts.
     pub fn invalidate(&mut self) {
         self.view = None;
     }
@@ -234,7 +241,8 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
         if !bounds.is_finite() {
             return Occlusion::Visible;
         }
-        // A box that reaches the near plane is clipped when it is drawn, and what is left of it may lie behind walls that it is not behind.
+        // A box that reaches the near plane is clipped when it is drawn, and what is left of it may lie
+        // behind walls that it is not behind.
         let surely_before = |plane: &ViewPlane| plane.plane.classify_aabb(bounds) == Containment::Inside;
         if !self.near.is_some_and(|near| surely_before(&near)) {
             return Occlusion::Partial;

@@ -13,22 +13,26 @@ use glam::{Affine3A, Vec3};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Selection {
-    /// Those among the candidates that fill most of the view: by `-A (N . V) / |D|^2`, area facing the eye over squared distance
-    /// (Coorg and Teller, "Real-Time Occlusion Culling for Models with Large Occluders", 1997), nearest first.
+    /// Those among the candidates that fill most of the view: by `-A (N . V) / |D|^2`, area facing the eye
+    /// over squared distance (Coorg and Teller, "Real-Time Occlusion Culling for Models with Large
+    /// Occluders", 1997), nearest first.
     #[default]
     SolidAngle,
-    /// First those that were visible in the frame before, since what hides now most likely hid then, and as far as the budget lasts the
-    /// others; both by solid angle.
+    /// First those that were visible in the frame before, since what hides now most likely hid then, and as
+    /// far as the budget lasts the others; both by solid angle.
     LastVisible,
-    /// The nearest, whatever their size (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997): for
-    /// small budgets, and for maps whose estimate of depth suffers from occluders far away.
+    /// The nearest, whatever their size (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using
+    /// Hierarchical Occlusion Maps", 1997): for small budgets, and for maps whose estimate of depth
+    /// suffers from occluders far away.
     Nearest,
-    /// Each occluder as it is found visible on the way from front to back (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility",
-    /// 1993): nothing hidden is ever added, and all that could be is, up to the budget.
+    /// Each occluder as it is found visible on the way from front to back (Greene, Kass and Miller,
+    /// "Hierarchical Z-Buffer Visibility", 1993): nothing hidden is ever added, and all that could be is,
+    /// up to the budget.
     Interleaved,
-    /// In the order of the set that the stage before left, as far as the budget lasts: prioritized-layered projection, say, as the one who
-    /// knows what is most likely seen (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000,
-    /// section 6, extension 1). A set without an order is in that of the hierarchy.
+    /// In the order of the set that the stage before left, as far as the budget lasts: prioritized-layered
+    /// projection, say, as the one who knows what is most likely seen (Klosowski and Silva, "The
+    /// Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000, section 6, extension
+    /// 1). A set without an order is in that of the hierarchy.
     Ordered,
 }
 
@@ -38,13 +42,15 @@ pub(super) fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) 
     let (direction, distance_squared) = match eye {
         Eye::Point(eye) => {
             let d = eye.as_vec3() - center;
-            // No nearer than its own size: the formula is for occluders that are small from where they are seen.
+            // No nearer than its own size: the formula is for occluders that are small from where they are
+            // seen.
             let size = mesh.bounds().half_extent().length_squared().max(f32::MIN_POSITIVE);
             (d.normalize_or_zero(), d.length_squared().max(size))
         }
         Eye::Direction(along) => (-along.as_vec3(), 1.0),
     };
-    // The areas are those of the untransformed mesh: turn the direction back instead, and scale by how areas scale.
+    // The areas are those of the untransformed mesh: turn the direction back instead, and scale by how areas
+    // scale.
     let inverse = transform.matrix3.inverse();
     let scale = transform.matrix3.determinant().abs();
     let turned: Vec3 = (inverse * glam::Vec3A::from(direction)).into();
@@ -52,7 +58,8 @@ pub(super) fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) 
     if area.is_finite() { area / distance_squared } else { 0.0 }
 }
 
-/// Whether an occluder lies surely inside all of the view's own clip planes: what they cut away is not drawn, and must not hide.
+/// Whether an occluder lies surely inside all of the view's own clip planes: what they cut away is not drawn,
+/// and must not hide.
 pub(super) fn is_whole(mesh: &OccluderMesh, transform: &Affine3A, cuts: &ViewPlanes) -> bool {
     let corner = |p: Vec3| transform.transform_point3(p).as_dvec3();
     cuts.as_slice().iter().all(|cut| {
@@ -106,8 +113,8 @@ impl Candidate {
     }
 }
 
-/// Keeps those that were seen and then those that cover most, or the nearest, within a budget of triangles, nearest first. One that does
-/// not fit is passed over, since a smaller one behind it may.
+/// Keeps those that were seen and then those that cover most, or the nearest, within a budget of triangles,
+/// nearest first. One that does not fit is passed over, since a smaller one behind it may.
 pub(super) fn choose(candidates: &mut Vec<Candidate>, budget: usize, nearest: bool) {
     candidates.retain(|candidate| candidate.angle > 0.0);
     let best_first = |a: &Candidate, b: &Candidate| {
@@ -126,8 +133,9 @@ pub(super) fn choose(candidates: &mut Vec<Candidate>, budget: usize, nearest: bo
 /// So few are put in order at once.
 const FEW: usize = 16;
 
-/// Moves to the front those that fit into what is left of a budget, taken one after another in an order; returns how many. Those that surely
-/// all fit, or surely none, are not put in order: most of a large scene's occluders are on one side or the other.
+/// Moves to the front those that fit into what is left of a budget, taken one after another in an order;
+/// returns how many. Those that surely all fit, or surely none, are not put in order: most of a large scene's
+/// occluders are on one side or the other.
 fn take(
     candidates: &mut [Candidate],
     left: &mut usize,

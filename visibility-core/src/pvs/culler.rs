@@ -74,13 +74,16 @@ impl ScenePvs {
 /// one that the sets were made for, a clone of it included, everything is seen.
 ///
 /// ```
-/// use visibility_core::{Aabb, Pipeline, Pose, Pvs, PvsCuller, PvsTargets, Scene, ScenePvs, View, Viewcell, Viewcells, VisibleSet};
+/// use visibility_core::{Aabb, Pipeline, Pose, Pvs, PvsCuller, PvsTargets, Scene, ScenePvs, View,
+///     Viewcell, Viewcells, VisibleSet};
 /// use visibility_core::glam::DVec3;
 /// let mut scene = Scene::new();
-/// let [here, there] = [5.0, 15.0].map(|x| scene.insert(Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0])));
+/// let [here, there] = [5.0, 15.0].map(|x| scene.insert(Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0,
+///     1.0, 1.0])));
 /// // From the first room only the first object is seen.
 /// let pvs = Pvs::new(PvsTargets::Objects, 2, &[vec![0], vec![0, 1]], |_| [])?;
-/// let rooms = [0.0, 10.0].map(|x| Viewcell::from_box(DVec3::new(x, -5.0, -5.0), DVec3::new(x + 10.0, 5.0, 5.0)));
+/// let rooms = [0.0, 10.0].map(|x| Viewcell::from_box(DVec3::new(x, -5.0, -5.0), DVec3::new(x + 10.0,
+///     5.0, 5.0)));
 /// let shared = ScenePvs::new(&scene, pvs, Viewcells::new(rooms), [(here, 0), (there, 1)]);
 /// let mut pipeline = Pipeline::new().with(PvsCuller::new(std::sync::Arc::new(shared)));
 /// let pose = Pose::look_at(DVec3::new(1.0, 0.5, 0.5), DVec3::new(9.0, 0.5, 0.5), DVec3::Z);

@@ -3,8 +3,8 @@
 
 use crate::Aabb;
 
-/// Least x, y, z and greatest x, y, z of 64 boxes, a lane each. A free lane holds [`Aabb::EMPTY`], which leaves
-/// the hull of the others as it is.
+/// Least x, y, z and greatest x, y, z of 64 boxes, a lane each. A free lane holds [`Aabb::EMPTY`], which
+/// leaves the hull of the others as it is.
 ///
 /// ```
 /// # use visibility_core::{Aabb, Boxes64};

@@ -1,5 +1,5 @@
-//! Building the hierarchy from nothing: objects are sorted along a space-filling curve and cut into nodes of 64, and so are
-//! the nodes, level by level (Kamel and Faloutsos, "On Packing R-trees", 1993).
+//! Building the hierarchy from nothing: objects are sorted along a space-filling curve and cut into nodes of
+//! 64, and so are the nodes, level by level (Kamel and Faloutsos, "On Packing R-trees", 1993).
 
 use super::boxes64::{Boxes64, lanes};
 use super::curve::Curve;
@@ -7,8 +7,8 @@ use super::tree::{Payload, Slot, Tree, UNCULLED};
 use crate::{Aabb, ObjectId};
 use alloc::vec::Vec;
 
-/// An object on its way into the tree. Two of them fill a cache line and none straddles one, since sorting reads them in
-/// no order.
+/// An object on its way into the tree. Two of them fill a cache line and none straddles one, since sorting
+/// reads them in no order.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Entry {
@@ -35,7 +35,8 @@ impl Entry {
     }
 }
 
-/// Sorts keys of 64 bits: spreads them over buckets by their highest bits, and sorts what fits in a near cache.
+/// Sorts keys of 64 bits: spreads them over buckets by their highest bits, and sorts what fits in a near
+/// cache.
 fn sorted(keys: impl ExactSizeIterator<Item = u64>) -> Vec<u64> {
     const BITS: u32 = 10;
     let bucket = |key: u64| (key >> (u64::BITS - BITS)) as usize;
@@ -88,8 +89,8 @@ impl Tree {
 
     fn fill(&mut self, objects: &[Entry], generations: &[u32]) {
         let curve = Curve::through(objects.iter().map(|entry| entry.bounds.center()), objects.len());
-        // Place and number in one word, so that sorting is as fast as it gets. What the number takes from the place is not
-        // missed: a million objects leave more than 14 bits an axis.
+        // Place and number in one word, so that sorting is as fast as it gets. What the number takes from the
+        // place is not missed: a million objects leave more than 14 bits an axis.
         let bits = usize::BITS - objects.len().leading_zeros();
         let key = |(number, entry): (usize, &Entry)| {
             curve.place(entry.bounds.center()) >> bits << bits | number as u64
@@ -126,8 +127,8 @@ impl Tree {
         }
     }
 
-    /// Adds a leaf at the end of all arrays, each written once. One tight loop for each array that is read or written in no
-    /// order, in which the processor waits for many lanes at once.
+    /// Adds a leaf at the end of all arrays, each written once. One tight loop for each array that is read or
+    /// written in no order, in which the processor waits for many lanes at once.
     fn push_leaf(&mut self, entries: &[Entry], generations: &[u32]) {
         let node = self.node_count() as u32;
         let occupied = if entries.len() < 64 { (1 << entries.len()) - 1 } else { u64::MAX };

@@ -1,5 +1,6 @@
-//! The log of changes, by which whoever derives state from a scene keeps it up to date in time proportional to
-//! what changed (after the design of VISAPI, whose visibility modules keep the scene and are told of changes).
+//! The log of changes, by which whoever derives state from a scene keeps it up to date in time proportional
+//! to what changed (after the design of VISAPI, whose visibility modules keep the scene and are told of
+//! changes).
 
 use crate::ObjectId;
 use crate::serial::next_range;
@@ -18,8 +19,8 @@ use alloc::vec::Vec;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Changes<'a> {
-    /// These objects were inserted, removed or changed, oldest change first; an object may be listed more than once.
-    /// One that is no longer in the scene was removed.
+    /// These objects were inserted, removed or changed, oldest change first; an object may be listed more
+    /// than once. One that is no longer in the scene was removed.
     Objects(&'a [ObjectId]),
     /// More than the log holds, or the revision is of another scene: look at every object.
     Everything,
@@ -55,8 +56,9 @@ impl ChangeLog {
         Self::LEAST.max(objects / 4)
     }
 
-    /// Records a change. Past a quarter as many entries as there are objects, looking at every object costs little more
-    /// than following the log, so the older half is dropped: amortised constant time, no growth.
+    /// Records a change. Past a quarter as many entries as there are objects, looking at every object costs
+    /// little more than following the log, so the older half is dropped: amortised constant time, no
+    /// growth.
     pub(crate) fn push(&mut self, id: ObjectId, objects: usize) {
         let limit = Self::limit(objects);
         if self.entries.len() >= limit {
@@ -65,7 +67,8 @@ impl ChangeLog {
             self.start += dropped as u64;
         }
         if self.entries.len() == self.entries.capacity() {
-            // All at once, or a scene in which little moves would allocate now and then for thousands of frames.
+            // All at once, or a scene in which little moves would allocate now and then for thousands of
+            // frames.
             self.entries.reserve_exact(limit - self.entries.len());
         }
         self.entries.push(id);

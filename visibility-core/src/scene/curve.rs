@@ -1,5 +1,5 @@
-//! Order along a space-filling curve, so that neighbours in memory are neighbours in space (Morton, "A Computer Oriented
-//! Geodetic Data Base and a New Technique in File Sequencing", 1966).
+//! Order along a space-filling curve, so that neighbours in memory are neighbours in space (Morton, "A
+//! Computer Oriented Geodetic Data Base and a New Technique in File Sequencing", 1966).
 
 use crate::Aabb;
 use glam::{DVec3, Vec3};
@@ -17,13 +17,15 @@ impl Curve {
     /// So many points tell where most of them lie.
     const SAMPLE: usize = 4096;
 
-    /// A curve through a cube around most of the points. A few that are far from the rest (a sky, a mistake) are left outside,
-    /// or all others would share a few cells. One scale for all axes keeps the pieces of the curve cubes too.
+    /// A curve through a cube around most of the points. A few that are far from the rest (a sky, a mistake)
+    /// are left outside, or all others would share a few cells. One scale for all axes keeps the pieces
+    /// of the curve cubes too.
     pub(crate) fn through(points: impl Iterator<Item = Vec3> + Clone, count: usize) -> Self {
         let sample = || points.clone().step_by((count / Self::SAMPLE).max(1));
         let taken = sample().count().max(1) as f64;
         let mean = sample().map(|p| p.as_dvec3() / taken).sum::<DVec3>();
-        // Evenly spread points deviate by a quarter of their extent on average: four times that is ample on each side.
+        // Evenly spread points deviate by a quarter of their extent on average: four times that is ample on
+        // each side.
         let reach = sample().map(|p| (p.as_dvec3() - mean).abs() / taken).sum::<DVec3>() * 4.0;
         let hull = Aabb::from_points(sample());
         let corner = hull.min.as_dvec3().max(mean - reach);
@@ -31,7 +33,8 @@ impl Curve {
         Self { corner, scale: if side > 0.0 { Self::CELLS / side } else { 0.0 } }
     }
 
-    /// The place of a point, of which the highest bits matter most. Points outside the cube are moved to its boundary.
+    /// The place of a point, of which the highest bits matter most. Points outside the cube are moved to its
+    /// boundary.
     pub(crate) fn place(&self, p: Vec3) -> u64 {
         let cell = (p.as_dvec3() - self.corner) * self.scale;
         // A cast from float saturates, and turns NaN to zero.

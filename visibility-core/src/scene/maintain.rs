@@ -1,8 +1,9 @@
 //! Keeping the hierarchy in shape while objects move, a bounded amount of work at a time.
 //!
-//! Moving an object enlarges bounds at once, since answers must stay right. What else should happen waits in a queue of nodes to
-//! look at: their bounds are tightened, and where they have come to lie across one another, what is in a few neighbours
-//! is dealt out among them anew ([`regroup`](super::tree)). Nodes above whose content was changed are queued in their turn.
+//! Moving an object enlarges bounds at once, since answers must stay right. What else should happen waits in
+//! a queue of nodes to look at: their bounds are tightened, and where they have come to lie across one
+//! another, what is in a few neighbours is dealt out among them anew ([`regroup`](super::tree)). Nodes above
+//! whose content was changed are queued in their turn.
 
 use super::queue::{OVERLAP, Queue};
 use super::tree::Tree;
@@ -19,7 +20,8 @@ use super::tree::Tree;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Maintenance {
-    /// Blocks of up to 64 objects that were looked at. One whose objects were dealt out anew counts as three.
+    /// Blocks of up to 64 objects that were looked at. One whose objects were dealt out anew counts as
+    /// three.
     pub blocks: usize,
     /// Objects that were put into another block.
     pub rehomed: usize,

@@ -30,13 +30,14 @@ use tree::{Payload, Scratch, Slot};
 
 /// The store of objects: bounds, layers, costs, flags and triangles, in a hierarchy that every culler walks.
 ///
-/// Bounds and triangles are `f32`, relative to one `f64` [origin](Self::origin). Between frames the scene is told of what
-/// changed; while it is culled it is only read, so any number of views and threads can share it.
+/// Bounds and triangles are `f32`, relative to one `f64` [origin](Self::origin). Between frames the scene is
+/// told of what changed; while it is culled it is only read, so any number of views and threads can share it.
 ///
 /// # Cost
-/// Inserting, removing and moving an object take time logarithmic in the number of objects. Many moves leave the hierarchy
-/// looser than it could be: [`maintain`](Self::maintain), called once per frame with a budget, keeps it in shape;
-/// [`rebuild`](Self::rebuild), best after loading, makes it as good as it gets. About 50 bytes an object.
+/// Inserting, removing and moving an object take time logarithmic in the number of objects. Many moves leave
+/// the hierarchy looser than it could be: [`maintain`](Self::maintain), called once per frame with a budget,
+/// keeps it in shape; [`rebuild`](Self::rebuild), best after loading, makes it as good as it gets. About 50
+/// bytes an object.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -79,7 +80,8 @@ struct Instance {
 }
 
 impl Clone for Scene {
-    /// The same objects with the same ids. It is another scene all the same: sets and revisions of this one say nothing of it.
+    /// The same objects with the same ids. It is another scene all the same: sets and revisions of this one
+    /// say nothing of it.
     fn clone(&self) -> Self {
         Self {
             origin: self.origin,
@@ -170,8 +172,8 @@ impl Scene {
         named.filter(|id| self.tree.slots[id.index()] != Slot::NONE)
     }
 
-    /// The object that has an index now, if any: for structures that keep four bytes an object. Whoever keeps an index past a
-    /// [change](Self::changes_since) of its object may find another one.
+    /// The object that has an index now, if any: for structures that keep four bytes an object. Whoever keeps
+    /// an index past a [change](Self::changes_since) of its object may find another one.
     pub fn id_at(&self, index: usize) -> Option<ObjectId> {
         let (&generation, &slot) = (self.generations.get(index)?, self.tree.slots.get(index)?);
         (slot != Slot::NONE).then_some(ObjectId { index: index as u32, generation })
@@ -255,8 +257,9 @@ impl Scene {
         payload.id
     }
 
-    /// Adds many objects and returns their ids in order. Where they outnumber those that are there already, the hierarchy is
-    /// [rebuilt](Self::rebuild) with them; its cost is then that of sorting what was added.
+    /// Adds many objects and returns their ids in order. Where they outnumber those that are there already,
+    /// the hierarchy is [rebuilt](Self::rebuild) with them; its cost is then that of sorting what was
+    /// added.
     pub fn insert_batch<O: Into<Object>>(&mut self, objects: impl IntoIterator<Item = O>) -> Vec<ObjectId> {
         let there = self.len();
         let objects = objects.into_iter();
@@ -329,8 +332,8 @@ impl Scene {
         ids.iter().try_for_each(|&id| self.remove(id))
     }
 
-    /// Says where an object is now, for each that has moved or changed its shape. Its triangles and its [mesh](Self::set_mesh), if it has
-    /// any, do not follow by themselves.
+    /// Says where an object is now, for each that has moved or changed its shape. Its triangles and its
+    /// [mesh](Self::set_mesh), if it has any, do not follow by themselves.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`].
@@ -354,8 +357,8 @@ impl Scene {
         self.queue.push(slot.node());
     }
 
-    /// As [`set_bounds`](Self::set_bounds) for many objects, or, if one of them is unknown, for none. Where most blocks are touched,
-    /// objects are moved block by block, and bounds end as tight as they can be.
+    /// As [`set_bounds`](Self::set_bounds) for many objects, or, if one of them is unknown, for none. Where
+    /// most blocks are touched, objects are moved block by block, and bounds end as tight as they can be.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`].
@@ -442,8 +445,9 @@ impl Scene {
         self.set_bounds(id, bounds)
     }
 
-    /// Gives an object its triangles, in scene coordinates, for those who need more than bounds: the item buffer of
-    /// `visibility-measure`, occluders, budgets in triangles. The bounds must contain them, and stay the caller's to set.
+    /// Gives an object its triangles, in scene coordinates, for those who need more than bounds: the item
+    /// buffer of `visibility-measure`, occluders, budgets in triangles. The bounds must contain them, and
+    /// stay the caller's to set.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`].
@@ -473,15 +477,16 @@ impl Scene {
         Ok(self.triangles.get(id.index()).map_or(&[], |triangles| triangles))
     }
 
-    /// Adds a mesh that objects can hide with, any number of them the same one. It stays for as long as the scene.
+    /// Adds a mesh that objects can hide with, any number of them the same one. It stays for as long as the
+    /// scene.
     pub fn add_mesh(&mut self, mesh: OccluderMesh) -> MeshId {
         self.meshes.push(mesh);
         MeshId(self.meshes.len() as u32 - 1)
     }
 
-    /// Gives an object the mesh that it hides with, placed by `transform` in scene coordinates. It hides only while it is also flagged as
-    /// an [occluder](Self::set_occluder): a door is opened and shut by that flag alone, in constant time. What the mesh covers must be
-    /// covered by what is drawn.
+    /// Gives an object the mesh that it hides with, placed by `transform` in scene coordinates. It hides only
+    /// while it is also flagged as an [occluder](Self::set_occluder): a door is opened and shut by that
+    /// flag alone, in constant time. What the mesh covers must be covered by what is drawn.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`], [`SceneError::UnknownMesh`] and [`SceneError::NonFiniteTransform`].
@@ -537,17 +542,18 @@ impl Scene {
         self.log.since(revision)
     }
 
-    /// Builds the hierarchy anew: the best there is for the objects as they are now, at the cost of sorting them. Ids stay valid.
+    /// Builds the hierarchy anew: the best there is for the objects as they are now, at the cost of sorting
+    /// them. Ids stay valid.
     pub fn rebuild(&mut self) {
         self.tree.rebuild(Vec::new(), &self.generations);
         self.queue.clear();
         self.layout += 1;
     }
 
-    /// Looks at up to `budget` blocks (of 64 objects) in which something moved: tightens their bounds, and where blocks have come to
-    /// lie across one another, deals out their objects among them anew, up to eight blocks at once. To deal out a block counts as
-    /// looking at three, so that with a budget below 22 fewer than eight are dealt out together. A budget of one costs about
-    /// a microsecond.
+    /// Looks at up to `budget` blocks (of 64 objects) in which something moved: tightens their bounds, and
+    /// where blocks have come to lie across one another, deals out their objects among them anew, up to
+    /// eight blocks at once. To deal out a block counts as looking at three, so that with a budget below
+    /// 22 fewer than eight are dealt out together. A budget of one costs about a microsecond.
     pub fn maintain(&mut self, budget: usize) -> Maintenance {
         self.tree.maintain(&mut self.queue, budget, &mut self.layout)
     }
@@ -569,8 +575,8 @@ impl Scene {
         &self.tree
     }
 
-    /// The leaf of the hierarchy that an object is in, and its lane there; `None` for an unknown object. For cullers that keep data beside the
-    /// [leaves](crate::walk::Block::leaf) that a walk comes to.
+    /// The leaf of the hierarchy that an object is in, and its lane there; `None` for an unknown object. For
+    /// cullers that keep data beside the [leaves](crate::walk::Block::leaf) that a walk comes to.
     #[inline]
     pub fn leaf_of(&self, id: ObjectId) -> Option<(usize, usize)> {
         self.slot(id).ok().map(|slot| (slot.node(), slot.lane()))

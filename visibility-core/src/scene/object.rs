@@ -9,9 +9,9 @@ pub type Triangle = [Vec3; 3];
 
 /// Names an object of a [`Scene`](crate::Scene), for as long as the object is in it.
 ///
-/// The index is small and dense (objects inserted one after another into a new scene get 0, 1, 2, ...), so that engines
-/// can keep their own data in arrays. An index is used again after removal, with another generation, so that an id kept
-/// too long is refused rather than taken for another object.
+/// The index is small and dense (objects inserted one after another into a new scene get 0, 1, 2, ...), so
+/// that engines can keep their own data in arrays. An index is used again after removal, with another
+/// generation, so that an id kept too long is refused rather than taken for another object.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -65,14 +65,15 @@ pub struct MeshId(pub(crate) u32);
 /// ```
 /// use visibility_core::{Aabb, Object, Scene};
 /// let mut scene = Scene::new();
-/// let wall = Object { cost: 12, occluder: true, ..Object::new(Aabb::from_arrays([0.0; 3], [4.0, 0.2, 3.0])) };
+/// let wall = Object { cost: 12, occluder: true, ..Object::new(Aabb::from_arrays([0.0; 3], [4.0, 0.2,
+///     3.0])) };
 /// let id = scene.insert(wall);
 /// assert_eq!(scene.object(id), Ok(wall));
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Object {
-    /// Contains the object entirely, in every pose until the bounds are set again. Bounds that are not finite or are
-    /// inverted are allowed: the object is then never culled.
+    /// Contains the object entirely, in every pose until the bounds are set again. Bounds that are not
+    /// finite or are inverted are allowed: the object is then never culled.
     pub bounds: Aabb,
     /// The layers that the object is on, a bit each. A view shows objects that share a layer with it.
     pub layers: u32,
@@ -80,7 +81,8 @@ pub struct Object {
     pub cost: u32,
     /// Visible in every view of its layers, whatever any culler finds.
     pub never_cull: bool,
-    /// Opaque and solid enough to hide others. Off unless set: glass that is taken for a wall hides what can be seen.
+    /// Opaque and solid enough to hide others. Off unless set: glass that is taken for a wall hides what can
+    /// be seen.
     pub occluder: bool,
 }
 

@@ -2,8 +2,8 @@
 
 use alloc::vec::Vec;
 
-/// Neighbours that cover less of a node, all together, are left alone. Fresh blocks come close to this, for the bounds of objects
-/// overlap too.
+/// Neighbours that cover less of a node, all together, are left alone. Fresh blocks come close to this, for
+/// the bounds of objects overlap too.
 pub(super) const OVERLAP: f32 = 1.0;
 
 /// Nodes that wait to be looked at: a bit for each. They are taken in turns, by number.
@@ -13,7 +13,8 @@ pub(super) struct Queue {
     pub(super) waiting: usize,
     /// The node from which the next one is looked for.
     at: usize,
-    /// By node, up to which overlap with others there is no point in dealing out anew, as was found when that was last tried.
+    /// By node, up to which overlap with others there is no point in dealing out anew, as was found when
+    /// that was last tried.
     pub(super) borne: Vec<f32>,
 }
 

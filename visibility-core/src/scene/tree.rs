@@ -1,12 +1,13 @@
-//! The hierarchy: a tree of fan-out 64 whose leaves hold the objects, and whose every test answers 64 children as one mask.
+//! The hierarchy: a tree of fan-out 64 whose leaves hold the objects, and whose every test answers 64
+//! children as one mask.
 //!
-//! It is an R-tree (Guttman, "R-Trees: A Dynamic Index Structure for Spatial Searching", 1984) with wide nodes: bulk-loaded
-//! along a space-filling curve ([`build`](super::build)), changed one object at a time here, and kept in shape by
-//! [`maintain`](super::maintain). Bounds in a node always contain what lies below, so any state of the tree gives right answers;
-//! a good one gives them faster.
+//! It is an R-tree (Guttman, "R-Trees: A Dynamic Index Structure for Spatial Searching", 1984) with wide
+//! nodes: bulk-loaded along a space-filling curve ([`build`](super::build)), changed one object at a time
+//! here, and kept in shape by [`maintain`](super::maintain). Bounds in a node always contain what lies below,
+//! so any state of the tree gives right answers; a good one gives them faster.
 //!
-//! The fields of nodes live in separate arrays, because a frame touches the bounds of the nodes that it tests, but only the
-//! `occupied` masks of those that it takes whole.
+//! The fields of nodes live in separate arrays, because a frame touches the bounds of the nodes that it
+//! tests, but only the `occupied` masks of those that it takes whole.
 
 mod moving;
 pub(super) mod pack;
@@ -42,11 +43,13 @@ pub(crate) struct Tree {
     pub(crate) occupied: Vec<u64>,
     /// In leaves the objects; in inner nodes `index` is the child.
     pub(crate) ids: Vec<[ObjectId; 64]>,
-    /// In leaves, the layers of each object; all of them in free lanes, so that these never make a difference.
+    /// In leaves, the layers of each object; all of them in free lanes, so that these never make a
+    /// difference.
     pub(crate) layers: Vec<[u32; 64]>,
     /// In leaves, which objects are occluders.
     pub(crate) occluders: Vec<u64>,
-    /// The lane of the parent that points here; `NONE` for the root. For leaves outside the tree, the place in `unculled`.
+    /// The lane of the parent that points here; `NONE` for the root. For leaves outside the tree, the place
+    /// in `unculled`.
     pub(super) parents: Vec<Slot>,
     /// 0 for leaves, [`UNCULLED`] for leaves outside the tree.
     pub(crate) levels: Vec<u8>,
@@ -211,7 +214,8 @@ impl Tree {
         self.write(Slot::new(node, lane), bounds, payload);
     }
 
-    /// Removes what is in the slot of a leaf, and every node that is thereby left empty. Bounds above stay as they are.
+    /// Removes what is in the slot of a leaf, and every node that is thereby left empty. Bounds above stay as
+    /// they are.
     pub(super) fn remove(&mut self, slot: Slot) {
         let id = self.ids[slot.node()][slot.lane()];
         self.slots[id.index()] = Slot::NONE;
@@ -295,7 +299,8 @@ impl Tree {
         Slot::new(node, self.occupied[node as usize].trailing_ones() as usize)
     }
 
-    /// Moves the upper half of a full node, along the axis on which its content spreads most, to a new sibling.
+    /// Moves the upper half of a full node, along the axis on which its content spreads most, to a new
+    /// sibling.
     fn split(&mut self, node: u32) -> u32 {
         let level = self.levels[node as usize];
         let other = self.allocate(level);
@@ -335,15 +340,15 @@ impl Tree {
     }
 }
 
-/// How far `b` is from `a`, as the sum over axes of twice the distance of centres: where nothing must be enlarged, and
-/// where everything must, the nearest centre is a good home.
+/// How far `b` is from `a`, as the sum over axes of twice the distance of centres: where nothing must be
+/// enlarged, and where everything must, the nearest centre is a good home.
 pub(super) fn separation(a: &Aabb, b: &Aabb) -> f32 {
     let d = ((a.min - b.min) + (a.max - b.max)).abs();
     d.x + d.y + d.z
 }
 
-/// The occupied lane whose box must be enlarged least, in the sum of its sides, to hold `bounds`; among equals, the one
-/// with the nearest centre.
+/// The occupied lane whose box must be enlarged least, in the sum of its sides, to hold `bounds`; among
+/// equals, the one with the nearest centre.
 fn closest_lane(boxes: &Boxes64, occupied: u64, bounds: &Aabb) -> usize {
     let c = &boxes.coordinates;
     let (min, max) = (bounds.min, bounds.max);

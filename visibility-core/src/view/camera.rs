@@ -75,9 +75,9 @@ impl Window {
 }
 
 impl View {
-    /// A symmetric perspective view: vertical field of view in radians, width over height, and the distances of
-    /// the near and far planes, where `far` may be infinite. Its clip matrix is [reversed](Depth::Reversed) and
-    /// relative to the eye.
+    /// A symmetric perspective view: vertical field of view in radians, width over height, and the distances
+    /// of the near and far planes, where `far` may be infinite. Its clip matrix is
+    /// [reversed](Depth::Reversed) and relative to the eye.
     ///
     /// # Errors
     /// [`ViewError::Parameter`] names what is out of range.

@@ -23,9 +23,9 @@ impl ClipMatrix {
                 }
             }
         }
-        // Scaling rows changes neither the rank nor what is in view, and prevents overflow. The determinant is
-        // expanded by pairs of rows. `size` sums the magnitudes of all terms; each passes fewer than ten
-        // roundings, so a determinant below 10u times that cannot be told from zero.
+        // Scaling rows changes neither the rank nor what is in view, and prevents overflow. The determinant
+        // is expanded by pairs of rows. `size` sums the magnitudes of all terms; each passes fewer
+        // than ten roundings, so a determinant below 10u times that cannot be told from zero.
         let rows = [0, 1, 2, 3].map(|i| self.0.row(i)).map(|r| r / r.abs().max_element());
         let (mut determinant, mut size) = (0.0, 0.0);
         for (sign, i, j, k, l) in PAIRS {

@@ -5,9 +5,9 @@
 //! is what the engine's own matrix clips.
 //!
 //! # Conventions
-//! Clip space is that of every graphics API: a point is in view if `-w <= x <= w`, `-w <= y <= w`, and its depth
-//! is in the range that [`Depth`] names. Matrices are column-major and multiply column vectors from the left, as in glam.
-//! World axes, handedness and units are the caller's own; nothing here depends on them.
+//! Clip space is that of every graphics API: a point is in view if `-w <= x <= w`, `-w <= y <= w`, and its
+//! depth is in the range that [`Depth`] names. Matrices are column-major and multiply column vectors from the
+//! left, as in glam. World axes, handedness and units are the caller's own; nothing here depends on them.
 
 mod camera;
 mod clip_matrix;
@@ -70,8 +70,8 @@ impl Depth {
         }
     }
 
-    /// The near plane and, if there is one, the far plane, from the rows of the clip matrix for depth and `w`, as rows that are positive for
-    /// what is in view.
+    /// The near plane and, if there is one, the far plane, from the rows of the clip matrix for depth and
+    /// `w`, as rows that are positive for what is in view.
     fn rows(self, z: DVec4, w: DVec4) -> (DVec4, Option<DVec4>) {
         match self {
             Self::NegativeOneToOne => (w + z, Some(w - z)),
@@ -128,8 +128,9 @@ pub struct View {
 impl View {
     /// A view from the matrix that the engine draws with: clip space from world space.
     ///
-    /// `depth` must be the convention that the matrix was made for, `w` must not fall along the lines of sight, and the near plane must lie before
-    /// the eye: what is nearer is told by them. None of this is checked, since bounds are tested right without it; occlusion is not.
+    /// `depth` must be the convention that the matrix was made for, `w` must not fall along the lines of
+    /// sight, and the near plane must lie before the eye: what is nearer is told by them. None of this is
+    /// checked, since bounds are tested right without it; occlusion is not.
     ///
     /// The world of an `f32` matrix is small; engines with large worlds pass the matrix of a camera near the
     /// origin and say with [`relative_to`](Self::relative_to) where in the world that origin is.
@@ -147,7 +148,8 @@ impl View {
             clip_planes: [Plane::new(DVec3::ZERO, 0.0); MAX_CLIP_PLANES],
             clip_count: 0,
         };
-        // What is nearer is told by w, or where that is the same everywhere, by depth. Here it would be told by neither.
+        // What is nearer is told by w, or where that is the same everywhere, by depth. Here it would be told
+        // by neither.
         let is_parallel = matches!(view.eye(DVec3::ZERO), Eye::Direction(_));
         if is_parallel && matrix.0.row(3).truncate() != DVec3::ZERO {
             return Err(ViewError::NoCamera);
@@ -207,8 +209,8 @@ impl View {
         if eye.w != 0.0 && position.is_finite() {
             return Eye::Point(position + (self.origin - origin));
         }
-        // A parallel projection sees along the null direction; of its two senses, the one in which depth grows
-        // (shrinks, if reversed) leads away from the viewer.
+        // A parallel projection sees along the null direction; of its two senses, the one in which depth
+        // grows (shrinks, if reversed) leads away from the viewer.
         let scale = eye.truncate().abs().max_element();
         let direction = (eye.truncate() / scale).normalize_or_zero();
         let depth = m.row(2).truncate().dot(direction) * if self.depth.is_reversed() { -1.0 } else { 1.0 };
@@ -216,16 +218,17 @@ impl View {
     }
 }
 
-/// A row of the clip matrix divided by the power of two in its largest element. Rows may differ by many orders of magnitude, and only their
-/// directions matter to the eye; nothing is rounded, so the eye of a scaled view is the scaled eye.
+/// A row of the clip matrix divided by the power of two in its largest element. Rows may differ by many
+/// orders of magnitude, and only their directions matter to the eye; nothing is rounded, so the eye of a
+/// scaled view is the scaled eye.
 fn scaled_by_power_of_two(row: DVec4) -> DVec4 {
     let most = row.abs().max_element();
     let power = f64::from_bits(most.to_bits() & (0x7ff << 52));
     row / if power.is_normal() { power } else { most }
 }
 
-/// The vector orthogonal to three others in four dimensions, by cofactors; with a sum of magnitudes in place of `subtract`, the sum of
-/// the magnitudes of all terms of each component.
+/// The vector orthogonal to three others in four dimensions, by cofactors; with a sum of magnitudes in place
+/// of `subtract`, the sum of the magnitudes of all terms of each component.
 fn orthogonal([a, b, c]: [DVec4; 3], subtract: impl Fn(f64, f64) -> f64) -> DVec4 {
     let minor = |i: usize, j: usize, k: usize| {
         let x = subtract(b[j] * c[k], b[k] * c[j]);

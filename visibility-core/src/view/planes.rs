@@ -1,5 +1,5 @@
-//! The planes that bound a view, extracted from its clip matrix (Gribb and Hartmann, "Fast Extraction of Viewing
-//! Frustum Planes from the World-View-Projection Matrix", 2001).
+//! The planes that bound a view, extracted from its clip matrix (Gribb and Hartmann, "Fast Extraction of
+//! Viewing Frustum Planes from the World-View-Projection Matrix", 2001).
 
 use super::limits::{MAX_CLIP_PLANES, MAX_PLANES};
 use super::{View, ViewError};
@@ -23,19 +23,21 @@ pub struct ViewPlane {
     pub error: f64,
 }
 
-/// The planes of a view: left, right, bottom, top, near, far, less those that do not exist (an infinite far plane), then
-/// its own [clip planes](View::with_clip_planes).
+/// The planes of a view: left, right, bottom, top, near, far, less those that do not exist (an infinite far
+/// plane), then its own [clip planes](View::with_clip_planes).
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Pose, View};
-/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, f64::INFINITY)?;
+/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1,
+///     f64::INFINITY)?;
 /// assert_eq!(view.planes(DVec3::ZERO).as_slice().len(), 5);
 /// # Ok::<(), visibility_core::ViewError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ViewPlanes {
     planes: [ViewPlane; MAX_PLANES],
-    /// Which plane each is: 0 to 5 for left to far, above for the view's own. Of the first six, `slot ^ 1` is opposite.
+    /// Which plane each is: 0 to 5 for left to far, above for the view's own. Of the first six, `slot ^ 1`
+    /// is opposite.
     slots: [u8; MAX_PLANES],
     count: usize,
 }
@@ -61,13 +63,15 @@ impl ViewPlanes {
     /// that are shifted by `shift` from there. A plane with no direction, or beyond the reach of `f64`,
     /// bounds nothing and is left out, which can only show more.
     fn push(&mut self, slot: u8, plane: Plane, shift: DVec3) {
-        // Scaled before anything is multiplied: the elements of a matrix may be so small that products with them are not.
+        // Scaled before anything is multiplied: the elements of a matrix may be so small that products with
+        // them are not.
         let scale = plane.normal.abs().max_element();
         let (n, offset) = (plane.normal / scale, plane.offset / scale);
         let moved = Plane::new(n, n.x * shift.x + n.y * shift.y + n.z * shift.z + offset);
         let Some(unit) = moved.normalized() else { return };
-        // The shift itself is rounded once, and so are normal and offset by scaling, then each product and partial sum once
-        // more, as in `Plane::error_bound`, then all by the length: 8u of the sum of magnitudes covers it.
+        // The shift itself is rounded once, and so are normal and offset by scaling, then each product and
+        // partial sum once more, as in `Plane::error_bound`, then all by the length: 8u of the sum of
+        // magnitudes covers it.
         let size = n.abs().dot(shift.abs()) + offset.abs();
         let error = 4.0 * f64::EPSILON * size / n.length() + f64::MIN_POSITIVE;
         if error.is_finite() && self.count < MAX_PLANES {
@@ -79,20 +83,22 @@ impl ViewPlanes {
 }
 
 impl View {
-    /// The same view, showing only what is on the inner side, `normal . p + offset >= 0`, of some more planes: a mirror's, those of a
-    /// portal, a section through a model. They take the place of those that it had; an empty slice takes them away.
+    /// The same view, showing only what is on the inner side, `normal . p + offset >= 0`, of some more
+    /// planes: a mirror's, those of a portal, a section through a model. They take the place of those
+    /// that it had; an empty slice takes them away.
     ///
-    /// Points are relative to the view's [origin](Self::origin), in metres, as for the clip matrix; normals may have any length. [`relative_to`](Self::relative_to)
-    /// moves planes and matrix alike, so call it first or mean it. (A view made from a [`Pose`](crate::Pose) has its origin in the eye.)
+    /// Points are relative to the view's [origin](Self::origin), in metres, as for the clip matrix; normals
+    /// may have any length. [`relative_to`](Self::relative_to) moves planes and matrix alike, so call it
+    /// first or mean it. (A view made from a [`Pose`](crate::Pose) has its origin in the eye.)
     ///
-    /// Whoever asks for [`planes`](Self::planes) honours them: the [`FrustumCuller`](crate::FrustumCuller) and the
-    /// [`CasterCuller`](crate::CasterCuller); so does the item buffer of `visibility-measure`. They are no part of the
-    /// clip matrix: an occlusion map that draws by the matrix alone may keep objects beyond them, and must not be given
-    /// occluders that they cut away.
+    /// Whoever asks for [`planes`](Self::planes) honours them: the [`FrustumCuller`](crate::FrustumCuller)
+    /// and the [`CasterCuller`](crate::CasterCuller); so does the item buffer of `visibility-measure`.
+    /// They are no part of the clip matrix: an occlusion map that draws by the matrix alone may keep
+    /// objects beyond them, and must not be given occluders that they cut away.
     ///
     /// # Errors
-    /// [`ViewError::TooManyClipPlanes`] beyond [`MAX_CLIP_PLANES`]; [`ViewError::ClipPlane`] for one that is not finite or has
-    /// no direction.
+    /// [`ViewError::TooManyClipPlanes`] beyond [`MAX_CLIP_PLANES`]; [`ViewError::ClipPlane`] for one that is
+    /// not finite or has no direction.
     ///
     /// ```
     /// use visibility_core::{glam::DVec3, Plane, Pose, View};

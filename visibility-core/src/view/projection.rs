@@ -1,22 +1,29 @@
-//! Points of the world in clip space, with bounds on their rounding: derived here once for every culler that projects.
+//! Points of the world in clip space, with bounds on their rounding: derived here once for every culler that
+//! projects.
 //!
 //! # Linear functions
-//! Clip-space `x`, `y` and `w`, pixel coordinates times `w`, the distance beyond the near plane and the depth key are all linear in the point.
-//! A [`ClipRow`] is such a function of points relative to the *anchor*: the eye of a perspective view, the view's own
-//! origin otherwise. So precision does not depend on where in the scene the camera is.
+//! Clip-space `x`, `y` and `w`, pixel coordinates times `w`, the distance beyond the near plane and the depth
+//! key are all linear in the point. A [`ClipRow`] is such a function of points relative to the *anchor*: the
+//! eye of a perspective view, the view's own origin otherwise. So precision does not depend on where in the
+//! scene the camera is.
 //!
-//! A clip matrix may come with any factor; at 1e-43 its rows would be denormals in `f32`, and at 1e-105 the determinants of three rows would
-//! be in `f64`. So all rows are scaled by the power of two that gives `w` a slope of about one, which rounds nothing.
+//! A clip matrix may come with any factor; at 1e-43 its rows would be denormals in `f32`, and at 1e-105 the
+//! determinants of three rows would be in `f64`. So all rows are scaled by the power of two that gives `w` a
+//! slope of about one, which rounds nothing.
 //!
 //! # Bounds
 //! With `u = 2^-53`, and the view's matrix and the difference of origins taken as they are given:
-//! - A row's elements are one element of the matrix, or a sum of two, scaled once or twice: at most `3u` of their size.
-//! - The constant is the row at the eye, in the view's own coordinates: three products, three sums, `6u` of the sum of magnitudes.
-//! - The anchor is off by `u` of itself and `u` of the difference of origins, which the row's elements multiply.
-//! - The value at a point adds five roundings for each term: the difference that made the point, a product and three sums.
+//! - A row's elements are one element of the matrix, or a sum of two, scaled once or twice: at most `3u` of
+//!   their size.
+//! - The constant is the row at the eye, in the view's own coordinates: three products, three sums, `6u` of
+//!   the sum of magnitudes.
+//! - The anchor is off by `u` of itself and `u` of the difference of origins, which the row's elements
+//!   multiply.
+//! - The value at a point adds five roundings for each term: the difference that made the point, a product
+//!   and three sums.
 //!
-//! The bounds below take `16u`, `4u` and `8u` for these `9u`, `2u` and `5u`. What underflows loses less than the least normal
-//! number, which is added.
+//! The bounds below take `16u`, `4u` and `8u` for these `9u`, `2u` and `5u`. What underflows loses less than
+//! the least normal number, which is added.
 
 use super::{Depth, Eye, View};
 use glam::{DVec3, DVec4};
@@ -47,7 +54,8 @@ pub struct ClipRow {
 }
 
 impl ClipRow {
-    /// The value at a point relative to the anchor, and a bound on its error. The point may be a difference rounded once.
+    /// The value at a point relative to the anchor, and a bound on its error. The point may be a difference
+    /// rounded once.
     #[inline]
     pub fn at(&self, point: DVec3) -> (f64, f64) {
         let (l, p) = (self.linear, point);
@@ -86,7 +94,8 @@ pub struct ViewProjection {
 impl ViewProjection {
     /// The projection of a view for points relative to `origin`.
     pub fn new(view: &View, origin: DVec3) -> Self {
-        // The view's own matrix: subtracting origins later keeps the precision of a camera far from the caller's origin.
+        // The view's own matrix: subtracting origins later keeps the precision of a camera far from the
+        // caller's origin.
         let matrix = view.clip_from(view.origin());
         let local = match view.eye(view.origin()) {
             Eye::Point(eye) => eye,
@@ -108,8 +117,9 @@ impl ViewProjection {
         self.eye
     }
 
-    /// Bound on the distance of [`eye`](Self::eye) from the eye of the exact matrix: in metres for a point; for a direction, the length of the
-    /// difference of the unit vectors. Infinite where rounding leaves open where the eye is, or whether it is a point.
+    /// Bound on the distance of [`eye`](Self::eye) from the eye of the exact matrix: in metres for a point;
+    /// for a direction, the length of the difference of the unit vectors. Infinite where rounding leaves
+    /// open where the eye is, or whether it is a point.
     pub fn eye_error(&self) -> f64 {
         self.eye_error
     }
@@ -135,8 +145,9 @@ impl ViewProjection {
         self.row(near * scale_to_one(near))
     }
 
-    /// The depth key times `w`. The key is linear on the screen over a plane, and falls along every line of sight: `1 / w` for perspective
-    /// views, whose row is the constant 1; clip depth for parallel ones, negated unless [reversed](Depth::is_reversed).
+    /// The depth key times `w`. The key is linear on the screen over a plane, and falls along every line of
+    /// sight: `1 / w` for perspective views, whose row is the constant 1; clip depth for parallel ones,
+    /// negated unless [reversed](Depth::is_reversed).
     pub fn depth_key(&self) -> ClipRow {
         self.row(match (self.eye, self.depth.is_reversed()) {
             (Eye::Point(_), _) => DVec4::W,
@@ -145,15 +156,16 @@ impl ViewProjection {
         })
     }
 
-    /// Pixel coordinates times `w`, in a picture of the given width and height in pixels: columns to the right, rows downwards, the
-    /// first pixel between 0 and 1.
+    /// Pixel coordinates times `w`, in a picture of the given width and height in pixels: columns to the
+    /// right, rows downwards, the first pixel between 0 and 1.
     pub fn pixels(&self, width: f64, height: f64) -> [ClipRow; 2] {
         let [x, y, _, w] = self.rows;
         [self.row((x + w) * (0.5 * width)), self.row((w - y) * (0.5 * height))]
     }
 
-    /// The sign of the determinant of clip-space `(x, y, w)` of three points in view whose triangle turns its normal away from the eye: 1 for
-    /// the matrix of an unmirrored camera, -1 for a mirrored one, 0 where rounding leaves nothing of it.
+    /// The sign of the determinant of clip-space `(x, y, w)` of three points in view whose triangle turns its
+    /// normal away from the eye: 1 for the matrix of an unmirrored camera, -1 for a mirrored one, 0 where
+    /// rounding leaves nothing of it.
     pub fn orientation(&self) -> f64 {
         let [x, y, w] = [self.rows[0], self.rows[1], self.rows[3]].map(DVec4::truncate);
         let turn = match self.eye {
@@ -173,9 +185,9 @@ impl ViewProjection {
     }
 }
 
-/// The power of two that scales the linear part of a row to a sum of magnitudes from 1 to 2, or the constant of a row whose linear part is
-/// zero. Multiplying by it is exact. It is 1 for a row of unit length: that sum is then from 1 to the square root of 3, and the factor
-/// in the code outweighs its rounding.
+/// The power of two that scales the linear part of a row to a sum of magnitudes from 1 to 2, or the constant
+/// of a row whose linear part is zero. Multiplying by it is exact. It is 1 for a row of unit length: that sum
+/// is then from 1 to the square root of 3, and the factor in the code outweighs its rounding.
 fn scale_to_one(row: DVec4) -> f64 {
     let linear = row.truncate().abs().element_sum();
     let size = if linear > 0.0 { linear } else { row.w.abs() } * (1.0 + 1.0 / 524_288.0);
@@ -183,11 +195,12 @@ fn scale_to_one(row: DVec4) -> f64 {
     f64::from_bits(((1023 - exponent.clamp(-1000, 1000)) as u64) << 52)
 }
 
-/// Bound on the distance of [`View::eye`] from the eye of the exact matrix; see [`ViewProjection::eye_error`].
+/// Bound on the distance of [`View::eye`] from the eye of the exact matrix; see
+/// [`ViewProjection::eye_error`].
 ///
-/// The eye is orthogonal to three rows of the matrix. With the rows scaled by powers of two, a component is a sum of six products of three
-/// numbers, each rounded twice as a product and four times in sums (at most): `12u` of the sum of their magnitudes is more
-/// than the error.
+/// The eye is orthogonal to three rows of the matrix. With the rows scaled by powers of two, a component is a
+/// sum of six products of three numbers, each rounded twice as a product and four times in sums (at most):
+/// `12u` of the sum of their magnitudes is more than the error.
 fn eye_error(view: &View, origin: DVec3) -> f64 {
     let m = view.clip_from(view.origin());
     let rows = [m.row(0), m.row(1), m.row(3)].map(super::scaled_by_power_of_two);
@@ -198,9 +211,11 @@ fn eye_error(view: &View, origin: DVec3) -> f64 {
         Eye::Direction(_) => {
             let length = eye.truncate().length();
             let direction = eye.truncate() / length;
-            // The rounding of length and quotient, 6u at most, is a fraction of the 16u of each component's terms that are counted twice.
+            // The rounding of length and quotient, 6u at most, is a fraction of the 16u of each component's
+            // terms that are counted twice.
             let error = 2.0 * error.truncate().length() / length;
-            // Which of the two senses leads away from the viewer is told by the depth row. Not so for NaN: then nothing is known.
+            // Which of the two senses leads away from the viewer is told by the depth row. Not so for NaN:
+            // then nothing is known.
             let depth = m.row(2).truncate();
             let is_certain =
                 size.w == 0.0 && depth.dot(direction).abs() > 2.0 * error * depth.abs().element_sum();

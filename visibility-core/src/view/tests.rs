@@ -63,7 +63,8 @@ fn orthographic_views_look_along_a_direction() {
     assert!(depth_out > 0.0, "reversed depth falls along the line of sight");
 }
 
-/// Found by fuzzing: all lines of sight run along (0, 1, -1), but w differs from one to the other, so nothing told maps what is nearer.
+/// Found by fuzzing: all lines of sight run along (0, 1, -1), but w differs from one to the other, so nothing
+/// told maps what is nearer.
 #[test]
 fn parallel_lines_of_sight_of_which_w_differs_are_of_no_camera() {
     let mut m = Mat4::from_cols_array_2d(&[

@@ -48,8 +48,8 @@ pub(crate) struct Tiles {
     counts: Vec<u8>,
     /// The layers of each tile. Those beyond the count are stale.
     layers: Vec<Layers>,
-    /// Dirty column range of each row of tiles, half-open: where `tile_min` has changed since the last update
-    /// of the pyramid.
+    /// Dirty column range of each row of tiles, half-open: where `tile_min` has changed since the last
+    /// update of the pyramid.
     pub(crate) changed: Vec<[usize; 2]>,
     /// Range of the rows whose column range is not empty, half-open.
     pub(crate) changed_rows: [usize; 2],

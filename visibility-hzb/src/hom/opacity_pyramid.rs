@@ -21,8 +21,8 @@ pub(crate) struct Level {
     pub(crate) rows: usize,
     /// Covered pixels of each texel, row by row.
     pub(crate) counts: Vec<u32>,
-    /// Number of covered pixels from which a texel is opaque: of texels elsewhere, in the last column, in the
-    /// last row, in both.
+    /// Number of covered pixels from which a texel is opaque: of texels elsewhere, in the last column, in
+    /// the last row, in both.
     need: [u32; 4],
 }
 

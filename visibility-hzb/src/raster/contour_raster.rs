@@ -28,13 +28,14 @@ pub(crate) struct ScreenVertex {
 struct ContourTile {
     /// Pixels that a contour comes near.
     contour: u64,
-    /// Least depth key of drawn triangles in each quarter of the tile, in the order of [`QUARTERS`]; infinity
-    /// where there is none.
+    /// Least depth key of drawn triangles in each quarter of the tile, in the order of [`QUARTERS`];
+    /// infinity where there is none.
     least: [f32; 4],
     /// Whether any of `steps` is not zero.
     stepped: bool,
-    /// By column, then row of pixels: how much the winding number changes from the centre of the pixel to the
-    /// left, modulo 256. A pixel whose number comes out as 0 modulo 256 counts as not covered, which is safe.
+    /// By column, then row of pixels: how much the winding number changes from the centre of the pixel to
+    /// the left, modulo 256. A pixel whose number comes out as 0 modulo 256 counts as not covered, which
+    /// is safe.
     steps: [[u8; SIDE]; SIDE],
 }
 

@@ -21,8 +21,8 @@ pub(crate) struct ClippedTriangle {
     /// Its corners in order; the first `count` count. None if the whole triangle is nearer.
     pub(crate) corners: [[f64; 5]; 4],
     pub(crate) count: usize,
-    /// The cut itself, in the direction of the remaining polygon: from where the triangle's sides leave it to
-    /// where they return. `None` if nothing was cut.
+    /// The cut itself, in the direction of the remaining polygon: from where the triangle's sides leave it
+    /// to where they return. `None` if nothing was cut.
     pub(crate) edge: Option<[[f64; 5]; 2]>,
 }
 

@@ -7,8 +7,8 @@ use visibility_core::glam::DVec3;
 pub(super) struct Outline {
     /// Unit normal of the plane.
     pub(super) normal: DVec3,
-    /// Bound on the distance between a vertex as it is stored and the plane and edges that it stands for: the
-    /// tolerance, and twice the most that a vertex is off the plane or beyond an edge.
+    /// Bound on the distance between a vertex as it is stored and the plane and edges that it stands for:
+    /// the tolerance, and twice the most that a vertex is off the plane or beyond an edge.
     pub(super) error: f64,
     /// Lower bound on the least extent of the polygon within its plane, in world units.
     pub(super) width: f64,

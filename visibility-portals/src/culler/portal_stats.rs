@@ -37,8 +37,8 @@ pub struct PortalStats {
     pub tests: u64,
     /// Reflections that were made.
     pub reflections: u32,
-    /// Mirrors that were seen and got no reflection: beyond the [limits](super::PortalEye::with_reflections),
-    /// or no view could be computed.
+    /// Mirrors that were seen and got no reflection: beyond the
+    /// [limits](super::PortalEye::with_reflections), or no view could be computed.
     pub reflections_left_out: u32,
     /// Why the frame hid nothing; `None` if it was culled.
     pub fallback: Option<NotCulled>,

@@ -22,7 +22,8 @@ pub(super) struct PortalView {
     /// In world space.
     pub(super) anchor: DVec3,
     pub(super) lines: Lines,
-    /// Bound on the distance of the anchor from the exact eye, in world units; 0 for parallel lines of sight.
+    /// Bound on the distance of the anchor from the exact eye, in world units; 0 for parallel lines of
+    /// sight.
     pub(super) error: f64,
     /// Left, right, bottom and top of the frustum.
     pub(super) sides: [WindowPlane; 4],

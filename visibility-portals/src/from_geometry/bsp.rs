@@ -33,9 +33,9 @@ pub struct PolygonSettings<'a> {
     /// The distance, in world units, that a line must keep from all polygons to be certain to pass. `None`:
     /// 2^-20 of the greatest coordinate, well above the rounding of `f32`.
     pub tolerance: Option<f64>,
-    /// The least share of the section of a region, from 0 to 1, that polygons must cover for the region to be
-    /// split there. An area of 1/512 of the square of the longest side of the whole will do as well: of a
-    /// large region even large walls cover little.
+    /// The least share of the section of a region, from 0 to 1, that polygons must cover for the region to
+    /// be split there. An area of 1/512 of the square of the longest side of the whole will do as well:
+    /// of a large region even large walls cover little.
     pub least_share: f64,
     /// The least area that polygons must cover in any case. `None`: 2^-13 of the square of the longest side
     /// of the whole.

@@ -10,7 +10,8 @@ pub(crate) struct Known<'a> {
     /// `stride` words.
     pub(crate) rows: &'a [u64],
     pub(crate) stride: usize,
-    /// By cell, one bit for each cell that need not be shown to be seen from it. Rows of `cell_stride` words.
+    /// By cell, one bit for each cell that need not be shown to be seen from it. Rows of `cell_stride`
+    /// words.
     pub(crate) seen: &'a [u64],
     pub(crate) cell_stride: usize,
     /// The clearance, if chains that lead to a cell not yet known to be seen are to be tested in Pluecker

@@ -5,9 +5,9 @@ use crate::scene::queue::Queue;
 use crate::{Aabb, ObjectId};
 
 impl Tree {
-    /// Sets the bounds of the object in a slot of the tree and enlarges what is above where it sticks out. False, with
-    /// nothing done, if it would be farther from the bounds of its block than their size: it was moved to another part of
-    /// the world, and would stretch all nodes above.
+    /// Sets the bounds of the object in a slot of the tree and enlarges what is above where it sticks out.
+    /// False, with nothing done, if it would be farther from the bounds of its block than their size: it
+    /// was moved to another part of the world, and would stretch all nodes above.
     pub(in crate::scene) fn move_within(&mut self, slot: Slot, bounds: &Aabb) -> bool {
         let Some(above) = self.parent(slot.node() as u32) else {
             self.bounds[slot.node()].set(slot.lane(), bounds);
@@ -26,8 +26,8 @@ impl Tree {
         true
     }
 
-    /// Reads the boxes in these slots, all at once: the processor waits for many lines of memory together, where moving
-    /// one object after the other would wait for each.
+    /// Reads the boxes in these slots, all at once: the processor waits for many lines of memory together,
+    /// where moving one object after the other would wait for each.
     pub(in crate::scene) fn fetch(&self, slots: &[Slot]) {
         let mut sum = 0u32;
         for &slot in slots {
@@ -38,9 +38,9 @@ impl Tree {
         core::hint::black_box(sum);
     }
 
-    /// Moves up to [`Scratch::MOST`] objects, of which `scratch` has the slots, leaf by leaf, and makes the bounds above as small as
-    /// they can be. Those for whom a slot in this leaf is not right any more are left, in the order of the batch for
-    /// each object.
+    /// Moves up to [`Scratch::MOST`] objects, of which `scratch` has the slots, leaf by leaf, and makes the
+    /// bounds above as small as they can be. Those for whom a slot in this leaf is not right any more are
+    /// left, in the order of the batch for each object.
     pub(in crate::scene) fn move_crowd(
         &mut self,
         moved: &[(ObjectId, Aabb)],

@@ -1,10 +1,12 @@
-//! Cutting a crowd of boxes into compact pieces of equal size, by halving it across its longest side again and again (as the
-//! k-d tree: Bentley, "Multidimensional Binary Search Trees Used for Associative Searching", 1975).
+//! Cutting a crowd of boxes into compact pieces of equal size, by halving it across its longest side again
+//! and again (as the k-d tree: Bentley, "Multidimensional Binary Search Trees Used for Associative
+//! Searching", 1975).
 
 use glam::Vec3A;
 
-/// Arranges `order`, which holds numbers of `centers`, so that the pieces lie one after another, and gives each to `take`. All
-/// pieces have the same number of items, or one less. What is in the upper half of a word means nothing.
+/// Arranges `order`, which holds numbers of `centers`, so that the pieces lie one after another, and gives
+/// each to `take`. All pieces have the same number of items, or one less. What is in the upper half of a word
+/// means nothing.
 pub(crate) fn pack(order: &mut [u64], centers: &[Vec3A], pieces: usize, take: &mut impl FnMut(&[u64])) {
     if pieces <= 1 {
         take(order);

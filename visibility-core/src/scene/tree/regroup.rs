@@ -1,8 +1,10 @@
-//! Regrouping: what lies in a few neighbouring nodes is dealt out among them anew, so that their bounds overlap no more.
+//! Regrouping: what lies in a few neighbouring nodes is dealt out among them anew, so that their bounds
+//! overlap no more.
 //!
-//! Objects that move carry the bounds of their nodes over one another. Giving one object after the other a new home, as in the
-//! R*-tree (Beckmann et al., 1990), splits full nodes and leaves others half empty; dealing out all objects of a
-//! neighbourhood keeps nodes as full as they were. The same is done for the nodes of each level above.
+//! Objects that move carry the bounds of their nodes over one another. Giving one object after the other a
+//! new home, as in the R*-tree (Beckmann et al., 1990), splits full nodes and leaves others half empty;
+//! dealing out all objects of a neighbourhood keeps nodes as full as they were. The same is done for the
+//! nodes of each level above.
 
 use super::super::boxes64::{Boxes64, lanes};
 use super::pack::{number, pack};
@@ -54,8 +56,8 @@ impl Group {
 }
 
 impl Tree {
-    /// A node and those of its level that overlap it most, or, if too few do, that are nearest. The tree is searched
-    /// from its root, keeping only the best few nodes on each level.
+    /// A node and those of its level that overlap it most, or, if too few do, that are nearest. The tree is
+    /// searched from its root, keeping only the best few nodes on each level.
     pub(in crate::scene) fn neighbours(&self, node: u32) -> Group {
         let Some(above) = self.parent(node) else { return Group::EMPTY };
         let home = self.bounds[above.node()].get(above.lane());
@@ -92,8 +94,9 @@ impl Tree {
         group
     }
 
-    /// Deals out what is in the nodes of a group anew, if that makes their bounds smaller or, with `merge`, takes fewer nodes. Returns how many
-    /// objects (or nodes, above the leaves) have got another node; slots have changed if that is not `None`.
+    /// Deals out what is in the nodes of a group anew, if that makes their bounds smaller or, with `merge`,
+    /// takes fewer nodes. Returns how many objects (or nodes, above the leaves) have got another node;
+    /// slots have changed if that is not `None`.
     pub(in crate::scene) fn regroup(&mut self, group: &Group, merge: bool) -> Option<usize> {
         let nodes = group.nodes();
         let mut boxes = [Aabb::EMPTY; 64 * GROUP];
@@ -200,8 +203,8 @@ fn size(bounds: &Aabb) -> f32 {
     extent.x + extent.y + extent.z
 }
 
-/// For each lane, what share of `home` it overlaps, or, where it does not, how far it is from it, as a negative multiple of its
-/// size.
+/// For each lane, what share of `home` it overlaps, or, where it does not, how far it is from it, as a
+/// negative multiple of its size.
 fn nearness(boxes: &Boxes64, home: &Aabb) -> [f32; 64] {
     let c = &boxes.coordinates;
     let (min, max) = (home.min, home.max);

@@ -236,8 +236,8 @@ fn the_tree_stays_consistent_with_all_objects_in_one_place() {
     check(&scene, &mut seen);
 }
 
-/// A node that is freed and taken into use again under the same number holds other objects: masks of before say nothing of it,
-/// even if the object that was moved has returned to its old slot.
+/// A node that is freed and taken into use again under the same number holds other objects: masks of before
+/// say nothing of it, even if the object that was moved has returned to its old slot.
 #[test]
 fn a_change_of_any_slot_is_a_change_of_layout() {
     let at = |x: f32| Aabb::from_arrays([x, 0.0, 0.0], [x + 0.5, 1.0, 1.0]);
