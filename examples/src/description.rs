@@ -226,6 +226,15 @@ impl<'a> Item<'a> {
     }
 }
 
+/// Reads the walks of a JSON description, for use with any scene.
+pub fn load_walks(path: &std::path::Path) -> Result<Vec<Walk>, SourceError> {
+    let description = Description::load(path)?;
+    if description.walks.is_empty() {
+        return Err(SourceError::content(path, "cameras", "there are no walks"));
+    }
+    Ok(description.walks)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -37,7 +37,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneSource, SourceError> {
         collector.add(&node, &transform)?;
     }
     let mut scene = SceneSource {
-        name: crate::load::stem(path),
+        name: crate::source::stem(path),
         up: Vec3::Y,
         near: 0.0,
         objects: collector.objects,

@@ -20,11 +20,12 @@ pub mod vscn;
 pub mod walk;
 pub mod walkthrough;
 
+pub use description::load_walks;
 pub use error::SourceError;
 pub use load::{cars5, load, open};
 pub use recipes::built_in;
 pub use source::{SceneSource, SourceObject};
-pub use walk::{CameraKey, Frame, Walk, frames, load_walks};
+pub use walk::{CameraKey, Frame, Walk, frames};
 
 /// Compiles the code in the README.
 #[cfg(doctest)]

@@ -64,11 +64,6 @@ pub fn cars5(path: &Path) -> Result<SceneSource, SourceError> {
     Ok(SceneSource { name: format!("{}5", car.name), objects, ..car })
 }
 
-/// The file name without its extension.
-pub(crate) fn stem(path: &Path) -> String {
-    path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
-}
-
 fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
     std::fs::read(path).map_err(|cause| SourceError::io(path, cause))
 }
@@ -94,7 +89,7 @@ fn assemble(path: &Path, description: &Description) -> Result<SceneSource, Sourc
         .map(|(index, triangles)| object(description, index, triangles))
         .collect();
     let mut scene = SceneSource {
-        name: description.name.clone().unwrap_or_else(|| stem(path)),
+        name: description.name.clone().unwrap_or_else(|| crate::source::stem(path)),
         up: description.up.unwrap_or(Vec3::Z),
         near: 0.0,
         objects,

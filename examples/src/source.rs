@@ -122,6 +122,11 @@ fn bounds_of<'a>(points: impl Iterator<Item = &'a Vec3>) -> Option<Corners> {
     low.cmple(high).all().then_some((low, high))
 }
 
+/// The file name without its extension.
+pub(crate) fn stem(path: &std::path::Path) -> String {
+    path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

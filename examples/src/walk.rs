@@ -4,7 +4,6 @@
 //! an even pace while looking at the point a few metres further along it, which is how a person walks: the
 //! view turns into a corner before the feet do.
 
-use crate::error::SourceError;
 use glam::{DVec3, Vec3};
 
 /// One key of a walk: where the eye is and the point it looks at.
@@ -192,15 +191,6 @@ pub fn made_up(bounds: Option<(Vec3, Vec3)>, up: Vec3) -> Vec<Walk> {
 pub fn made_up_near(bounds: Option<(Vec3, Vec3)>) -> f32 {
     let diagonal = bounds.map_or(1.0, |(low, high)| (high.as_dvec3() - low.as_dvec3()).length());
     ((diagonal * 5e-4) as f32).clamp(1e-4, 1.0)
-}
-
-/// Reads the walks of a JSON description, for use with any scene.
-pub fn load_walks(path: &std::path::Path) -> Result<Vec<Walk>, SourceError> {
-    let description = crate::description::Description::load(path)?;
-    if description.walks.is_empty() {
-        return Err(SourceError::content(path, "cameras", "there are no walks"));
-    }
-    Ok(description.walks)
 }
 
 #[cfg(test)]
