@@ -22,6 +22,10 @@ pub const NONE: u32 = u32::MAX;
 /// eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is a millionth.
 const EDGE_TIE: f64 = 1e-6;
 
+/// Claims kept for each pixel of an image, on average, before those that are beaten are dropped; if more than half
+/// of them hold, further ties are not looked for. Bounds the memory where thousands of objects coincide.
+const MAX_CLAIMS: usize = 16;
+
 /// Difference between two depths, relative to them, up to which they count as equal.
 pub(crate) const DEPTH_TIE: f64 = 1e-10;
 
@@ -69,6 +73,8 @@ pub(crate) struct Image {
     /// Claims so far, in no order; some of them beaten by triangles drawn later, until
     /// [`settle_claims`](Self::settle_claims).
     pub(crate) claims: Vec<Claim>,
+    /// Claims are no longer kept: [`MAX_CLAIMS`] a pixel hold already, as where thousands of objects coincide.
+    claims_full: bool,
     /// First item of the object that is being drawn: later items make no claims against it.
     pub(crate) object_start: u32,
     /// Difference between two values of nearness that counts as none, however small both are: zero for
@@ -79,7 +85,17 @@ pub(crate) struct Image {
 impl Image {
     pub(crate) fn new(width: usize, height: usize, items: Vec<u32>, nearness: Vec<f64>) -> Self {
         let claims = Vec::new();
-        Self { width, height, items, nearness, layers: 0, claims, object_start: 0, least_difference: 0.0 }
+        Self {
+            width,
+            height,
+            items,
+            nearness,
+            layers: 0,
+            claims,
+            claims_full: false,
+            object_start: 0,
+            least_difference: 0.0,
+        }
     }
 
     /// Drops claims that another triangle has beaten since.
@@ -93,6 +109,10 @@ impl Image {
     /// Draws a triangle with finite corners, of any size and position.
     pub(crate) fn fill(&mut self, corners: [Corner; 3], item: u32) {
         let [a, b, c] = corners;
+        if self.claims.len() >= MAX_CLAIMS * self.items.len().max(64) && !self.claims_full {
+            self.settle_claims();
+            self.claims_full = self.claims.len() >= MAX_CLAIMS / 2 * self.items.len().max(64);
+        }
         // Most triangles are small and miss all centres: find that out before anything is divided.
         let left = first_center(a.x.min(b.x).min(c.x) - EDGE_TIE, self.width);
         let right = first_center(a.x.max(b.x).max(c.x) + EDGE_TIE, self.width);
@@ -144,7 +164,7 @@ impl Image {
         for column in first..end {
             let pixel = row * self.width + column;
             let here = plane.at(column as f64 + 0.5, y);
-            if here >= as_near_as(self.nearness[pixel], self.least_difference) {
+            if here >= as_near_as(self.nearness[pixel], self.least_difference) && !self.claims_full {
                 add_claim(&mut self.claims, Claim { pixel: pixel as u32, item, nearness: here });
             }
         }
@@ -162,13 +182,13 @@ impl Image {
             x += 1.0;
             linear.max(plane.least).min(plane.greatest)
         };
+        let object_start = if self.claims_full { 0 } else { self.object_start };
         let (items, nearness) = (&mut self.items[span.clone()], &mut self.nearness[span.clone()]);
         for (i, (held, held_nearness)) in items.iter_mut().zip(nearness).enumerate() {
             let here = here();
             // What was there is not as near, or nothing was there: the usual cases, and the quick ones.
             let difference = here - *held_nearness;
-            if difference.abs() <= here.abs() * DEPTH_TIE + self.least_difference && *held < self.object_start
-            {
+            if difference.abs() <= here.abs() * DEPTH_TIE + self.least_difference && *held < object_start {
                 let loser = if difference > 0.0 { (*held, *held_nearness) } else { (item, here) };
                 let claim = Claim { pixel: (span.start + i) as u32, item: loser.0, nearness: loser.1 };
                 add_claim(&mut self.claims, claim);
@@ -361,6 +381,17 @@ mod tests {
             }
         }
         assert!(drawn > 1000, "{drawn}");
+    }
+
+    #[test]
+    fn thousands_of_coincident_objects_take_bounded_memory() {
+        let mut image = Image::new(8, 8, alloc::vec![NONE; 64], alloc::vec![0.0; 64]);
+        let corner = |x, y| Corner { x, y, nearness: 1.0 };
+        for item in 0..5000 {
+            image.object_start = item;
+            image.fill([corner(-9.0, -9.0), corner(30.0, -9.0), corner(-9.0, 30.0)], item);
+        }
+        assert!(image.claims.len() > 64 && image.claims.len() <= 17 * 64, "{}", image.claims.len());
     }
 
     /// Edges in all directions that pass a centre on either side: within the limit they claim it, beyond it
