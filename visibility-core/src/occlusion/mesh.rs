@@ -273,17 +273,15 @@ pub(super) fn fnv(hash: u64, number: u32) -> u64 {
     (hash ^ u64::from(number)).wrapping_mul(FNV.1)
 }
 
-/// The vertices that triangles use, in their order, and the triangles by these.
+/// The vertices that triangles use, in their order, and the triangles by these. Takes time in proportion to the
+/// triangles, however many vertices there are: a mesh of many boxes calls it for each.
 fn compact(positions: &[Vec3], mut triangles: Vec<[u32; 3]>) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let mut place = alloc::vec![u32::MAX; positions.len()];
-    triangles.as_flattened().iter().for_each(|&i| place[i as usize] = 0);
-    let mut kept = Vec::new();
-    for (place, &position) in place.iter_mut().zip(positions).filter(|(place, _)| **place == 0) {
-        *place = kept.len() as u32;
-        kept.push(position);
-    }
-    triangles.as_flattened_mut().iter_mut().for_each(|i| *i = place[*i as usize]);
-    (kept, triangles)
+    let mut used = triangles.as_flattened().to_vec();
+    used.sort_unstable();
+    used.dedup();
+    let place = |i: u32| used.partition_point(|&other| other < i) as u32;
+    triangles.as_flattened_mut().iter_mut().for_each(|i| *i = place(*i));
+    (used.iter().map(|&i| positions[i as usize]).collect(), triangles)
 }
 
 /// The edges, and those of each triangle.
