@@ -73,6 +73,10 @@ struct Shared {
 /// rectangle is a box of no thickness. What boxes fill is no cell. Takes time in proportion to cells times
 /// walls at worst.
 ///
+/// # Cost
+/// Each cut looks at all walls of the part that it cuts. Walls that are spread out take `n log n` steps; walls of which
+/// most abut, or tile one plane, take a number that grows with the square of theirs.
+///
 /// # Errors
 /// [`GeometryError`], with the index of the wall or the name of the setting.
 ///
