@@ -22,8 +22,8 @@ pub const NONE: u32 = u32::MAX;
 /// eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is a millionth.
 const EDGE_TIE: f64 = 1e-6;
 
-/// Claims kept for each pixel of an image, on average, before those that are beaten are dropped; if more than half
-/// of them hold, further ties are not looked for. Bounds the memory where thousands of objects coincide.
+/// Claims kept for each pixel of an image, on average, before those that are beaten are dropped; if more than
+/// half of them hold, further ties are not looked for. Bounds the memory where thousands of objects coincide.
 const MAX_CLAIMS: usize = 16;
 
 /// Difference between two depths, relative to them, up to which they count as equal.
@@ -73,7 +73,8 @@ pub(crate) struct Image {
     /// Claims so far, in no order; some of them beaten by triangles drawn later, until
     /// [`settle_claims`](Self::settle_claims).
     pub(crate) claims: Vec<Claim>,
-    /// Claims are no longer kept: [`MAX_CLAIMS`] a pixel hold already, as where thousands of objects coincide.
+    /// Claims are no longer kept: [`MAX_CLAIMS`] a pixel hold already, as where thousands of objects
+    /// coincide.
     claims_full: bool,
     /// First item of the object that is being drawn: later items make no claims against it.
     pub(crate) object_start: u32,

@@ -273,8 +273,8 @@ pub(super) fn fnv(hash: u64, number: u32) -> u64 {
     (hash ^ u64::from(number)).wrapping_mul(FNV.1)
 }
 
-/// The vertices that triangles use, in their order, and the triangles by these. Takes time in proportion to the
-/// triangles, however many vertices there are: a mesh of many boxes calls it for each.
+/// The vertices that triangles use, in their order, and the triangles by these. Takes time in proportion to
+/// the triangles, however many vertices there are: a mesh of many boxes calls it for each.
 fn compact(positions: &[Vec3], mut triangles: Vec<[u32; 3]>) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut used = triangles.as_flattened().to_vec();
     used.sort_unstable();

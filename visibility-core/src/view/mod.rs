@@ -12,7 +12,9 @@
 mod camera;
 mod clip_matrix;
 mod cube;
+mod depth;
 mod error;
+mod eye;
 mod limits;
 mod planes;
 mod projection;
@@ -20,86 +22,16 @@ mod sight_start;
 
 pub use camera::{Pose, Window};
 pub use clip_matrix::ClipMatrix;
+pub use depth::Depth;
 pub use error::ViewError;
+pub use eye::Eye;
 pub use limits::{MAX_CLIP_PLANES, MAX_PLANES};
 pub use planes::{ViewPlane, ViewPlanes};
 pub use projection::{ClipRow, ViewProjection};
 
 use crate::Plane;
-use glam::{DMat4, DVec3, DVec4};
-
-/// Which clip-space depths are in view.
-///
-/// ```
-/// use visibility_core::Depth;
-/// assert!(Depth::ReversedInfinite.is_reversed() && Depth::ReversedInfinite.is_infinite());
-/// ```
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
-pub enum Depth {
-    /// `-w` at the near plane, `w` at the far plane: OpenGL.
-    NegativeOneToOne,
-    /// As [`NegativeOneToOne`](Self::NegativeOneToOne) with the far plane at infinity.
-    NegativeOneToOneInfinite,
-    /// `0` at the near plane, `w` at the far plane: Direct3D, Vulkan, Metal, WebGPU.
-    ZeroToOne,
-    /// As [`ZeroToOne`](Self::ZeroToOne) with the far plane at infinity.
-    ZeroToOneInfinite,
-    /// `w` at the near plane, `0` at the far plane.
-    Reversed,
-    /// `w` at the near plane, `0` at infinity.
-    ReversedInfinite,
-}
-
-impl Depth {
-    /// Whether nearer points have the greater depth.
-    pub const fn is_reversed(self) -> bool {
-        matches!(self, Self::Reversed | Self::ReversedInfinite)
-    }
-
-    /// Whether there is no far plane.
-    pub const fn is_infinite(self) -> bool {
-        matches!(self, Self::NegativeOneToOneInfinite | Self::ZeroToOneInfinite | Self::ReversedInfinite)
-    }
-
-    /// Clip depth over `w` on the near plane.
-    pub const fn at_near(self) -> f64 {
-        match self {
-            Self::NegativeOneToOne | Self::NegativeOneToOneInfinite => -1.0,
-            Self::ZeroToOne | Self::ZeroToOneInfinite => 0.0,
-            Self::Reversed | Self::ReversedInfinite => 1.0,
-        }
-    }
-
-    /// The near plane and, if there is one, the far plane, from the rows of the clip matrix for depth and
-    /// `w`, as rows that are positive for what is in view.
-    fn rows(self, z: DVec4, w: DVec4) -> (DVec4, Option<DVec4>) {
-        match self {
-            Self::NegativeOneToOne => (w + z, Some(w - z)),
-            Self::NegativeOneToOneInfinite => (w + z, None),
-            Self::ZeroToOne => (z, Some(w - z)),
-            Self::ZeroToOneInfinite => (z, None),
-            Self::Reversed => (w - z, Some(z)),
-            Self::ReversedInfinite => (w - z, None),
-        }
-    }
-}
-
-/// Where a view is seen from, relative to some origin.
-///
-/// ```
-/// use visibility_core::{glam::DVec3, Eye, Pose, View};
-/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
-/// let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?;
-/// assert!(matches!(view.eye(DVec3::ZERO), Eye::Point(_)));
-/// # Ok::<(), visibility_core::ViewError>(())
-/// ```
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Eye {
-    /// Perspective: all lines of sight start in this point.
-    Point(DVec3),
-    /// Orthographic: all lines of sight run along this unit direction, away from the viewer.
-    Direction(DVec3),
-}
+use eye::eye_of;
+use glam::{DMat4, DVec3};
 
 /// A point of view: what one camera would see of an empty world.
 ///
@@ -200,44 +132,11 @@ impl View {
 
     /// Where the view is seen from, relative to `origin`.
     pub fn eye(&self, origin: DVec3) -> Eye {
-        // The eye is what the matrix maps to x = y = w = 0: the vector orthogonal to those three rows, which
-        // exists for every projection, whatever its depth row holds.
-        let m = &self.clip_from_local;
-        let rows = [m.row(0), m.row(1), m.row(3)].map(scaled_by_power_of_two);
-        let eye = orthogonal(rows, |a, b| a - b);
-        let position = eye.truncate() / eye.w;
-        if eye.w != 0.0 && position.is_finite() {
-            return Eye::Point(position + (self.origin - origin));
+        match eye_of(&self.clip_from_local, self.depth) {
+            Eye::Point(eye) => Eye::Point(eye + (self.origin - origin)),
+            direction => direction,
         }
-        // A parallel projection sees along the null direction; of its two senses, the one in which depth
-        // grows (shrinks, if reversed) leads away from the viewer.
-        let scale = eye.truncate().abs().max_element();
-        let direction = (eye.truncate() / scale).normalize_or_zero();
-        let depth = m.row(2).truncate().dot(direction) * if self.depth.is_reversed() { -1.0 } else { 1.0 };
-        Eye::Direction(if depth < 0.0 { -direction } else { direction })
     }
-}
-
-/// A row of the clip matrix divided by the power of two in its largest element. Rows may differ by many
-/// orders of magnitude, and only their directions matter to the eye; nothing is rounded, so the eye of a
-/// scaled view is the scaled eye.
-fn scaled_by_power_of_two(row: DVec4) -> DVec4 {
-    let most = row.abs().max_element();
-    let power = f64::from_bits(most.to_bits() & (0x7ff << 52));
-    row / if power.is_normal() { power } else { most }
-}
-
-/// The vector orthogonal to three others in four dimensions, by cofactors; with a sum of magnitudes in place
-/// of `subtract`, the sum of the magnitudes of all terms of each component.
-fn orthogonal([a, b, c]: [DVec4; 3], subtract: impl Fn(f64, f64) -> f64) -> DVec4 {
-    let minor = |i: usize, j: usize, k: usize| {
-        let x = subtract(b[j] * c[k], b[k] * c[j]);
-        let y = subtract(b[i] * c[k], b[k] * c[i]);
-        let z = subtract(b[i] * c[j], b[j] * c[i]);
-        subtract(a[i] * x, a[j] * y) + a[k] * z
-    };
-    let negative = subtract(0.0, 1.0);
-    DVec4::new(minor(1, 2, 3), negative * minor(0, 2, 3), minor(0, 1, 3), negative * minor(0, 1, 2))
 }
 
 #[cfg(test)]

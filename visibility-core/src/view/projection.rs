@@ -25,6 +25,7 @@
 //! The bounds below take `16u`, `4u` and `8u` for these `9u`, `2u` and `5u`. What underflows loses less than
 //! the least normal number, which is added.
 
+use super::eye::eye_error;
 use super::{Depth, Eye, View};
 use glam::{DVec3, DVec4};
 
@@ -103,7 +104,7 @@ impl ViewProjection {
         };
         let scale = scale_to_one(matrix.row(3));
         let rows = [0, 1, 2, 3].map(|i| matrix.row(i) * scale);
-        let (eye, eye_error) = (view.eye(origin), eye_error(view, origin));
+        let (eye, eye_error) = (view.eye(origin), eye_error(&matrix, view.depth(), view.origin(), origin));
         Self { rows, depth: view.depth(), local, offset: view.origin() - origin, eye, eye_error }
     }
 
@@ -193,42 +194,4 @@ fn scale_to_one(row: DVec4) -> f64 {
     let size = if linear > 0.0 { linear } else { row.w.abs() } * (1.0 + 1.0 / 524_288.0);
     let exponent = (size.to_bits() >> 52) as i64 - 1023;
     f64::from_bits(((1023 - exponent.clamp(-1000, 1000)) as u64) << 52)
-}
-
-/// Bound on the distance of [`View::eye`] from the eye of the exact matrix; see
-/// [`ViewProjection::eye_error`].
-///
-/// The eye is orthogonal to three rows of the matrix. With the rows scaled by powers of two, a component is a
-/// sum of six products of three numbers, each rounded twice as a product and four times in sums (at most):
-/// `12u` of the sum of their magnitudes is more than the error.
-fn eye_error(view: &View, origin: DVec3) -> f64 {
-    let m = view.clip_from(view.origin());
-    let rows = [m.row(0), m.row(1), m.row(3)].map(super::scaled_by_power_of_two);
-    let eye = super::orthogonal(rows, |a, b| a - b);
-    let size = super::orthogonal(rows.map(DVec4::abs), |a, b| a + b);
-    let error = size * (16.0 * U) + DVec4::splat(1e-290);
-    match view.eye(origin) {
-        Eye::Direction(_) => {
-            let length = eye.truncate().length();
-            let direction = eye.truncate() / length;
-            // The rounding of length and quotient, 6u at most, is a fraction of the 16u of each component's
-            // terms that are counted twice.
-            let error = 2.0 * error.truncate().length() / length;
-            // Which of the two senses leads away from the viewer is told by the depth row. Not so for NaN:
-            // then nothing is known.
-            let depth = m.row(2).truncate();
-            let is_certain =
-                size.w == 0.0 && depth.dot(direction).abs() > 2.0 * error * depth.abs().element_sum();
-            if is_certain { error } else { f64::INFINITY }
-        }
-        Eye::Point(_) => {
-            let position = eye.truncate() / eye.w;
-            let off = (error.truncate() + position.abs() * error.w) / eye.w.abs();
-            let sums = position.abs() + view.origin().abs() + origin.abs();
-            let error = 1.01 * off.length() + 8.0 * U * sums.element_sum();
-            // The quotient is linear in the error of the divisor only where that is small.
-            let is_certain = eye.w.abs() > 1024.0 * size.w * (16.0 * U) && error.is_finite();
-            if is_certain { error } else { f64::INFINITY }
-        }
-    }
 }

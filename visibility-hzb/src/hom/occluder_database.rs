@@ -80,8 +80,8 @@ const NEIGHBOURS: [usize; 2] = [1024, 32];
 
 impl OccluderDatabase {
     /// Sorts all objects that are flagged as occluders and have a mesh. Takes about a microsecond for each
-    /// triangle near other occluders: for loading time. Where thousands of occluders lie within one another, each is near
-    /// all, and the time grows with the square of their number.
+    /// triangle near other occluders: for loading time. Where thousands of occluders lie within one another,
+    /// each is near all, and the time grows with the square of their number.
     pub fn new(scene: &Scene, criteria: &OccluderCriteria) -> Self {
         let mut new = Self::default();
         let mut sized = Vec::new();

@@ -74,8 +74,8 @@ struct Shared {
 /// walls at worst.
 ///
 /// # Cost
-/// Each cut looks at all walls of the part that it cuts. Walls that are spread out take `n log n` steps; walls of which
-/// most abut, or tile one plane, take a number that grows with the square of theirs.
+/// Each cut looks at all walls of the part that it cuts. Walls that are spread out take `n log n` steps;
+/// walls of which most abut, or tile one plane, take a number that grows with the square of theirs.
 ///
 /// # Errors
 /// [`GeometryError`], with the index of the wall or the name of the setting.
