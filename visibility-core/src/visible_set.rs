@@ -280,7 +280,8 @@ impl VisibleSet {
         self.listed[id.index() / 64] |= 1 << (id.index() % 64);
     }
 
-    /// Takes out what was noted since the set was prepared. How many objects are left.
+    /// Removes the objects that [`drop_later`](Self::drop_later) was told of since
+    /// [`begin_drops`](Self::begin_drops). Returns how many objects are left in the set.
     pub(crate) fn drop_now(&mut self, scene: &Scene) -> u64 {
         let dropped = core::mem::take(&mut self.listed);
         let kept = self.retain(scene, |id, _| dropped[id.index() / 64] >> (id.index() % 64) & 1 == 0);

@@ -120,7 +120,7 @@ enum Children<'a> {
     /// A node of the scene's own hierarchy. What is kept beside its boxes is fetched when it is asked for:
     /// most tests need none of it.
     Node { tree: &'a Tree, node: usize, leaf: bool },
-    /// What another hierarchy has listed.
+    /// Children listed by a hierarchy that is not the scene's own, copied for this block.
     Listed(&'a [Child]),
 }
 

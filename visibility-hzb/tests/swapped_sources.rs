@@ -1,5 +1,5 @@
-//! Contract 4 for the z-buffer and occlusion maps: scenes swapped, mixed, cloned, reverted and dropped under a
-//! live culler, against one that has seen no other.
+//! Contract 4 for the z-buffer and occlusion maps: scenes swapped, mixed, cloned, reverted and dropped under
+//! a live culler, against one that has seen no other.
 
 use visibility_core::{OcclusionCuller, OcclusionMap, Scene};
 use visibility_hzb::{Hom, Hzb};

@@ -52,7 +52,7 @@ impl DrawCost {
 pub struct SceneFacts {
     /// Objects in the scene.
     pub objects: usize,
-    /// Triangles of all of them.
+    /// Triangles of all objects of the scene.
     pub triangles: usize,
     /// Objects of which a pixel shows.
     pub visible_objects: f64,

@@ -255,8 +255,8 @@ mod tests {
     use visibility_core::Object;
     use visibility_core::glam::Vec3;
 
-    /// Triangles bins everywhere, each through a point of the unit box, and eyes near and far: never the
-    /// wrong side.
+    /// Triangles of every direction, each through a point of the unit box, seen by eyes near and far: the
+    /// side that a bin reports never contradicts the exact side of a triangle in it.
     #[test]
     fn sides_are_those_of_the_triangles() {
         let mut random = Random(7);

@@ -168,7 +168,7 @@ impl OctreeTessellation {
             + self.content.memory()
     }
 
-    /// Least place of a cell, and its side in steps.
+    /// The least corner of a cell and the length of its edges, both in steps of the grid.
     #[inline]
     fn place(&self, cell: u32) -> ([u32; 3], u32) {
         let [x, y, z, side] = self.blocks[cell as usize].map(u32::from);

@@ -12,7 +12,8 @@ pub(crate) struct SurfaceClass {
     /// Axis side that the surface faces most: twice the axis (0, 1, 2), plus one towards negative
     /// coordinates; or [`ANY_SIDE`].
     pub(crate) side: u8,
-    /// Openness in half octaves: [`FULLY_OPEN`] is 1, two less is half as open. At least 0.
+    /// Openness on a scale of two steps a factor of two: an openness of 1 is stored as [`FULLY_OPEN`], 1/2
+    /// as two less; the least that can be stored is 0, which stands for all smaller ones.
     pub(crate) openness: u8,
 }
 

@@ -60,9 +60,10 @@ pub struct View {
 impl View {
     /// A view from the matrix that the engine draws with: clip space from world space.
     ///
-    /// `depth` must be the convention that the matrix was made for, `w` must not fall along the lines of
-    /// sight, and the near plane must lie before the eye: what is nearer is told by them. None of this is
-    /// checked, since bounds are tested right without it; occlusion is not.
+    /// `depth` must be the convention that the matrix was made for. Clip-space `w` must not decrease along a
+    /// line of sight away from the eye, and the near plane must not lie behind the eye. Neither is
+    /// checked: culling by planes is right without it, but occlusion culling takes the nearer of two
+    /// surfaces by `w` or depth, and is not.
     ///
     /// The world of an `f32` matrix is small; engines with large worlds pass the matrix of a camera near the
     /// origin and say with [`relative_to`](Self::relative_to) where in the world that origin is.

@@ -50,7 +50,7 @@ pub struct ClipRow {
     pub linear: DVec3,
     /// The value at the anchor.
     pub constant: f64,
-    /// Bound on the error of the constant, which the rounding of the anchor adds to.
+    /// Bound on the absolute error of `constant`, the effect of rounding the anchor included.
     pub error: f64,
 }
 

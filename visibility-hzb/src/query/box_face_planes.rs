@@ -34,8 +34,9 @@ const SIGNS: [f64; LANES] = [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
 pub(crate) struct FacePlaneSetup {
     /// The anchor's coordinate along the side's axis.
     anchor: [f64; LANES],
-    /// Coefficients for `x`, `y` and 1: the component of a line of sight along the inward normal, times the
-    /// determinant.
+    /// Per lane, `a`, `b`, `c` of the linear function `a x + b y + c` of a pixel: the dot product of the
+    /// line of sight through the pixel with the inward normal of the face, times the determinant of the
+    /// projection.
     along: [[f64; LANES]; 3],
     /// Bound on the error of that component, anywhere in the picture.
     error: [f64; LANES],

@@ -148,7 +148,8 @@ impl ScreenProjection {
 /// one object.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ObjectProjection {
-    /// Coefficients, by axis of the object.
+    /// What one unit along each axis of the object adds to `x`, `y`, `w`, the depth key and the distance
+    /// beyond the near plane.
     pub(crate) linear: [[f64; 5]; 3],
     /// Values at the object's own origin.
     pub(crate) constant: [f64; 5],
