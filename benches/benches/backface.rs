@@ -9,7 +9,7 @@ use std::hint::black_box;
 use visibility_benches::workload::Random;
 use visibility_core::backface::{BackfaceCuller, ConeTree, Cones, NormalCone};
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, Culler, Eye, FrustumCuller, Pose, Scene, View, VisibleSet};
+use visibility_core::{Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, view::Eye};
 
 /// A block of 64 at a time of clusters like those of meshes: patches of a cap, a metre wide.
 fn clusters(count: usize) -> Vec<(Aabb, NormalCone)> {

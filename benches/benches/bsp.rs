@@ -8,7 +8,7 @@ use visibility_benches::workload::Random;
 use visibility_bsp::{BspOrderCuller, BspTree, NaylorCuller, Order, SceneTree, Solid};
 use visibility_core::glam::{DQuat, DVec3};
 use visibility_core::{
-    Aabb, Culler, Eye, FrustumCuller, Object, Pipeline, Pose, Scene, Triangle, View, VisibleSet,
+    Aabb, Culler, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet, scene::Triangle, view::Eye,
 };
 
 /// The twelve triangles of a box, turned about its upright axis.

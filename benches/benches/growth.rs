@@ -13,7 +13,8 @@ use visibility_benches::workload::Random;
 use visibility_bsp::{Occluders, SceneTree, ShadowFrusta, Solid};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
-    Aabb, BackfaceCuller, ConvexPolygon, Object, OccluderMesh, Preparation, Scene, Triangle,
+    Aabb, Object, OccluderMesh, Scene, backface::BackfaceCuller, geometry::ConvexPolygon,
+    occlusion::Preparation, scene::Triangle,
 };
 use visibility_hzb::{OccluderCriteria, OccluderDatabase};
 use visibility_plp::{DelaunayTessellation, OctreeTessellation};

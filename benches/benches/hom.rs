@@ -7,8 +7,8 @@ use std::time::Duration;
 use visibility_benches::workload::Random;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, Object, OccluderMesh, Occlusion, OcclusionMap, Pipeline, Pose, Scene, View,
-    VisibleSet,
+    Aabb, Culler, FrustumCuller, Object, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View, VisibleSet,
+    occlusion::Occlusion,
 };
 use visibility_hzb::{DepthEstimate, Hom, HomCuller, Hzb, HzbCuller};
 

@@ -7,7 +7,8 @@ use std::time::Duration;
 use visibility_benches::workload::Random;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, FrustumCuller, Object, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, Simd, View, VisibleSet,
+    Aabb, FrustumCuller, Object, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View, VisibleSet,
+    simd::Simd,
 };
 use visibility_examples::built_in;
 use visibility_examples::walkthrough::World;
@@ -134,7 +135,9 @@ fn queries(c: &mut Criterion) {
                 b.iter(|| {
                     boxes
                         .iter()
-                        .filter(|bounds| hzb.test(black_box(bounds)) != visibility_core::Occlusion::Hidden)
+                        .filter(|bounds| {
+                            hzb.test(black_box(bounds)) != visibility_core::occlusion::Occlusion::Hidden
+                        })
                         .count()
                 });
             });

@@ -6,7 +6,10 @@ use std::hint::black_box;
 use std::time::Duration;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, CellGraph, CellId, ConvexPolygon, PortalId, Pose, Scene, View, Viewcell, Viewcells, VisibleSet,
+    Aabb, Pose, Scene, View, VisibleSet,
+    cells::{CellGraph, CellId, PortalId},
+    geometry::ConvexPolygon,
+    pvs::{Viewcell, Viewcells},
 };
 use visibility_portals::{Narrowing, PortalEye, SceneCells};
 

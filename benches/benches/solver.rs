@@ -6,7 +6,7 @@ use microlp::{ComparisonOp, OptimizationDirection, Problem};
 use std::hint::black_box;
 use std::time::Duration;
 use visibility_benches::workload::Random;
-use visibility_core::ConvexPolygon;
+use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_portals::antipenumbra;
 use visibility_portals::lp::{HalfSpace, Solver};

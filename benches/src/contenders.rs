@@ -10,8 +10,9 @@ use nalgebra::Point3;
 use parry3d::partitioning::{BvhBuildStrategy, BvhNode, TraversalAction};
 use treeculler::BVol;
 use visibility_core::{
-    Aabb, FrustumCuller, Pipeline, Scene, Simd, View, VisibleSet,
+    Aabb, FrustumCuller, Pipeline, Scene, View, VisibleSet,
     glam::{DVec3, Vec3},
+    simd::Simd,
 };
 
 /// One way to cull.

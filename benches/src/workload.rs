@@ -6,7 +6,7 @@
 //! which no game would see.
 
 use glam::{DMat4, DVec3, Vec3};
-use visibility_core::{Aabb, Depth, View};
+use visibility_core::{Aabb, View, view::Depth};
 
 /// Half the side of the cube that the boxes fill, in metres.
 pub const REACH: f32 = 500.0;

@@ -6,7 +6,7 @@
 
 use crate::walk::Walk;
 use glam::{DVec3, Vec3};
-use visibility_core::{CellGraph, Viewcells};
+use visibility_core::{cells::CellGraph, pvs::Viewcells};
 
 /// A scene with its camera walks.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,7 +9,7 @@ mod shared_scenes;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use visibility_core::backface::{Cluster, Cones, Facing, NormalCone, cluster_mesh, facing};
-use visibility_core::{Eye, Triangle};
+use visibility_core::{scene::Triangle, view::Eye};
 use visibility_testing::Random;
 
 /// Eyes of one scene unless the environment says otherwise.

@@ -9,7 +9,7 @@ mod shared_scenes;
 
 use shared_scenes::scene;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellId, Pose, View, Viewcells};
+use visibility_core::{Pose, View, cells::CellId, pvs::Viewcells};
 use visibility_examples::built_in;
 use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::pvs::solids::boxes;

@@ -6,7 +6,9 @@
 mod shared_scenes;
 
 use shared_scenes::scene;
-use visibility_core::{FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline, Selection, VisibleSet};
+use visibility_core::{
+    FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline, VisibleSet, occlusion::Selection,
+};
 use visibility_examples::walkthrough::{Trial, World, judge};
 use visibility_examples::{SceneSource, built_in};
 use visibility_hzb::{DepthEstimate, Hom, Hzb};

@@ -5,7 +5,10 @@
 mod shared_scenes;
 
 use shared_scenes::scene;
-use visibility_core::{FrustumCuller, OcclusionCuller, Pipeline, Preparation, Selection};
+use visibility_core::{
+    FrustumCuller, OcclusionCuller, Pipeline,
+    occlusion::{Preparation, Selection},
+};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{SceneSource, built_in};
 use visibility_hzb::Hzb;

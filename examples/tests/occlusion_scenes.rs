@@ -5,7 +5,11 @@
 mod shared_scenes;
 
 use shared_scenes::scene;
-use visibility_core::{BoxHierarchy, FrustumCuller, OcclusionCuller, Pipeline, SceneHierarchy, Selection};
+use visibility_core::{
+    FrustumCuller, OcclusionCuller, Pipeline,
+    occlusion::Selection,
+    walk::{BoxHierarchy, SceneHierarchy},
+};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{SceneSource, built_in};
 use visibility_testing::{Octree, PlainMap};

@@ -5,7 +5,11 @@
 use std::fmt::Write;
 use std::path::Path;
 use visibility_core::glam::DVec3;
-use visibility_core::{BackfaceCuller, CasterCuller, Light, Pipeline, VisibleSet};
+use visibility_core::{
+    Pipeline, VisibleSet,
+    backface::BackfaceCuller,
+    casters::{CasterCuller, Light},
+};
 use visibility_examples::built_in;
 use visibility_examples::walkthrough::World;
 use visibility_examples::walkthrough::cullers::{CullerError, entries, parse};

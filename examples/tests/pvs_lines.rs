@@ -7,7 +7,10 @@
 
 use std::path::PathBuf;
 use visibility_core::glam::{DQuat, DVec3};
-use visibility_core::{CellGraph, CellId, ViewcellId};
+use visibility_core::{
+    cells::{CellGraph, CellId},
+    pvs::ViewcellId,
+};
 use visibility_examples::pvs::maps::{planted, rooms, rounded, turned};
 use visibility_examples::pvs::stabs::{Random, Verdict, directed_lines, goes_through, random_lines};
 use visibility_examples::pvs::{bake, read};
@@ -59,7 +62,7 @@ fn broken(chains: u64, seed: u64) -> (u64, u64) {
         let count = 2 + random.below(14);
         let chain = planted(count, clearance, &mut random);
         let through = chain.graph.portals().iter().enumerate().all(|(i, portal)| {
-            let id = visibility_core::PortalId(i as u32);
+            let id = visibility_core::cells::PortalId(i as u32);
             goes_through(&chain.graph, id, portal.cells()[0].index() == i, chain.line, 1e-6)
         });
         if !through || chain.graph.portals().len() != count {
@@ -151,7 +154,7 @@ fn stored_sets_say_what_the_matrix_says() {
     let stored = matrix.to_pvs(&graph).unwrap();
     // The matrix has a bit for each pair; most rows are much like those of the next room.
     assert!(stored.as_bytes().len() < matrix.to_bytes().len(), "{}", stored.as_bytes().len());
-    let loaded = visibility_core::Pvs::from_bytes(stored.as_bytes()).unwrap();
+    let loaded = visibility_core::pvs::Pvs::from_bytes(stored.as_bytes()).unwrap();
     for (a, b) in (0..289).flat_map(|a| (0..289).map(move |b| (a, b))) {
         assert_eq!(loaded.sees(ViewcellId(a), b), matrix.sees(CellId(a), CellId(b)), "{a} {b}");
     }

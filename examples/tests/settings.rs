@@ -10,8 +10,11 @@ use visibility_bsp::{
 };
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, BackfaceCuller, CasterCuller, Culler, FrustumCuller, HardwareQueries, Late, Light, OcclusionCuller,
-    Pipeline, Pose, Preparation, QueryDevice, Scene, Selection, View, VisibleSet, Window,
+    Aabb, Culler, FrustumCuller, OcclusionCuller, Pipeline, Pose, Scene, View, VisibleSet,
+    backface::BackfaceCuller,
+    casters::{CasterCuller, Light},
+    occlusion::{HardwareQueries, LateAnswers, Preparation, QueryDevice, Selection},
+    view::Window,
 };
 use visibility_examples::built_in;
 use visibility_examples::walkthrough::World;
@@ -165,7 +168,7 @@ fn core_and_image_space() {
         }
         show(&what, &world, HzbCuller::new(Hzb::new(64, 64).unwrap()).with_budget(count));
         let frames = count as u32;
-        let device = HardwareQueries::new(Silent, Late::Trusted { frames });
+        let device = HardwareQueries::new(Silent, LateAnswers::Trusted { frames });
         show(&what, &world, OcclusionCuller::new(device).with_budget(count));
         assert!(Hzb::new(count, 64).is_err() || Hzb::new(count, 64).is_ok_and(|map| map.width() == count));
         assert!(Hom::new(64, count).is_err() || Hom::new(64, count).is_ok_and(|map| map.height() == count));
@@ -295,7 +298,7 @@ fn cells_and_portals() {
                     .map(|&[min, max]| {
                         let corners = [[min.y, min.z], [max.y, min.z], [max.y, max.z], [min.y, max.z]];
                         let corners = corners.map(|[y, z]| DVec3::new(min.x, y, z));
-                        visibility_core::ConvexPolygon::new(corners).unwrap()
+                        visibility_core::geometry::ConvexPolygon::new(corners).unwrap()
                     })
                     .collect();
                 drop(from_polygons(&polygons, &settings));

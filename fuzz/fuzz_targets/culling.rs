@@ -7,7 +7,7 @@ mod oracle;
 
 use libfuzzer_sys::fuzz_target;
 use visibility_core::glam::DVec4;
-use visibility_core::{Eye, View, VisibleSet};
+use visibility_core::{view::Eye, View, VisibleSet};
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{SceneSource, SourceObject};
 use visibility_testing::{Random, cameras};

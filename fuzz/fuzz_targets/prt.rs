@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use visibility_core::CellId;
+use visibility_core::cells::CellId;
 use visibility_core::bake::Bake;
 use visibility_portals::{CellBaker, CellMatrix, Settings, prt};
 

@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use visibility_core::{Pvs, ViewcellId};
+use visibility_core::pvs::{Pvs, ViewcellId};
 use visibility_fuzz::mend;
 
 fuzz_target!(|bytes: &[u8]| {

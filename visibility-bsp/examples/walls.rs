@@ -9,7 +9,8 @@ use visibility_bsp::{
 };
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, Object, OccluderMesh, Pipeline, Pose, Preparation, Scene, View, VisibleSet,
+    Aabb, Culler, FrustumCuller, Object, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet,
+    occlusion::Preparation,
 };
 
 /// Inserts a box with its twelve triangles.

@@ -20,7 +20,7 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 ///
 /// ```
 /// use visibility_bsp::{BspOrderCuller, SceneTree};
-/// use visibility_core::{Aabb, Pipeline, Pose, Scene, View, VisibleSet, glam::{DVec3, Vec3}};
+/// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Pipeline, Pose, Scene, View, VisibleSet};
 /// let mut scene = Scene::new();
 /// let [far, near] = [8.0, 4.0].map(|x: f32| {
 ///     let id = scene.insert(Aabb::from_arrays([x, 0.0, 0.0], [x, 1.0, 1.0]));

@@ -15,7 +15,7 @@
 
 use visibility_core::glam::{BVec3, DMat3, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
-use visibility_core::{Aabb, Eye, View};
+use visibility_core::{Aabb, View, view::Eye};
 
 /// Unit round-off of `f64`.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;

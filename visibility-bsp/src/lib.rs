@@ -18,7 +18,9 @@
 //! ```
 //! use visibility_bsp::{Occluders, OcclusionTreeCuller};
 //! use visibility_core::glam::{Affine3A, DVec3};
-//! use visibility_core::{Aabb, FrustumCuller, Object, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet};
+//! use visibility_core::{
+//!     Aabb, FrustumCuller, Object, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet,
+//! };
 //! let mut scene = Scene::new();
 //! let bounds = Aabb::from_arrays([4.0, -5.0, -5.0], [4.5, 5.0, 5.0]);
 //! let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });

@@ -1,7 +1,10 @@
 //! Cutting a convex polygon in two by a plane.
 
 use alloc::vec::Vec;
-use visibility_core::{Side, SidePlane, glam::DVec3};
+use visibility_core::{
+    geometry::{Side, SidePlane},
+    glam::DVec3,
+};
 
 /// The parts of a polygon in front of a plane and behind it; what lies on the plane belongs to both. The
 /// points of the cut are the same for every polygon that shares the edge.

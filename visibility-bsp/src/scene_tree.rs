@@ -2,7 +2,10 @@
 
 use crate::tree::{BspError, BspTree};
 use alloc::vec::Vec;
-use visibility_core::{Changes, ObjectId, Scene, SceneCursor};
+use visibility_core::{
+    ObjectId, Scene,
+    scene::{Changes, SceneCursor},
+};
 
 /// A [`BspTree`] of the triangles of a [`Scene`], in scene coordinates; each fragment's owner is the index of
 /// its object.
@@ -13,7 +16,7 @@ use visibility_core::{Changes, ObjectId, Scene, SceneCursor};
 ///
 /// ```
 /// use visibility_bsp::SceneTree;
-/// use visibility_core::{Aabb, Scene, glam::Vec3};
+/// use visibility_core::{glam::Vec3, Aabb, Scene};
 /// let mut scene = Scene::new();
 /// let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
 /// scene.set_triangles(id, [[Vec3::ZERO, Vec3::X, Vec3::ONE]])?;

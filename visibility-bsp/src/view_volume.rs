@@ -1,7 +1,12 @@
 //! The volume of a view, for boxes and polygons in scene coordinates: outside only beyond the error of its
 //! planes.
 
-use visibility_core::{Aabb, Containment, MAX_PLANES, Plane, Scene, View, glam::DVec3};
+use visibility_core::{
+    Aabb, Scene, View,
+    geometry::{Containment, Plane},
+    glam::DVec3,
+    view::MAX_PLANES,
+};
 
 #[derive(Clone, Debug)]
 pub(crate) struct ViewVolume {

@@ -11,8 +11,8 @@ use visibility_bsp::{
 };
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose,
-    Preparation, Scene, View, VisibleSet,
+    Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose, Scene,
+    View, VisibleSet, occlusion::Preparation,
 };
 use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
@@ -207,7 +207,7 @@ fn an_occluder_that_has_changed_hides_no_longer() {
             room.view = room.view.with_layers(1);
         }),
         ("cut away", |room| {
-            let plane = visibility_core::Plane::through(DVec3::new(6.0, 0.0, 0.0), DVec3::X);
+            let plane = visibility_core::geometry::Plane::through(DVec3::new(6.0, 0.0, 0.0), DVec3::X);
             room.view = room.view.with_clip_planes(&[plane]).unwrap();
         }),
         ("before the near plane", |room| {

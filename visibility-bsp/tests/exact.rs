@@ -8,7 +8,9 @@ use std::collections::HashSet;
 use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, Witness};
 use visibility_core::glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
 use visibility_core::{
-    Aabb, Culler, Depth, Object, ObjectId, Pipeline, Pose, Scene, Triangle, View, VisibleSet, Window,
+    Aabb, Culler, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
+    scene::Triangle,
+    view::{Depth, Window},
 };
 use visibility_measure::ItemBuffer;
 use visibility_testing::Random;

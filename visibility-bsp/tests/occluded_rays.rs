@@ -10,7 +10,7 @@ use visibility_bsp::{
     LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, Culler, Eye, FrustumCuller, OcclusionCuller, Scene, View, VisibleSet};
+use visibility_core::{Aabb, Culler, FrustumCuller, OcclusionCuller, Scene, View, VisibleSet, view::Eye};
 use visibility_testing::Random;
 
 /// Segments that must be blocked, and how many were tried.
@@ -149,10 +149,10 @@ fn clear_cases_are_decided_at_any_magnitude() {
                 id
             })
             .collect();
-        scene.prepare_occluders(&visibility_core::Preparation::default());
+        scene.prepare_occluders(&visibility_core::occlusion::Preparation::default());
         let pose = visibility_core::Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
         let perspective = View::perspective(pose, 2.0, 1.5, 0.1 * scale, f64::INFINITY).unwrap();
-        let window = visibility_core::Window::centered(20.0 * scale, 20.0 * scale);
+        let window = visibility_core::view::Window::centered(20.0 * scale, 20.0 * scale);
         let parallel = View::orthographic(pose, window, 0.1 * scale, 50.0 * scale).unwrap();
         for view in [perspective, parallel] {
             for (name, mut culler) in cullers(&scene) {
@@ -214,14 +214,17 @@ fn two_polygons_hide_nothing_where_the_near_plane_cuts_the_edge_that_they_share(
                 .insert(visibility_core::Object { occluder: true, ..visibility_core::Object::new(bounds) });
             scene.set_triangles(id, slope).unwrap();
         }
-        scene.prepare_occluders(&visibility_core::Preparation { two_sided: true, ..Default::default() });
+        scene.prepare_occluders(&visibility_core::occlusion::Preparation {
+            two_sided: true,
+            ..Default::default()
+        });
         let small = |y: f32| Aabb::new(Vec3::new(-0.1, y - 0.05, -0.6), Vec3::new(0.1, y + 0.05, -0.5));
         let [behind_what_is_cut, behind] = [3.6, 1.0].map(|y| scene.insert(small(y)));
         // 1.15 of depth at the far end of the ridge, 0.2 at the eaves there.
         let along = DVec3::new(0.0, -0.3, -1.0);
         let start = DVec3::ZERO + along.normalize() * (-0.7 / along.length());
         let pose = visibility_core::Pose::look_at(start, start + along, DVec3::X);
-        let window = visibility_core::Window::centered(20.0, 20.0);
+        let window = visibility_core::view::Window::centered(20.0, 20.0);
         let view = View::orthographic(pose, window, 0.0, 50.0).unwrap();
         for (name, mut culler) in cullers(&scene) {
             let mut visible = VisibleSet::new();

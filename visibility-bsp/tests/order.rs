@@ -5,7 +5,7 @@ mod shapes;
 
 use shapes::{hit, polygons};
 use visibility_bsp::{BspTree, Order};
-use visibility_core::{Eye, glam::DVec3};
+use visibility_core::{glam::DVec3, view::Eye};
 use visibility_testing::Random;
 
 /// The fragments in the order in which they are visited, each with the number of its node.

@@ -12,8 +12,9 @@ use visibility_bsp::{
 };
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
-    Aabb, Culler, Object, OccluderMesh, Occlusion, OcclusionMap, Pose, Preparation, Scene, Triangle, View,
-    VisibleSet,
+    Aabb, Culler, Object, OccluderMesh, OcclusionMap, Pose, Scene, View, VisibleSet,
+    occlusion::{Occlusion, Preparation},
+    scene::Triangle,
 };
 use visibility_testing::Random;
 

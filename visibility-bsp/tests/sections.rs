@@ -11,7 +11,11 @@ use visibility_bsp::{
 };
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, Eye, Object, ObjectId, Plane, Pose, Preparation, Scene, Triangle, View, VisibleSet, Window,
+    Aabb, Culler, Object, ObjectId, Pose, Scene, View, VisibleSet,
+    geometry::Plane,
+    occlusion::Preparation,
+    scene::Triangle,
+    view::{Eye, Window},
 };
 use visibility_testing::Random;
 

@@ -12,8 +12,8 @@ use visibility_bsp::{
 };
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, Object, ObjectId, OcclusionCuller, Pose, Preparation, Scene, View,
-    VisibleSet,
+    Aabb, Culler, FrustumCuller, Object, ObjectId, OcclusionCuller, Pose, Scene, View, VisibleSet,
+    occlusion::Preparation,
 };
 use visibility_testing::Random;
 

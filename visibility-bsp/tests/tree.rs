@@ -7,7 +7,7 @@ mod shapes;
 use shapes::{box_faces, polygons};
 use std::collections::HashSet;
 use visibility_bsp::{BspError, BspTree, Fragments, Leaf, Order, Subtree, Walk};
-use visibility_core::{Aabb, Eye, glam::DVec3};
+use visibility_core::{Aabb, glam::DVec3, view::Eye};
 use visibility_testing::Random;
 
 fn build(polygons: &[Vec<DVec3>]) -> BspTree {
@@ -122,7 +122,8 @@ fn walks_enter_only_what_they_want() {
     struct Counting(usize, Aabb);
     impl Walk for Counting {
         fn enter(&mut self, subtree: &Subtree, levels: u32) -> Option<u32> {
-            let outside = self.1.classify_aabb(subtree.bounds()) == visibility_core::Containment::Outside;
+            let outside =
+                self.1.classify_aabb(subtree.bounds()) == visibility_core::geometry::Containment::Outside;
             (!outside).then_some(levels + 1)
         }
         fn visit(&mut self, fragments: Fragments<'_>, levels: u32) {

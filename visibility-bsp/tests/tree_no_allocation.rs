@@ -6,7 +6,7 @@ mod shapes;
 
 use visibility_bsp::{BspOrderCuller, BspTree, NaylorCuller, SceneTree};
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, Culler, Object, Pose, Scene, Triangle, View, VisibleSet};
+use visibility_core::{Aabb, Culler, Object, Pose, Scene, View, VisibleSet, scene::Triangle};
 use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 

@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, ViewError, VisibleSet};
+use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet, view::ViewError};
 
 fn main() -> Result<(), ViewError> {
     // A grid of a hundred boxes along each axis, 10 m apart.

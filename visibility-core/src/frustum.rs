@@ -9,7 +9,7 @@ use crate::scene::{Boxes64, lanes};
 use crate::test_plane::TestPlane;
 use crate::view::{MAX_PLANES, ViewPlane};
 use crate::walk::{Child, SceneHierarchy, Walk};
-use crate::{Accuracy, CullStats, Culler, Scene, Simd, View, VisibleSet};
+use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, simd::Simd};
 
 /// Removes what lies outside the planes of the view. Conservative: a box near an edge of the view may lie
 /// outside without being outside any one plane.
@@ -63,7 +63,10 @@ impl Culler for FrustumCuller {
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, SceneHierarchy};
-/// use visibility_core::{Aabb, ConvexVolume, Plane, Scene, Simd, ViewPlane, glam::DVec3};
+/// use visibility_core::{
+///     frustum::ConvexVolume, geometry::Plane, glam::DVec3, simd::Simd, view::ViewPlane, Aabb,
+///     Scene,
+/// };
 /// let above = ViewPlane { plane: Plane::new(DVec3::Z, -1.0), error: 0.0 };
 /// let volume = ConvexVolume::new(Simd::best(), &[above]);
 /// let mut scene = Scene::new();

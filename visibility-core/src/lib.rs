@@ -44,51 +44,35 @@ compile_error!("visibility-core needs floating point: enable the feature `std` o
 
 pub mod backface;
 pub mod bake;
-mod casters;
+pub mod casters;
 pub mod cells;
 mod cull_stats;
 mod culler;
 pub mod envelope;
 mod float;
-mod frustum;
+pub mod frustum;
 pub mod geometry;
 pub mod occlusion;
-mod pipeline;
+pub mod pipeline;
 pub mod pvs;
 mod region_culler;
 pub mod scene;
 mod serial;
-mod simd;
-mod stamp;
+pub mod simd;
+pub mod stamp;
 mod test_plane;
 pub mod view;
 mod visible_set;
 pub mod walk;
 
-pub use backface::BackfaceCuller;
-pub use casters::{CasterCuller, Light, LightError};
-pub use cells::{CellGraph, CellGraphError, CellId, Portal, PortalId};
 pub use cull_stats::CullStats;
 pub use culler::{Accuracy, Culler};
-pub use frustum::{ConvexVolume, FrustumCuller};
-pub use geometry::{
-    Aabb, Containment, ConvexPolygon, Plane, PolygonError, PolygonSide, Side, SidePlane, Sphere,
-};
+pub use frustum::FrustumCuller;
+pub use geometry::Aabb;
 pub use glam;
-pub use occlusion::{
-    Edge, HardwareQueries, Late, MeshError, OccluderMesh, Occlusion, Occlusion64, OcclusionCuller,
-    OcclusionMap, Preparation, QueryDevice, Selection, prepare,
-};
-pub use pipeline::{Explanation, Pipeline};
-pub use pvs::{Pvs, PvsCuller, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells};
+pub use occlusion::{OccluderMesh, OcclusionCuller, OcclusionMap};
+pub use pipeline::Pipeline;
 pub use region_culler::RegionCuller;
-pub use scene::{
-    Boxes64, Changes, Maintenance, MeshId, Object, ObjectId, Scene, SceneCursor, SceneError, Triangle,
-};
-pub use simd::{Simd, SimdLevel};
-pub use stamp::Stamp;
-pub use view::{
-    ClipMatrix, Depth, Eye, MAX_CLIP_PLANES, MAX_PLANES, Pose, View, ViewError, ViewPlane, ViewPlanes, Window,
-};
+pub use scene::{Object, ObjectId, Scene};
+pub use view::{Pose, View};
 pub use visible_set::VisibleSet;
-pub use walk::{BoxHierarchy, Child, SceneHierarchy};

@@ -21,7 +21,7 @@ use alloc::{boxed::Box, vec::Vec};
 /// let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
 /// pipeline.cull(&scene, &view, &mut visible);
 /// assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), [ahead]);
-/// # Ok::<(), visibility_core::ViewError>(())
+/// # Ok::<(), visibility_core::view::ViewError>(())
 /// ```
 #[derive(Default)]
 pub struct Pipeline {
@@ -36,7 +36,7 @@ pub struct Pipeline {
 /// Why an object is in the set or not.
 ///
 /// ```
-/// use visibility_core::Explanation;
+/// use visibility_core::pipeline::Explanation;
 /// assert_eq!(Explanation::RemovedBy("frustum").to_string(), "removed by frustum");
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

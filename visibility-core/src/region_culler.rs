@@ -1,6 +1,6 @@
 //! Visibility from a region: what bakers of a PVS ask of an algorithm.
 
-use crate::{Accuracy, CullStats, Scene, Viewcell, VisibleSet};
+use crate::{Accuracy, CullStats, Scene, VisibleSet, pvs::Viewcell};
 
 /// Removes from a set of objects what cannot be seen from anywhere in a viewcell.
 ///
@@ -10,7 +10,9 @@ use crate::{Accuracy, CullStats, Scene, Viewcell, VisibleSet};
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
-/// use visibility_core::{Aabb, Accuracy, CullStats, Pose, RegionCuller, Scene, View, Viewcell, VisibleSet};
+/// use visibility_core::{
+///     pvs::Viewcell, Aabb, Accuracy, CullStats, Pose, RegionCuller, Scene, View, VisibleSet,
+/// };
 /// /// Hides objects that are farther away than anything is ever drawn.
 /// struct Within(f64);
 /// impl RegionCuller for Within {

@@ -16,7 +16,7 @@ use crate::view::MAX_PLANES;
 /// Which instructions to use. Answers are the same on all.
 ///
 /// ```
-/// use visibility_core::Simd;
+/// use visibility_core::simd::Simd;
 /// assert!(Simd::available().any(|simd| simd == Simd::best()));
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

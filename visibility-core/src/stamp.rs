@@ -12,7 +12,7 @@ use crate::serial::next_serial;
 /// no order: two that differ say nothing else about their owners.
 ///
 /// ```
-/// use visibility_core::Stamp;
+/// use visibility_core::stamp::Stamp;
 /// let mut cells = Stamp::new();
 /// let cached_for = cells;
 /// assert_eq!(cached_for, cells);

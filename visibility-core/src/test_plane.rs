@@ -1,6 +1,6 @@
 //! A plane as the box test takes it: in `f32`, with a margin that outweighs every rounding.
 
-use crate::ViewPlane;
+use crate::view::ViewPlane;
 
 /// A plane of a view as the kernel tests it in `f32`: an upper bound on the signed distance of a box.
 ///

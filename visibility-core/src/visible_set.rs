@@ -1,7 +1,7 @@
 //! The set that goes through the cullers of a frame: candidates in, survivors out.
 
 use crate::scene::{NONE, Tree, lanes};
-use crate::{Aabb, CullStats, ObjectId, Scene, SceneCursor, Stamp, View};
+use crate::{Aabb, CullStats, ObjectId, Scene, View, scene::SceneCursor, stamp::Stamp};
 use alloc::vec::Vec;
 use smallvec::SmallVec;
 
@@ -134,7 +134,9 @@ impl VisibleSet {
     /// up to the caller. Costs a few nanoseconds for each block of 64 objects in the sets.
     ///
     /// ```
-    /// use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet, glam::DVec3};
+    /// use visibility_core::{
+    ///     glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet,
+    /// };
     /// let mut scene = Scene::new();
     /// scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [6.0, 1.0, 1.0]));
     /// let pose = |y: f64| Pose::look_at(DVec3::new(0.0, y, 0.0), DVec3::new(9.0, y, 0.0), DVec3::Z);
@@ -152,7 +154,7 @@ impl VisibleSet {
     /// }
     /// both.finish(&scene);
     /// assert_eq!(both.newly_visible().count(), 1);
-    /// # Ok::<(), visibility_core::ViewError>(())
+    /// # Ok::<(), visibility_core::view::ViewError>(())
     /// ```
     pub fn union(&mut self, scene: &Scene, other: &Self) {
         self.prepare(scene);

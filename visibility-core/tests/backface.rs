@@ -5,7 +5,7 @@ use visibility_core::backface::{
     BackfaceCuller, ConeTree, Cones, Facing, MeshError, NormalCone, cluster_mesh, facing,
 };
 use visibility_core::glam::{DAffine3, DMat3, DVec3, Vec3};
-use visibility_core::{Aabb, Culler, Eye, Scene, Simd, Triangle, View, VisibleSet};
+use visibility_core::{Aabb, Culler, Scene, View, VisibleSet, scene::Triangle, simd::Simd, view::Eye};
 use visibility_testing::cameras::{Camera, power_of_two, random_camera};
 use visibility_testing::{FNV_START, Random, fnv, sign_of_sum};
 

@@ -4,7 +4,8 @@
 use visibility_core::backface::{BackfaceCuller, Facing, NormalCone, facing};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, Culler, Eye, Object, ObjectId, Pose, Scene, Simd, Triangle, View, VisibleSet,
+    Aabb, Accuracy, Culler, Object, ObjectId, Pose, Scene, View, VisibleSet, scene::Triangle, simd::Simd,
+    view::Eye,
 };
 use visibility_testing::Random;
 

@@ -3,8 +3,11 @@
 
 use visibility_core::glam::{DMat4, DQuat, DVec3};
 use visibility_core::{
-    Aabb, CasterCuller, Depth, Light, LightError, ObjectId, Pipeline, Plane, Pose, Scene, Simd, View,
-    VisibleSet,
+    Aabb, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
+    casters::{CasterCuller, Light, LightError},
+    geometry::Plane,
+    simd::Simd,
+    view::Depth,
 };
 use visibility_testing::Random;
 use visibility_testing::cameras::{
@@ -519,7 +522,7 @@ fn the_range_of_a_light_is_a_ball_and_its_cone_a_cone() {
         scene.insert_batch([at(9.0, 0.0, 0.0), at(7.0, 7.0, 7.0), at(5.0, 5.0, 5.0), at(-3.0, 0.0, 0.0)]);
     let view = View::orthographic(
         Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z),
-        visibility_core::Window::centered(50.0, 50.0),
+        visibility_core::view::Window::centered(50.0, 50.0),
         -50.0,
         50.0,
     )

@@ -3,8 +3,8 @@
 
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, Explanation, FrustumCuller, Object, Pipeline, Pose, Scene, View,
-    VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet,
+    pipeline::Explanation,
 };
 
 fn looking(target: DVec3) -> View {

@@ -3,8 +3,9 @@
 
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Depth, Eye, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, SceneError, View, ViewError,
-    VisibleSet, Window,
+    Aabb, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
+    scene::SceneError,
+    view::{Depth, Eye, ViewError, Window},
 };
 use visibility_testing::Random;
 use visibility_testing::cameras::DEPTHS;

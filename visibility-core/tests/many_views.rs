@@ -3,8 +3,10 @@
 use std::collections::BTreeSet;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
-    Aabb, CasterCuller, Culler, FrustumCuller, Light, MAX_CLIP_PLANES, Object, ObjectId, Pipeline, Plane,
-    Pose, Scene, View, ViewError, VisibleSet, Window,
+    Aabb, Culler, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
+    casters::{CasterCuller, Light},
+    geometry::Plane,
+    view::{MAX_CLIP_PLANES, ViewError, Window},
 };
 use visibility_testing::Random;
 use visibility_testing::cameras::power_of_two;

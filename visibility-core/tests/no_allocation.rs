@@ -3,8 +3,11 @@
 
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
-    Aabb, Accuracy, CasterCuller, FrustumCuller, Light, ObjectId, OccluderMesh, Occlusion, OcclusionCuller,
-    OcclusionMap, Pipeline, Plane, Pose, Scene, Selection, View, VisibleSet,
+    Aabb, Accuracy, FrustumCuller, ObjectId, OccluderMesh, OcclusionCuller, OcclusionMap, Pipeline, Pose,
+    Scene, View, VisibleSet,
+    casters::{CasterCuller, Light},
+    geometry::Plane,
+    occlusion::{Occlusion, Selection},
 };
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator, LIVE};
 use visibility_testing::{Octree, Random};

@@ -2,9 +2,13 @@
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, BoxHierarchy, Child, Culler, FrustumCuller, HardwareQueries, Late, Object, ObjectId,
-    OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Pipeline, Plane, Pose, Preparation, QueryDevice,
-    Scene, SceneError, Selection, Triangle, View, VisibleSet, Window, prepare,
+    Aabb, Accuracy, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, OcclusionMap,
+    Pipeline, Pose, Scene, View, VisibleSet,
+    geometry::Plane,
+    occlusion::{HardwareQueries, LateAnswers, Occlusion, Preparation, QueryDevice, Selection, prepare},
+    scene::{SceneError, Triangle},
+    view::Window,
+    walk::{BoxHierarchy, Child},
 };
 use visibility_testing::{Octree, PlainMap};
 
@@ -74,7 +78,7 @@ fn a_door_that_opens_hides_nothing() {
         assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3);
         let before = scene.revision();
         scene.set_occluder(wall, false).unwrap();
-        assert!(matches!(scene.changes_since(before), visibility_core::Changes::Objects([_])));
+        assert!(matches!(scene.changes_since(before), visibility_core::scene::Changes::Objects([_])));
         assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503, "{selection:?}: open");
         scene.set_occluder(wall, true).unwrap();
         assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3, "{selection:?}: shut");
@@ -307,7 +311,7 @@ impl QueryDevice for SimulatedCard {
 
 /// Culls by queries alone, each frame from the given eye. How many objects each frame reports, and whether
 /// any lacked one of V.
-fn by_queries(latency: u32, late: Late, eyes: &[DVec3]) -> Vec<(usize, bool)> {
+fn by_queries(latency: u32, late: LateAnswers, eyes: &[DVec3]) -> Vec<(usize, bool)> {
     let Street { scene, .. } = street();
     let mut culler = OcclusionCuller::new(HardwareQueries::new(SimulatedCard::new(latency), late));
     let mut visible_set = VisibleSet::new();
@@ -328,7 +332,7 @@ fn by_queries(latency: u32, late: Late, eyes: &[DVec3]) -> Vec<(usize, bool)> {
 #[test]
 fn late_answers_count_as_visible_until_they_are_there() {
     for latency in [1, 3] {
-        let frames = by_queries(latency, Late::Visible, &[DVec3::ZERO; 24]);
+        let frames = by_queries(latency, LateAnswers::Visible, &[DVec3::ZERO; 24]);
         assert_eq!(frames[0], (503, false), "nothing is answered yet");
         assert_eq!(frames[23], (3, false), "a still camera culls all in the end, latency {latency}");
         assert!(frames.windows(2).all(|pair| pair[0].0 >= pair[1].0));
@@ -339,7 +343,7 @@ fn late_answers_count_as_visible_until_they_are_there() {
 fn answers_about_other_occluders_do_not_count() {
     for selection in SELECTIONS {
         let Street { mut scene, wall, .. } = street();
-        let map = HardwareQueries::new(SimulatedCard::new(2), Late::Visible);
+        let map = HardwareQueries::new(SimulatedCard::new(2), LateAnswers::Visible);
         let mut culler = OcclusionCuller::new(map).with_selection(selection);
         let mut visible = VisibleSet::new();
         let mut frame = |scene: &Scene| {
@@ -365,7 +369,7 @@ fn answers_about_another_scene_do_not_count() {
     let mut card = SimulatedCard::new(1);
     card.own.push(scene.occluder(wall).unwrap().0.clone());
     scene.set_occluder(wall, false).unwrap();
-    let mut culler = OcclusionCuller::new(HardwareQueries::new(card, Late::Visible));
+    let mut culler = OcclusionCuller::new(HardwareQueries::new(card, LateAnswers::Visible));
     let mut visible = VisibleSet::new();
     let mut frame = |scene: &Scene| {
         visible.fill(scene, &along_x());
@@ -412,7 +416,7 @@ fn a_device_that_loses_queries_is_asked_again() {
 
         fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
     }
-    let mut map = HardwareQueries::new(Deaf { asked: Vec::new() }, Late::Visible);
+    let mut map = HardwareQueries::new(Deaf { asked: Vec::new() }, LateAnswers::Visible);
     let far = Aabb::from_arrays([20.0, 0.0, 0.0], [21.0, 1.0, 1.0]);
     let at_the_eye = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
     for _ in 0..200 {
@@ -519,9 +523,9 @@ fn eight_cullers_on_threads_answer_as_one_after_another() {
 #[test]
 fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
     let eyes: Vec<DVec3> = (0..40).map(|i| DVec3::new(0.0, f64::from(i) * 0.4, 0.0)).collect();
-    let safe = by_queries(2, Late::Visible, &eyes);
+    let safe = by_queries(2, LateAnswers::Visible, &eyes);
     assert!(safe.iter().all(|(_, lost)| !lost));
-    let trusting = by_queries(2, Late::Trusted { frames: 4 }, &eyes);
+    let trusting = by_queries(2, LateAnswers::Trusted { frames: 4 }, &eyes);
     assert!(trusting.iter().any(|(_, lost)| *lost), "what comes into view pops in late");
     let sum = |frames: &[(usize, bool)]| frames.iter().map(|(count, _)| count).sum::<usize>();
     assert!(sum(&trusting) < sum(&safe), "and that is what it gains");

@@ -2,7 +2,10 @@
 
 use visibility_core::glam::{DMat4, DVec3, DVec4};
 use visibility_core::view::{ClipRow, ViewProjection};
-use visibility_core::{Depth, Eye, View};
+use visibility_core::{
+    View,
+    view::{Depth, Eye},
+};
 use visibility_testing::Random;
 use visibility_testing::cameras::DEPTHS;
 

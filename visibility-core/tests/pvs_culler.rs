@@ -2,8 +2,9 @@
 
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, ObjectId, Plane, Pose, Pvs, PvsCuller, PvsTargets, Scene, ScenePvs, View, Viewcell, ViewcellId,
-    Viewcells, VisibleSet,
+    Aabb, ObjectId, Pose, Scene, View, VisibleSet,
+    geometry::Plane,
+    pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells},
 };
 
 fn random(state: &mut u64) -> f64 {
@@ -194,7 +195,7 @@ fn an_eye_that_a_clip_plane_cuts_away_sees_everything() {
 #[test]
 fn an_oblique_near_plane_that_not_all_lines_of_sight_meet_sees_everything() {
     use visibility_core::glam::{DMat4, DVec4};
-    use visibility_core::{Culler, Depth};
+    use visibility_core::{Culler, view::Depth};
     let mut scene = Scene::new();
     let at = |x: f32, y: f32| Aabb::from_arrays([x - 0.1, y - 0.1, 1.4], [x + 0.1, y + 0.1, 1.6]);
     let [here, there] = [(3.0, 2.0), (6.0, 4.5)].map(|(x, y)| scene.insert(at(x, y)));

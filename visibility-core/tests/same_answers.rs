@@ -2,7 +2,9 @@
 //! answers depend on where things are relative to each other, not on where the world has its origin.
 
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, Depth, FrustumCuller, ObjectId, Pipeline, Pose, Scene, Simd, View, VisibleSet};
+use visibility_core::{
+    Aabb, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet, simd::Simd, view::Depth,
+};
 use visibility_testing::cameras::{Camera, box_behind, clip_planes, power_of_two, random_camera};
 use visibility_testing::{FNV_START, Random, fnv};
 

@@ -3,7 +3,8 @@
 use std::collections::{HashMap, HashSet};
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Changes, FrustumCuller, Object, ObjectId, Pipeline, Scene, SceneError, View, VisibleSet,
+    Aabb, FrustumCuller, Object, ObjectId, Pipeline, Scene, View, VisibleSet,
+    scene::{Changes, SceneError},
 };
 use visibility_testing::Random;
 use visibility_testing::cameras::random_camera;

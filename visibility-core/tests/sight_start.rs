@@ -5,7 +5,7 @@
 //! but the names of the depth conventions.
 
 use visibility_core::glam::{DMat4, DVec3, DVec4};
-use visibility_core::{Depth, Plane, View};
+use visibility_core::{View, geometry::Plane, view::Depth};
 use visibility_testing::Random;
 use visibility_testing::cameras::{DEPTHS, power_of_two};
 

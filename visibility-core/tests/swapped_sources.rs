@@ -4,8 +4,13 @@
 use std::sync::Arc;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, BackfaceCuller, BoxHierarchy, CasterCuller, Child, FrustumCuller, Light, OcclusionCuller, Pvs,
-    PvsCuller, PvsTargets, Scene, SceneCursor, SceneHierarchy, ScenePvs, Selection, Viewcell, Viewcells,
+    Aabb, FrustumCuller, OcclusionCuller, Scene,
+    backface::BackfaceCuller,
+    casters::{CasterCuller, Light},
+    occlusion::Selection,
+    pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, Viewcells},
+    scene::SceneCursor,
+    walk::{BoxHierarchy, Child, SceneHierarchy},
 };
 use visibility_testing::swapped::{Swapped, hold_against_fresh};
 use visibility_testing::{Octree, PlainMap, Random};

@@ -3,8 +3,8 @@
 use visibility_core::glam::DVec3;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy, Walk};
 use visibility_core::{
-    Aabb, Accuracy, ConvexVolume, CullStats, Culler, FrustumCuller, MAX_PLANES, ObjectId, Pipeline, Pose,
-    Scene, Simd, View, VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
+    frustum::ConvexVolume, simd::Simd, view::MAX_PLANES,
 };
 use visibility_testing::Random;
 

@@ -10,13 +10,13 @@
 //! |---|---|---|---|---|
 //! | any; always first | [`FrustumCuller`] | | conservative | boxes |
 //! | rooms and corridors | `portals::PortalCuller` | `portals` | conservative | cells and portals, or walls to make them from |
-//! | the same, when each frame counts more than the last object | [`PvsCuller`] | `portals` bakes its sets | conservative | the same, baked beforehand |
+//! | the same, when each frame counts more than the last object | [`PvsCuller`](pvs::PvsCuller) | `portals` bakes its sets | conservative | the same, baked beforehand |
 //! | streets, terrain, anything with large opaque things | `hzb::HzbCuller` | `hzb` | conservative | occluder meshes: the scene's own triangles will do |
 //! | few, large, flat occluders | `bsp::OcclusionTreeCuller` | `bsp` | conservative | occluder meshes |
 //! | a fixed budget of triangles | `plp::PlpCuller` | `plp` | approximate | triangles, and a tessellation made from them |
 //! | the exact answer, slowly | `bsp::NaylorCuller` | `bsp` | exact | triangles |
-//! | clusters of one-sided triangles | [`BackfaceCuller`] | | conservative | triangles |
-//! | shadow maps: what throws a shadow into the view | [`CasterCuller`] | | conservative | boxes and a light |
+//! | clusters of one-sided triangles | [`BackfaceCuller`](backface::BackfaceCuller) | | conservative | triangles |
+//! | shadow maps: what throws a shadow into the view | [`CasterCuller`](casters::CasterCuller) | | conservative | boxes and a light |
 //!
 //! Conservative and exact cullers never hide a visible object, whatever the rounding. `measure::Advisor`
 //! (feature `measure`) tries cullers on your own scene and says which to take.

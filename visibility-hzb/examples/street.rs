@@ -7,7 +7,7 @@ use std::error::Error;
 use std::time::Instant;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, Culler, FrustumCuller, Object, OccluderMesh, Pose, Scene, View, VisibleSet};
-use visibility_core::{OcclusionMap, SceneError};
+use visibility_core::{OcclusionMap, scene::SceneError};
 use visibility_hzb::{Hzb, HzbCuller};
 
 /// Houses that hide, 20 m wide, with streets of 10 m between them.

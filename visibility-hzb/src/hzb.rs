@@ -18,8 +18,12 @@ use crate::setup::screen_projection::{ScreenProjection, project_object};
 use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
 use crate::simd::Kernels;
 use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::view::ViewPlanes;
 use visibility_core::{
-    Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, Plane, Simd, View,
+    Aabb, Accuracy, OccluderMesh, OcclusionMap, View,
+    occlusion::{Occlusion, Occlusion64},
+    scene::Boxes64,
+    simd::Simd,
 };
 
 /// Meshes of at most this many triangles are drawn by their outline if they look convex from the eye: to find
@@ -45,7 +49,10 @@ const MISSED: usize = 32;
 /// before.
 ///
 /// ```
-/// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
+/// use visibility_core::{
+///     glam::{Affine3A, DVec3}, occlusion::Occlusion, Aabb, OccluderMesh, OcclusionMap, Pose,
+///     View,
+/// };
 /// use visibility_hzb::Hzb;
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
@@ -81,9 +88,8 @@ pub struct Hzb {
     missed: usize,
     /// Upper bound on all depth keys in the buffer.
     pub(crate) nearest: f32,
-    /// The view's clip planes, relative to the scene's origin; the first `clip_plane_count` count.
-    clip_planes: [Plane; visibility_core::MAX_CLIP_PLANES],
-    clip_plane_count: usize,
+    /// Clip planes of the frame's view, relative to the scene's origin.
+    clip_planes: ViewPlanes,
 }
 
 impl Default for Hzb {
@@ -126,8 +132,7 @@ impl Hzb {
             contour_tiles,
             missed: 0,
             nearest: f32::NEG_INFINITY,
-            clip_planes: [Plane::new(DVec3::ZERO, 0.0); visibility_core::MAX_CLIP_PLANES],
-            clip_plane_count: 0,
+            clip_planes: ViewPlanes::NONE,
         }
     }
 
@@ -316,20 +321,6 @@ impl Hzb {
             self.nearest = self.shape.ceiling;
         }
     }
-
-    /// Whether an occluder may reach beyond one of the clip planes.
-    fn is_cut(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
-        self.clip_planes[..self.clip_plane_count].iter().any(|plane| {
-            occluder.bounds().corners().iter().any(|corner| {
-                let p = transform.transform_point3(*corner).as_dvec3();
-                // Far above the rounding of the transform, 8u of these magnitudes with u = 6e-8.
-                let margin = 1e-5
-                    * (plane.normal.abs().dot(p.abs() + transform.translation.as_dvec3().abs())
-                        + plane.offset.abs());
-                !(plane.signed_distance(p) > margin)
-            })
-        })
-    }
 }
 
 impl OcclusionMap for Hzb {
@@ -353,16 +344,12 @@ impl OcclusionMap for Hzb {
         self.queue.count = 0;
         self.missed = 0;
         self.nearest = f32::NEG_INFINITY;
-        self.clip_plane_count = view.clip_planes().len();
-        let shift = origin - view.origin();
-        for (out, plane) in self.clip_planes.iter_mut().zip(view.clip_planes()) {
-            *out = Plane::new(plane.normal, plane.offset + plane.normal.dot(shift));
-        }
+        self.clip_planes = view.clip_planes_from(origin);
         self.pyramid.clear();
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
-        if self.clip_plane_count > 0 && self.is_cut(occluder, transform) {
+        if !occluder.is_inside(&self.clip_planes, transform) {
             return;
         }
         if occluder.is_cuboid() {

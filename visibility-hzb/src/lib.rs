@@ -10,7 +10,9 @@
 //!
 //! ```
 //! use visibility_core::glam::{Affine3A, DVec3};
-//! use visibility_core::{Aabb, FrustumCuller, Object, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet};
+//! use visibility_core::{
+//!     Aabb, FrustumCuller, Object, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet,
+//! };
 //! use visibility_hzb::{Hzb, HzbCuller};
 //!
 //! let mut scene = Scene::new();
@@ -94,7 +96,7 @@ pub use hzb::Hzb;
 /// It belongs behind a frustum culler.
 ///
 /// ```
-/// use visibility_core::{Culler, Selection};
+/// use visibility_core::{occlusion::Selection, Culler};
 /// use visibility_hzb::{Hzb, HzbCuller};
 /// let culler = HzbCuller::new(Hzb::default()).with_selection(Selection::LastVisible).with_budget(20_000);
 /// assert!(culler.accuracy().never_hides());

@@ -22,10 +22,10 @@ use crate::setup::convex_shape::ConvexScratch;
 use crate::setup::occluder_triangles::OccluderTriangles;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
-#[cfg(all(target_arch = "x86_64", feature = "std"))]
-use visibility_core::SimdLevel;
 use visibility_core::glam::Affine3A;
-use visibility_core::{Aabb, Occlusion64, Simd};
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+use visibility_core::simd::SimdLevel;
+use visibility_core::{Aabb, occlusion::Occlusion64, simd::Simd};
 
 /// Declares the trait [`Kernels`] and implements it for [`Simd`]. Each of its methods runs a function as
 /// compiled for the instructions that the [`Simd`] stands for.

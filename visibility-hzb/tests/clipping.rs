@@ -8,7 +8,7 @@ mod common;
 
 use common::{Face, Occluder, faces, occluder, view};
 use visibility_core::glam::{DVec2, DVec3, DVec4};
-use visibility_core::{Depth, OcclusionMap, View};
+use visibility_core::{OcclusionMap, View, view::Depth};
 use visibility_hzb::Hzb;
 use visibility_testing::Random;
 
@@ -57,8 +57,8 @@ fn project(view: &View, size: [usize; 2], Face { corners, one_sided }: &Face) ->
     // Seen from the front? By the eye itself, not by the screen.
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let front = match view.eye(DVec3::ZERO) {
-        visibility_core::Eye::Point(eye) => (eye - corners[0]).dot(normal) > 0.0,
-        visibility_core::Eye::Direction(along) => along.dot(normal) < 0.0,
+        visibility_core::view::Eye::Point(eye) => (eye - corners[0]).dot(normal) > 0.0,
+        visibility_core::view::Eye::Direction(along) => along.dot(normal) < 0.0,
     };
     if *one_sided && !front {
         screen.clear();

@@ -8,8 +8,8 @@ use common::boxes::{Checked, points};
 use common::{Occluder, Ray, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, Culler, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Pose, Scene, Simd, View,
-    VisibleSet, Window,
+    Aabb, Accuracy, Culler, OccluderMesh, OcclusionCuller, OcclusionMap, Pose, Scene, View, VisibleSet,
+    occlusion::Occlusion, simd::Simd, view::Window,
 };
 use visibility_hzb::{Coverage, DepthEstimate, Hom, Hzb};
 use visibility_testing::Random;

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{occluder, view};
-use visibility_core::{Aabb, Culler, Object, Scene, Selection, VisibleSet};
+use visibility_core::{Aabb, Culler, Object, Scene, VisibleSet, occlusion::Selection};
 use visibility_hzb::{DepthEstimate, Hom, HomCuller};
 use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};

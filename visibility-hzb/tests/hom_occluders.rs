@@ -2,8 +2,8 @@
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene, Selection, Triangle,
-    View, VisibleSet,
+    Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet,
+    occlusion::Selection, scene::Triangle,
 };
 use visibility_hzb::{DepthEstimate, Hom, HomCuller, OccluderCriteria, OccluderDatabase};
 

@@ -5,7 +5,7 @@ mod common;
 
 use common::{occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
-use visibility_core::{Aabb, OccluderMesh, Occlusion, OcclusionMap, Pose, View};
+use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View, occlusion::Occlusion};
 use visibility_hzb::{Coverage, Hom, Hzb};
 use visibility_testing::Random;
 

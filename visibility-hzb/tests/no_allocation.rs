@@ -5,7 +5,8 @@ mod common;
 use common::{occluder, view};
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, Object, Occlusion, OcclusionCuller, OcclusionMap, Scene, VisibleSet,
+    Aabb, Culler, FrustumCuller, Object, OcclusionCuller, OcclusionMap, Scene, VisibleSet,
+    occlusion::Occlusion,
 };
 use visibility_hzb::{Hom, Hzb};
 use visibility_testing::Random;

@@ -1,7 +1,7 @@
 //! The pyramid is brought up to date from what has changed; it must be the one that a new start would give.
 
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
-use visibility_core::{Aabb, OccluderMesh, Occlusion, OcclusionMap, Pose, View};
+use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View, occlusion::Occlusion};
 use visibility_hzb::Hzb;
 use visibility_testing::Random;
 

@@ -7,7 +7,8 @@ use common::boxes::{Checked, points};
 use common::{Occluder, Ray, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, OccluderMesh, Occlusion, OcclusionCuller, OcclusionMap, Scene, Simd, View, VisibleSet,
+    Aabb, Culler, OccluderMesh, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet, occlusion::Occlusion,
+    simd::Simd,
 };
 use visibility_hzb::{Coverage, Hzb};
 use visibility_testing::Random;

@@ -12,7 +12,7 @@
 use crate::raster::{Corner, DEPTH_TIE, Image};
 use smallvec::SmallVec;
 use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
-use visibility_core::{Depth, Plane, View};
+use visibility_core::{View, geometry::Plane, view::Depth};
 
 /// How far beyond the sides of the image, in images, triangles are left uncut. The raster loses 1e-16 of the
 /// coordinates, so 16 images cost it nothing, and few triangles are large enough to need the sides cut.

@@ -2,7 +2,7 @@
 #![allow(missing_docs)]
 
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Plane, Pose, View};
+use visibility_core::{Pose, View, geometry::Plane};
 use visibility_measure::ItemBuffer;
 
 /// The item buffer cuts triangles where the planes are, also through their middle.

@@ -5,7 +5,10 @@ mod common;
 
 use common::pixels;
 use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
-use visibility_core::{Depth, Pose, View, Window};
+use visibility_core::{
+    Pose, View,
+    view::{Depth, Window},
+};
 use visibility_measure::{Comparison, ItemBuffer, MAX_SIDE, MeasureError, NONE};
 use visibility_testing::Random;
 

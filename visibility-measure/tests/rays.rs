@@ -4,7 +4,10 @@
 #![allow(missing_docs)]
 
 use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};
-use visibility_core::{Depth, Pose, View, Window};
+use visibility_core::{
+    Pose, View,
+    view::{Depth, Window},
+};
 use visibility_measure::{ItemBuffer, NONE};
 use visibility_testing::Random;
 

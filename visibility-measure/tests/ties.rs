@@ -5,7 +5,7 @@ mod common;
 
 use common::pixels;
 use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};
-use visibility_core::{Depth, Pose, View};
+use visibility_core::{Pose, View, view::Depth};
 use visibility_measure::{Comparison, ItemBuffer};
 
 /// A box with two sides parallel to the vertical plane through the origin and `along`: from `near` to `far`

@@ -3,7 +3,11 @@
 //! All coordinates are relative to the scene's origin, in metres.
 
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, Eye, MAX_PLANES, Triangle, View, ViewPlane};
+use visibility_core::{
+    Aabb, View,
+    scene::Triangle,
+    view::{Eye, MAX_PLANES, ViewPlane},
+};
 
 /// Half-space `normal . p + offset >= 0`, with a bound on the rounding error of that distance.
 #[derive(Clone, Copy, Debug)]
@@ -194,7 +198,7 @@ impl CellFrustum {
 mod tests {
     use super::*;
     use crate::test_exact::{IntVector, Random, RandomExact, cross, dot, fine, minus, within};
-    use visibility_core::{Plane, Pose, Window};
+    use visibility_core::{Pose, geometry::Plane, view::Window};
 
     /// All planes but the near one have the eye on their inner side, or in them: they bound what is on the
     /// way to anything in view.

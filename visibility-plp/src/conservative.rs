@@ -6,10 +6,8 @@ use crate::tessellation::Tessellation;
 use crate::walk::{Budget, FrameContext, PlpSettings, Projected, Walk};
 use alloc::vec::Vec;
 use core::ops::Deref;
-use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, ObjectId, OccluderMesh, Occlusion, OcclusionMap, Scene, View,
-    VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap, Scene, View, VisibleSet, occlusion::Occlusion,
 };
 
 /// Keeps everything that may be seen: projects a budget like [`PlpCuller`](crate::PlpCuller), then tests the
@@ -36,7 +34,9 @@ use visibility_core::{
 /// use std::sync::Arc;
 /// use visibility_core::{glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
 /// use visibility_plp::{Budget, ConservativePlpCuller, OctreeTessellation};
-/// # use visibility_core::{glam::Affine3A, Accuracy, Occlusion, OccluderMesh, OcclusionMap};
+/// # use visibility_core::{
+/// #     glam::Affine3A, occlusion::Occlusion, Accuracy, OcclusionMap,
+/// # };
 /// # struct Blank;
 /// # impl OcclusionMap for Blank {
 /// #     fn name(&self) -> &str { "blank" }
@@ -58,7 +58,7 @@ use visibility_core::{
 /// let mut visible = VisibleSet::new();
 /// pipeline.cull(&scene, &view, &mut visible);
 /// assert!(visible.contains(&scene, id));
-/// # Ok::<(), visibility_core::ViewError>(())
+/// # Ok::<(), visibility_core::view::ViewError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct ConservativePlpCuller<S, M> {
@@ -134,13 +134,11 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M
     }
 }
 
-/// Adds the occluders of projected objects to the map, if they lie inside the view's clip planes.
-fn add_occluders<M: OcclusionMap>(map: &mut M, scene: &Scene, view: &View, projected: &[ObjectId]) {
+/// Adds the occluders of the `projected` objects to the map. Objects without an occluder mesh add nothing.
+fn add_occluders<M: OcclusionMap>(map: &mut M, scene: &Scene, projected: &[ObjectId]) {
     let mut added = false;
     for &id in projected {
-        if let Some((mesh, transform)) = scene.occluder(id)
-            && is_inside_clip_planes(mesh, transform, view, scene.origin())
-        {
+        if let Some((mesh, transform)) = scene.occluder(id) {
             map.add(mesh, transform);
             added = true;
         }
@@ -148,21 +146,6 @@ fn add_occluders<M: OcclusionMap>(map: &mut M, scene: &Scene, view: &View, proje
     if added {
         map.flush();
     }
-}
-
-/// Whether an occluder is surely inside of all clip planes of the view. What they cut away is not drawn and
-/// must not hide.
-fn is_inside_clip_planes(mesh: &OccluderMesh, transform: &Affine3A, view: &View, origin: DVec3) -> bool {
-    let shift = origin - view.origin();
-    view.clip_planes().iter().all(|plane| {
-        mesh.bounds().corners().iter().all(|&corner: &Vec3| {
-            let p = transform.transform_point3(corner).as_dvec3() + shift;
-            // Far above the rounding of the transform, far below the size of anything that hides.
-            let magnitude =
-                plane.normal.abs().max_element() * (p.abs().element_sum() + shift.abs().element_sum());
-            plane.signed_distance(p) > 1e-5 * (magnitude + plane.offset.abs())
-        })
-    })
 }
 
 /// Maximum number of cells that are tested by the box around them.
@@ -266,7 +249,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
             }
         }
         walk.settle(&frame, false);
-        add_occluders(map, scene, view, &walk.order);
+        add_occluders(map, scene, &walk.order);
         loop {
             waiting.clear();
             while let Some(cell) = walk.next() {
@@ -281,7 +264,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
             for &cell in &*waiting {
                 walk.finish(&frame, cell);
             }
-            add_occluders(map, scene, view, &walk.order[before..]);
+            add_occluders(map, scene, &walk.order[before..]);
         }
         stats.projected_cells = walk.projected;
         let (nodes, tests) = (walk.projected, stats.tests);

@@ -6,7 +6,11 @@ use crate::normal_bins::NormalBins;
 use crate::openness::openness_by_index;
 use crate::surface_class::{Lean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
-use visibility_core::{Changes, ObjectId, Scene, SceneCursor, Stamp};
+use visibility_core::{
+    ObjectId, Scene,
+    scene::{Changes, SceneCursor},
+    stamp::Stamp,
+};
 
 /// Objects in each cell of a tessellation, and the share of rays that each cell stops.
 ///
@@ -29,7 +33,7 @@ use visibility_core::{Changes, ObjectId, Scene, SceneCursor, Stamp};
 /// scene.set_bounds(id, Aabb::from_arrays([5.0; 3], [6.0; 3]))?;
 /// cells.sync(&scene);
 /// assert_eq!(cells.content().strays(), [id]);
-/// # Ok::<(), visibility_core::SceneError>(())
+/// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Content {

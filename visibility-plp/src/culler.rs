@@ -42,7 +42,7 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 /// pipeline.cull(&scene, &view, &mut visible);
 /// assert_eq!(visible.count(&scene), 10);
 /// assert!(visible.contains(&scene, ids[0]));
-/// # Ok::<(), visibility_core::ViewError>(())
+/// # Ok::<(), visibility_core::view::ViewError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct PlpCuller<S> {
@@ -74,7 +74,8 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
     }
 
     /// Whether the set is only sorted: the objects that the budget buys first, the others after them. For
-    /// [`Selection::Ordered`](visibility_core::Selection::Ordered), which chooses occluders in that order.
+    /// [`Selection::Ordered`](visibility_core::occlusion::Selection::Ordered), which chooses occluders in
+    /// that order.
     /// Off by default.
     pub fn with_all_kept(mut self, keep_all: bool) -> Self {
         self.keep_all = keep_all;

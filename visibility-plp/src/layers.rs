@@ -229,7 +229,7 @@ mod tests {
     use super::*;
     use crate::content::Content;
     use crate::test_exact::{Random, RandomExact};
-    use visibility_core::{Aabb, Eye, Object, Scene};
+    use visibility_core::{Aabb, Object, Scene, view::Eye};
 
     /// Slopes and walls in a box, and eyes around it: a side that turns its back has nothing in it that does
     /// not.

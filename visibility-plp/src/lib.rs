@@ -40,7 +40,7 @@
 //! pipeline.cull(&scene, &view, &mut visible);
 //! assert_eq!(visible.count(&scene), 2);
 //! assert!(visible.contains(&scene, before));
-//! # Ok::<(), visibility_core::ViewError>(())
+//! # Ok::<(), visibility_core::view::ViewError>(())
 //! ```
 //!
 //! Based on: James T. Klosowski and Claudio T. Silva, "The Prioritized-Layered Projection Algorithm for

@@ -8,7 +8,7 @@
 
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, Eye, ObjectId, Scene, Triangle};
+use visibility_core::{Aabb, ObjectId, Scene, scene::Triangle, view::Eye};
 
 /// Bins along each side of the six faces of a cube. Odd, so that the axes lie in the middle of their bins.
 const SIDE: usize = 5;

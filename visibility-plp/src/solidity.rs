@@ -2,8 +2,8 @@
 
 use crate::cell_frustum::CellFrustum;
 use crate::tessellation::{Face, Tessellation};
-use visibility_core::Eye;
 use visibility_core::glam::{DVec3, Vec2, Vec3};
+use visibility_core::view::Eye;
 
 /// Estimate of the solidity of cells in the front, by which the next cell is chosen: least solid first.
 ///

@@ -8,7 +8,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
-    Aabb, Containment, Culler, FrustumCuller, ObjectId, Plane, Pose, Scene, View, VisibleSet,
+    Aabb, Culler, FrustumCuller, ObjectId, Pose, Scene, View, VisibleSet,
+    geometry::{Containment, Plane},
 };
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity,
@@ -131,7 +132,7 @@ fn backs_and_what_is_out_of_view_cost_nothing() {
         for id in &all {
             let bounds = Aabb::from_points(scene.triangles(*id).unwrap()[0]);
             let outside =
-                |p: &visibility_core::ViewPlane| p.plane.classify_aabb(&bounds) == Containment::Outside;
+                |p: &visibility_core::view::ViewPlane| p.plane.classify_aabb(&bounds) == Containment::Outside;
             assert!(!planes.as_slice().iter().any(outside), "{id} is out of view");
         }
         let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(usize::MAX)).with_one_sided(true);
@@ -139,8 +140,8 @@ fn backs_and_what_is_out_of_view_cost_nothing() {
         for id in all {
             let [a, b, c] = scene.triangles(id).unwrap()[0].map(|p| p.as_dvec3());
             let toward = match view.eye(DVec3::ZERO) {
-                visibility_core::Eye::Point(eye) => eye - a,
-                visibility_core::Eye::Direction(along) => -along,
+                visibility_core::view::Eye::Point(eye) => eye - a,
+                visibility_core::view::Eye::Direction(along) => -along,
             };
             let facing = (b - a).cross(c - a).normalize().dot(toward.normalize());
             if facing.abs() > 1e-6 {

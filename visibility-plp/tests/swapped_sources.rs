@@ -90,7 +90,7 @@ impl Live {
 /// Objects with a triangle that faces the eye and whose centre is surely in view.
 fn surely_in_view(scene: &Scene, view: &View) -> Vec<ObjectId> {
     let planes = view.planes(scene.origin());
-    let visibility_core::Eye::Point(eye) = view.eye(scene.origin()) else { return Vec::new() };
+    let visibility_core::view::Eye::Point(eye) = view.eye(scene.origin()) else { return Vec::new() };
     let shows = |id: &ObjectId| {
         scene.triangles(*id).unwrap().iter().any(|t| {
             let [a, b, c] = t.map(|p| p.as_dvec3());

@@ -5,7 +5,9 @@
 use std::error::Error;
 use visibility_core::bake::Bake;
 use visibility_core::glam::{DVec2, DVec3};
-use visibility_core::{Aabb, Culler, FrustumCuller, PortalId, Pose, Scene, View, Viewcells, VisibleSet};
+use visibility_core::{
+    Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, cells::PortalId, pvs::Viewcells,
+};
 use visibility_portals::from_geometry::{WallSettings, floor_plan, from_walls};
 use visibility_portals::{CellBaker, PortalCuller, SceneCells, Settings};
 

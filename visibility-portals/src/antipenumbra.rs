@@ -3,7 +3,10 @@
 use crate::bake_settings::{BakeError, Settings};
 use crate::cell_baker::CellBaker;
 use visibility_core::bake::Bake;
-use visibility_core::{CellGraph, CellId, ConvexPolygon};
+use visibility_core::{
+    cells::{CellGraph, CellId},
+    geometry::ConvexPolygon,
+};
 
 /// Whether separating planes leave a line through a sequence of convex polygons: each polygon is clipped to
 /// what can be seen of it from the first one through those between, and the first one likewise to what can be
@@ -18,7 +21,7 @@ use visibility_core::{CellGraph, CellId, ConvexPolygon};
 /// As [`CellBaker::new`]; [`BakeError::TooLarge`] also for a polygon without area.
 ///
 /// ```
-/// use visibility_core::{ConvexPolygon, glam::DVec3};
+/// use visibility_core::{geometry::ConvexPolygon, glam::DVec3};
 /// use visibility_portals::antipenumbra;
 /// let door = |x: f64, y: f64| ConvexPolygon::new(
 ///     [[y, 0.0], [y + 1.0, 0.0], [y + 1.0, 2.0], [y, 2.0]].map(|[y, z]| DVec3::new(x, y, z)));

@@ -2,7 +2,7 @@
 
 use crate::directed_portals::DirectedPortals;
 use core::fmt;
-use visibility_core::CellGraph;
+use visibility_core::cells::CellGraph;
 
 /// Settings of [`CellBaker`](crate::CellBaker) and [`ObjectBaker`](crate::ObjectBaker).
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -10,8 +10,8 @@ use crate::directed_portals::DirectedPortals;
 use crate::portal_flow::{Found, Known, Scratch, portal_flow};
 use alloc::vec::Vec;
 use visibility_core::bake::{Baker, fill_rows};
+use visibility_core::cells::{CellGraph, CellId};
 use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
-use visibility_core::{CellGraph, CellId};
 
 /// A cell that sees too much, since it reached the limit of steps.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -43,7 +43,7 @@ pub struct Outcome {
 /// is four bits for each ordered pair of portals, and one bit for each ordered pair of cells.
 ///
 /// ```
-/// use visibility_core::{CellId, bake::Bake};
+/// use visibility_core::{bake::Bake, cells::CellId};
 /// use visibility_portals::{CellBaker, Settings, prt};
 /// // Three rooms in a row; the last door lies where nobody in the first room can see through both.
 /// let map = "PRT1\n3\n2\n\

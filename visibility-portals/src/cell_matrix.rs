@@ -1,7 +1,10 @@
 //! The cell-to-cell visibility of a map: one bit for each pair of cells.
 
 use alloc::vec::Vec;
-use visibility_core::{CellGraph, CellId, Pvs, PvsError, PvsTargets, ViewcellId};
+use visibility_core::{
+    cells::{CellGraph, CellId},
+    pvs::{Pvs, PvsError, PvsTargets, ViewcellId},
+};
 
 /// The cell-to-cell visibility of a map: a row for each cell looked from, with a bit for each cell looked at.
 ///
@@ -9,7 +12,7 @@ use visibility_core::{CellGraph, CellId, Pvs, PvsError, PvsTargets, ViewcellId};
 /// bit first.
 ///
 /// ```
-/// use visibility_core::CellId;
+/// use visibility_core::cells::CellId;
 /// use visibility_portals::CellMatrix;
 /// let matrix = CellMatrix::from_bytes(2, &[0b01, 0b11]).unwrap();
 /// assert!(matrix.sees(CellId(1), CellId(0)) && !matrix.sees(CellId(0), CellId(1)));

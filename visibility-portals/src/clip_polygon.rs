@@ -3,7 +3,7 @@
 
 use alloc::vec::Vec;
 use core::ops::Range;
-use visibility_core::Plane;
+use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
 /// Polygons with more vertices are not clipped, which is conservative.

@@ -18,7 +18,7 @@
 //! no such line.
 
 use alloc::vec::Vec;
-use visibility_core::Plane;
+use visibility_core::geometry::Plane;
 use visibility_core::glam::{DVec2, DVec3};
 
 /// Bound on the rounding of the test below, as a share of the lengths that are compared. The clearance is at

@@ -13,7 +13,7 @@ use crate::coplanar_portals;
 use crate::stabbing::pluecker::{Edge, Opening, edges_of};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellGraph, Plane};
+use visibility_core::{cells::CellGraph, geometry::Plane};
 
 /// Bound on the rounding of a product of a unit vector and a position, relative to the greatest coordinate:
 /// see [`Margins::new`].
@@ -126,7 +126,7 @@ impl DirectedPortals {
         let mut all: Vec<DirectedPortal> = Vec::new();
         let mut first = Vec::with_capacity(graph.cell_count() + 1);
         let mut halves = alloc::vec![[0; 2]; graph.portals().len()];
-        for cell in (0..graph.cell_count() as u32).map(visibility_core::CellId) {
+        for cell in (0..graph.cell_count() as u32).map(visibility_core::cells::CellId) {
             first.push(all.len() as u32);
             for &id in graph.portals_of(cell) {
                 let Some(([start, middle, end], edges, given)) = insets[id.index()] else { continue };

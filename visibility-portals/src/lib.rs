@@ -4,15 +4,17 @@
 //! - each frame, a walk from the cell of the eye through open portals hides what cannot be seen through them:
 //!   [`PortalCuller`];
 //! - before, a bake finds which cells (and which objects) can be seen from anywhere in a cell: [`CellBaker`],
-//!   [`ObjectBaker`]. The result, a [`Pvs`](visibility_core::Pvs), limits the walk, or culls alone
-//!   ([`PvsCuller`](visibility_core::PvsCuller)).
+//!   [`ObjectBaker`]. The result, a [`Pvs`](visibility_core::pvs::Pvs), limits the walk, or culls alone
+//!   ([`PvsCuller`](visibility_core::pvs::PvsCuller)).
 //!
 //! Cells and portals are made by [`from_geometry`] or read by [`prt`].
 //!
 //! ```
 //! use visibility_core::bake::Bake;
 //! use visibility_core::glam::{DVec2, DVec3};
-//! use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, Viewcells, VisibleSet};
+//! use visibility_core::{
+//!     pvs::Viewcells, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet,
+//! };
 //! use visibility_portals::from_geometry::{WallSettings, floor_plan, from_walls};
 //! use visibility_portals::{CellBaker, PortalCuller, SceneCells, Settings};
 //!

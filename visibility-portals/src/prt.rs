@@ -15,7 +15,10 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellGraph, CellGraphError, CellId, ConvexPolygon, PolygonError, PortalId};
+use visibility_core::{
+    cells::{CellGraph, CellGraphError, CellId, PortalId},
+    geometry::{ConvexPolygon, PolygonError},
+};
 
 /// The most vertices that a portal in a file may have, as in the compilers that write them.
 pub const MAX_VERTICES: usize = 64;

@@ -17,7 +17,7 @@
 
 use crate::directed_portals::Margins;
 use alloc::vec::Vec;
-use visibility_core::Plane;
+use visibility_core::geometry::Plane;
 use visibility_core::glam::{DVec2, DVec3};
 
 /// A polygon as lines pass it.

@@ -1,6 +1,6 @@
 //! What certificates reject: sequences of which nothing else says so, and never one with a line.
 
-use visibility_core::ConvexPolygon;
+use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::DVec3;
 use visibility_portals::antipenumbra;
 use visibility_portals::stabbing::{Stab, Stabber};

@@ -2,7 +2,7 @@
 //! the other's; walls stop.
 
 use visibility_core::glam::{DMat3, DQuat, DVec2, DVec3};
-use visibility_core::{CellId, ConvexPolygon, Viewcells};
+use visibility_core::{cells::CellId, geometry::ConvexPolygon, pvs::Viewcells};
 use visibility_portals::from_geometry::{
     GeometryError, PolygonSettings, Solid, Subdivision, WallSettings, floor_plan, from_polygons, from_walls,
 };

@@ -2,7 +2,10 @@
 
 use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellGraph, CellId, ConvexPolygon};
+use visibility_core::{
+    cells::{CellGraph, CellId},
+    geometry::ConvexPolygon,
+};
 use visibility_portals::{BakeError, CellBaker, CellMatrix, Settings, prt};
 
 /// A row of rooms along x with square doors, scaled.

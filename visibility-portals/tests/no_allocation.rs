@@ -5,7 +5,7 @@ mod maze;
 
 use maze::{Camera, Maze, Style};
 use visibility_core::glam::{DVec2, DVec3};
-use visibility_core::{Aabb, Culler, FrustumCuller, PortalId, VisibleSet};
+use visibility_core::{Aabb, Culler, FrustumCuller, VisibleSet, cells::PortalId};
 use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
 use visibility_portals::stabbing::{Rectangle, Stab, Stabber};
 use visibility_portals::{Narrowing, PortalEye};

@@ -6,8 +6,11 @@ mod maze;
 use maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, CellGraph, CellId, ConvexPolygon, Culler, ObjectId, Plane, PortalId, Pose, Pvs, PvsTargets, Scene,
-    View, Viewcell, Viewcells, VisibleSet, Window,
+    Aabb, Culler, ObjectId, Pose, Scene, View, VisibleSet,
+    cells::{CellGraph, CellId, PortalId},
+    geometry::{ConvexPolygon, Plane},
+    pvs::{Pvs, PvsTargets, Viewcell, Viewcells},
+    view::Window,
 };
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError};
 use visibility_testing::Random;

@@ -3,7 +3,10 @@
 
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, CellGraph, CellId, ConvexPolygon, Pose, Scene, View, Viewcell, Viewcells, VisibleSet,
+    Aabb, Pose, Scene, View, VisibleSet,
+    cells::{CellGraph, CellId},
+    geometry::ConvexPolygon,
+    pvs::{Viewcell, Viewcells},
 };
 use visibility_portals::{PortalEye, SceneCells};
 

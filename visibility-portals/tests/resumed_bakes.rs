@@ -3,7 +3,11 @@
 use visibility_core::bake::{Bake, Baker};
 use visibility_core::envelope::{EnvelopeError, Format, HEADER, Writer};
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, CellGraph, CellId, ConvexPolygon, Scene};
+use visibility_core::{
+    Aabb, Scene,
+    cells::{CellGraph, CellId},
+    geometry::ConvexPolygon,
+};
 use visibility_portals::{CellBaker, ObjectBaker, Settings};
 
 /// A grid of rooms with doors at odd places.

@@ -1,7 +1,7 @@
 //! Lines through sequences: in the plane against exact arithmetic, in space against planted lines and against
 //! the planes that separate.
 
-use visibility_core::ConvexPolygon;
+use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_portals::antipenumbra;
 use visibility_portals::stabbing::{Rectangle, Stab, Stabber};

@@ -6,8 +6,10 @@ mod maze;
 use maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, CellGraph, CellId, ConvexPolygon, Culler, ObjectId, PortalId, Pose, Pvs, PvsTargets, Scene, View,
-    Viewcell, Viewcells, VisibleSet,
+    Aabb, Culler, ObjectId, Pose, Scene, View, VisibleSet,
+    cells::{CellGraph, CellId, PortalId},
+    geometry::ConvexPolygon,
+    pvs::{Pvs, PvsTargets, Viewcell, Viewcells},
 };
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, PortalStats, SceneCells};
 use visibility_testing::Random;

@@ -7,7 +7,7 @@
 use crate::Random;
 use crate::exact::sign_of_sum;
 use visibility_core::glam::{DMat4, DQuat, DVec3, DVec4};
-use visibility_core::{Aabb, Depth};
+use visibility_core::{Aabb, view::Depth};
 
 /// All conventions of depth.
 pub const DEPTHS: [Depth; 6] = [

@@ -1,7 +1,10 @@
 //! A plain octree over the objects of a scene, as another hierarchy for the driver.
 
 use visibility_core::glam::Vec3;
-use visibility_core::{Aabb, BoxHierarchy, Child, ObjectId, Scene};
+use visibility_core::{
+    Aabb, ObjectId, Scene,
+    walk::{BoxHierarchy, Child},
+};
 
 /// Nodes with up to eight children each, and objects at the leaves.
 pub struct Octree {

@@ -5,7 +5,11 @@
 //! holds the farthest point of all drawn triangles of that mesh in it. Of several meshes the nearest wins.
 
 use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4};
-use visibility_core::{Aabb, Accuracy, Eye, OccluderMesh, Occlusion, OcclusionMap, View};
+use visibility_core::{
+    Aabb, Accuracy, OccluderMesh, OcclusionMap, View,
+    occlusion::Occlusion,
+    view::{Eye, ViewPlanes},
+};
 
 /// Widens what is drawn against, and narrows what is drawn: far above rounding, far below a pixel.
 const SLACK: f64 = 1e-9;
@@ -17,6 +21,7 @@ pub struct PlainMap {
     view: Option<View>,
     clip: DMat4,
     eye: Eye,
+    clip_planes: ViewPlanes,
     /// For each pixel the farthest point that is surely covered; infinite where nothing is.
     depth: Vec<f64>,
     /// Not yet flushed.
@@ -32,6 +37,7 @@ impl PlainMap {
             view: None,
             clip: DMat4::IDENTITY,
             eye: Eye::Point(DVec3::ZERO),
+            clip_planes: ViewPlanes::NONE,
             depth: vec![f64::INFINITY; width * height],
             pending: vec![f64::INFINITY; width * height],
         }
@@ -58,7 +64,7 @@ impl PlainMap {
 
     /// How far a point is before the near plane, in clip units; negative behind it.
     fn before_near(&self, p: DVec4) -> f64 {
-        use visibility_core::Depth::*;
+        use visibility_core::view::Depth::*;
         match self.view.map(|view| view.depth()) {
             Some(NegativeOneToOne | NegativeOneToOneInfinite) => p.w + p.z,
             Some(ZeroToOne | ZeroToOneInfinite) | None => p.z,
@@ -135,11 +141,15 @@ impl OcclusionMap for PlainMap {
         self.view = Some(*view);
         self.clip = view.clip_from(origin);
         self.eye = view.eye(origin);
+        self.clip_planes = view.clip_planes_from(origin);
         self.depth.fill(f64::INFINITY);
         self.pending.fill(f64::INFINITY);
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        if !occluder.is_inside(&self.clip_planes, transform) {
+            return;
+        }
         let at = |i: u32| transform.transform_point3(occluder.positions()[i as usize]).as_dvec3();
         // Which triangles are drawn, and which way round.
         let mirrored = transform.matrix3.determinant() < 0.0;

@@ -9,7 +9,7 @@ use crate::Random;
 use std::collections::BTreeSet;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, Object, ObjectId, OccluderMesh, Pose, Scene, Triangle, View, VisibleSet,
+    Aabb, Culler, Object, ObjectId, OccluderMesh, Pose, Scene, View, VisibleSet, scene::Triangle,
 };
 
 /// How a kind of culler is made, and what it is made from besides the scene.

@@ -4,7 +4,7 @@ use clap::Parser;
 use std::error::Error;
 use std::process::ExitCode;
 use visibility_core::{
-    Culler, FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline, Selection, VisibleSet,
+    Culler, FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline, VisibleSet, occlusion::Selection,
 };
 use visibility_examples::picture_size::parse_size;
 use visibility_examples::walkthrough::{Trial, World, judge, run};

@@ -27,7 +27,7 @@ struct Arguments {
     #[arg(long)]
     json: bool,
 
-    /// Write the sets compressed and with a checksum, to be loaded by `visibility_core::Pvs`.
+    /// Write the sets compressed and with a checksum, to be loaded by `visibility_core::pvs::Pvs`.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 

@@ -5,8 +5,11 @@ use super::visc::Visc;
 use glam::{Affine3A, DVec3};
 use std::time::{Duration, Instant};
 use visibility_core::{
-    Aabb, Accuracy, Boxes64, Culler, Eye, FrustumCuller, MeshError, Object, OccluderMesh, Occlusion,
-    Occlusion64, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet,
+    Aabb, Accuracy, Culler, FrustumCuller, Object, OccluderMesh, OcclusionCuller, OcclusionMap, Scene, View,
+    VisibleSet,
+    occlusion::{MeshError, Occlusion, Occlusion64},
+    scene::Boxes64,
+    view::Eye,
 };
 use visibility_hzb::{Coverage, Hzb, SizeError};
 

@@ -7,7 +7,7 @@
 use crate::error::SourceError;
 use glam::Vec3;
 use std::path::Path;
-use visibility_core::{Aabb, Depth, Triangle, View};
+use visibility_core::{Aabb, View, scene::Triangle, view::Depth};
 
 /// The number with which a file starts.
 pub const MAGIC: u32 = 0x4353_4956;

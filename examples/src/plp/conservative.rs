@@ -5,7 +5,8 @@
 use crate::walkthrough::World;
 use std::sync::Arc;
 use visibility_core::{
-    Containment, Culler, Eye, FrustumCuller, ObjectId, Occlusion, OcclusionMap, Scene, View, VisibleSet,
+    Culler, FrustumCuller, ObjectId, OcclusionMap, Scene, View, VisibleSet, geometry::Containment,
+    occlusion::Occlusion, view::Eye,
 };
 use visibility_hzb::Hzb;
 use visibility_plp::{Budget, ConservativePlpCuller, OctreeTessellation, Tessellation};

@@ -2,7 +2,9 @@
 
 use crate::walkthrough::World;
 use glam::DVec3;
-use visibility_core::{Aabb, Containment, Eye, Object, ObjectId, Scene, Triangle, View};
+use visibility_core::{
+    Aabb, Object, ObjectId, Scene, View, geometry::Containment, scene::Triangle, view::Eye,
+};
 use visibility_measure::{ItemBuffer, MeasureError};
 
 /// Every triangle of a world as an object of its own, with the same views.

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 use std::time::Instant;
-use visibility_core::CellGraph;
 use visibility_core::bake::{Bake, Progress};
+use visibility_core::cells::CellGraph;
 use visibility_portals::{CellBaker, Outcome, Settings, prt};
 
 /// A map, by the name of its file.

@@ -4,7 +4,7 @@ use super::solids::boxes;
 use crate::SceneSource;
 use crate::source::SourceCells;
 use glam::DVec3;
-use visibility_core::{ConvexPolygon, Viewcells};
+use visibility_core::{geometry::ConvexPolygon, pvs::Viewcells};
 use visibility_portals::from_geometry::{
     PolygonSettings, Solid, Subdivision, WallSettings, from_polygons, from_walls,
 };
@@ -40,7 +40,7 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
     };
     let Subdivision { graph, viewcells, outside } = made.map_err(|error| error.to_string())?;
     let name = |i: usize| {
-        let cell = visibility_core::CellId(i as u32);
+        let cell = visibility_core::cells::CellId(i as u32);
         format!("cell {i}{}", if outside.binary_search(&cell).is_ok() { ", outside" } else { "" })
     };
     let names = (0..viewcells.len()).map(name).collect();

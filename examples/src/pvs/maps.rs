@@ -3,7 +3,10 @@
 
 use super::stabs::Random;
 use visibility_core::glam::{DQuat, DVec3};
-use visibility_core::{CellGraph, CellId, ConvexPolygon, Plane};
+use visibility_core::{
+    cells::{CellGraph, CellId},
+    geometry::{ConvexPolygon, Plane},
+};
 
 /// Rooms in a grid of `size` by `size` by `floors`, most walls with a window somewhere, some open all over.
 pub fn rooms(size: u32, floors: u32, seed: u64) -> CellGraph {

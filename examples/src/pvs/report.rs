@@ -62,7 +62,7 @@ pub fn summary(map: &Map, baked: &Baked, slowest: usize) -> String {
     let mut cells: Vec<usize> = (0..outcome.steps.len()).collect();
     cells.sort_by_key(|&cell| (std::cmp::Reverse(outcome.steps[cell]), cell));
     for &cell in cells.iter().take(slowest) {
-        let id = visibility_core::CellId(cell as u32);
+        let id = visibility_core::cells::CellId(cell as u32);
         let _ = writeln!(
             text,
             "cell {cell}: {} chains ({:.1} %), {} portals, sees {} cells",

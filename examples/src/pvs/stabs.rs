@@ -5,8 +5,8 @@
 //! is not, which one triple product for each edge says (the side operator of Pluecker coordinates; Durand's
 //! survey, chapter 8, section 3).
 
+use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::glam::DVec3;
-use visibility_core::{CellGraph, CellId, PortalId};
 use visibility_portals::CellMatrix;
 
 /// Random numbers: splitmix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators",

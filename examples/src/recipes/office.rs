@@ -15,7 +15,10 @@ use crate::error::SourceError;
 use crate::source::{SceneSource, SourceCells};
 use crate::walk::Walk;
 use glam::DVec3;
-use visibility_core::{CellGraph, CellId, Viewcell, Viewcells};
+use visibility_core::{
+    cells::{CellGraph, CellId},
+    pvs::{Viewcell, Viewcells},
+};
 
 const SEED: u64 = 5;
 

@@ -7,7 +7,11 @@ use crate::source::clearance;
 use std::sync::Arc;
 use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellGraph, CellId, ObjectId, Scene, ScenePvs, Viewcells};
+use visibility_core::{
+    ObjectId, Scene,
+    cells::{CellGraph, CellId},
+    pvs::{ScenePvs, Viewcells},
+};
 use visibility_portals::{CellBaker, CellMatrix, ObjectBaker, ObjectOutcome, Settings};
 
 /// What the targets of a set are.

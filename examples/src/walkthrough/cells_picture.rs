@@ -7,7 +7,7 @@ use super::map_picture::Map;
 use super::{Trial, World, cullers};
 use crate::source::SourceCells;
 use glam::DVec3;
-use visibility_core::{CellId, Culler, Plane, Viewcell, VisibleSet};
+use visibility_core::{Culler, VisibleSet, cells::CellId, geometry::Plane, pvs::Viewcell};
 use visibility_measure::MeasureError;
 
 const PAPER: Color = [250, 250, 247];
@@ -89,8 +89,9 @@ pub fn draw(
             canvas.line(a, outline[(i + 1) % outline.len()], WALL);
         }
     }
-    let is_near =
-        |portal: &visibility_core::Portal| portal.cells().iter().any(|cell| !plan[cell.index()].is_empty());
+    let is_near = |portal: &visibility_core::cells::Portal| {
+        portal.cells().iter().any(|cell| !plan[cell.index()].is_empty())
+    };
     for portal in cells.graph.portals().iter().filter(|portal| is_near(portal)) {
         thick(&mut canvas, &map, portal.polygon().vertices().iter().copied(), PORTAL);
     }

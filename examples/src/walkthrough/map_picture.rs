@@ -4,7 +4,7 @@ use super::canvas::{Canvas, Color, LETTER};
 use super::judge::Judgement;
 use super::{Trial, World};
 use glam::{DVec3, Vec3};
-use visibility_core::{Pose, View, Window};
+use visibility_core::{Pose, View, view::Window};
 use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
 const PAPER: Color = [250, 250, 247];

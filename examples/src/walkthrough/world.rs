@@ -4,7 +4,10 @@ use super::prepared::Prepared;
 use crate::source::SourceCells;
 use crate::{SceneSource, SourceError, frames};
 use glam::DVec3;
-use visibility_core::{Aabb, CellId, Object, ObjectId, Pose, Preparation, Scene, View, ViewError, Viewcells};
+use visibility_core::{
+    Aabb, Object, ObjectId, Pose, Scene, View, cells::CellId, occlusion::Preparation, pvs::Viewcells,
+    view::ViewError,
+};
 
 /// A scene ready to be walked through.
 pub struct World {

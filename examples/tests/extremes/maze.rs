@@ -3,7 +3,10 @@
 
 use super::strategies::{cuboid, soup};
 use glam::{DVec3, Vec3};
-use visibility_core::{CellGraph, CellId, Viewcell, Viewcells};
+use visibility_core::{
+    cells::{CellGraph, CellId},
+    pvs::{Viewcell, Viewcells},
+};
 use visibility_examples::SourceObject;
 use visibility_examples::source::SourceCells;
 use visibility_testing::Random;

@@ -7,7 +7,11 @@ use crate::strategies::{Case, World, random, world};
 use crate::{cases, entries, parse, shown};
 use glam::{DMat3, DMat4, DVec3};
 use std::collections::BTreeMap;
-use visibility_core::{Accuracy, CellGraph, View, Viewcell, Viewcells, VisibleSet};
+use visibility_core::{
+    Accuracy, View, VisibleSet,
+    cells::CellGraph,
+    pvs::{Viewcell, Viewcells},
+};
 use visibility_examples::source::SourceCells;
 use visibility_testing::Random;
 

@@ -1,7 +1,7 @@
 //! Rays in `f64` with bounds on their own rounding: a point counts as seen only if that is beyond doubt.
 
 use visibility_core::glam::{DVec2, DVec3, Vec3};
-use visibility_core::{Accuracy, Eye, View, Viewcell};
+use visibility_core::{Accuracy, View, pvs::Viewcell, view::Eye};
 use visibility_examples::source::{SourceCells, clearance, tolerance};
 use visibility_examples::walkthrough::World;
 use visibility_testing::Random;

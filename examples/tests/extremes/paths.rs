@@ -3,7 +3,7 @@
 
 use crate::shown;
 use crate::strategies::{World, random};
-use visibility_core::{Culler, FrustumCuller, Pipeline, Simd, VisibleSet};
+use visibility_core::{Culler, FrustumCuller, Pipeline, VisibleSet, simd::Simd};
 use visibility_hzb::{Hom, HomCuller, Hzb, HzbCuller};
 use visibility_testing::Random;
 
@@ -32,10 +32,10 @@ fn every_path_gives_the_same_answers() {
             let map = Hom::new(128, 128).expect("a size within bounds").with_simd(simd);
             answers(&world, HomCuller::new(map), FrustumCuller::new())
         };
-        let narrow = [hzb(visibility_core::Simd::PORTABLE), hom(visibility_core::Simd::PORTABLE)];
+        let narrow = [hzb(visibility_core::simd::Simd::PORTABLE), hom(visibility_core::simd::Simd::PORTABLE)];
         hidden += narrow.iter().flatten().filter(|&&seen| !seen).count();
         paths = 0;
-        for simd in visibility_core::Simd::available() {
+        for simd in visibility_core::simd::Simd::available() {
             assert_eq!([hzb(simd), hom(simd)], narrow, "{simd:?}, world {seed}");
             paths += 1;
         }

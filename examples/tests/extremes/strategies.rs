@@ -2,7 +2,7 @@
 
 use crate::maze::Maze;
 use glam::{DMat4, DVec3, DVec4, Vec3};
-use visibility_core::{Pose, View, Window};
+use visibility_core::{Pose, View, view::Window};
 use visibility_examples::source::SourceCells;
 pub(crate) use visibility_examples::walkthrough::World;
 use visibility_examples::{SceneSource, SourceObject};
@@ -244,7 +244,7 @@ fn view(rng: &mut Random, objects: &[SourceObject], reach: f64, scale: DVec3, or
 }
 
 /// By a matrix, in any convention of depth.
-fn by_matrix(rng: &mut Random, pose: &Pose, size: f64) -> Result<View, visibility_core::ViewError> {
+fn by_matrix(rng: &mut Random, pose: &Pose, size: f64) -> Result<View, visibility_core::view::ViewError> {
     let depth = rng.pick(&DEPTHS);
     let rotation = DMat4::from_cols(
         DVec4::new(pose.right.x, pose.up.x, pose.forward.x, 0.0),

@@ -7,8 +7,10 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Accuracy, CullStats, Culler, Eye, MAX_PLANES, ObjectId, OcclusionCuller, Plane, Scene, Selection, View,
-    VisibleSet,
+    Accuracy, CullStats, Culler, ObjectId, OcclusionCuller, Scene, View, VisibleSet,
+    geometry::Plane,
+    occlusion::Selection,
+    view::{Eye, MAX_PLANES},
 };
 
 /// Culls boxes behind a single large polygon, or behind two that share an edge, and keeps each answer while

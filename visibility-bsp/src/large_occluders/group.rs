@@ -3,8 +3,8 @@
 use crate::clip_projection::U;
 use crate::shadow::{BackPlane, OccluderPolygon};
 use core::ops::Range;
-use visibility_core::Eye;
 use visibility_core::glam::DVec3;
+use visibility_core::view::Eye;
 
 /// An edge of a polygon and the plane through it and the eye of the frame.
 #[derive(Clone, Copy, Debug)]

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use core::cell::RefCell;
 use hashbrown::HashMap;
 use visibility_core::glam::{Affine3A, DVec3};
-use visibility_core::{Aabb, Accuracy, Eye, OccluderMesh, Occlusion, OcclusionMap, View};
+use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View, occlusion::Occlusion, view::Eye};
 
 /// The answer for a box, and the ball of eyes for which it holds.
 #[derive(Clone, Copy, Debug)]

@@ -7,7 +7,10 @@
 
 use crate::polygon_cut::cut;
 use alloc::vec::Vec;
-use visibility_core::{Plane, PolygonSide, SidePlane, glam::DVec3};
+use visibility_core::{
+    geometry::{Plane, PolygonSide, SidePlane},
+    glam::DVec3,
+};
 
 /// A leaf outside the solid.
 pub(super) const EMPTY: u32 = u32::MAX;

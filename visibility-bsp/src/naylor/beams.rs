@@ -20,7 +20,7 @@
 //! beyond each line, and where it then reaches an open leaf it is [glimpsed](Visibility::Glimpsed).
 
 use alloc::vec::Vec;
-use visibility_core::Side;
+use visibility_core::geometry::Side;
 
 /// A leaf through which nothing is seen yet.
 const OPEN: u32 = u32::MAX;

@@ -26,7 +26,7 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 ///
 /// ```
 /// use visibility_bsp::{NaylorCuller, SceneTree};
-/// use visibility_core::{Aabb, Object, Pipeline, Pose, Scene, View, VisibleSet, glam::{DVec3, Vec3}};
+/// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Object, Pipeline, Pose, Scene, View, VisibleSet};
 /// let mut scene = Scene::new();
 /// let [near, far] = [(2.0, 3.0), (4.0, 5.0)].map(|(x, r): (f32, f32)| {
 ///     let bounds = Aabb::from_arrays([x, -r, -r], [x, r, r]);

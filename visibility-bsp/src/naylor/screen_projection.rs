@@ -5,7 +5,11 @@ use crate::polygon_cut::cut;
 use crate::view_volume::ViewVolume;
 use alloc::vec::Vec;
 use visibility_core::glam::{DMat4, DVec3, DVec4};
-use visibility_core::{Aabb, MAX_PLANES, Plane, Scene, Side, SidePlane, View};
+use visibility_core::{
+    Aabb, Scene, View,
+    geometry::{Plane, Side, SidePlane},
+    view::MAX_PLANES,
+};
 
 /// A polygon in the picture, with scratch memory for clipping it.
 #[derive(Clone, Debug, Default)]

@@ -8,7 +8,11 @@ use crate::shadow::{OccluderPolygon, plane_of};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::{Changes, ObjectId, Scene, SceneCursor, Stamp};
+use visibility_core::{
+    ObjectId, Scene,
+    scene::{Changes, SceneCursor},
+    stamp::Stamp,
+};
 
 /// A convex occluder polygon.
 #[derive(Clone, Debug)]
@@ -57,7 +61,7 @@ pub(super) struct Block {
 ///
 /// ```
 /// use visibility_bsp::Occluders;
-/// use visibility_core::{Aabb, Object, Preparation, Scene, glam::Vec3};
+/// use visibility_core::{glam::Vec3, occlusion::Preparation, Aabb, Object, Scene};
 /// let mut scene = Scene::new();
 /// // Two slabs of a wall, side by side, become one wall.
 /// for y in [0.0, 4.0] {
@@ -71,7 +75,7 @@ pub(super) struct Block {
 /// scene.prepare_occluders(&Preparation::default());
 /// let occluders = Occluders::new(&scene);
 /// assert_eq!(occluders.largest_area(), 24.0);
-/// # Ok::<(), visibility_core::SceneError>(())
+/// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Occluders {

@@ -7,7 +7,13 @@ use crate::clip_projection::{ClipProjection, corners_of};
 use crate::shadow::Corner;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::{Changes, Eye, ObjectId, Plane, Scene, SceneCursor, Stamp, View, VisibleSet};
+use visibility_core::{
+    ObjectId, Scene, View, VisibleSet,
+    geometry::Plane,
+    scene::{Changes, SceneCursor},
+    stamp::Stamp,
+    view::Eye,
+};
 
 /// Solid angle of half of all directions, in steradians.
 const MOST_ANGLE: f32 = core::f32::consts::TAU;
@@ -168,21 +174,18 @@ impl Selector {
         sides: &[Plane],
     ) {
         let mut chosen = core::mem::take(&mut self.chosen);
-        let shift = scene.origin() - view.origin();
+        let clip_planes = view.clip_planes_from(scene.origin());
         let clear = projection.clearance();
-        let is_within = |v: DVec3| {
-            view.clip_planes().iter().all(|plane| {
-                let p = v + shift;
-                let size = plane.normal.abs().dot(v.abs() + shift.abs()) + plane.offset.abs();
-                plane.signed_distance(p) > 1e-9 * size
-            })
-        };
         chosen.retain(|chosen| {
             let solids = occluders.solids_of(chosen.polygon);
             // Of a section, what is drawn are the faces of its boxes.
             let within = view.clip_planes().is_empty()
-                || occluders.occluder_polygon(chosen.polygon).vertices.iter().all(|&v| is_within(v))
-                    && solids.iter().all(|&solid| corners_of(solid).all(is_within));
+                || occluders
+                    .occluder_polygon(chosen.polygon)
+                    .vertices
+                    .iter()
+                    .all(|&v| clip_planes.contain(v))
+                    && solids.iter().all(|&solid| corners_of(solid).all(|v| clip_planes.contain(v)));
             within
                 && solids.iter().all(|solid| projection.is_outside(solid, clear))
                 && self.is_usable(occluders, chosen.polygon, scene, view)
@@ -197,13 +200,17 @@ impl Selector {
 pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, sides: &[Plane], id: ObjectId) -> bool {
     visible.contains(scene, id)
         || scene.bounds(id).is_ok_and(|bounds| {
-            sides.iter().any(|s| s.classify_aabb(&bounds) == visibility_core::Containment::Outside)
+            sides.iter().any(|s| s.classify_aabb(&bounds) == visibility_core::geometry::Containment::Outside)
         })
 }
 
 /// Writes the planes of a view, each moved outwards by its rounding error, to `out`, and returns their
 /// number.
-pub(crate) fn sides_of(view: &View, scene: &Scene, out: &mut [Plane; visibility_core::MAX_PLANES]) -> usize {
+pub(crate) fn sides_of(
+    view: &View,
+    scene: &Scene,
+    out: &mut [Plane; visibility_core::view::MAX_PLANES],
+) -> usize {
     let planes = view.planes(scene.origin());
     for (out, side) in out.iter_mut().zip(planes.as_slice()) {
         *out = Plane::new(side.plane.normal, side.plane.offset + side.error);

@@ -27,7 +27,7 @@ mod tests {
     use crate::Occluders;
     use alloc::vec::Vec;
     use visibility_core::glam::Vec3;
-    use visibility_core::{Aabb, Object, OccluderMesh, Preparation, Scene};
+    use visibility_core::{Aabb, Object, OccluderMesh, Scene, occlusion::Preparation};
 
     fn scene(boxes: impl Iterator<Item = Aabb>) -> Scene {
         let mut scene = Scene::new();

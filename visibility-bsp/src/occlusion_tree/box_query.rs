@@ -11,7 +11,7 @@
 use super::nodes::{AWAY, Child, HIDDEN, LIT, MOST_PLANES, Nodes};
 use crate::clip_projection::{BoxProjection, ClipProjection, U, dot, slack_of};
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, Eye, Occlusion};
+use visibility_core::{Aabb, occlusion::Occlusion, view::Eye};
 
 /// Maximum number of corners of a part of a box. A part that would get more counts as visible in part.
 const MOST: usize = 24;

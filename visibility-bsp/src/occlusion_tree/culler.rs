@@ -5,8 +5,11 @@ use crate::clip_projection::ClipProjection;
 use crate::occluders::{Occluders, Selector, sides_of};
 use alloc::sync::Arc;
 use visibility_core::{
-    Accuracy, CullStats, Culler, Eye, MAX_PLANES, OcclusionCuller, Plane, Scene, Selection, View, VisibleSet,
+    Accuracy, CullStats, Culler, OcclusionCuller, Scene, View, VisibleSet,
+    geometry::Plane,
     glam::DVec3,
+    occlusion::Selection,
+    view::{Eye, MAX_PLANES},
 };
 
 /// Culls what is behind the large polygons of a scene, by an [`OcclusionTree`] that is built anew each frame.

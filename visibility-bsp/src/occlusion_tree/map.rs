@@ -10,7 +10,8 @@ use alloc::vec::Vec;
 use core::cmp::Ordering;
 use core::ops::Range;
 use visibility_core::glam::{Affine3A, DVec3};
-use visibility_core::{Aabb, Accuracy, OccluderMesh, Occlusion, OcclusionMap, View};
+use visibility_core::view::ViewPlanes;
+use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View, occlusion::Occlusion};
 
 /// A polygon that has been added and takes effect at the next flush.
 #[derive(Clone, Debug)]
@@ -65,7 +66,7 @@ impl Ord for Gain {
 /// ```
 /// use visibility_bsp::OcclusionTree;
 /// use visibility_core::glam::{Affine3A, DVec3};
-/// use visibility_core::{Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
+/// use visibility_core::{occlusion::Occlusion, Aabb, OccluderMesh, OcclusionMap, Pose, View};
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?;
 /// let mut tree = OcclusionTree::new();
@@ -83,6 +84,8 @@ impl Ord for Gain {
 #[derive(Clone, Debug)]
 pub struct OcclusionTree {
     projection: ClipProjection,
+    /// Clip planes of the frame\'s view, relative to the scene\'s origin.
+    clip_planes: ViewPlanes,
     pub(super) nodes: Nodes,
     shadows: Shadows,
     /// Number of polygons that may still be used this frame, and the maximum per frame.
@@ -109,6 +112,7 @@ impl OcclusionTree {
         nodes.clear();
         Self {
             projection: ClipProjection::BLIND,
+            clip_planes: ViewPlanes::NONE,
             nodes,
             shadows: Shadows::default(),
             left: 0,
@@ -158,12 +162,16 @@ impl OcclusionMap for OcclusionTree {
 
     fn begin(&mut self, view: &View, origin: DVec3) {
         self.projection = ClipProjection::new(view, origin);
+        self.clip_planes = view.clip_planes_from(origin);
         self.nodes.clear();
         self.shadows.clear();
         self.left = self.most;
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        if !occluder.is_inside(&self.clip_planes, transform) {
+            return;
+        }
         let mut pieces = core::mem::take(&mut self.pieces);
         pieces.clear();
         triangles_of(occluder, transform, 0, occluder.is_closed(), &mut pieces);

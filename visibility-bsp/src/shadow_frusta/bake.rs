@@ -4,7 +4,7 @@ use crate::occluders::{Occluders, Selector};
 use crate::shadow::plane_of;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::{Eye, Scene};
+use visibility_core::{Scene, view::Eye};
 
 /// Number of eyes that stand for a region: its middle, and places near four of its corners.
 const SAMPLES: usize = 5;

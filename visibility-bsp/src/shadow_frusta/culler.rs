@@ -7,8 +7,10 @@ use crate::shadow::Shadows;
 use alloc::sync::Arc;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, Eye, MAX_PLANES, OccluderMesh, Occlusion, OcclusionCuller,
-    OcclusionMap, Plane, Scene, Selection, View, VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, OccluderMesh, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet,
+    geometry::Plane,
+    occlusion::{Occlusion, Selection},
+    view::{Eye, MAX_PLANES},
 };
 
 /// The shadow frusta of one frame as an occlusion map.

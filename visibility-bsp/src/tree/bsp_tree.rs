@@ -30,7 +30,8 @@ pub enum Leaf {
 /// ([`insert`](Self::insert), [`remove`](Self::remove)) without being built anew.
 ///
 /// # Robustness
-/// Sides are told by [`SidePlane`](visibility_core::SidePlane): a polygon that reaches no farther than
+/// Sides are told by [`SidePlane`](visibility_core::geometry::SidePlane): a polygon that reaches no
+/// farther than
 /// rounding to one side of a plane goes whole to the other, so cuts make no slivers out of rounding, and
 /// polygons in one plane share a node. Cut points depend on nothing but the two ends of the edge and the
 /// plane, so that two polygons that share an edge are cut in the same points, to the last bit.
@@ -41,7 +42,7 @@ pub enum Leaf {
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Order};
-/// use visibility_core::{Eye, glam::DVec3};
+/// use visibility_core::{glam::DVec3, view::Eye};
 /// // Three squares across the x axis, owned by 10, 11 and 12.
 /// let square = |x: f64| [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(y, z)| DVec3::new(x, y, z));
 /// let squares = [square(5.0), square(1.0), square(3.0)];

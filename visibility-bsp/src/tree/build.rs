@@ -7,7 +7,10 @@ use super::node::{EMPTY, NONE, Node, SOLID, bounds_of, is_leaf};
 use super::splitter;
 use super::store::Record;
 use super::subtree::Subtree;
-use visibility_core::{Plane, PolygonSide, SidePlane, glam::DVec3};
+use visibility_core::{
+    geometry::{Plane, PolygonSide, SidePlane},
+    glam::DVec3,
+};
 
 /// Fragments that may come of each polygon, on average, before a tree is given up.
 const GROWTH: usize = 256;

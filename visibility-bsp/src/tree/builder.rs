@@ -1,7 +1,11 @@
 //! The memory of sorting polygons into a tree.
 
 use alloc::vec::Vec;
-use visibility_core::{Aabb, Plane, PolygonSide, glam::DVec3};
+use visibility_core::{
+    Aabb,
+    geometry::{Plane, PolygonSide},
+    glam::DVec3,
+};
 
 /// A polygon that is being sorted in.
 #[derive(Clone, Debug)]

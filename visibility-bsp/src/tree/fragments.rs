@@ -3,7 +3,7 @@
 use super::bsp_tree::BspTree;
 use super::node::NONE;
 use super::store::Record;
-use visibility_core::{Plane, glam::DVec3};
+use visibility_core::{geometry::Plane, glam::DVec3};
 
 /// A part of a polygon, in a node of a [`BspTree`].
 ///

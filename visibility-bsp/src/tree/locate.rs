@@ -3,7 +3,7 @@
 use super::bsp_tree::{BspTree, Leaf};
 use super::node::{EMPTY, SOLID, is_leaf};
 use alloc::vec::Vec;
-use visibility_core::{SidePlane, glam::DVec3};
+use visibility_core::{geometry::SidePlane, glam::DVec3};
 
 impl BspTree {
     /// Whether a point is in free space or inside a solid. A point in a plane counts as in front of it.

@@ -1,6 +1,6 @@
 //! The nodes of a tree.
 
-use visibility_core::{Aabb, SidePlane, glam::DVec3};
+use visibility_core::{Aabb, geometry::SidePlane, glam::DVec3};
 
 /// No node, no fragment.
 pub(super) const NONE: u32 = u32::MAX;

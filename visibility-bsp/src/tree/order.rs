@@ -5,14 +5,14 @@ use super::fragments::Fragments;
 use super::node::{NONE, Node, is_leaf};
 use super::subtree::Subtree;
 use alloc::vec::Vec;
-use visibility_core::{Eye, glam::DVec4};
+use visibility_core::{glam::DVec4, view::Eye};
 
 /// The memory of a walk: a stack of the nodes whose near side is being walked. A walk makes room for as many
 /// as the tree has levels, so that later walks of the same tree allocate nothing.
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Order};
-/// use visibility_core::{Eye, glam::DVec3};
+/// use visibility_core::{glam::DVec3, view::Eye};
 /// let mut order = Order::new(); // one a view
 /// BspTree::new().back_to_front(Eye::Point(DVec3::ZERO), &mut order, |_| unreachable!());
 /// ```

@@ -2,7 +2,10 @@
 //! a sample.
 
 use super::builder::{Piece, Source};
-use visibility_core::{Plane, PolygonSide, SidePlane, glam::DVec3};
+use visibility_core::{
+    geometry::{Plane, PolygonSide, SidePlane},
+    glam::DVec3,
+};
 
 /// Sets larger than this are first divided by planes across an axis, between objects rather than through
 /// them.

@@ -7,7 +7,7 @@ use visibility_core::Aabb;
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Fragments, Order, Subtree, Walk};
-/// use visibility_core::{Aabb, Eye, glam::{DVec3, Vec3}};
+/// use visibility_core::{glam::{DVec3, Vec3}, view::Eye, Aabb};
 /// struct Root(Option<Subtree>);
 /// impl Walk for Root {
 ///     fn enter(&mut self, subtree: &Subtree, _: u32) -> Option<u32> {

@@ -4,7 +4,9 @@
 pub mod exact;
 
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, Object, Pose, Preparation, Scene, Triangle, View, Window};
+use visibility_core::{
+    Aabb, Object, Pose, Scene, View, occlusion::Preparation, scene::Triangle, view::Window,
+};
 use visibility_testing::Random;
 
 pub fn triangles_of(bounds: &Aabb) -> Vec<Triangle> {

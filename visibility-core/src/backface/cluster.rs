@@ -7,7 +7,7 @@
 //! a cluster, so that only meshes of less than 64 triangles have a cluster of less than 64.
 
 use super::NormalCone;
-use crate::{Aabb, Triangle};
+use crate::{Aabb, scene::Triangle};
 use alloc::vec::Vec;
 use core::fmt;
 use core::ops::Range;
@@ -75,7 +75,7 @@ impl core::error::Error for MeshError {}
 ///
 /// ```
 /// use visibility_core::backface::{cluster_mesh, Facing};
-/// use visibility_core::{glam::{DVec3, Vec3}, Eye};
+/// use visibility_core::{glam::{DVec3, Vec3}, view::Eye};
 /// // A floor of ten by ten squares.
 /// let positions: Vec<Vec3> = (0..121).map(|i| Vec3::new((i % 11) as f32, (i / 11) as f32, 0.0)).collect();
 /// let corner = |i: u32| i / 10 * 11 + i % 10;

@@ -3,7 +3,7 @@
 use super::facing::Facing;
 use super::fit::{Doubt, Facet, Fit, SLACK, Surface, fit};
 use super::split_eye::{NUMBERS, SplitEye, inside};
-use crate::{Aabb, Eye, Triangle};
+use crate::{Aabb, scene::Triangle, view::Eye};
 use alloc::vec::Vec;
 use glam::{DAffine3, DVec3};
 
@@ -20,7 +20,7 @@ use glam::{DAffine3, DVec3};
 ///
 /// ```
 /// use visibility_core::backface::{Facing, NormalCone};
-/// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Eye};
+/// use visibility_core::{glam::{DVec3, Vec3}, view::Eye, Aabb};
 /// // Two slopes of a roof.
 /// let (a, b, ridge) = (Vec3::new(-1.0, 0.0, 0.0), Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 0.0, 1.0));
 /// let back = Vec3::new(0.0, 5.0, 0.0);
@@ -195,7 +195,7 @@ impl NormalCone {
     ///
     /// ```
     /// use visibility_core::backface::{Facing, NormalCone};
-    /// use visibility_core::{glam::{DAffine3, DVec3, Vec3}, Eye};
+    /// use visibility_core::{glam::{DAffine3, DVec3, Vec3}, view::Eye};
     /// let cone = NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
     /// let mirror = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     /// let above = Eye::Point(DVec3::Z);

@@ -4,7 +4,7 @@ use super::NormalCone;
 use super::cones64::Cones64;
 use super::split_eye::SplitEye;
 use crate::scene::lanes;
-use crate::{Aabb, Eye, Simd};
+use crate::{Aabb, simd::Simd, view::Eye};
 use alloc::vec::Vec;
 
 /// Cones in a row, tested 64 at once: the flat form, for those who walk a hierarchy of their own.
@@ -13,7 +13,7 @@ use alloc::vec::Vec;
 ///
 /// ```
 /// use visibility_core::backface::{Cones, NormalCone};
-/// use visibility_core::{glam::{DVec3, Vec3}, Eye};
+/// use visibility_core::{glam::{DVec3, Vec3}, view::Eye};
 /// let floor = NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
 /// let ceiling = floor.flipped();
 /// let cones = Cones::new([floor, ceiling, NormalCone::OPEN]);
@@ -98,7 +98,7 @@ impl Cones {
 ///
 /// ```
 /// use visibility_core::backface::{ConeTree, NormalCone};
-/// use visibility_core::{glam::{DVec3, Vec3}, Eye};
+/// use visibility_core::{glam::{DVec3, Vec3}, view::Eye};
 /// let floor = |x: f32| NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X,
 ///     Vec3::Y].map(|p| p + Vec3::X * x)]);
 /// let cones: Vec<NormalCone> = (0..100).map(|i| floor(i as f32)).collect();

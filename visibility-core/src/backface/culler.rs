@@ -5,8 +5,10 @@ use super::{Cones64, NormalCone};
 use crate::scene::lanes;
 use crate::walk::{Child, SceneHierarchy, Walk};
 use crate::{
-    Aabb, Accuracy, Changes, CullStats, Culler, ObjectId, Scene, SceneCursor, SceneError, Simd, Stamp, View,
-    VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet,
+    scene::{Changes, SceneCursor, SceneError},
+    simd::Simd,
+    stamp::Stamp,
 };
 use alloc::collections::BTreeSet;
 use alloc::vec::Vec;

@@ -1,6 +1,6 @@
 //! Which side of one triangle an eye sees.
 
-use crate::{Eye, Triangle};
+use crate::{scene::Triangle, view::Eye};
 use glam::DVec3;
 
 /// Unit round-off of `f64`.
@@ -50,7 +50,7 @@ impl Facing {
 ///
 /// ```
 /// use visibility_core::backface::{facing, Facing};
-/// use visibility_core::{glam::{DVec3, Vec3}, Eye};
+/// use visibility_core::{glam::{DVec3, Vec3}, view::Eye};
 /// let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
 /// assert_eq!(facing(&triangle, &Eye::Point(DVec3::Z)), Facing::Front);
 /// assert_eq!(facing(&triangle, &Eye::Direction(DVec3::Z)), Facing::Back);

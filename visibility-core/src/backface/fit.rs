@@ -11,7 +11,7 @@
 //! that part is what answers rest upon.
 
 use super::facing::U;
-use crate::Triangle;
+use crate::scene::Triangle;
 use alloc::vec::Vec;
 use glam::{DVec2, DVec3};
 

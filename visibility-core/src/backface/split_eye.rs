@@ -1,7 +1,7 @@
 //! Where an eye is, as the kernel takes it, and the kernel's body.
 
 use crate::view::ViewProjection;
-use crate::{Eye, View};
+use crate::{View, view::Eye};
 use glam::DVec3;
 
 /// An eye in two `f32`, so that its difference to an apex loses nothing where coordinates are great; or minus

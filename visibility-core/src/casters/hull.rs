@@ -20,7 +20,7 @@
 //! A volume without end is also bounded by the plane at infinity, normal 0 and offset 1, which a light at a
 //! finite place is inside of; its pair with `B` is the plane through the light parallel to `B`.
 
-use crate::Plane;
+use crate::geometry::Plane;
 use crate::view::ViewPlane;
 use glam::DVec3;
 use smallvec::SmallVec;

@@ -7,7 +7,7 @@ use glam::DVec3;
 /// [`Scene`](crate::Scene), whose difference is taken before anything is rounded.
 ///
 /// ```
-/// use visibility_core::{glam::DVec3, CasterCuller, Light, LightError};
+/// use visibility_core::{casters::{CasterCuller, Light, LightError}, glam::DVec3};
 /// let sun = Light::Directional { toward_light: DVec3::new(0.3, 0.2, 1.0) };
 /// assert!(CasterCuller::new(sun).is_ok());
 /// let nowhere = Light::Directional { toward_light: DVec3::ZERO };
@@ -74,7 +74,7 @@ impl Light {
 /// Why a light cannot be used.
 ///
 /// ```
-/// use visibility_core::{glam::DVec3, CasterCuller, Light};
+/// use visibility_core::{casters::{CasterCuller, Light}, glam::DVec3};
 /// let dark = Light::Point { position: DVec3::ZERO, range: 0.0 };
 /// assert_eq!(CasterCuller::new(dark).unwrap_err().to_string(), "the range of a light cannot be 0");
 /// ```

@@ -15,7 +15,7 @@ pub use light::{Light, LightError};
 
 use crate::frustum::ConvexVolume;
 use crate::view::{MAX_PLANES, ViewPlane};
-use crate::{Aabb, Accuracy, CullStats, Culler, Plane, Scene, Simd, View, VisibleSet, float};
+use crate::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet, float, geometry::Plane, simd::Simd};
 use glam::DVec3;
 use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 
@@ -39,7 +39,9 @@ use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 /// takes 8 to 13 and a lamp 8 to 11.
 ///
 /// ```
-/// use visibility_core::{glam::DVec3, Aabb, CasterCuller, Light, Pipeline, Pose, Scene, View, VisibleSet};
+/// use visibility_core::{
+///     casters::{CasterCuller, Light}, glam::DVec3, Aabb, Pipeline, Pose, Scene, View, VisibleSet,
+/// };
 /// let mut scene = Scene::new();
 /// // Behind the camera and above it, between the sun at its back and what it sees:
 /// let tower = scene.insert(Aabb::from_arrays([-9.0, -1.0, 0.0], [-7.0, 1.0, 30.0]));

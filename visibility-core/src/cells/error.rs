@@ -1,7 +1,7 @@
 //! Errors of cells and portals, and which of them is wrong.
 
 use super::{CellId, PortalId};
-use crate::{ObjectId, PolygonError};
+use crate::{ObjectId, geometry::PolygonError};
 use core::fmt;
 
 /// Why cells and portals cannot make a graph, or fail a check.

@@ -1,6 +1,6 @@
 //! Numbers of cells and portals.
 
-/// A cell of a [`CellGraph`](crate::CellGraph), by its number.
+/// A cell of a [`CellGraph`](crate::cells::CellGraph), by its number.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct CellId(pub u32);
 
@@ -11,7 +11,7 @@ impl CellId {
     }
 }
 
-/// A portal of a [`CellGraph`](crate::CellGraph), by its number.
+/// A portal of a [`CellGraph`](crate::cells::CellGraph), by its number.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct PortalId(pub u32);
 

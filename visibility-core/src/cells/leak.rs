@@ -34,7 +34,9 @@ impl CellGraph {
     /// there is none, or no cell `from`. Takes time and memory in proportion to cells and portals.
     ///
     /// ```
-    /// use visibility_core::{CellGraph, CellId, ConvexPolygon, PortalId, glam::DVec3};
+    /// use visibility_core::{
+    ///     cells::{CellGraph, CellId, PortalId}, geometry::ConvexPolygon, glam::DVec3,
+    /// };
     /// let corners = [[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0]];
     /// let door = |x: f64| ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(x, y, z)));
     /// let doors = [(door(4.0)?, [CellId(0), CellId(1)]), (door(8.0)?, [CellId(1), CellId(2)])];

@@ -20,7 +20,11 @@ pub use error::CellGraphError;
 pub use ids::{CellId, PortalId};
 pub use leak::Leak;
 
-use crate::{ConvexPolygon, ObjectId, Plane, Stamp};
+use crate::{
+    ObjectId,
+    geometry::{ConvexPolygon, Plane},
+    stamp::Stamp,
+};
 use alloc::vec::Vec;
 use glam::DVec3;
 
@@ -57,7 +61,7 @@ impl Portal {
 /// Convex cells, the portals between them, and lists of the objects in each cell.
 ///
 /// ```
-/// use visibility_core::{CellGraph, CellId, ConvexPolygon, glam::DVec3};
+/// use visibility_core::{cells::{CellGraph, CellId}, geometry::ConvexPolygon, glam::DVec3};
 /// // Two rooms side by side along x, with a door at x = 4; its normal, +x, points into the second room.
 /// let corners = [[4.0, 1.0, 0.0], [4.0, 2.0, 0.0], [4.0, 2.0, 2.0], [4.0, 1.0, 2.0]];
 /// let door = ConvexPolygon::new(corners.map(DVec3::from))?;

@@ -56,7 +56,10 @@ fn a_portal_that_is_no_convex_polygon_is_named() {
     assert!(
         matches!(
             error,
-            CellGraphError::Polygon { portal: PortalId(1), error: crate::PolygonError::NotPlanar { .. } }
+            CellGraphError::Polygon {
+                portal: PortalId(1),
+                error: crate::geometry::PolygonError::NotPlanar { .. }
+            }
         ),
         "{error}"
     );
@@ -70,7 +73,8 @@ fn a_portal_that_is_no_convex_polygon_is_named() {
 
 #[test]
 fn portals_that_are_on_no_boundary_are_named() {
-    let body = |x: f64| crate::Viewcell::from_box(DVec3::new(x, -2.0, -2.0), DVec3::new(x + 4.0, 2.0, 2.0));
+    let body =
+        |x: f64| crate::pvs::Viewcell::from_box(DVec3::new(x, -2.0, -2.0), DVec3::new(x + 4.0, 2.0, 2.0));
     let bodies = [body(0.0), body(4.0), body(8.0)];
     let check = |first: f64, second: f64, ends: [u32; 2]| {
         let portals = [(door(first), [CellId(0), CellId(1)]), (door(second), ends.map(CellId))];
@@ -97,7 +101,7 @@ fn portals_that_are_on_no_boundary_are_named() {
     assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 2 }));
     // In the box around a body, but not in a face of what a slanting plane leaves of it.
     let mut slanted = bodies.clone();
-    slanted[0].planes.push(crate::Plane::new(DVec3::new(-2.0, -2.0, 0.0), 8.0));
+    slanted[0].planes.push(crate::geometry::Plane::new(DVec3::new(-2.0, -2.0, 0.0), 8.0));
     let graph = CellGraph::new(3, [(door(4.0), [CellId(0), CellId(1)])]).unwrap();
     let error = graph.validate_bodies(&slanted, 1e-6).unwrap_err();
     assert!(matches!(error, CellGraphError::OffBody { cell: CellId(0), .. }), "{error}");

@@ -1,7 +1,7 @@
 //! Checks that portals can bound convex cells.
 
 use super::{CellGraph, CellGraphError, CellId};
-use crate::{Plane, Viewcell};
+use crate::{geometry::Plane, pvs::Viewcell};
 use glam::DVec3;
 
 impl CellGraph {
@@ -42,7 +42,9 @@ impl CellGraph {
     /// first such portal.
     ///
     /// ```
-    /// use visibility_core::{CellGraph, CellId, ConvexPolygon, Viewcell, glam::DVec3};
+    /// use visibility_core::{
+    ///     cells::{CellGraph, CellId}, geometry::ConvexPolygon, glam::DVec3, pvs::Viewcell,
+    /// };
     /// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 4.0, 3.0));
     /// let corners = [[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0]];
     /// let door = |x: f64| ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(x, y, z))).unwrap();

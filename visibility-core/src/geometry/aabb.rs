@@ -1,6 +1,6 @@
 //! Axis-aligned boxes.
 
-use crate::Containment;
+use crate::geometry::Containment;
 use glam::{DVec3, Vec3};
 
 /// An axis-aligned box, both corners included, in metres relative to the origin of its scene.

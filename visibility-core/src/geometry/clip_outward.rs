@@ -1,6 +1,6 @@
 //! Clipping convex polygons to half-spaces that are enlarged by a margin, so that rounding loses nothing.
 
-use crate::Plane;
+use crate::geometry::Plane;
 use glam::DVec3;
 use smallvec::SmallVec;
 

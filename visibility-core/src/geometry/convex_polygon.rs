@@ -1,6 +1,6 @@
 //! Convex polygons in space, and clipping them (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974).
 
-use crate::{Containment, Plane};
+use crate::geometry::{Containment, Plane};
 use core::fmt;
 use glam::DVec3;
 use smallvec::SmallVec;
@@ -8,12 +8,12 @@ use smallvec::SmallVec;
 /// A planar convex polygon: portals, occluders, the faces of cells. Up to eight vertices are held in place.
 ///
 /// ```
-/// use visibility_core::{glam::DVec3, ConvexPolygon, Plane};
+/// use visibility_core::{geometry::{ConvexPolygon, Plane}, glam::DVec3};
 /// let square = ConvexPolygon::new([DVec3::ZERO, DVec3::X, DVec3::ONE.with_z(0.0), DVec3::Y])?;
 /// let mut half = ConvexPolygon::default();
 /// square.clip(&Plane::new(DVec3::X, -0.5), &mut half);
 /// assert_eq!(half.area(), 0.5);
-/// # Ok::<(), visibility_core::PolygonError>(())
+/// # Ok::<(), visibility_core::geometry::PolygonError>(())
 /// ```
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct ConvexPolygon {

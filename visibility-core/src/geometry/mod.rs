@@ -26,7 +26,7 @@ pub use sphere::Sphere;
 /// Where a shape lies with respect to a half-space or a volume.
 ///
 /// ```
-/// use visibility_core::{glam::DVec3, Aabb, Containment, Plane};
+/// use visibility_core::{geometry::{Containment, Plane}, glam::DVec3, Aabb};
 /// let floor = Plane::new(DVec3::Z, 0.0); // keeps z >= 0
 /// assert_eq!(floor.classify_aabb(&Aabb::from_arrays([0.0, 0.0, 1.0], [1.0, 1.0, 2.0])),
 ///     Containment::Inside);

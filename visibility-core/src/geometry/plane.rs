@@ -1,6 +1,9 @@
 //! Oriented planes and their three-way tests.
 
-use crate::{Aabb, Containment, Sphere};
+use crate::{
+    Aabb,
+    geometry::{Containment, Sphere},
+};
 use glam::DVec3;
 
 /// Unit round-off of `f64`: half the distance from 1 to the next number.
@@ -11,7 +14,7 @@ const U: f64 = f64::EPSILON / 2.0;
 /// The normal need not have unit length, unless distances are wanted; spheres are tested with any length.
 ///
 /// ```
-/// use visibility_core::{glam::DVec3, Plane};
+/// use visibility_core::{geometry::Plane, glam::DVec3};
 /// let plane = Plane::through(DVec3::new(0.0, 0.0, 2.0), DVec3::Z);
 /// assert_eq!(plane.signed_distance(DVec3::new(7.0, 7.0, 5.0)), 3.0);
 /// ```

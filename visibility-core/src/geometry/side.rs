@@ -16,7 +16,7 @@ const U: f64 = f64::EPSILON / 2.0;
 /// Where a point lies with respect to a plane.
 ///
 /// ```
-/// use visibility_core::{Side, glam::DVec3, geometry::orientation};
+/// use visibility_core::{geometry::{orientation, Side}, glam::DVec3};
 /// assert_eq!(orientation(DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z), Side::Front);
 /// assert_eq!(Side::Front.opposite(), Side::Back);
 /// ```
@@ -56,7 +56,7 @@ impl Side {
 /// Where a polygon, or any set of points, lies with respect to a plane.
 ///
 /// ```
-/// use visibility_core::{Plane, PolygonSide, SidePlane, glam::DVec3};
+/// use visibility_core::{geometry::{Plane, PolygonSide, SidePlane}, glam::DVec3};
 /// let plane = SidePlane::new(Plane::new(DVec3::Z, 0.0), DVec3::ONE);
 /// // One corner touches: all of it is in front.
 /// assert_eq!(plane.side_of_polygon(&[DVec3::ZERO, DVec3::Z, DVec3::ONE]), PolygonSide::Front);
@@ -78,7 +78,7 @@ pub enum PolygonSide {
 /// it again.
 ///
 /// ```
-/// use visibility_core::{Plane, Side, SidePlane, glam::DVec3};
+/// use visibility_core::{geometry::{Plane, Side, SidePlane}, glam::DVec3};
 /// let plane = Plane::from_points(DVec3::X, DVec3::Y, DVec3::Z).unwrap();
 /// let plane = SidePlane::new(plane, DVec3::splat(10.0));
 /// let (a, b) = (DVec3::splat(-7.0), DVec3::new(9.0, 1.0, 3.0));

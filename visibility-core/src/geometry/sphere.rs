@@ -6,7 +6,7 @@ use glam::Vec3;
 /// A sphere, in metres relative to the origin of its scene.
 ///
 /// ```
-/// use visibility_core::{glam::Vec3, Aabb, Sphere};
+/// use visibility_core::{geometry::Sphere, glam::Vec3, Aabb};
 /// let sphere = Sphere::around(&Aabb::from_arrays([-1.0; 3], [1.0; 3]));
 /// assert!(sphere.radius >= 3f32.sqrt() && sphere.center == Vec3::ZERO);
 /// ```

@@ -5,11 +5,15 @@
 //! between is looked into (Cohen-Or et al., "A Survey of Visibility for Walkthrough Applications", 2003,
 //! section 6: all image-space methods "place a hierarchy on the scene").
 
-use super::selection::{Candidate, choose, distance_key, is_whole};
+use super::selection::{Candidate, choose, distance_key};
 use super::{Occlusion, OcclusionMap, Selection};
 use crate::scene::{Boxes64, lanes};
 use crate::walk::{Block, BoxHierarchy, Child, SceneHierarchy, Walk};
-use crate::{Accuracy, CullStats, Culler, Eye, ObjectId, Scene, SceneCursor, View, ViewPlanes, VisibleSet};
+use crate::{
+    Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet,
+    scene::SceneCursor,
+    view::{Eye, ViewPlanes},
+};
 use alloc::vec::Vec;
 use smallvec::SmallVec;
 
@@ -20,8 +24,10 @@ use smallvec::SmallVec;
 /// chosen from, and tested.
 ///
 /// ```
-/// # use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Accuracy, Occlusion, OccluderMesh,
-/// #     OcclusionMap, View};
+/// # use visibility_core::{
+/// #     glam::{Affine3A, DVec3}, occlusion::Occlusion, Aabb, Accuracy, OccluderMesh,
+/// #     OcclusionMap, View,
+/// # };
 /// # struct Blank;
 /// # impl OcclusionMap for Blank {
 /// #     fn name(&self) -> &str { "blank" }
@@ -32,7 +38,7 @@ use smallvec::SmallVec;
 /// #     fn test(&self, _: &Aabb) -> Occlusion { Occlusion::Partial }
 /// # }
 /// # let map = Blank;
-/// use visibility_core::{FrustumCuller, OcclusionCuller, Pipeline, Selection};
+/// use visibility_core::{occlusion::Selection, FrustumCuller, OcclusionCuller, Pipeline};
 /// let culler = OcclusionCuller::new(map).with_selection(Selection::LastVisible).with_budget(4096);
 /// let pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
 /// # let _ = pipeline;
@@ -98,13 +104,13 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     }
 
     /// Fills the map with the best of the candidates.
-    fn add_occluders(&mut self, scene: &Scene, eye: &Eye, cuts: &ViewPlanes, visible: &VisibleSet) {
+    fn add_occluders(&mut self, scene: &Scene, eye: &Eye, clip_planes: &ViewPlanes, visible: &VisibleSet) {
         if self.selection == Selection::Ordered {
-            return self.add_in_order(scene, cuts, visible);
+            return self.add_in_order(scene, clip_planes, visible);
         }
         self.candidates.clear();
         visible.for_each_occluder(scene, |id| {
-            let candidate = Candidate::new(scene, id, eye, cuts, |mesh| self.map.cost(mesh));
+            let candidate = Candidate::new(scene, id, eye, clip_planes, |mesh| self.map.cost(mesh));
             self.candidates
                 .extend(candidate.map(|c| Candidate { seen: self.last.binary_search(&id).is_ok(), ..c }));
         });
@@ -118,7 +124,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
 
     /// Fills the map with the first of the candidates. One that does not fit is passed over, since a smaller
     /// one after it may.
-    fn add_in_order(&mut self, scene: &Scene, cuts: &ViewPlanes, visible: &VisibleSet) {
+    fn add_in_order(&mut self, scene: &Scene, clip_planes: &ViewPlanes, visible: &VisibleSet) {
         let mut left = self.budget;
         for id in visible.iter(scene) {
             if left == 0 {
@@ -126,7 +132,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             }
             let Some((mesh, transform)) = scene.occluder(id) else { continue };
             let cost = self.map.cost(mesh);
-            if cost <= left && is_whole(mesh, transform, cuts) {
+            if cost <= left && mesh.is_inside(clip_planes, transform) {
                 left -= cost;
                 self.map.add(mesh, transform);
             }
@@ -151,16 +157,16 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         self.scene = SceneCursor::at(scene);
         self.map.begin(view, scene.origin());
         let eye = view.eye(scene.origin());
-        let cuts = view.clip_planes_from(scene.origin());
+        let clip_planes = view.clip_planes_from(scene.origin());
         if self.selection != Selection::Interleaved {
-            self.add_occluders(scene, &eye, &cuts, visible);
+            self.add_occluders(scene, &eye, &clip_planes, visible);
         }
         // Also where nothing was added: it is now that a map learns what this frame begins with.
         self.map.flush();
         let mut frame = Frame {
             map: &mut self.map,
             eye,
-            cuts: &cuts,
+            clip_planes: &clip_planes,
             left: if self.selection == Selection::Interleaved { self.budget } else { 0 },
         };
         let mut walk = Walk::new(scene, &self.hierarchy, visible);
@@ -184,7 +190,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
 struct Frame<'a, M> {
     map: &'a mut M,
     eye: Eye,
-    cuts: &'a ViewPlanes,
+    clip_planes: &'a ViewPlanes,
     /// Triangles that may still be added on the way.
     left: usize,
 }
@@ -234,7 +240,7 @@ impl<M: OcclusionMap> Frame<'_, M> {
             let Child::Object(id) = block.child(usize::from(lane)) else { continue };
             let Some((mesh, transform)) = scene.occluder(id) else { continue };
             let cost = self.map.cost(mesh);
-            if cost <= self.left && is_whole(mesh, transform, self.cuts) {
+            if cost <= self.left && mesh.is_inside(self.clip_planes, transform) {
                 self.left -= cost;
                 self.map.add(mesh, transform);
             }

@@ -4,7 +4,7 @@
 //! two drawn triangles. So adjacency is found once, when the mesh is made.
 
 use crate::geometry::orientation;
-use crate::{Aabb, Side};
+use crate::{Aabb, geometry::Side};
 use alloc::vec::Vec;
 use core::fmt;
 use glam::Vec3;
@@ -16,7 +16,7 @@ use glam::Vec3;
 /// let cube = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3]))?;
 /// assert_eq!(cube.edges().len(), 18); // 12 of the cube, 6 across its faces
 /// assert!(cube.edges().iter().all(|edge| edge.right.is_some()));
-/// # Ok::<(), visibility_core::MeshError>(())
+/// # Ok::<(), visibility_core::occlusion::MeshError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Edge {
@@ -72,7 +72,7 @@ impl core::error::Error for MeshError {}
 /// use visibility_core::{Aabb, OccluderMesh};
 /// let wall = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [4.0, 0.2, 3.0]))?;
 /// assert!(wall.is_closed() && wall.is_convex() && !wall.is_two_sided());
-/// # Ok::<(), visibility_core::MeshError>(())
+/// # Ok::<(), visibility_core::occlusion::MeshError>(())
 /// ```
 #[derive(Clone, PartialEq, Debug)]
 pub struct OccluderMesh {
@@ -176,14 +176,14 @@ impl OccluderMesh {
     /// boxes.
     ///
     /// ```
-    /// use visibility_core::{Aabb, OccluderMesh, Triangle};
+    /// use visibility_core::{scene::Triangle, Aabb, OccluderMesh};
     /// let box_at = |x: f32| OccluderMesh::cuboid(&Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0]));
     /// let loose = |mesh: &OccluderMesh| -> Vec<Triangle> {
     ///     mesh.triangles().iter().map(|t| t.map(|i| mesh.positions()[i as usize])).collect()
     /// };
     /// let two = OccluderMesh::from_triangles(&[loose(&box_at(0.0)?), loose(&box_at(5.0)?)].concat())?;
     /// assert!(two.parts().len() == 2 && two.parts().iter().all(OccluderMesh::is_cuboid));
-    /// # Ok::<(), visibility_core::MeshError>(())
+    /// # Ok::<(), visibility_core::occlusion::MeshError>(())
     /// ```
     pub fn parts(&self) -> &[OccluderMesh] {
         &self.parts
@@ -195,7 +195,7 @@ impl OccluderMesh {
     /// use visibility_core::{Aabb, OccluderMesh};
     /// let cube = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3]))?;
     /// assert_eq!(cube.solid_triangles(), 12);
-    /// # Ok::<(), visibility_core::MeshError>(())
+    /// # Ok::<(), visibility_core::occlusion::MeshError>(())
     /// ```
     pub fn solid_triangles(&self) -> usize {
         self.solid_triangles
@@ -372,7 +372,7 @@ mod tests {
     #[test]
     fn loose_triangles_are_welded_and_joined() {
         let cube = cube();
-        let loose: Vec<crate::Triangle> =
+        let loose: Vec<crate::scene::Triangle> =
             cube.triangles().iter().map(|t| t.map(|i| cube.positions()[i as usize])).collect();
         let again = OccluderMesh::from_triangles(&loose).unwrap();
         assert_eq!((again.positions().len(), again.edges().len()), (8, 18));

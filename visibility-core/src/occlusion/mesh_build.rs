@@ -2,7 +2,7 @@
 
 use super::mesh::{MeshError, OccluderMesh};
 use super::parts::split;
-use crate::{Aabb, ConvexPolygon, Triangle};
+use crate::{Aabb, geometry::ConvexPolygon, scene::Triangle};
 use alloc::vec::Vec;
 use glam::{DVec3, Vec3};
 

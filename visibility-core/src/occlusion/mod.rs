@@ -7,6 +7,7 @@
 //! occluders, walks the hierarchy and prunes.
 
 mod culler;
+mod inside_planes;
 mod mesh;
 mod mesh_build;
 mod parts;
@@ -17,7 +18,7 @@ mod selection;
 pub use culler::OcclusionCuller;
 pub use mesh::{Edge, MeshError, OccluderMesh};
 pub use prepare::{Preparation, prepare};
-pub use queries::{HardwareQueries, Late, QueryDevice};
+pub use queries::{HardwareQueries, LateAnswers, QueryDevice};
 pub use selection::Selection;
 
 use crate::scene::{Boxes64, lanes};
@@ -27,7 +28,7 @@ use glam::{Affine3A, DVec3};
 /// What a map says of a box.
 ///
 /// ```
-/// use visibility_core::Occlusion;
+/// use visibility_core::occlusion::Occlusion;
 /// assert!(Occlusion::Hidden < Occlusion::Partial);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Hash)]
@@ -43,7 +44,7 @@ pub enum Occlusion {
 /// What a map says of 64 boxes; a lane in neither mask is [`Occlusion::Partial`].
 ///
 /// ```
-/// use visibility_core::Occlusion64;
+/// use visibility_core::occlusion::Occlusion64;
 /// let answer = Occlusion64 { hidden: 0b01, visible: 0b10 };
 /// assert_eq!(answer.hidden & answer.visible, 0);
 /// ```
@@ -62,8 +63,10 @@ pub struct Occlusion64 {
 /// added and flushed later in the frame.
 ///
 /// ```
-/// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Accuracy, Occlusion, OccluderMesh,
-///     OcclusionMap, View};
+/// use visibility_core::{
+///     glam::{Affine3A, DVec3}, occlusion::Occlusion, Aabb, Accuracy, OccluderMesh, OcclusionMap,
+///     View,
+/// };
 /// /// A map that knows nothing, and so hides nothing.
 /// struct Blank;
 /// impl OcclusionMap for Blank {
@@ -88,6 +91,10 @@ pub trait OcclusionMap {
 
     /// Adds an occluder, placed by `transform` in scene coordinates. A transform that mirrors turns the order
     /// of corners round; the front stays the front.
+    ///
+    /// A map is responsible for its view's [clip planes](View::with_clip_planes), which the clip matrix does
+    /// not contain: an occluder that is not [inside](OccluderMesh::is_inside) all of them is left out, since
+    /// what they cut away is not drawn.
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A);
 
     /// What adding an occluder costs at most, in triangles: what a [budget](OcclusionCuller::with_budget) is

@@ -104,7 +104,7 @@ fn root(parent: &mut [u32], mut i: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Aabb, Triangle};
+    use crate::{Aabb, scene::Triangle};
 
     fn cuboid(min: [f32; 3], max: [f32; 3]) -> Vec<Triangle> {
         let mesh = OccluderMesh::cuboid(&Aabb::from_arrays(min, max)).unwrap();

@@ -1,14 +1,14 @@
 //! Making occluders from what is drawn: an object's own triangles, if it is opaque.
 
 use super::OccluderMesh;
-use crate::{Scene, Triangle};
+use crate::{Scene, scene::Triangle};
 use alloc::vec::Vec;
 
 /// What is left out of an occluder because it would cost more than it hides.
 ///
 /// ```
-/// use visibility_core::{prepare, Preparation};
-/// let triangles: &[visibility_core::Triangle] = &[];
+/// use visibility_core::occlusion::{prepare, Preparation};
+/// let triangles: &[visibility_core::scene::Triangle] = &[];
 /// assert!(prepare(triangles, &Preparation::default()).is_none());
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]

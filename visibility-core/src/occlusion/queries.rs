@@ -7,7 +7,7 @@
 
 use super::mesh::fnv;
 use super::{OccluderMesh, Occlusion, OcclusionMap};
-use crate::{Aabb, Accuracy, Containment, View, ViewPlane};
+use crate::{Aabb, Accuracy, View, geometry::Containment, view::ViewPlane};
 use alloc::vec::Vec;
 use core::cell::RefCell;
 use glam::{Affine3A, DVec3};
@@ -16,7 +16,7 @@ use hashbrown::HashMap;
 /// What an engine implements over its graphics API.
 ///
 /// ```
-/// use visibility_core::{Aabb, QueryDevice};
+/// use visibility_core::{occlusion::QueryDevice, Aabb};
 /// /// A device that never answers.
 /// struct Silent;
 /// impl QueryDevice for Silent {
@@ -39,12 +39,12 @@ pub trait QueryDevice {
 /// What becomes of answers that are about an earlier frame.
 ///
 /// ```
-/// use visibility_core::{Accuracy, Late};
-/// assert_eq!(Late::Visible.accuracy(), Accuracy::Conservative);
-/// assert_eq!(Late::Trusted { frames: 2 }.accuracy(), Accuracy::Approximate);
+/// use visibility_core::{occlusion::LateAnswers, Accuracy};
+/// assert_eq!(LateAnswers::Visible.accuracy(), Accuracy::Conservative);
+/// assert_eq!(LateAnswers::Trusted { frames: 2 }.accuracy(), Accuracy::Approximate);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Late {
+pub enum LateAnswers {
     /// They count as visible, unless neither the view nor the occluders have changed since. Nothing ever
     /// pops; a still camera culls all, a moving one nothing, since answers come a frame late at the
     /// earliest.
@@ -56,7 +56,7 @@ pub enum Late {
     },
 }
 
-impl Late {
+impl LateAnswers {
     /// What a map with this setting promises, if the device samples no coarser than the picture.
     pub const fn accuracy(self) -> Accuracy {
         match self {
@@ -73,19 +73,19 @@ impl Late {
 /// picture's own resolution.
 ///
 /// ```
-/// use visibility_core::{HardwareQueries, Late, OcclusionCuller};
+/// use visibility_core::{occlusion::{HardwareQueries, LateAnswers}, OcclusionCuller};
 /// # struct Silent;
-/// # impl visibility_core::QueryDevice for Silent {
+/// # impl visibility_core::occlusion::QueryDevice for Silent {
 /// #     fn ask(&mut self, _: u64, _: &visibility_core::Aabb) {}
 /// #     fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
 /// # }
 /// # let device = Silent;
-/// let culler = OcclusionCuller::new(HardwareQueries::new(device, Late::Visible));
+/// let culler = OcclusionCuller::new(HardwareQueries::new(device, LateAnswers::Visible));
 /// # let _ = culler;
 /// ```
 #[derive(Debug)]
 pub struct HardwareQueries<D> {
-    late: Late,
+    late: LateAnswers,
     /// Frames begun so far.
     frame: u64,
     /// The first frame that saw what this one sees: same view, same occluders.
@@ -128,7 +128,7 @@ const FORGET: u64 = 64;
 
 impl<D: QueryDevice> HardwareQueries<D> {
     /// Over a device.
-    pub fn new(device: D, late: Late) -> Self {
+    pub fn new(device: D, late: LateAnswers) -> Self {
         let state = State { device, places: HashMap::new(), questions: Vec::new(), free: Vec::new() };
         Self { late, frame: 0, since: 0, view: None, near: None, drawn: [0; 2], state: RefCell::new(state) }
     }
@@ -148,8 +148,8 @@ impl<D: QueryDevice> HardwareQueries<D> {
     /// Whether an answer about a frame says anything about this one.
     fn counts(&self, about: u64) -> bool {
         match self.late {
-            Late::Visible => about >= self.since,
-            Late::Trusted { frames } => self.frame - about <= u64::from(frames),
+            LateAnswers::Visible => about >= self.since,
+            LateAnswers::Trusted { frames } => self.frame - about <= u64::from(frames),
         }
     }
 }

@@ -1,6 +1,9 @@
 //! Which occluders are worth their cost from where the eye is.
 
-use crate::{Aabb, Eye, ObjectId, OccluderMesh, Scene, ViewPlanes};
+use crate::{
+    Aabb, ObjectId, OccluderMesh, Scene,
+    view::{Eye, ViewPlanes},
+};
 use alloc::vec::Vec;
 use core::cmp::Ordering;
 use glam::{Affine3A, Vec3};
@@ -8,7 +11,7 @@ use glam::{Affine3A, Vec3};
 /// How occluders are chosen each frame.
 ///
 /// ```
-/// use visibility_core::Selection;
+/// use visibility_core::occlusion::Selection;
 /// assert_eq!(Selection::default(), Selection::SolidAngle);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -58,19 +61,6 @@ pub(super) fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) 
     if area.is_finite() { area / distance_squared } else { 0.0 }
 }
 
-/// Whether an occluder lies surely inside all of the view's own clip planes: what they cut away is not drawn,
-/// and must not hide.
-pub(super) fn is_whole(mesh: &OccluderMesh, transform: &Affine3A, cuts: &ViewPlanes) -> bool {
-    let corner = |p: Vec3| transform.transform_point3(p).as_dvec3();
-    cuts.as_slice().iter().all(|cut| {
-        mesh.bounds().corners().map(corner).iter().all(|&p| {
-            // Far above the rounding of the transform, far below the size of anything that hides.
-            let slack = 1e-5 * (p.abs().element_sum() + cut.plane.offset.abs());
-            cut.plane.signed_distance(p) > slack + cut.error
-        })
-    })
-}
-
 /// An occluder that may be chosen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
@@ -90,11 +80,11 @@ impl Candidate {
         scene: &Scene,
         id: ObjectId,
         eye: &Eye,
-        cuts: &ViewPlanes,
+        clip_planes: &ViewPlanes,
         cost: impl FnOnce(&OccluderMesh) -> usize,
     ) -> Option<Self> {
         let (mesh, transform) =
-            scene.occluder(id).filter(|(mesh, transform)| is_whole(mesh, transform, cuts))?;
+            scene.occluder(id).filter(|(mesh, transform)| mesh.is_inside(clip_planes, transform))?;
         let bounds = scene.bounds(id).ok()?;
         let center = bounds.center().as_dvec3();
         let distance = match eye {

@@ -2,8 +2,11 @@
 
 use super::{Pvs, Viewcells};
 use crate::{
-    Accuracy, Changes, CullStats, Culler, Eye, ObjectId, Scene, SceneCursor, Stamp, View, ViewcellId,
-    VisibleSet,
+    Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet,
+    pvs::ViewcellId,
+    scene::{Changes, SceneCursor},
+    stamp::Stamp,
+    view::Eye,
 };
 use alloc::vec::Vec;
 use core::borrow::Borrow;
@@ -74,8 +77,10 @@ impl ScenePvs {
 /// one that the sets were made for, a clone of it included, everything is seen.
 ///
 /// ```
-/// use visibility_core::{Aabb, Pipeline, Pose, Pvs, PvsCuller, PvsTargets, Scene, ScenePvs, View,
-///     Viewcell, Viewcells, VisibleSet};
+/// use visibility_core::{
+///     pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, Viewcells}, Aabb, Pipeline, Pose,
+///     Scene, View, VisibleSet,
+/// };
 /// use visibility_core::glam::DVec3;
 /// let mut scene = Scene::new();
 /// let [here, there] = [5.0, 15.0].map(|x| scene.insert(Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0,

@@ -26,15 +26,15 @@ pub use culler::{PvsCuller, ScenePvs};
 pub use error::PvsError;
 pub use viewcells::{Viewcell, ViewcellId, Viewcells};
 
-use crate::Stamp;
 use crate::envelope::{Format, Writer};
+use crate::stamp::Stamp;
 use alloc::vec::Vec;
 use runs::{word, write_runs};
 
 /// What the targets of a [`Pvs`] are.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum PvsTargets {
-    /// Cells of a [`CellGraph`](crate::CellGraph), by their numbers.
+    /// Cells of a [`CellGraph`](crate::cells::CellGraph), by their numbers.
     Cells,
     /// Objects, numbered by whoever made the PVS.
     Objects,
@@ -43,7 +43,7 @@ pub enum PvsTargets {
 /// For each viewcell, the targets that can be seen from anywhere in it. Never changes.
 ///
 /// ```
-/// use visibility_core::{ViewcellId, Pvs, PvsTargets};
+/// use visibility_core::pvs::{Pvs, PvsTargets, ViewcellId};
 /// // Three viewcells; the third sees what the second sees, and target 70 too.
 /// let rows = [vec![0], vec![0, 1, 2, 3], vec![0, 1, 2, 3, 70]];
 /// let before = |viewcell: ViewcellId| viewcell.0.checked_sub(1).map(ViewcellId);
@@ -51,7 +51,7 @@ pub enum PvsTargets {
 /// let stored: Vec<u8> = pvs.as_bytes().to_vec();
 /// let loaded = Pvs::from_bytes(stored)?;
 /// assert!(loaded.sees(ViewcellId(2), 70) && !loaded.sees(ViewcellId(1), 70));
-/// # Ok::<(), visibility_core::PvsError>(())
+/// # Ok::<(), visibility_core::pvs::PvsError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Pvs {

@@ -6,7 +6,7 @@
 
 use super::{Viewcell, Viewcells};
 use crate::geometry::{Corners, clip_outward};
-use crate::{Plane, ViewcellId};
+use crate::{geometry::Plane, pvs::ViewcellId};
 use alloc::vec::Vec;
 use glam::DVec3;
 use smallvec::SmallVec;

@@ -2,8 +2,8 @@
 
 use super::runs::Runs;
 use super::{FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
-use crate::Stamp;
 use crate::envelope::{HEADER, Reader};
+use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
 impl Pvs {

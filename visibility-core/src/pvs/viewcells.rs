@@ -1,12 +1,13 @@
 //! Viewcells, and the search for those that a point or a box is in.
 
-use crate::{CellId, Plane};
+use crate::{cells::CellId, geometry::Plane};
 use alloc::vec::Vec;
 use glam::DVec3;
 
 /// A viewcell, by its number: its place among the [`Viewcells`], and among the rows of a [`Pvs`](super::Pvs).
 ///
-/// Not every viewcell is a cell of a [`CellGraph`](crate::CellGraph). Where viewcells are the cells of a
+/// Not every viewcell is a cell of a [`CellGraph`](crate::cells::CellGraph). Where viewcells are the cells
+/// of a
 /// graph, both have the same numbers.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct ViewcellId(pub u32);
@@ -57,7 +58,7 @@ fn in_box(p: DVec3, min: DVec3, max: DVec3) -> bool {
 /// logarithm of their number, as long as their boxes overlap little.
 ///
 /// ```
-/// use visibility_core::{ViewcellId, Viewcell, Viewcells, glam::DVec3};
+/// use visibility_core::{glam::DVec3, pvs::{Viewcell, ViewcellId, Viewcells}};
 /// let room = |x: f64| Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 3.0, 3.0));
 /// let viewcells = Viewcells::new([room(0.0), room(4.0), room(8.0)]);
 /// assert_eq!(viewcells.locate(DVec3::new(9.0, 1.0, 1.0)), Some(ViewcellId(2)));

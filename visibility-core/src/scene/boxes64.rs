@@ -7,7 +7,7 @@ use crate::Aabb;
 /// leaves the hull of the others as it is.
 ///
 /// ```
-/// # use visibility_core::{Aabb, Boxes64};
+/// # use visibility_core::{scene::Boxes64, Aabb};
 /// # fn first(boxes: &Boxes64) -> Aabb {
 /// boxes.get(0)
 /// # }

@@ -9,13 +9,13 @@ use alloc::vec::Vec;
 /// What changed in a scene since some revision.
 ///
 /// ```
-/// use visibility_core::{Aabb, Changes, Scene};
+/// use visibility_core::{scene::Changes, Aabb, Scene};
 /// let mut scene = Scene::new();
 /// let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
 /// let seen = scene.revision();
 /// scene.set_bounds(id, Aabb::from_arrays([1.0; 3], [2.0; 3]))?;
 /// assert_eq!(scene.changes_since(seen), Changes::Objects(&[id]));
-/// # Ok::<(), visibility_core::SceneError>(())
+/// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Changes<'a> {

@@ -11,7 +11,7 @@ use crate::serial::is_same_range;
 /// [`Changes::Everything`].
 ///
 /// ```
-/// use visibility_core::{Aabb, Changes, Scene, SceneCursor};
+/// use visibility_core::{scene::{Changes, SceneCursor}, Aabb, Scene};
 /// let mut scene = Scene::new();
 /// let mut cursor = SceneCursor::START;
 /// assert_eq!(cursor.follow(&scene), Changes::Everything);

@@ -16,7 +16,7 @@ use super::tree::Tree;
 /// let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
 /// scene.set_bounds(id, Aabb::from_arrays([2.0; 3], [3.0; 3]))?;
 /// assert_eq!(scene.maintain(8).blocks, 1);
-/// # Ok::<(), visibility_core::SceneError>(())
+/// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Maintenance {

@@ -19,7 +19,7 @@ pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub(crate) use tree::{NONE, Tree};
 
 use crate::serial::next_range;
-use crate::{Aabb, OccluderMesh, Stamp};
+use crate::{Aabb, OccluderMesh, stamp::Stamp};
 use alloc::{boxed::Box, vec::Vec};
 use build::Entry;
 use changes::ChangeLog;
@@ -47,7 +47,7 @@ use tree::{Payload, Scratch, Slot};
 /// scene.remove(ids[3])?;
 /// assert_eq!(scene.len(), 99);
 /// assert!(scene.bounds(ids[3]).is_err() && scene.bounds(ids[4]).is_ok());
-/// # Ok::<(), visibility_core::SceneError>(())
+/// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 #[derive(Debug)]
 pub struct Scene {

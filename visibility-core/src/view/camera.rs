@@ -42,7 +42,7 @@ impl Pose {
 /// orthographic projection, in metres.
 ///
 /// ```
-/// use visibility_core::Window;
+/// use visibility_core::view::Window;
 /// let window = Window::centered(1.0, 0.5);
 /// assert_eq!((window.left, window.top), (-1.0, 0.5));
 /// ```

@@ -1,12 +1,12 @@
 //! The clip matrix as engines hold it, and whether it can be used.
 
-use crate::ViewError;
+use crate::view::ViewError;
 use glam::{DMat4, Mat4};
 
 /// A matrix from world to clip space, column-major: from glam's types or plain arrays, in `f32` or `f64`.
 ///
 /// ```
-/// use visibility_core::{glam::Mat4, ClipMatrix};
+/// use visibility_core::{glam::Mat4, view::ClipMatrix};
 /// let _from_glam = ClipMatrix::from(Mat4::IDENTITY);
 /// let _from_array = ClipMatrix::from([0.0f32; 16]);
 /// ```

@@ -36,7 +36,7 @@ impl View {
     /// `near` and `far` are distances along the axes, `far` may be infinite. All points between the cubes of
     /// these half sizes are in at least one of the views, with no gap between faces: neighbours share a
     /// plane to the last bit, since the elements of these matrices are zeros and ones, and each keeps
-    /// what is on it. Depth is [reversed](crate::Depth::Reversed).
+    /// what is on it. Depth is [reversed](crate::view::Depth::Reversed).
     ///
     /// Give each face its own culler and set, as any other view: one walk for all six was built and measured,
     /// and took 7 to 18 % longer than six walks, since no face looks at what the others see but along the
@@ -52,7 +52,7 @@ impl View {
     /// let sees = |view: &View| view.planes(DVec3::ZERO).as_slice().iter()
     ///     .all(|v| v.plane.signed_distance(below) >= 0.0);
     /// assert_eq!(faces.map(|face| sees(&face)), [false, false, false, true, false, false]);
-    /// # Ok::<(), visibility_core::ViewError>(())
+    /// # Ok::<(), visibility_core::view::ViewError>(())
     /// ```
     pub fn cube_faces(eye: DVec3, near: f64, far: f64) -> Result<[Self; 6], ViewError> {
         let face = |i: usize| {

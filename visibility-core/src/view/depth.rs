@@ -5,7 +5,7 @@ use glam::DVec4;
 /// Which clip-space depths are in view.
 ///
 /// ```
-/// use visibility_core::Depth;
+/// use visibility_core::view::Depth;
 /// assert!(Depth::ReversedInfinite.is_reversed() && Depth::ReversedInfinite.is_infinite());
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]

@@ -9,11 +9,11 @@ const U: f64 = f64::EPSILON / 2.0;
 /// Where a view is seen from, relative to some origin.
 ///
 /// ```
-/// use visibility_core::{glam::DVec3, Eye, Pose, View};
+/// use visibility_core::{glam::DVec3, view::Eye, Pose, View};
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?;
 /// assert!(matches!(view.eye(DVec3::ZERO), Eye::Point(_)));
-/// # Ok::<(), visibility_core::ViewError>(())
+/// # Ok::<(), visibility_core::view::ViewError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Eye {

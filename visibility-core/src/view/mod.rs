@@ -29,7 +29,7 @@ pub use limits::{MAX_CLIP_PLANES, MAX_PLANES};
 pub use planes::{ViewPlane, ViewPlanes};
 pub use projection::{ClipRow, ViewProjection};
 
-use crate::Plane;
+use crate::geometry::Plane;
 use eye::eye_of;
 use glam::{DMat4, DVec3};
 
@@ -38,13 +38,13 @@ use glam::{DMat4, DVec3};
 /// Half a kilobyte, `Copy`, and made anew each frame.
 ///
 /// ```
-/// use visibility_core::{glam::Mat4, Depth, View};
+/// use visibility_core::{glam::Mat4, view::Depth, View};
 /// // From the engine's own matrix, as a glam type of this crate's version or as an array of any:
 /// let matrix = [[1.2, 0.0, 0.0, 0.0], [0.0, 1.6, 0.0, 0.0], [0.0, 0.0, 0.0, -1.0], [0.0, 0.0, 0.1, 0.0f32]];
 /// let view = View::from_clip_from_world(matrix, Depth::ReversedInfinite)?;
 /// assert!(View::from_clip_from_world(Mat4::ZERO, Depth::ZeroToOne).is_err());
 /// # let _ = view;
-/// # Ok::<(), visibility_core::ViewError>(())
+/// # Ok::<(), visibility_core::view::ViewError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct View {

@@ -3,7 +3,7 @@
 
 use super::limits::{MAX_CLIP_PLANES, MAX_PLANES};
 use super::{View, ViewError};
-use crate::Plane;
+use crate::geometry::Plane;
 use glam::{DVec3, DVec4};
 
 /// One plane of a view, and how far rounding may have moved it.
@@ -13,7 +13,7 @@ use glam::{DVec3, DVec4};
 /// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.5, 9.0)?;
 /// let near = view.planes(DVec3::ZERO).as_slice()[4];
 /// assert!((near.plane.signed_distance(DVec3::new(2.0, 0.0, 0.0)) - 1.5).abs() <= near.error + 1e-15);
-/// # Ok::<(), visibility_core::ViewError>(())
+/// # Ok::<(), visibility_core::view::ViewError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ViewPlane {
@@ -31,7 +31,7 @@ pub struct ViewPlane {
 /// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1,
 ///     f64::INFINITY)?;
 /// assert_eq!(view.planes(DVec3::ZERO).as_slice().len(), 5);
-/// # Ok::<(), visibility_core::ViewError>(())
+/// # Ok::<(), visibility_core::view::ViewError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ViewPlanes {
@@ -43,7 +43,8 @@ pub struct ViewPlanes {
 }
 
 impl ViewPlanes {
-    const NONE: Self = Self {
+    /// No plane, so that every point is inside.
+    pub const NONE: Self = Self {
         planes: [ViewPlane { plane: Plane::new(DVec3::ZERO, 1.0), error: 0.0 }; MAX_PLANES],
         slots: [0; MAX_PLANES],
         count: 0,
@@ -52,6 +53,15 @@ impl ViewPlanes {
     /// The planes.
     pub fn as_slice(&self) -> &[ViewPlane] {
         &self.planes[..self.count]
+    }
+
+    /// Returns whether a point, relative to the origin that the planes were made for, certainly lies on the
+    /// inner side of every plane. False for a point on a plane, where rounding cannot decide, and for NaN.
+    pub fn contain(&self, p: DVec3) -> bool {
+        self.as_slice().iter().all(|ViewPlane { plane, error }| {
+            // 6u of the magnitudes for the arithmetic, 16u for the normal's own rounding.
+            plane.signed_distance(p) > 4.0 * plane.error_bound(p.abs()) + error
+        })
     }
 
     /// The planes, each with its slot.
@@ -92,7 +102,8 @@ impl View {
     /// first or mean it. (A view made from a [`Pose`](crate::Pose) has its origin in the eye.)
     ///
     /// Whoever asks for [`planes`](Self::planes) honours them: the [`FrustumCuller`](crate::FrustumCuller)
-    /// and the [`CasterCuller`](crate::CasterCuller); so does the item buffer of `visibility-measure`.
+    /// and the [`CasterCuller`](crate::casters::CasterCuller); so does the item buffer of
+    /// `visibility-measure`.
     /// They are no part of the clip matrix: an occlusion map that draws by the matrix alone may keep
     /// objects beyond them, and must not be given occluders that they cut away.
     ///
@@ -101,13 +112,13 @@ impl View {
     /// not finite or has no direction.
     ///
     /// ```
-    /// use visibility_core::{glam::DVec3, Plane, Pose, View};
+    /// use visibility_core::{geometry::Plane, glam::DVec3, Pose, View};
     /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     /// let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?;
     /// // Only what is at least 4 m ahead: behind a mirror, say.
     /// let behind = view.with_clip_planes(&[Plane::through(DVec3::new(4.0, 0.0, 0.0), DVec3::X)])?;
     /// assert_eq!(behind.planes(DVec3::ZERO).as_slice().len(), 6);
-    /// # Ok::<(), visibility_core::ViewError>(())
+    /// # Ok::<(), visibility_core::view::ViewError>(())
     /// ```
     pub fn with_clip_planes(self, planes: &[Plane]) -> Result<Self, ViewError> {
         if planes.len() > MAX_CLIP_PLANES {
@@ -129,8 +140,9 @@ impl View {
         &self.clip_planes[..self.clip_count]
     }
 
-    /// The added planes alone, for points relative to `origin`.
-    pub(crate) fn clip_planes_from(&self, origin: DVec3) -> ViewPlanes {
+    /// Returns the unit planes of [`clip_planes`](Self::clip_planes) alone, for points relative to `origin`,
+    /// with the bounds on their rounding.
+    pub fn clip_planes_from(&self, origin: DVec3) -> ViewPlanes {
         let mut planes = ViewPlanes::NONE;
         for (slot, &plane) in (0..).zip(self.clip_planes()) {
             planes.push(slot, plane, origin - self.origin);

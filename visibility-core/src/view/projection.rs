@@ -42,7 +42,7 @@ const U: f64 = f64::EPSILON / 2.0;
 /// let point = DVec3::new(3.0, 1.0, 0.0) - projection.anchor();
 /// let (w, error) = projection.w().at(point);
 /// assert!((w - 3.0).abs() <= error && error < 1e-14);
-/// # Ok::<(), visibility_core::ViewError>(())
+/// # Ok::<(), visibility_core::view::ViewError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct ClipRow {
@@ -77,7 +77,7 @@ impl ClipRow {
 /// let projection = ViewProjection::new(&view, DVec3::new(1e7, 0.0, 0.0));
 /// assert_eq!(projection.anchor(), DVec3::ZERO);
 /// assert!(projection.eye_error() < 1e-7);
-/// # Ok::<(), visibility_core::ViewError>(())
+/// # Ok::<(), visibility_core::view::ViewError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ViewProjection {

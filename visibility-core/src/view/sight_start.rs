@@ -47,14 +47,14 @@ impl View {
     /// Takes constant time, with clip planes in proportion to the square of their number. No allocation.
     ///
     /// ```
-    /// use visibility_core::{Pose, View, glam::DVec3};
+    /// use visibility_core::{glam::DVec3, Pose, View};
     /// let eye = DVec3::new(1.0, 2.0, 3.0);
     /// let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.5, 0.5, 100.0)?;
     /// let mut corners = Vec::new();
     /// let known = view.for_each_sight_start(eye, |polygon, _error| corners.extend_from_slice(polygon));
     /// assert!(known && corners.len() == 4);
     /// assert!(corners.iter().all(|corner| (corner.x - 0.5).abs() < 1e-12), "half a metre ahead");
-    /// # Ok::<(), visibility_core::ViewError>(())
+    /// # Ok::<(), visibility_core::view::ViewError>(())
     /// ```
     pub fn for_each_sight_start(&self, anchor: DVec3, each: impl FnMut(&[DVec3], f64)) -> bool {
         SightPlanes::new(self, anchor).is_some_and(|planes| planes.for_each_polygon(each).is_some())

@@ -8,7 +8,11 @@
 
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
-use visibility_core::{Aabb, BoxHierarchy, Child, ObjectId, Scene, SceneError, SceneHierarchy};
+use visibility_core::{
+    Aabb, ObjectId, Scene,
+    scene::SceneError,
+    walk::{BoxHierarchy, Child, SceneHierarchy},
+};
 
 /// Which objects an [`OccluderDatabase`] leaves out.
 ///

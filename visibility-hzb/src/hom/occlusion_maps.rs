@@ -21,7 +21,10 @@ use crate::query::box_queue::BoxQueue;
 use crate::simd::Kernels;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
-    Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, Simd, View,
+    Aabb, Accuracy, OccluderMesh, OcclusionMap, View,
+    occlusion::{Occlusion, Occlusion64},
+    scene::Boxes64,
+    simd::Simd,
 };
 
 /// Hierarchical occlusion maps.
@@ -33,7 +36,10 @@ use visibility_core::{
 /// Memory is 4 bytes for each pixel, and what [`Hzb`] keeps for convex occluders.
 ///
 /// ```
-/// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Occlusion, OccluderMesh, OcclusionMap, Pose, View};
+/// use visibility_core::{
+///     glam::{Affine3A, DVec3}, occlusion::Occlusion, Aabb, OccluderMesh, OcclusionMap, Pose,
+///     View,
+/// };
 /// use visibility_hzb::Hom;
 /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 /// let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;

@@ -11,7 +11,7 @@ use super::face_query::faces_hide;
 use crate::buffer::pyramid::Pyramid;
 use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, bits};
-use visibility_core::Occlusion64;
+use visibility_core::occlusion::Occlusion64;
 
 /// Least x, y, z and greatest x, y, z of 64 boxes, in scene coordinates.
 pub(crate) type Boxes = [[f32; 64]; 6];

@@ -1,7 +1,7 @@
 //! Triangles and edges of an occluder as set-up and raster take them: those of a mesh, or of a box.
 
 use visibility_core::glam::Vec3;
-use visibility_core::{Edge, OccluderMesh};
+use visibility_core::{OccluderMesh, occlusion::Edge};
 
 /// The vertices, triangles and edges of an occluder, in its own coordinates.
 #[derive(Clone, Copy)]

@@ -14,7 +14,7 @@
 
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
-use visibility_core::{Aabb, Eye, View};
+use visibility_core::{Aabb, View, view::Eye};
 
 /// Unit round-off of `f64`.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;

@@ -1,7 +1,11 @@
 //! What the tests ask a finished map about boxes.
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
-use visibility_core::{Aabb, Accuracy, Boxes64, OccluderMesh, Occlusion, Occlusion64, OcclusionMap, View};
+use visibility_core::{
+    Aabb, Accuracy, OccluderMesh, OcclusionMap, View,
+    occlusion::{Occlusion, Occlusion64},
+    scene::Boxes64,
+};
 use visibility_testing::Random;
 
 /// A finished map that answers 64 boxes at once as it answers each of them.

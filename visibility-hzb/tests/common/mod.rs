@@ -5,7 +5,10 @@
 pub mod boxes;
 
 use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4, Quat, Vec3, Vec4};
-use visibility_core::{Aabb, Depth, OccluderMesh, Pose, View, Window};
+use visibility_core::{
+    Aabb, OccluderMesh, Pose, View,
+    view::{Depth, Window},
+};
 use visibility_testing::Random;
 
 pub struct Occluder {

@@ -1,7 +1,7 @@
 //! A view in which coordinates are pixels.
 
 use visibility_core::glam::{DMat4, DVec4};
-use visibility_core::{Depth, View};
+use visibility_core::{View, view::Depth};
 
 /// Shows x right and y down, in pixels of a `width` x `height` image, nearer the smaller z, which is from 0
 /// to 1.

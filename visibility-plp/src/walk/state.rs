@@ -9,7 +9,7 @@ use crate::solidity::Solidity;
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
-use visibility_core::{Aabb, ObjectId, Scene, Stamp, Triangle, VisibleSet};
+use visibility_core::{Aabb, ObjectId, Scene, VisibleSet, scene::Triangle, stamp::Stamp};
 
 /// Limit on what is projected in a frame.
 ///

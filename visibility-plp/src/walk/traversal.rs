@@ -8,7 +8,7 @@ use crate::solidity::{
     From, Solidity, chance, count_solidity, light_share, solid_angle_per_area, stopped_share,
 };
 use crate::tessellation::Tessellation;
-use visibility_core::{Aabb, Changes, Eye};
+use visibility_core::{Aabb, scene::Changes, view::Eye};
 
 impl Walk {
     /// Begins a frame: projects the strays and puts the first cells into the front. False if the tessellation

@@ -3,7 +3,8 @@
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, Object, ObjectId, OccluderMesh, Occlusion, OcclusionMap, Pose, Scene, View, Window,
+    Aabb, Accuracy, Object, ObjectId, OccluderMesh, OcclusionMap, Pose, Scene, View, occlusion::Occlusion,
+    view::Window,
 };
 pub(crate) use visibility_testing::Random;
 
@@ -100,7 +101,7 @@ impl OcclusionMap for Walls {
         Accuracy::Conservative
     }
     fn begin(&mut self, view: &View, origin: DVec3) {
-        let visibility_core::Eye::Point(eye) = view.eye(origin) else { panic!("a perspective view") };
+        let visibility_core::view::Eye::Point(eye) = view.eye(origin) else { panic!("a perspective view") };
         *self = Self { eye: eye.x, added: f64::INFINITY, nearest: f64::INFINITY };
     }
     fn add(&mut self, occluder: &OccluderMesh, _: &Affine3A) {

@@ -1,7 +1,7 @@
 //! Doors: which portals are open now, and from which sides one can see through them.
 
 use alloc::vec::Vec;
-use visibility_core::PortalId;
+use visibility_core::cells::PortalId;
 
 /// The directions in which an open portal can be seen through.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]

@@ -14,8 +14,11 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
-/// use visibility_core::{Aabb, CellGraph, CellId, ConvexPolygon, Culler, FrustumCuller, PortalId, Pose};
-/// use visibility_core::{Scene, View, Viewcell, Viewcells, VisibleSet};
+/// use visibility_core::{
+///     cells::{CellGraph, CellId, PortalId}, geometry::ConvexPolygon, Aabb, Culler, FrustumCuller,
+///     Pose,
+/// };
+/// use visibility_core::{pvs::{Viewcell, Viewcells}, Scene, View, VisibleSet};
 /// use visibility_portals::{PortalCuller, SceneCells};
 /// let corners = [[4.0, 1.0, 0.0], [4.0, 3.0, 0.0], [4.0, 3.0, 2.0], [4.0, 1.0, 2.0]];
 /// let door = ConvexPolygon::new(corners.map(DVec3::from))?;

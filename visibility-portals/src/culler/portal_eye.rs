@@ -10,7 +10,11 @@ use super::seen_objects::Seen;
 use super::start_cells::StartCells;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellId, Changes, CullStats, PortalId, Scene, View, VisibleSet};
+use visibility_core::{
+    CullStats, Scene, View, VisibleSet,
+    cells::{CellId, PortalId},
+    scene::Changes,
+};
 
 /// One view through portals: settings, scratch memory, and what the last frame saw.
 ///
@@ -21,8 +25,8 @@ use visibility_core::{CellId, Changes, CullStats, PortalId, Scene, View, Visible
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
-/// use visibility_core::{CellGraph, CellId, ConvexPolygon, Pose, Scene, View};
-/// use visibility_core::{Viewcell, Viewcells, VisibleSet};
+/// use visibility_core::{cells::{CellGraph, CellId}, geometry::ConvexPolygon, Pose, Scene, View};
+/// use visibility_core::{pvs::{Viewcell, Viewcells}, VisibleSet};
 /// use visibility_portals::{PortalEye, SceneCells};
 /// let corners = [[4.0, 1.0, 0.0], [4.0, 2.0, 0.0], [4.0, 2.0, 2.0], [4.0, 1.0, 2.0]];
 /// let door = ConvexPolygon::new(corners.map(DVec3::from))?;

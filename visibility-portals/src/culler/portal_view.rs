@@ -4,7 +4,7 @@ use super::window_plane::{U, WindowPlane};
 use smallvec::SmallVec;
 use visibility_core::glam::DVec3;
 use visibility_core::view::{ClipRow, ViewProjection};
-use visibility_core::{Eye, View};
+use visibility_core::{View, view::Eye};
 
 /// How the lines of sight of a view run.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -124,9 +124,9 @@ pub(super) enum Crossing {
 mod tests {
     use super::*;
     use crate::whole_numbers::Random;
-    use visibility_core::Depth;
     use visibility_core::geometry::DoubleDouble;
     use visibility_core::glam::{DMat4, DVec4};
+    use visibility_core::view::Depth;
 
     /// The view of a matrix with these rows for x, y and w.
     fn view(rows: [DVec3; 3], offsets: [f64; 3]) -> Option<View> {

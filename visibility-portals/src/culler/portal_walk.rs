@@ -16,7 +16,11 @@ use super::window_plane::{Corner, Edge, U, WindowPlane, clip};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellId, PortalId, Stamp, ViewcellId};
+use visibility_core::{
+    cells::{CellId, PortalId},
+    pvs::ViewcellId,
+    stamp::Stamp,
+};
 
 /// The most planes of one window. Further ones are left out, which shows more, never less.
 const MOST_SIDES: usize = 24;
@@ -453,7 +457,7 @@ impl PortalWalk {
             self.sides.push(self.sides[place as usize]);
         }
         for normal in [outline.normal, -outline.normal] {
-            let plane = visibility_core::Plane::new(normal, 0.0);
+            let plane = visibility_core::geometry::Plane::new(normal, 0.0);
             self.sides.push(WindowPlane { plane, slope, slack: 2.0 * own + f64::MIN_POSITIVE });
         }
         Window { sides: start..self.sides.len() as u32, rectangle: window.rectangle, whole: false }

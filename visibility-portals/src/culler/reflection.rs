@@ -14,7 +14,7 @@ use super::seen_objects::Seen;
 use super::window_plane::{U, WindowPlane};
 use alloc::vec::Vec;
 use visibility_core::glam::{DMat4, DVec3};
-use visibility_core::{Culler, FrustumCuller, Plane, Scene, View, ViewError, VisibleSet};
+use visibility_core::{Culler, FrustumCuller, Scene, View, VisibleSet, geometry::Plane, view::ViewError};
 
 /// One mirror that is seen: the view to draw what it shows with, and the objects to draw.
 #[derive(Clone, Debug)]

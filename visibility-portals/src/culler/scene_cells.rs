@@ -9,8 +9,12 @@ use alloc::vec::Vec;
 use smallvec::SmallVec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, CellGraph, CellId, Changes, ConvexPolygon, ObjectId, PortalId, Pvs, PvsTargets, Scene, SceneCursor,
-    Stamp, Viewcells,
+    Aabb, ObjectId, Scene,
+    cells::{CellGraph, CellId, PortalId},
+    geometry::ConvexPolygon,
+    pvs::{Pvs, PvsTargets, Viewcells},
+    scene::{Changes, SceneCursor},
+    stamp::Stamp,
 };
 
 /// Cells, portals, doors, mirrors and PVS of a building, and which objects are in which cells: what all
@@ -21,7 +25,10 @@ use visibility_core::{
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
-/// use visibility_core::{Aabb, CellGraph, CellId, ConvexPolygon, PortalId, Scene, Viewcell, Viewcells};
+/// use visibility_core::{
+///     cells::{CellGraph, CellId, PortalId}, geometry::ConvexPolygon, pvs::{Viewcell, Viewcells},
+///     Aabb, Scene,
+/// };
 /// use visibility_portals::SceneCells;
 /// // Two rooms side by side along x, with a door at x = 4.
 /// let corners = [[4.0, 1.0, 0.0], [4.0, 2.0, 0.0], [4.0, 2.0, 2.0], [4.0, 1.0, 2.0]];

@@ -2,7 +2,7 @@
 
 use super::mirror::MirrorId;
 use core::fmt;
-use visibility_core::{CellId, PortalId};
+use visibility_core::cells::{CellId, PortalId};
 
 /// Why [`SceneCells`](super::scene_cells::SceneCells) cannot be made or changed.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -3,7 +3,7 @@
 use super::portal_view::PortalView;
 use super::window_plane::{Corner, U, WindowPlane};
 use alloc::vec::Vec;
-use visibility_core::Plane;
+use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::view::ClipRow;
 
@@ -73,7 +73,8 @@ mod tests {
     #[test]
     fn points_on_the_edge_of_a_rectangle_are_within_its_planes() {
         let mut random = Random(9);
-        let view = View::from_clip_from_world(DMat4::IDENTITY, visibility_core::Depth::ZeroToOne).unwrap();
+        let view =
+            View::from_clip_from_world(DMat4::IDENTITY, visibility_core::view::Depth::ZeroToOne).unwrap();
         let mut eye_view = PortalView::new(&view).unwrap();
         let (mut sides, mut found) = (Vec::new(), [0; 2]);
         for round in 0..20_000 {

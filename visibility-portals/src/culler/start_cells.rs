@@ -4,7 +4,7 @@
 use super::scene_cells::SceneCells;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellId, View, ViewcellId};
+use visibility_core::{View, cells::CellId, pvs::ViewcellId};
 
 /// Memory for finding the cells in which lines of sight begin.
 #[derive(Clone, Debug, Default)]

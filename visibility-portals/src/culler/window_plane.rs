@@ -11,7 +11,7 @@
 //! - that a polygon is called empty only if it is: derived at [`clip`].
 
 use visibility_core::glam::DVec3;
-use visibility_core::{Plane, ViewPlane};
+use visibility_core::{geometry::Plane, view::ViewPlane};
 
 /// Unit round-off of `f64`.
 pub(super) const U: f64 = f64::EPSILON / 2.0;

@@ -12,7 +12,11 @@ use crate::clip_polygon::clip_into;
 use alloc::collections::{BTreeMap, VecDeque};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellGraph, CellId, ConvexPolygon, Plane, Viewcells};
+use visibility_core::{
+    cells::{CellGraph, CellId},
+    geometry::{ConvexPolygon, Plane},
+    pvs::Viewcells,
+};
 
 /// Which regions are solid, and so no cells.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -80,7 +84,7 @@ struct Fragment {
 /// [`GeometryError`], with the index of the polygon or the name of the setting.
 ///
 /// ```
-/// use visibility_core::{ConvexPolygon, glam::DVec3};
+/// use visibility_core::{geometry::ConvexPolygon, glam::DVec3};
 /// use visibility_portals::from_geometry::{from_polygons, PolygonSettings};
 /// // A wall across the world with a gap in it.
 /// let corner = |[y, z]: [f64; 2]| DVec3::new(0.0, y, z);

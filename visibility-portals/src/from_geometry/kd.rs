@@ -8,7 +8,11 @@
 use super::subdivision::{GeometryError, Subdivision, checked};
 use alloc::vec::Vec;
 use visibility_core::glam::{DVec2, DVec3};
-use visibility_core::{CellGraph, CellId, ConvexPolygon, Viewcell};
+use visibility_core::{
+    cells::{CellGraph, CellId},
+    geometry::ConvexPolygon,
+    pvs::Viewcell,
+};
 
 /// Settings of [`from_walls`], in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -9,7 +9,11 @@ use super::subtract::{Lengths, around, subtract, width};
 use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellId, ConvexPolygon, Plane, Viewcell};
+use visibility_core::{
+    cells::CellId,
+    geometry::{ConvexPolygon, Plane},
+    pvs::Viewcell,
+};
 
 /// A child of a node: another node, or a leaf.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -3,7 +3,10 @@
 use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::cells::Leak;
-use visibility_core::{CellGraph, CellGraphError, CellId, Viewcell, Viewcells};
+use visibility_core::{
+    cells::{CellGraph, CellGraphError, CellId},
+    pvs::{Viewcell, Viewcells},
+};
 
 /// Cells, the portals between them, and their bodies.
 #[derive(Clone, PartialEq, Debug, Default)]

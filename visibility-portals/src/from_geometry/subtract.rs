@@ -2,7 +2,7 @@
 
 use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
-use visibility_core::Plane;
+use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
 /// Distances below which differences mean nothing, in world units, all parts of one tolerance.

@@ -21,7 +21,11 @@ use object_chains::{Chains, Targets};
 use visibility_core::bake::Baker;
 use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
 use visibility_core::glam::DVec3;
-use visibility_core::{CellGraph, CellId, ObjectId, Pvs, PvsError, PvsTargets};
+use visibility_core::{
+    ObjectId,
+    cells::{CellGraph, CellId},
+    pvs::{Pvs, PvsError, PvsTargets},
+};
 
 /// Result of a bake of cell-to-object visibility.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -60,7 +64,7 @@ impl ObjectOutcome {
 /// graph [lists](CellGraph::set_objects) in its cells.
 ///
 /// ```
-/// use visibility_core::{Aabb, CellId, Scene, bake::Bake, glam::DVec3};
+/// use visibility_core::{bake::Bake, cells::CellId, glam::DVec3, Aabb, Scene};
 /// use visibility_portals::{CellBaker, ObjectBaker, Settings, prt};
 /// // Three rooms in a row with two doors; two objects in the last, one of them beside the door's wall.
 /// let mut graph = prt::read("PRT1\n3\n2\n\

@@ -8,7 +8,11 @@ use crate::separating_planes::{Facing, push_separating_planes};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
-use visibility_core::{CellGraph, CellId, ObjectId, Plane};
+use visibility_core::{
+    ObjectId,
+    cells::{CellGraph, CellId},
+    geometry::Plane,
+};
 
 /// The objects, by the cells that they are in.
 #[derive(Clone, Debug)]

@@ -6,7 +6,7 @@ use crate::cell_matrix::bits;
 use crate::clip_polygon::{Clip, clip};
 use crate::separating_planes::{Facing, push_separating_planes};
 use core::ops::Range;
-use visibility_core::Plane;
+use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
 impl Scratch {

@@ -6,7 +6,7 @@ use crate::lp::MOST;
 use crate::stabbing::pluecker::Pluecker;
 use alloc::vec::Vec;
 use core::ops::Range;
-use visibility_core::Plane;
+use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
 /// Scratch memory, which serves one flow after another.

@@ -5,7 +5,7 @@ use super::pluecker::{Edge, Opening, Pluecker, Polytope, edges_of};
 use super::rectangle::Rectangle;
 use super::stab::Stab;
 use alloc::vec::Vec;
-use visibility_core::ConvexPolygon;
+use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
 
 /// Searches for lines through sequences of openings. Allocates nothing once it has seen the longest sequence,

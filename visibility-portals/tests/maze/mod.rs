@@ -7,8 +7,11 @@
 
 use visibility_core::glam::{DMat4, DQuat, DVec2, DVec3};
 use visibility_core::{
-    Aabb, CellGraph, CellId, ConvexPolygon, Depth, ObjectId, Plane, PolygonError, PortalId, Pose, Scene,
-    View, Viewcell, Viewcells,
+    Aabb, ObjectId, Pose, Scene, View,
+    cells::{CellGraph, CellId, PortalId},
+    geometry::{ConvexPolygon, Plane, PolygonError},
+    pvs::{Viewcell, Viewcells},
+    view::Depth,
 };
 use visibility_portals::{MirrorId, Passage, SceneCells};
 use visibility_testing::Random;

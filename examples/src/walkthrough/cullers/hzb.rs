@@ -3,7 +3,7 @@
 
 use super::known::{Known, Made};
 use crate::picture_size::parse_size;
-use visibility_core::Selection;
+use visibility_core::occlusion::Selection;
 use visibility_hzb::{Coverage, Hzb, HzbCuller};
 
 pub(super) const KNOWN: &[Known] = &[

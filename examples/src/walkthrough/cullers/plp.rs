@@ -5,7 +5,8 @@ use super::known::Known;
 use crate::walkthrough::World;
 use std::sync::Arc;
 use visibility_core::{
-    Accuracy, CullStats, Culler, Eye, ObjectId, OcclusionCuller, Scene, Selection, View, VisibleSet,
+    Accuracy, CullStats, Culler, ObjectId, OcclusionCuller, Scene, View, VisibleSet, occlusion::Selection,
+    view::Eye,
 };
 use visibility_hzb::Hzb;
 use visibility_plp::{

@@ -4,7 +4,7 @@ use super::known::{Known, Made};
 use crate::pvs::built::Origin;
 use crate::walkthrough::World;
 use crate::walkthrough::cell_sets::{Detail, sets_of};
-use visibility_core::PvsCuller;
+use visibility_core::pvs::PvsCuller;
 
 pub(super) const KNOWN: &[Known] = &[Known {
     name: "pvs",

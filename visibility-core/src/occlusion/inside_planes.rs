@@ -1,0 +1,50 @@
+//! The test of an occluder against the clip planes of a view.
+
+use super::OccluderMesh;
+use crate::view::ViewPlanes;
+use glam::{Affine3A, DVec3, Vec3};
+
+impl OccluderMesh {
+    /// Returns whether the mesh, placed by `transform`, certainly lies on the inner side of every plane. Both
+    /// the transform and the planes are relative to the scene's origin. True without planes; false where the
+    /// mesh touches a plane, where rounding cannot decide, and for a non-finite transform.
+    ///
+    /// [`OcclusionMap::add`](crate::OcclusionMap::add) asks this of every occluder, with the
+    /// [`clip_planes_from`](crate::View::clip_planes_from) of the view: what a clip plane cuts away is not
+    /// drawn and must not hide. Cost: constant per plane, since the corners of the mesh's bounds are tested.
+    ///
+    /// ```
+    /// use visibility_core::glam::{Affine3A, DVec3, Vec3};
+    /// use visibility_core::{geometry::Plane, Aabb, OccluderMesh, Pose, View};
+    /// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0)?
+    ///     .with_clip_planes(&[Plane::through(DVec3::new(4.0, 0.0, 0.0), DVec3::X)])?;
+    /// let planes = view.clip_planes_from(DVec3::ZERO);
+    /// let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3]))?;
+    /// assert!(mesh.is_inside(&planes, &Affine3A::from_translation(Vec3::X * 5.0)));
+    /// assert!(!mesh.is_inside(&planes, &Affine3A::from_translation(Vec3::X * 3.5)));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn is_inside(&self, planes: &ViewPlanes, transform: &Affine3A) -> bool {
+        let as_f64 = |v: Vec3| v.as_dvec3();
+        let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
+            .map(|axis| as_f64(axis.into()));
+        let translation = as_f64(transform.translation.into());
+        let (min, max) = (self.bounds().min.as_dvec3(), self.bounds().max.as_dvec3());
+        planes.as_slice().iter().all(|plane| {
+            // The plane in mesh coordinates. Its smallest value over the box is at the corner farthest
+            // against the normal.
+            let n = plane.plane.normal;
+            let normal = DVec3::from(axes.map(|axis| n.dot(axis)));
+            let corner = DVec3::select(normal.cmpge(DVec3::ZERO), min, max);
+            let distance = normal.dot(corner) + n.dot(translation) + plane.plane.offset;
+            // Each term `n_i axis_ji corner_j` is rounded at most eight times by products and sums, and the
+            // normal is within 16u of its own: 32u of the sum of magnitudes covers both and the rounding of
+            // that sum. A product that underflows loses at most the least normal number, in mesh coordinates
+            // times the corner's.
+            let underflow = 16.0 * f64::MIN_POSITIVE * (1.0 + corner.abs().element_sum());
+            let sizes = DVec3::from(axes.map(|axis| n.abs().dot(axis.abs())));
+            let size = sizes.dot(corner.abs()) + n.abs().dot(translation.abs()) + plane.plane.offset.abs();
+            distance > 16.0 * f64::EPSILON * size + plane.error + underflow
+        })
+    }
+}

@@ -1,0 +1,96 @@
+//! Occluders and points against the clip planes of a view, held against exact arithmetic within a few ulps of
+//! the planes.
+
+use visibility_core::geometry::Plane;
+use visibility_core::glam::{Affine3A, DVec3, Mat3A, Vec3, Vec3A};
+use visibility_core::{Aabb, OccluderMesh, Pose, View};
+use visibility_testing::{Random, sign_of_sum};
+
+/// Exact sign of the plane's value at a corner of a mesh that `transform` places. Products of two f32 are
+/// exact in f64.
+fn sign_at(plane: &Plane, transform: &Affine3A, corner: Vec3) -> i32 {
+    let columns = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
+    let mut terms = vec![(plane.offset, 1.0)];
+    for row in 0..3 {
+        terms.push((plane.normal[row], f64::from(transform.translation[row])));
+        for column in 0..3 {
+            terms.push((plane.normal[row], f64::from(columns[column][row]) * f64::from(corner[column])));
+        }
+    }
+    sign_of_sum(terms)
+}
+
+fn view_with(plane: Plane) -> View {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap().with_clip_planes(&[plane]).unwrap()
+}
+
+#[test]
+fn an_occluder_that_a_plane_may_cut_is_never_inside() {
+    let mut rng = Random(7);
+    let (mut near, mut decided) = (0, 0);
+    for _ in 0..40_000 {
+        let size = 10f64.powi(rng.between(-6, 6));
+        let axes = [(); 3].map(|()| Vec3A::from(rng.fine_vector(1.0).as_vec3()));
+        let transform = Affine3A {
+            matrix3: Mat3A::from_cols(axes[0], axes[1], axes[2]),
+            translation: rng.fine_vector(size).as_vec3a(),
+        };
+        let corner = rng.fine_vector(size).as_vec3();
+        let Ok(mesh) = OccluderMesh::cuboid(&Aabb::new(corner, corner + Vec3::splat(size as f32 * 0.1)))
+        else {
+            continue;
+        };
+        let corners = mesh.bounds().corners();
+        let normal = rng.fine_vector(1.0) * 10f64.powi(rng.between(-3, 3));
+        let value = |p: Vec3| {
+            let placed = transform.matrix3.as_dmat3() * p.as_dvec3() + transform.translation.as_dvec3();
+            normal.dot(placed)
+        };
+        let lowest = corners.map(value).into_iter().fold(f64::INFINITY, f64::min);
+        let magnitude = normal.abs().element_sum() * 5.0 * size;
+        for ulps in [-4.0, -1.0, 0.0, 1.0, 4.0, 2000.0] {
+            let plane = Plane::new(normal, ulps * f64::EPSILON * magnitude - lowest);
+            let inside = mesh.is_inside(&view_with(plane).clip_planes_from(DVec3::ZERO), &transform);
+            let truly = corners.iter().all(|&corner| sign_at(&plane, &transform, corner) > 0);
+            assert!(truly || !inside, "{plane:?} {transform:?} {corner}");
+            near += i32::from(!truly);
+            if ulps == 2000.0 {
+                assert!(inside, "must decide: {plane:?} {transform:?} {corner}");
+                decided += 1;
+            }
+        }
+    }
+    assert!(near > 50_000 && decided > 30_000, "{near} {decided}");
+}
+
+#[test]
+fn a_point_on_a_plane_is_never_inside() {
+    let mut rng = Random(8);
+    for _ in 0..100_000 {
+        let size = 10f64.powi(rng.between(-9, 9));
+        let p = rng.fine_vector(size);
+        let normal = rng.fine_vector(1.0) * 10f64.powi(rng.between(-3, 3));
+        let magnitude = normal.abs().dot(p.abs());
+        for ulps in [-2.0, -0.5, 0.0, 0.5, 2.0, 500.0] {
+            let plane = Plane::new(normal, ulps * f64::EPSILON * magnitude - normal.dot(p));
+            let inside = view_with(plane).clip_planes_from(DVec3::ZERO).contain(p);
+            let terms = [(normal.x, p.x), (normal.y, p.y), (normal.z, p.z), (plane.offset, 1.0)];
+            assert!(sign_of_sum(terms) > 0 || !inside, "{plane:?} {p}");
+            assert!(inside || ulps < 500.0, "must decide: {plane:?} {p}");
+        }
+    }
+}
+
+#[test]
+fn no_plane_cuts_nothing_and_what_is_not_finite_is_never_inside() {
+    let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
+    let view = view_with(Plane::new(DVec3::X, 10.0));
+    let planes = view.clip_planes_from(DVec3::ZERO);
+    assert!(mesh.is_inside(&planes, &Affine3A::IDENTITY));
+    assert!(!mesh.is_inside(&planes, &Affine3A::from_translation(Vec3::NAN)));
+    assert!(!mesh.is_inside(&planes, &Affine3A::from_translation(Vec3::X * f32::INFINITY)));
+    assert!(!planes.contain(DVec3::NAN));
+    let none = view.with_clip_planes(&[]).unwrap().clip_planes_from(DVec3::ZERO);
+    assert!(mesh.is_inside(&none, &Affine3A::IDENTITY) && none.contain(DVec3::NAN));
+}
