@@ -1,4 +1,4 @@
-//! Whether separating planes leave a line through a sequence of polygons.
+//! The antipenumbra test: whether separating planes leave a line through a sequence of convex polygons.
 
 use crate::bake_settings::{BakeError, Settings};
 use crate::cell_baker::CellBaker;
@@ -8,17 +8,22 @@ use visibility_core::{
     geometry::ConvexPolygon,
 };
 
-/// Whether separating planes leave a line through a sequence of convex polygons: each polygon is clipped to
-/// what can be seen of it from the first one through those between, and the first one likewise to what can be
-/// seen of it from the other side (Seth Teller and Pat Hanrahan, "Global Visibility Algorithms for
-/// Illumination Computations", 1993).
+/// Tests by separating planes whether a straight line may pass through all of `polygons`, in order and along
+/// their normals. The polygons are in world space.
 ///
-/// `false` is certain: no line passes all polygons along their normals, clear of all edges by `clearance`, in
-/// the unit of the coordinates. `true` is not. Faster than
-/// [`Stabber::polygons`](crate::stabbing::Stabber::polygons), and less tight.
+/// Each polygon is clipped to the part that can be seen from the first polygon through the polygons between,
+/// and the first polygon is likewise clipped to the part that can be seen from the far side (Seth Teller and
+/// Pat Hanrahan, "Global Visibility Algorithms for Illumination Computations", 1993).
+///
+/// `false` is certain: no line passes all polygons and keeps a distance of `clearance` from all their edges.
+/// `clearance` is in the unit of the coordinates. `true` is not certain: such a line may still not exist.
+/// `true` for fewer than two polygons. Faster than [`Stabber::polygons`](crate::stabbing::Stabber::polygons),
+/// and less tight.
 ///
 /// # Errors
-/// As [`CellBaker::new`]; [`BakeError::TooLarge`] also for a polygon without area.
+/// [`BakeError::Clearance`] if `clearance` is not positive and finite, or too small for the coordinates.
+/// [`BakeError::TooLarge`] for more than 65,535 polygons, or for polygons from which no cell graph can be
+/// made (such as a polygon without area).
 ///
 /// ```
 /// use visibility_core::{geometry::ConvexPolygon, glam::DVec3};
@@ -30,7 +35,7 @@ use visibility_core::{
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn antipenumbra(polygons: &[ConvexPolygon], clearance: f64) -> Result<bool, BakeError> {
-    // A chain of cells is a map like any other.
+    // The polygons become the portals of a chain of cells: polygon i joins cell i to cell i + 1.
     let cells = |i: usize| [CellId(i as u32), CellId(i as u32 + 1)];
     let portals = polygons.iter().enumerate().map(|(i, polygon)| (polygon.clone(), cells(i)));
     let Ok(graph) = CellGraph::new(polygons.len() + 1, portals) else {

@@ -1,4 +1,4 @@
-//! Settings and errors of both bakers, and the portals made ready for them.
+//! Settings and errors of the cell baker and the object baker, and the preparation of the portals for both.
 
 use crate::directed_portals::DirectedPortals;
 use core::fmt;
@@ -7,20 +7,22 @@ use visibility_core::cells::CellGraph;
 /// Settings of [`CellBaker`](crate::CellBaker) and [`ObjectBaker`](crate::ObjectBaker).
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Settings {
-    /// The distance, in world units, that a line must keep from all portal edges to count: a cell is called
-    /// hidden only if no such line leads to it. At least 2^-33 of the greatest coordinate, so that rounding
-    /// cannot matter.
+    /// Distance, in world units, that a line of sight must keep from all portal edges to count: a cell is
+    /// called hidden only if no such line leads to the cell. Must be positive, finite and at least 2^-33 of
+    /// the greatest absolute coordinate of a portal vertex, so that rounding cannot decide. 1e-6 by default.
     pub clearance: f64,
-    /// The most chains of portals to look at for one cell. A cell that needs more sees all that is not yet
-    /// proven hidden.
+    /// Maximum number of portal chains inspected for one viewcell, summed over its portals. A viewcell that
+    /// needs more keeps every target that is not yet proven hidden. Unlimited by default.
     pub steps_per_cell: u64,
-    /// Whether chains of portals that separating planes do not exclude are also tested in Pluecker space,
-    /// where that decides whether a cell is seen. Sees fewer cells or the same, for somewhat more time.
+    /// Whether portal chains that separating planes do not exclude are also tested in Pluecker space, where
+    /// the test decides whether a cell is seen. `true` marks the same cells visible or fewer, for somewhat
+    /// more time. `false` by default.
     ///
-    /// Each rejection is certain: a certificate shows that no line passes certain edges of the chain clear
-    /// by the clearance. What is kept need not be visible: half-spaces with a point in common may still
-    /// miss the quadric of lines (see [`stabbing`](crate::stabbing)), and what they have in common may
-    /// be too little for `f64` to tell.
+    /// Each rejection is certain: a certificate shows that no line passes the edges of the chain and keeps
+    /// the clearance from them. A chain that is kept need not be passable, for two reasons. The half-spaces
+    /// of the linear program may have a common point that is no line, since lines form a quadric in Pluecker
+    /// space (see [`stabbing`](crate::stabbing)). And the common part of the half-spaces may be too small for
+    /// `f64` to prove empty.
     pub exact: bool,
 }
 
@@ -31,35 +33,38 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// The settings as numbers, for a fingerprint.
+    /// Returns the settings as numbers for the bake's fingerprint: the bits of `clearance`, `steps_per_cell`,
+    /// and `exact` as 0 or 1.
     pub(crate) fn numbers(&self) -> [u64; 3] {
         [self.clearance.to_bits(), self.steps_per_cell, self.exact.into()]
     }
 }
 
-/// Why a bake cannot begin.
+/// Why a baker cannot be made.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum BakeError {
-    /// The clearance is not a positive number, or too small for coordinates of this size.
+    /// The clearance is zero, negative, infinite or NaN, or less than coordinates of this size allow.
     Clearance {
-        /// The clearance asked for.
+        /// Clearance that was requested, in world units.
         clearance: f64,
-        /// The least that the coordinates allow.
+        /// Smallest clearance that the coordinates allow, in world units: 2^-33 of the greatest absolute
+        /// coordinate.
         least: f64,
     },
-    /// More than 65,536 cells or portals: the bits of all pairs of portals would take more than 2 GiB.
+    /// The graph has more than 65,536 cells or more than 65,536 portals. The matrix of ordered pairs of
+    /// directed portals, one bit each, would take more than 2 GiB.
     TooLarge {
-        /// How many cells.
+        /// Number of cells of the graph.
         cells: usize,
-        /// How many portals.
+        /// Number of portals of the graph.
         portals: usize,
     },
-    /// The matrix has another number of cells than the graph.
+    /// The cell matrix and the graph have different numbers of cells.
     Cells {
-        /// Cells of the graph.
+        /// Number of cells of the graph.
         graph: usize,
-        /// Cells of the matrix.
+        /// Number of cells of the matrix.
         matrix: usize,
     },
 }
@@ -85,10 +90,16 @@ impl fmt::Display for BakeError {
 
 impl core::error::Error for BakeError {}
 
-/// The most cells or portals of a bake: the bits of all pairs of portals then take 2 GiB.
+/// Maximum number of cells, and of portals, of a bake. With 2^16 portals the matrix of ordered pairs of
+/// directed portals takes 2^17 * 2^17 bits = 2 GiB.
 const MOST: usize = 1 << 16;
 
-/// Checks the settings and makes the portals ready.
+/// Checks `settings` against `graph` and returns the portals in both directions, shrunk by part of the
+/// clearance.
+///
+/// # Errors
+/// [`BakeError::TooLarge`] if cells or portals exceed the maximum, [`BakeError::Clearance`] if the clearance
+/// is not finite or less than 65,536 times the rounding bound of the coordinates.
 pub(crate) fn prepare(graph: &CellGraph, settings: &Settings) -> Result<DirectedPortals, BakeError> {
     let (cells, count) = (graph.cell_count(), graph.portals().len());
     if cells > MOST || count > MOST {

@@ -1,7 +1,8 @@
-//! The baker of cell-to-cell visibility: a [flow](crate::portal_flow) from every portal.
+//! The baker of cell-to-cell visibility: one [portal flow](crate::portal_flow) from every directed portal.
 //!
-//! In each round the portals with the fewest candidates come first. What they prove hidden removes candidates
-//! from the others, in both directions at once, since every line can be walked both ways.
+//! In each round the directed portals with the fewest candidates are processed first. A portal pair that is
+//! proven hidden is removed from the candidates in both directions at once, since every line can be walked
+//! both ways.
 
 use crate::bake_settings::{BakeError, Settings, prepare};
 use crate::cell_matrix::CellMatrix;
@@ -13,34 +14,39 @@ use visibility_core::bake::{Baker, fill_rows};
 use visibility_core::cells::{CellGraph, CellId};
 use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
 
-/// A cell that sees too much, since it reached the limit of steps.
+/// A cell whose row of the matrix contains too many cells, because the bake reached
+/// [`Settings::steps_per_cell`](crate::Settings::steps_per_cell) there.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fallback {
-    /// The cell.
+    /// The cell looked from.
     pub cell: CellId,
-    /// How many of its portals see all that is not proven hidden.
+    /// Number of the cell's portals whose search stopped at the limit. All cells not yet proven hidden behind
+    /// these portals count as visible.
     pub portals: u32,
 }
 
 /// Result of a bake of cell-to-cell visibility.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Outcome {
-    /// Which cells see which. Symmetric; each cell sees itself.
+    /// Cell-to-cell visibility. Conservative and symmetric; each cell sees itself.
     pub matrix: CellMatrix,
-    /// Cells that reached the limit of steps, ascending.
+    /// Cells whose search reached the limit of steps, in ascending order. Empty if no cell did.
     pub fallbacks: Vec<Fallback>,
-    /// By cell: the number of chains of portals that were looked at.
+    /// Number of portal chains inspected, by index of the cell looked from.
     pub steps: Vec<u64>,
-    /// The number of chains that only the test in Pluecker space excluded.
+    /// Number of portal chains that only the test in Pluecker space excluded. 0 unless
+    /// [`Settings::exact`](crate::Settings::exact).
     pub rejected: u64,
-    /// Whether all portals were looked through. Otherwise cells also see all that was not yet proven hidden.
+    /// Whether the search from every portal was carried out. `false` after an early finish: cells behind
+    /// unsearched portals then count as visible unless already proven hidden.
     pub complete: bool,
 }
 
-/// Computes which cells see which, for a [`Bake`](visibility_core::bake::Bake).
+/// Computes which cells see which, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake).
 ///
-/// Its items are the portals, each direction counted; its steps are the chains of portals looked at. Memory
-/// is four bits for each ordered pair of portals, and one bit for each ordered pair of cells.
+/// The items of the bake are the directed portals, two for each portal of the graph; its steps are the portal
+/// chains inspected. Memory is four bits for each ordered pair of portals, and one bit for each ordered pair
+/// of cells.
 ///
 /// ```
 /// use visibility_core::{bake::Bake, cells::CellId};
@@ -62,28 +68,31 @@ pub struct CellBaker {
     portals: DirectedPortals,
     cells: usize,
     settings: Settings,
-    /// By portal, one bit for each portal that lines through it may pass later: see [`Known::rows`].
+    /// Candidate matrix: in the row of directed portal a, bit b is set while a line through a may later pass
+    /// directed portal b. See [`Known::rows`].
     rows: Vec<u64>,
-    /// Words in a row of `rows`.
+    /// Number of 64-bit words in a row of `rows`.
     stride: usize,
-    /// By cell, one bit for each cell that is known to be seen: see [`Known::seen`].
+    /// Visible cells: in the row of cell a, bit b is set once cell b is known to be seen from cell a. See
+    /// [`Known::seen`].
     seen: Vec<u64>,
-    /// Words in a row of `seen`.
+    /// Number of 64-bit words in a row of `seen`.
     cell_stride: usize,
-    /// By portal: the number of bits in its row.
+    /// Number of set bits in each row of `rows`, by index of the directed portal.
     counts: Vec<u32>,
     steps: Vec<u64>,
-    /// By cell: the number of portals that reached the limit of steps.
+    /// Number of portals whose search reached the limit of steps, by index of the cell that they lead from.
     fallbacks: Vec<u32>,
     rejected: u64,
 }
 
 impl CellBaker {
-    /// Makes the portals ready and finds, for each, the others that can follow it by their planes and by the
-    /// cells that can be reached. Takes time in proportion to the pairs of portals at worst.
+    /// Prepares the portals and computes, for each directed portal, its candidates: the portals that can
+    /// follow by the positions of the two planes and by reachability through cells. Takes time proportional
+    /// to the number of portal pairs at worst.
     ///
     /// # Errors
-    /// [`BakeError::TooLarge`], [`BakeError::Clearance`].
+    /// [`BakeError::TooLarge`] or [`BakeError::Clearance`].
     pub fn new(graph: &CellGraph, settings: Settings) -> Result<Self, BakeError> {
         let cells = graph.cell_count();
         let portals = prepare(graph, &settings)?;
@@ -106,14 +115,15 @@ impl CellBaker {
         Ok(baker)
     }
 
-    /// Fills `rows` by planes and reachability, and `seen` with each cell and its neighbours.
+    /// Fills `rows` by plane tests and reachability, and `seen` with each cell itself and its neighbours.
     fn begin(&mut self) {
         let (portals, cells) = (&self.portals, self.cells);
         fill_rows(&mut self.rows, self.stride, |stamps: &mut Vec<u32>, source, row| {
             stamps.resize(cells, u32::MAX);
             candidates(portals, source as u32, stamps, row);
         });
-        // What cannot be reached one way is not seen the other way either.
+        // A pair stays a candidate only if it is reachable in both directions, since a line can be walked
+        // both ways.
         for a in 0..self.portals.all.len() as u32 {
             for i in 0..self.stride {
                 for bit in bits(self.rows[a as usize * self.stride + i]) {
@@ -133,20 +143,21 @@ impl CellBaker {
                 self.seen[a * self.cell_stride + b / 64] |= 1 << (b % 64);
             }
         }
-        // Cells without portals, too.
+        // Each cell sees itself, also a cell without portals.
         for a in 0..self.cells {
             self.seen[a * self.cell_stride + a / 64] |= 1 << (a % 64);
         }
     }
 
-    /// Brings `counts` up to date with `rows`.
+    /// Recomputes `counts` from `rows`.
     fn count(&mut self) {
         for (row, count) in self.rows.chunks_exact(self.stride.max(1)).zip(&mut self.counts) {
             *count = row.iter().map(|word| word.count_ones()).sum();
         }
     }
 
-    /// Notes that no line passes portal `a` and later `b`.
+    /// Clears the candidate bit of `(a, b)`: no line passes directed portal `a` and later directed portal
+    /// `b`.
     fn clear(&mut self, a: u32, b: u32) {
         let word = &mut self.rows[a as usize * self.stride + b as usize / 64];
         let bit = 1 << (b % 64);
@@ -186,7 +197,7 @@ impl Baker for CellBaker {
             let portal = &self.portals.all[source as usize];
             (portal.from as usize, portal.reverse)
         };
-        // What was saved, and then forged, may be any number.
+        // A restored state may have been forged and hold any number, so the sum saturates.
         let add = |sum: &mut u64, more: u64| *sum = sum.saturating_add(more);
         add(&mut self.steps[from], found.steps);
         add(&mut self.rejected, found.rejected);
@@ -206,7 +217,8 @@ impl Baker for CellBaker {
         found.steps
     }
 
-    /// Portals that were not looked through see all that is not yet proven hidden.
+    /// Builds the matrix. For the directed portals in `waiting`, whose flow was not computed, all candidates
+    /// count as visible.
     fn finish(mut self, waiting: &[u32]) -> Outcome {
         for &source in waiting {
             let from = self.portals.all[source as usize].from as usize;
@@ -256,7 +268,8 @@ impl Baker for CellBaker {
         self.rejected = state.u64()?;
         self.fallbacks = state.u32s(self.fallbacks.len())?;
         self.steps = state.u64s(self.steps.len())?;
-        // What the planes alone exclude stays excluded, so that no bit of no portal comes in.
+        // Saved rows can only clear bits: a candidate that the plane tests exclude stays excluded, and a
+        // forged state cannot set the bit of a portal that does not exist.
         let rows = state.u64s(self.rows.len())?;
         for (known, saved) in self.rows.iter_mut().zip(rows) {
             *known &= saved;
@@ -270,8 +283,9 @@ impl Baker for CellBaker {
     }
 }
 
-/// Sets the bits of the portals that can follow portal `source`, by their planes and through cells that can
-/// be reached. `stamps` has a number for each cell, none of them `source`.
+/// Sets in `row` the bits of the directed portals that can follow directed portal `source`, by plane tests
+/// and through cells that can be reached. `stamps` has one entry per cell; on entry none equals `source`, and
+/// visited cells are marked with `source`.
 fn candidates(portals: &DirectedPortals, source: u32, stamps: &mut [u32], row: &mut [u64]) {
     let portal = &portals.all[source as usize];
     let mut queue = alloc::vec![portal.to];

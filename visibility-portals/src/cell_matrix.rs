@@ -1,4 +1,4 @@
-//! The cell-to-cell visibility of a map: one bit for each pair of cells.
+//! The cell-to-cell visibility of a map: one bit for each ordered pair of cells.
 
 use alloc::vec::Vec;
 use visibility_core::{
@@ -6,10 +6,11 @@ use visibility_core::{
     pvs::{Pvs, PvsError, PvsTargets, ViewcellId},
 };
 
-/// The cell-to-cell visibility of a map: a row for each cell looked from, with a bit for each cell looked at.
+/// The cell-to-cell visibility of a map: a square bit matrix with a row for each cell looked from and a bit
+/// for each cell looked at.
 ///
-/// Stored as bytes in the `.vismat` format: row by row, each of `ceil(cells / 8)` bytes, least significant
-/// bit first.
+/// In the `.vismat` format the rows follow each other, each of `ceil(cells / 8)` bytes; within a byte the
+/// least significant bit is the cell of lowest index.
 ///
 /// ```
 /// use visibility_core::cells::CellId;
@@ -22,20 +23,20 @@ use visibility_core::{
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct CellMatrix {
     cells: usize,
-    /// Words in a row.
+    /// Number of 64-bit words in a row of `words`.
     stride: usize,
     words: Vec<u64>,
 }
 
 impl CellMatrix {
-    /// A matrix in which no cell sees any, not even itself.
+    /// Returns a matrix for `cells` cells with all bits clear: no cell sees any cell, not even itself.
     pub fn new(cells: usize) -> Self {
         let stride = cells.div_ceil(64);
         Self { cells, stride, words: alloc::vec![0; stride * cells] }
     }
 
-    /// Reads the `.vismat` format. `None` if the length does not fit the number of cells, or if a bit beyond
-    /// the last cell is set.
+    /// Reads the `.vismat` format. `None` if the length is not `ceil(cells / 8) * cells` bytes, or if a bit
+    /// beyond the last cell of a row is set.
     pub fn from_bytes(cells: usize, bytes: &[u8]) -> Option<Self> {
         let row = cells.div_ceil(8);
         if bytes.len() != row.checked_mul(cells)? {
@@ -53,25 +54,25 @@ impl CellMatrix {
         Some(matrix)
     }
 
-    /// Writes the `.vismat` format.
+    /// Returns the matrix in the `.vismat` format. Empty without cells.
     pub fn to_bytes(&self) -> Vec<u8> {
         let row = self.cells.div_ceil(8);
         let rows = self.words.chunks_exact(self.stride.max(1));
         rows.flat_map(|words| (0..row).map(|i| (words[i / 8] >> (i % 8 * 8)) as u8)).collect()
     }
 
-    /// The number of cells.
+    /// Returns the number of cells, which is the number of rows and of columns.
     pub fn cell_count(&self) -> usize {
         self.cells
     }
 
-    /// Whether one cell sees another. False if either is unknown.
+    /// Tests whether cell `from` sees cell `to`. `false` if the matrix has no cell of either index.
     pub fn sees(&self, from: CellId, to: CellId) -> bool {
         let known = from.index() < self.cells && to.index() < self.cells;
         known && self.words[from.index() * self.stride + to.index() / 64] >> (to.index() % 64) & 1 != 0
     }
 
-    /// The cells that a cell sees, ascending. Empty for an unknown cell.
+    /// Returns the cells that cell `from` sees, in ascending order. Empty if the matrix has no such cell.
     pub fn seen_from(&self, from: CellId) -> impl Iterator<Item = CellId> + '_ {
         self.row(from.index())
             .iter()
@@ -79,23 +80,25 @@ impl CellMatrix {
             .flat_map(|(i, &word)| bits(word).map(move |bit| CellId(i as u32 * 64 + bit)))
     }
 
-    /// The number of pairs of a cell and a cell that it sees.
+    /// Returns the number of ordered pairs (cell, cell that it sees), a cell with itself included. Counts all
+    /// words.
     pub fn count(&self) -> u64 {
         self.words.iter().map(|word| u64::from(word.count_ones())).sum()
     }
 
-    /// The mean number of cells that a cell sees. 0 without cells.
+    /// Returns the mean number of cells that a cell sees, itself included. 0 without cells.
     pub fn mean_visible(&self) -> f64 {
         if self.cells == 0 { 0.0 } else { self.count() as f64 / self.cells as f64 }
     }
 
-    /// Whether every cell is seen by all cells that it sees.
+    /// Tests whether the matrix equals its transpose: whenever cell a sees cell b, cell b sees cell a. Builds
+    /// [`both_ways`](Self::both_ways) to compare.
     pub fn is_symmetric(&self) -> bool {
         *self == self.both_ways()
     }
 
-    /// The pairs of cells that see each other. A line can be walked both ways, so this is conservative if the
-    /// matrix is.
+    /// Returns the matrix of mutual pairs: cell a sees cell b in the result if each sees the other in `self`.
+    /// A line can be walked both ways, so the result is conservative if `self` is.
     pub fn both_ways(&self) -> Self {
         let mut both = Self::new(self.cells);
         for a in 0..self.cells {
@@ -108,11 +111,11 @@ impl CellMatrix {
         both
     }
 
-    /// The same as a compressed PVS, with the cells as viewcells and as targets. Rows of cells that share a
-    /// portal in `graph` are stored by their differences.
+    /// Converts the matrix to a compressed PVS whose viewcells and whose targets are the cells. Rows of cells
+    /// that share a portal in `graph` may be stored as differences from each other.
     ///
     /// # Errors
-    /// [`PvsError::TooLarge`].
+    /// [`PvsError::TooLarge`] if the PVS exceeds its storage limits.
     pub fn to_pvs(&self, graph: &CellGraph) -> Result<Pvs, PvsError> {
         let cells = (0..self.cells as u32).map(CellId);
         let rows: Vec<Vec<u32>> =
@@ -120,7 +123,8 @@ impl CellMatrix {
         Pvs::new(PvsTargets::Cells, self.cells, &rows, |viewcell| neighbours(graph, viewcell))
     }
 
-    /// The bits of the cells that a cell sees. Empty for an unknown cell.
+    /// Returns the row of cell `from`: bit i % 64 of word i / 64 is set if `from` sees cell i. Empty if the
+    /// matrix has no cell `from`.
     pub(crate) fn row(&self, from: usize) -> &[u64] {
         if from < self.cells { &self.words[from * self.stride..][..self.stride] } else { &[] }
     }
@@ -130,14 +134,15 @@ impl CellMatrix {
     }
 }
 
-/// The cells that share a portal with a cell, as viewcells. A cell is named once for each portal.
+/// Returns the viewcells of the cells that share a portal with the cell of `viewcell`, once for each shared
+/// portal. The viewcell and the cell have the same index.
 pub(crate) fn neighbours(graph: &CellGraph, viewcell: ViewcellId) -> impl Iterator<Item = ViewcellId> + '_ {
     let cell = CellId(viewcell.0);
     let portals = graph.portals_of(cell).iter().filter_map(|&id| graph.portal(id));
     portals.map(move |portal| portal.other(cell).into())
 }
 
-/// The places of the bits that are set, ascending.
+/// Returns the indices (0 to 63) of the set bits of `word`, in ascending order.
 pub(crate) fn bits(mut word: u64) -> impl Iterator<Item = u32> {
     core::iter::from_fn(move || {
         let bit = (word != 0).then(|| word.trailing_zeros());

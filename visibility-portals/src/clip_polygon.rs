@@ -1,26 +1,31 @@
-//! Clipping of convex polygons (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) whose vertices
-//! are ranges of one growing list.
+//! Clipping of convex polygons against planes (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974).
+//! The vertices of each polygon are a range of one growing list.
 
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
-/// Polygons with more vertices are not clipped, which is conservative.
+/// Maximum vertex count of a polygon to be clipped. A polygon with more is returned whole, which is
+/// conservative.
 const MOST_VERTICES: usize = 120;
 
-/// What clipping leaves of a polygon.
+/// Result of clipping a polygon: empty, the whole polygon, or a part.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Clip {
     Nothing,
     All,
-    /// A new polygon: the vertices from this index to the end of the list.
+    /// The polygon was cut. The vertices of the result run from this index to the end of the list.
     Part(usize),
 }
 
-/// Clips the polygon with the vertices `points[polygon]` to the inner side of a plane, boundary included. A
-/// smaller polygon is appended to `points`. Vertices nearer to each other than `merge` become one; a polygon
-/// of fewer than three is nothing.
+/// Clips the polygon with the vertices `points[polygon]` to the inner side of `plane`; points on the plane
+/// are kept. `polygon` must not be empty.
+///
+/// A result that is smaller than the input is appended to `points`. Of its vertices, neighbours no farther
+/// apart than `merge` (in the unit of the coordinates) become one. A result of fewer than three vertices is
+/// discarded and reported as `Clip::Nothing`. A polygon whose vertices are NaN is reported as `Clip::Part` or
+/// `Clip::Nothing`.
 pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane, merge: f64) -> Clip {
     let count = polygon.len();
     if count > MOST_VERTICES {
@@ -63,14 +68,16 @@ pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane
     Clip::Part(start)
 }
 
-/// Appends a vertex, unless it is too near to the one before.
+/// Appends vertex `p` to the polygon that begins at `points[start]`, unless the squared distance to its last
+/// vertex is at most `near`.
 fn push_apart(points: &mut Vec<DVec3>, start: usize, p: DVec3, near: f64) {
     if points.len() == start || (points[points.len() - 1] - p).length_squared() > near {
         points.push(p);
     }
 }
 
-/// As [`clip`], from one list to another, whose content is replaced.
+/// Clips `polygon` like [`clip`] and replaces the content of `out` with the result. `out` is empty afterwards
+/// if the polygon is empty or lies outside the plane.
 pub(crate) fn clip_into(polygon: &[DVec3], plane: &Plane, merge: f64, out: &mut Vec<DVec3>) {
     out.clear();
     if polygon.is_empty() {

@@ -1,32 +1,36 @@
-//! Portals side by side in one plane, which no line goes through one after the other, also where their
-//! coordinates were rounded.
+//! Detection of portals that lie side by side in one plane, so that no straight line passes through both,
+//! when rounding has moved their vertices off that plane.
 //!
-//! Coordinates with few decimals put portals of one plane a little before and behind each other, so that
-//! lines along the plane seem to pass from one to the next; in cells with many windows that shows much that
-//! nobody sees.
+//! Coordinates with few decimals put portals of one plane slightly before and behind each other. Lines along
+//! the plane then seem to pass from one portal to the next. In cells with many windows this would make many
+//! hidden cells count as visible.
 //!
 //! # Why no line is lost
-//! Let a line stay clear of all edges of two convex polygons by `c`, and let all vertices of both lie within
-//! `d < c` of some plane. At an angle `w` to the plane, take the section across the plane along the line, and
-//! in it the strip of the line and all that is nearer than `c`. A polygon that the line passes crosses the
-//! strip from border to border. On the upper border, at `x` along the plane from where the line meets it, the
-//! height is `x tan w + c / cos w`, and the polygon is no higher than `d`: so there
-//! `x <= -(c - d cos w) / sin w <= -(c - d)`. On the lower border likewise `x >= c - d`. In sections at `s`
-//! beside the line the strip is narrower, `sqrt(c^2 - s^2)`, which for `s` up to `sqrt(c^2 - d^2) >= c - d`
-//! leaves at least `x = 0`. Seen along the plane's normal, both polygons hence contain the same points, at
-//! least `2 (c - d)` wide whichever way. Polygons that overlap less than that in some direction are passed by
-//! no such line.
+//! Let a line stay clear of all edges of two convex polygons by `c`, and let all vertices of both polygons
+//! lie within `d < c` of some plane. Let the line meet the plane at an angle `w`. Take the section across the
+//! plane along the line, and in this section the strip of all points nearer to the line than `c`. A polygon
+//! that the line passes crosses the strip from border to border. On the upper border, at `x` along the plane
+//! from where the line meets the plane, the height is `x tan w + c / cos w`, and the polygon is no higher
+//! than `d`. So the polygon crosses the upper border at `x <= -(c - d cos w) / sin w <= -(c - d)`. It crosses
+//! the lower border likewise at `x >= c - d`. In sections at `s` beside the line the strip has the half-width
+//! `sqrt(c^2 - s^2)`, which for `s` up to `sqrt(c^2 - d^2) >= c - d` leaves at least `x = 0` between the two
+//! crossings. Projected along the plane's normal, both polygons therefore contain the same points, of an
+//! extent of at least `2 (c - d)` in every direction. No such line passes through two polygons that overlap
+//! by less than that in some direction.
 
 use alloc::vec::Vec;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{DVec2, DVec3};
 
-/// Bound on the rounding of the test below, as a share of the lengths that are compared. The clearance is at
-/// least 65,536 times the rounding of a coordinate.
+/// Relative bound on the rounding in [`lie_side_by_side`], as a fraction of the lengths compared. The
+/// clearance is at least 65,536 times the rounding of a coordinate.
 const SLACK: f64 = 0.05;
 
-/// Whether two convex polygons lie side by side near one plane, so that no line passes both of them clear of
-/// their edges by `clearance`. `normal` is about that of the plane.
+/// Tests whether two convex polygons lie side by side near one plane, so that no line passes through both and
+/// stays clear of their edges by `clearance`. Polygons and clearance are in world units; `normal` is an
+/// approximate unit normal of the common plane.
+///
+/// `true` is certain. `false` if a line may pass, if no plane can be fitted, or for NaN.
 pub(crate) fn lie_side_by_side(a: &[DVec3], b: &[DVec3], normal: DVec3, clearance: f64) -> bool {
     let all = || a.iter().chain(b).copied();
     let Some(plane) = fitted(all(), (a.len() + b.len()) as f64, normal) else { return false };
@@ -58,8 +62,8 @@ pub(crate) fn lie_side_by_side(a: &[DVec3], b: &[DVec3], normal: DVec3, clearanc
     edges(&a).into_iter().chain(edges(&b)).any(|across| overlap(across) < least)
 }
 
-/// The plane through points with the least sum of squared distances, measured along a direction; with unit
-/// normal. `None` if it is too steep.
+/// Returns the least-squares plane through `count` points, with unit normal; distances are measured along the
+/// unit vector `along`. `None` if the normal is not finite (points on one line).
 fn fitted(points: impl Iterator<Item = DVec3> + Clone, count: f64, along: DVec3) -> Option<Plane> {
     let u = along.any_orthonormal_vector();
     let v = along.cross(u);
@@ -90,12 +94,13 @@ mod tests {
         let beside =
             |a: &[DVec3], b: &[DVec3]| lie_side_by_side(a, b, DVec3::new(1e-6, 0.0, 1.0).normalize(), 1e-6);
         assert!(beside(&window([0.0, 1.0], 0.0), &window([3.0, 4.0], 5e-7)));
-        // They share an edge, and overlap by no more than rounding.
+        // The two windows share an edge, and overlap by no more than the rounding.
         assert!(beside(&window([0.0, 1.0], 0.0), &window([1.0 - 5e-7, 4.0], 5e-7)));
-        // A line passes straight through both.
+        // A line along z passes through both windows.
         assert!(!beside(&window([0.0, 1.0], 0.0), &window([0.5, 4.0], 5e-7)));
         assert!(!beside(&window([0.0, 1.0], 0.0), &window([1.0 - 2e-6, 4.0], 5e-7)));
-        // One is as far before the other as lines need to pass from one to the other.
+        // The second window lies 4 clearances behind the first, far enough for a line to pass from one to the
+        // other.
         assert!(!beside(&window([0.0, 1.0], 0.0), &window([1.0, 4.0], 4e-6)));
         assert!(!beside(&window([0.0, 1.0], f64::NAN), &window([1.0, 4.0], 0.0)));
     }

@@ -1,13 +1,14 @@
-//! Portals made ready for bakes: a plane fitted to each, its vertices put on that plane, the polygon drawn in
-//! by part of the clearance, and a copy for each direction.
+//! The portals of a graph prepared for baking: each has a fitted plane, vertices projected onto that plane, a
+//! polygon shrunk by part of the clearance, and one copy for each direction.
 //!
 //! # Margins
-//! A pair of cells must be called visible if a line through portals between them stays clear of all portal
-//! edges by the clearance; then so does a thin cylinder around the line. Drawing each portal in by less than
-//! that leaves the line inside of each with room to spare. It also takes portals apart that share an edge, so
-//! that separating planes are never found from points that coincide. The rest of the room pays for rounding:
-//! planes that clip keep what is [`keep`](Margins::keep) beyond them, and vertices nearer to each other than
-//! [`merge`](Margins::merge) become one, since the direction between them means nothing.
+//! A pair of cells must be called visible if a line through the portals between them stays clear of all
+//! portal edges by the clearance. The thin cylinder around that line then passes as well. Each portal is
+//! shrunk by less than the clearance, so the line stays inside each shrunk portal with a margin. Shrinking
+//! also separates portals that share an edge, so that separating planes are never computed from coincident
+//! points. The rest of the margin pays for rounding. Clipping keeps points up to [`keep`](Margins::keep)
+//! outside a plane. Vertices nearer to each other than [`merge`](Margins::merge) become one, since the
+//! direction between them is dominated by rounding.
 
 use crate::coplanar_portals;
 use crate::stabbing::pluecker::{Edge, Opening, edges_of};
@@ -15,83 +16,86 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{cells::CellGraph, geometry::Plane};
 
-/// Bound on the rounding of a product of a unit vector and a position, relative to the greatest coordinate:
-/// see [`Margins::new`].
+/// Bound on the rounding of a product of a unit vector and a position, as a fraction of the greatest absolute
+/// coordinate. Derived in [`Margins::new`].
 const NOISE: f64 = 8.0 * f64::EPSILON;
 
-/// Distances that decide what counts as touching, in world units.
+/// Distances that decide which points count as touching, all in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Margins {
-    /// The distance by which portals are drawn in.
+    /// Distance by which portals are shrunk on all sides.
     pub(crate) inset: f64,
-    /// A point less than this in front of a plane counts as on it.
+    /// A point less than this distance in front of a plane counts as on the plane.
     pub(crate) side: f64,
-    /// Planes that clip keep points up to this distance beyond them.
+    /// Clipping keeps points up to this distance outside a plane.
     pub(crate) keep: f64,
-    /// Vertices nearer to each other than this become one.
+    /// Vertices no farther apart than this become one.
     pub(crate) merge: f64,
-    /// Bound on the rounding of a product of a unit vector and a position.
+    /// Absolute bound on the rounding of a product of a unit vector and a position.
     pub(crate) noise: f64,
-    /// The distance that lines must keep from all edges.
+    /// Distance that lines must keep from all portal edges:
+    /// [`Settings::clearance`](crate::Settings::clearance).
     pub(crate) clearance: f64,
 }
 
 impl Margins {
-    /// Margins for coordinates of at most `extent` in size.
+    /// Returns the margins for coordinates of at most `extent` in absolute value. `clearance` and `extent`
+    /// are in world units.
     fn new(clearance: f64, extent: f64) -> Self {
-        // A unit vector times a position: three products and two sums, each rounded by 2^-53 of at most
-        // sqrt(3) extent, and the vector's length, wrong by as much: less than 2^-49 extent. With coordinates
-        // of a few thousand that is 1e-11.
+        // A unit vector times a position has three products and two sums, each rounded by 2^-53 of at most
+        // sqrt(3) extent. The vector's length has an error of that order too. The total is less than 2^-49
+        // extent: 1e-11 for coordinates of a few thousand.
         let noise = extent * NOISE;
         let keep = (12.0 * noise).max(1e-4 * clearance);
         Self { inset: 0.4 * clearance, side: keep, keep, merge: 20.0 * keep, noise, clearance }
     }
 }
 
-/// A portal in one of its two directions.
+/// A portal in one of its two directions, in world space.
 #[derive(Clone, Debug)]
 pub(crate) struct DirectedPortal {
-    /// Its unit normal points in the direction of the portal.
+    /// Plane of the portal. Its unit normal points in the direction of the portal, into the cell `to`.
     pub(crate) plane: Plane,
-    /// Center of a ball that holds all vertices.
+    /// Centre of a ball that contains all shrunk vertices.
     pub(crate) center: DVec3,
-    /// Radius of that ball.
+    /// Radius of that ball, in world units.
     pub(crate) radius: f64,
-    /// First of its vertices, an index into [`DirectedPortals::vertices`]; they run counter-clockwise around
-    /// the normal.
+    /// First of its shrunk vertices, an index into [`DirectedPortals::vertices`]. The vertices run
+    /// counter-clockwise around the normal.
     pub(crate) start: u32,
-    /// End of that range, exclusive.
+    /// End of the range of its shrunk vertices, exclusive.
     pub(crate) end: u32,
-    /// The cell that it leads from.
+    /// Index of the cell that the portal leads from.
     pub(crate) from: u32,
-    /// The cell that it leads to.
+    /// Index of the cell that the portal leads to.
     pub(crate) to: u32,
-    /// Index of the same portal in the other direction.
+    /// Index in [`DirectedPortals::all`] of the portal in the other direction.
     pub(crate) reverse: u32,
-    /// Range of its edges as they were given in [`DirectedPortals::edges`]: counter-clockwise around the
-    /// normal, or clockwise if `against`.
+    /// Half-open range in [`DirectedPortals::edges`] of the portal's edges. The edges run counter-clockwise
+    /// around the normal, or clockwise if `against`.
     pub(crate) edges: (u32, u32),
-    /// See `edges`.
+    /// Whether the `edges` run clockwise around this portal's normal.
     pub(crate) against: bool,
-    /// Range of its vertices as they were given in [`DirectedPortals::given`].
+    /// Half-open range in [`DirectedPortals::given`] of the unshrunk input vertices.
     given: (u32, u32),
 }
 
-/// All portals in both directions, sorted by the cell that they lead from.
+/// All portals of a graph in both directions, sorted by the index of the cell that they lead from.
 #[derive(Clone, Debug)]
 pub(crate) struct DirectedPortals {
     pub(crate) all: Vec<DirectedPortal>,
     pub(crate) vertices: Vec<DVec3>,
     pub(crate) edges: Vec<Edge>,
     given: Vec<DVec3>,
-    /// By cell: index of the first portal that leads from it; one more entry marks the end of the last.
+    /// CSR offsets: by cell index, the index in `all` of the first portal that leads from the cell; one more
+    /// entry marks the end of the last cell.
     pub(crate) first: Vec<u32>,
     pub(crate) margins: Margins,
 }
 
 impl DirectedPortals {
-    /// Makes the portals of a graph ready. Portals that nothing is left of once they are drawn in are left
-    /// out.
+    /// Prepares the portals of `graph`, shrunk by part of `clearance` (world units). A portal that vanishes
+    /// when it is shrunk is left out.
     pub(crate) fn new(graph: &CellGraph, clearance: f64) -> Self {
         let positions = graph.portals().iter().flat_map(|p| p.polygon().vertices());
         let extent = positions.fold(0.0, |extent: f64, v| extent.max(v.abs().max_element()));
@@ -163,7 +167,8 @@ impl DirectedPortals {
         Self { all, vertices, edges, given: all_given, first, margins }
     }
 
-    /// Cells, ends and vertices as numbers, for a fingerprint.
+    /// Returns the cell count plus 1, the cells of each directed portal and the bits of all shrunk vertices,
+    /// for the bake's fingerprint.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
         let cells = self.first.len() as u64;
         let ends = self.all.iter().map(|portal| u64::from(portal.from) << 32 | u64::from(portal.to));
@@ -171,32 +176,34 @@ impl DirectedPortals {
         core::iter::once(cells).chain(ends).chain(vertices)
     }
 
-    /// The vertices of a portal, drawn in.
+    /// Returns the shrunk vertices of a portal, counter-clockwise around its normal.
     pub(crate) fn vertices_of(&self, portal: &DirectedPortal) -> &[DVec3] {
         &self.vertices[portal.start as usize..portal.end as usize]
     }
 
-    /// A portal as it was given.
+    /// Returns the input polygon of a portal as an opening for the test in Pluecker space.
     pub(crate) fn opening(&self, portal: &DirectedPortal) -> Opening<'_> {
         let edges = &self.edges[portal.edges.0 as usize..portal.edges.1 as usize];
         Opening { edges, against: portal.against, normal: portal.plane.normal }
     }
 
-    /// The portals that lead from a cell, as a range of `all`.
+    /// Returns the portals that lead from a cell, as a range of `all`.
     pub(crate) fn from(&self, cell: u32) -> core::ops::Range<u32> {
         self.first[cell as usize]..self.first[cell as usize + 1]
     }
 
-    /// Whether a line can pass `a` and later `b`: part of `b` lies before the plane of `a`, and part of `a`
-    /// behind that of `b`.
+    /// Tests whether a line may pass portal `a` and later portal `b`: part of `b` lies in front of the plane
+    /// of `a`, part of `a` lies behind the plane of `b`, and the two do not lie side by side in one plane.
+    /// `false` is certain.
     pub(crate) fn can_follow(&self, a: &DirectedPortal, b: &DirectedPortal) -> bool {
         self.reaches(b, &a.plane) && self.reaches(a, &b.plane.flipped()) && !self.lie_side_by_side(a, b)
     }
 
-    /// Whether two portals lay side by side in one plane before coordinates were rounded.
+    /// Tests whether two portals lie side by side in one plane up to the rounding of their coordinates, so
+    /// that no line passes both. `false` if undecided.
     fn lie_side_by_side(&self, a: &DirectedPortal, b: &DirectedPortal) -> bool {
-        // How far rounded portals can seem apart: half a millionth of a unit at one end of a portal is so
-        // many times that, far from it.
+        // Maximum distance of such portals off each other's planes. Coordinates rounded by half a millionth
+        // of a unit tilt the plane of a portal, and the tilt grows with distance.
         let near = 512.0 * self.margins.clearance;
         if a.plane.signed_distance(b.center) > near || b.plane.signed_distance(a.center) < -near {
             return false;
@@ -207,11 +214,10 @@ impl DirectedPortals {
         coplanar_portals::lie_side_by_side(first, second, larger.plane.normal, self.margins.clearance)
     }
 
-    /// Whether some vertex of a portal is on the inner side of a plane, by more than the margin.
+    /// Tests whether some shrunk vertex of `portal` is more than [`Margins::side`] inside `plane`.
     fn reaches(&self, portal: &DirectedPortal, plane: &Plane) -> bool {
         let (side, middle) = (self.margins.side, plane.signed_distance(portal.center));
-        // Most are decided by the ball: where the mean of the vertices lies, or beyond, at least one of them
-        // does.
+        // The ball decides most cases: at least one vertex is as far inside as the mean of the vertices.
         if middle > side {
             return true;
         }
@@ -220,13 +226,14 @@ impl DirectedPortals {
     }
 }
 
-/// The part of a polygon that is farther than the inset from its boundary.
+/// Returns the part of a convex polygon that is farther than [`Margins::inset`] from its boundary. Empty if
+/// nothing is left. The vertices run counter-clockwise around the unit `normal`.
 fn draw_in(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
     let mut polygon = vertices.to_vec();
     let mut next = Vec::new();
     for (i, &a) in vertices.iter().enumerate() {
         let b = vertices[(i + 1) % vertices.len()];
-        // An edge this short has no direction of its own, and its neighbours bound what it bounds.
+        // The direction of so short an edge is dominated by rounding. Its neighbours bound the polygon there.
         if (b - a).length_squared() <= margins.merge * margins.merge {
             continue;
         }
@@ -238,7 +245,8 @@ fn draw_in(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
     polygon
 }
 
-/// A ball that holds some points, by center and radius, enlarged by more than rounding needs.
+/// Returns centre and radius of a ball that contains all `points`, enlarged to cover rounding. `points` must
+/// not be empty.
 fn ball(points: &[DVec3]) -> (DVec3, f64) {
     let center = points.iter().fold(DVec3::ZERO, |sum, &p| sum + p) / points.len() as f64;
     let radius = points.iter().fold(0.0, |r: f64, &p| r.max((p - center).length()));

@@ -1,11 +1,12 @@
 //! Architectural visibility: cells and portals.
 //!
-//! A building is divided into convex cells, which see each other only through portals. Two things follow:
-//! - each frame, a walk from the cell of the eye through open portals hides what cannot be seen through them:
-//!   [`PortalCuller`];
-//! - before, a bake finds which cells (and which objects) can be seen from anywhere in a cell: [`CellBaker`],
-//!   [`ObjectBaker`]. The result, a [`Pvs`](visibility_core::pvs::Pvs), limits the walk, or culls alone
-//!   ([`PvsCuller`](visibility_core::pvs::PvsCuller)).
+//! A building is divided into convex cells, and each cell sees other cells only through portals. This gives
+//! two methods:
+//! - Each frame, [`PortalCuller`] walks from the cell of the eye through open portals and removes the objects
+//!   that cannot be seen through them.
+//! - Before run time, [`CellBaker`] and [`ObjectBaker`] compute which cells and which objects can be seen
+//!   from anywhere in a cell. The result, a [`Pvs`](visibility_core::pvs::Pvs), limits the walk or culls without
+//!   it ([`PvsCuller`](visibility_core::pvs::PvsCuller)).
 //!
 //! Cells and portals are made by [`from_geometry`] or read by [`prt`].
 //!
@@ -44,15 +45,16 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Below these: [`stabbing`] tells whether a line passes a sequence of openings, in a floor plan or in space,
-//! and [`lp`] solves linear programs in few variables, both with certificates.
+//! Two modules serve the bakers and can be used alone: [`stabbing`] tests whether a line passes a sequence of
+//! openings, in a floor plan or in space, and [`lp`] solves linear programs in few variables. Both return
+//! certificates.
 //!
-//! # Promises
-//! - A bake calls no two cells hidden from each other between which a line passes that stays at least the
-//!   [clearance](Settings::clearance) away from all portal edges, whatever the rounding. A frame hides no
-//!   object that a line of sight reaches.
-//! - Both give the same answer on every machine, with any number of threads.
-//! - No panic on any input. A bake can be stopped at any time; what it has then is conservative too.
+//! # Guarantees
+//! - A bake never calls two cells hidden from each other if a line passes between them that stays at least
+//!   the [clearance](Settings::clearance) away from all portal edges, whatever the rounding. A frame removes
+//!   no object that a line of sight reaches.
+//! - Bakes and frames give the same result on every machine, with any number of threads.
+//! - No panic on any input. A bake can be stopped at any time; its result up to then is conservative too.
 //!
 //! # Features
 //! `std` (default), or else `libm`. `rayon`: bakes on all threads of the current pool.

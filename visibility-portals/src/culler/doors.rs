@@ -1,17 +1,19 @@
-//! Doors: which portals are open now, and from which sides one can see through them.
+//! State of the portals that act as doors: whether each portal is open, and in which directions it can be
+//! seen through.
 
 use alloc::vec::Vec;
 use visibility_core::cells::PortalId;
 
-/// The directions in which an open portal can be seen through.
+/// The directions in which an open portal can be seen through. The first and second cell of a portal are
+/// those of `Portal::cells`; the portal's normal points from the first into the second.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]
 pub enum Passage {
-    /// From either of its cells into the other.
+    /// Both cells of the portal can be seen from each other.
     #[default]
     BothWays,
-    /// Along its normal: from the first of its cells into the second.
+    /// Along the portal's normal: only from its first cell into its second.
     Forward,
-    /// Against its normal: from the second of its cells into the first.
+    /// Against the portal's normal: only from its second cell into its first.
     Backward,
 }
 
@@ -19,32 +21,34 @@ const FORWARD: u8 = 1;
 const BACKWARD: u8 = 2;
 const CLOSED: u8 = 4;
 
-/// Whether each portal is open, and its passage.
+/// State of all portals of a graph: open or closed, and the directions of passage.
 #[derive(Clone, Debug)]
 pub(super) struct Doors {
-    /// By portal: `FORWARD`, `BACKWARD` and `CLOSED`, as bits.
+    /// One byte per portal, by portal index: the bits `FORWARD` and `BACKWARD` for the passage, and `CLOSED`.
     flags: Vec<u8>,
 }
 
 impl Doors {
-    /// All portals open, both ways.
+    /// Returns the state of `portals` portals, all open in both directions.
     pub(super) fn new(portals: usize) -> Self {
         Self { flags: alloc::vec![FORWARD | BACKWARD; portals] }
     }
 
-    /// Opens or closes a portal. False for an unknown one.
+    /// Opens or closes a portal; its passage is kept. Returns `false`, and changes nothing, if the portal is
+    /// unknown.
     pub(super) fn set_open(&mut self, portal: PortalId, open: bool) -> bool {
         let Some(flags) = self.flags.get_mut(portal.index()) else { return false };
         *flags = if open { *flags & !CLOSED } else { *flags | CLOSED };
         true
     }
 
-    /// Whether a portal is open, from either side; false for an unknown one.
+    /// Tests whether a portal is open, whatever its passage. `false` if the portal is unknown.
     pub(super) fn is_open(&self, portal: PortalId) -> bool {
         self.flags.get(portal.index()).is_some_and(|flags| flags & CLOSED == 0)
     }
 
-    /// Says from which sides one can see through a portal while it is open. False for an unknown one.
+    /// Sets the directions in which a portal can be seen through while it is open; a closed portal stays
+    /// closed. Returns `false`, and changes nothing, if the portal is unknown.
     pub(super) fn set_passage(&mut self, portal: PortalId, passage: Passage) -> bool {
         let Some(flags) = self.flags.get_mut(portal.index()) else { return false };
         let sides = match passage {
@@ -56,7 +60,8 @@ impl Doors {
         true
     }
 
-    /// Whether one can now see through a portal, along its normal or against it; false for an unknown one.
+    /// Tests whether a portal is open and can be seen through along its normal (`forward`) or against its
+    /// normal (otherwise). `false` if the portal is unknown.
     pub(super) fn passes(&self, portal: PortalId, forward: bool) -> bool {
         let side = if forward { FORWARD } else { BACKWARD };
         self.flags.get(portal.index()).is_some_and(|flags| flags & (CLOSED | side) == side)

@@ -1,12 +1,12 @@
-//! Portal culling, each frame: a walk from the cell of the eye through open portals, each of which narrows
-//! the view to what can be seen through its polygon.
+//! Portal culling at run time: each frame walks from the cells of the eye through open portals, and each
+//! portal narrows the view to the part that can be seen through its polygon.
 //!
 //! This work is based on David Luebke and Chris Georges, "Portals and Mirrors: Simple, Fast Evaluation of
-//! Potentially Visible Sets", 1995: no bake is needed, and doors and mirrors may change at any time. Where a
-//! PVS was baked, it limits the walk, as in Seth Teller and Carlo Sequin, "Visibility Preprocessing for
-//! Interactive Walkthroughs", 1991 (eye-to-cell visibility).
+//! Potentially Visible Sets", 1995. No bake is needed, and doors and mirrors may change at any time. A baked
+//! PVS, if there is one, limits the walk to the cells of its rows, as in Seth Teller and Carlo Sequin,
+//! "Visibility Preprocessing for Interactive Walkthroughs", 1991 (eye-to-cell visibility).
 //!
-//! [`SceneCells`] is shared by all views, [`PortalEye`] is the memory of one view, and [`PortalCuller`] owns
+//! [`SceneCells`] is shared by all views. [`PortalEye`] holds the state of one view. [`PortalCuller`] owns
 //! one of each, for a pipeline.
 
 mod doors;

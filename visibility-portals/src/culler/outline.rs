@@ -1,16 +1,17 @@
-//! What is computed of the polygon of a portal or mirror once, for all views.
+//! View-independent quantities of the polygon of a portal or mirror.
 
 use visibility_core::glam::DVec3;
 
-/// Normal, error and width of the polygon of a portal or mirror.
+/// Normal, error bound and width of the polygon of a portal or mirror, computed once and shared by all views.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Outline {
-    /// Unit normal of the plane.
+    /// Unit normal of the polygon's plane, in world space.
     pub(super) normal: DVec3,
-    /// Bound on the distance between a vertex as it is stored and the plane and edges that it stands for:
-    /// the tolerance, and twice the most that a vertex is off the plane or beyond an edge.
+    /// Absolute bound, in world units, on the distance between a stored vertex and the exact plane and edges:
+    /// the tolerance plus twice the greatest distance of a vertex from the plane or beyond an edge.
     pub(super) error: f64,
-    /// Lower bound on the least extent of the polygon within its plane, in world units.
+    /// Lower bound on the smallest extent of the polygon within its plane, in world units. 0 if the polygon
+    /// has no area.
     pub(super) width: f64,
 }
 
@@ -28,7 +29,7 @@ impl Outline {
                 defect = defect.max(normal.dot(v - a).abs()).max(-inward.dot(v - a));
             }
         }
-        // No convex figure is narrower everywhere than its area over its diameter.
+        // The smallest width of a convex figure is at least its area divided by its diameter.
         let width = area.length() / diameter * 0.5;
         Self { normal, error: tolerance + 2.0 * defect, width: if width > 0.0 { width } else { 0.0 } }
     }

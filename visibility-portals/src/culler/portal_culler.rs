@@ -4,13 +4,16 @@ use super::portal_eye::PortalEye;
 use super::scene_cells::SceneCells;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 
-/// Hides what cannot be seen through open portals: a [`PortalEye`] with [`SceneCells`] of its own.
+/// Removes objects that cannot be seen through open portals: a [`PortalEye`] with [`SceneCells`] of its own.
+/// Conservative.
 ///
-/// Runs after a [`FrustumCuller`](visibility_core::FrustumCuller). Each call of `cull` first takes in what
-/// changed in the scene. Where several views share cells, or where [reflections](PortalEye::reflections) in
-/// mirrors are drawn, keep one `SceneCells`, and one `PortalEye` for each view, instead.
+/// Runs after a [`FrustumCuller`](visibility_core::FrustumCuller). Each call of `cull` first updates the
+/// cells by the changes of the scene. Where several views share cells, or where
+/// [reflections](PortalEye::reflections) in mirrors are drawn, keep one `SceneCells`, and one `PortalEye` per
+/// view, instead.
 ///
-/// A [`VisibleSet::with_changes`] tells what came into view, and what went out of it, since the frame before:
+/// With [`VisibleSet::with_changes`] the visible set reports which objects became visible or hidden since the
+/// frame before:
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -55,28 +58,29 @@ pub struct PortalCuller {
 }
 
 impl PortalCuller {
-    /// A culler for one view, with the default [settings](PortalEye::new).
+    /// Returns a culler for one view, with the default [settings](PortalEye::new).
     pub fn new(cells: SceneCells) -> Self {
         Self { cells, eye: PortalEye::new() }
     }
 
-    /// The same cells with another eye: its settings, and its memory of the last frame.
+    /// Returns the culler with `eye` in place of its own; the cells are kept. `eye` brings its settings and
+    /// its state of the last frame.
     pub fn with_eye(self, eye: PortalEye) -> Self {
         Self { eye, ..self }
     }
 
-    /// The cells, to ask which objects they hold and which doors are open.
+    /// Returns the cells, to query which objects they hold and which doors are open.
     pub fn cells(&self) -> &SceneCells {
         &self.cells
     }
 
-    /// The cells, to open and close doors, to add and cover mirrors, or to be replaced by others: the next
-    /// frame notices.
+    /// Returns the cells for changes: to open and close doors, to add and cover mirrors, or to replace all
+    /// cells by others. The next `cull` detects the change.
     pub fn cells_mut(&mut self) -> &mut SceneCells {
         &mut self.cells
     }
 
-    /// The eye, to ask what the last frame saw.
+    /// Returns the eye, to query the results of the last frame.
     pub fn eye(&self) -> &PortalEye {
         &self.eye
     }

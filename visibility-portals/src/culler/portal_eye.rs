@@ -1,4 +1,4 @@
-//! One view through portals: its settings, its memory, and what can be asked of its last frame.
+//! One view through portals: its settings, its state, and the queries of its last frame.
 
 use super::mirror::NONE;
 use super::portal_stats::{NotCulled, PortalStats};
@@ -16,12 +16,12 @@ use visibility_core::{
     scene::Changes,
 };
 
-/// One view through portals: settings, scratch memory, and what the last frame saw.
+/// One view through portals: settings, scratch memory, and the results of the last frame.
 ///
-/// Conservative, whatever the rounding: an object is hidden only if no line of sight reaches its bounds
-/// through open portals. Time is in proportion to what is seen: about 0.1 us for each portal looked at, 10 ns
-/// for each object and [path](Self::path_to) to its cell, and a few ns for each object that earlier stages
-/// have left. No allocation once warm.
+/// Conservative, whatever the rounding: an object is removed only if no line of sight reaches its bounds
+/// through open portals. Time is proportional to what is seen: about 0.1 us for each portal inspected, 10 ns
+/// for each pair of an object and a [path](Self::path_to) to its cell, and a few ns for each object that
+/// earlier stages have left. No allocation once warm.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -47,17 +47,18 @@ use visibility_core::{
 #[derive(Clone, Debug)]
 pub struct PortalEye {
     narrowing: Narrowing,
-    /// The most portals to look at in one walk.
+    /// Maximum number of portals inspected in one walk.
     steps: u64,
     walk: PortalWalk,
     start_cells: StartCells,
     reflections: Reflections,
     stats: PortalStats,
-    /// World position that the corners of the last walk are relative to.
+    /// Origin, in world space, of the anchor-relative coordinates of the last walk.
     anchor: DVec3,
-    /// By index of an object: the last frame in which it had changed since the cells were synced.
+    /// By object index: the number of the last frame in which the object had changed since the last sync of
+    /// the cells. Such an object is not culled in that frame.
     unknown: Vec<u64>,
-    /// Number of the last frame, from 1.
+    /// Number of the last frame. The first frame is 1; 0 before it.
     frame: u64,
 }
 
@@ -68,8 +69,8 @@ impl Default for PortalEye {
 }
 
 impl PortalEye {
-    /// The defaults: [`Narrowing::Polygon`], at most 20,000 portals a walk, at most 8 reflections, and
-    /// mirrors seen in mirrors (a depth of 2).
+    /// Returns an eye with the default settings: [`Narrowing::Polygon`], at most 20,000 portals per walk, at
+    /// most 8 reflections per frame, and at most 2 mirrors along one line of sight.
     pub fn new() -> Self {
         Self {
             narrowing: Narrowing::Polygon,
@@ -84,26 +85,29 @@ impl PortalEye {
         }
     }
 
-    /// Sets what each portal narrows the view to.
+    /// Sets the shape to which each portal narrows the view. Both shapes are conservative.
     pub fn with_narrowing(self, narrowing: Narrowing) -> Self {
         Self { narrowing, ..self }
     }
 
-    /// Sets the most portals that are looked at in a frame, and again in each reflection. A frame that needs
-    /// more hides nothing and [says so](PortalStats::fallback).
+    /// Sets the maximum number of portals inspected in the walk of a frame, and again in the walk of each
+    /// reflection. A frame that needs more removes no object and reports
+    /// [`NotCulled::Steps`](super::NotCulled::Steps) in [`PortalStats::fallback`].
     pub fn with_step_limit(self, steps: u64) -> Self {
         Self { steps, ..self }
     }
 
-    /// Sets the most reflections of a frame, and the most mirrors that one line of sight may meet: 1 for none
-    /// in mirrors, 0 for no reflections.
+    /// Sets `most`, the maximum number of reflections per frame, and `deepest`, the maximum number of mirrors
+    /// along one line of sight. A `deepest` of 1 leaves out mirrors seen in mirrors; 0 for either disables
+    /// reflections.
     pub fn with_reflections(mut self, most: usize, deepest: u32) -> Self {
         self.reflections.limit(most, deepest);
         self
     }
 
-    /// Forgets the last frame and keeps the settings. Only frees the answer to questions of it: other cells,
-    /// another PVS, another scene and cuts of the camera are noticed without.
+    /// Forgets the last frame and keeps the settings. Never needed for correctness: changed cells, another
+    /// PVS, another scene and camera cuts are detected without a call. Queries of the last frame then answer
+    /// as before the first frame.
     pub fn reset(&mut self) {
         *self = Self {
             narrowing: self.narrowing,
@@ -113,11 +117,13 @@ impl PortalEye {
         };
     }
 
-    /// Removes from `visible` what cannot be seen through open portals.
+    /// Removes from `visible` the objects that cannot be seen through open portals, and computes the
+    /// reflections in mirrors.
     ///
-    /// Objects that changed since `cells` were last [synced](SceneCells::sync) stay. Where nothing can be
-    /// told (the view begins outside all cells, `cells` were never synced with this scene, the limit of steps
-    /// is reached) all objects stay, and [`PortalStats::fallback`] says why.
+    /// Objects that changed since the last [`sync`](SceneCells::sync) of `cells` stay visible. All objects
+    /// stay visible where the walk cannot decide: lines of sight begin outside all cells, `cells` were never
+    /// synced with this scene, or the walk reaches the limit of steps. [`PortalStats::fallback`] then tells
+    /// the reason.
     pub fn cull(
         &mut self,
         cells: &SceneCells,
@@ -174,21 +180,23 @@ impl PortalEye {
         result
     }
 
-    /// Notes why the frame hides nothing.
+    /// Records in `stats` why the frame removes no object, and returns counters with all objects of `visible`
+    /// counted as visible.
     fn fall_back(&mut self, why: NotCulled, scene: &Scene, visible: &VisibleSet) -> CullStats {
         self.stats.fallback = Some(why);
         CullStats { visible: visible.count(scene) as u64, ..CullStats::default() }
     }
 
-    /// Marks the objects that have changed since the cells were synced. False if they were synced with
-    /// another scene, or so long ago that the changes are no longer listed.
+    /// Marks in `unknown` the objects that have changed since the last sync of `cells`. Returns `false` if
+    /// the cells were never synced, were synced with another scene, or so long ago that the scene no longer
+    /// lists the changes.
     fn follow(&mut self, cells: &SceneCells, scene: &Scene) -> bool {
         let Changes::Objects(changed) = cells.cursor.peek(scene) else { return false };
         if !changed.is_empty() && self.unknown.len() < scene.index_limit() {
             self.unknown.resize(scene.index_limit(), 0);
         }
         for id in changed {
-            // One that is not there any more may be beyond the end.
+            // A removed object may have an index beyond the end; it needs no mark.
             if let Some(unknown) = self.unknown.get_mut(id.index()) {
                 *unknown = self.frame;
             }
@@ -196,23 +204,26 @@ impl PortalEye {
         true
     }
 
-    /// Counters of the last frame, and why it hid nothing, if so.
+    /// Returns the counters of the last frame, and the reason if it removed no object. All counters are 0
+    /// before the first frame.
     pub fn stats(&self) -> PortalStats {
         self.stats
     }
 
-    /// Whether a cell may have been seen in the last frame. True for every cell, also an unknown one, if that
-    /// frame [fell back](PortalStats::fallback).
+    /// Tests whether a line of sight may have reached `cell` in the last frame. `true` for every cell, also
+    /// an unknown one, if the last frame [fell back](PortalStats::fallback); `false` for every cell before
+    /// the first frame.
     pub fn sees(&self, cell: CellId) -> bool {
         self.stats.fallback.is_some() || self.walk.paths_to(cell).next().is_some()
     }
 
-    /// The cells seen in the last frame, each once, in the order in which the walk came to them. Empty if
-    /// that frame [fell back](PortalStats::fallback).
+    /// Returns the cells seen in the last frame, each once, in the order in which the walk first reached
+    /// them. Empty before the first frame and if the last frame [fell back](PortalStats::fallback).
     pub fn seen_cells(&self) -> impl Iterator<Item = CellId> + '_ {
         let known = self.stats.fallback.is_none();
         let paths = self.walk.paths.iter().filter(move |_| known);
-        // The last way in the list of a cell is the first that was found.
+        // The list of a cell's paths runs from the last found to the first found. A cell is reported at the
+        // first path.
         paths
             .filter(|path| {
                 self.walk.paths_to(path.cell).last().is_some_and(|first| core::ptr::eq(first, *path))
@@ -220,9 +231,9 @@ impl PortalEye {
             .map(|path| path.cell)
     }
 
-    /// The portals between the eye and a cell that was seen in the last frame: from the cell back to the eye,
-    /// along the path with the fewest. Empty for the cells where lines of sight begin, for cells that were
-    /// not seen, and if that frame [fell back](PortalStats::fallback).
+    /// Returns the portals between `cell` and the eye in the last frame, in order from the cell back to the
+    /// eye, along the path with the fewest portals. Empty for a cell in which lines of sight begin, for a
+    /// cell that was not seen, and if the last frame [fell back](PortalStats::fallback).
     pub fn path_to(&self, cell: CellId) -> impl Iterator<Item = PortalId> + '_ {
         let from = |path| {
             core::iter::successors(Some(path), |path: &&PortalPath| self.walk.paths.get(path.parent as usize))
@@ -233,9 +244,10 @@ impl PortalEye {
         shortest.into_iter().flat_map(from).filter(|path| path.parent != NONE).map(|path| path.portal)
     }
 
-    /// The part of each portal that was seen through in the last frame, once for each path through it, for
-    /// debug drawing: the portal, the cell behind it, and the corners in world space, in order around the
-    /// portal.
+    /// Returns, for debug drawing, the part of each portal that was seen through in the last frame, once for
+    /// each path through the portal. Each entry is the portal, the cell behind it, and the corners of the
+    /// visible part in world space, in order around the portal. After a [fallback](PortalStats::fallback) the
+    /// entries are incomplete.
     pub fn windows(&self) -> impl Iterator<Item = (PortalId, CellId, impl Iterator<Item = DVec3> + '_)> + '_ {
         let paths = self.walk.paths.iter().filter(|path| path.parent != NONE);
         paths.map(|path| {
@@ -244,8 +256,9 @@ impl PortalEye {
         })
     }
 
-    /// The reflections of the last frame: one for each mirror that was seen, and for each mirror that was
-    /// seen in one. A reflection comes after the one that its mirror is [seen in](Reflection::parent).
+    /// Returns the reflections of the last frame: one for each mirror that was seen from the eye, and one for
+    /// each mirror that was seen in a reflection. A reflection comes after its [parent](Reflection::parent).
+    /// Empty before the first frame.
     pub fn reflections(&self) -> &[Reflection] {
         self.reflections.as_slice()
     }

@@ -1,21 +1,22 @@
-//! Counters of a frame, and why it hid nothing.
+//! Counters of a frame, and the reasons for a frame without culling.
 
-/// Why a frame hid nothing: all objects that earlier stages have left stay visible.
+/// Why a frame removed no object: all objects that earlier stages have left stay visible.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum NotCulled {
-    /// Lines of sight begin outside all cells, some or all of them: the near plane, or a clip plane, is
-    /// partly in a wall or in the open.
+    /// Some lines of sight begin outside all cells: part of the near plane or of a clip plane lies in a wall
+    /// or beyond the building.
     OutsideCells,
-    /// The walk came to its limit of [steps](super::PortalEye::with_step_limit).
+    /// The walk reached its limit of [steps](super::PortalEye::with_step_limit).
     Steps,
     /// The position of the eye, or the direction of parallel lines of sight, cannot be computed in `f64`.
     View,
-    /// The cells were never [synced](super::SceneCells::sync), or last with another scene, or so long ago
-    /// that the scene no longer lists what has changed since.
+    /// The cells were never [synced](super::SceneCells::sync), were last synced with another scene, or were
+    /// synced so long ago that the scene no longer lists the changes since.
     NotSynced,
 }
 
-/// Counters of one frame, reflections included. The same on every machine.
+/// Counters of one frame, reflections included unless stated otherwise. The same input gives the same
+/// counters on every machine.
 ///
 /// ```
 /// use visibility_portals::{PortalEye, PortalStats};
@@ -23,23 +24,25 @@ pub enum NotCulled {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct PortalStats {
-    /// Cells in which lines of sight begin: one, unless the near plane crosses a portal.
+    /// Number of cells in which lines of sight begin: one for the eye unless the near plane crosses a portal,
+    /// plus one for each window through which a mirror is reflected.
     pub starts: u32,
-    /// Portals looked at, counted again for each path that they were looked at from.
+    /// Number of portals inspected, counted once for each path from which the portal was inspected.
     pub portals: u64,
-    /// Portals that a line of sight may pass, counted in the same way.
+    /// Number of portals that a line of sight may pass, counted once for each path.
     pub crossed: u64,
-    /// Paths from the eye to cells, without those of reflections.
+    /// Number of paths from the eye to cells. Paths of reflections are not counted.
     pub paths: u64,
-    /// Cells that were treated as seen through the whole view, since more than 48 paths led to them.
+    /// Number of cells that were treated as seen through the whole view, because more than 48 paths led to
+    /// them.
     pub widened: u64,
-    /// Tests of the bounds of an object against the window of a path.
+    /// Number of tests of an object's bounds against the window of a path.
     pub tests: u64,
-    /// Reflections that were made.
+    /// Number of reflections made.
     pub reflections: u32,
-    /// Mirrors that were seen and got no reflection: beyond the
-    /// [limits](super::PortalEye::with_reflections), or no view could be computed.
+    /// Number of seen mirrors without a reflection: beyond the [limits](super::PortalEye::with_reflections),
+    /// or with no reflected view that can be computed.
     pub reflections_left_out: u32,
-    /// Why the frame hid nothing; `None` if it was culled.
+    /// Why the frame removed no object. `None` if the frame was culled.
     pub fallback: Option<NotCulled>,
 }

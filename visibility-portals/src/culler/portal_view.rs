@@ -1,4 +1,5 @@
-//! A view as portals are clipped to it: where lines of sight come from, and the planes that bound them.
+//! A view in the form that portals are clipped to: the anchor of the lines of sight, and the planes that
+//! bound the view.
 
 use super::window_plane::{U, WindowPlane};
 use smallvec::SmallVec;
@@ -6,42 +7,45 @@ use visibility_core::glam::DVec3;
 use visibility_core::view::{ClipRow, ViewProjection};
 use visibility_core::{View, view::Eye};
 
-/// How the lines of sight of a view run.
+/// The shape of the bundle of lines of sight of a view: through a point, or parallel.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum Lines {
-    /// From one point, the anchor.
+    /// Perspective: all lines of sight start at the anchor, which is the eye.
     FromAnchor,
-    /// Parallel: along a unit direction, and a bound on the length of its difference from the exact one.
+    /// Orthographic: all lines of sight are parallel to the unit direction in the first part. The second part
+    /// bounds the length of the difference between that direction and the exact one.
     Along(DVec3, f64),
 }
 
-/// A view in coordinates relative to its anchor: the eye, or the view's origin if its lines of sight are
-/// parallel.
+/// A view in anchor-relative coordinates. The anchor is the eye, or the view's origin if its lines of sight
+/// are parallel.
 #[derive(Clone, Debug)]
 pub(super) struct PortalView {
-    /// In world space.
+    /// Origin of the anchor-relative coordinates, in world space.
     pub(super) anchor: DVec3,
     pub(super) lines: Lines,
-    /// Bound on the distance of the anchor from the exact eye, in world units; 0 for parallel lines of
+    /// Bound on the distance between the anchor and the exact eye, in world units. 0 for parallel lines of
     /// sight.
     pub(super) error: f64,
-    /// Left, right, bottom and top of the frustum.
+    /// The left, right, bottom and top planes of the frustum, in this order, anchor-relative.
     pub(super) sides: [WindowPlane; 4],
-    /// The planes at which lines of sight end: far, if it is not infinite, and the clip planes.
+    /// The planes at which lines of sight end, anchor-relative: the far plane, if it is finite, and the clip
+    /// planes.
     pub(super) ends: SmallVec<[WindowPlane; 11]>,
-    /// Clip-space x, y and w.
+    /// Rows of the clip matrix for x, y and w, for anchor-relative points.
     pub(super) rows: [ClipRow; 3],
 }
 
 impl PortalView {
-    /// `None` for a view whose eye cannot be computed in `f64`.
+    /// Converts `view` to anchor-relative form. `None` if the eye, the direction of parallel lines or one of
+    /// the planes cannot be computed in `f64`.
     pub(super) fn new(view: &View) -> Option<Self> {
         let projection = ViewProjection::new(view, DVec3::ZERO);
         let anchor = projection.anchor();
         let planes = view.planes(anchor);
         let planes = planes.as_slice();
         let far = usize::from(!view.depth().is_infinite());
-        // A plane that could not be had is left out, and which one cannot be told.
+        // `planes` omits a plane that cannot be computed, without telling which.
         if planes.len() != 5 + far + view.clip_planes().len() || !anchor.is_finite() {
             return None;
         }
@@ -51,7 +55,7 @@ impl PortalView {
             Eye::Direction(direction) => (Lines::Along(direction, projection.eye_error()), 0.0),
         };
         let turn = if let Lines::Along(_, turn) = lines { turn } else { 0.0 };
-        // Also refuses NaN.
+        // Written so that NaN is refused as well.
         if !(error.is_finite() && turn < 0.01) {
             return None;
         }
@@ -61,13 +65,13 @@ impl PortalView {
         Some(Self { anchor, lines, error, sides, ends, rows })
     }
 
-    /// In which direction lines of sight cross a polygon, whose vertices are relative to the anchor and known
-    /// up to `error`, whose unit normal is `normal`, and whose least extent is at least `width`.
+    /// Returns in which direction lines of sight cross a polygon. The vertices are anchor-relative and each
+    /// known up to `error` (which includes the error of the eye); `normal` is the polygon's unit normal, and
+    /// its extent in every direction of its plane is at least `width`, both in world units.
     ///
-    /// From an eye, lines cross along the normal if and only if the eye is behind the plane. Vertices that
-    /// are off by `error` (which includes that of the eye) tilt the plane by twice as much over `width`.
-    /// Evaluating the height of a vertex rounds by `8u` of its distance, and the normal is not to be trusted
-    /// beyond `4u` a component.
+    /// Lines from an eye cross along the normal if and only if the eye is behind the plane. Vertices that are
+    /// off by `error` tilt the plane by twice `error / width`. Evaluating the height of a vertex rounds by
+    /// `8u` of its distance from the anchor, and each component of the stored normal is off by up to `4u`.
     pub(super) fn crossing(
         &self,
         vertices: impl Iterator<Item = DVec3>,
@@ -98,8 +102,10 @@ impl PortalView {
         }
     }
 
-    /// The plane through the lines of sight that meet an edge, its inner side on the left of the edge from
-    /// `a` to `b` for `sign` 1, on the right for -1. See [`WindowPlane::through_edge`].
+    /// Returns the half-space bounded by the plane of the lines of sight that meet the edge from `a` to `b`
+    /// (anchor-relative, each known up to `error`). Its inner side is on the left of the edge as seen along
+    /// the lines of sight for `sign` 1, on the right for `sign` -1. `None` if the edge is too short or too
+    /// nearly in line with the lines of sight to give a plane. See [`WindowPlane::through_edge`].
     pub(super) fn through_edge(&self, a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<WindowPlane> {
         match self.lines {
             Lines::FromAnchor => WindowPlane::through_edge(a, b, sign, error),
@@ -108,15 +114,15 @@ impl PortalView {
     }
 }
 
-/// The direction in which lines of sight cross a polygon.
+/// The direction in which the lines of sight of a view cross the plane of a polygon.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Crossing {
-    /// Along its normal.
+    /// Along the polygon's normal.
     Along,
-    /// Against its normal.
+    /// Against the polygon's normal.
     Against,
-    /// The eye is so near the plane, or the plane so nearly in line with the lines of sight, that rounding
-    /// cannot tell.
+    /// Undecided: the eye is so near the plane, or the lines of sight are so nearly parallel to the plane,
+    /// that rounding can hide the direction.
     Unsure,
 }
 
@@ -128,7 +134,8 @@ mod tests {
     use visibility_core::glam::{DMat4, DVec4};
     use visibility_core::view::Depth;
 
-    /// The view of a matrix with these rows for x, y and w.
+    /// Returns the view of a clip matrix whose rows for x, y and w have the linear parts `rows` and the
+    /// constants `offsets`.
     fn view(rows: [DVec3; 3], offsets: [f64; 3]) -> Option<View> {
         let [x, y, w] = [0, 1, 2].map(|i| rows[i].extend(offsets[i]));
         let z = (rows[2] * 0.5 + rows[0] + rows[1]).extend(offsets[2] * 0.5 + offsets[0] + offsets[1] - 1.0);
@@ -141,7 +148,7 @@ mod tests {
         let (mut found, mut greatest) = (0, 0.0f64);
         for _ in 0..4000 {
             let [x, y] = [(); 2].map(|()| random.vector(1 << 30));
-            // The direction of all lines is at right angles to both rows.
+            // All lines of sight are at right angles to both rows.
             let exact = x.cross(y).0.map(|k| {
                 let hi = k as f64;
                 DoubleDouble { hi, lo: (k - hi as i128) as f64 }
@@ -160,7 +167,8 @@ mod tests {
             else {
                 continue;
             };
-            // The sine of the angle between both, in numbers of twice the length.
+            // The sine of the angle between the found and the exact direction, computed in double-double
+            // numbers.
             let d = found_direction.to_array();
             let across = [0, 1, 2].map(|k| {
                 let (i, j) = ((k + 1) % 3, (k + 2) % 3);
@@ -183,8 +191,8 @@ mod tests {
         eye_view.error = 0.0;
         let mut counts = [0; 3];
         for round in 0..20_000 {
-            // An eye far along the plane of a triangle, and next to nothing off it: by as little as 2^-52 of
-            // the distance.
+            // The eye lies far along the plane of a triangle, and very little off the plane: by as little as
+            // 2^-52 of the distance.
             let (corner, a, b) = (random.vector(1 << 20), random.vector(1 << 24), random.vector(1 << 24));
             let near = random.vector(if round % 2 == 0 { 4 } else { 1 << 12 });
             let far = a.times(random.below(1 << 24)).plus(b.times(random.below(1 << 24)));
@@ -194,7 +202,7 @@ mod tests {
             let vertices = [corner, corner.plus(a), corner.plus(b)].map(|p| p.minus(eye).to_f64());
             let width = unit.cross(b.to_f64()).length() * 0.5;
             let crossing = eye_view.crossing(vertices.into_iter(), unit, width, 0.0);
-            // Lines that come from behind the plane run along its normal.
+            // A line that starts behind the plane crosses along the normal.
             match crossing {
                 Crossing::Along => assert!(ahead > 0, "{corner:?} {a:?} {b:?} {eye:?}"),
                 Crossing::Against => assert!(ahead < 0, "{corner:?} {a:?} {b:?} {eye:?}"),

@@ -1,10 +1,10 @@
 //! The walk of a frame: depth first from the cells in which lines of sight begin, through portals, each of
-//! which narrows what is seen.
+//! which narrows the view.
 //!
 //! This work is based on Luebke and Georges, "Portals and Mirrors: Simple, Fast Evaluation of Potentially
-//! Visible Sets", 1995, who keep the rectangle on the screen around each portal; here the exact convex
-//! polygon can be kept as well. Cells need not be convex: a walk may come back to a cell, but not through a
-//! portal that it has already passed in the same direction, since no straight line does.
+//! Visible Sets", 1995. They keep the screen-space rectangle around each portal; here the exact convex
+//! polygon can be kept as well. Cells need not be convex: a walk may come back to a cell. A chain does not
+//! pass a portal twice in the same direction, since no straight line does.
 
 use super::mirror::NONE;
 use super::outline::Outline;
@@ -22,51 +22,54 @@ use visibility_core::{
     stamp::Stamp,
 };
 
-/// The most planes of one window. Further ones are left out, which shows more, never less.
+/// Maximum number of planes of one window. Further planes are left out, which can only enlarge the window.
 const MOST_SIDES: usize = 24;
-/// The most paths to one cell. A cell with more is treated as seen through the whole view.
+/// Maximum number of paths to one cell. A cell with more paths is treated as seen through the whole view.
 const MOST_PATHS: u32 = 48;
 
-/// What each portal narrows the view to.
+/// The shape to which each portal narrows the view. Both shapes are conservative.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]
 pub enum Narrowing {
-    /// The convex polygon of the part of the portal that is seen: a plane for each of its edges. The
-    /// tightest.
+    /// The exact convex polygon of the visible part of the portal, with one plane for each of its edges. The
+    /// tightest shape.
     #[default]
     Polygon,
-    /// The rectangle on the screen around that polygon, as Luebke and Georges do: four planes for a portal of
-    /// any shape.
+    /// The screen-space bounding rectangle of that polygon, as in Luebke and Georges: four planes for a
+    /// portal of any shape.
     Rectangle,
 }
 
-/// A path of portals from the eye to a cell, by its last step.
+/// The last step of a path of portals from the eye to a cell. The earlier steps follow by `parent`.
 #[derive(Clone, Debug)]
 pub(super) struct PortalPath {
     pub(super) cell: CellId,
-    /// Index of the path that this one lengthens, `NONE` where the walk began.
+    /// Index of the path without its last portal, or `NONE` for a path that starts at the eye.
     pub(super) parent: u32,
-    /// The portal crossed last; meaningless without a parent.
+    /// The portal crossed last. Meaningless if `parent` is `NONE`.
     pub(super) portal: PortalId,
-    /// Index of another path to the same cell, or `NONE`.
+    /// Index of the previously found path to the same cell, or `NONE`.
     next: u32,
-    /// What bounds the view of this cell.
+    /// The bounds of the view into this cell along this path.
     pub(super) window: Window,
-    /// Place in `PortalWalk::corners` of the part of the portal that is seen.
+    /// Range in `PortalWalk::corners` of the visible part of the portal. Empty if `parent` is `NONE`.
     pub(super) corners: Range<u32>,
 }
 
-/// What bounds the lines of sight that pass a chain of portals.
+/// The bounds of the lines of sight that pass a chain of portals.
 #[derive(Clone, Debug)]
 pub(super) struct Window {
-    /// Place in `PortalWalk::sides`. Empty if nothing bounds them.
+    /// Range of the bounding planes in `PortalWalk::sides`. Empty if the lines are unbounded.
     pub(super) sides: Range<u32>,
-    /// Bounds on the screen, with [`Narrowing::Rectangle`].
+    /// Bounds of the window on the screen, as quotients of clip coordinates. Narrowed only with
+    /// [`Narrowing::Rectangle`].
     pub(super) rectangle: Rectangle,
-    /// Whether it is the whole view, which earlier stages have tested against.
+    /// Whether the window is the whole view. Earlier stages have already tested objects against the whole
+    /// view, so objects pass without a test.
     whole: bool,
 }
 
-/// A mirror seen through a window.
+/// A mirror seen through a window: the mirror's index, the cell on whose boundary it lies, and the window
+/// narrowed to the mirror.
 #[derive(Clone, Debug)]
 pub(super) struct SeenMirror {
     pub(super) mirror: u32,
@@ -74,52 +77,58 @@ pub(super) struct SeenMirror {
     pub(super) window: Window,
 }
 
-/// Scratch memory of a walk, and its result.
+/// Scratch memory and result of a walk.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PortalWalk {
-    /// The graph by whose cells and portals `heads`, `counts`, `wide` and `passed` are indexed.
+    /// Stamp of the graph whose cells and portals index `heads`, `counts`, `wide` and `passed`. `None` before
+    /// the first walk.
     graph: Option<Stamp>,
     pub(super) paths: Vec<PortalPath>,
     pub(super) sides: Vec<WindowPlane>,
-    /// Relative to the anchor.
+    /// Corners of the visible parts of the portals, anchor-relative. `PortalPath::corners` are ranges of this
+    /// list.
     pub(super) corners: Vec<DVec3>,
     pub(super) mirrors: Vec<SeenMirror>,
-    /// By cell: the index of the path found last, or `NONE`.
+    /// By cell index: index in `paths` of the path found last, or `NONE`.
     heads: Vec<u32>,
-    /// By cell: the number of paths to it.
+    /// By cell index: number of paths to the cell.
     counts: Vec<u32>,
-    /// By cell: whether it is, or will be, seen through the whole view.
+    /// By cell index: whether the cell is entered through the whole view, already or later in this walk.
     wide: Vec<bool>,
-    /// By portal and direction (2 portal + forward): whether the chain at hand has passed it.
+    /// By directed portal, at index 2 * portal + 1 if forward (along the normal): whether the current chain
+    /// has passed the portal in that direction.
     passed: Vec<bool>,
-    /// The chain at hand: a path, and how many portals of its cell have been looked at.
+    /// Stack of the current chain: the index of each path in `paths`, and the number of portals of its cell
+    /// that have been inspected.
     stack: Vec<(u32, u32)>,
     /// Cells that are still to be entered through the whole view.
     waiting: Vec<CellId>,
-    /// The portal that is being clipped, and memory for the result.
+    /// Corners of the portal that is being clipped, anchor-relative. `clipped` is the output buffer of a
+    /// clip.
     polygon: Vec<Corner>,
     clipped: Vec<Corner>,
-    /// One bit for each cell that the PVS lets the walk enter. Empty without a PVS: then all.
+    /// Union of the PVS rows of the starting cells: bit i % 64 of word i / 64 is set if the walk may enter
+    /// cell i. Empty without a PVS: then every cell may be entered.
     allowed: Vec<u64>,
-    /// The PVS that `allowed` was read from.
+    /// Stamp of the PVS that `allowed` was read from. `None` without a PVS.
     allowed_pvs: Option<Stamp>,
-    /// The cells whose rows `allowed` is the union of.
+    /// The viewcells whose PVS rows `allowed` unites.
     allowed_for: Vec<ViewcellId>,
-    /// Memory for one row of the PVS.
+    /// Scratch memory for one row of the PVS.
     row: Vec<u64>,
-    /// The cells in which lines of sight begin.
+    /// The viewcells of the cells in which lines of sight begin.
     begun: Vec<ViewcellId>,
 }
 
-/// Makes a list hold `count` copies of a value.
+/// Replaces the content of `list` by `count` copies of `value`.
 fn refill<T: Clone>(list: &mut Vec<T>, count: usize, value: T) {
     list.clear();
     list.resize(count, value);
 }
 
 impl PortalWalk {
-    /// Forgets the last walk. Takes time in proportion to what that walk touched; after one in another graph,
-    /// to the size of the new graph.
+    /// Forgets the last walk. Takes time proportional to the paths of that walk, or to the size of the new
+    /// graph if the graph has changed.
     pub(super) fn begin(&mut self, cells: &SceneCells) {
         if self.graph != Some(cells.graph.stamp()) {
             self.graph = Some(cells.graph.stamp());
@@ -133,7 +142,7 @@ impl PortalWalk {
                 let cell = path.cell.index();
                 (self.heads[cell], self.counts[cell], self.wide[cell]) = (NONE, 0, false);
             }
-            // What a walk that was given up still had to do.
+            // An aborted walk has left its chain and its waiting cells marked.
             for &(path, _) in &self.stack {
                 let path = &self.paths[path as usize];
                 if path.parent != NONE {
@@ -153,7 +162,8 @@ impl PortalWalk {
         self.begun.clear();
     }
 
-    /// Adds a cell in which lines of sight begin, anywhere in the view.
+    /// Adds a cell in which lines of sight begin, seen through the whole view. A cell already added this way
+    /// is ignored.
     pub(super) fn start_whole(&mut self, cell: CellId) {
         if !core::mem::replace(&mut self.wide[cell.index()], true) {
             self.waiting.push(cell);
@@ -161,7 +171,8 @@ impl PortalWalk {
         }
     }
 
-    /// Adds a cell in which lines of sight begin, within the planes given.
+    /// Adds a cell in which lines of sight begin, seen through the window with the anchor-relative planes
+    /// `sides` and the screen bounds `rectangle`.
     pub(super) fn start_within(
         &mut self,
         cells: &SceneCells,
@@ -177,8 +188,9 @@ impl PortalWalk {
         self.enter(cells, eye_view, cell, NONE, PortalId(NONE), window, 0..0);
     }
 
-    /// Walks until no path can be lengthened. False if that took more than `steps` portals; then the result
-    /// is not complete.
+    /// Extends paths through portals until none can be extended. Returns `false` if more than `steps` portals
+    /// would have to be inspected; the result is then incomplete and must not be used for culling. `stats` is
+    /// updated.
     pub(super) fn go(
         &mut self,
         cells: &SceneCells,
@@ -213,7 +225,8 @@ impl PortalWalk {
         }
     }
 
-    /// Brings `allowed` up to date with PVS and starting cells.
+    /// Updates `allowed` to the union of the PVS rows of the starting cells. Does nothing if neither the PVS
+    /// nor the starting cells have changed.
     fn allow(&mut self, cells: &SceneCells) {
         let Some(pvs) = &cells.pvs else {
             self.allowed.clear();
@@ -279,7 +292,8 @@ impl PortalWalk {
         let forward = portal.cells()[0] == from.cell;
         let next = portal.cells()[usize::from(forward)];
         let direction = id.index() * 2 + usize::from(forward);
-        // Straight back is never ahead, though an eye in the portal's plane cannot tell by its side.
+        // No line returns through the portal that it has just crossed. The side test cannot tell this for an
+        // eye in the portal's plane.
         let back = from.parent != NONE && from.portal == id;
         if !cells.doors.passes(id, forward)
             || back
@@ -324,7 +338,7 @@ impl PortalWalk {
         window: &Window,
     ) {
         let found = &cells.mirrors[mirror as usize];
-        // The normal points into the cell, so what hits the mirror runs against it.
+        // The normal points into the cell, so a line of sight that hits the mirror runs against the normal.
         let crossing = crossing(eye_view, &found.outline, &found.vertices);
         if !found.uncovered || crossing == Crossing::Along {
             return;
@@ -337,7 +351,8 @@ impl PortalWalk {
         }
     }
 
-    /// All mirrors, seen through the whole view: where it is not known which cell they are seen from.
+    /// Replaces `mirrors` by all uncovered mirrors of the graph, each seen through the whole view. For frames
+    /// in which the visible cells are unknown.
     pub(super) fn look_at_all_mirrors(&mut self, cells: &SceneCells, eye_view: &PortalView) {
         self.mirrors.clear();
         let start = self.sides.len() as u32;
@@ -352,8 +367,12 @@ impl PortalWalk {
         }
     }
 
-    /// What is left of a window behind a polygon, crossed with the sign of its normal; the same window where
-    /// that cannot be told (`None`). Nothing if no line of sight in the window meets the polygon.
+    /// Returns the part of `window` behind a polygon, and the range in `corners` of the polygon's visible
+    /// part. `None` if no line of sight in the window meets the polygon.
+    ///
+    /// `sign` is 1 if lines of sight cross the polygon along its normal and -1 if against its normal. If
+    /// `sign` is `None`, the direction is undecided: the window is then not narrowed by the polygon's edges,
+    /// but bounded near the polygon's plane where possible. `vertices` are in world space.
     fn narrow(
         &mut self,
         eye_view: &PortalView,
@@ -422,13 +441,14 @@ impl PortalWalk {
         Some((Window { sides, rectangle, whole: false }, corners))
     }
 
-    /// The window behind a portal that the eye is in the plane of, as far as can be told: the same, and close
-    /// to that plane.
+    /// Returns the window behind a portal whose plane passes through the eye, as far as rounding can tell:
+    /// `window`, further bounded to lines close to that plane. Returns a copy of `window` where no such bound
+    /// is known.
     ///
-    /// Let all vertices be at heights of at most `h` over the plane through the eye, errors included, and
-    /// what is left of the portal at least `r` away. A line of sight that meets it there is at most `h / r`
-    /// of its length off the plane, however far it goes on. Without this, an eye in the plane of a wall would
-    /// see through all doors of the wall, and back through all others.
+    /// Let all vertices be at heights of at most `h` over the plane through the eye, errors included, and let
+    /// the visible part of the portal be at least `r` away. A line of sight that meets this part is at most
+    /// `h / r` of its length off the plane, however far it extends. Without this bound, an eye in the plane
+    /// of a wall would see through all doors of the wall, and back through all other doors.
     fn edge_on(
         &mut self,
         eye_view: &PortalView,
@@ -463,7 +483,7 @@ impl PortalWalk {
         Window { sides: start..self.sides.len() as u32, rectangle: window.rectangle, whole: false }
     }
 
-    /// The paths to a cell, last found first. None for an unknown cell.
+    /// Returns the paths to `cell`, last found first. Empty for a cell that was not reached or is unknown.
     pub(super) fn paths_to(&self, cell: CellId) -> impl Iterator<Item = &PortalPath> {
         let mut at = self.heads.get(cell.index()).copied().unwrap_or(NONE);
         core::iter::from_fn(move || {
@@ -473,8 +493,9 @@ impl PortalWalk {
         })
     }
 
-    /// Whether a box in a cell may be seen along one of the paths to it. The box is relative to the anchor
-    /// and known up to `error`; each window that is tested is counted.
+    /// Tests whether a box in `cell` may be seen along one of the paths to the cell. The box is
+    /// anchor-relative and known up to `error`, in world units. `tests` is increased by the number of windows
+    /// tested. `false` is certain; undecided boxes and NaN give `true`, unless no path leads to the cell.
     pub(super) fn shows(&self, cell: CellId, min: DVec3, max: DVec3, error: f64, tests: &mut u64) -> bool {
         self.paths_to(cell).any(|path| {
             *tests += 1;

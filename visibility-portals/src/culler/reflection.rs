@@ -1,9 +1,9 @@
-//! Mirrors: portals into the same scene, seen from behind the glass (Luebke and Georges, 1995).
+//! Mirrors, treated as portals into the reflected scene (Luebke and Georges, 1995).
 //!
-//! A mirror that is seen gives a view of its own: that of the eye reflected in the plane of the mirror, with
-//! this plane as a clip plane. What is seen in the mirror is found by a walk that begins in the mirror's
-//! cell, within the window through which the mirror itself is seen. The reflected view draws to the pixels
-//! where the mirror is on the screen.
+//! Each mirror that is seen yields a view of its own: the view of the eye reflected in the plane of the
+//! mirror, with this plane as a clip plane. The objects visible in the mirror are found by a walk that begins
+//! in the mirror's cell, within the reflected window through which the mirror is seen. The reflected view
+//! draws to the pixels that the mirror covers on the screen.
 
 use super::mirror::MirrorId;
 use super::portal_stats::{NotCulled, PortalStats};
@@ -16,7 +16,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::{DMat4, DVec3};
 use visibility_core::{Culler, FrustumCuller, Scene, View, VisibleSet, geometry::Plane, view::ViewError};
 
-/// One mirror that is seen: the view to draw what it shows with, and the objects to draw.
+/// One mirror that is seen: the reflected view to draw with, and the objects visible in that view.
 #[derive(Clone, Debug)]
 pub struct Reflection {
     mirror: MirrorId,
@@ -27,46 +27,47 @@ pub struct Reflection {
 }
 
 impl Reflection {
-    /// The mirror.
+    /// Returns the mirror.
     pub fn mirror(&self) -> MirrorId {
         self.mirror
     }
 
-    /// Where the mirror is seen in another: the index of that reflection in
-    /// [`PortalEye::reflections`](super::portal_eye::PortalEye::reflections). `None` where it is seen
-    /// directly.
+    /// Returns the index in [`PortalEye::reflections`](super::portal_eye::PortalEye::reflections) of the
+    /// reflection in which this mirror is seen. `None` if the mirror is seen directly.
     pub fn parent(&self) -> Option<usize> {
         self.parent
     }
 
-    /// The number of mirrors that lines of sight meet: 1 where the mirror is seen directly.
+    /// Returns the number of mirrors along the lines of sight of this reflection: 1 if the mirror is seen
+    /// directly, one more than its parent's depth otherwise.
     pub fn depth(&self) -> u32 {
         self.depth
     }
 
-    /// The view to draw the reflection with, to the pixels of the mirror. It mirrors space, so triangles wind
-    /// the other way. Its clip plane cuts away what is behind the mirror, and takes the place of the clip
-    /// planes of the eye's own view.
+    /// Returns the view to draw the reflection with, to the pixels that the mirror covers. The view mirrors
+    /// space, so triangles change their winding. Its only clip plane cuts away what is behind the mirror; the
+    /// clip planes of the eye's own view are not carried over.
     pub fn view(&self) -> &View {
         &self.view
     }
 
-    /// The objects to draw. Conservative.
+    /// Returns the objects to draw in the reflected view. Conservative.
     pub fn visible(&self) -> &VisibleSet {
         &self.visible
     }
 }
 
-/// Reflections of the last frame, and memory for more.
+/// Reflections of the last frame, and retained memory for later frames.
 #[derive(Clone, Debug)]
 pub(super) struct Reflections {
     all: Vec<Reflection>,
-    /// How many of `all` are of the last frame.
+    /// Number of reflections of the last frame: the first entries of `all`.
     count: usize,
     walk: PortalWalk,
-    /// Mirrors that were seen: the reflection they were seen in, if any, and the window.
+    /// Mirrors that were seen: the index in `all` of the reflection in which the mirror was seen (`None` for
+    /// the eye's own view), and the mirror with its window.
     seen: Vec<(Option<usize>, SeenMirror)>,
-    /// The planes of the windows of `seen`.
+    /// Planes of the windows in `seen`, relative to the anchor of the view in which the mirror was seen.
     sides: Vec<WindowPlane>,
     most: usize,
     deepest: u32,
@@ -78,7 +79,7 @@ impl Reflections {
         Self { all, count: 0, walk: PortalWalk::default(), seen, sides, most: 8, deepest: 2 }
     }
 
-    /// The same limits, and no reflections.
+    /// Returns an empty value with the limits of `self`.
     pub(super) fn anew(&self) -> Self {
         Self { most: self.most, deepest: self.deepest, ..Self::new() }
     }
@@ -97,7 +98,12 @@ impl Reflections {
         &self.all[..self.count]
     }
 
-    /// Reflects the view in the mirrors that a walk has met, and again in the mirrors that those show.
+    /// Reflects the view in the mirrors that `walk` has met, and again in the mirrors that the reflections
+    /// show, until a limit is reached.
+    ///
+    /// `known` is the pair of `PortalEye::unknown` and the current frame number: objects whose entry equals
+    /// the frame number stay visible. `settings` is the narrowing and the maximum number of portals per walk.
+    /// `stats` is updated.
     #[expect(clippy::too_many_arguments)]
     pub(super) fn look(
         &mut self,
@@ -113,7 +119,7 @@ impl Reflections {
         self.take(None, walk);
         let mut next = 0;
         while next < self.seen.len() {
-            // All windows through which one mirror is seen in one view, which stand together.
+            // All windows through which one mirror is seen in one view are adjacent in `seen`.
             let (parent, mirror) = (self.seen[next].0, self.seen[next].1.mirror);
             let end = next
                 + self.seen[next..].iter().take_while(|(p, m)| (*p, m.mirror) == (parent, mirror)).count();
@@ -168,7 +174,8 @@ impl Reflections {
         }
     }
 
-    /// Adds the mirrors that a walk has met to `seen`; `parent` is the reflection of that walk.
+    /// Appends the mirrors that `walk` has met to `seen`, sorted by mirror. `parent` is the index of the
+    /// reflection that `walk` belongs to, `None` for the eye's own view.
     fn take(&mut self, parent: Option<usize>, walk: &PortalWalk) {
         let first = self.seen.len();
         for seen in &walk.mirrors {
@@ -183,7 +190,11 @@ impl Reflections {
     }
 }
 
-/// A view reflected in a plane. Shows what is before the plane, or behind it by at most `error`.
+/// Returns `view` reflected in `plane`, with a clip plane that keeps points in front of the plane or behind
+/// it by at most `error` world units.
+///
+/// # Errors
+/// A [`ViewError`] if the reflected matrix is not a valid view.
 fn reflect(view: &View, plane: &Plane, error: f64) -> Result<View, ViewError> {
     let n = plane.normal;
     let offset = plane.signed_distance(view.origin());
@@ -196,9 +207,10 @@ fn reflect(view: &View, plane: &Plane, error: f64) -> Result<View, ViewError> {
         .with_clip_planes(&[Plane::new(n, offset + error + 8.0 * U * offset.abs())])
 }
 
-/// A window's plane reflected in a mirror, for points relative to the anchor of the reflected view. Where
-/// this anchor is not the exact reflection of the other one, the distance is part of the new plane's error;
-/// so is the rounding of the normal, `8u`.
+/// Reflects the plane of a window in the mirror plane `plane`. `side` is relative to the anchor of `from`,
+/// the result to the anchor of `to`, the reflected view. The distance between the anchor of `to` and the
+/// exact reflection of the anchor of `from` enters the result's error, and so does the rounding of the
+/// normal, `8u`.
 fn reflect_side(side: &WindowPlane, plane: &Plane, from: &PortalView, to: &PortalView) -> WindowPlane {
     let n = plane.normal;
     let turned = side.plane.normal - n * (2.0 * n.dot(side.plane.normal));

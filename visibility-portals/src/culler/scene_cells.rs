@@ -1,5 +1,5 @@
-//! What all eyes in a building share: its cells, portals, doors and mirrors, and which objects are in which
-//! cells.
+//! The data that all views into a building share: its cells, portals, doors and mirrors, and the cells of
+//! each object.
 
 use super::doors::{Doors, Passage};
 use super::mirror::{Mirror, MirrorId, NONE};
@@ -17,11 +17,12 @@ use visibility_core::{
     stamp::Stamp,
 };
 
-/// Cells, portals, doors, mirrors and PVS of a building, and which objects are in which cells: what all
-/// [`PortalEye`](super::portal_eye::PortalEye)s share.
+/// Cells, portals, doors, mirrors and PVS of a building, and the cells of each object. Shared by all
+/// [`PortalEye`](super::portal_eye::PortalEye)s.
 ///
-/// An object is in every cell that its bounds touch, and visible if it is seen in any of them. An object in
-/// no cell is always visible, and so is one that changed after the last [`sync`](Self::sync).
+/// An object belongs to every cell that its bounds touch, and counts as visible if it is seen in any of these
+/// cells. An object in no cell is always visible, and so is an object that changed after the last
+/// [`sync`](Self::sync).
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -53,16 +54,17 @@ pub struct SceneCells {
     pub(super) doors: Doors,
     pub(super) pvs: Option<Pvs>,
     pub(super) mirrors: Vec<Mirror>,
-    /// By cell: index of its last mirror, or `NONE`.
+    /// By cell index: index in `mirrors` of the mirror added last to the cell, or `NONE`.
     pub(super) first_mirror: Vec<u32>,
-    /// By index of an object.
+    /// The cells of each object, by object index.
     objects: Vec<Entry>,
-    /// How far the changes of the scene are taken in.
+    /// Revision of the scene up to which `objects` is current.
     pub(super) cursor: SceneCursor,
     stamp: Stamp,
 }
 
-/// The cells of one object. `id` is `None` if no object is known at this index.
+/// The cells of one object, in ascending order once synced. `id` is `None` if no object is known at this
+/// index.
 #[derive(Clone, Debug, Default)]
 struct Entry {
     id: Option<ObjectId>,
@@ -70,21 +72,21 @@ struct Entry {
 }
 
 impl SceneCells {
-    /// Makes the cells of a building from cells and portals and from the bodies of the cells: viewcell `i` is
-    /// the body of cell `i`, in world space. All portals are open both ways; no object is known before the
-    /// first [`sync`](Self::sync).
+    /// Makes the cells of a building from a cell graph and from the volumes of the cells in world space:
+    /// viewcell `i` is the volume of cell `i`. All portals start open in both directions. No object is known
+    /// before the first [`sync`](Self::sync).
     ///
-    /// Objects that the graph [lists](CellGraph::set_objects) are taken to be in the listed cells alone,
-    /// until they change. The lists are read by the first `sync`, and must be right for that scene as it is
-    /// then.
+    /// Objects that the graph [lists](CellGraph::set_objects) belong to the listed cells alone, until they
+    /// change. The first `sync` reads these lists; they must be correct for the scene as it is then.
     ///
-    /// `tolerance` is how far portals and bodies may be from where they should be, in world units: 1e-6 for
+    /// `tolerance` is the distance, in world units, by which portals and volumes may be misplaced: 1e-6 for
     /// coordinates in metres that were computed in `f64`, the last decimal for coordinates read from text. An
-    /// object that near a cell is in the cell, a line of sight that near a portal passes it, and gaps between
-    /// cells of up to twice as much are none.
+    /// object within the tolerance of a cell belongs to the cell. A line of sight within the tolerance of a
+    /// portal passes the portal. Gaps between cells of up to twice the tolerance are ignored.
     ///
     /// # Errors
-    /// [`SceneCellsError::Viewcells`], [`SceneCellsError::Tolerance`].
+    /// [`SceneCellsError::Viewcells`] if the graph and `viewcells` differ in count,
+    /// [`SceneCellsError::Tolerance`] if `tolerance` is negative, infinite or NaN.
     pub fn new(graph: CellGraph, viewcells: Viewcells, tolerance: f64) -> Result<Self, SceneCellsError> {
         let (cells, found) = (graph.cell_count(), viewcells.cells().len());
         if cells != found {
@@ -113,11 +115,13 @@ impl SceneCells {
         })
     }
 
-    /// Limits what is seen from a cell to its row of a PVS whose viewcells and targets are the cells of the
-    /// graph. The PVS must hold for all portals open: opening a door never adds to it.
+    /// Limits the cells seen from a cell to its row of `pvs`, whose viewcells and targets must be the cells
+    /// of the graph. The PVS must have been computed with all portals open, since opening a door never adds
+    /// to it.
     ///
     /// # Errors
-    /// [`SceneCellsError::Pvs`] if its targets are not cells, or its counts are not those of the graph.
+    /// [`SceneCellsError::Pvs`] if the targets of `pvs` are not cells, or if its counts of viewcells or
+    /// targets differ from the number of cells.
     pub fn with_pvs(mut self, pvs: Pvs) -> Result<Self, SceneCellsError> {
         let (cells, viewcells, targets) = (self.graph.cell_count(), pvs.viewcell_count(), pvs.target_count());
         if pvs.targets() != PvsTargets::Cells || viewcells != cells || targets != cells {
@@ -128,30 +132,31 @@ impl SceneCells {
         Ok(self)
     }
 
-    /// Identifies the content: cells, PVS, mirrors, the state of all doors, and the cells of each object.
-    /// Every call that may change any of these takes a new stamp. A clone has the same stamp until either
-    /// changes.
+    /// Returns the stamp that identifies the present content: cells, PVS, mirrors, the state of all doors,
+    /// and the cells of each object. Every call that may change any of these takes a new stamp. A clone has
+    /// the same stamp until the clone or the original changes.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
 
-    /// The cells and the portals between them.
+    /// Returns the graph of cells and portals.
     pub fn graph(&self) -> &CellGraph {
         &self.graph
     }
 
-    /// The bodies of the cells; viewcell `i` is that of cell `i`.
+    /// Returns the volumes of the cells in world space; viewcell `i` is the volume of cell `i`.
     pub fn viewcells(&self) -> &Viewcells {
         &self.viewcells
     }
 
-    /// Takes a new stamp. An error for an unknown portal.
+    /// Takes a new stamp. `known` tells whether `portal` exists; if `false`, returns
+    /// [`SceneCellsError::UnknownPortal`].
     fn changed(&mut self, known: bool, portal: PortalId) -> Result<(), SceneCellsError> {
         self.stamp = Stamp::new();
         if known { Ok(()) } else { Err(SceneCellsError::UnknownPortal(portal)) }
     }
 
-    /// Opens or closes a portal, as a door does. Constant time, no allocation.
+    /// Opens or closes a portal, like a door. Constant time, no allocation.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownPortal`].
@@ -160,13 +165,13 @@ impl SceneCells {
         self.changed(known, portal)
     }
 
-    /// Whether a portal is open, whatever its passage. False for an unknown portal.
+    /// Tests whether a portal is open, whatever its passage. `false` for an unknown portal.
     pub fn is_open(&self, portal: PortalId) -> bool {
         self.doors.is_open(portal)
     }
 
-    /// Sets in which directions a portal can be seen through while it is open. A closed portal stays closed.
-    /// Constant time, no allocation.
+    /// Sets the directions in which a portal can be seen through while it is open. A closed portal stays
+    /// closed. Constant time, no allocation.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownPortal`].
@@ -175,13 +180,14 @@ impl SceneCells {
         self.changed(known, portal)
     }
 
-    /// Adds a mirror on the boundary of a cell. Its vertices run counter-clockwise as seen from within the
-    /// cell: the normal points into it. Each frame that sees the mirror returns a
-    /// [`Reflection`](super::reflection::Reflection). The glass itself, if it is to be drawn, is an object
-    /// like any other.
+    /// Adds a mirror on the boundary of a cell and returns its id. The vertices of `polygon` are in world
+    /// space and run counter-clockwise as seen from within the cell, so that the normal points into the cell.
+    /// Each frame that sees the mirror returns a [`Reflection`](super::reflection::Reflection). If the glass
+    /// itself is to be drawn, add it to the scene as an object.
     ///
     /// # Errors
-    /// [`SceneCellsError::UnknownCell`], [`SceneCellsError::NoPlane`].
+    /// [`SceneCellsError::UnknownCell`] if the graph has no such cell, [`SceneCellsError::NoPlane`] if
+    /// `polygon` has no area.
     pub fn add_mirror(&mut self, cell: CellId, polygon: &ConvexPolygon) -> Result<MirrorId, SceneCellsError> {
         let head = self.first_mirror.get_mut(cell.index()).ok_or(SceneCellsError::UnknownCell(cell))?;
         let plane = polygon.plane().ok_or(SceneCellsError::NoPlane)?;
@@ -196,8 +202,8 @@ impl SceneCells {
         Ok(MirrorId(id))
     }
 
-    /// Covers a mirror (`false`), so that it is never reflected in, or uncovers it. Mirrors begin uncovered.
-    /// Constant time, no allocation.
+    /// Covers a mirror (`uncovered` is `false`) so that it yields no reflections, or uncovers it. A new
+    /// mirror is uncovered. Constant time, no allocation.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownMirror`].
@@ -208,10 +214,10 @@ impl SceneCells {
         Ok(())
     }
 
-    /// Takes in what has changed in the scene since the last call, in time proportional to that times the
-    /// logarithm of the number of cells. The first call, a call with another scene, and one after more
-    /// changes than the scene lists, look at every object. Allocates only for new objects, and for objects in
-    /// more cells than ever before.
+    /// Updates the cells of each object by the changes of the scene since the last call, in time proportional
+    /// to the number of changes times the logarithm of the number of cells. The first call, a call with
+    /// another scene, and a call after more changes than the scene lists inspect every object. Allocates only
+    /// for new objects, and for objects in more cells than ever before.
     pub fn sync(&mut self, scene: &Scene) {
         if self.cursor.is_current(scene) {
             return;
@@ -238,7 +244,8 @@ impl SceneCells {
         self.stamp = Stamp::new();
     }
 
-    /// Puts the objects that the graph lists into the listed cells.
+    /// Puts the objects that the graph lists into the listed cells. Listed objects that are not in the scene
+    /// are skipped.
     fn take_listed(&mut self, scene: &Scene) {
         self.objects.resize_with(scene.index_limit(), Entry::default);
         for cell in (0..self.graph.cell_count() as u32).map(CellId) {
@@ -258,7 +265,7 @@ impl SceneCells {
         }
         let entry = &mut self.objects[id.index()];
         let Ok(bounds) = scene.bounds(id) else {
-            // Removed; its index may already be that of another.
+            // The object was removed. Its index may already belong to another object, whose entry is kept.
             if entry.id == Some(id) {
                 entry.id = None;
             }
@@ -271,8 +278,8 @@ impl SceneCells {
         entry.cells.sort_unstable();
     }
 
-    /// The cells that an object is in, ascending, as of the last [`sync`](Self::sync). Empty for an object in
-    /// no cell and for an unknown one.
+    /// Returns the cells that an object belongs to, ascending, as of the last [`sync`](Self::sync). Empty for
+    /// an object in no cell and for an unknown object.
     pub fn cells_of(&self, id: ObjectId) -> &[CellId] {
         match self.objects.get(id.index()) {
             Some(entry) if entry.id == Some(id) => &entry.cells,
@@ -280,8 +287,9 @@ impl SceneCells {
         }
     }
 
-    /// Whether one cell may see another with all portals open: by the PVS, if there is one; otherwise whether
-    /// any chain of portals joins them. False for unknown cells.
+    /// Tests whether cell `from` may see cell `to` with all portals open: by the PVS if there is one,
+    /// otherwise by whether any chain of portals joins the two cells. `true` where undecided; `false` if the
+    /// graph has no cell of either index. Without a PVS, inspects each portal at most once and allocates.
     pub fn can_see(&self, from: CellId, to: CellId) -> bool {
         match &self.pvs {
             Some(pvs) => pvs.sees(from.into(), to.0),
@@ -289,9 +297,9 @@ impl SceneCells {
         }
     }
 
-    /// Whether one cell may see another through the portals that are open now: some chain of these must join
-    /// them, through cells that the first can see. Conservative, and never true where
-    /// [`can_see`](Self::can_see) is false. Looks at each portal at most once; allocates.
+    /// Tests whether cell `from` may see cell `to` through the portals that are open now: a chain of open
+    /// portals must join the two cells, through cells that `from` can see. Conservative; never `true` where
+    /// [`can_see`](Self::can_see) is `false`. Inspects each portal at most once; allocates.
     pub fn can_see_now(&self, from: CellId, to: CellId) -> bool {
         self.can_see(from, to) && self.joined(from, to, |portal, forward| self.doors.passes(portal, forward))
     }
@@ -320,7 +328,8 @@ impl SceneCells {
     }
 }
 
-/// A box in world space, enlarged on all sides by `tolerance` and by the rounding of adding the origin.
+/// Converts a box relative to `origin` to world space. Returns the minimum and the maximum corner, enlarged
+/// on all sides by `tolerance` and by the rounding of adding the origin.
 pub(super) fn in_world(bounds: &Aabb, origin: DVec3, tolerance: f64) -> (DVec3, DVec3) {
     let (min, max) = (bounds.min.as_dvec3() + origin, bounds.max.as_dvec3() + origin);
     let grown = DVec3::splat(tolerance) + (min.abs().max(max.abs())) * f64::EPSILON;

@@ -8,31 +8,32 @@ use visibility_core::cells::{CellId, PortalId};
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum SceneCellsError {
-    /// The number of viewcells is not that of the cells.
+    /// The number of viewcells differs from the number of cells of the graph.
     Viewcells {
-        /// How many cells.
+        /// Number of cells of the graph.
         cells: usize,
-        /// How many viewcells.
+        /// Number of viewcells.
         viewcells: usize,
     },
-    /// The tolerance is negative, infinite or NaN.
+    /// The tolerance, given here, is negative, infinite or NaN.
     Tolerance(f64),
-    /// The PVS has other counts than the graph, or its targets are objects.
+    /// The targets of the PVS are not cells, or its number of viewcells or of targets differs from the number
+    /// of cells of the graph.
     Pvs {
-        /// How many cells.
+        /// Number of cells of the graph.
         cells: usize,
-        /// How many viewcells the sets have.
+        /// Number of viewcells of the PVS.
         viewcells: usize,
-        /// How many targets they have.
+        /// Number of targets of the PVS.
         targets: usize,
     },
-    /// The graph has no such cell.
+    /// The graph has no cell of this index.
     UnknownCell(CellId),
-    /// The graph has no such portal.
+    /// The graph has no portal of this index.
     UnknownPortal(PortalId),
-    /// No such mirror was added.
+    /// No mirror of this index has been added.
     UnknownMirror(MirrorId),
-    /// The mirror has no area.
+    /// The polygon of the mirror has no area, so it has no plane.
     NoPlane,
 }
 

@@ -1,4 +1,4 @@
-//! Bounding rectangles on the screen: the narrowing of Luebke and Georges, with four planes for each portal.
+//! Screen-space bounding rectangles: the narrowing of Luebke and Georges, with four planes for each portal.
 
 use super::portal_view::PortalView;
 use super::window_plane::{Corner, U, WindowPlane};
@@ -7,14 +7,17 @@ use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::view::ClipRow;
 
-/// Left, right, bottom and top of a rectangle on the screen, as quotients `x / w` and `y / w` of clip
-/// coordinates: -1 to 1 is the whole screen.
+/// Left, right, bottom and top of a rectangle on the screen, in NDC: quotients `x / w` and `y / w` of clip
+/// coordinates. The whole screen is -1 to 1.
 pub(super) type Rectangle = [f64; 4];
 
-/// The rectangle on the screen around corners that may each be off by `error`, within `outer`.
+/// Returns the screen-space rectangle around `corners`, intersected with `outer`. The corners are
+/// anchor-relative and may each be off by `error` world units. Returns `outer` if a corner is at or behind
+/// the eye, so near the eye that rounding decides, or NaN.
 ///
-/// A row of the clip matrix at a corner is off by the row's own error and by `error` times its length. A
-/// quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most `(dx + |q| dw) / (w - dw)`.
+/// The value of a clip-matrix row at a corner is off by the row's own error plus `error` times the length of
+/// the row's linear part. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most `(dx
+/// + |q| dw) / (w - dw)`.
 pub(super) fn around(eye_view: &PortalView, corners: &[Corner], error: f64, outer: Rectangle) -> Rectangle {
     let value = |row: &ClipRow, at: DVec3| {
         let (value, own) = row.at(at);
@@ -23,7 +26,7 @@ pub(super) fn around(eye_view: &PortalView, corners: &[Corner], error: f64, oute
     let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
     for corner in corners {
         let (w, dw) = value(&eye_view.rows[2], corner.at);
-        // A corner so near the eye may be anywhere on the screen; so may a NaN.
+        // A corner at or near the plane `w = 0` may project anywhere on the screen, and so may a NaN.
         if w.is_nan() || dw.is_nan() || w <= 4.0 * dw {
             return outer;
         }
@@ -38,13 +41,14 @@ pub(super) fn around(eye_view: &PortalView, corners: &[Corner], error: f64, oute
     [bounds[0].max(outer[0]), bounds[1].min(outer[1]), bounds[2].max(outer[2]), bounds[3].min(outer[3])]
 }
 
-/// Adds the planes of a rectangle on the screen: `x - left w >= 0` and so on, by rows of the clip matrix.
-/// Planes that are known too little to bound anything are left out.
+/// Appends to `sides` the planes of a rectangle on the screen, from the rows of the clip matrix: `x - left w
+/// >= 0`, and likewise for the other three bounds. Planes whose error is too large to bound anything are left
+/// out.
 ///
-/// Let `s` be the sum of the lengths of the two parts of a row, and `l` that of their difference, so that
-/// `s >= l`. The difference is rounded by `2u s`, the unit normal by `4u` of itself, the product with a point
-/// `x` by `4u |x|`: at most `10u (s / l) |x|` in all. The offset is off by what the rows are, and rounded by
-/// `6u` of itself.
+/// Let `s` be the sum of the lengths of the two terms of a row, and `l` the length of their difference, so
+/// that `s >= l`. The difference is rounded by `2u s`, the unit normal by `4u` of itself, the product with a
+/// point `x` by `4u |x|`: at most `10u (s / l) |x|` in all. The offset is off by the errors of the rows, and
+/// rounded by `6u` of itself.
 pub(super) fn push_sides(eye_view: &PortalView, rectangle: Rectangle, sides: &mut Vec<WindowPlane>) {
     let w = &eye_view.rows[2];
     for (i, bound) in rectangle.into_iter().enumerate() {
@@ -78,15 +82,16 @@ mod tests {
         let mut eye_view = PortalView::new(&view).unwrap();
         let (mut sides, mut found) = (Vec::new(), [0; 2]);
         for round in 0..20_000 {
-            // Rows (x, 0) and (w, 0) in the plane z = 0 and a bound, all exact, in units of 2^-40. Their
-            // difference is far smaller than they are, but for the parts that are chosen so that it is not.
+            // Rows (x, 0) and (w, 0) in the plane z = 0 and a bound, all exact, in units of 2^-40. The
+            // difference of the rows is far smaller than the rows, except for a component that is chosen at
+            // random.
             let unit = (1u64 << 40) as f64;
             let bound = random.below(1 << 40);
             let w = [0; 2].map(|_| random.below(1 << 39));
             let spread = if round % 2 == 0 { 1 << 12 } else { 1 << 25 };
             let x = w.map(|w| (((bound * w) >> 27) + random.below(spread)) << 27);
             let row = [0, 1].map(|i| x[i] - bound * w[i]);
-            // A point at right angles to the difference: on the plane, exactly.
+            // A point at right angles to the difference, which lies exactly on the plane.
             let point = DVec3::new(row[1] as f64, -row[0] as f64, 0.0);
             if [row[1], -row[0]].map(|k| k as f64 as i128) != [row[1], -row[0]] {
                 continue;
@@ -100,7 +105,7 @@ mod tests {
             push_sides(&eye_view, [bound as f64 / unit; 4], &mut sides);
             for side in &sides {
                 assert!(!side.excludes(point, point, 0.0), "{x:?} {w:?} {bound}");
-                // A step outwards of 64 times the margin is outside.
+                // A point displaced outwards by 64 times the margin must be excluded.
                 let out = point - side.plane.normal * (64.0 * side.margin(point.length()));
                 assert!(side.excludes(out, out, 0.0));
             }

@@ -5,7 +5,7 @@ use super::portal_walk::PortalWalk;
 use super::scene_cells::SceneCells;
 use visibility_core::{CullStats, Scene, VisibleSet};
 
-/// A walk, with the cells, the scene and the view that it was made for.
+/// A finished walk, with the cells, the scene and the view that it was made for.
 pub(super) struct Seen<'a> {
     pub(super) cells: &'a SceneCells,
     pub(super) scene: &'a Scene,
@@ -14,8 +14,9 @@ pub(super) struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// Removes objects whose bounds are in no window of any cell that they are in. Objects in no cell stay,
-    /// and so do those whose entry in `unknown` is `frame`. Counts the windows tested.
+    /// Removes from `visible` the objects whose bounds lie outside all windows of all cells that they belong
+    /// to. Objects in no cell stay, and so do objects whose entry in `unknown`, by object index, equals
+    /// `frame`. Adds the number of windows tested to `tests`. Undecided objects stay.
     pub(super) fn retain(
         &self,
         unknown: &[u64],
@@ -24,8 +25,8 @@ impl Seen<'_> {
         tests: &mut u64,
     ) -> CullStats {
         let origin = self.scene.origin() - self.eye_view.anchor;
-        // Moving a box to the anchor rounds the difference of origins, and then each corner; the box is also
-        // as uncertain as the eye.
+        // Converting a box to anchor-relative coordinates rounds the difference of the origins, and then each
+        // corner. The error of the eye is added to the box.
         let size = self.scene.origin().abs().max_element() + self.eye_view.anchor.abs().max_element();
         let error = self.eye_view.error + 4.0 * f64::EPSILON * size;
         visible.retain(self.scene, |id, bounds| {

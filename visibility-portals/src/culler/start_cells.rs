@@ -1,21 +1,21 @@
-//! The cells in which lines of sight begin: those that the front of the view (near plane and clip planes)
-//! reaches into. One, as a rule; several where the front crosses a portal.
+//! The cells in which lines of sight begin: the cells that contain part of the front of the view, which is
+//! the near plane and the clip planes. Usually one cell; several where the front crosses a portal.
 
 use super::scene_cells::SceneCells;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{View, cells::CellId, pvs::ViewcellId};
 
-/// Memory for finding the cells in which lines of sight begin.
+/// Scratch memory for finding the cells in which lines of sight begin.
 #[derive(Clone, Debug, Default)]
 pub(super) struct StartCells {
     touching: Vec<ViewcellId>,
 }
 
 impl StartCells {
-    /// Calls `each` with the cells that lines of sight begin in, some maybe more than once. False if some
-    /// begin in no cell, or if it cannot be told where. Points are taken relative to `anchor`, a point of the
-    /// world.
+    /// Calls `each` with every cell in which lines of sight begin; a cell may be passed more than once.
+    /// Returns `false` if some lines of sight begin outside all cells, or if the start points cannot be
+    /// computed; `each` may have been called before. Computes relative to `anchor`, a point in world space.
     pub(super) fn find(
         &mut self,
         cells: &SceneCells,

@@ -1,26 +1,28 @@
-//! The planes that bound what is seen through portals, each with a bound on its error, and clipping portals
-//! to them.
+//! The planes that bound the view through portals, each with a bound on its error, and the clipping of
+//! portals against these planes.
 //!
-//! # Why nothing is lost to rounding
+//! # Why rounding loses no line of sight
 //! A window is a list of [`WindowPlane`]s: the planes of the view, and planes through the eye and an edge of
-//! a portal of the chain. *Every* line of sight through the chain is on the inner side of each. Planes are
-//! always made from a whole edge as it was given, never from corners that clipping has computed, so errors do
-//! not add up along a chain. Clipping only finds out which planes matter, and whether any line is left.
-//! Leaving a plane out shows more, never less. So two things must be safe:
-//! - each plane, by its error terms: derived at [`WindowPlane::through_edge`] and [`WindowPlane::of_view`];
-//! - that a polygon is called empty only if it is: derived at [`clip`].
+//! a portal of the chain. *Every* line of sight through the chain is on the inner side of each plane. A plane
+//! is always computed from a whole edge of an input polygon, never from corners that clipping has computed,
+//! so errors do not accumulate along a chain. Clipping only finds out which planes matter, and whether any
+//! line is left. Leaving a plane out enlarges the window and is conservative. Two facts remain to be proven:
+//! - the error terms of each plane are sufficient: derived at [`WindowPlane::through_edge`] and
+//!   [`WindowPlane::of_view`];
+//! - a polygon is reported empty only if it is empty: derived at [`clip`].
 
 use visibility_core::glam::DVec3;
 use visibility_core::{geometry::Plane, view::ViewPlane};
 
-/// Unit round-off of `f64`.
+/// Unit round-off of `f64`: 2^-53, the relative error of one rounded operation.
 pub(super) const U: f64 = f64::EPSILON / 2.0;
 
-/// A half-space that holds all lines of sight through a window, for points relative to the anchor of a
+/// A half-space that contains all lines of sight through a window, for points relative to the anchor of a
 /// [`PortalView`](super::portal_view::PortalView).
 ///
-/// A point `x` that is seen satisfies `normal . x + offset >= -(slack + slope |x|)`, with the unit normal as
-/// it is stored.
+/// Every point `x` seen through the window satisfies `normal . x + offset >= -(slack + slope |x|)`, with the
+/// unit normal as it is stored. `slack` is an absolute error in world units, `slope` an error per unit of
+/// distance from the anchor.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct WindowPlane {
     pub(super) plane: Plane,
@@ -29,29 +31,30 @@ pub(super) struct WindowPlane {
 }
 
 impl WindowPlane {
-    /// A plane of the view. Its normal's components are within `8 EPSILON` of their size, `16u |x|` in the
-    /// product with `x`; evaluating the product rounds by `4u |x|`, the sum by `u` of itself, which the rest
-    /// of `32u` covers.
+    /// Converts a plane of the view. Each component of its normal has a relative error of up to `8 EPSILON`,
+    /// which contributes `16u |x|` to the product with a point `x`. Evaluating the product rounds by `4u
+    /// |x|`, and the sum by `u` of itself. The slope of `32u` covers all three.
     pub(super) fn of_view(plane: &ViewPlane) -> Self {
         let ViewPlane { plane, error } = *plane;
         Self { plane, slope: 32.0 * U, slack: error + 4.0 * U * plane.offset.abs() }
     }
 
-    /// The plane through the eye, which is the anchor, and an edge from `a` to `b`, both within `error` of
-    /// where they truly are as the eye sees them (that includes the error of the eye itself). The normal is
-    /// on the left of the edge as seen from the eye; `sign` -1 turns it round. `None` if the edge is too
-    /// short, or too near in line with the eye, to bound anything.
+    /// Returns the half-space bounded by the plane through the eye, which is the anchor, and the edge from
+    /// `a` to `b`. The end points are anchor-relative, and each is within `error` of its exact position
+    /// relative to the exact eye. The inner side is on the left of the edge as seen from the eye for `sign`
+    /// 1, on the right for `sign` -1. `None` if the edge is too short, or too nearly in line with the eye, to
+    /// bound anything.
     ///
-    /// The true normal is `(a + p) x (b + q)` with `|p|, |q| <= error = e`. It is off `a x b` by at most
-    /// `e (|a| + |b| + e)`, and the computed product by another `4u |a| |b|` and, once it has unit length,
-    /// `8u` of itself. Of a point at `x`, as far as it is from the eye, that makes `slope |x|`, and `e` for
-    /// where the eye is.
+    /// The exact normal is `(a + p) x (b + q)` with `|p|, |q| <= error = e`. It differs from `a x b` by at
+    /// most `e (|a| + |b| + e)`. The computed product is off by another `4u |a| |b|` and, once it has unit
+    /// length, by `8u` of itself. For a point at a distance `|x|` from the eye this gives `slope |x|`, plus
+    /// `e` for the position of the eye.
     pub(super) fn through_edge(a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<Self> {
         let normal = a.cross(b);
         let (length, la, lb) = (normal.length(), a.length(), b.length());
         let off = error * (la + lb + error) + 8.0 * U * la * lb;
         let slope = off / length + 16.0 * U;
-        // Written so that a NaN is too short as well.
+        // Written so that a NaN is rejected as well.
         (slope < USELESS).then(|| Self {
             plane: Plane::new(normal * (sign / length), 0.0),
             slope,
@@ -59,12 +62,13 @@ impl WindowPlane {
         })
     }
 
-    /// As [`through_edge`](Self::through_edge), where the lines of sight run along a unit `direction`, within
-    /// `turn` of the true one.
+    /// Like [`through_edge`](Self::through_edge), for parallel lines of sight along a unit `direction` that
+    /// differs from the exact direction by at most `turn`. `None` if the edge is too short, or too nearly
+    /// parallel to the lines of sight, to bound anything.
     ///
-    /// The true normal is `direction' x (b - a + r)` with `|r| <= 2 error`; it is off by at most
-    /// `2 e + |b - a| (turn + 8u)`. Of a point `x`, that counts by its distance from `a`, at most
-    /// `|x| + |a|`.
+    /// The exact normal is `direction' x (b - a + r)` with `|r| <= 2 error`; the computed normal is off by at
+    /// most `2 e + |b - a| (turn + 8u)`. For a point `x` this error is multiplied by its distance from `a`,
+    /// at most `|x| + |a|`.
     pub(super) fn along(
         direction: DVec3,
         turn: f64,
@@ -85,53 +89,56 @@ impl WindowPlane {
         })
     }
 
-    /// The most that a point at a distance of at most `reach` from the anchor may be beyond the plane and
-    /// still be seen.
+    /// Returns the greatest distance, in world units, by which a visible point at most `reach` from the
+    /// anchor may seem to lie outside the plane.
     pub(super) fn margin(&self, reach: f64) -> f64 {
         self.slack + self.slope * reach
     }
 
-    /// Whether a box is certainly on the outer side. The box is relative to the anchor, and known up to
-    /// `error`. False for NaN.
+    /// Tests whether a box is certainly on the outer side of the plane. The box is anchor-relative, and its
+    /// corners are known up to `error` world units. `false` if undecided, touching or NaN.
     pub(super) fn excludes(&self, min: DVec3, max: DVec3, error: f64) -> bool {
         let n = self.plane.normal;
         let far = DVec3::select(n.cmpge(DVec3::ZERO), max, min);
         let reach = min.abs().max(max.abs());
-        // The sum of coordinates is at least the length.
+        // The sum of the absolute coordinates is at least the length.
         self.plane.signed_distance(far) < -(self.margin(reach.x + reach.y + reach.z) + error)
     }
 }
 
-/// Planes whose slope is no less than this are left out: they are known too little to bound anything.
+/// Maximum slope of a plane that is used. A plane with this slope or more is too uncertain to bound anything
+/// and is left out.
 const USELESS: f64 = 0.25;
 
-/// A corner of a clipped portal, and what bounds the portal from this corner to the next.
+/// A corner of a clipped portal, anchor-relative, and the source of the edge from this corner to the next.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Corner {
     pub(super) at: DVec3,
     pub(super) edge: Edge,
 }
 
-/// What bounds a clipped portal.
+/// The source of an edge of a clipped portal.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Edge {
-    /// The edge of the portal from this vertex to the next.
+    /// An edge of the portal itself: from the vertex of this index to the next vertex.
     Own(u32),
-    /// The plane of the window with this index.
+    /// A plane of the window: its index in `PortalWalk::sides`.
     Window(u32),
     /// The far plane, or a clip plane.
     End,
 }
 
-/// The part of a convex polygon inside of a side; `error` is how far the corners may be from the true
-/// polygon, and what clipping adds to that is added to it. Whether anything may be left.
+/// Clips a convex polygon with anchor-relative `corners` to the inner side of `side`, and replaces `out` by
+/// the result. New corners on the plane take `edge` as the source of their edge. `error` bounds the distance
+/// between the corners and the exact polygon; the rounding of clipping is added to it. Returns `false` if the
+/// polygon is certainly outside, so that nothing is left.
 ///
-/// Let a true point `x` of the polygon be inside of the true half-space: the side holds it to
-/// `n . x + o >= -margin`. The polygon that `corners` span has a point within `error` of it, for which
-/// `n . y + o >= -(margin + error)`: clipping to the plane moved out by that keeps `y`. To compute the
-/// distance of a corner rounds by `8u` of its reach, which is added once for the corner that is dropped, and
-/// once more for where the crossing is put. That point is off the edge by rounding only, `4u` of the reach:
-/// the new `error`.
+/// Let an exact point `x` of the polygon be inside the exact half-space, so that `n . x + o >= -margin`. The
+/// polygon that `corners` span has a point `y` within `error` of `x`, for which `n . y + o >= -(margin +
+/// error)`: clipping to the plane moved outwards by that sum keeps `y`. Computing the distance of a corner
+/// rounds by `8u` of its reach. This is added once for the corner that is dropped, and once more for the
+/// position of the crossing. The crossing is off the edge by rounding only, `4u` of the reach, which is added
+/// to `error`.
 pub(super) fn clip(
     corners: &[Corner],
     side: &WindowPlane,
@@ -154,7 +161,7 @@ pub(super) fn clip(
     let mut crossed = false;
     for i in 0..corners.len() {
         let b = corners.get(i + 1).map_or(first, |corner| (*corner, height(corner)));
-        // A NaN is on neither side, and kept.
+        // A NaN is on neither side, and is kept.
         let (a_out, b_out) = (a.1 < 0.0, b.1 < 0.0);
         if !a_out {
             out.push(a.0);

@@ -1,9 +1,10 @@
-//! Cells from any polygons, by a BSP tree along their planes.
+//! Cells from polygons in any position, by a BSP tree along the planes of the polygons.
 //!
 //! This work is based on: Henry Fuchs, Zvi Kedem and Bruce Naylor, "On Visible Surface Generation by A Priori
 //! Tree Structures", 1980, for the auto-partition; Seth Teller, "Visibility Computations in Densely Occluded
-//! Polyhedral Environments", 1992, for preferring the planes of which polygons cover most. A region in which
-//! no plane is covered enough is not divided; polygons left within it hide nothing.
+//! Polyhedral Environments", 1992, for preferring the planes with the largest covered fraction. A region in
+//! which polygons cover no plane sufficiently is not split. Polygons left inside such a region occlude
+//! nothing.
 
 use super::leaves::{Bsp, Child, Node, numbered};
 use super::subdivision::{GeometryError, Subdivision, checked};
@@ -18,37 +19,39 @@ use visibility_core::{
     pvs::Viewcells,
 };
 
-/// Which regions are solid, and so no cells.
+/// Rule that decides which regions are solid. Solid regions do not become cells.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Solid<'a> {
-    /// None. The inside of a wall is a cell that nobody enters.
+    /// No region is solid. The inside of a wall becomes a cell that no camera enters.
     Nothing,
-    /// Those that cannot be reached through portals from any of these points. None, if none of the points is
-    /// in a region.
+    /// Regions that no chain of portals joins to any of these points (world space) are solid. If none of the
+    /// points lies in a region, no region is solid.
     Unreached(&'a [DVec3]),
-    /// Those bounded by backs of polygons and by no fronts. A polygon's vertices run counter-clockwise as
-    /// seen from its front.
+    /// Regions bounded by back sides of polygons and by no front side are solid. A polygon's vertices run
+    /// counter-clockwise as seen from its front.
     Backs,
 }
 
-/// Settings of [`from_polygons`].
+/// Settings of [`from_polygons`]. Lengths are in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct PolygonSettings<'a> {
-    /// The distance, in world units, that a line must keep from all polygons to be certain to pass. `None`:
-    /// 2^-20 of the greatest coordinate, well above the rounding of `f32`.
+    /// Distance that a line must keep from all polygons to be certain to pass. `None`: 2^-20 of the greatest
+    /// absolute coordinate, well above the rounding of `f32`.
     pub tolerance: Option<f64>,
-    /// The least share of the section of a region, from 0 to 1, that polygons must cover for the region to
-    /// be split there. An area of 1/512 of the square of the longest side of the whole will do as well:
-    /// of a large region even large walls cover little.
+    /// Minimum covered fraction, from 0 to 1, for a split: the region is split along a plane if polygons
+    /// cover at least this fraction of the plane's section of the region. A covered area of at least 1/512 of
+    /// the square of the longest side of the bounding box also suffices, since even large walls cover a small
+    /// fraction of a large region. Default 0.25.
     pub least_share: f64,
-    /// The least area that polygons must cover in any case. `None`: 2^-13 of the square of the longest side
-    /// of the whole.
+    /// Minimum area that polygons must cover in a plane for any split, in square world units. `None`: 2^-13
+    /// of the square of the longest side of the bounding box.
     pub least_area: Option<f64>,
-    /// The distance by which the outermost cells reach beyond the polygons.
+    /// Distance by which the outermost cells extend beyond the polygons. Default 1.
     pub margin: f64,
-    /// The most regions. Splitting stops there.
+    /// Maximum number of leaf regions, solid ones included. Splitting stops there, breadth first. Default
+    /// 16,384.
     pub most_cells: usize,
-    /// Which regions are solid.
+    /// Rule that decides which regions are solid. Default [`Solid::Nothing`].
     pub solid: Solid<'a>,
 }
 
@@ -65,23 +68,21 @@ impl Default for PolygonSettings<'_> {
     }
 }
 
-/// The number of planes that are compared closely for a split: those with most area.
+/// Maximum number of planes that are scored for a split: the planes with the greatest covered area.
 const CANDIDATES: usize = 12;
 
-/// A polygon, or a part that splits have left of one.
+/// An input polygon, or the part of one inside the region of a node.
 #[derive(Clone, Debug)]
 struct Fragment {
     vertices: Vec<DVec3>,
-    /// Index of its plane among the distinct planes.
+    /// Index of its plane in the list of distinct planes.
     plane: u32,
     area: f64,
 }
 
-/// Divides space along opaque polygons of any kind: gaps, duplicates, T-junctions and polygons that pass
-/// through one another are allowed. Time is about that of regions times the polygons that reach into them.
-///
-/// # Errors
-/// [`GeometryError`], with the index of the polygon or the name of the setting.
+/// Divides space along opaque polygons in world space. Gaps, duplicates, T-junctions and polygons that
+/// intersect one another are allowed. Takes time proportional to the number of pairs of a region and a
+/// polygon that reaches into it. Without vertices the result is empty.
 ///
 /// ```
 /// use visibility_core::{geometry::ConvexPolygon, glam::DVec3};
@@ -98,7 +99,8 @@ struct Fragment {
 /// ```
 ///
 /// # Errors
-/// [`GeometryError`].
+/// [`GeometryError::NonFinite`] with the index of the polygon, [`GeometryError::Setting`] with the name of
+/// the setting (coordinates beyond 1e100 are reported there too), or [`GeometryError::Graph`].
 pub fn from_polygons(
     polygons: &[ConvexPolygon],
     settings: &PolygonSettings,
@@ -119,7 +121,7 @@ pub fn from_polygons(
     (min, max) = (min - margin, max + margin);
     let extent = min.abs().max(max.abs()).max_element();
     if extent > 1e100 {
-        // Areas and volumes of it would be no numbers.
+        // Areas and volumes of such coordinates would overflow.
         return Err(GeometryError::Setting { what: "the greatest coordinate", value: extent });
     }
     let tolerance = match settings.tolerance {
@@ -150,7 +152,7 @@ pub fn from_polygons(
             unreached(leaves.len(), &portals, starts)
         }
     };
-    // A leaf that nothing bounds is thinner than rounding.
+    // A leaf that no polygon piece bounds is thinner than the rounding, and is no cell.
     let keep: Vec<bool> = leaves
         .iter()
         .zip(&solid)
@@ -163,7 +165,7 @@ pub fn from_polygons(
     Ok(Subdivision { graph, viewcells: kept().map(|leaf| leaf.body.clone()).collect(), outside })
 }
 
-/// The settings as lengths, areas and counts.
+/// The settings converted to lengths, areas and counts, in world units.
 struct Limits {
     lengths: Lengths,
     share: f64,
@@ -172,11 +174,11 @@ struct Limits {
     leaves: usize,
 }
 
-/// The polygons that cover anything, and their planes. Planes that are nearly equal, or each other turned
-/// over, become one.
+/// Returns the input polygons wider than `lengths.sliver`, largest first, and the distinct planes that they
+/// index. Nearly equal planes become one, and so do planes of opposite orientation.
 fn fragments(polygons: &[ConvexPolygon], lengths: &Lengths) -> (Vec<Fragment>, Vec<Plane>) {
     let mut order: Vec<(f64, usize)> = polygons.iter().map(ConvexPolygon::area).zip(0..).collect();
-    // The largest first: their planes are the most certain.
+    // Largest first, since the planes of large polygons are the most accurate.
     order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let (mut fragments, mut planes): (Vec<Fragment>, Vec<Plane>) = (Vec::new(), Vec::new());
     let mut near: BTreeMap<[i64; 4], Vec<u32>> = BTreeMap::new();
@@ -186,7 +188,8 @@ fn fragments(polygons: &[ConvexPolygon], lengths: &Lengths) -> (Vec<Fragment>, V
         if width(vertices, plane.normal) <= lengths.sliver {
             continue;
         }
-        // Planes that look both ways are the same: turned so that the greatest component is positive.
+        // Opposite orientations are one plane: turned so that the greatest component of the normal is
+        // positive.
         let n = plane.normal;
         let greatest = (0..3).fold(0, |best, i| if n[i].abs() > n[best].abs() + 1e-6 { i } else { best });
         let faces_front = n[greatest] > 0.0;
@@ -240,8 +243,9 @@ fn build(fragments: Vec<Fragment>, planes: &[Plane], min: DVec3, max: DVec3, lim
     bsp
 }
 
-/// The plane to split a region along: the one of which polygons cover the greatest share, less for polygons
-/// that it cuts, more for balance. `None` if none is covered enough.
+/// Returns the plane along which to split the region of a node's child (`parent` is the node, and whether the
+/// child is in front). The score of a plane is the covered fraction of its section, less the fraction of
+/// polygons that it cuts, plus a bonus for balance. `None` if no plane is covered enough.
 fn best_plane(
     bsp: &Bsp,
     parent: Option<(u32, bool)>,
@@ -262,7 +266,7 @@ fn best_plane(
         let plane = planes[group as usize];
         let section = bsp.section(&plane, parent, &limits.lengths);
         let share = (covered / area(&section, plane.normal)).min(1.0);
-        // Where nothing of the plane is left, polygons lie beside the region by less than the tolerance.
+        // An empty section means that the polygons lie beside the region by less than the tolerance.
         if section.is_empty() || share < limits.share && covered < limits.large {
             continue;
         }
@@ -282,7 +286,9 @@ fn best_plane(
     best.map(|(_, plane)| plane)
 }
 
-/// The polygons in a plane, in front of it, and behind it.
+/// Distributes the fragments of a region to its two children. Returns the polygons in `plane` (each with
+/// `true` if it faces the plane's front), the fragments in front, and the fragments behind. Fragments that
+/// cross the plane are cut.
 #[allow(clippy::type_complexity)]
 fn divide(
     fragments: Vec<Fragment>,
@@ -318,14 +324,16 @@ fn divide(
 }
 
 impl Fragment {
-    /// Twice the area, along the normal around which the vertices run counter-clockwise.
+    /// Returns a vector of twice the polygon's area, along the normal around which the vertices run
+    /// counter-clockwise.
     fn normal(&self) -> DVec3 {
         let v = &self.vertices;
         v.windows(2).fold(DVec3::ZERO, |sum, pair| sum + (pair[0] - v[0]).cross(pair[1] - v[0]))
     }
 }
 
-/// The regions that no chain of portals joins to one of `starts`. None, if there are no starts.
+/// Returns, by leaf index, `true` if no chain of portals joins the leaf to one of `starts`. All `false` if
+/// `starts` is empty.
 fn unreached(
     leaves: usize,
     portals: &[super::leaves::LeafPortal],

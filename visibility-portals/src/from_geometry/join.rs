@@ -1,20 +1,21 @@
-//! Joins convex polygons of one plane into fewer that cover at least the same.
+//! Merging of coplanar convex polygons into fewer polygons that cover at least the same area.
 //!
-//! What is left of a portal when opaque polygons are taken away is more pieces than anyone needs. Two pieces
-//! become their convex hull where it is hardly larger than both. A little of what is opaque counts as open
-//! then, which is conservative, and chains of portals are far fewer.
+//! Subtracting opaque polygons from a portal leaves more pieces than necessary. Two pieces are replaced by
+//! their convex hull if the hull is hardly larger than both. A little opaque area then counts as open, which
+//! is conservative, and chains of portals become far fewer.
 
 use super::subtract::area;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// The most of a hull that may be opaque, as a share.
+/// Maximum fraction of a hull's area that may be opaque.
 const WASTE: f64 = 0.1;
 
-/// With more pieces, only the hull of all of them is tried.
+/// Maximum number of pieces to merge in pairs. With more pieces, only the hull of all pieces is tried.
 const MOST: usize = 48;
 
-/// Joins convex pieces of a plane with a unit normal.
+/// Merges coplanar convex pieces and replaces `pieces` by the result, which covers at least the same points.
+/// `normal` is the unit normal of the common plane.
 pub(super) fn join(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
     if pieces.len() < 2 {
         return;
@@ -39,7 +40,7 @@ pub(super) fn join(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
             (area(&both, normal) * (1.0 - WASTE) <= open).then_some((j, both))
         });
         match joined {
-            // What was joined may go together with pieces that were passed over: from the start.
+            // The merged piece may now fit pieces that were passed over, so the search starts again.
             Some((j, both)) => {
                 pieces.swap_remove(j);
                 pieces[i] = both;
@@ -50,8 +51,8 @@ pub(super) fn join(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
     }
 }
 
-/// The convex hull of points in a plane, counter-clockwise around its normal (Andrew, "Another Efficient
-/// Algorithm for Convex Hulls in Two Dimensions", 1979).
+/// Returns the convex hull of coplanar points, counter-clockwise around the unit `normal` of their plane
+/// (Andrew, "Another Efficient Algorithm for Convex Hulls in Two Dimensions", 1979).
 fn hull(points: impl Iterator<Item = DVec3>, normal: DVec3) -> Vec<DVec3> {
     let u = normal.any_orthonormal_vector();
     let v = normal.cross(u);
@@ -73,7 +74,7 @@ fn hull(points: impl Iterator<Item = DVec3>, normal: DVec3) -> Vec<DVec3> {
             }
             hull.push(p);
         }
-        // The last point of each side begins the other.
+        // The last point of each side is the first of the other.
         hull.pop();
     }
     hull.into_iter().map(|(_, _, p)| p).collect()

@@ -1,8 +1,8 @@
-//! Cells from walls along the axes, by a kd-tree with splits along the larger walls.
+//! Cells from axis-aligned walls, by a kd-tree with splits along the larger walls.
 //!
 //! This work is based on: Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive
-//! Walkthroughs", 1991. Space is split along the plane of which opaque faces cover most, until no wall worth
-//! it is left. Portals are what is not opaque of the rectangles between two leaves. All planes are
+//! Walkthroughs", 1991. Space is split along the plane with the greatest covered fraction, until no plane is
+//! covered enough. A portal is an open part of the rectangle that two leaves share. All planes are
 //! coordinates of walls, and nothing is computed from them, so every comparison is exact.
 
 use super::subdivision::{GeometryError, Subdivision, checked};
@@ -17,28 +17,32 @@ use visibility_core::{
 /// Settings of [`from_walls`], in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct WallSettings {
-    /// Coordinates that differ by no more than this become one.
+    /// Coordinates along one axis that differ by no more than this become one. 0 merges equal coordinates
+    /// only.
     pub tolerance: f64,
-    /// The least share of the section of a region, from 0 to 1, that faces must cover for the region to be
-    /// split there; or see `least_area`.
+    /// Minimum covered fraction, from 0 to 1, for a split: a region is split along a plane if wall faces
+    /// cover at least this fraction of the region's section there. A covered area of at least `least_area`
+    /// also suffices.
     pub least_share: f64,
-    /// The area that faces must cover, if it is less than that share. `None`: a thirty-second of the largest
-    /// face.
+    /// Covered area, in square world units, that suffices for a split even if the covered fraction is below
+    /// `least_share`. `None`: 1/32 of the largest wall face.
     pub least_area: Option<f64>,
-    /// The distance by which the outermost cells reach beyond the walls.
+    /// Distance by which the outermost cells extend beyond the walls.
     pub margin: f64,
-    /// The most cells. Splitting stops there.
+    /// Maximum number of cells. Splitting stops there.
     pub most_cells: usize,
 }
 
 impl Default for WallSettings {
-    /// Settings for metres: a tolerance of 0.1 mm, a margin of 1 m, a share of 0.3, 32,768 cells.
+    /// Returns settings for coordinates in metres: a tolerance of 0.1 mm, a margin of 1 m, a least share of
+    /// 0.3, no least area, at most 32,768 cells.
     fn default() -> Self {
         Self { tolerance: 1e-4, least_share: 0.3, least_area: None, margin: 1.0, most_cells: 1 << 15 }
     }
 }
 
-/// A box. Walls of no thickness have the same least and greatest coordinate along one axis.
+/// An axis-aligned box in world space. A wall without thickness has equal minimum and maximum coordinates
+/// along one axis.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Box3 {
     min: DVec3,
@@ -46,26 +50,29 @@ struct Box3 {
 }
 
 impl Box3 {
-    /// The common part of two boxes; empty if its corners are in the wrong order.
+    /// Returns the intersection of two boxes. A component of `min` exceeds that of `max` if the intersection
+    /// is empty.
     fn common(&self, other: &Self) -> Self {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }
     }
 
-    /// The area of the section across an axis; zero for an empty box.
+    /// Returns the area of the box's section perpendicular to `axis` (0 to 2). 0 if the section is empty.
     fn section(&self, axis: usize) -> f64 {
         let size = (self.max - self.min).max(DVec3::ZERO);
         size[(axis + 1) % 3] * size[(axis + 2) % 3]
     }
 }
 
-/// A node of the tree: a leaf with its cell (`None` if it is solid), or a split.
+/// A node of the kd-tree. A leaf holds its cell, `None` if a wall fills it. A split holds its axis, its
+/// coordinate, and `low`, the index of the lower child; the upper child follows at `low + 1`.
 #[derive(Clone, Copy, Debug)]
 enum Node {
     Leaf(Option<CellId>),
     Split { axis: usize, at: f64, low: usize },
 }
 
-/// A rectangle in the plane of a split, between a node on the lower side and one on the upper.
+/// A rectangle in the plane of a split that still has to be divided among leaves: `low` and `high` are
+/// indices of the nodes on the lower and the upper side.
 struct Shared {
     low: usize,
     high: usize,
@@ -73,16 +80,18 @@ struct Shared {
     rectangle: Box3,
 }
 
-/// Divides space along opaque boxes, each given by its least and its greatest corner in world space. A
-/// rectangle is a box of no thickness. What boxes fill is no cell. Takes time in proportion to cells times
-/// walls at worst.
+/// Divides space along opaque axis-aligned boxes, each given by its minimum and maximum corner in world
+/// space. A rectangle is a box without thickness. Regions filled by a box become no cell. Without walls the
+/// result is empty.
 ///
 /// # Cost
-/// Each cut looks at all walls of the part that it cuts. Walls that are spread out take `n log n` steps;
-/// walls of which most abut, or tile one plane, take a number that grows with the square of theirs.
+/// Each split inspects all walls of the region that it splits. Walls that are spread out take `n log n`
+/// steps. Walls of which most abut, or tile one plane, take a number of steps that grows with the square of
+/// the number of walls. Portals take time proportional to cells times walls at worst.
 ///
 /// # Errors
-/// [`GeometryError`], with the index of the wall or the name of the setting.
+/// [`GeometryError::NonFinite`] or [`GeometryError::NotAWall`] with the index of the wall,
+/// [`GeometryError::Setting`] with the name of the setting, or [`GeometryError::Graph`].
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -101,9 +110,6 @@ struct Shared {
 /// assert_eq!(rooms.graph.portals()[0].polygon().area(), 2.0);
 /// # Ok::<(), visibility_portals::from_geometry::GeometryError>(())
 /// ```
-///
-/// # Errors
-/// [`GeometryError`], with the wall.
 pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdivision, GeometryError> {
     let walls = prepared(walls, checked("the tolerance", settings.tolerance)?)?;
     let margin = DVec3::splat(checked("the margin", settings.margin)?);
@@ -132,12 +138,13 @@ pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdi
     Ok(Subdivision { graph, viewcells, outside })
 }
 
-/// The walls of a floor plan, for [`from_walls`]: an upright rectangle over each segment, from `z = floor` to
-/// `z = ceiling`, and the floor and the ceiling over all of them. Segments are along x or y. Openings are
-/// where there is no segment.
+/// Returns the walls of a floor plan, for [`from_walls`]: an upright rectangle over each segment, from `z =
+/// floor` to `z = ceiling`, and one floor and one ceiling over the bounds of all segments. Each segment must
+/// be parallel to x or y. Openings are gaps between segments. Without segments the result is empty.
 ///
 /// # Errors
-/// [`GeometryError::NotAWall`] for a segment along neither axis, [`GeometryError::NonFinite`].
+/// [`GeometryError::NotAWall`] for a segment parallel to neither axis, [`GeometryError::NonFinite`] for a
+/// segment with a NaN or infinite coordinate, both with the index of the segment.
 pub fn floor_plan(
     segments: &[[DVec2; 2]],
     floor: f64,
@@ -162,7 +169,11 @@ pub fn floor_plan(
     Ok(walls)
 }
 
-/// The walls, checked, with coordinates that differ by at most the tolerance made one.
+/// Checks the walls and snaps coordinates that differ by at most `tolerance` to one value. Walls without area
+/// are left out.
+///
+/// # Errors
+/// [`GeometryError::NonFinite`] or [`GeometryError::NotAWall`] with the index of the wall.
 fn prepared(walls: &[[DVec3; 2]], tolerance: f64) -> Result<Vec<Box3>, GeometryError> {
     let mut all = Vec::with_capacity(walls.len());
     for (index, &[min, max]) in walls.iter().enumerate() {
@@ -177,7 +188,7 @@ fn prepared(walls: &[[DVec3; 2]], tolerance: f64) -> Result<Vec<Box3>, GeometryE
     for axis in 0..3 {
         let mut values: Vec<f64> = all.iter().flat_map(|wall| [wall.min[axis], wall.max[axis]]).collect();
         values.sort_unstable_by(f64::total_cmp);
-        // The first of each run that is no longer than the tolerance stands for all of it.
+        // The least coordinate of each run stands for the whole run; a run is no longer than the tolerance.
         let mut starts: Vec<f64> = Vec::new();
         for value in values {
             if starts.last().is_none_or(|&start| value - start > tolerance) {
@@ -192,7 +203,7 @@ fn prepared(walls: &[[DVec3; 2]], tolerance: f64) -> Result<Vec<Box3>, GeometryE
             (wall.min[axis], wall.max[axis]) = (snapped(wall.min[axis]), snapped(wall.max[axis]));
         }
     }
-    // What has no area covers nothing.
+    // A box without area in all three sections covers nothing.
     all.retain(|wall| (0..3).any(|axis| wall.section(axis) > 0.0));
     Ok(all)
 }
@@ -236,8 +247,9 @@ impl Tree<'_> {
         }
     }
 
-    /// The plane of which faces cover most of a region: axis, coordinate, share of the region's section, and
-    /// area. Of equal planes the most central.
+    /// Returns the split plane with the greatest covered fraction of a region's section: axis, coordinate,
+    /// covered fraction, and covered area. Among equal fractions the most central plane wins. `None` if no
+    /// face lies inside the region. `faces` is scratch memory.
     fn best_split(
         &self,
         region: &Box3,
@@ -275,7 +287,8 @@ impl Tree<'_> {
         best
     }
 
-    /// The open parts of the rectangles between pairs of cells, the cell at lower coordinates first.
+    /// Returns the open parts of the rectangles that pairs of cells share, each with the two cells: first the
+    /// cell at lower coordinates, into which the polygon's normal does not point.
     fn portals(&self, root: &Box3) -> Vec<(ConvexPolygon, [CellId; 2])> {
         let mut shared = Vec::new();
         let mut regions = alloc::vec![(0, *root)];
@@ -313,7 +326,7 @@ impl Tree<'_> {
                     shared.push(Shared { low, high, axis, rectangle });
                 }
             }
-            // Of children one behind the other, that beside the plane.
+            // Both children lie along the split axis: the one that touches the rectangle's plane.
             (Node::Split { low: child, .. }, _) => {
                 shared.push(Shared { low: child + 1, high, axis, rectangle })
             }
@@ -326,7 +339,7 @@ impl Tree<'_> {
         }
     }
 
-    /// The rectangles that are left of one when walls are taken away.
+    /// Returns the parts of `rectangle`, perpendicular to `axis`, that no wall covers.
     fn open(&self, axis: usize, rectangle: &Box3) -> Vec<Box3> {
         let (mut open, mut next) = (alloc::vec![*rectangle], Vec::new());
         for wall in self.walls {
@@ -341,19 +354,21 @@ impl Tree<'_> {
     }
 }
 
-/// Whether a wall fills a region.
+/// Tests whether `wall` contains `region`; touching boundaries count as contained.
 fn fills(wall: &Box3, region: &Box3) -> bool {
     wall.min.cmple(region.min).all() && region.max.cmple(wall.max).all()
 }
 
-/// The parts of a rectangle below and above a coordinate, each with the child that it belongs to.
+/// Returns the parts of `rectangle` below and above coordinate `at` of `axis`, each with its child node:
+/// `child` below, `child + 1` above. A part without extent is left out.
 fn halves(rectangle: &Box3, axis: usize, at: f64, child: usize) -> impl Iterator<Item = (usize, Box3)> {
     let (mut below, mut above) = (*rectangle, *rectangle);
     (below.max[axis], above.min[axis]) = (below.max[axis].min(at), above.min[axis].max(at));
     [(child, below), (child + 1, above)].into_iter().filter(move |(_, part)| part.min[axis] < part.max[axis])
 }
 
-/// Appends what a wall leaves of a rectangle: up to four.
+/// Appends to `out` the parts of the rectangle `piece`, perpendicular to `axis`, that `wall` does not cover:
+/// up to four rectangles. The whole `piece` if the two do not overlap.
 fn without(axis: usize, piece: &Box3, wall: &Box3, out: &mut Vec<Box3>) {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let apart = |i: usize| wall.max[i] <= piece.min[i] || piece.max[i] <= wall.min[i];
@@ -378,8 +393,8 @@ fn without(axis: usize, piece: &Box3, wall: &Box3, out: &mut Vec<Box3>) {
     }
 }
 
-/// A rectangle across an axis as a polygon whose normal points along the axis. `None` if it is too thin for a
-/// polygon.
+/// Returns a rectangle perpendicular to `axis` as a polygon whose normal points along the axis. `None` if the
+/// rectangle is too thin for a polygon.
 fn upright(axis: usize, rectangle: &Box3) -> Option<ConvexPolygon> {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let corner = |a: DVec3, b: DVec3| {

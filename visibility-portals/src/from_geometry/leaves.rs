@@ -1,8 +1,9 @@
 //! Portals between the leaves of a BSP tree.
 //!
-//! The plane of each node, cut to the region of the node, is split to the leaves on both sides that it bounds
-//! (Naylor, Amanatides and Thibault, "Merging BSP Trees Yields Polyhedral Set Operations", 1990, call it the
-//! sub-hyperplane). What two leaves on opposite sides share of it, less what is opaque, is a portal.
+//! The plane of each node, clipped to the region of the node, is divided among the leaves that it bounds on
+//! both sides (Naylor, Amanatides and Thibault, "Merging BSP Trees Yields Polyhedral Set Operations", 1990,
+//! call the clipped plane the sub-hyperplane). The part that two leaves on opposite sides share, minus the
+//! opaque polygons, is a portal.
 
 use super::join::join;
 use super::subtract::{Lengths, around, subtract, width};
@@ -15,26 +16,27 @@ use visibility_core::{
     pvs::Viewcell,
 };
 
-/// A child of a node: another node, or a leaf.
+/// A child of a node: the index of another node, or of a leaf.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Child {
     Node(u32),
     Leaf(u32),
 }
 
-/// A plane that splits the region of its node.
+/// A node of the tree, with the plane that splits its region.
 #[derive(Clone, Debug)]
 pub(super) struct Node {
     pub(super) plane: Plane,
-    /// The parent node, and whether this one is in front of it.
+    /// Index of the parent node, and whether this node is on its front side. `None` for the root.
     pub(super) parent: Option<(u32, bool)>,
     pub(super) front: Child,
     pub(super) back: Child,
-    /// The opaque polygons in the plane; true with those that face its front.
+    /// Opaque polygons in the plane, each with `true` if it faces the front of the plane.
     pub(super) covers: Vec<(Vec<DVec3>, bool)>,
 }
 
-/// An opaque polygon, made ready to be taken away.
+/// An opaque polygon prepared for subtraction: planes perpendicular to the polygon through its widened edges,
+/// and the widened bounds.
 struct Cover {
     planes: Vec<Plane>,
     min: DVec3,
@@ -47,7 +49,7 @@ impl Cover {
         let mut planes = Vec::new();
         around(polygon, node.plane.normal, lengths.widen, &mut planes);
         let (min, max) = bounds(polygon);
-        // Widened, and off the plane.
+        // Covers the widening and the distance off the plane.
         let slack = 2.0 * (lengths.widen + lengths.plane);
         Self { planes, min: min - slack, max: max + slack, faces_front }
     }
@@ -58,7 +60,7 @@ fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     points.iter().fold(empty, |(min, max), &p| (min.min(p), max.max(p)))
 }
 
-/// A BSP tree of a box.
+/// A BSP tree of the box from `min` to `max`, in world space.
 #[derive(Clone, Debug)]
 pub(super) struct Bsp {
     pub(super) nodes: Vec<Node>,
@@ -67,22 +69,22 @@ pub(super) struct Bsp {
     pub(super) max: DVec3,
 }
 
-/// A leaf: its body, and what bounds it.
+/// A leaf: its volume, and the opaque area on its boundary.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
     pub(super) body: Viewcell,
-    /// Whether it touches the boundary of the box.
+    /// Whether the leaf touches the boundary of the box.
     pub(super) outside: bool,
-    /// Area of the fronts of polygons that bound it.
+    /// Area, in square world units, of the polygon fronts on the leaf's boundary.
     pub(super) fronts: f64,
-    /// Area of their backs.
+    /// Area, in square world units, of the polygon backs on the leaf's boundary.
     pub(super) backs: f64,
 }
 
-/// A portal between two leaves; its normal points into the second.
+/// A portal between two leaves, by leaf index. The polygon's normal points into the second leaf.
 pub(super) type LeafPortal = (ConvexPolygon, [u32; 2]);
 
-/// The part of a plane in a box.
+/// Returns the section of a plane with the box from `min` to `max`. Empty if the plane misses the box.
 pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Lengths) -> Vec<DVec3> {
     let middle = (min + max) * 0.5;
     let reach = (max - min).length();
@@ -97,7 +99,7 @@ pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Le
     polygon
 }
 
-/// Clips a polygon to the inner side of a plane.
+/// Clips a convex polygon to the inner side of a plane, in place. Empty if nothing is left.
 pub(super) fn cut(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &Lengths) {
     let mut inner = Vec::new();
     clip_into(polygon, plane, lengths.merge, &mut inner);
@@ -105,7 +107,8 @@ pub(super) fn cut(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &Lengths) {
 }
 
 impl Bsp {
-    /// The part of a plane in the region of one child of a node.
+    /// Returns the section of a plane with the region of one child of a node. `at` is the node and `true` for
+    /// its front child; `None` means the whole box. Empty if the plane misses the region.
     pub(super) fn section(
         &self,
         plane: &Plane,
@@ -122,7 +125,7 @@ impl Bsp {
         polygon
     }
 
-    /// The leaves, and the portals between them.
+    /// Returns the leaves, by leaf index, and the portals between them.
     pub(super) fn portals(&self, lengths: &Lengths) -> (Vec<Leaf>, Vec<LeafPortal>) {
         let empty = Viewcell { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY, planes: Vec::new() };
         let leaf = Leaf { body: empty, outside: false, fronts: 0.0, backs: 0.0 };
@@ -175,7 +178,8 @@ impl Bsp {
         (leaves, portals)
     }
 
-    /// Cuts a polygon to the leaves below a child. One that lies in the plane of a node goes to both sides.
+    /// Splits a polygon among the leaves below `child`, and appends each part to `out` with the index of its
+    /// leaf. A polygon that lies in the plane of a node goes to both sides.
     fn hand_down(
         &self,
         polygon: Vec<DVec3>,
@@ -223,7 +227,8 @@ impl Leaf {
     }
 }
 
-/// Numbers the leaves to be kept from 0, and renames the ends of their portals.
+/// Renumbers the leaves to be kept (`keep`, by leaf index) from 0. Returns their number, and the portals with
+/// the new numbers. Portals of a leaf that is not kept are dropped.
 pub(super) fn numbered(
     portals: Vec<LeafPortal>,
     keep: &[bool],

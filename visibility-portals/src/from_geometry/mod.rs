@@ -1,17 +1,18 @@
 //! Cells and portals from geometry.
 //!
-//! - [`from_walls`] divides space by a kd-tree along the larger walls: for buildings along the axes and for
+//! - [`from_walls`] divides space by a kd-tree along the larger walls: for axis-aligned buildings and for
 //!   floor plans.
-//! - [`from_polygons`] divides it by a BSP tree along the planes of polygons: for everything else.
+//! - [`from_polygons`] divides space by a BSP tree along the planes of polygons: for all other geometry.
 //!
-//! # Promises
-//! Both are conservative: wherever the cells are, a line that stays farther than the tolerance from all
-//! polygons is never stopped. Opaque is what polygons certainly cover. Where they leave a gap, there is a
-//! portal. Polygons too small to divide space by cover nothing, except in planes that were chosen for other
-//! polygons. So more and smaller cells make the answer tighter, never wrong.
+//! # Guarantees
+//! Both functions are conservative. Wherever the cell boundaries lie, a line that stays farther than the
+//! tolerance from all polygons is never blocked. Only the area that polygons certainly cover is opaque, and
+//! every gap between polygons becomes a portal. Polygons too small to divide space cover nothing, except in
+//! planes that were chosen for other polygons. More and smaller cells therefore make the result tighter, and
+//! fewer cells never make it wrong.
 //!
-//! Portals narrower than the tolerance are left out, since any line through one passes within the tolerance
-//! of its edges.
+//! Portals narrower than the tolerance are left out, since any line through such a portal passes within the
+//! tolerance of its edges.
 
 mod bsp;
 mod join;

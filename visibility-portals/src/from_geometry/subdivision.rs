@@ -1,4 +1,4 @@
-//! The result of dividing space, and the errors.
+//! The result of dividing space into cells, and its errors.
 
 use alloc::vec::Vec;
 use core::fmt;
@@ -8,21 +8,22 @@ use visibility_core::{
     pvs::{Viewcell, Viewcells},
 };
 
-/// Cells, the portals between them, and their bodies.
+/// Cells, the portals between them, and the volumes of the cells.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Subdivision {
-    /// Cells and portals.
+    /// The graph of cells and portals.
     pub graph: CellGraph,
-    /// The bodies of the cells, in world space; viewcell `i` is that of cell `i`.
+    /// Volumes of the cells, in world space; viewcell `i` is the volume of cell `i`.
     pub viewcells: Vec<Viewcell>,
-    /// The cells that touch the boundary of the region that was divided, ascending.
+    /// Cells that touch the boundary of the divided region, ascending.
     pub outside: Vec<CellId>,
 }
 
 impl Subdivision {
-    /// The shortest way, by number of portals, from the cell that a point of the world is in to an outside
-    /// cell. On a map that is meant to be closed, it shows where the map is not. `None` if there is no way,
-    /// and for a point in no cell. Takes time in proportion to cells and portals.
+    /// Returns the path with the fewest portals from the cell that contains the point `inside` (world space)
+    /// to an outside cell. On a map that is meant to be closed, the path shows the hole. `None` if no path
+    /// leads outside, or if the point lies in no cell. Takes time proportional to the number of cells and
+    /// portals.
     pub fn leak(&self, inside: visibility_core::glam::DVec3) -> Option<Leak> {
         let from = Viewcells::new(self.viewcells.iter().cloned())
             .locate(inside)
@@ -37,22 +38,23 @@ impl Subdivision {
 pub enum GeometryError {
     /// A coordinate is NaN or infinite.
     NonFinite {
-        /// Which wall, polygon or segment, in the order given.
+        /// Index of the wall, polygon or segment in the input.
         index: usize,
     },
-    /// A box whose greatest corner is less than its least, or a segment that is not along an axis.
+    /// A box whose minimum corner exceeds its maximum corner along an axis, or a segment of a floor plan that
+    /// is parallel to no axis.
     NotAWall {
-        /// Which.
+        /// Index of the wall or segment in the input.
         index: usize,
     },
     /// A setting is NaN, infinite, negative, or too small for coordinates of this size.
     Setting {
         /// Name of the setting.
         what: &'static str,
-        /// Its value.
+        /// Value of the setting.
         value: f64,
     },
-    /// More cells or portals than a graph can have.
+    /// The cells and portals do not fit into a graph.
     Graph(CellGraphError),
 }
 
@@ -75,7 +77,10 @@ impl From<CellGraphError> for GeometryError {
     }
 }
 
-/// A setting that must be finite and not negative.
+/// Returns `value` if it is finite and not negative.
+///
+/// # Errors
+/// [`GeometryError::Setting`] with the name `what` otherwise.
 pub(super) fn checked(what: &'static str, value: f64) -> Result<f64, GeometryError> {
     if value >= 0.0 && value.is_finite() { Ok(value) } else { Err(GeometryError::Setting { what, value }) }
 }

@@ -1,41 +1,45 @@
-//! Taking opaque polygons away from a polygon of the same plane.
+//! Subtraction of opaque polygons from a coplanar polygon.
 
 use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
-/// Distances below which differences mean nothing, in world units, all parts of one tolerance.
+/// Distances below which differences are ignored, in world units. All are fractions of one tolerance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lengths {
-    /// A polygon whose vertices are all within this of a plane lies in it.
+    /// A polygon whose vertices are all within this distance of a plane lies in the plane.
     pub(super) plane: f64,
-    /// Opaque polygons are widened by this, so that two that share an edge leave no gap. A corner is cut off
-    /// where it would stick out more than 1.42 times as far.
+    /// Opaque polygons are widened by this distance, so that two polygons that share an edge leave no gap. A
+    /// corner is cut off where it would extend more than 1.42 times as far.
     pub(super) widen: f64,
-    /// What is narrower than this is no portal.
+    /// A piece no wider than this is no portal.
     pub(super) sliver: f64,
-    /// Points nearer to each other are one, and points nearer to a plane are on it. Some thousand times the
-    /// rounding of coordinates.
+    /// Points no farther apart than this become one, and points no farther from a plane are on it. About a
+    /// thousand times the rounding of the coordinates.
     pub(super) merge: f64,
 }
 
 impl Lengths {
-    /// Half of the tolerance for being off the plane and 1.42 quarters for being widened make 0.86 of it:
-    /// nothing opaque reaches farther from the polygon that it stands for.
+    /// Returns the lengths for a tolerance and for coordinates of at most `extent` in absolute value. An
+    /// opaque polygon extends by 1/2 of the tolerance off its plane and by 1.42/4 of the tolerance within the
+    /// plane: 0.86 of the tolerance in all, so no opaque point is farther than the tolerance from its input
+    /// polygon.
     pub(super) fn new(tolerance: f64, extent: f64) -> Self {
         let merge = extent / (1u64 << 40) as f64;
         Self { plane: tolerance * 0.5, widen: tolerance * 0.25, sliver: tolerance * 0.25, merge }
     }
 
-    /// The least tolerance that leaves room for rounding.
+    /// Returns the smallest tolerance that exceeds the rounding of coordinates of at most `extent` in
+    /// absolute value, with a margin.
     pub(super) fn least_tolerance(extent: f64) -> f64 {
         extent / (1u64 << 36) as f64
     }
 }
 
-/// Appends planes at right angles to that of a polygon, inner side first, whose common part is the polygon
-/// widened by `by`.
+/// Replaces `out` by planes perpendicular to the plane of `cover`, whose common inner side is the convex
+/// polygon `cover` widened by `by`. `normal` is the unit normal of the polygon's plane, in either
+/// orientation.
 pub(super) fn around(cover: &[DVec3], normal: DVec3, by: f64, out: &mut Vec<Plane>) {
     out.clear();
     let doubled =
@@ -52,15 +56,17 @@ pub(super) fn around(cover: &[DVec3], normal: DVec3, by: f64, out: &mut Vec<Plan
         out.push(Plane::new(side, by - side.dot(a)));
         let (_, before) = edges[(i + edges.len() - 1) % edges.len()];
         if before.dot(side) < 0.0 {
-            // A corner sharper than a right angle. In the middle between the sides; where they are opposite,
-            // back along the edge.
+            // A corner sharper than a right angle is cut off perpendicular to its bisector. Where the two
+            // sides are opposite, the cut is perpendicular to the edge.
             let cut = (before + side).try_normalize().unwrap_or(side.cross(inward));
             out.push(Plane::new(cut, by - cut.dot(a)));
         }
     }
 }
 
-/// Takes what is inside of all the planes away from polygons. Returns how much area that was.
+/// Subtracts the common inner side of `planes` from the convex polygons `pieces`, and replaces `pieces` by
+/// the remaining parts. Returns the subtracted area. Parts narrower than `lengths.sliver` are dropped.
+/// `normal` is the unit normal of the pieces.
 pub(super) fn subtract(
     pieces: &mut Vec<Vec<DVec3>>,
     planes: &[Plane],
@@ -93,7 +99,7 @@ pub(super) fn subtract(
     covered
 }
 
-/// The area of a polygon, projected along a unit normal.
+/// Returns the area of a polygon projected along a unit normal. 0 for an empty polygon.
 pub(super) fn area(polygon: &[DVec3], normal: DVec3) -> f64 {
     let sum = polygon
         .windows(2)
@@ -101,7 +107,9 @@ pub(super) fn area(polygon: &[DVec3], normal: DVec3) -> f64 {
     (sum.dot(normal) * 0.5).abs()
 }
 
-/// The width of a convex polygon: the least distance of two parallel lines with the polygon between them.
+/// Returns the width of a convex polygon: the smallest distance of two parallel lines with the polygon
+/// between them. `normal` is the unit normal of its plane. 0 if the polygon is empty or all its vertices
+/// coincide.
 pub(super) fn width(polygon: &[DVec3], normal: DVec3) -> f64 {
     let mut least = f64::INFINITY;
     for (i, &a) in polygon.iter().enumerate() {
@@ -134,7 +142,7 @@ mod tests {
         let s = square(3.1, 4.7, 10.0 / 3.0);
         let mut pieces = alloc::vec![s.clone()];
         let mut planes = Vec::new();
-        // Turned against each other, and the second with a T-junction in the shared edge.
+        // The triangles have opposite orientations, and the second diagonal has a T-junction.
         let middle = (s[0] + s[2]) * 0.5;
         for cover in
             [alloc::vec![s[0], s[1], s[2]], alloc::vec![s[0], s[3], middle], alloc::vec![middle, s[3], s[2]]]
@@ -155,7 +163,7 @@ mod tests {
             subtract(&mut pieces, &planes, DVec3::Z, &lengths);
         }
         assert!((left(&pieces) - 25.0).abs() < 1e-3, "{}", left(&pieces));
-        // Far away nothing is cut.
+        // A distant polygon subtracts nothing.
         around(&square(50.0, 50.0, 5.0), DVec3::Z, lengths.widen, &mut planes);
         let before = pieces.clone();
         assert_eq!(subtract(&mut pieces, &planes, DVec3::Z, &lengths), 0.0);

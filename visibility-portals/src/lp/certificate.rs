@@ -1,5 +1,5 @@
-//! Multipliers that show that constraints contradict each other (Farkas' lemma), checked so that no rounding
-//! can be mistaken for a proof.
+//! Multipliers that prove that constraints contradict each other (Farkas' lemma), checked so that rounding
+//! can never pass for a proof.
 //!
 //! Let `h_i . x >= s_i` for all `i`, and `|x_k| <= B_k`. For any `l_i >= 0` and `r = sum l_i h_i`,
 //!
@@ -7,18 +7,19 @@
 //! sum l_i s_i  <=  r . x  <=  sum |r_k| B_k
 //! ```
 //!
-//! so that no `x` exists if the left side is surely greater than the right one. It does not matter where the
-//! multipliers come from: here they are found by elimination in `f64` and corrected in numbers of twice the
-//! length, which leaves an `r` of about 2^-100; then the bound is evaluated, with every rounding counted
-//! against it.
+//! so that no `x` exists if the left side is certainly greater than the right side. The origin of the
+//! multipliers does not matter. Here they are found by elimination in `f64` and corrected in double-double
+//! numbers, which leaves an `r` of about 2^-100. Then both sides are evaluated, with every rounding counted
+//! against the proof.
 
 use visibility_core::geometry::DoubleDouble;
 
-/// The most constraints of a certificate: by Helly's theorem seven for six variables; one more for a
-/// constraint of the caller's.
+/// Maximum number of constraints of a certificate: seven for six variables by Helly's theorem, and one more
+/// constraint for the caller.
 pub(crate) const MOST: usize = 8;
 
-/// The constraint `normal . x >= least`, where each coordinate of the normal is known up to `error`.
+/// The constraint `normal . x >= least`. Each coordinate of the stored normal is within `error` of its exact
+/// value.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row<const K: usize> {
     pub(crate) normal: [DoubleDouble; K],
@@ -26,17 +27,18 @@ pub(crate) struct Row<const K: usize> {
     pub(crate) least: f64,
 }
 
-/// Underflow takes at most 2^-1074 from any of the few hundred operations below: less than this in all.
+/// Bound on the total loss by underflow. Each of the few hundred operations below loses at most 2^-1074.
 const UNDERFLOW: f64 = 1e-300;
 
-/// Rounds up quotients and sums of the bound below, which are wrong by far less.
+/// Factor that rounds a computed bound up. The quotients and sums below have far smaller relative errors.
 const UP: f64 = 1.0 + 1e-12;
 
-/// The left and the right side of the bound, each rounded against a proof.
+/// Returns a lower bound of the left side of the inequality at the head of this module, and an upper bound of
+/// its right side. `bounds` are the `B_k`.
 fn sides<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[DoubleDouble]) -> (f64, f64) {
-    // The left: each term is a product of numbers that are exact, the smaller part of the multiplier below
-    // 2^-53 of the greater, and the sum of at most eight is wrong by less than 2^-49 of the sum of their
-    // sizes.
+    // The left side: each term is a product of exact numbers, with the smaller part of the multiplier below
+    // 2^-53 of the greater. The sum of at most eight terms is off by less than 2^-49 of the sum of their
+    // absolute values.
     let (mut left, mut size) = (DoubleDouble::ZERO, 0.0);
     for (row, &l) in rows.iter().zip(multipliers) {
         let term = l.times(DoubleDouble::from(row.least));
@@ -47,7 +49,7 @@ fn sides<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[Doub
         (left.hi + left.lo) - size * (16.0 * DoubleDouble::ERROR) * UP - left.hi.abs() * 4.0 * f64::EPSILON;
     let mut right = 0.0;
     for (k, bound) in bounds.iter().enumerate() {
-        // Eight products and eight sums, each wrong by at most ERROR of what has been added up so far.
+        // Eight products and eight sums, each off by at most ERROR of the sum of the absolute values so far.
         let (mut sum, mut size, mut unknown) = (DoubleDouble::ZERO, 0.0, 0.0);
         for (row, &l) in rows.iter().zip(multipliers) {
             let term = l.times(row.normal[k]);
@@ -61,13 +63,14 @@ fn sides<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[Doub
     (left - UNDERFLOW, right * UP + UNDERFLOW)
 }
 
-/// Whether multipliers prove that no `x` satisfies all rows.
+/// Tests whether the multipliers (one per row) prove that no `x` with `|x_k| <= bounds[k]` satisfies all
+/// rows. `false` for more than [`MOST`] rows, for a negative multiplier, and for NaN or infinity.
 pub(crate) fn proves<const K: usize>(
     rows: &[Row<K>],
     bounds: &[f64; K],
     multipliers: &[DoubleDouble],
 ) -> bool {
-    // Not the other way round: what is not a number proves nothing.
+    // Written so that a NaN is rejected.
     if !multipliers.iter().all(|l| l.hi >= l.lo.abs()) || rows.len() > MOST {
         return false;
     }
@@ -75,17 +78,18 @@ pub(crate) fn proves<const K: usize>(
     left > right && right < f64::INFINITY
 }
 
-/// Multipliers that prove that no `x` satisfies all of at most [`MOST`] rows; zero for rows that are not
-/// needed. `None` if none are found, which proves nothing.
+/// Searches multipliers that prove that no `x` with `|x_k| <= bounds[k]` satisfies all `rows`; 0 for rows
+/// that the proof does not need. `None` if none are found, which proves nothing, and for more than [`MOST`]
+/// rows.
 pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option<[DoubleDouble; MOST]> {
     if rows.len() > MOST {
         return None;
     }
-    // What counts as zero depends on how the rows lie; whatever is tried is checked.
+    // The threshold for zero depends on the rows, so three are tried. Every result is checked by `proves`.
     [1e-12, 1e-9, 1e-6].into_iter().find_map(|zero| {
         let mut used = [false; MOST];
         used[..rows.len()].fill(true);
-        // Each time round at least one row is dropped.
+        // Each iteration drops at least one row.
         for _ in 0..rows.len() {
             let elimination = Elimination::new(rows, &used)?;
             let (l, dropped) = elimination.nonnegative(zero)?;
@@ -102,15 +106,16 @@ pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option
     })
 }
 
-/// Gaussian elimination with full pivoting. The columns of the matrix are the normals of rows.
+/// Gaussian elimination with full pivoting (LU decomposition) of the matrix whose columns are the normals of
+/// the used rows.
 struct Elimination<const K: usize> {
-    /// Multipliers below the pivots, the upper triangle from the pivots on; rows and columns in pivoting
-    /// order.
+    /// LU factors in place: multipliers below the diagonal, the upper triangle from the diagonal on. Matrix
+    /// rows and columns are in pivoting order.
     m: [[f64; MOST]; K],
-    /// Which coordinate, and which of the rows, each has been.
+    /// Coordinate index of each matrix row; `row` holds the constraint index of each matrix column.
     coordinate: [usize; K],
     row: [usize; MOST],
-    /// By column: the factor that its normal was scaled by.
+    /// By matrix column: the factor that the constraint's normal was scaled by.
     scale: [f64; MOST],
     count: usize,
     rank: usize,
@@ -163,7 +168,8 @@ impl<const K: usize> Elimination<K> {
         Some(Self { m, coordinate, row, scale, count, rank })
     }
 
-    /// Solves for the pivot columns, given the right side of the eliminated equations.
+    /// Solves the upper triangular system of the pivot columns for the right side `right`, after forward
+    /// elimination.
     fn back(&self, mut right: [f64; K]) -> [f64; K] {
         for k in (0..self.rank).rev() {
             for j in k + 1..self.rank {
@@ -174,8 +180,9 @@ impl<const K: usize> Elimination<K> {
         right
     }
 
-    /// Multipliers by index of the row, none negative, that make the sum of normals zero; and whether some
-    /// were as good as zero and were set to zero.
+    /// Returns multipliers by constraint index, none negative, whose weighted sum of normals is zero, and
+    /// whether constraints were dropped: a multiplier was at most `zero` relative to the greatest and was set
+    /// to 0, or a free column was left out. `None` if no free column gives such multipliers.
     fn nonnegative(&self, zero: f64) -> Option<([f64; MOST], bool)> {
         (self.rank..self.count).find_map(|free| {
             let mut right = [0.0; K];
@@ -200,7 +207,8 @@ impl<const K: usize> Elimination<K> {
         })
     }
 
-    /// Multipliers, corrected until the sum of normals is zero up to about 2^-100.
+    /// Returns the multipliers corrected by iterative refinement, until the weighted sum of normals is zero
+    /// up to about 2^-100.
     fn refined(&self, rows: &[Row<K>], multipliers: [f64; MOST]) -> [DoubleDouble; MOST] {
         let mut multipliers = multipliers.map(DoubleDouble::from);
         for _ in 0..3 {

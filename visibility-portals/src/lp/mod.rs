@@ -1,11 +1,11 @@
 //! Linear programs in few variables, with answers that are proofs.
 //!
-//! [`Solver`] finds a point in the intersection of half-spaces, or the best one, by the randomized
-//! incremental algorithm (Raimund Seidel, "Small-Dimensional Linear Programming and Convex Hulls Made Easy",
-//! 1991), in time linear in the half-spaces. It computes in `f64` and trusts none of it. A point is checked
-//! against all half-spaces. That there is none is only said with a [`Certificate`]: a few multipliers whose
-//! contradiction survives all rounding (Farkas' lemma). What can be proved neither way is
-//! [`Feasible::Maybe`].
+//! [`Solver`] finds a point in the intersection of half-spaces, or the point where an objective is greatest.
+//! It uses the randomized incremental algorithm (Raimund Seidel, "Small-Dimensional Linear Programming and
+//! Convex Hulls Made Easy", 1991), in time linear in the number of half-spaces. The algorithm computes in
+//! `f64`, and its results are verified afterwards. A point is checked against all half-spaces. Infeasibility
+//! is reported only with a [`Certificate`]: a few multipliers whose contradiction survives all rounding
+//! (Farkas' lemma). A program that can be proved neither way is [`Feasible::Maybe`].
 
 mod certificate;
 mod seidel;
@@ -15,12 +15,12 @@ pub(crate) use seidel::{BOX, Levels, Stop};
 
 use visibility_core::geometry::DoubleDouble;
 
-/// The points `x` with `normal . x + offset >= 0`.
+/// The points `x` with `normal . x + offset >= 0`, in `D` dimensions.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct HalfSpace<const D: usize> {
-    /// Points inwards; of any length.
+    /// Normal that points into the half-space; of any length.
     pub normal: [f64; D],
-    /// Value of the left side at the origin.
+    /// Value of `normal . x + offset` at the origin.
     pub offset: f64,
 }
 
@@ -49,8 +49,8 @@ impl Certificate {
         self
     }
 
-    /// The half-spaces that contradict each other, by index, each with its multiplier: the exact sum of two
-    /// numbers.
+    /// Returns the indices of the contradicting half-spaces, each with its multiplier: the exact sum of the
+    /// two numbers, the larger first.
     pub fn multipliers(&self) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
         let pairs = self.constraints.iter().zip(&self.multipliers).take(self.count);
         pairs.map(|(&constraint, l)| (constraint as usize, [l.hi, l.lo]))
@@ -62,25 +62,25 @@ impl Certificate {
 pub enum Feasible<const D: usize> {
     /// A point that certainly satisfies every half-space.
     Yes([f64; D]),
-    /// No point does, certainly.
+    /// Certainly no point satisfies every half-space.
     No(Certificate),
-    /// What they have in common, if anything, is too thin for rounding to tell; or a number is not finite.
+    /// Undecided: the intersection is empty or too thin for the rounding, or an input is not finite.
     Maybe,
 }
 
-/// The point of half-spaces at which an objective is greatest.
+/// The point of an intersection of half-spaces at which an objective is greatest.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Greatest<const D: usize> {
-    /// The point, up to rounding: it may be outside of half-spaces by about 1e-12 of its size.
+    /// The point, up to rounding: it may lie outside half-spaces by about 1e-12 of its size.
     At([f64; D]),
-    /// There is certainly no point at all.
+    /// The half-spaces have certainly no common point in the box.
     Infeasible(Certificate),
-    /// There is no point, or next to none; or a number is not finite.
+    /// Undecided: the intersection is empty or too thin for the rounding, or an input is not finite.
     Unknown,
 }
 
-/// Solves linear programs in `D` variables, from 1 to 6. Allocates nothing once it has seen the largest
-/// program.
+/// Solves linear programs in `D` variables, from 1 to 6. Other `D` give undecided results. Allocates nothing
+/// once it has seen the largest program.
 ///
 /// ```
 /// use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
@@ -101,19 +101,20 @@ pub struct Solver<const D: usize> {
     levels: Levels,
 }
 
-/// How far inside of all half-spaces a point is looked for, relative to the size of their coefficients, and
-/// the random order in which they are taken; one try after another. A point well inside is easily proved;
-/// where many half-spaces are nearly parallel, another order may lose fewer digits.
+/// Attempts of [`Solver::feasible`], in order: the distance by which the half-spaces are shrunk, relative to
+/// their greatest coefficient, and the seed of the random order. A point well inside is easily proved. Where
+/// many half-spaces are nearly parallel, another order may lose fewer digits.
 const TRIES: [(f64, u64); 5] = [(1e-9, 0), (0.0, 0), (1e-7, 1), (1e-10, 2), (0.0, 3)];
 
 impl<const D: usize> Solver<D> {
-    /// A solver that has seen no program.
+    /// Returns a solver that has no memory allocated.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Whether half-spaces have a point in common in the box of the points with no coordinate beyond `bound`
-    /// in size.
+    /// Tests whether half-spaces have a common point in the box of the points whose coordinates are at most
+    /// `bound` in absolute value. [`Feasible::Maybe`] if undecided, or if an input is not finite or `bound`
+    /// is negative.
     pub fn feasible(&mut self, constraints: &[HalfSpace<D>], bound: f64) -> Feasible<D> {
         if !is_finite(constraints, bound) {
             return Feasible::Maybe;
@@ -138,8 +139,9 @@ impl<const D: usize> Solver<D> {
         Feasible::Maybe
     }
 
-    /// The point at which `objective . x` is greatest, of the half-spaces and of the box of the points with
-    /// no coordinate beyond `bound` in size. If there are several, one of them.
+    /// Returns the point at which `objective . x` is greatest among the points in all half-spaces and in the
+    /// box of coordinates of at most `bound` in absolute value. If several points are equally good, one of
+    /// them. Linear in the number of half-spaces.
     pub fn greatest(&mut self, constraints: &[HalfSpace<D>], objective: [f64; D], bound: f64) -> Greatest<D> {
         if !is_finite(constraints, bound) || objective.iter().any(|o| !o.is_finite()) {
             return Greatest::Unknown;
@@ -148,7 +150,7 @@ impl<const D: usize> Solver<D> {
         self.levels.seed = 0;
         match self.levels.solve(constraints.len(), constraint, objective, [bound; D]) {
             Ok(x) => Greatest::At(x),
-            // A conflict may be half-spaces that touch; there may be others that contradict each other.
+            // A conflict may be half-spaces that only touch, while other half-spaces contradict each other.
             Err(stop) => {
                 let certificate =
                     (stop == Stop::Conflict).then(|| self.certificate(constraints, bound)).flatten();
@@ -160,7 +162,8 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    /// The proof that the half-spaces come upon last contradict each other, if they do.
+    /// Returns the certificate that the half-spaces in the solver's last conflict contradict each other.
+    /// `None` if no proof is found.
     fn certificate(&self, constraints: &[HalfSpace<D>], bound: f64) -> Option<Certificate> {
         let mut rows = [Row { normal: [DoubleDouble::ZERO; D], error: 0.0, least: -bound }; MOST];
         let conflict = self.levels.conflict();
@@ -175,7 +178,7 @@ impl<const D: usize> Solver<D> {
             }
         }
         let multipliers = find(&rows[..conflict.len()], &[bound; D])?;
-        // What the sides of the box add, the box pays for in any case.
+        // The multipliers of box sides are left out: the definition of a certificate includes the box.
         let pairs = conflict.iter().copied().zip(multipliers);
         Some(Certificate::new(pairs.filter(|(tag, _)| *tag < BOX)))
     }
@@ -188,12 +191,12 @@ fn is_finite<const D: usize>(constraints: &[HalfSpace<D>], bound: f64) -> bool {
         && constraints.iter().all(finite)
 }
 
-/// Whether a point is certainly in the box and in all half-spaces.
+/// Tests whether a point is certainly in the box and in all half-spaces. `false` if undecided.
 fn is_inside<const D: usize>(constraints: &[HalfSpace<D>], bound: f64, x: &[f64; D]) -> bool {
     x.iter().all(|x| x.abs() <= bound)
         && constraints.iter().all(|half| {
-            // In f64, the sum of up to seven numbers is wrong by less than 2^-49 of the sum of their sizes,
-            // which itself is.
+            // In f64, the sum of up to seven numbers is off by less than 2^-49 of the sum of their absolute
+            // values; the computed size has a relative error of the same order.
             let (mut sum, mut size) = (half.offset, half.offset.abs());
             for (a, x) in half.normal.iter().zip(x) {
                 sum += a * x;
@@ -202,7 +205,8 @@ fn is_inside<const D: usize>(constraints: &[HalfSpace<D>], bound: f64, x: &[f64;
             if sum >= size * (16.0 * f64::EPSILON) && sum > 1e-290 || size == 0.0 {
                 return true;
             }
-            // Touching points of round numbers are often exact in numbers of twice the length.
+            // Points of round numbers that lie exactly on a boundary are often exact in double-double
+            // numbers.
             let (mut sum, mut size) = (DoubleDouble::from(half.offset), half.offset.abs());
             for (&a, &x) in half.normal.iter().zip(x) {
                 let term = DoubleDouble::product(a, x);

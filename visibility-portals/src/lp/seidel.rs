@@ -1,50 +1,50 @@
-//! The recursion: a program in d variables by programs in d - 1.
+//! The recursion of Seidel's algorithm: a program in d variables is solved by programs in d - 1.
 //!
 //! This work is based on: Raimund Seidel, "Small-Dimensional Linear Programming and Convex Hulls Made Easy",
-//! 1991. Constraints are looked at one by one, in random order. As long as the best point so far satisfies
-//! the next one, nothing happens; if it does not, the new best point lies in the plane of that constraint,
-//! and a program of one dimension less, of the constraints before it, finds it. In random order the i-th does
-//! so with probability d / i, which makes O(d! n) steps in all.
+//! 1991. Constraints are inspected one by one, in random order. As long as the best point so far satisfies
+//! the next constraint, the point is kept. Otherwise the new best point lies in the plane of that constraint,
+//! and a program of one dimension less, made of the constraints before it, finds the point. In random order
+//! the i-th constraint requires this with probability d / i, which gives O(d! n) steps in all.
 //!
-//! In the program itself, not in those of fewer dimensions, the next constraint is the one that the best
-//! point so far is farthest from satisfying (as Bernd Gaertner, "Fast and Robust Smallest Enclosing Balls",
-//! 1999, does): few are ever looked at in their planes, and those programs of fewer dimensions are short.
+//! In the program of full dimension, but not in those of fewer dimensions, the next constraint is the one
+//! that the best point so far violates most (as in Bernd Gaertner, "Fast and Robust Smallest Enclosing
+//! Balls", 1999). Few constraints then need a program in their planes, and those programs are short.
 //!
-//! Everything here is ordinary `f64` with a tolerance and proves nothing: it proposes a point, or the few
-//! constraints that seem to contradict each other. One function for each dimension, made by one macro, so
-//! that each row is an array of known length.
+//! All computation here is ordinary `f64` with a tolerance and proves nothing. It proposes a point, or the
+//! few constraints that seem to contradict each other. One macro makes a function for each dimension, so that
+//! each row is an array of fixed length.
 
 use alloc::vec::Vec;
 
-/// The most variables.
+/// Maximum number of variables.
 pub(crate) const DIMENSIONS: usize = 6;
 
-/// From here on, tags name the bounds of the box: the upper bound of variable k is `BOX + 2 k`, the lower one
-/// `BOX + 2 k + 1`.
+/// First tag of the bounds of the box. The upper bound of variable k has the tag `BOX + 2 k`, the lower bound
+/// `BOX + 2 k + 1`. Smaller tags are indices of constraints.
 pub(crate) const BOX: u32 = u32::MAX - 2 * DIMENSIONS as u32;
 
-/// A point that is outside of a constraint by less satisfies it; relative to the size of the point and to the
-/// greatest coefficient. No proof depends on it.
+/// A point outside a constraint by less than this satisfies it. Relative to the size of the point and to the
+/// constraint's greatest coefficient. No proof depends on this value.
 const TOLERANCE: f64 = 1e-12;
 
-/// Coefficients of size one that cancel to less are zero.
+/// Coefficients of size 1 that cancel to no more than this become zero.
 const NOTHING: f64 = 1e-13;
 
-/// Rows looked at, by all levels together and for each row of the program, before it is given up. In random
-/// order that is as good as impossible.
+/// Limit on the rows inspected, per row of the program and summed over all dimensions. In random order the
+/// limit is practically never reached.
 const STEPS_PER_ROW: u64 = 200_000;
 
-/// Why there is no point.
+/// Why the solver returned no point.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Stop {
     /// The constraints in [`Levels::conflict`] contradict each other, up to rounding.
     Conflict,
-    /// The limit of steps was reached.
+    /// The limit of steps was reached, or the dimension is not supported.
     GaveUp,
 }
 
-/// Rows of one dimension: coefficients, then the constant, and a tag. The greatest coefficient is 1 or -1, or
-/// all are zero.
+/// Rows of the program of one dimension: coefficients, then the constant, and the tag of the constraint. The
+/// greatest coefficient is 1 in absolute value, or all are zero.
 type Rows<const N: usize> = Vec<([f64; N], u32)>;
 
 /// Scratch memory of the programs of all dimensions.
@@ -56,26 +56,29 @@ pub(crate) struct Levels {
     rows4: Rows<5>,
     rows5: Rows<6>,
     rows6: Rows<7>,
-    /// By dimension: the constraint in whose plane the program of one dimension less lies.
+    /// By dimension d: the tag of the constraint in whose plane the program of dimension d - 1 lies.
     tight: [u32; DIMENSIONS + 1],
-    /// The constraints that contradict each other, after [`Stop::Conflict`].
+    /// Tags of the constraints that contradict each other, after [`Stop::Conflict`]. The first `conflicting`
+    /// entries are valid.
     conflict: [u32; DIMENSIONS + 1],
     conflicting: usize,
     steps: u64,
-    /// By variable: the bound on its size.
+    /// By variable: the bound on its absolute value.
     bounds: [f64; DIMENSIONS],
-    /// Chooses the random order of the rows.
+    /// Seed of the random order of the rows.
     pub(crate) seed: u64,
 }
 
 impl Levels {
-    /// The tags of the constraints that contradict each other.
+    /// Returns the tags of the constraints that contradict each other. Empty if the last program found no
+    /// conflict.
     pub(crate) fn conflict(&self) -> &[u32] {
         &self.conflict[..self.conflicting]
     }
 
-    /// Notes down a conflict of rows of dimension `dimension` in the planes of those above, in a program of
-    /// dimension `top`.
+    /// Records a conflict and returns [`Stop::Conflict`]. The conflict is made of `rows`, the tags of
+    /// contradicting rows in dimension `dimension`, and of the constraints in whose planes that program lies,
+    /// up to dimension `top`.
     fn conflict_of(&mut self, rows: &[u32], dimension: usize, top: usize) -> Stop {
         let above = top - dimension;
         self.conflict[..above].copy_from_slice(&self.tight[dimension + 1..=top]);
@@ -84,7 +87,8 @@ impl Levels {
         Stop::Conflict
     }
 
-    /// Solves a program in one variable.
+    /// Solves the program in one variable. `variable` is its index in the full program, `top` the dimension
+    /// of the full program.
     fn solve1(&mut self, objective: [f64; 1], [variable]: [usize; 1], top: usize) -> Result<[f64; 1], Stop> {
         let bound = self.bounds[variable];
         let ((mut low, mut high), [mut by_high, mut by_low]) = ((-bound, bound), sides(variable));
@@ -104,8 +108,7 @@ impl Levels {
         if low > high + TOLERANCE * (1.0 + high.abs()) {
             return Err(self.conflict_of(&[by_low, by_high], 1, top));
         }
-        // Without an objective, any point will do: the middle of what there is, if that is little, is
-        // farthest from going wrong.
+        // Without an objective any point will do. The feasible point nearest to zero keeps the numbers small.
         let x = match objective[0] {
             o if o > 0.0 => high,
             o if o < 0.0 => low,
@@ -122,12 +125,13 @@ impl Levels {
     }
 }
 
-/// The tags of the upper and the lower bound of a variable.
+/// Returns the tags of the upper and of the lower bound of a variable.
 fn sides(variable: usize) -> [u32; 2] {
     [BOX + 2 * variable as u32, BOX + 2 * variable as u32 + 1]
 }
 
-/// A row scaled so that its greatest coefficient is 1 or -1. A row without coefficients keeps its constant.
+/// Scales a row so that its greatest coefficient is 1 in absolute value. If all coefficients are negligible,
+/// they become zero and the constant is kept.
 fn normalised<const N: usize>(mut row: [f64; N]) -> [f64; N] {
     let mut most = 0.0;
     for a in &row[..N - 1] {
@@ -144,7 +148,7 @@ fn normalised<const N: usize>(mut row: [f64; N]) -> [f64; N] {
     row
 }
 
-/// An array without one of its elements.
+/// Returns `array` without element `k`.
 fn without<T: Copy + Default, const N: usize, const M: usize>(array: &[T; N], k: usize) -> [T; M] {
     let mut out = [T::default(); M];
     out[..k].copy_from_slice(&array[..k]);
@@ -161,7 +165,8 @@ macro_rules! level {
                 variables: [usize; $d],
                 top: usize,
             ) -> Result<[f64; $d], Stop> {
-                // The best corner of the box; without an objective its middle, where nothing is large.
+                // Starts at the best corner of the box. Coordinates without an objective start at 0, where
+                // numbers are small.
                 let (mut x, mut allowed) = ([0.0; $d], TOLERANCE);
                 for k in 0..$d {
                     if objective[k] != 0.0 {
@@ -169,7 +174,7 @@ macro_rules! level {
                         allowed = greater(allowed, x[k].abs() * TOLERANCE);
                     }
                 }
-                // The rows before `i` are satisfied by the best point of them, `x`.
+                // Invariant: `x` is the best point of the rows before `i`.
                 let mut i = 0;
                 while i < self.$rows.len() {
                     let (mut least, mut worst) = (-allowed, None);
@@ -200,7 +205,7 @@ macro_rules! level {
                     if row[k] == 0.0 {
                         return Err(self.conflict_of(&[tag], $d, top));
                     }
-                    // In the plane of this row, x_k is a sum of the other variables.
+                    // In the plane of this row, x_k is a linear function of the other variables.
                     self.tight[$d] = tag;
                     let inverse = 1.0 / row[k];
                     let mut sum: [f64; $d] = without(&row, k);
@@ -215,7 +220,7 @@ macro_rules! level {
                         }
                         self.$lower_rows.push((normalised(row), *tag));
                     }
-                    // The bounds of x_k last: they seldom matter.
+                    // The bounds of x_k come last, since they seldom matter.
                     let bound = self.bounds[variables[k]];
                     for (side, tag) in [-1.0, 1.0].into_iter().zip(sides(variables[k])) {
                         let mut row = sum;
@@ -241,8 +246,9 @@ macro_rules! level {
                     for x in &x {
                         allowed = greater(allowed, x.abs() * TOLERANCE);
                     }
-                    // What mattered once matters again: programs of one dimension less look at it first (Emo
-                    // Welzl, "Smallest Enclosing Disks (Balls and Ellipsoids)", 1991).
+                    // Move to front: a row that was violated once is likely to be violated again, so programs
+                    // of one dimension less inspect it first (Emo Welzl, "Smallest Enclosing Disks (Balls and
+                    // Ellipsoids)", 1991).
                     self.$rows[..=i].rotate_right(1);
                     i += 1;
                 }
@@ -263,9 +269,13 @@ fn greater(a: f64, b: f64) -> f64 {
 }
 
 impl Levels {
-    /// A point that satisfies `count` constraints, given by number as coefficients and constant, and makes
-    /// the objective greatest among them within a box. The dimension, from 1 to [`DIMENSIONS`], is the length
-    /// of the objective.
+    /// Returns a point that satisfies `count` constraints and maximizes the objective within the box `|x_k|
+    /// <= bounds[k]`, up to rounding. `constraint` returns coefficients and constant by index. The dimension
+    /// is the length of the objective.
+    ///
+    /// # Errors
+    /// [`Stop::Conflict`] if the constraints seem to contradict each other, [`Stop::GaveUp`] at the limit of
+    /// steps or if the dimension is not from 1 to [`DIMENSIONS`].
     pub(crate) fn solve<const D: usize>(
         &mut self,
         count: usize,
@@ -309,15 +319,16 @@ impl Levels {
     }
 }
 
-/// Puts the rows into a random order, always the same for as many and a seed (Fisher and Yates; the numbers
-/// are splitmix64's, Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
+/// Shuffles the rows into a random order that depends only on their number and on the seed (Fisher and Yates;
+/// the numbers are splitmix64's, Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators",
+/// 2014).
 fn shuffle<T>(rows: &mut [T], seed: u64) {
     let mut state = seed;
     for i in (1..rows.len()).rev() {
         state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (state ^ state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        // The upper half times the count, over 2^32: below the count.
+        // The upper 32 bits times the count, divided by 2^32: below the count.
         let j = ((z >> 32) * (i as u64 + 1)) >> 32;
         rows.swap(i, j as usize);
     }

@@ -1,15 +1,16 @@
-//! Proofs against exact arithmetic: no rounding, no sign and no elimination that went wrong makes one.
+//! Certificates against exact arithmetic: no rounding, no sign and no failed elimination produces a false
+//! proof.
 
 use super::*;
 use alloc::vec::Vec;
 use visibility_testing::Random;
 
-/// An integer of up to `bits` bits, at most 96.
+/// Returns a random integer from 0 to 2^`bits` - 1. `bits` is at most 96.
 fn integer(random: &mut Random, bits: u32) -> i128 {
     (i128::from(random.bits()) << 32 | i128::from(random.bits() & 0xffff_ffff)) >> (96 - bits)
 }
 
-/// The nearest number of twice the length.
+/// Returns the double-double number nearest to `v`.
 fn nearest(v: i128) -> DoubleDouble {
     let hi = v as f64;
     DoubleDouble { hi, lo: (v - hi as i128) as f64 }
@@ -23,8 +24,9 @@ fn row(normal: i128, least: f64) -> Row<1> {
     Row { normal: [nearest(normal)], error: 0.0, least }
 }
 
-/// Multipliers and numbers whose products have more digits than can be kept; the last one makes the sum as
-/// good as nothing. What is left of it is known exactly.
+/// Returns four multipliers, four integer normals and a remainder. The products have more digits than a
+/// double-double keeps, and the last product cancels the sum of the others up to the remainder, which is
+/// exact.
 fn cancelling(random: &mut Random) -> ([DoubleDouble; 4], [i128; 4], i128) {
     let l: [i128; 3] = core::array::from_fn(|_| integer(random, 66) | 1 << 65);
     let h: [i128; 3] = core::array::from_fn(|_| integer(random, 50) | 1);
@@ -42,25 +44,25 @@ fn what_rounding_leaves_of_sums_that_cancel_is_no_proof() {
         let add = |sum: DoubleDouble, i: usize| sum.plus(l[i].times(nearest(h[i])));
         let rounded = exact((0..4).fold(DoubleDouble::ZERO, add));
         let near = rest.abs() as f64;
-        // The rest of the normals against a least value that it can just reach.
+        // The remainder of the normals against a least value that it can just reach.
         let rows = |least| [row(h[0], 0.0), row(h[1], 0.0), row(h[2], 0.0), row(-1, 0.0), row(0, least)];
         assert!(!proves(&rows(near), &[1.0], &multipliers), "{l:?} {h:?}");
         tempting[0] += u32::from(rounded.abs() < rest.abs());
-        // With room for the rounding it is one: 2^-90 of 2^118.
+        // With an allowance for the rounding the multipliers are a proof: 2^-90 of 2^118.
         assert!(proves(&rows(near + 2f64.powi(28)), &[1.0], &multipliers), "{l:?} {h:?}");
-        // The same rest on the other side: least values that cancel, against a normal.
+        // The same remainder on the left side: least values that cancel, against a normal.
         let least = |i: usize| row(0, h[i] as f64);
         let rows = |normal| [least(0), least(1), least(2), least(3), row(normal, 0.0)];
         assert!(!proves(&rows(rest.abs()), &[1.0], &multipliers), "{l:?} {h:?}");
         tempting[1] += u32::from(rounded > rest.abs());
     }
-    // So often plain evaluation would have believed it.
+    // Counts how often plain evaluation would have accepted a false proof.
     assert!(tempting.iter().all(|&count| count > 1000), "{tempting:?}");
 }
 
 #[test]
 fn what_is_not_known_of_the_normals_is_no_proof() {
-    // 1 <= 0 x for an x of at most 1, if the coefficient may be 1 as well.
+    // 1 <= 0 x for an x of at most 1 in absolute value, where the coefficient 0 may be off by `error`.
     let zero = |error| [Row { normal: [DoubleDouble::ZERO], error, least: 1.0 }];
     assert!(proves(&zero(0.5), &[1.0], &[DoubleDouble::from(1.0)]));
     assert!(!proves(&zero(1.0), &[1.0], &[DoubleDouble::from(1.0)]));
@@ -70,7 +72,7 @@ fn what_is_not_known_of_the_normals_is_no_proof() {
 #[test]
 fn negative_multipliers_and_what_is_no_number_prove_nothing() {
     let one = DoubleDouble::from(1.0);
-    // x >= 1, and x >= 0: their difference would say 0 >= 1.
+    // x >= 1 and x >= 0: a negative multiplier would derive 0 >= 1.
     let rows = [row(1, 1.0), row(1, 0.0)];
     for bad in [one.negated(), DoubleDouble { hi: 1.0, lo: -2.0 }, DoubleDouble::from(f64::NAN)] {
         assert!(!proves(&rows, &[5.0], &[one, bad]), "{bad:?}");
@@ -84,8 +86,9 @@ fn negative_multipliers_and_what_is_no_number_prove_nothing() {
     }
 }
 
-/// Rows that a point of integers satisfies, most of them only just: small ones, of which many combine to
-/// nothing, and opposites that differ in the last digits.
+/// Returns normals and least values of 2 to [`MOST`] + 1 constraints that one integer point satisfies, most
+/// of them with equality. The normals have small integers, so that many cancel, and include opposite pairs
+/// that differ in the last digits.
 fn through_a_point<const K: usize>(random: &mut Random) -> (Vec<[i64; K]>, Vec<i64>) {
     let point: [i64; K] = core::array::from_fn(|_| i64::from(random.between(-9, 9)));
     let count = 2 + random.bits() as usize % (MOST - 1);
@@ -119,7 +122,8 @@ fn never_refuted<const K: usize>(random: &mut Random) {
         let mut all = through_a_point::<K>(random);
         let rows = rows_of(&all);
         assert!(find(&rows, &[9.0; K]).is_none(), "{all:?}");
-        // The same, and one more that asks for the opposite of the sum of the others, by as little as a half.
+        // One more constraint, whose normal is the opposite of the sum of the others, contradicts them by a
+        // half.
         if all.0.len() < MOST.min(K + 1) {
             let mut opposite = [0; K];
             all.0.iter().for_each(|n| opposite.iter_mut().zip(n).for_each(|(sum, h)| *sum -= h));
