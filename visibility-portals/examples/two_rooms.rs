@@ -1,4 +1,5 @@
-//! Two rooms with a door between them: what is seen through the door, and what is left when it closes.
+//! Portal culling in two rooms with a door between them: prints the objects that are visible with the door
+//! open, and then with the door closed.
 //!
 //! `cargo run -p visibility-portals --example two_rooms`
 
@@ -12,7 +13,8 @@ use visibility_portals::from_geometry::{WallSettings, floor_plan, from_walls};
 use visibility_portals::{CellBaker, PortalCuller, SceneCells, Settings};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // A house of 8 by 4 m, 3 m high, with a wall across the middle and a door in it from y = 1 to 2.
+    // A house of 8 by 4 m, 3 m high, with a wall across the middle at x = 4 and a door in that wall from y =
+    // 1 to 2.
     let wall = |a: [f64; 2], b: [f64; 2]| [DVec2::from(a), DVec2::from(b)];
     let plan = [
         wall([0.0, 0.0], [8.0, 0.0]),
@@ -25,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let rooms = from_walls(&floor_plan(&plan, 0.0, 3.0)?, &WallSettings::default())?;
     println!("{} cells, {} portals", rooms.graph.cell_count(), rooms.graph.portals().len());
 
-    // Before the first frame: which cells see which, from anywhere in them.
+    // Before the first frame: bakes which cells can be seen from anywhere in each cell.
     let mut bake = Bake::new(CellBaker::new(&rooms.graph, Settings::default())?);
     while let Some(progress) = bake.advance() {
         println!("baked {} of {} portals", progress.done, progress.total);

@@ -21,8 +21,8 @@ pub struct Settings {
     /// Each rejection is certain: a certificate shows that no line passes the edges of the chain and keeps
     /// the clearance from them. A chain that is kept need not be passable, for two reasons. The half-spaces
     /// of the linear program may have a common point that is no line, since lines form a quadric in Pluecker
-    /// space (see [`stabbing`](crate::stabbing)). And the common part of the half-spaces may be too small for
-    /// `f64` to prove empty.
+    /// space (see [`stabbing`](crate::stabbing)). And the common part of the half-spaces may be too small
+    /// for `f64` to prove empty.
     pub exact: bool,
 }
 

@@ -20,8 +20,8 @@ use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
 pub struct Fallback {
     /// The cell looked from.
     pub cell: CellId,
-    /// Number of the cell's portals whose search stopped at the limit. All cells not yet proven hidden behind
-    /// these portals count as visible.
+    /// Number of the cell's portals whose search stopped at the limit. All cells not yet proven hidden
+    /// behind these portals count as visible.
     pub portals: u32,
 }
 

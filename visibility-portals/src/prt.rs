@@ -9,7 +9,7 @@
 //! - `PRT2`: then a line for each cell with the numbers of its leaves and a closing -1; `PRT1-AM`: then a
 //!   line for each leaf with its cell.
 //!
-//! Coordinates are taken as they are, in the units of the map.
+//! Coordinates are taken unchanged, in the unit of the map.
 
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
@@ -20,51 +20,52 @@ use visibility_core::{
     geometry::{ConvexPolygon, PolygonError},
 };
 
-/// The most vertices that a portal in a file may have, as in the compilers that write them.
+/// Maximum number of vertices of a portal in a file, as in the compilers that write these files.
 pub const MAX_VERTICES: usize = 64;
 
 /// Content of a portal file.
 #[derive(Clone, PartialEq, Debug)]
 pub struct PortalFile {
-    /// Cells and portals.
+    /// The graph of cells and portals, in the unit of the map.
     pub graph: CellGraph,
-    /// By leaf, of a finer division of the map: its cell, `None` for a leaf that the file puts in no cell.
-    /// Empty for `PRT1`, where leaves are cells.
+    /// Cell of each leaf, by leaf index; leaves are a finer division of the map. `None` for a leaf that the
+    /// file puts in no cell. Empty for `PRT1`, where leaves are cells.
     pub cell_of_leaf: Vec<Option<CellId>>,
 }
 
-/// Why a portal file cannot be read, and where. Lines are counted from 1.
+/// Why a portal file cannot be read. Line numbers count from 1.
 #[derive(Clone, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum PrtError {
-    /// A line does not hold what it should.
+    /// The content of a line is malformed.
     Line {
-        /// The line, counted from 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Description of the problem.
         problem: String,
     },
-    /// The vertices of a portal make no convex polygon.
+    /// The vertices of a portal do not form a convex polygon.
     Polygon {
-        /// The line, counted from 1.
+        /// Number of the portal's line, from 1.
         line: usize,
-        /// The portal.
+        /// Index of the portal, in the order of the file.
         portal: PortalId,
-        /// What is wrong with the vertices.
+        /// Why the vertices do not form a polygon.
         error: PolygonError,
     },
     /// The file ends too early.
     Truncated {
-        /// How many lines there are.
+        /// Number of lines of the file.
         lines: usize,
-        /// What should have followed.
+        /// Description of the line that is missing.
         expected: &'static str,
     },
-    /// The portals make no graph.
+    /// The cells and portals do not form a graph.
     Graph {
-        /// The line of the portal, counted from 1.
+        /// Number of the portal's line, from 1. The last line of the header if the error concerns no single
+        /// portal. Too small by the number of empty lines above the portal, if there are any.
         line: usize,
-        /// What is wrong.
+        /// Why the cells and portals do not form a graph.
         error: CellGraphError,
     },
 }
@@ -84,11 +85,12 @@ impl fmt::Display for PrtError {
 
 impl core::error::Error for PrtError {}
 
-/// Reads a portal file. Time and memory are in proportion to the text, whatever counts it claims, and to the
-/// number of cells that it claims, of which there can be [`CellGraph::LIMIT`].
+/// Reads a portal file in any of the three forms. Empty lines are skipped. Time and memory are proportional
+/// to the length of the text plus the number of cells that the file claims, at most [`CellGraph::LIMIT`];
+/// other counts that it claims do not matter.
 ///
 /// # Errors
-/// [`PrtError`], with the line.
+/// [`PrtError`], with the number of the line.
 ///
 /// ```
 /// let file = visibility_portals::prt::read("PRT1\n2\n1\n4 0 1 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n")?;
@@ -97,9 +99,6 @@ impl core::error::Error for PrtError {}
 /// assert_eq!(error.to_string(), "line 4: vertex 3 of 4 is missing");
 /// # Ok::<(), visibility_portals::prt::PrtError>(())
 /// ```
-///
-/// # Errors
-/// [`PrtError`], with the line.
 pub fn read(text: &str) -> Result<PortalFile, PrtError> {
     let mut lines = Lines { rest: text.lines(), number: 0 };
     let form = lines.next("a line PRT1, PRT2 or PRT1-AM")?.trim();
@@ -126,7 +125,8 @@ pub fn read(text: &str) -> Result<PortalFile, PrtError> {
         let line = lines.next("the line of a portal")?;
         all.push(portal(line).map_err(|error| lines.place(PortalId(number), error))?);
     }
-    // The graph is made before the leaves are read, so that no array is sized by a claim that it refuses.
+    // The graph is made before the leaves are read, so that it refuses excessive counts before an array is
+    // sized by them.
     let graph = CellGraph::new(cells, all).map_err(|error| graph_error(header, error))?;
     let mut cell_of_leaf = Vec::new();
     if form == "PRT2" {
@@ -147,7 +147,7 @@ pub fn read(text: &str) -> Result<PortalFile, PrtError> {
     Ok(PortalFile { graph, cell_of_leaf })
 }
 
-/// Writes cells and portals as `PRT1`, each coordinate with as many digits as it needs to be read back
+/// Returns cells and portals in the form `PRT1`, each coordinate with enough digits to be read back
 /// unchanged.
 pub fn write(graph: &CellGraph) -> String {
     let mut text = String::new();
@@ -169,7 +169,8 @@ fn write_to(graph: &CellGraph, out: &mut impl fmt::Write) -> fmt::Result {
     Ok(())
 }
 
-/// Lines with their numbers. Empty lines are passed over.
+/// Iterator over the lines that are not empty; `number` is the line number, from 1, of the line returned
+/// last.
 struct Lines<'a> {
     rest: core::str::Lines<'a>,
     number: usize,
@@ -190,7 +191,7 @@ impl<'a> Lines<'a> {
 
     fn count(&mut self, what: &'static str) -> Result<usize, PrtError> {
         let line = self.next(what)?.trim();
-        // No count can exceed what 32 bits number.
+        // Counts are limited to 32 bits.
         match line.parse::<u32>() {
             Ok(count) => Ok(count as usize),
             Err(_) => Err(self.error(&alloc::format!("{what} should stand here, not `{}`", short(line)))),
@@ -218,7 +219,7 @@ fn text(problem: impl Into<String>) -> LineError {
     LineError::Text(problem.into())
 }
 
-/// The first characters of a text, for messages.
+/// Returns at most the first 20 characters of a text, for messages.
 fn short(found: &str) -> &str {
     match found.char_indices().nth(20) {
         Some((end, _)) => &found[..end],
@@ -226,8 +227,8 @@ fn short(found: &str) -> &str {
     }
 }
 
-/// The error with its line. Each portal is on a line of its own after the header, unless there are empty
-/// lines.
+/// Returns the error with the line of its portal, assuming one portal per line directly after line `header`;
+/// `header` itself if the error names no portal.
 fn graph_error(header: usize, error: CellGraphError) -> PrtError {
     let portal = match error {
         CellGraphError::UnknownCell { portal, .. }
@@ -239,7 +240,7 @@ fn graph_error(header: usize, error: CellGraphError) -> PrtError {
 }
 
 fn portal(line: &str) -> Result<(ConvexPolygon, [CellId; 2]), LineError> {
-    // Parentheses part words just as spaces do.
+    // Parentheses separate words just like spaces.
     let mut words =
         line.split(|c: char| c.is_whitespace() || c == '(' || c == ')').filter(|word| !word.is_empty());
     let mut whole = |what: &str| -> Result<u32, LineError> {
@@ -283,8 +284,7 @@ fn leaves_of_cell(
         if leaf >= leaves {
             return Err("there is no such leaf");
         }
-        // Leaves of several cells follow one another, so that the array is about as long as the text that
-        // fills it.
+        // A leaf index sizes an array, so it is limited independently of the length of the text.
         if leaf >= CellGraph::LIMIT {
             return Err("too many leaves");
         }

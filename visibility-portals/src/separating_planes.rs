@@ -1,50 +1,52 @@
-//! Planes that bound what is seen through two polygons.
+//! Planes that bound the lines through two polygons.
 //!
 //! This work is based on: Seth Teller and Pat Hanrahan, "Global Visibility Algorithms for Illumination
-//! Computations", 1993, where the antipenumbra of a source through portals is bounded by planes that separate
-//! source and portal. Each contains an edge of one polygon and a vertex of the other.
+//! Computations", 1993. There the antipenumbra of a source through portals is bounded by planes that separate
+//! source and portal. Each plane contains an edge of one polygon and a vertex of the other.
 //!
 //! For an edge of the polygon A with inward normal `m` in A's plane, and A's normal `n` towards B, the planes
 //! through the edge are `-m + t n`. A lies on the negative side of all of them. B lies on the positive side
-//! if `t >= u / w` for each of its vertices, at `u` along `m` and `w > 0` along `n` from the edge; the
-//! greatest of these quotients gives the tangent, in time linear in B's vertices.
+//! if `t >= u / w` for each of its vertices, at `u` along `m` and `w > 0` along `n` from the edge. The
+//! greatest of these quotients gives the tangent plane, in time linear in B's vertices.
 //!
-//! # Why no rounding hides a line
-//! Let `f(x) = normal . x`, with *any* normal. If `f <= d` on A and `f >= d` on B, then `f` does not fall
-//! along a line from A to B, so `f >= d` wherever the line goes after B. It does not matter how the normal
-//! was come by; the offset is taken from the products evaluated over the polygons themselves, and a normal
-//! that does not part them is not used.
+//! # Why rounding hides no line
+//! Let `f(x) = normal . x`, with *any* normal. If `f <= d` on A and `f >= d` on B, then `f` does not decrease
+//! along a line from A to B, so `f >= d` everywhere on the line after B. This holds however the normal was
+//! computed. The offset is taken from the products evaluated over the polygons themselves, and a normal that
+//! does not separate the polygons is not used.
 
 use crate::directed_portals::Margins;
 use alloc::vec::Vec;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{DVec2, DVec3};
 
-/// A polygon as lines pass it.
+/// A convex polygon, with the direction in which lines pass it.
 #[derive(Clone, Copy)]
 pub(crate) struct Facing<'a> {
-    /// Counter-clockwise around the normal.
+    /// Vertices in world space, counter-clockwise around the normal.
     pub(crate) vertices: &'a [DVec3],
-    /// Unit normal of its plane.
+    /// Unit normal of the polygon's plane.
     pub(crate) normal: DVec3,
     /// 1 if lines run along the normal, -1 if they run against it.
     pub(crate) sense: f64,
 }
 
-/// Appends planes with all lines on their inner side that have passed `a` and then `b`, from `b` onwards. One
-/// for each edge of either polygon at most.
+/// Appends to `planes` separating planes of polygons `a` and `b`. Every line that has passed `a` and then `b`
+/// is on the inner side of each plane from `b` onwards. At most one plane for each edge of either polygon;
+/// none if a polygon has too many vertices.
 pub(crate) fn push_separating_planes(a: Facing, b: Facing, margins: &Margins, planes: &mut Vec<Plane>) {
-    // Edges of A with vertices of B, which lie on the side that lines go to. A is on the negative side.
+    // Edges of A with vertices of B, which lie in the direction of the lines. A is on the negative side.
     tangents(a, b, a.sense, -1.0, margins, planes);
-    // Edges of B with vertices of A, which lie where lines come from. B is on the positive side.
+    // Edges of B with vertices of A, which lie against the direction of the lines. B is on the positive side.
     tangents(b, a, -b.sense, 1.0, margins, planes);
 }
 
-/// Appends the planes through an edge of `of` and a vertex of `to` that separate the two. `to` is on the side
-/// `side` of the plane of `of`; the inner side of a new plane is such that `of` is on the side `own`.
+/// Appends to `planes` the planes through an edge of polygon `of` and a vertex of polygon `to` that separate
+/// the two. `side` (1 or -1) is the side of the plane of `of` on which `to` lies. `own` (1 or -1) is the side
+/// of each new plane on which `of` shall lie; 1 is the inner side.
 fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, planes: &mut Vec<Plane>) {
     let toward = of.normal * side;
-    // The second polygon relative to the plane of the first.
+    // Maximum number of vertices. Polygons with more get no separating planes, which is conservative.
     const MOST: usize = 128;
     let count = to.vertices.len();
     if count > MOST || of.vertices.len() > MOST {
@@ -54,7 +56,8 @@ fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, plan
     let base = toward.dot(of.vertices[0]);
     for (inverse, &p) in inverse.iter_mut().zip(to.vertices) {
         let w = toward.dot(p) - base;
-        // A vertex in the plane, or behind it by rounding, stops every edge that it lies inside of.
+        // A vertex in the plane of `of`, or behind it by rounding, gets 0: it prevents a tangent at every
+        // edge on whose inner side it lies.
         *inverse = if w > margins.keep { 1.0 / w } else { 0.0 };
     }
     let mut a = of.vertices[of.vertices.len() - 1];
@@ -80,7 +83,7 @@ fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, plan
         if stopped || slope == f64::NEG_INFINITY {
             continue;
         }
-        // Turned so that the polygon whose edge this is lies on the side `own`, with unit length.
+        // The unit normal, oriented so that polygon `of` lies on the side `own`.
         let normal = (inward - toward * slope) * (own / DVec2::new(1.0, slope).length());
         let (before, after) = if own < 0.0 { (of, to) } else { (to, of) };
         let most = before.vertices.iter().fold(f64::NEG_INFINITY, |most, &p| greater(most, normal.dot(p)));
@@ -91,7 +94,7 @@ fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, plan
     }
 }
 
-/// The greater of two numbers, neither of them NaN. One instruction, which `f64::max` is not.
+/// Returns the greater of two numbers, neither of them NaN. Compiles to one instruction, unlike `f64::max`.
 fn greater(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }

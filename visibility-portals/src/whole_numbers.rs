@@ -1,8 +1,8 @@
-//! For tests of margins: exact vectors of whole numbers, drawn at random.
+//! Exact random vectors of integers, for tests of error margins.
 
 use visibility_core::glam::DVec3;
 
-/// A vector of whole numbers. Sums and products are exact up to 2^126.
+/// A vector of integers. Sums and products are exact while coordinates are at most 2^126 in absolute value.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Whole(pub(crate) [i128; 3]);
 
@@ -30,23 +30,23 @@ impl Whole {
         }))
     }
 
-    /// The nearest vector of `f64`; the same up to 2^53.
+    /// Returns the nearest `f64` vector; exact if the coordinates are at most 2^53 in absolute value.
     pub(crate) fn to_f64(self) -> DVec3 {
         DVec3::from(self.0.map(|x| x as f64))
     }
 }
 
-/// A sequence that looks random: Knuth's linear congruences.
+/// A linear congruential generator with Knuth's constants; the field is the state.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    /// From `-most` to `most`, which is at most 2^52.
+    /// Returns a random integer from `-most` to `most`, both included. `most` is at most 2^52.
     pub(crate) fn below(&mut self, most: i64) -> i128 {
         self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         i128::from((self.0 >> 10) as i64 % (2 * most + 1) - most)
     }
 
-    /// Each coordinate from `-most` to `most`.
+    /// Returns a vector with each coordinate random from `-most` to `most`, both included.
     pub(crate) fn vector(&mut self, most: i64) -> Whole {
         Whole([0; 3].map(|_| self.below(most)))
     }

@@ -1,4 +1,5 @@
-//! What certificates reject: sequences of which nothing else says so, and never one with a line.
+//! Certificates of `Stabber::polygons`: they exclude some sequences of polygons that separating planes do
+//! not, and never a sequence that has a line.
 
 use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::DVec3;
@@ -6,14 +7,14 @@ use visibility_portals::antipenumbra;
 use visibility_portals::stabbing::{Stab, Stabber};
 use visibility_testing::Random;
 
-/// An integer from `-most` to `most`.
+/// Returns a random integer from `-most` to `most`, both included.
 fn whole(random: &mut Random, most: i64) -> i64 {
     (random.bits() % (2 * most as u64 + 1)) as i64 - most
 }
 
-/// Triangles, quadrangles or slits around a line, to be passed in a row; their edges lie in planes along the
-/// line, some at the distance given, the others much farther off. Each is moved across the line by up to
-/// `off`.
+/// Returns `count` triangles, quadrangles or slits, one behind the other around a random line. Their edges
+/// lie in planes parallel to the line: some at `distance` from the line, the others at 0.5 to 4. Each polygon
+/// is displaced across the line by up to `off` along each of two axes.
 fn around(count: usize, slits: bool, distance: f64, off: f64, random: &mut Random) -> Vec<Vec<DVec3>> {
     let direction = random.direction();
     let (u, start) = (direction.any_orthonormal_vector(), random.direction() * random.fine_range(0.0, 100.0));
@@ -36,7 +37,7 @@ fn around(count: usize, slits: bool, distance: f64, off: f64, random: &mut Rando
         let moved = (u * random.fine_range(-1.0, 1.0) + v * random.fine_range(-1.0, 1.0)) * off;
         let vertices: Vec<DVec3> = (0..corners)
             .map(|i| {
-                // Where two walls meet: out . a = far_a, out . b = far_b.
+                // The corner where two planes intersect: out . a = far_a, out . b = far_b.
                 let ((a, far_a), (b, far_b)) = (walls[i], walls[(i + 1) % corners]);
                 let (ab, sine) = (a.dot(b), 1.0 - a.dot(b) * a.dot(b));
                 let out = a * ((far_a - ab * far_b) / sine) + b * ((far_b - ab * far_a) / sine);
@@ -53,7 +54,8 @@ fn passes_planes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
     antipenumbra(&all.collect::<Vec<_>>(), clearance).unwrap()
 }
 
-/// How far a line stays inside of all edges; negative if it does not.
+/// Returns the least distance of the line through `from` and `to` from all edges; negative if the line is on
+/// the outer side of an edge.
 fn clearance_of(polygons: &[Vec<DVec3>], from: DVec3, to: DVec3) -> f64 {
     let d = to - from;
     let mut least = f64::INFINITY;
@@ -67,8 +69,8 @@ fn clearance_of(polygons: &[Vec<DVec3>], from: DVec3, to: DVec3) -> f64 {
     least
 }
 
-/// The line that stays farthest inside of all edges, as far as walking uphill from several places finds it.
-/// Knows nothing of Pluecker's coordinates nor of planes that separate.
+/// Returns the greatest clearance of a line from all edges that hill climbing from several random starts
+/// finds; a lower bound of the true maximum. Uses neither Pluecker coordinates nor separating planes.
 fn best_line(polygons: &[Vec<DVec3>], random: &mut Random) -> f64 {
     let ends = [&polygons[0], &polygons[polygons.len() - 1]].map(|p| {
         let middle = p.iter().fold(DVec3::ZERO, |sum, &v| sum + v) / p.len() as f64;
@@ -142,7 +144,7 @@ fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
             }
             Stab::Line([point, direction]) => {
                 assert!(clearance_of(&polygons, point, point + direction) > clearance * 0.999);
-                // The search is one that finds what there is.
+                // Checks the hill climbing itself: it must find a line where one is known to exist.
                 if i % 50 == 0 {
                     lines += 1;
                     found += u32::from(best_line(&polygons, &mut random) >= clearance);
@@ -158,8 +160,8 @@ fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
     );
 }
 
-/// Triangles of integers around the third axis, then turned and moved without any rounding: in places where
-/// the program, in ordinary numbers, sees contradictions that there are none of.
+/// Triangles of integers around the third axis, then rotated and moved without any rounding. At these
+/// positions the linear program in `f64` reports contradictions that do not exist.
 #[test]
 fn far_from_the_origin_nothing_with_a_line_is_excluded() {
     let (mut random, mut lines) = (Random(3), 0);
@@ -193,7 +195,7 @@ fn far_from_the_origin_nothing_with_a_line_is_excluded() {
                 };
                 let placed = |c: [i64; 3]| {
                     let turned = |t: [i64; 3]| t[0] * c[0] + t[1] * c[1] + t[2] * c[2];
-                    // The turn mirrors; so the corners run the other way round.
+                    // The rotation includes a reflection, so the order of the corners is reversed.
                     DVec3::from_array([0, 1, 2].map(|k| (turned(turns[k]) + shift[k]) as f64))
                 };
                 let mut polygon = corners.map(placed).to_vec();

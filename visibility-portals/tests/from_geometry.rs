@@ -1,5 +1,5 @@
-//! Cells made from geometry: whoever walks along a clear line gets through portals from the one end's cell to
-//! the other's; walls stop.
+//! Cells made from geometry: an unblocked segment leads through portals from the cell of its start to the
+//! cell of its end, and most blocked segments do not.
 
 use visibility_core::glam::{DMat3, DQuat, DVec2, DVec3};
 use visibility_core::{cells::CellId, geometry::ConvexPolygon, pvs::Viewcells};
@@ -8,8 +8,8 @@ use visibility_portals::from_geometry::{
 };
 use visibility_testing::Random;
 
-/// Boxes along the axes of a house of rooms: walls of some thickness with doors left out, slabs, and a few
-/// loose blocks.
+/// Returns axis-aligned boxes of a house: walls of zero or more thickness with gaps for doors and windows, a
+/// floor and a ceiling slab, and a few loose blocks. In metres.
 fn house(random: &mut Random) -> Vec<[DVec3; 2]> {
     let mut boxes = Vec::new();
     let mut add = |min: [f64; 3], max: [f64; 3]| boxes.push([DVec3::from(min), DVec3::from(max)]);
@@ -50,7 +50,7 @@ fn house(random: &mut Random) -> Vec<[DVec3; 2]> {
     boxes
 }
 
-/// The faces of boxes as triangles, turned in space.
+/// Returns the faces of boxes as triangles, counter-clockwise as seen from outside, rotated by `turn`.
 fn triangles(boxes: &[[DVec3; 2]], turn: DMat3) -> Vec<ConvexPolygon> {
     let mut out = Vec::new();
     for [min, max] in boxes {
@@ -78,7 +78,8 @@ fn triangles(boxes: &[[DVec3; 2]], turn: DMat3) -> Vec<ConvexPolygon> {
     out
 }
 
-/// How near to a box a segment comes is at least what it misses the widened box by.
+/// Tests whether the segment from `a` to `b` meets a box enlarged by `widen` on all sides; a negative `widen`
+/// shrinks the boxes. A segment that does not is at least `widen` away from all boxes.
 fn blocked(boxes: &[[DVec3; 2]], a: DVec3, b: DVec3, widen: f64) -> bool {
     boxes.iter().any(|[min, max]| {
         let (mut enter, mut leave) = (0.0f64, 1.0f64);
@@ -92,8 +93,9 @@ fn blocked(boxes: &[[DVec3; 2]], a: DVec3, b: DVec3, widen: f64) -> bool {
     })
 }
 
-/// Goes along a segment from portal to portal: the cell that it ends in. `None` if it comes too near to an
-/// edge of a portal to tell.
+/// Follows the segment from `a` to `b`, which starts in cell `from`, through portals. Returns the cell in
+/// which it ends. `None` if the segment comes within 1e-3 of an edge of a portal, where the result is
+/// unreliable.
 fn walk(cells: &Subdivision, from: CellId, a: DVec3, b: DVec3) -> Option<CellId> {
     let mut hits = Vec::new();
     for portal in cells.graph.portals() {
@@ -120,7 +122,7 @@ fn walk(cells: &Subdivision, from: CellId, a: DVec3, b: DVec3) -> Option<CellId>
     hits.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut cell, mut at) = (from, -1.0);
     for (t, portal) in hits {
-        // Portals joined to hulls may overlap: through one of them.
+        // Merged portals may overlap; only one of two coincident portals is passed.
         if portal.cells().contains(&cell) && t > at + 1e-9 {
             (cell, at) = (portal.other(cell), t);
         }
@@ -128,8 +130,9 @@ fn walk(cells: &Subdivision, from: CellId, a: DVec3, b: DVec3) -> Option<CellId>
     Some(cell)
 }
 
-/// Random clear segments lead from cell to cell; returns how many, and the share of blocked ones that lead
-/// elsewhere.
+/// Asserts that random unblocked segments lead to the cell of their end point. Returns the number of these
+/// segments, and the fraction of blocked segments that lead to another cell. `turn` rotates the boxes into
+/// the space of the cells.
 fn check(
     cells: &Subdivision,
     boxes: &[[DVec3; 2]],
@@ -152,7 +155,7 @@ fn check(
         let Some([from, to]) =
             bodies.locate(turn * a).zip(bodies.locate(turn * b)).map(|(a, b)| [CellId(a.0), CellId(b.0)])
         else {
-            // In a wall, which is no cell.
+            // The point is in a wall, which is no cell.
             continue;
         };
         let Some(end) = walk(cells, from, turn * a, turn * b) else { continue };
@@ -210,7 +213,7 @@ fn clear_lines_pass_the_cells_of_polygons() {
 
 #[test]
 fn solid_leaves_are_no_cells() {
-    // A block in a room: by backs of polygons, its inside goes, and the room stays.
+    // A block in a room: with `Solid::Backs` the inside of the block is no cell, and the room remains.
     let solids = [[DVec3::ZERO, DVec3::splat(4.0)]];
     let soup = triangles(&solids, DMat3::IDENTITY);
     let (around, within) = ([DVec3::splat(-0.5)], [DVec3::splat(2.0)]);
@@ -225,7 +228,7 @@ fn solid_leaves_are_no_cells() {
     assert_eq!(count(Solid::Backs), (6, false));
     assert_eq!(count(Solid::Unreached(&around)), (6, false));
     assert_eq!(count(Solid::Unreached(&within)), (1, true));
-    // Boxes given as boxes are solid.
+    // Boxes given to `from_walls` are always solid.
     let cells = from_walls(&solids, &WallSettings::default()).unwrap();
     assert_eq!(cells.graph.cell_count(), 6);
 }
@@ -249,15 +252,15 @@ fn leaks_are_named_by_their_portals() {
     let leak = plan(0.5).leak(DVec3::ONE).unwrap();
     assert_eq!(leak.portals.len(), 2);
     assert!(leak.to_string().contains("leaks to cell"));
-    // The gap itself is the last portal.
+    // The last portal of the leak is the gap itself.
     let portal = plan(0.5).graph.portals()[leak.portals[1].index()].polygon().area();
     assert!((portal - 1.5).abs() < 1e-9, "{portal}");
 }
 
 #[test]
 fn cells_behind_the_outermost_polygons_reach_out() {
-    // A house without a margin around it, and in it a room under the roof, or one on the ground: polygons lie
-    // in the boundary of the whole.
+    // A house without a margin, and in it a room under the roof or one on the ground: polygons lie on the
+    // boundary of the bounding box.
     for room in [[3.0, 5.0], [-5.0, -3.0]] {
         let boxes = [
             [DVec3::splat(-5.0), DVec3::splat(5.0)],
@@ -282,7 +285,8 @@ fn gaps_thinner_than_the_tolerance_close_and_wider_ones_stay() {
             let quad = [[y[0], -9.0], [y[1], -9.0], [y[1], 9.0], [y[0], 9.0]];
             ConvexPolygon::new(quad.map(|[y, z]| DVec3::new(0.0, y, z))).unwrap()
         };
-        // Twice, a little off the plane, with a sliver that is thinner than anything.
+        // The soup has a duplicate wall, a wall slightly off the plane, and a sliver thinner than the
+        // tolerance.
         let needle = [[0.0, 0.0], [0.0, 1e-9], [9.0, 0.0]].map(|[y, z]| DVec3::new(0.0, y, z));
         let mut soup = vec![wall([-9.0, 0.0]), wall([gap, 9.0]), wall([-9.0, -3.0])];
         soup.extend(ConvexPolygon::new(needle));
@@ -330,7 +334,7 @@ fn odd_input_gives_an_error_or_an_answer() {
         let cells = from_polygons(&triangles(&scaled, DMat3::IDENTITY), &settings);
         assert!(cells.is_ok_and(|cells| scale > 1e100 || cells.graph.cell_count() > 1), "{scale}");
     }
-    // Everything through everything: a limit on cells holds.
+    // Random polygons that all intersect: the limit on cells holds.
     let mut random = Random(9);
     let mut point = || DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit()) * 10.0;
     let soup: Vec<_> =

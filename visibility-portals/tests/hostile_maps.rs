@@ -1,4 +1,4 @@
-//! Maps that are wrong, huge, tiny or odd give an error or an answer, never a panic.
+//! Maps that are invalid, huge, tiny or odd give an error or an answer, never a panic.
 
 use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
@@ -8,7 +8,8 @@ use visibility_core::{
 };
 use visibility_portals::{BakeError, CellBaker, CellMatrix, Settings, prt};
 
-/// A row of rooms along x with square doors, scaled.
+/// Returns a row of rooms along x, 4 units long, with square doors; all coordinates are multiplied by
+/// `scale`.
 fn row(rooms: u32, scale: f64) -> CellGraph {
     let door = |x: u32| {
         let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
@@ -24,7 +25,7 @@ fn bake(graph: &CellGraph, settings: Settings) -> Result<CellMatrix, BakeError> 
 
 #[test]
 fn a_long_straight_corridor_is_seen_from_end_to_end() {
-    // A chain of portals as long as the map: the flood must not go down by recursion.
+    // A chain of portals as long as the map: the search must not recurse.
     let matrix = bake(&row(250, 1.0), Settings::default()).unwrap();
     assert_eq!(matrix.count(), 250 * 250);
 }
@@ -41,7 +42,7 @@ fn coordinates_too_large_for_the_clearance_are_refused() {
     for scale in [1e6, 1e30] {
         let graph = row(3, scale);
         assert!(matches!(bake(&graph, Settings::default()), Err(BakeError::Clearance { .. })), "{scale}");
-        // With a clearance in proportion, they are a map like any other.
+        // With a clearance proportional to the scale, the map is accepted.
         let settings = Settings { clearance: 1e-6 * scale, ..Settings::default() };
         assert_eq!(bake(&graph, settings).unwrap().count(), 9);
     }
@@ -66,7 +67,8 @@ fn portals_too_small_to_look_through_are_walls() {
 
 #[test]
 fn cells_that_are_not_convex_and_portals_in_one_place_end() {
-    // Every pair of five cells joined through the same square, both ways round: a line could go in circles.
+    // Every pair of five cells is joined through the same square, in both directions, so that the graph has
+    // cycles of coincident portals.
     let square = row(2, 1.0).portals()[0].polygon().clone();
     let pairs = (0..5).flat_map(|a| (0..5).map(move |b| [CellId(a), CellId(b)])).filter(|[a, b]| a != b);
     let graph = CellGraph::new(5, pairs.map(|ends| (square.clone(), ends))).unwrap();
@@ -78,7 +80,7 @@ fn cells_that_are_not_convex_and_portals_in_one_place_end() {
 #[test]
 fn a_room_around_the_corner_is_hidden() {
     // Through a door in the east wall, along a corridor, and back through another door on the same side: no
-    // line turns round.
+    // straight line does that.
     let file = "PRT1\n3\n2\n4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n4 2 1 (4 8 0) (4 9 0) (4 9 2) (4 8 2)\n";
     let matrix = bake(&prt::read(file).unwrap().graph, Settings::default()).unwrap();
     assert_eq!(matrix.to_bytes(), [0b011, 0b111, 0b110]);

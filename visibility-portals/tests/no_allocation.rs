@@ -1,5 +1,5 @@
-//! No allocation once warm: frames through portals and mirrors, doors that open and close, objects that move;
-//! linear programs and stabbing lines. Counted by an allocator of our own.
+//! No heap allocation once warm: frames through portals and mirrors, doors that open and close, objects that
+//! move, linear programs and stabbing lines. A counting global allocator checks this.
 
 mod maze;
 
@@ -37,7 +37,7 @@ fn frames_doors_and_moving_objects_allocate_nothing_once_warm() {
             before = ALLOCATIONS.get();
         }
         for (number, camera) in cameras.iter().enumerate() {
-            // A thousand doors a frame.
+            // A thousand doors change per frame.
             for i in 0..1000 {
                 maze.cells.set_open(PortalId((i % portals) as u32), (i + number) % 7 != 0).unwrap();
             }
@@ -46,7 +46,7 @@ fn frames_doors_and_moving_objects_allocate_nothing_once_warm() {
                 let step = (number % 3) as f32 * 0.5;
                 maze.scene.set_bounds(id, Aabb::new(min.as_vec3() + step, max.as_vec3() + step)).unwrap();
             }
-            // Some frames see what was not taken in.
+            // Every fifth frame culls without a sync after the changes.
             if number % 5 != 0 {
                 maze.cells.sync(&maze.scene);
             }
@@ -63,7 +63,8 @@ fn frames_doors_and_moving_objects_allocate_nothing_once_warm() {
     assert!(crossed > 100 && reflections > 100, "{crossed} {reflections}");
 }
 
-/// Programs of one dimension, twice: how many were solved each way, and what the second time allocated.
+/// Solves 300 random programs in `D` variables twice with one solver. Returns how many answers were feasible,
+/// infeasible and undecided, and the number of allocations of the second pass.
 fn programs<const D: usize>(random: &mut Random) -> ([u32; 3], usize) {
     let mut between = |least: f64, most: f64| random.fine_range(least, most);
     let all: Vec<Vec<HalfSpace<D>>> = (0..300)

@@ -1,5 +1,5 @@
-//! Portals frame by frame: doors, one-way portals, objects that move, limits, questions that can be asked,
-//! and hostile input.
+//! Portal culling frame by frame: doors, one-way portals, objects that move, limits, queries of the last
+//! frame, and hostile input.
 
 mod maze;
 
@@ -15,8 +15,8 @@ use visibility_core::{
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError};
 use visibility_testing::Random;
 
-/// Rooms of 4 by 4 by 3 in a row along x, with a door 1 wide and 2 high in the middle of each wall, and a box
-/// in each.
+/// Returns rooms of 4 by 4 by 3 in a row along x, with a door 1 wide and 2 high in the middle of each wall
+/// between rooms, and a scene with one box in each room.
 fn row(rooms: u32) -> (SceneCells, Scene, Vec<ObjectId>) {
     let room = |i: u32| DVec3::new(f64::from(i) * 4.0, 0.0, 0.0);
     let door = |x: f64| {
@@ -37,7 +37,7 @@ fn row(rooms: u32) -> (SceneCells, Scene, Vec<ObjectId>) {
     (cells, scene, ids)
 }
 
-/// From the first room along the row.
+/// Returns a view from the first room along the row, with an infinite far plane.
 fn along() -> View {
     let pose = Pose::look_at(DVec3::new(0.5, 2.0, 1.0), DVec3::new(9.0, 2.0, 1.0), DVec3::Z);
     View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()
@@ -65,7 +65,7 @@ fn closing_a_door_hides_what_is_behind_and_one_way_portals_only_from_one_side() 
     assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1, 2, 3]);
     cells.set_passage(PortalId(1), Passage::Backward).unwrap();
     assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 1]);
-    // From the other end, it is the other way round.
+    // From the other end of the row the passage is reversed.
     let pose = Pose::look_at(DVec3::new(15.5, 2.0, 1.0), DVec3::new(0.0, 2.0, 1.0), DVec3::Z);
     let back = View::perspective(pose, 1.0, 1.5, 0.1, 100.0).unwrap();
     assert_eq!(seen(&mut eye, &cells, &scene, &back), [0, 1, 2, 3]);
@@ -79,7 +79,7 @@ fn objects_that_move_are_seen_at_once_and_hidden_when_taken_in() {
     cells.set_open(PortalId(0), false).unwrap();
     let mut eye = PortalEye::new();
     assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0]);
-    // Not told of yet: visible, wherever it is.
+    // Before the sync a changed object is visible wherever it is.
     let moved = Aabb::from_arrays([9.0, 0.5, 0.5], [9.5, 1.0, 1.0]);
     scene.set_bounds(ids[1], moved).unwrap();
     let added = scene.insert(moved);
@@ -87,12 +87,13 @@ fn objects_that_move_are_seen_at_once_and_hidden_when_taken_in() {
     cells.sync(&scene);
     assert_eq!(cells.cells_of(ids[1]), [CellId(2)]);
     assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0]);
-    // Into the eye's room, and across two.
+    // Moves the object so that it spans the eye's room and the next.
     scene.set_bounds(added, Aabb::from_arrays([3.0, 1.0, 0.5], [5.0, 2.0, 1.0])).unwrap();
     cells.sync(&scene);
     assert_eq!(cells.cells_of(added), [CellId(0), CellId(1)]);
     assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 3]);
-    // Out of all cells: left to the stages before. And an index that is used again is another object.
+    // Moves the object out of all cells, where it is always visible. The index of a removed object is reused
+    // by another object.
     scene.set_bounds(added, Aabb::from_arrays([0.0, 50.0, 0.0], [1.0, 51.0, 1.0])).unwrap();
     scene.remove(ids[2]).unwrap();
     let again = scene.insert(moved);
@@ -100,7 +101,7 @@ fn objects_that_move_are_seen_at_once_and_hidden_when_taken_in() {
     cells.sync(&scene);
     assert_eq!((cells.cells_of(ids[2]).len(), cells.cells_of(again).len()), (0, 1));
     assert_eq!(seen(&mut eye, &cells, &scene, &along()), [0, 3]);
-    // Another scene, and one never told of.
+    // A clone is another scene, with which the cells were never synced.
     let (other, ..) = (scene.clone(), ());
     assert_eq!(seen(&mut eye, &cells, &other, &along()).len(), 4);
     assert_eq!(eye.stats().fallback, Some(NotCulled::NotSynced));
@@ -124,14 +125,15 @@ fn eyes_outside_and_views_that_begin_outside_fall_back_and_say_so() {
         assert_eq!(eye.stats().fallback, Some(NotCulled::OutsideCells), "{from}");
         assert!(eye.sees(CellId(2)) && eye.seen_cells().count() == 0);
     }
-    // Behind the room, but the near plane is in it: what is drawn begins there.
+    // The eye is behind the room, but the near plane lies inside: lines of sight begin at the near plane.
     assert_eq!(seen(&mut eye, &cells, &scene, &look(DVec3::new(-0.5, 2.0, 1.0), 0.6)), [0, 1, 2]);
     assert_eq!(eye.stats().fallback, None);
-    // A clip plane with the eye behind it: lines of sight begin on it, where it is in a cell.
+    // A clip plane with the eye behind it: lines of sight begin on the part of the plane that is in the view,
+    // which lies in a cell.
     let view = along().with_clip_planes(&[Plane::new(DVec3::X, -0.3)]).unwrap();
     assert_eq!(seen(&mut eye, &cells, &scene, &view), [0, 1, 2]);
     assert_eq!((eye.stats().fallback, eye.stats().starts), (None, 1));
-    // The whole plane of a wall is not.
+    // At this distance the part of the clip plane in the view reaches outside the cell.
     let view = along().with_clip_planes(&[Plane::new(DVec3::X, -7.0)]).unwrap();
     assert_eq!(seen(&mut eye, &cells, &scene, &view).len(), 3);
     assert_eq!(eye.stats().fallback, Some(NotCulled::OutsideCells));
@@ -140,14 +142,15 @@ fn eyes_outside_and_views_that_begin_outside_fall_back_and_say_so() {
     let narrow = View::orthographic(pose, Window::centered(1.2, 0.9), 0.0, 50.0).unwrap();
     assert_eq!(seen(&mut eye, &cells, &scene, &narrow), [0, 1, 2]);
     assert_eq!(eye.stats().fallback, None);
-    // Up to its plane the far plane ends what is seen.
+    // Objects beyond the far plane are not seen.
     let short = View::orthographic(pose, Window::centered(1.2, 0.9), 0.0, 3.0).unwrap();
     assert_eq!(seen(&mut eye, &cells, &scene, &short), [0]);
 }
 
 #[test]
 fn too_many_steps_fall_back_and_many_ways_are_put_together() {
-    // One open hall cut into 12 x 12 cells with walls of nothing: every way through it is one.
+    // One open hall divided into 12 x 12 cells by walls that are portals entirely: every path through the
+    // hall is open.
     let n = 12u32;
     let cell = |x: u32, y: u32| CellId(y * n + x);
     let mut portals = Vec::new();
@@ -178,8 +181,8 @@ fn too_many_steps_fall_back_and_many_ways_are_put_together() {
         scene.insert(Aabb::from_arrays([x, y, 0.4], [x + 0.2, y + 0.2, 0.6]));
     }
     cells.sync(&scene);
-    // In the corner of four cells, along the walls and the diagonal, where slivers go around every corner
-    // both ways.
+    // From the corner of four cells, along the walls and the diagonal, where slivers of portals lead around
+    // every corner in both directions.
     let mut worst = 0;
     for (at, to) in [
         ([6.0, 6.0], [12.0, 6.0]),
@@ -198,7 +201,7 @@ fn too_many_steps_fall_back_and_many_ways_are_put_together() {
         eye.cull(&cells, &scene, &view, &mut visible);
         assert_eq!(eye.stats().fallback, None);
         worst = worst.max(eye.stats().portals);
-        // Nothing stands in the way: all that is in the frustum is seen.
+        // Nothing occludes: all objects in the frustum are visible.
         for id in frustum.iter(&scene) {
             assert!(visible.contains(&scene, id), "{at:?} to {to:?}: object {id}");
         }
@@ -207,7 +210,7 @@ fn too_many_steps_fall_back_and_many_ways_are_put_together() {
         limited.cull(&cells, &scene, &view, &mut visible);
         assert_eq!(limited.stats().fallback, Some(NotCulled::Steps));
         assert_eq!(visible.count(&scene), frustum.count(&scene));
-        // And the next frame is not the worse for it.
+        // The next frame with the full limit is not affected by the aborted one.
         limited = limited.with_step_limit(20_000);
         let mut visible = frustum.clone();
         limited.cull(&cells, &scene, &view, &mut visible);
@@ -260,7 +263,8 @@ fn objects_are_where_the_graph_lists_them_until_they_move() {
 #[test]
 fn sets_limit_the_walk() {
     let (cells, scene, _) = row(5);
-    // Sets that stop at the second neighbour: not true of this row, so that it shows.
+    // PVS rows that end at the second neighbour. They are wrong for this row of rooms, so that their effect
+    // shows.
     let rows: Vec<Vec<u32>> = (0..5u32).map(|a| (0..5).filter(|&b| a.abs_diff(b) <= 2).collect()).collect();
     let pvs = Pvs::new(PvsTargets::Cells, 5, &rows, |_| []).unwrap();
     let cells = cells.with_pvs(pvs).unwrap();
@@ -293,7 +297,7 @@ fn errors_name_what_is_wrong() {
     assert_eq!(cells.add_mirror(CellId(0), &ConvexPolygon::default()), Err(SceneCellsError::NoPlane));
 }
 
-/// Cells that overlap, viewcells of NaN, giants and midgets: whatever comes of it, no panic and an end.
+/// Overlapping cells, NaN viewcells, huge and tiny scales: every frame ends without a panic.
 #[test]
 fn no_input_panics_or_hangs() {
     let mut random = Random(5);
@@ -357,7 +361,7 @@ fn no_input_panics_or_hangs() {
     }
 }
 
-/// A view that was given up, or is of other cells, leaves nothing behind that changes the next.
+/// An aborted frame, or a frame of other cells, does not affect later frames.
 #[test]
 fn frames_do_not_depend_on_the_frames_before() {
     let mut random = Random(8);

@@ -1,4 +1,4 @@
-//! Rays that are turned back by mirrors never reach an object that the reflection hides.
+//! A ray reflected by mirrors never reaches an object that the reflection hides.
 
 mod maze;
 
@@ -31,14 +31,15 @@ fn no_reflected_ray_reaches_what_its_reflection_hides() {
             FrustumCuller::new().cull(&maze.scene, &camera.view, &mut visible);
             eye.cull(&maze.cells, &maze.scene, &camera.view, &mut visible);
             if eye.stats().reflections_left_out > 0 {
-                // Only mirrors in mirrors in mirrors may be left out.
+                // Reflections may be left out only for more than two mirrors along a line of sight.
                 assert!(eye.reflections().len() < 64 && eye.reflections().iter().any(|one| one.depth() == 2));
             }
             for one in eye.reflections() {
                 let count = one.visible().count(&maze.scene) as u64;
                 (seen, hidden) = (seen + count, hidden + maze.objects.len() as u64 - count);
             }
-            // The reflection that shows what lies behind a chain of mirrors.
+            // Returns the index of the reflection for a chain of mirrors. `None` if there is no such
+            // reflection.
             let find = |chain: &[MirrorId]| {
                 let mut place = None;
                 for &mirror in chain {
@@ -56,8 +57,8 @@ fn no_reflected_ray_reaches_what_its_reflection_hides() {
                     aimed.unwrap_or_else(|| (random.fine_range(-1.0, 1.0), random.fine_range(-1.0, 1.0)));
                 let (from, along) = camera.ray(x, y);
                 maze.follow(from, along, |object, mirrors| {
-                    // How far along the ray the object is, no one knows here: leave out what may be beyond
-                    // the far plane.
+                    // The ray does not report the distance at which it meets an object, so views with a near
+                    // far plane are skipped.
                     if mirrors.is_empty() || mirrors.len() > 2 || camera.far < 100.0 {
                         return;
                     }

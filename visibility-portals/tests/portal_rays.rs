@@ -1,5 +1,5 @@
-//! No ray that passes open portals reaches an object that was hidden: mazes made up, straight and turned,
-//! with doors that open and close, eyes anywhere, and cameras of all conventions.
+//! No ray that passes open portals reaches a hidden object, in random mazes: axis-aligned and rotated, with
+//! doors that open and close, eyes anywhere, and cameras of all depth conventions.
 
 mod maze;
 
@@ -21,7 +21,8 @@ struct Tally {
     many_starts: u64,
 }
 
-/// An eye in a room, in a doorway, on its plane, or in one of its corners.
+/// Returns a random eye in world space: in a room, in a doorway, near the doorway's plane, on one of its
+/// edges or at one of its corners.
 fn place(random: &mut Random, maze: &Maze) -> DVec3 {
     let room = random.below(maze.rooms());
     let portals = maze.cells.graph().portals();
@@ -75,9 +76,10 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
                     tally.many_starts += u64::from(eye.stats().starts > 1);
                 }
             }
-            // What a rectangle lets through holds what the polygon in it does. (A box is tested against
-            // planes one by one, so near a sharp corner of a polygon the rectangle may hide one that the
-            // polygon keeps; and what either keeps for a great tolerance differs.)
+            // The rectangle's window contains the polygon's, so each cell that the polygon reaches is reached
+            // with the rectangle. Objects may differ: a box is tested against planes one by one, so near a
+            // sharp corner of the polygon only the rectangle may exclude it. With a great tolerance the
+            // margins of the two differ as well.
             for cell in eye.seen_cells() {
                 assert!(
                     style.tolerance > 1e-6 || boxed.sees(cell),
@@ -94,7 +96,8 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
                 tally.rays += 1;
                 maze.follow(from, along, |object, mirrors| {
                     let (id, min, max) = maze.objects[object];
-                    // Objects across the far plane may be met beyond it.
+                    // The ray may meet an object that crosses the far plane beyond that plane, so only
+                    // objects entirely in front of it count.
                     let nearest = (0..8).map(|i| {
                         DVec3::new(
                             if i & 1 == 0 { min.x } else { max.x },
@@ -117,7 +120,7 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
             }
         }
     }
-    // Or there was nothing to find.
+    // Asserts that the test is not vacuous.
     assert!(tally.reached * 16 > tally.rays, "{tally:?}");
     assert!(tally.shown * 2 < tally.in_frustum, "{tally:?}");
     assert!(
@@ -150,7 +153,7 @@ fn no_ray_reaches_what_is_hidden_behind_slivers() {
     assert!(tally.rays + turned.rays > 200_000, "{tally:?} {turned:?}");
 }
 
-/// What is known of cells and portals is off by nearly the tolerance: where margins are missing, it shows.
+/// Cells and portals are displaced by nearly the tolerance, so that a missing margin fails the test.
 #[test]
 fn no_ray_reaches_what_is_hidden_where_cells_are_off_by_the_tolerance() {
     for (seed, tolerance) in [(5, 0.003), (15, 0.012)] {

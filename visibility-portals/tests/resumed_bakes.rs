@@ -1,4 +1,4 @@
-//! Bakes that are stopped, saved and taken up again give the same answer as those that are not.
+//! Bakes that are stopped, saved and resumed give the same result as uninterrupted bakes.
 
 use visibility_core::bake::{Bake, Baker};
 use visibility_core::envelope::{EnvelopeError, Format, HEADER, Writer};
@@ -10,7 +10,7 @@ use visibility_core::{
 };
 use visibility_portals::{CellBaker, ObjectBaker, Settings};
 
-/// A grid of rooms with doors at odd places.
+/// Returns a grid of 7 by 7 rooms with doors at irregular positions, displaced by `shift` along each axis.
 fn rooms(shift: f64) -> CellGraph {
     let (mut portals, mut state) = (Vec::new(), 7u64);
     for (x, y) in (0..7u32).flat_map(|x| (0..7u32).map(move |y| (x, y))) {
@@ -41,7 +41,8 @@ fn baker(graph: &CellGraph, settings: Settings) -> CellBaker {
     CellBaker::new(graph, settings).unwrap()
 }
 
-/// The answer of a bake that is saved and loaded after every round, also before the first and after the last.
+/// Returns the result of a bake that is saved and resumed after every round, and also before the first and
+/// after the last.
 fn interrupted<B: Baker>(baker: impl Fn() -> B) -> B::Outcome {
     let mut bake = Bake::new(baker());
     loop {
@@ -85,7 +86,7 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
         assert_eq!(whole.fallbacks.is_empty(), steps_per_cell == u64::MAX);
         assert!(whole.complete && whole.rows.iter().any(|row| row.len() > 1));
         assert_eq!(interrupted(new), whole);
-        // Stopped before its end, it shows no less.
+        // A bake that is stopped early keeps at least the objects of the complete bake.
         let mut bake = Bake::new(new());
         bake.advance();
         let stopped = bake.clone().finish();
@@ -93,7 +94,7 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
         for (less, more) in whole.rows.iter().zip(&stopped.rows) {
             assert!(less.iter().all(|object| more.binary_search(object).is_ok()));
         }
-        // What the answer depends on is in the fingerprint.
+        // The fingerprint depends on all input of the bake.
         let saved = bake.save();
         let moved = |id: visibility_core::ObjectId| boxes.get(id.index()).map(|&[min, max]| [min, max + 0.1]);
         let other = ObjectBaker::new(&graph, &matrix, moved, settings).unwrap();
@@ -122,7 +123,7 @@ fn damaged_and_foreign_bytes_are_refused() {
     }
 }
 
-/// The checksum is no secret: whoever forges a state gets an answer all the same.
+/// A saved state with a valid checksum may be forged; a bake resumed from it must not panic.
 #[test]
 fn forged_counts_are_counted_on_as_far_as_numbers_go() {
     let graph = rooms(0.0);
@@ -138,8 +139,8 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
         Bake::resume(baker(&graph, settings), &writer.finish())
     };
     let waiting = u32::from_le_bytes(saved[48..52].try_into().unwrap()) as usize;
-    // Behind the steps of all, the portals that wait and the rejections: each cell's portals that gave up and
-    // its steps.
+    // After the total of steps, the list of waiting portals and the number of rejections: the fallbacks and
+    // the steps of each cell.
     let counts = 12 + 4 * waiting..12 + 4 * waiting + 8 + 49 * 12;
     let outcome = forged(&|content| {
         content[..8].fill(255);
@@ -147,7 +148,7 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
     });
     let outcome = outcome.unwrap().run();
     assert!(outcome.complete && outcome.steps.iter().all(|&steps| steps == u64::MAX));
-    // Portals that do not exist, or are named twice.
+    // Portals that do not exist, or that are listed twice.
     for portal in [u32::MAX, waiting as u32, 0] {
         let error = forged(&|content| content[16..20].copy_from_slice(&portal.to_le_bytes())).unwrap_err();
         assert!(error.to_string().contains("unknown or out of order"), "{error}");

@@ -1,5 +1,5 @@
-//! Lines through sequences: in the plane against exact arithmetic, in space against planted lines and against
-//! the planes that separate.
+//! Lines through sequences of openings: in the plane against exact arithmetic, in space against planted lines
+//! and against separating planes.
 
 use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::{DVec2, DVec3};
@@ -9,8 +9,8 @@ use visibility_testing::Random;
 
 type Ends = [[i64; 2]; 2];
 
-/// Whether a line has all left ends on its left, or on it, and all right ones on its right: if any has, so
-/// has one through two ends.
+/// Tests in exact arithmetic whether a line has all left ends on its left or on it, and all right ends on its
+/// right or on it. If such a line exists, one passes through two of the ends.
 fn has_line(segments: &[Ends]) -> bool {
     let side = |p: [i64; 2], q: [i64; 2], r: [i64; 2]| {
         let [a, b] = [[q[0] - p[0], q[1] - p[1]], [r[0] - p[0], r[1] - p[1]]];
@@ -19,7 +19,7 @@ fn has_line(segments: &[Ends]) -> bool {
     let ends: Vec<[i64; 2]> = segments.iter().flatten().copied().collect();
     ends.iter().any(|&p| {
         ends.iter().filter(|&&q| q != p).any(|&q| {
-            // Not along a segment, either.
+            // A line along a segment does not pass it.
             let passes = |l: i128, r: i128| l >= 0 && r <= 0 && l != r;
             segments.iter().all(|&[left, right]| passes(side(p, q, left), side(p, q, right)))
         })
@@ -41,7 +41,7 @@ fn doors_of_a_floor_plan_as_exact_arithmetic_has_it() {
                 [[x + below(3), middle + half], [x, middle - half]]
             })
             .collect();
-        // A thousand times as fine, and each shorter by a thousandth at both ends.
+        // Coordinates multiplied by 1000, with each segment shortened by a thousandth at both ends.
         let shorter: Vec<Ends> = segments
             .iter()
             .map(|&[l, r]| [[l, r], [r, l]].map(|[a, b]| [999 * a[0] + b[0], 999 * a[1] + b[1]]))
@@ -67,7 +67,7 @@ fn doors_of_a_floor_plan_as_exact_arithmetic_has_it() {
     assert!(counts[0] > 3000 && counts[1] > 3000 && counts[2] < 100, "{counts:?}");
 }
 
-/// Convex polygons around a line, which is clear of their edges by the clearance.
+/// Returns `count` convex quadrangles around a random line that is clear of their edges by `clearance`.
 fn around(count: usize, clearance: f64, random: &mut Random) -> Vec<Vec<DVec3>> {
     let (start, direction) = (random.direction() * random.fine_range(0.0, 3000.0), random.direction());
     let mut at = 0.0;
@@ -82,7 +82,8 @@ fn around(count: usize, clearance: f64, random: &mut Random) -> Vec<Vec<DVec3>> 
             };
             let u = normal.any_orthonormal_vector();
             let v = normal.cross(u);
-            // In the plane, edges must be farther off than in space.
+            // The distance within the polygon's plane is at least the distance from the line, so it must be
+            // scaled up.
             let least = 1.1 * clearance / normal.dot(direction);
             let mut side = || if random.below(2) == 0 { least } else { random.fine_range(least, 30.0) };
             let middle = start + direction * at;
@@ -110,7 +111,7 @@ fn no_planted_line_is_excluded() {
     assert!(found > 250, "{found}");
 }
 
-/// Random polygons on the way along x, tilted and turned.
+/// Returns `count` random convex polygons along x, tilted and rotated.
 fn sequence(count: usize, random: &mut Random) -> Vec<Vec<DVec3>> {
     (0..count)
         .map(|i| {
@@ -159,7 +160,8 @@ fn what_separating_planes_exclude_has_no_line_and_some_more_is_excluded() {
     assert!(lines > 500 && both > 1500 && more > 5 && open < 400, "{lines} {both} {more} {open}");
 }
 
-/// Axis-aligned rectangles, each beyond the ones before; half of them around the diagonal.
+/// Returns `count` axis-aligned rectangles, each beyond the one before. Half of the sequences are centred on
+/// the diagonal, the others up to 3 away.
 fn rectangles(count: i64, random: &mut Random) -> Vec<Rectangle> {
     let loose = random.below(2) as f64 * 3.0;
     let forward = random.below(2) == 0;
@@ -186,7 +188,7 @@ fn rectangles_by_three_projections() {
     for i in 0..4000 {
         let all = rectangles(2 + i % 9, &mut random);
         let planted = all.iter().all(|r| {
-            // The diagonal itself.
+            // Tests whether the diagonal itself passes the rectangle.
             let p = DVec3::splat(r.min[r.axis]);
             (0..3).all(|k| k == r.axis || p[k] > r.min[k] + 1e-3 && p[k] < r.max[k] - 1e-3)
         });

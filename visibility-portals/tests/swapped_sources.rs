@@ -1,5 +1,5 @@
-//! Scene, cells, PVS, doors and mirrors that are swapped, mixed, cloned, reverted and dropped under a live
-//! eye: each frame's answer is that of an eye and of cells that were made for the frame.
+//! Scene, cells, PVS, doors and mirrors are swapped, mixed, cloned, reverted and dropped between frames of
+//! one eye. Each frame gives the same result as a new eye with new cells.
 
 mod maze;
 
@@ -14,8 +14,8 @@ use visibility_core::{
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, PortalStats, SceneCells};
 use visibility_testing::Random;
 
-/// Rooms of 4 by 4 by 3 in a row along x, with a door in the middle of each wall; from each, `sight` rooms to
-/// either side are seen.
+/// Returns rooms of 4 by 4 by 3 in a row along x, with a door in the middle of each wall between rooms. By
+/// the PVS each room sees `sight` rooms to either side.
 fn row(rooms: u32, sight: u32) -> SceneCells {
     let room = |i: u32| DVec3::new(f64::from(i) * 4.0, 0.0, 0.0);
     let door = |x: f64| {
@@ -31,7 +31,7 @@ fn row(rooms: u32, sight: u32) -> SceneCells {
     SceneCells::new(graph, Viewcells::new(viewcells), 1e-6).unwrap().with_pvs(pvs).unwrap()
 }
 
-/// A box in the middle of each room of a row.
+/// Returns a scene with one box in the middle of each room of a row.
 fn boxes(rooms: u32) -> Scene {
     let mut scene = Scene::new();
     scene.insert_batch((0..rooms).map(|i| {
@@ -41,7 +41,7 @@ fn boxes(rooms: u32) -> Scene {
     scene
 }
 
-/// From the first room along the row.
+/// Returns a view from the first room along the row, with an infinite far plane.
 fn along() -> View {
     let pose = Pose::look_at(DVec3::new(0.5, 2.0, 1.0), DVec3::new(9.0, 2.0, 1.0), DVec3::Z);
     View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()
@@ -119,7 +119,7 @@ fn an_eye_that_gave_up_in_a_large_building_looks_into_a_small_one() {
         let mut eye = PortalEye::new().with_step_limit(steps);
         seen(&mut eye, &large, &scene, &view);
         let mut eye = eye.with_step_limit(100);
-        // Outside of the small building's cells, objects stay.
+        // Objects outside all cells of the small building stay visible.
         assert_eq!(seen(&mut eye, &small, &scene, &view), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
         assert_eq!(eye.stats().fallback, None);
     }
@@ -129,7 +129,7 @@ fn an_eye_that_gave_up_in_a_large_building_looks_into_a_small_one() {
 fn mirrors_show_all_that_is_in_view_where_the_cells_do_not_know_the_scene() {
     let (scene, view) = (boxes(2), along());
     let mut cells = row(2, 1);
-    // At the end of the second room, facing the eye.
+    // A mirror at the end of the second room, facing the eye.
     let corners = [[1.0, 0.5], [1.0, 2.0], [3.0, 2.0], [3.0, 0.5]];
     let glass = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(8.0, y, z))).unwrap();
     cells.add_mirror(CellId(1), &glass).unwrap();
@@ -143,7 +143,7 @@ fn mirrors_show_all_that_is_in_view_where_the_cells_do_not_know_the_scene() {
     assert_eq!((eye.stats().fallback, shown(&eye)), (None, vec![vec![0, 1]]));
 }
 
-/// All that can be asked of an eye after a frame.
+/// Results of all queries of an eye after a frame.
 #[derive(PartialEq, Debug)]
 struct Answer {
     visible: Vec<usize>,
@@ -170,7 +170,7 @@ impl Answer {
     }
 }
 
-/// What a building's cells were made from and told, in order to make them again.
+/// The inputs and changes that produced some cells, from which equal cells can be made again.
 #[derive(Clone)]
 struct Recipe {
     maze: usize,
@@ -198,7 +198,7 @@ impl Recipe {
         cells
     }
 
-    /// A recipe for one of the mazes, with a PVS drawn at random or none.
+    /// Returns a recipe for a random maze, with all doors open, no mirrors, and a random PVS or none.
     fn random(random: &mut Random, mazes: &[Maze]) -> Self {
         let maze = random.below(mazes.len());
         let graph = mazes[maze].cells.graph();
@@ -207,7 +207,7 @@ impl Recipe {
     }
 }
 
-/// A PVS in which each cell sees itself and about half of the others.
+/// Returns a PVS in which each cell sees itself and about half of the other cells.
 fn random_pvs(random: &mut Random, graph: &CellGraph) -> Pvs {
     let cells = graph.cell_count() as u32;
     let rows: Vec<Vec<u32>> =
@@ -215,7 +215,7 @@ fn random_pvs(random: &mut Random, graph: &CellGraph) -> Pvs {
     Pvs::new(PvsTargets::Cells, cells as usize, &rows, |_| []).unwrap()
 }
 
-/// Doors, mirrors and PVS of live cells change, and their recipe with them.
+/// Changes a random door, mirror or the PVS of `cells`, and records the change in `recipe`.
 fn change(random: &mut Random, cells: &mut SceneCells, recipe: &mut Recipe) {
     let doors = recipe.doors.len();
     match random.below(4) {
@@ -231,7 +231,7 @@ fn change(random: &mut Random, cells: &mut SceneCells, recipe: &mut Recipe) {
             recipe.doors[at].1 = passage;
         }
         2 if doors > 0 && recipe.mirrors.len() < 6 => {
-            // In the place of a door, facing its second cell.
+            // In the polygon of a door, facing the door's second cell.
             let portal = &cells.graph().portals()[random.below(doors)];
             let (cell, polygon) = (portal.cells()[1], portal.polygon().clone());
             cells.add_mirror(cell, &polygon).unwrap();
@@ -250,7 +250,7 @@ fn change(random: &mut Random, cells: &mut SceneCells, recipe: &mut Recipe) {
     }
 }
 
-/// Objects of a scene move, go, and come.
+/// Moves, removes or inserts 1 to 4 random objects of a scene.
 fn stir(random: &mut Random, scene: &mut Scene, maze: &Maze) {
     for _ in 0..1 + random.below(4) {
         let all: Vec<ObjectId> = scene.ids().collect();
@@ -271,7 +271,7 @@ fn whatever_is_swapped_the_answer_is_that_of_a_new_eye_and_of_new_cells() {
     let mut random = Random(71);
     let mut fallbacks = [0; 2];
     for _ in 0..12 {
-        // Two of a size, so that counts alone do not tell them apart; one smaller, one larger.
+        // Two mazes of equal size, which counts alone cannot distinguish; one smaller, one larger.
         let mazes =
             [[3, 3, 1], [3, 3, 1], [2, 1, 1], [4, 3, 1]].map(|size| Maze::new(&mut random, size, style));
         let mut scenes: Vec<Scene> = mazes.iter().map(|maze| maze.scene.clone()).collect();
@@ -283,12 +283,12 @@ fn whatever_is_swapped_the_answer_is_that_of_a_new_eye_and_of_new_cells() {
             let (a, s) = (random.below(live.len()), random.below(scenes.len()));
             match random.below(12) {
                 0 => {
-                    // Other cells from here on; the old ones are dropped.
+                    // Replaces the cells by others; the old cells are dropped.
                     recipes[a] = Recipe::random(&mut random, &mazes);
                     live[a] = recipes[a].cells(&mazes);
                 }
                 1 if live.len() < 6 => {
-                    // A clone, which goes its own way.
+                    // A clone that changes independently from here on.
                     live.push(live[a].clone());
                     recipes.push(recipes[a].clone());
                 }
@@ -319,14 +319,15 @@ fn whatever_is_swapped_the_answer_is_that_of_a_new_eye_and_of_new_cells() {
             visible.fill(scene, &camera.view);
             let candidates = visible.clone();
             eye.cull(&live[a], scene, &camera.view, &mut visible);
-            // A new eye sees the same of these cells.
+            // A new eye gets the same result from the same cells.
             let limit = if eye.stats().fallback == Some(NotCulled::Steps) { 3 } else { 20_000 };
             let mut fresh = PortalEye::new().with_step_limit(limit);
             let mut other = candidates.clone();
             fresh.cull(&live[a], scene, &camera.view, &mut other);
             let answer = Answer::new(&eye, &live[a], scene, &visible);
             assert_eq!(answer, Answer::new(&fresh, &live[a], scene, &other), "frame {frame}");
-            // New cells hide as much, if the old ones were told; otherwise they hide no less.
+            // New cells give the same result if the old cells were synced; otherwise the old cells hide no
+            // more objects.
             let mut newest = candidates.clone();
             fresh.cull(&fresh_cells, scene, &camera.view, &mut newest);
             let newest = Answer::new(&fresh, &fresh_cells, scene, &newest);
@@ -337,7 +338,7 @@ fn whatever_is_swapped_the_answer_is_that_of_a_new_eye_and_of_new_cells() {
                 assert!(newest.visible.iter().all(|id| answer.visible.contains(id)), "frame {frame}");
             }
             fallbacks[usize::from(answer.stats.fallback.is_some())] += 1;
-            // The culler that owns its cells, which are replaced by a clone or moved in, now and then.
+            // The culler owns its cells, which are replaced by a clone every frame.
             *culler.cells_mut() = live[a].clone();
             let mut own = candidates.clone();
             culler.cull(scene, &camera.view, &mut own);

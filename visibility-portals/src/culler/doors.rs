@@ -24,7 +24,8 @@ const CLOSED: u8 = 4;
 /// State of all portals of a graph: open or closed, and the directions of passage.
 #[derive(Clone, Debug)]
 pub(super) struct Doors {
-    /// One byte per portal, by portal index: the bits `FORWARD` and `BACKWARD` for the passage, and `CLOSED`.
+    /// One byte per portal, by portal index: the bits `FORWARD` and `BACKWARD` for the passage, and
+    /// `CLOSED`.
     flags: Vec<u8>,
 }
 

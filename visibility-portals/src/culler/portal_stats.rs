@@ -24,8 +24,8 @@ pub enum NotCulled {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct PortalStats {
-    /// Number of cells in which lines of sight begin: one for the eye unless the near plane crosses a portal,
-    /// plus one for each window through which a mirror is reflected.
+    /// Number of cells in which lines of sight begin: one for the eye unless the near plane crosses a
+    /// portal, plus one for each window through which a mirror is reflected.
     pub starts: u32,
     /// Number of portals inspected, counted once for each path from which the portal was inspected.
     pub portals: u64,

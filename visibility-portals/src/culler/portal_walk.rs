@@ -80,13 +80,13 @@ pub(super) struct SeenMirror {
 /// Scratch memory and result of a walk.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PortalWalk {
-    /// Stamp of the graph whose cells and portals index `heads`, `counts`, `wide` and `passed`. `None` before
-    /// the first walk.
+    /// Stamp of the graph whose cells and portals index `heads`, `counts`, `wide` and `passed`. `None`
+    /// before the first walk.
     graph: Option<Stamp>,
     pub(super) paths: Vec<PortalPath>,
     pub(super) sides: Vec<WindowPlane>,
-    /// Corners of the visible parts of the portals, anchor-relative. `PortalPath::corners` are ranges of this
-    /// list.
+    /// Corners of the visible parts of the portals, anchor-relative. `PortalPath::corners` are ranges of
+    /// this list.
     pub(super) corners: Vec<DVec3>,
     pub(super) mirrors: Vec<SeenMirror>,
     /// By cell index: index in `paths` of the path found last, or `NONE`.

@@ -39,9 +39,9 @@ pub struct PolygonSettings<'a> {
     /// absolute coordinate, well above the rounding of `f32`.
     pub tolerance: Option<f64>,
     /// Minimum covered fraction, from 0 to 1, for a split: the region is split along a plane if polygons
-    /// cover at least this fraction of the plane's section of the region. A covered area of at least 1/512 of
-    /// the square of the longest side of the bounding box also suffices, since even large walls cover a small
-    /// fraction of a large region. Default 0.25.
+    /// cover at least this fraction of the plane's section of the region. A covered area of at least 1/512
+    /// of the square of the longest side of the bounding box also suffices, since even large walls cover
+    /// a small fraction of a large region. Default 0.25.
     pub least_share: f64,
     /// Minimum area that polygons must cover in a plane for any split, in square world units. `None`: 2^-13
     /// of the square of the longest side of the bounding box.

@@ -1,14 +1,15 @@
 //! The baker of cell-to-object visibility: which objects can be seen from each cell.
 //!
 //! This work is based on: Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive
-//! Walkthroughs", 1991, where objects of a cell are kept if they meet the bundle of lines through the portals
-//! that lead there. In space that bundle is bounded by the planes that [separate](crate::separating_planes)
-//! the first portal from the last (Teller and Hanrahan, "Global Visibility Algorithms for Illumination
-//! Computations", 1993). An object is hidden from a cell only if, at the end of every chain of portals to
-//! every cell that it is in, its box lies beyond one of those planes.
+//! Walkthroughs", 1991, where an object of a cell is kept if it meets the bundle of lines through the portals
+//! that lead to the cell. In space that bundle is bounded by the planes that
+//! [separate](crate::separating_planes) the first portal from the last (Teller and Hanrahan, "Global
+//! Visibility Algorithms for Illumination Computations", 1993). An object is hidden from a cell only if, at
+//! the end of every chain of portals to every cell that the object is in, its box lies outside one of those
+//! planes.
 //!
-//! Cell-to-cell visibility must be baked before: chains pass only through cells that are seen, and end where
-//! no object that is not yet seen can lie between the planes.
+//! Cell-to-cell visibility must be baked first. Chains pass only through cells that are seen, and end where
+//! no object that is not yet seen can lie inside the planes.
 
 mod object_chains;
 
@@ -27,41 +28,44 @@ use visibility_core::{
     pvs::{Pvs, PvsError, PvsTargets},
 };
 
-/// Result of a bake of cell-to-object visibility.
+/// Result of a bake of cell-to-object visibility. Conservative.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct ObjectOutcome {
-    /// By cell: the [indices](ObjectId::index) of the objects seen from it, ascending.
+    /// By index of the cell looked from: the [indices](ObjectId::index) of the objects seen from the cell,
+    /// ascending.
     pub rows: Vec<Vec<u32>>,
-    /// Cells that reached the limit of steps or were not looked from, ascending. They see all objects in all
-    /// cells that they see.
+    /// Cells whose search reached the limit of steps or was not carried out, ascending. All objects in all
+    /// cells seen from such a cell count as visible.
     pub fallbacks: Vec<CellId>,
-    /// By cell: the number of chains of portals that were looked at.
+    /// By index of the cell looked from: the number of portal chains inspected.
     pub steps: Vec<u64>,
-    /// Whether all cells were looked from.
+    /// Whether the search from every cell was carried out.
     pub complete: bool,
 }
 
 impl ObjectOutcome {
-    /// The mean number of objects that a cell sees. 0 without cells.
+    /// Returns the mean number of objects that a cell sees. 0 without cells.
     pub fn mean_visible(&self) -> f64 {
         let sum: usize = self.rows.iter().map(Vec::len).sum();
         if self.rows.is_empty() { 0.0 } else { sum as f64 / self.rows.len() as f64 }
     }
 
-    /// The same as a compressed PVS, with the cells as viewcells and the indices of objects as targets. Rows
-    /// of cells that share a portal in `graph` are stored by their differences.
+    /// Converts the rows to a compressed PVS whose viewcells are the cells and whose targets are object
+    /// indices below `objects`. Rows of cells that share a portal in `graph` may be stored as differences
+    /// from each other.
     ///
     /// # Errors
-    /// [`PvsError::Target`] if an index is not below `objects`; [`PvsError::TooLarge`].
+    /// [`PvsError::Target`] if an object index is not below `objects`; [`PvsError::TooLarge`] if the PVS
+    /// exceeds its storage limits.
     pub fn to_pvs(&self, graph: &CellGraph, objects: usize) -> Result<Pvs, PvsError> {
         Pvs::new(PvsTargets::Objects, objects, &self.rows, |viewcell| neighbours(graph, viewcell))
     }
 }
 
-/// Computes which objects each cell sees, for a [`Bake`](visibility_core::bake::Bake).
+/// Computes which objects each cell sees, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake).
 ///
-/// Its items are the cells; its steps are the chains of portals looked at. The objects are those that the
-/// graph [lists](CellGraph::set_objects) in its cells.
+/// The items of the bake are the cells; its steps are the portal chains inspected. The objects are those that
+/// the graph [lists](CellGraph::set_objects) in its cells.
 ///
 /// ```
 /// use visibility_core::{bake::Bake, cells::CellId, glam::DVec3, Aabb, Scene};
@@ -87,28 +91,28 @@ pub struct ObjectBaker<'a> {
     portals: DirectedPortals,
     targets: Targets,
     settings: Settings,
-    /// By cell; `None` for a cell that was not looked from.
+    /// Result by cell index. `None` for a cell whose search was not carried out.
     done: Vec<Option<SeenObjects>>,
 }
 
 /// The objects seen from one cell.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct SeenObjects {
-    /// Indices of objects, ascending. Empty if `gave_up`.
+    /// Object indices, ascending. Empty if `gave_up`.
     row: Vec<u32>,
     steps: u64,
-    /// Whether the limit of steps was reached.
+    /// Whether the search reached the limit of steps.
     gave_up: bool,
 }
 
 impl<'a> ObjectBaker<'a> {
-    /// Makes the portals ready. `bounds` gives the least and the greatest corner of the box of an object in
-    /// world space. An object for which it gives `None`, or corners that are NaN or in the wrong order, is
-    /// seen wherever one of its cells is.
+    /// Prepares the portals. `bounds` returns the minimum and the maximum corner of an object's box in world
+    /// space. An object without valid bounds (`None`, NaN, or a minimum above the maximum) counts as visible
+    /// wherever one of its cells is seen.
     ///
     /// # Errors
-    /// As [`CellBaker::new`](crate::CellBaker::new); [`BakeError::Cells`] if the matrix has another number of
-    /// cells.
+    /// As for [`CellBaker::new`](crate::CellBaker::new); [`BakeError::Cells`] if `matrix` and `graph` differ
+    /// in their number of cells.
     pub fn new(
         graph: &CellGraph,
         matrix: &'a CellMatrix,
@@ -150,7 +154,8 @@ impl Baker for ObjectBaker<'_> {
         steps
     }
 
-    /// Cells that were not looked from see all objects in the cells that they see.
+    /// Builds the rows. For a cell whose search was not carried out or gave up, all objects in all cells that
+    /// it sees count as visible.
     fn finish(self, waiting: &[u32]) -> ObjectOutcome {
         let cells = self.done.len();
         let (mut rows, mut steps, mut fallbacks) = (Vec::with_capacity(cells), Vec::new(), Vec::new());

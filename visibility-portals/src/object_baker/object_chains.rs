@@ -1,5 +1,5 @@
-//! The search for the objects seen from one cell: depth first through chains of portals, marking the objects
-//! that are inside of the planes of a chain.
+//! The search for the objects seen from one cell: depth first through chains of portals. Objects that are not
+//! outside the planes of some chain are marked as seen.
 
 use crate::cell_matrix::CellMatrix;
 use crate::clip_polygon::{Clip, clip};
@@ -14,14 +14,17 @@ use visibility_core::{
     geometry::Plane,
 };
 
-/// The objects, by the cells that they are in.
+/// The objects that the graph lists, numbered as targets from 0 in order of their ids, and the targets in
+/// each cell.
 #[derive(Clone, Debug)]
 pub(super) struct Targets {
-    /// Center and half size of the box of each object; NaN if it has none.
+    /// By target: centre and half extents of the object's box in world space. NaN if the object has no valid
+    /// box.
     boxes: Vec<(DVec3, DVec3)>,
-    /// [Index](ObjectId::index) of each object.
+    /// By target: the object's [index](ObjectId::index).
     index: Vec<u32>,
-    /// By cell: where its objects begin in `of_cell`; one more entry marks the end of the last.
+    /// CSR offsets: by cell index, the position in `of_cell` of the cell's first target; one more entry
+    /// marks the end of the last cell.
     first: Vec<u32>,
     of_cell: Vec<u32>,
 }
@@ -38,7 +41,7 @@ impl Targets {
         });
         let (mut first, mut of_cell) = (alloc::vec![0], Vec::new());
         for cell in cells() {
-            // Every object of the graph is among the sorted ones.
+            // `ids` holds every object of the graph, so each search succeeds.
             of_cell.extend(
                 graph.objects_in(cell).iter().filter_map(|id| ids.binary_search(id).ok()).map(|i| i as u32),
             );
@@ -52,7 +55,7 @@ impl Targets {
         }
     }
 
-    /// Boxes, indices and cells as numbers, for a fingerprint.
+    /// Returns boxes, object indices and cell lists as numbers, for the bake's fingerprint.
     pub(super) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
         let boxes = self
             .boxes
@@ -62,12 +65,12 @@ impl Targets {
         boxes.map(f64::to_bits).chain(lists)
     }
 
-    /// The objects in a cell.
+    /// Returns the targets in a cell.
     fn of(&self, cell: u32) -> &[u32] {
         &self.of_cell[self.first[cell as usize] as usize..self.first[cell as usize + 1] as usize]
     }
 
-    /// The indices of all objects in some cells, ascending.
+    /// Returns the object indices of all targets in some cells, ascending, each once.
     pub(super) fn in_cells(&self, cells: impl Iterator<Item = CellId>) -> Vec<u32> {
         let mut all: Vec<u32> =
             cells.flat_map(|cell| self.of(cell.0)).map(|&target| self.index[target as usize]).collect();
@@ -76,27 +79,31 @@ impl Targets {
         all
     }
 
-    /// Whether the box of an object is certainly beyond one of the planes.
+    /// Tests whether the box of a target is certainly outside one of the planes. `false` for a box that
+    /// touches or is NaN, and without planes.
     fn is_outside(&self, target: u32, planes: &[Plane]) -> bool {
         let (middle, half) = self.boxes[target as usize];
         planes.iter().any(|plane| {
             let reach = plane.normal.abs().dot(half);
             let distance = plane.signed_distance(middle);
-            // The middle, the half size and their products are rounded a few times more than what the bound
-            // is for. NaN is not beyond.
+            // Centre, half extents and their products have a few more roundings than `error_bound` accounts
+            // for. NaN compares as not outside.
             distance + reach < -4.0 * plane.error_bound(middle.abs() + half)
         })
     }
 }
 
-/// A portal of the chain that is being looked at.
+/// A portal of the current chain. `source` (the reachable part of the first portal) and `pass` (the reachable
+/// part of this portal) are ranges of `Chains::points`; `planes` is a range of `Chains::planes`; `next` is
+/// the next portal to inspect; `points` is the length of `Chains::points` before this link.
 #[derive(Clone, Debug)]
 struct Link {
     portal: u32,
     source: Range<usize>,
     pass: Range<usize>,
     planes: Range<usize>,
-    /// Where the set of portals that can be passed after this one begins in `Chains::sets`.
+    /// Offset in `Chains::sets` of this link's set: the directed portals that lines through this portal may
+    /// pass later, one bit each.
     set: usize,
     next: u32,
     points: usize,
@@ -108,7 +115,8 @@ pub struct Chains {
     seen: Vec<bool>,
     points: Vec<DVec3>,
     planes: Vec<Plane>,
-    /// One bit for each portal, a set for each link of the chain.
+    /// Bitsets over the directed portals, one for each link of the chain. `Link::set` is the offset of a
+    /// bitset.
     sets: Vec<u64>,
     links: Vec<Link>,
     stamps: Vec<u32>,
@@ -116,21 +124,21 @@ pub struct Chains {
     queue: Vec<u32>,
 }
 
-/// What stays the same while chains that begin with one portal are looked at.
+/// The input of a search that is fixed for all chains with the same first portal.
 struct Search<'a> {
     portals: &'a DirectedPortals,
     matrix: &'a CellMatrix,
     targets: &'a Targets,
     from: CellId,
-    /// The first portal of the chains.
+    /// Index of the first directed portal of the chains.
     first: u32,
-    /// Words in a set of portals.
+    /// Number of 64-bit words in a bitset over the directed portals.
     words: usize,
 }
 
 impl Chains {
-    /// The indices of the objects seen from a cell, ascending; the steps taken; and whether that were more
-    /// than `limit`, in which case the list is empty.
+    /// Searches the objects seen from cell `from`. Returns their object indices, ascending; the number of
+    /// steps taken; and whether the steps exceeded `limit`, in which case the list is empty.
     pub(super) fn seen_from(
         &mut self,
         from: CellId,
@@ -156,7 +164,8 @@ impl Chains {
         (seen.collect(), steps, false)
     }
 
-    /// Looks at all chains that begin with one portal. False if the limit of steps is reached.
+    /// Searches all chains that begin with the portal `search.first`, and marks the targets reached in
+    /// `seen`. Adds to `steps`; returns `false` once they exceed `limit`.
     fn search(&mut self, search: &Search, limit: u64, steps: &mut u64) -> bool {
         let (all, first) = (&search.portals.all, search.first);
         self.points.clear();
@@ -181,8 +190,8 @@ impl Chains {
         true
     }
 
-    /// The next portal to lengthen the chain by. Removes links that have no more; `None` when the chain is
-    /// empty.
+    /// Returns the next directed portal by which to extend the chain, and pops the links that have none left.
+    /// `None` when the chain is empty.
     fn next_child(&mut self, search: &Search) -> Option<u32> {
         while let Some(link) = self.links.last_mut() {
             let end = search.portals.from(search.portals.all[link.portal as usize].to).end;
@@ -201,10 +210,12 @@ impl Chains {
         None
     }
 
-    /// Lengthens the chain by a portal, if lines can pass it and then reach an object that is not yet seen.
+    /// Extends the chain by portal `child` if lines can pass it and then reach a target that is not yet seen.
+    /// Returns `false` if the chain was not extended; the caller then truncates to `points` and `planes`, the
+    /// lengths of the lists before the call.
     fn go_through(&mut self, search: &Search, child: u32, points: usize, planes: usize) -> bool {
         let Some(last) = self.links.last().cloned() else { return false };
-        // A line goes through each portal once.
+        // A straight line passes each portal at most once.
         if self.links.iter().any(|link| link.portal == child) {
             return false;
         }
@@ -219,8 +230,9 @@ impl Chains {
         self.enter(search, child, source, pass, planes, points)
     }
 
-    /// The parts of the first portal and of a next one between which lines can pass the last portal of the
-    /// chain.
+    /// Returns the part of the first portal and the part of portal `child` between which lines can pass the
+    /// last portal of the chain, as ranges of `points`. `None` if either part is empty. Clipped polygons are
+    /// appended to `points`.
     fn narrow(&mut self, search: &Search, last: &Link, child: u32) -> Option<(Range<usize>, Range<usize>)> {
         let (all, margins) = (&search.portals.all, &search.portals.margins);
         let portal = &all[child as usize];
@@ -251,7 +263,8 @@ impl Chains {
         Some((source, pass))
     }
 
-    /// Clips a polygon to the inner side of a plane; `None` if nothing is left.
+    /// Clips a polygon to the inner side of a plane; the argument and the result are ranges of `points`.
+    /// `None` if nothing is left. `merge` is the distance below which vertices become one.
     fn clipped(&mut self, polygon: Range<usize>, plane: Plane, merge: f64) -> Option<Range<usize>> {
         match clip(&mut self.points, polygon.clone(), &plane, merge) {
             Clip::All => Some(polygon),
@@ -260,8 +273,9 @@ impl Chains {
         }
     }
 
-    /// Marks the objects seen in the cell behind a portal. If others may be seen beyond, appends the portal
-    /// to the chain, with the planes from index `planes` on, and returns true.
+    /// Marks the targets seen in the cell behind `portal`. If other unseen targets may be seen beyond,
+    /// appends the portal to the chain, with the planes from index `planes` on, and returns `true`. `points`
+    /// is the length of the points list to restore later.
     fn enter(
         &mut self,
         search: &Search,
@@ -291,12 +305,13 @@ impl Chains {
         true
     }
 
-    /// Appends the set of portals that can be reached from a cell without leaving the planes from index
-    /// `planes` on. False if no cell behind them holds an object inside of the planes that is not yet seen.
+    /// Appends to `sets` the bitset of the portals that can be reached from `cell` without leaving the planes
+    /// from index `planes` on. Returns `false` if no cell behind these portals holds an unseen target inside
+    /// the planes.
     fn reach(&mut self, search: &Search, cell: u32, planes: usize) -> bool {
         let set = self.sets.len();
         self.sets.resize(set + search.words, 0);
-        // The set of the link before bounds this one.
+        // The new set is a subset of the previous link's set.
         let within = self.links.last().map(|link| link.set);
         if self.stamp == u32::MAX {
             self.stamps.fill(0);
@@ -339,13 +354,14 @@ impl Chains {
     }
 }
 
-/// The half-space in front of a portal, its plane included.
+/// Returns the half-space in front of a directed portal, moved back by the margin so that the portal's plane
+/// is included.
 fn ahead(search: &Search, portal: u32) -> Plane {
     let plane = search.portals.all[portal as usize].plane;
     Plane::new(plane.normal, plane.offset + search.portals.margins.keep)
 }
 
-/// Whether a portal is beyond one of the planes.
+/// Tests whether a directed portal lies entirely outside one of the planes.
 fn is_beyond(search: &Search, portal: u32, planes: &[Plane]) -> bool {
     let directed = &search.portals.all[portal as usize];
     planes.iter().any(|plane| {

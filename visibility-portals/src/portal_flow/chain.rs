@@ -1,4 +1,5 @@
-//! The chain of portals that is being looked at: lengthening it, and what lines through it can still reach.
+//! The current chain of portals: how it is extended, and the set of candidates that lines through it can
+//! still reach.
 
 use super::known::{Found, Known};
 use super::scratch::{Frame, Scratch};
@@ -10,7 +11,7 @@ use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
 impl Scratch {
-    /// Begins the chain with the source, from which all candidates may be reached.
+    /// Begins the chain with portal `source`. All candidates may be reached from it.
     pub(crate) fn enter_source(&mut self, known: &Known, source: u32) {
         let portal = &known.portals.all[source as usize];
         self.points.extend_from_slice(known.portals.vertices_of(portal));
@@ -37,8 +38,8 @@ impl Scratch {
         self.frames.push(Frame { portal, cell, source, pass, planes, set, next, points });
     }
 
-    /// The next candidate to lengthen the chain by. Removes links that have no more; `None` when the chain is
-    /// empty.
+    /// Returns the next candidate by which to extend the chain, and pops the frames that have none left.
+    /// `None` when the chain is empty.
     pub(crate) fn next_child(&mut self) -> Option<usize> {
         while let Some(frame) = self.frames.last_mut() {
             let end = self.of_cell[frame.cell as usize].1;
@@ -58,13 +59,15 @@ impl Scratch {
         None
     }
 
-    /// Lengthens the chain by a candidate, if lines can pass it and then reach a goal.
+    /// Extends the chain by candidate `child` if lines can pass it and then reach a goal. Records in `found`
+    /// the cells that are seen and the chains excluded; `first` is the index of the source portal.
     pub(crate) fn visit(&mut self, known: &Known, first: u32, child: usize, found: &mut Found) {
         let Some(frame) = self.frames.last().cloned() else { return };
         let row = self.row(known, child);
         let is_goal = self.goals[child / 64] >> (child % 64) & 1 != 0;
         if !is_goal && !self.leads_to_goal(frame.set, row) {
-            // Nothing to be learnt beyond: what is possible there stays possible.
+            // No cell behind this portal remains to be found, so all portals that may be reached stay marked
+            // as reached.
             self.reached[child / 64] |= 1 << (child % 64);
             self.reach_all(frame.set, row);
             return;
@@ -118,13 +121,15 @@ impl Scratch {
         self.push(cell, number, source, pass, planes, set, points);
     }
 
-    /// Whether a goal is both in a link's set and in a row.
+    /// Tests whether the set at offset `set` in `sets`, the row at offset `row` in `rows`, and `goals` have a
+    /// candidate in common.
     fn leads_to_goal(&self, set: usize, row: usize) -> bool {
         let sets = self.sets[set..].iter().zip(self.row_words(row)).zip(&self.goals);
         sets.into_iter().any(|((a, b), c)| a & b & c != 0)
     }
 
-    /// Marks as reached what is both in a link's set and in a row.
+    /// Marks as reached the candidates that are both in the set at offset `set` in `sets` and in the row at
+    /// offset `row` in `rows`.
     fn reach_all(&mut self, set: usize, row: usize) {
         let words = self.words;
         for i in 0..words {
@@ -132,15 +137,16 @@ impl Scratch {
         }
     }
 
-    /// Notes that a cell is seen: portals that lead to it are goals no longer.
+    /// Removes the candidates that lead to `cell` from `goals`, since the cell is now known to be seen.
     fn drop_goals(&mut self, cell: u32) {
         for (i, _) in self.to.iter().enumerate().filter(|(_, to)| **to == cell) {
             self.goals[i / 64] &= !(1 << (i % 64));
         }
     }
 
-    /// The parts of the source and of a candidate between which lines can pass the last portal of the chain.
-    /// Appends to `points` in either case.
+    /// Returns the part of the source and the part of candidate `child` between which lines can pass the last
+    /// portal of the chain, as ranges of `points`. `None` if either part is empty. Appends to `points` in
+    /// both cases.
     fn narrow(
         &mut self,
         known: &Known,
@@ -191,8 +197,8 @@ impl Scratch {
         }
     }
 
-    /// Appends the set of the candidates that are in a link's set and in a row, can be reached from a cell,
-    /// and are not beyond any plane.
+    /// Appends to `sets` the candidates of the set at offset `from` and the row at offset `row` that can be
+    /// reached from `cell` and are not outside any of `planes`.
     fn flood_again(&mut self, known: &Known, from: usize, row: usize, cell: u32, planes: Range<usize>) {
         let set = self.sets.len();
         self.sets.resize(set + self.words, 0);
@@ -237,10 +243,11 @@ impl Scratch {
     }
 }
 
-/// Whether a portal is beyond one of the planes.
+/// Tests whether a portal lies entirely outside one of the planes. `ball` is the centre and the radius of a
+/// ball that contains the portal.
 fn outside(known: &Known, planes: &[Plane], ball: (DVec3, f64), portal: u32) -> bool {
-    // The distance to the nearest plane decides nearly always; found without branches, it is found for
-    // several planes at once.
+    // The least distance over all planes decides nearly always. Without branches the loop handles several
+    // planes at once.
     let (center, radius) = ball;
     let distance = |plane: &Plane| {
         plane.normal.x * center.x + plane.normal.y * center.y + plane.normal.z * center.z + plane.offset
@@ -249,7 +256,7 @@ fn outside(known: &Known, planes: &[Plane], ball: (DVec3, f64), portal: u32) -> 
         let distance = distance(plane);
         if distance < least { distance } else { least }
     });
-    // A vertex is at least as far inside as their mean.
+    // At least one vertex is as far inside as the mean of the vertices.
     if least >= 0.0 || least < -radius {
         return least < 0.0;
     }
@@ -259,7 +266,7 @@ fn outside(known: &Known, planes: &[Plane], ball: (DVec3, f64), portal: u32) -> 
         .any(|plane| distance(plane) < 0.0 && vertices.iter().all(|&v| plane.signed_distance(v) < 0.0))
 }
 
-/// The half-space enlarged: its boundary moved by `by` against its unit normal.
+/// Returns the half-space enlarged: its boundary moved by `by` world units against its unit normal.
 fn outward(plane: &Plane, by: f64) -> Plane {
     Plane::new(plane.normal, plane.offset + by)
 }

@@ -5,8 +5,8 @@ use super::scratch::Scratch;
 use crate::cell_matrix::bits;
 use alloc::vec::Vec;
 
-/// Finds what can be seen through one portal, the source. After `limit` steps all that is not proven hidden
-/// counts as seen.
+/// Computes the portals and cells that can be seen through the directed portal `source`. After `limit` steps
+/// every candidate not proven hidden counts as seen, and `Found::gave_up` is set.
 pub(crate) fn portal_flow(known: &Known, source: u32, limit: u64, scratch: &mut Scratch) -> Found {
     let mut found = Found::default();
     scratch.begin(known, source);
@@ -29,7 +29,7 @@ pub(crate) fn portal_flow(known: &Known, source: u32, limit: u64, scratch: &mut 
     found
 }
 
-/// Counts as seen all that is not proven hidden.
+/// Adds all remaining goal cells to `found` as seen without proof.
 fn give_up(scratch: &mut Scratch, mut found: Found) -> Found {
     let mut cells: Vec<u32> = Vec::new();
     for (i, &word) in scratch.goals.iter().enumerate() {

@@ -3,33 +3,34 @@
 use crate::directed_portals::DirectedPortals;
 use alloc::vec::Vec;
 
-/// What flows read: the state of a bake between two rounds.
+/// Input of a flow: the state of a bake between two rounds.
 pub(crate) struct Known<'a> {
     pub(crate) portals: &'a DirectedPortals,
-    /// By portal, one bit for each portal that lines through it may pass later, as far as is known. Rows of
-    /// `stride` words.
+    /// Candidate matrix with rows of `stride` words: bit b of the row of directed portal a is set while a
+    /// line through a may later pass directed portal b.
     pub(crate) rows: &'a [u64],
     pub(crate) stride: usize,
-    /// By cell, one bit for each cell that need not be shown to be seen from it. Rows of `cell_stride`
-    /// words.
+    /// Visible cells, with rows of `cell_stride` words: bit b of the row of cell a is set once cell b counts
+    /// as seen from cell a. Flows search only for other cells.
     pub(crate) seen: &'a [u64],
     pub(crate) cell_stride: usize,
-    /// The clearance, if chains that lead to a cell not yet known to be seen are to be tested in Pluecker
-    /// space.
+    /// The clearance for the test in Pluecker space of chains that lead to a cell not yet known to be seen.
+    /// `None` disables the test.
     pub(crate) exact: Option<f64>,
 }
 
 /// Result of one flow.
 #[derive(Default)]
 pub struct Found {
-    /// Portals that no line through the source reaches.
+    /// Directed portals, among the candidates of the source, that no line through the source reaches.
     pub(crate) hidden: Vec<u32>,
-    /// Cells that are seen and were not known to be; true with those for which a line was found.
+    /// Cells that are newly found to be seen, each with `true` if a line proves that the cell is seen,
+    /// `false` if the cell could not be excluded.
     pub(crate) cells: Vec<(u32, bool)>,
-    /// Chains looked at.
+    /// Number of portal chains inspected.
     pub(crate) steps: u64,
-    /// Chains that only a certificate excluded.
+    /// Number of portal chains that only a certificate in Pluecker space excluded.
     pub(crate) rejected: u64,
-    /// Whether the limit of steps was reached, so that all that is not proven hidden counts as seen.
+    /// Whether the limit of steps was reached, so that every candidate not proven hidden counts as seen.
     pub(crate) gave_up: bool,
 }

@@ -1,14 +1,15 @@
-//! What can be seen through one portal, the source: depth first through chains of portals, with the reachable
-//! portals computed anew at every depth.
+//! Visibility through one portal, the source: a depth-first search through chains of portals, with the set of
+//! reachable portals recomputed at every depth.
 //!
-//! From the source, lines go on through a portal of the cell behind it, and so on. Two polygons bound them:
-//! the part of the source that they can come from, and the part of the last portal that they can pass. The
-//! planes that [separate](crate::separating_planes) these bound all that lines can reach beyond. At each
-//! depth a flood through cells finds the portals that can be reached inside of those planes; where none of
-//! them leads to a cell that is not already known to be seen, the chain ends.
+//! Lines pass the source, then a portal of the cell behind it, and so on. Two polygons bound the lines of a
+//! chain: the part of the source from which they can come, and the part of the last portal that they can
+//! pass. The planes that [separate](crate::separating_planes) the two polygons bound everything that the
+//! lines can reach beyond. At each depth a flood fill through cells finds the portals inside those planes.
+//! The chain ends where none of these portals leads to a cell that is not already known to be seen.
 //!
-//! Sets are of the candidates of the source, numbered in the order of the cells that they lead from: short
-//! bit masks, in which the portals of one cell are neighbours.
+//! Portal sets are bitsets over the source's candidates: the portals that may be seen through the source.
+//! Candidates are numbered in the order of the cells that they lead from, so the sets are short and the
+//! portals of one cell are adjacent.
 
 mod chain;
 mod flow;

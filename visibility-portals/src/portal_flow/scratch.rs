@@ -9,71 +9,72 @@ use core::ops::Range;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
-/// Scratch memory, which serves one flow after another.
+/// Scratch memory, reused by one flow after another. A candidate is named by its position in `candidates`.
 #[derive(Default)]
 pub struct Scratch {
-    /// The portals that may be seen through the source, ascending. Their places in this list number them.
+    /// Indices of the directed portals that may be seen through the source, ascending.
     pub(crate) candidates: Vec<u32>,
     pub(crate) count: usize,
-    /// Words in a set of candidates.
+    /// Number of 64-bit words in a bitset over the candidates.
     pub(crate) words: usize,
-    /// By candidate: center and radius of a ball that holds it.
+    /// By candidate: centre and radius of a ball that contains the portal, in world space.
     pub(crate) balls: Vec<(DVec3, f64)>,
-    /// By candidate: the cell that it leads to.
+    /// By candidate: index of the cell that the portal leads to.
     pub(crate) to: Vec<u32>,
-    /// By candidate: whether the plane of the source may cut it.
+    /// By candidate: whether the plane of the source may intersect the portal, so that the portal must be
+    /// clipped to it.
     pub(crate) cut: Vec<bool>,
-    /// By cell: the range of the candidates that lead from it.
+    /// By cell: the half-open range of the candidates that lead from the cell.
     pub(crate) of_cell: Vec<(u32, u32)>,
-    /// By candidate: where its row begins in `rows`, or `NO_ROW`.
+    /// By candidate: offset of the candidate's row in `rows`, or `NO_ROW` if the row has not been made yet.
     row_of: Vec<u32>,
-    /// Rows of [`Known::rows`], with the bits of candidates alone. Made when first asked for.
+    /// Rows of [`Known::rows`] compressed to the bits of the candidates. Each row is made on first use.
     pub(crate) rows: Vec<u64>,
-    /// For each word of a full row that has candidates: its index, the bits of candidates, and how many
-    /// candidates come before.
+    /// The words of the source's full row that have candidates: the index of the word, the bits of the
+    /// candidates, and the number of candidates in earlier words.
     mask: Vec<(u32, u64, u32)>,
-    /// The candidates that lead to cells not yet known to be seen.
+    /// Bitset of the candidates that lead to cells not yet known to be seen.
     pub(crate) goals: Vec<u64>,
-    /// The candidates that are seen, or may be.
+    /// Bitset of the candidates that are seen or could not be excluded.
     pub(crate) reached: Vec<u64>,
     pub(crate) points: Vec<DVec3>,
     pub(crate) planes: Vec<Plane>,
-    /// Sets of candidates, one for each link of the chain.
+    /// Bitsets over the candidates, one for each frame of the chain. `Frame::set` is the offset of a bitset.
     pub(crate) sets: Vec<u64>,
     pub(crate) frames: Vec<Frame>,
-    /// By cell: the number of the flood that came to it last.
+    /// By cell: number of the flood fill that last visited the cell, compared with `stamp`.
     pub(crate) stamps: Vec<u32>,
     pub(crate) stamp: u32,
     pub(crate) queue: Vec<u32>,
     pub(crate) pluecker: Pluecker,
-    /// What was excluded last in this flow, at most 32.
+    /// Sets of portals that the most recent certificates of this flow exclude, at most 32.
     pub(crate) refuted: Vec<Refuted>,
-    /// Index of the one to be replaced next.
+    /// Index in `refuted` of the entry to be replaced next.
     pub(crate) oldest: usize,
 }
 
-/// A link of the chain of portals that is being looked at.
+/// A portal of the current chain.
 #[derive(Clone, Debug)]
 pub(crate) struct Frame {
-    /// The portal.
+    /// Index of the directed portal.
     pub(crate) portal: u32,
-    /// The cell behind it.
+    /// Index of the cell behind the portal.
     pub(crate) cell: u32,
-    /// The part of the source that lines can come from, a range of `points`.
+    /// The part of the source that lines of the chain can come from, a range of `points`.
     pub(crate) source: Range<usize>,
-    /// The part of this portal that they can pass, a range of `points`.
+    /// The part of this portal that lines of the chain can pass, a range of `points`.
     pub(crate) pass: Range<usize>,
-    /// The planes that bound what comes after, a range of `planes`.
+    /// The planes that bound everything that the lines reach beyond this portal, a range of `planes`.
     pub(crate) planes: Range<usize>,
-    /// Where the set of candidates that can be reached from here begins in `sets`.
+    /// Offset in `sets` of the bitset of the candidates that can be reached from here.
     pub(crate) set: usize,
-    /// The next candidate to look at.
+    /// The next candidate to inspect.
     pub(crate) next: u32,
-    /// Length of `points` before this link.
+    /// Length of `points` before this frame was pushed.
     pub(crate) points: usize,
 }
 
-/// Portals that no line passes all of, by a certificate.
+/// Directed portals of which no line passes all, by a certificate. The first `count` entries are valid.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Refuted {
     pub(crate) portals: [u32; MOST],
@@ -83,7 +84,7 @@ pub(crate) struct Refuted {
 const NO_ROW: u32 = u32::MAX;
 
 impl Scratch {
-    /// Takes in the candidates of a source and forgets the last flow.
+    /// Collects the candidates of the directed portal `source`, and forgets the last flow.
     pub(crate) fn begin(&mut self, known: &Known, source: u32) {
         let all = &known.portals.all;
         let row = &known.rows[source as usize * known.stride..][..known.stride];
@@ -131,12 +132,12 @@ impl Scratch {
         self.planes.clear();
         self.sets.clear();
         self.frames.clear();
-        // Of this flood alone: which came before depends on the threads.
+        // Certificates are not kept between flows: which flows a thread ran before depends on scheduling.
         self.refuted.clear();
         self.oldest = 0;
     }
 
-    /// Where the row of a candidate begins in `rows`.
+    /// Returns the offset in `rows` of a candidate's row, and makes the row on first use.
     pub(crate) fn row(&mut self, known: &Known, candidate: usize) -> usize {
         if self.row_of[candidate] == NO_ROW {
             self.row_of[candidate] = self.rows.len() as u32;
@@ -146,13 +147,14 @@ impl Scratch {
         self.row_of[candidate] as usize
     }
 
-    /// The row that begins there.
+    /// Returns the words of the row at offset `start` in `rows`: one bit per candidate.
     pub(crate) fn row_words(&self, start: usize) -> &[u64] {
         &self.rows[start..start + self.words]
     }
 }
 
-/// Appends those bits of a full row that are candidates, moved together, to `out`.
+/// Appends to `out` the bits of `row` that `mask` selects, compacted into `words` words. The entries of
+/// `mask` are as in `Scratch::mask`.
 pub(crate) fn compress(row: &[u64], mask: &[(u32, u64, u32)], words: usize, out: &mut Vec<u64>) {
     let start = out.len();
     out.resize(start + words, 0);
@@ -160,7 +162,7 @@ pub(crate) fn compress(row: &[u64], mask: &[(u32, u64, u32)], words: usize, out:
     for &(i, mask, before) in mask {
         let common = row[i as usize] & mask;
         if common == mask {
-            // The usual case among neighbours: all of them, so that nothing must be moved together.
+            // The usual case among neighbours: all selected bits are set, and no bit must be moved singly.
             let count = mask.count_ones();
             let ones = u64::MAX >> (64 - count);
             let (word, shift) = (before as usize / 64, before % 64);
@@ -188,7 +190,7 @@ mod tests {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             state ^ state >> 29
         };
-        // Whole words, too: those are moved at once.
+        // Some words have all bits set, to test the path that moves whole words.
         let word = |random: &mut dyn FnMut() -> u64| if random() & 3 == 0 { u64::MAX } else { random() };
         for _ in 0..200 {
             let full: Vec<u64> = (0..7).map(|_| word(&mut random) & word(&mut random)).collect();

@@ -8,11 +8,12 @@ use crate::stabbing::pluecker::Polytope;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
-/// The most certificates of one flow that are kept for other chains.
+/// Maximum number of certificates that a flow keeps for testing later chains.
 const REMEMBERED: usize = 32;
 
 impl Scratch {
-    /// The line from the middle of a part of the source to the middle of a part of the target, by two points.
+    /// Returns two points of a line: the vertex means of a part of the source and of a part of the target,
+    /// given as ranges of `points`. Neither range may be empty.
     pub(crate) fn middle_line(&self, source: &Range<usize>, pass: &Range<usize>) -> [DVec3; 2] {
         [source, pass].map(|place| {
             let points = &self.points[place.clone()];
@@ -20,15 +21,16 @@ impl Scratch {
         })
     }
 
-    /// Whether a line, by two points, passes all portals of the chain and a last one. That proves that the
-    /// cells at both ends see each other.
+    /// Tests whether the line through two points passes all portals of the chain and then portal `target`.
+    /// `true` proves that the cells at both ends see each other.
     pub(crate) fn witness(&self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let chain = self.frames.iter().map(|frame| frame.portal).chain([target]);
         chain.into_iter().all(|portal| passes(known, &known.portals.all[portal as usize], a, b))
     }
 
-    /// Whether it is certain that no line passes all portals of the chain and a last one. False if that is
-    /// not to be tested.
+    /// Tests whether it is certain that no line passes all portals of the chain and then portal `target`. The
+    /// two points give an approximate line to start from. `false` if undecided, or if the test in Pluecker
+    /// space is disabled.
     pub(crate) fn is_excluded(&mut self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let (Some(clearance), Some(direction)) = (known.exact, (b - a).try_normalize()) else { return false };
         if self.is_refuted(target) {
@@ -58,18 +60,19 @@ impl Scratch {
         true
     }
 
-    /// Whether a certificate excludes the chain and a last portal.
+    /// Tests whether a certificate of this flow excludes the chain extended by portal `target`.
     fn is_refuted(&self, target: u32) -> bool {
         let has = |portal: u32| portal == target || self.frames.iter().any(|frame| frame.portal == portal);
         self.refuted.iter().any(|refuted| refuted.portals[..refuted.count].iter().all(|&portal| has(portal)))
     }
 }
 
-/// Whether the line through two points passes a portal, along its normal. Rounding never says so wrongly by
-/// more than the portal was drawn in.
+/// Tests whether the line through points `a` and `b` passes a portal along its normal. `true` may be wrong by
+/// rounding, but by less than the distance by which the portal was shrunk; `false` if the line is too nearly
+/// parallel to the portal's plane.
 fn passes(known: &Known, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));
-    // Over so short a way, or so nearly along the plane, the point where they meet is not known.
+    // For so short a distance along the normal, the intersection with the plane is not accurate.
     let is_known = db - da > 1e3 * known.portals.margins.keep;
     if !is_known {
         return false;
@@ -79,7 +82,7 @@ fn passes(known: &Known, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let mut start = vertices[vertices.len() - 1];
     vertices.iter().all(|&end| {
         let edge = end - core::mem::replace(&mut start, end);
-        // Inside of the edge, or on it.
+        // The intersection is on the inner side of the edge, or on it.
         portal.plane.normal.cross(edge).dot(p - (end - edge)) >= -known.portals.margins.keep * edge.length()
     })
 }

@@ -1,15 +1,15 @@
 //! Lines through segments of a floor plan.
 //!
-//! A directed line is `n . p + c = 0`, positive on its left. It passes a segment from its left to its right
-//! end, clear of both by `r`, if
+//! A directed line is `n . p + c = 0`, positive on its left. It passes between the left and the right end of
+//! a segment, clear of both ends by `r`, if
 //!
 //! ```text
 //! n . left + c >= r |n|,    -(n . right + c) >= r |n|
 //! ```
 //!
-//! Scaled so that `n . (left - right) = 1` for one of the segments, that is a linear program in two
-//! variables. What is certified is in three, with `n` of unit length: these inequalities, `|c| <= radius`
-//! since the line passes that segment, and `n . (left - right) >= 2 r` for it.
+//! Scaled so that `n . (left - right) = 1` for one of the segments, this is a linear program in two
+//! variables. Certificates are made in three variables, with `n` of unit length: the inequalities above, `|c|
+//! <= radius` since the line passes that segment, and `n . (left - right) >= 2 r` for that segment.
 
 use super::radius::radius_of;
 use super::stab::Stab;
@@ -25,14 +25,17 @@ pub(crate) struct FloorPlan {
     rows: Vec<([f64; 2], f64)>,
 }
 
-/// How far inside of all ends a line is first looked for, relative to the size of the coefficients.
+/// Distances inside all half-spaces at which a line is searched, in order, relative to the size of the
+/// coefficients.
 const INSIDE: [f64; 4] = [1e-2, 1e-4, 1e-6, 0.0];
 
-/// Bound on both variables of the program.
+/// Bound on the absolute value of both variables of the program.
 const FAR: f64 = 1e6;
 
 impl FloorPlan {
-    /// A line through segments, each by its left and its right end, at least `clearance` away from all ends.
+    /// Searches a line through all `segments`, each given by its left and its right end, at least `clearance`
+    /// away from all ends. The result is a point and a direction. [`Stab::Maybe`] if undecided, for no
+    /// segments, for a coordinate that is not finite, and for a clearance that is not positive.
     pub(crate) fn stab(&mut self, segments: &[[DVec2; 2]], clearance: f64) -> Stab<[DVec2; 2]> {
         let (Some(first), Some(last)) = (segments.first(), segments.last()) else { return Stab::Maybe };
         let sensible = clearance > 0.0 && segments.iter().flatten().all(|p| p.is_finite());
@@ -43,7 +46,7 @@ impl FloorPlan {
         let across = |s: &[DVec2; 2]| s[0] - s[1];
         let along = (last[0] + last[1]) * 0.5 - origin;
         let along = along.try_normalize().unwrap_or(-across(first).perp().normalize_or_zero());
-        // The segment that this line, about right, crosses most squarely.
+        // The segment most nearly at right angles to the approximate line along `along`.
         let square = segments.iter().max_by(|a, b| {
             let sine = |s: &[DVec2; 2]| across(s).normalize_or_zero().dot(along.perp());
             sine(a).total_cmp(&sine(b))
@@ -51,7 +54,8 @@ impl FloorPlan {
         let square = square.unwrap_or(first);
         let width = across(square);
         let start = along.perp() / width.dot(along.perp());
-        // No line that is about right: start from one that is not.
+        // If the approximate line crosses no segment from the proper side, the perpendicular of the segment
+        // is used to start from.
         let start = if width.dot(along.perp()) > 0.0 { start } else { width / width.length_squared() };
         let turn = width.perp() / width.length_squared();
         let size =
@@ -86,7 +90,8 @@ impl FloorPlan {
         Stab::Maybe
     }
 
-    /// The proof that the ends that the program came upon contradict each other, if they do.
+    /// Returns the certificate that the segment ends in the program's last conflict contradict each other.
+    /// `None` if no proof is found.
     fn certificate(
         &self,
         segments: &[[DVec2; 2]],
@@ -98,7 +103,7 @@ impl FloorPlan {
         let difference =
             |a: DVec2, b: DVec2| [DoubleDouble::difference(a.x, b.x), DoubleDouble::difference(a.y, b.y)];
         let [x, y] = difference(square[0], square[1]);
-        // Twice a number is exact, and so are differences of coordinates.
+        // Doubling is exact, and so are double-double differences of coordinates.
         let least = 2.0 * clearance;
         let mut rows = [Row { normal: [x, y, DoubleDouble::ZERO], error: 0.0, least }; 4];
         let mut count = 1;
@@ -119,15 +124,14 @@ impl FloorPlan {
     }
 }
 
-/// Whether a line, by a point and a direction, certainly passes all segments at least `clearance` away from
-/// their ends.
+/// Tests whether a line, given by a point and a direction of any length, certainly passes between the ends of
+/// all segments, at least `clearance` away from them. `false` if undecided or NaN.
 pub(super) fn is_clear(segments: &[[DVec2; 2]], [point, direction]: [DVec2; 2], clearance: f64) -> bool {
     let length = direction.length();
     segments.iter().flatten().enumerate().all(|(i, &p)| {
         let side = direction.perp_dot(p - point) * if i % 2 == 0 { 1.0 } else { -1.0 };
-        // Two products and a difference of differences, each rounded, are wrong by less than 12u of the
-        // sizes. So is, where the test passes, what they are compared with, which is no greater: 32u will do
-        // for both.
+        // Two products and a difference of differences, each rounded, are off by less than 12u of the sizes.
+        // Where the test passes, the right side is no greater and is off by no more: 32u covers both.
         let sizes = (p.length() + point.length()) * length;
         side >= clearance * length + 16.0 * f64::EPSILON * sizes
     })

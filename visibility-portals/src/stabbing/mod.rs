@@ -1,13 +1,13 @@
 //! Lines through sequences of openings.
 //!
-//! [`Stabber`] answers for segments of a floor plan, for axis-aligned rectangles and for convex polygons in
-//! space: with a line that passes all of them, with a certificate that none does, or with *maybe*. Rounding
-//! never turns a *maybe* into one of the others. Separating planes answer part of the same question faster:
+//! [`Stabber`] takes segments of a floor plan, axis-aligned rectangles or convex polygons in space. The
+//! answer is a line that passes all openings, a certificate that no line does, or *maybe*. Rounding never
+//! turns a *maybe* into another answer. Separating planes answer part of the same question faster:
 //! [`antipenumbra`](crate::antipenumbra).
 //!
-//! In the plane, *maybe* means that lines have less room than rounding takes. In space it can also mean that
-//! lines pass any few of the edges but not all together: certificates are of linear programs, and the lines
-//! among the points of Pluecker space are those of a quadric.
+//! In a floor plan, *maybe* means that the set of lines is smaller than the rounding. In space it can also
+//! mean that lines pass any few of the edges but not all together: certificates are of linear programs, and
+//! lines are only a quadric within Pluecker space.
 
 mod floor_plan;
 pub(crate) mod pluecker;

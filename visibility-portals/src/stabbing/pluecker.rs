@@ -1,39 +1,42 @@
-//! Whether the edges of portals leave any line, by a linear program in Pluecker space.
+//! Whether any line passes the edges of a sequence of portals, by a linear program in Pluecker space.
 //!
 //! This work is based on: Seth Teller, "Computing the Antipenumbra of an Area Light Source", 1992; Seth
 //! Teller and Michael Hohmeyer, "Determining the Lines Through Four Lines", 1999; Durand's survey, chapter 8,
 //! section 3. A directed line through the point `p` along `d` has the six coordinates `(d, m)`, `m = p x d`.
-//! It passes an edge from `a` to `b` on its left side if
+//! The edge from `a` to `b` lies to the right of the line, so that the line passes on the edge's left side,
+//! if
 //!
 //! ```text
 //! h . (d, m) > 0,    h = (a x b, b - a)
 //! ```
 //!
-//! and goes through a polygon if it passes all its edges so. These are half-spaces through the origin of six
-//! dimensions. Where they have nothing in common, no line goes through all polygons.
+//! A line goes through a polygon if it passes all edges of the polygon on their left side. These are
+//! half-spaces through the origin of six dimensions. If they have nothing in common, no line goes through all
+//! polygons.
 //!
 //! # What is not decided
-//! Where they have something in common, there need be no line either: lines have `d . m = 0`, the Pluecker
-//! quadric, which a polytope can miss. That is not asked here: such a sequence is a *maybe*, and so is one
-//! whose polytope is empty by so little that no certificate is found. Little is lost by it. Splitting the
-//! first and the last portal each in two, and again up to 256 parts, and testing all parts, excluded 29 more
-//! of 26,000 chains of a map of 1,726 portals, and hid no pair of cells more, for 3.4 times the time of the
-//! bake.
+//! If the half-spaces have something in common, there may still be no line: lines satisfy `d . m = 0`, the
+//! Pluecker quadric, which a polytope can miss. This is not tested here: such a sequence is a *maybe*, and so
+//! is a sequence whose polytope is empty by so little that no certificate is found. The loss is small.
+//! Splitting the first and the last portal each in two, recursively up to 256 parts, and testing all parts,
+//! excluded 29 more of 26,000 chains of a map of 1,726 portals. It excluded no further pair of cells, for 3.4
+//! times the time of the bake.
 //!
 //! # What is certified
-//! A line that stays clear of all edges by a distance `c` passes them on the same side after each has been
-//! moved by less than `c`, any way: here into the polygon, by the [`inset`](Edge::shift), which adds
-//! `shift x (b - a)` to the first half of `h`. With `d` of unit length, lengths about an origin `o`, and a
-//! polygon of the sequence all of whose vertices are within a radius of `o`:
+//! A line that stays clear of all edges by a distance `c` passes each edge on the same side after the edge
+//! has been moved by less than `c` in any direction. Here each edge is moved into the polygon by its
+//! [`shift`](Edge::shift), which adds `shift x (b - a)` to the first half of `h`. With `d` of unit length,
+//! lengths about an origin `o`, and a polygon of the sequence all of whose vertices are within `radius` of
+//! `o`:
 //! - `|d_k| <= 1`, and `|m_k| <= radius`, since the line meets the polygon;
 //! - `N . d >= 6 c^2`, where `N` is the sum of `a x b` around that polygon, twice its area along its normal:
-//!   seen along the line, it is a polygon of area `N . d / 2` that contains a disc with radius `c`.
+//!   seen along the line, the polygon has the area `N . d / 2` and contains a disc with radius `c`.
 //!
 //! A certificate is a set of edges with multipliers `l_i > 0`: `N + sum l_i h_i = r`, where `r` is so small
-//! that the bounds on `d` and `m` leave it no room to reach `6 c^2`. Everything in it is evaluated from the
-//! vertices as they were given, in numbers of twice the length with every rounding counted (see
-//! [`crate::lp`]). The program that proposes which edges to take is solved in plain `f64`, in the five
-//! dimensions that are left when lines are scaled to `n . d = 1`.
+//! that the bounds on `d` and `m` keep the sum below `6 c^2`. All terms are evaluated from the input
+//! vertices, in double-double numbers with every rounding counted (see [`crate::lp`]). The program that
+//! proposes the edges is solved in plain `f64`, in the five dimensions that remain when lines are scaled to
+//! `n . d = 1`.
 
 use super::radius::radius_of;
 use crate::lp::{BOX, Certificate, Levels, MOST, Row, Stop, find};
@@ -41,20 +44,21 @@ use alloc::vec::Vec;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec3;
 
-/// An edge of a portal, from `a` to `b`. Lines that pass the portal have the portal on the left of the edge.
+/// An edge of a portal, from `a` to `b`, in world space. Lines that pass the portal have the portal on the
+/// left of the edge.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Edge {
     pub(crate) a: DVec3,
     pub(crate) b: DVec3,
-    /// The displacement that draws the edge in.
+    /// Displacement, in world units, that moves the edge into the portal.
     pub(crate) shift: DVec3,
-    /// Whether it bounds the portal: false for an edge without length, and where rounding has put other
-    /// vertices on its outer side.
+    /// Whether the edge bounds the portal. `false` for an edge without length, and for an edge on whose
+    /// outer side other vertices lie by rounding.
     pub(crate) bounds: bool,
 }
 
 impl Edge {
-    /// The same edge from `b` to `a`.
+    /// Returns the edge with its end points exchanged, and with the same shift.
     fn reversed(&self) -> Self {
         Self { a: self.b, b: self.a, ..*self }
     }
@@ -65,21 +69,22 @@ impl Edge {
 pub(crate) struct Opening<'a> {
     /// Its edges, counter-clockwise around the direction in which lines pass; clockwise if `against`.
     pub(crate) edges: &'a [Edge],
-    /// See `edges`.
+    /// Whether the `edges` run clockwise around the direction in which lines pass.
     pub(crate) against: bool,
     /// Unit normal of its plane, in the direction in which lines pass.
     pub(crate) normal: DVec3,
 }
 
 impl Opening<'_> {
-    /// An edge, in counter-clockwise order.
+    /// Returns edge `i` with the orientation that is counter-clockwise around the direction in which lines
+    /// pass.
     fn edge(&self, i: usize) -> Edge {
         if self.against { self.edges[i].reversed() } else { self.edges[i] }
     }
 }
 
-/// Appends the edges of a polygon, counter-clockwise around a unit normal, each with the shift that draws it
-/// in by `inset`.
+/// Appends to `edges` the edges of a convex polygon. The vertices run counter-clockwise around the unit
+/// `normal`; each edge gets the shift that moves it inwards by `inset`.
 pub(crate) fn edges_of(
     vertices: impl Iterator<Item = DVec3> + Clone,
     normal: DVec3,
@@ -89,8 +94,8 @@ pub(crate) fn edges_of(
     let Some(mut a) = vertices.clone().last() else { return };
     for b in vertices.clone() {
         let inward = normal.cross(b - a).normalize_or_zero();
-        // Vertices on the wrong side, as rounding puts them, are cut off by no more than the inset, or not at
-        // all.
+        // Vertices may lie on the outer side of an edge by rounding. Up to the inset the shift is reduced by
+        // that distance; beyond, the edge is not used.
         let least = vertices.clone().fold(0.0, |least: f64, v| least.min(inward.dot(v - a)));
         let bounds = inward != DVec3::ZERO && -least <= inset;
         edges.push(Edge { a, b, shift: inward * (inset + least), bounds });
@@ -102,35 +107,38 @@ pub(crate) fn edges_of(
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pluecker {
     levels: Levels,
-    /// Half-spaces in five coordinates.
+    /// Half-spaces of the edges in five coordinates: normal and offset.
     rows: Vec<([f64; 5], f64)>,
-    /// By row: index of the opening, index of the edge in it, and index of the edge among all.
+    /// By row: index of the opening, index of the edge in the opening, and index of the edge among the edges
+    /// of all openings.
     of: Vec<(u32, u32, u32)>,
-    /// Meaning of the coordinates: `d = start + x u + y v`, and `m` in units of `size`.
+    /// The vectors `[start, u, v]` that give the meaning of the variables: `d = start + x u + y v`. The
+    /// other three variables are `m` in units of `size`.
     frame: [DVec3; 3],
-    /// Greatest coordinate of a vertex, relative to the origin.
+    /// Greatest absolute coordinate of a vertex relative to the origin, in world units.
     size: f64,
-    /// After a proof: the openings that it names, by their places in the sequence. No line passes all of
-    /// them.
+    /// Indices of the openings that the last certificate names, each once. No line passes all of them.
     pub(crate) needed: Vec<u32>,
 }
 
-/// Bound on the variables of the program, in units of the size of things. No line is excluded by being
-/// farther off.
+/// Bound on the absolute value of the program's variables. A line beyond the bound is not excluded, since
+/// certificates do not depend on it.
 const FAR: f64 = 1e6;
 
-/// What the half-spaces of the edges have in common.
+/// Whether the half-spaces of the edges have a common point.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Polytope {
-    /// Nothing: no line passes.
+    /// They have certainly none: no line passes all openings.
     Empty(Certificate),
-    /// Something, as far as is known.
+    /// They have one, or it is undecided.
     Open,
 }
 
 impl Pluecker {
-    /// Whether it is certain that no line passes all openings at least `clearance` away from their edges. The
-    /// program starts from a line that is about right, by `origin` and `direction`.
+    /// Tests whether it is certain that no line passes all `count` openings at least `clearance` away from
+    /// their edges. The pair is a point and a direction of an approximate line, in world space, from which
+    /// the program starts. [`Polytope::Open`] if undecided, and if that line is nearly parallel to all
+    /// openings.
     pub(crate) fn test<'a>(
         &mut self,
         opening: impl Fn(usize) -> Opening<'a>,
@@ -138,7 +146,7 @@ impl Pluecker {
         (origin, direction): (DVec3, DVec3),
         clearance: f64,
     ) -> Polytope {
-        // Lines are scaled by the portal that they go through most squarely.
+        // Lines are scaled by the opening whose normal is most nearly along the direction.
         let Some(square) = (0..count).max_by(|&i, &j| {
             let along = |i: usize| opening(i).normal.dot(direction);
             along(i).total_cmp(&along(j))
@@ -189,8 +197,9 @@ impl Pluecker {
         }
     }
 
-    /// After a test that is `Open`: a line, by a point and a direction, near a point of the polytope that is
-    /// inside of all half-spaces by `inside`, relative to the size of their coefficients.
+    /// Returns a line, as a point and a direction in world space, near a point of the polytope that is inside
+    /// all half-spaces by `inside`, relative to the size of their coefficients. To be called after a test
+    /// that returned [`Polytope::Open`]. `None` if no such point is found. The line is not verified.
     pub(crate) fn line(&mut self, origin: DVec3, inside: f64) -> Option<[DVec3; 2]> {
         let rows = &self.rows;
         let inside = |i: usize| {
@@ -200,13 +209,14 @@ impl Pluecker {
         let x = self.levels.solve(rows.len(), inside, [0.0; 5], [FAR; 5]).ok()?;
         let [start, u, v] = self.frame;
         let d = start + u * x[0] + v * x[1];
-        // The moment of a line is at right angles to it: the nearest such. The point of the line next to the
-        // origin is then d x m / d^2.
+        // The moment of a line is perpendicular to its direction. The point of the line nearest to the origin
+        // is d x m / d^2, which also projects a moment that is not perpendicular.
         let m = DVec3::new(x[2], x[3], x[4]) * self.size;
         Some([origin + d.cross(m) / d.length_squared(), d])
     }
 
-    /// The proof that the half-spaces that the program came upon contradict each other, if they do.
+    /// Returns the certificate that the half-spaces in the program's last conflict contradict each other, and
+    /// fills `needed`. `None` if no proof is found. `at` is the index of the opening that scales the lines.
     fn certificate<'a>(
         &mut self,
         opening: &impl Fn(usize) -> Opening<'a>,
@@ -254,14 +264,15 @@ fn cross(a: &Long, b: &Long) -> Long {
     })
 }
 
-/// Bound on the error of each coordinate of a cross product: two products and a difference, each wrong by at
-/// most `ERROR` of the product of the greatest coordinates, or of the sum of two such products.
+/// Returns an absolute bound on the error of each coordinate of `a x b`: two products and a difference, each
+/// off by at most `ERROR` of the product of the greatest coordinates, or of the sum of two such products.
 fn error_of_cross(a: &Long, b: &Long) -> f64 {
     let size = |a: &Long| a.iter().fold(0.0, |size: f64, a| size.max(a.hi.abs()));
     8.0 * DoubleDouble::ERROR * size(a) * size(b)
 }
 
-/// The half-space of an edge: `h`, with the edge shifted, relative to an origin, with `m` in units of `unit`.
+/// Returns the half-space `h . (d, m) >= 0` of an edge moved by its shift, relative to `origin`, with `m` in
+/// units of `unit`.
 fn halfspace(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     // a x b = a x (b - a).
     let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));
@@ -269,12 +280,13 @@ fn halfspace(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     let (turn, moved) = (cross(&a, &e), cross(&shift, &e));
     let d = [0, 1, 2].map(|k| turn[k].plus(moved[k]));
     let m = e.map(|e| e.scaled(unit));
-    // Each sum once more.
+    // Twice, to cover the final sums.
     let error = 2.0 * (error_of_cross(&a, &e) + error_of_cross(&shift, &e)) + f64::MIN_POSITIVE;
     Row { normal: [d[0], d[1], d[2], m[0], m[1], m[2]], error, least: 0.0 }
 }
 
-/// The half-space that says that a line does not pass a portal edge-on: `N . d >= 6 c^2`.
+/// Returns the half-space `N . d >= 6 c^2` of an opening, where `c` is the clearance: a line that passes the
+/// opening with this clearance is not parallel to its plane.
 fn area(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
     let (mut sum, mut error) = ([DoubleDouble::ZERO; 3], f64::MIN_POSITIVE);
     for i in 0..opening.edges.len() {

@@ -1,8 +1,8 @@
-//! Bound on the distance of a line from an origin, by the segment or polygon that it passes.
+//! Bound on the distance of a line from an origin, by the segment or polygon that the line passes.
 
-/// Upper bound on distances that were computed in `f64` from differences of coordinates, and the least power
-/// of two from 1 up that is no less. In this unit both halves of a row of a linear program have one size. NaN
-/// is passed over; an infinite distance makes both infinite.
+/// Returns an upper bound on distances that were computed in `f64` from differences of coordinates, and the
+/// unit: the least power of two, from 1 up, that is not below the bound. In this unit both halves of a row of
+/// a linear program have similar size. NaN is ignored; an infinite distance makes both results infinite.
 ///
 /// A difference is rounded by `u` of itself, three squares and two sums by `3u`, a root by `u`; half of the
 /// error of the squares counts. That is less than `4u` of the distance; `8u` are added.
@@ -24,7 +24,7 @@ mod tests {
     fn a_radius_is_never_less_than_the_distance() {
         let mut random = Random(2);
         for _ in 0..20_000 {
-            // Multiples of 4: the numbers of f64 at this size, and so is every distance.
+            // Multiples of 4 are exact in f64 at this size, and so is every distance.
             let p = random.vector(1 << 52).times(4);
             let distance = p.to_f64().length();
             let (radius, unit) = radius_of([1.0, distance].into_iter());

@@ -26,9 +26,9 @@ pub struct Stabber {
     plan: FloorPlan,
     pluecker: Pluecker,
     edges: Vec<Edge>,
-    /// By polygon: where its edges end in `edges`, and its unit normal.
+    /// By polygon: the end of its edges in `edges`, exclusive, and its unit normal.
     ends: Vec<(usize, DVec3)>,
-    /// Rectangles as seen along an axis.
+    /// Rectangles projected along an axis, each as a left and a right end.
     seen: Vec<[DVec2; 2]>,
     /// By segment in `seen`: the index of its rectangle.
     of: Vec<u32>,
@@ -36,8 +36,9 @@ pub struct Stabber {
 }
 
 impl Stabber {
-    /// Sets the distance, in the unit of the coordinates, that lines must keep from all edges. With one that
-    /// is not positive, nothing is decided in floor plans.
+    /// Makes a stabber. `clearance` is the distance, in the unit of the coordinates, that lines must keep
+    /// from all edges, and should be positive. If it is not positive, [`segments`](Self::segments) always
+    /// answers [`Stab::Maybe`].
     pub fn new(clearance: f64) -> Self {
         Self {
             clearance,
@@ -51,20 +52,22 @@ impl Stabber {
         }
     }
 
-    /// A line in the plane through segments, each given by the end that the line passes on its left and the
-    /// end that it passes on its right.
+    /// Searches for a line in the plane through all `segments`. Each segment is given by the end that the
+    /// line passes on its left and the end that it passes on its right. [`Stab::Maybe`] without segments and
+    /// for coordinates that are not finite.
     ///
-    /// A linear program in two variables, solved in time linear in the segments (Seth Teller and Carlo
-    /// Sequin, "Visibility Preprocessing for Interactive Walkthroughs", 1991).
+    /// A linear program in two variables, solved in time linear in the number of segments (Seth Teller and
+    /// Carlo Sequin, "Visibility Preprocessing for Interactive Walkthroughs", 1991).
     pub fn segments(&mut self, segments: &[[DVec2; 2]]) -> Stab<[DVec2; 2]> {
         self.plan.stab(segments, self.clearance)
     }
 
-    /// A line through axis-aligned rectangles.
+    /// Searches for a line through axis-aligned rectangles, in world space.
     ///
-    /// Seen along each axis, the line passes segments; where those of one axis allow no
-    /// [line](Self::segments) there is none (Teller and Sequin, 1991). Otherwise as
-    /// [`polygons`](Self::polygons). A certificate by segments names them as ends, two for each rectangle.
+    /// Projected along each axis, the line passes segments. If the segments of one axis allow no
+    /// [line](Self::segments), no line passes the rectangles (Teller and Sequin, 1991). Otherwise the answer
+    /// is that of [`polygons`](Self::polygons). A certificate from segments names segment ends, two for each
+    /// rectangle: index 2 i for the left end of rectangle i, 2 i + 1 for its right end.
     pub fn rectangles(&mut self, rectangles: &[Rectangle]) -> Stab<[DVec3; 2]> {
         for axis in 0..3 {
             self.seen.clear();
@@ -76,7 +79,7 @@ impl Stabber {
                 }
             }
             if let Stab::No(certificate) = self.plan.stab(&self.seen, self.clearance) {
-                // The ends are edges along the axis: named by what they are of, two for each rectangle.
+                // An end of a projected segment is an edge along the axis, named by its rectangle.
                 let of = &self.of;
                 return Stab::No(certificate.renumbered(|end| 2 * of[end as usize / 2] + end % 2));
             }
@@ -89,13 +92,13 @@ impl Stabber {
         answer
     }
 
-    /// A line through planar convex polygons, each given by its vertices, counter-clockwise around the
-    /// direction in which the line passes.
+    /// Searches for a line through planar convex polygons. Each polygon is given by its vertices,
+    /// counter-clockwise around the direction in which the line passes.
     ///
-    /// A linear program in five variables, solved in time linear in the edges: see Durand's survey, chapter
-    /// 8, section 3. Only a few lines are tried, so [`Stab::Maybe`] may be said of a sequence that has a
-    /// line. It is also said of sequences that have none although lines pass any few of the edges, and of
-    /// polygons that are not planar or not convex.
+    /// A linear program in five variables, solved in time linear in the number of edges: see Durand's survey,
+    /// chapter 8, section 3. Only a few lines are tried, so [`Stab::Maybe`] may be returned for a sequence
+    /// that has a line. `Stab::Maybe` is also returned for a sequence that has no line although lines pass
+    /// any few of the edges, for polygons that are not planar or not convex, and without polygons.
     pub fn polygons<P: AsRef<[DVec3]>>(&mut self, polygons: &[P]) -> Stab<[DVec3; 2]> {
         self.edges.clear();
         self.ends.clear();
@@ -135,15 +138,15 @@ impl Stabber {
         }
     }
 
-    /// Whether a line, by a point and a direction, certainly passes all edges at least the clearance away
-    /// from them.
+    /// Tests whether a line, given by a point and a direction of any length, certainly passes all edges on
+    /// their left side at least the clearance away. `false` if undecided.
     fn is_clear(&self, point: DVec3, direction: DVec3) -> bool {
         self.edges.iter().filter(|edge| edge.a != edge.b).all(|edge| {
             let (e, from) = (edge.b - edge.a, point - edge.a);
             let across = direction.cross(e);
-            // The product of three vectors, each rounded, is wrong by less than 20u of the product of their
-            // lengths, or of what they were subtracted from. So is, where the test passes, what it is
-            // compared with, which is no greater: 64u will do for both.
+            // The triple product, rounded at each step, is off by less than 20u of the product of the
+            // lengths, or of the lengths before the subtractions. Where the test passes, the right side is no
+            // greater and is off by no more: 64u covers both.
             let sizes =
                 (point.length() + edge.a.length()) * (edge.a.length() + edge.b.length()) * direction.length();
             across.dot(from) >= self.clearance * across.length() + 32.0 * f64::EPSILON * sizes
@@ -151,7 +154,8 @@ impl Stabber {
     }
 }
 
-/// How far inside of all edges a line is first looked for, relative to the size of the coefficients.
+/// Distances inside all half-spaces at which a line is searched, in order, relative to the size of the
+/// coefficients.
 const INSIDE: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 
 #[cfg(test)]
@@ -160,8 +164,8 @@ mod tests {
     use super::*;
     use crate::whole_numbers::{Random, Whole};
 
-    /// The clearance that a line misses by a billionth, where the product that tells its distance is this,
-    /// and the vector across it so long. Any clearance is missed by lines on the wrong side.
+    /// Returns a clearance that a line misses by a relative 1e-9. The line's distance is `product / across`;
+    /// a line on the wrong side (`product` not positive) misses any positive clearance.
     fn just_missed(product: f64, across: f64) -> f64 {
         if product > 0.0 { product / across * (1.0 + 1e-9) } else { 1e-9 }
     }
@@ -171,7 +175,7 @@ mod tests {
         let mut random = Random(6);
         for _ in 0..20_000 {
             let [d, e, a, near] = [1 << 24, 1 << 24, 1 << 20, 4].map(|most| random.vector(most));
-            // Far along the plane of line and edge, and next to nothing off it.
+            // The point lies far along the plane of the line and the edge, and very little off the plane.
             let from = d.times(random.below(1 << 25)).plus(e.times(random.below(1 << 25))).plus(near);
             let across = d.cross(e);
             let (a, b) = (a.to_f64(), a.plus(e).to_f64());
@@ -180,7 +184,7 @@ mod tests {
             let stabber = Stabber { edges: alloc::vec![edge], ..Stabber::new(clearance) };
             assert!(!stabber.is_clear(a + from.to_f64(), d.to_f64()), "{d:?} {e:?} {from:?}");
         }
-        // A vertical edge 5 ahead and 1 to the right: ten times the margin is enough.
+        // A vertical edge 5 ahead and 1 to the right: a clearance smaller by ten times the margin is met.
         let edge = Edge {
             a: DVec3::new(5.0, -1.0, 0.0),
             b: DVec3::new(5.0, -1.0, 1.0),
@@ -201,14 +205,14 @@ mod tests {
         for _ in 0..20_000 {
             let [d, p, near] = [1 << 24, 1 << 20, 4].map(|most| flat(&mut random, most));
             let left = d.times(random.below(1 << 27)).plus(near);
-            // The right end is well to the right.
+            // The right end is far to the right.
             let right = left.plus(Whole([d.0[1], -d.0[0], 0]).times(1 << 8));
             let segments = [[left, right].map(|end| p.plus(end).to_f64().truncate())];
             let clearance = just_missed(d.cross(near).0[2] as f64, d.to_f64().length());
             let line = [p, d].map(|v| v.to_f64().truncate());
             assert!(!is_clear_in_plan(&segments, line, clearance), "{d:?} {left:?}");
         }
-        // Ten times the margin is enough.
+        // A clearance smaller by ten times the margin is met.
         let segment = [[DVec2::new(5.0, 1.0), DVec2::new(5.0, -1.0)]];
         assert!(is_clear_in_plan(&segment, [DVec2::ZERO, DVec2::X], 1.0 - 1e-13));
         assert!(!is_clear_in_plan(&segment, [DVec2::ZERO, DVec2::X], 1.0));

@@ -1,12 +1,12 @@
 //! Linear programs in exact arithmetic: the criss-cross method (Tamas Terlaky, "A Convergent Criss-Cross
 //! Method", 1985) on a dictionary of integers with one common denominator (Jack Edmonds's integral pivoting).
-//! Shares nothing with what it judges.
+//! Shares no code with the solver under test.
 
-/// What a program comes to.
+/// Exact result of a linear program.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Exact {
     Infeasible,
-    /// The greatest value of the objective, as a fraction.
+    /// The greatest value of the objective, as numerator and positive denominator.
     Greatest(i128, i128),
 }
 
@@ -16,21 +16,22 @@ impl Exact {
     }
 }
 
-/// The dictionary: basic variables (and, last, the objective) as sums of a constant and of the others, all
-/// over one denominator.
+/// The dictionary: each basic variable, and in the last row the objective, is a constant plus a linear
+/// combination of the nonbasic variables, all over one denominator.
 struct Dictionary {
     rows: Vec<Vec<i128>>,
     denominator: i128,
-    /// Which variable each row and each column is; the columns are numbered without the constant's.
+    /// Variable of each row; `others` holds the variable of each column, not counting the column of
+    /// constants.
     basic: Vec<usize>,
     others: Vec<usize>,
 }
 
-/// The greatest value of `objective . x` where `a . x + b >= 0` for all rows `(a, b)`, and no coordinate is
-/// greater than `bound`. `None` if numbers become too long.
+/// Returns the greatest value of `objective . x` subject to `a . x + b >= 0` for all rows `(a, b)` and `|x_k|
+/// <= bound`. `None` if the integers overflow.
 pub(crate) fn solve(rows: &[(Vec<i128>, i128)], objective: &[i128], bound: i128) -> Option<Exact> {
     let d = objective.len();
-    // In y = x + bound, which is not negative.
+    // In terms of y = x + bound, which is nonnegative.
     let shifted = |a: &[i128], b: i128| -> Vec<i128> {
         std::iter::once(b - bound * a.iter().sum::<i128>()).chain(a.iter().copied()).collect()
     };
@@ -45,7 +46,8 @@ pub(crate) fn solve(rows: &[(Vec<i128>, i128)], objective: &[i128], bound: i128)
     let mut it =
         Dictionary { rows: all, denominator: 1, basic: (d..d + m).collect(), others: (0..d).collect() };
     loop {
-        // The first variable that is negative, or that would improve the objective.
+        // The least index of a negative basic variable, or of a nonbasic variable that improves the
+        // objective.
         let row = (0..m).filter(|&i| it.rows[i][0] < 0).min_by_key(|&i| it.basic[i]);
         let column = (0..d).filter(|&j| it.rows[m][j + 1] > 0).min_by_key(|&j| it.others[j]);
         let by_row = match (row, column) {
@@ -61,7 +63,7 @@ pub(crate) fn solve(rows: &[(Vec<i128>, i128)], objective: &[i128], bound: i128)
             (i, j)
         } else {
             let j = column?;
-            // In a box nothing grows for ever: there always is one.
+            // Such a row always exists, since the box bounds every variable.
             (0..m).filter(|&i| it.rows[i][j + 1] < 0).min_by_key(|&i| it.basic[i]).map(|i| (i, j))?
         };
         it.exchange(i, j)?;

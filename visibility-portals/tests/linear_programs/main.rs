@@ -1,8 +1,8 @@
 //! The linear-programming solver agrees with exact arithmetic and with `microlp`, on random and on degenerate
 //! programs.
 //!
-//! `cargo test --release -p visibility-portals --test linear_programs -- --ignored --nocapture` does so a
-//! million times.
+//! `cargo test --release -p visibility-portals --test linear_programs -- --ignored --nocapture` tests a
+//! million programs.
 
 mod exact;
 
@@ -11,16 +11,17 @@ use microlp::{ComparisonOp, OptimizationDirection, Problem, SolveOutcome};
 use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
 use visibility_testing::Random;
 
-/// An integer from `-most` to `most`.
+/// Returns a random integer from `-most` to `most`, both included.
 fn around(random: &mut Random, most: i128) -> i128 {
     random.below(2 * most as usize + 1) as i128 - most
 }
 
 const BOUND: i128 = 64;
 
-/// Rows of integers, of one of several kinds: any; small, so that many meet in a point or are the same;
-/// through one point; with opposites that touch or miss by one; with rows that are all zero or nearly
-/// parallel.
+/// Returns the rows `(a, b)` of a random integer program `a . x + b >= 0` in `d` variables, of one of five
+/// kinds: arbitrary; with small coefficients, so that many rows meet in a point or coincide; mostly through
+/// one point; with opposite pairs that touch or miss by one; nearly parallel. Some rows have all coefficients
+/// zero.
 fn program(d: usize, random: &mut Random) -> Vec<(Vec<i128>, i128)> {
     let (kind, count) = (random.below(5), 1 + random.below(24));
     let most = if kind == 0 || kind == 4 { 100 } else { 2 };
@@ -61,8 +62,8 @@ struct Tally {
     too_long: u64,
     feasible: u64,
     infeasible: u64,
-    /// Answers that are neither yes nor no, all of them on programs that are decided by less than a
-    /// millionth.
+    /// Number of undecided answers. Each is asserted to be on a program that a relative change of a
+    /// millionth decides the other way.
     maybe: u64,
     unknown: u64,
     microlp_differs: u64,
@@ -72,7 +73,8 @@ fn size(row: &(Vec<i128>, i128)) -> i128 {
     row.0.iter().map(|a| a.abs()).max().unwrap_or(0).max(row.1.abs())
 }
 
-/// Whether moving all half-spaces by a millionth in or out changes whether they have a point in common.
+/// Tests whether moving all half-spaces in or out by a relative 2^-20 changes whether the program is
+/// feasible. `None` if the exact solver overflows.
 fn is_thin(rows: &[(Vec<i128>, i128)]) -> Option<bool> {
     let feasible = |by: i128| {
         let moved: Vec<_> = rows.iter().map(|row| (row.0.clone(), (row.1 << 20) + by * size(row))).collect();
@@ -141,7 +143,7 @@ fn compare<const D: usize>(solver: &mut Solver<D>, random: &mut Random, tally: &
         (Greatest::At(x), Exact::Greatest(numerator, denominator)) => {
             let value: f64 = objective.iter().zip(x).map(|(o, x)| o * x).sum();
             let right = numerator as f64 / denominator as f64;
-            // Where next to nothing is left, rounding moves the best point by much.
+            // Where the feasible set is very thin, rounding moves the best point far.
             let allowed = if thin { 1e-5 } else { 1e-7 };
             assert!((value - right).abs() <= allowed * (1.0 + right.abs()), "{value} {right} {rows:?}");
             let agrees = other.is_some_and(|o| (o - value).abs() <= allowed * (1.0 + right.abs()));
@@ -193,7 +195,8 @@ fn agrees_a_million_times() {
     });
 }
 
-/// One that came up: many opposites that are nearly parallel, so that each elimination takes digits.
+/// A program that the random test found: many nearly parallel opposite rows, so that each elimination loses
+/// digits.
 #[test]
 fn nearly_parallel_opposites_are_decided() {
     let rows: [([i32; 6], i32); 24] = [

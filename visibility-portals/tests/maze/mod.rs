@@ -1,8 +1,9 @@
-//! Mazes made up for tests, and an oracle that walks rays through them.
+//! Random mazes for tests, and an oracle that follows rays through them.
 //!
-//! Rooms are boxes in a grid with walls of no thickness; doorways are polygons in these walls. The whole may
-//! be turned in the world. The oracle works in the grid's own coordinates, by which wall a ray leaves a room
-//! and whether that point is in a doorway; it shares nothing with the culler.
+//! Rooms are boxes in a grid with walls of no thickness; doorways are convex polygons in these walls. The
+//! grid may be rotated and moved in the world. The oracle works in grid space: it finds the wall through
+//! which a ray leaves a room, and tests whether that point is in a doorway. It shares no code with the
+//! culler.
 #![allow(dead_code, missing_docs, unreachable_pub)]
 
 use visibility_core::glam::{DMat4, DQuat, DVec2, DVec3};
@@ -16,7 +17,8 @@ use visibility_core::{
 use visibility_portals::{MirrorId, Passage, SceneCells};
 use visibility_testing::Random;
 
-/// A convex polygon in a wall: its corners in the wall's two coordinates, counter-clockwise.
+/// A convex polygon in a wall: its corners in the two grid coordinates that follow the wall's axis
+/// cyclically, counter-clockwise.
 #[derive(Clone, Debug)]
 pub struct Opening {
     pub corners: Vec<DVec2>,
@@ -26,7 +28,8 @@ pub struct Opening {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Kind {
     Door(PortalId),
-    /// On the side of the room with the lesser (false) or greater number.
+    /// A mirror, and the side of the wall that it faces: `true` the room at greater coordinates, `false` the
+    /// room at lesser coordinates.
     Mirror(MirrorId, bool),
 }
 
@@ -39,20 +42,20 @@ impl Opening {
 
 pub struct Maze {
     pub sizes: [usize; 3],
-    /// Where the walls are, by axis.
+    /// Coordinates of the walls along each axis, in grid space, ascending.
     pub walls: [Vec<f64>; 3],
     pub turn: DQuat,
     pub shift: DVec3,
-    /// By axis and the room on the lesser side of the wall.
+    /// Openings of each wall, at index 3 * room + axis, where `room` is on the wall's lesser side.
     openings: Vec<Vec<Opening>>,
     pub cells: SceneCells,
     pub scene: Scene,
     pub objects: Vec<(ObjectId, DVec3, DVec3)>,
-    /// Points of doorways, in the world.
+    /// Points in doorways, in world space.
     pub targets: Vec<DVec3>,
-    /// Points of mirrors, in the world.
+    /// Points on mirrors, in world space.
     pub mirror_targets: Vec<DVec3>,
-    /// Whether each portal can be seen through forward and backward.
+    /// By portal: whether it can be seen through now, forward and backward.
     pub passes: Vec<[bool; 2]>,
 }
 
@@ -62,7 +65,8 @@ pub struct Style {
     pub slivers: bool,
     pub mirrors: bool,
     pub shift: f64,
-    /// How far the culler's cells and portals are from those that rays go by: its tolerance.
+    /// Maximum displacement of the culler's cells and portals from those of the oracle, in world units;
+    /// given to the culler as its tolerance.
     pub tolerance: f64,
 }
 
@@ -107,7 +111,7 @@ impl Maze {
                 let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
                 let low = DVec2::new(maze.walls[u][place[u]], maze.walls[v][place[v]]);
                 let high = DVec2::new(maze.walls[u][place[u] + 1], maze.walls[v][place[v] + 1]);
-                // Up to two openings a wall, one in each half of it.
+                // Up to two openings per wall, one in each half.
                 for half in 0..kinds.min(2) {
                     let middle = (low.x + high.x) / 2.0;
                     let (low, high) = if half == 0 {
@@ -226,7 +230,7 @@ impl Maze {
         Viewcell { min, max, planes: planes.collect() }
     }
 
-    /// Opens, closes and turns some portals, anew.
+    /// Opens and closes all portals at random, and sets their passages at random.
     pub fn shuffle_doors(&mut self, random: &mut Random) {
         for i in 0..self.passes.len() {
             let id = PortalId(i as u32);
@@ -242,14 +246,14 @@ impl Maze {
         }
     }
 
-    /// One of some points, rather a near one.
+    /// Returns the point nearest to `from` among five drawn at random from `of`. `None` if `of` is empty.
     pub fn near(random: &mut Random, from: DVec3, of: &[DVec3]) -> Option<DVec3> {
         let some = (0..5).filter_map(|_| of.get(random.below(of.len().max(1))).copied());
         some.min_by(|a, b| a.distance(from).total_cmp(&b.distance(from)))
     }
 
-    /// Follows a ray in the world. Calls `reached` for the objects that it meets, with the mirrors that it
-    /// met before.
+    /// Follows a ray in world space through doorways and mirrors. Calls `reached` with the index of each
+    /// object whose box the ray meets, and with the mirrors that the ray has met before, in order.
     pub fn follow(&self, from: DVec3, along: DVec3, mut reached: impl FnMut(usize, &[MirrorId])) {
         let back = self.turn.inverse();
         let (mut from, mut along) = (back * (from - self.shift), back * along);
@@ -318,7 +322,7 @@ impl Maze {
     }
 }
 
-/// A point of a polygon, next to one of its edges.
+/// Returns a random point of a polygon, very near to one of its edges.
 fn rim(random: &mut Random, polygon: &[DVec3]) -> DVec3 {
     let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
     let i = random.below(polygon.len());
@@ -326,7 +330,7 @@ fn rim(random: &mut Random, polygon: &[DVec3]) -> DVec3 {
     at.lerp(middle, 1e-4)
 }
 
-/// The same polygon, smaller and elsewhere by less than so much.
+/// Returns `polygon` shrunk and displaced, so that each point moves by less than `tolerance`.
 fn astray(random: &mut Random, polygon: &[DVec3], tolerance: f64) -> Result<ConvexPolygon, PolygonError> {
     let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
     let size = polygon.iter().fold(0.0, |size: f64, p| size.max(p.distance(middle)));
@@ -335,7 +339,8 @@ fn astray(random: &mut Random, polygon: &[DVec3], tolerance: f64) -> Result<Conv
     ConvexPolygon::new(polygon.iter().map(|&p| middle + (p - middle) * smaller + moved))
 }
 
-/// A convex polygon in a rectangle: anything from nearly all of it to a sliver or next to nothing.
+/// Returns a random convex polygon in the rectangle from `low` to `high`, counter-clockwise: from nearly the
+/// whole rectangle, with `slivers`, down to 1e-5 of its size.
 fn opening(random: &mut Random, low: DVec2, high: DVec2, slivers: bool) -> Vec<DVec2> {
     let within = |p: DVec2| low + (high - low) * p;
     let a = DVec2::new(random.fine_range(0.02, 0.5), random.fine_range(0.0, 0.4));
@@ -365,7 +370,7 @@ fn opening(random: &mut Random, low: DVec2, high: DVec2, slivers: bool) -> Vec<D
     }
 }
 
-/// Whether a segment meets a box, by slabs.
+/// Tests whether the segment from `from` to `from + step` meets a box, by the slab method; touching counts.
 fn meets(from: DVec3, step: DVec3, min: DVec3, max: DVec3) -> bool {
     let (mut enter, mut leave) = (0.0f64, 1.0f64);
     for axis in 0..3 {
@@ -391,10 +396,10 @@ pub const DEPTHS: [Depth; 6] = [
     Depth::ReversedInfinite,
 ];
 
-/// A camera of the test's own: what its rays are, and the view of them.
+/// A random camera: the parameters of its rays, and the `View` under test with the same rays.
 pub struct Camera {
     pub pose: Pose,
-    /// Tangents, or half sizes if orthographic.
+    /// Half sizes of the picture: tangents of the half angles for perspective, world units if orthographic.
     half: DVec2,
     pub near: f64,
     pub far: f64,
@@ -422,11 +427,12 @@ impl Camera {
         };
         let depth = DEPTHS[random.below(6)];
         let far = near + if random.below(3) == 0 { random.fine_range(3.0, 12.0) } else { 200.0 };
-        // Rows of the matrix, relative to the eye; z in clip space as each convention has it.
+        // Rows of the clip matrix, relative to the eye; the row of z follows the depth convention.
         let z = pose.forward;
         let w = if orthographic { DVec3::ZERO.extend(1.0) } else { z.extend(0.0) };
         let infinite = depth.is_infinite() && !orthographic;
-        // depth01 = 0 at near, w at far: (forward . p - near) * far / (far - near) for perspective.
+        // from_near is 0 at the near plane and w at the far plane: (forward . p - near) * far / (far - near)
+        // for perspective.
         let from_near = match (orthographic, infinite) {
             (true, _) => (z / (far - near)).extend(-near / (far - near)),
             (false, false) => (z * (far / (far - near))).extend(-near * far / (far - near)),
@@ -444,8 +450,8 @@ impl Camera {
         Self { pose, half, near, far, orthographic, view }
     }
 
-    /// The ray through a point of the picture, from the near plane on, its length a step of 1 along the line
-    /// of sight.
+    /// Returns the ray through a point of the picture in NDC: the start on the near plane, and the direction
+    /// whose component along `forward` is 1. In world space.
     pub fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
         let Pose { eye, right, up, forward } = self.pose;
         let across = right * (x * self.half.x) + up * (y * self.half.y);
@@ -457,7 +463,8 @@ impl Camera {
         }
     }
 
-    /// Where in the picture a point is, if it is in it.
+    /// Returns the position of a world-space point in the picture, in NDC (-1 to 1). `None` if the point is
+    /// behind the eye or outside the picture.
     pub fn project(&self, p: DVec3) -> Option<(f64, f64)> {
         let q = p - self.pose.eye;
         let w = if self.orthographic { 1.0 } else { self.pose.forward.dot(q) };
@@ -465,7 +472,7 @@ impl Camera {
         (w > 0.0 && x.abs() <= 1.0 && y.abs() <= 1.0).then_some((x, y))
     }
 
-    /// Whether a point that a ray has reached is before the far plane.
+    /// Tests whether a world-space point is in front of the far plane, or on it.
     pub fn is_before_far(&self, p: DVec3) -> bool {
         self.pose.forward.dot(p - self.pose.eye) <= self.far
     }

@@ -86,7 +86,7 @@ fn negative_multipliers_and_what_is_no_number_prove_nothing() {
     }
 }
 
-/// Returns normals and least values of 2 to [`MOST`] + 1 constraints that one integer point satisfies, most
+/// Returns normals and least values of 2 to [`MOST`] constraints that one integer point satisfies, most
 /// of them with equality. The normals have small integers, so that many cancel, and include opposite pairs
 /// that differ in the last digits.
 fn through_a_point<const K: usize>(random: &mut Random) -> (Vec<[i64; K]>, Vec<i64>) {

@@ -1,9 +1,10 @@
-//! What each row of a certificate promises, about lines that stay just clear.
+//! The inequality of each row of a certificate holds for lines that stay just clear.
 
 use super::*;
 use visibility_testing::Random;
 
-/// A line, and a polygon around it whose edges all pass it at the same distance.
+/// A line (point and unit direction), and a polygon with unit `normal` around it whose edge lines all have
+/// the same distance from the line.
 struct Around {
     point: DVec3,
     direction: DVec3,
@@ -18,7 +19,8 @@ fn around(corners: usize, distance: f64, random: &mut Random) -> Around {
     let u = direction.any_orthonormal_vector();
     let v = direction.cross(u);
     let turn = random.fine_unit();
-    // Where planes along the line meet, two by two, and the polygon's.
+    // The circumradius at which the planes along the line that touch the cylinder intersect; the vertices lie
+    // there, in the plane of the polygon.
     let radius = distance / (core::f64::consts::PI / corners as f64).cos();
     let vertices = (0..corners).map(|i| {
         let angle = (i as f64 + turn) / corners as f64 * core::f64::consts::TAU;
@@ -28,7 +30,7 @@ fn around(corners: usize, distance: f64, random: &mut Random) -> Around {
     Around { point, direction, normal, vertices: vertices.collect() }
 }
 
-/// A row at a line, about an origin.
+/// Returns `normal . x` of a row at a line, with the line's moment about `origin` in units of `unit`.
 fn value(row: &Row<6>, origin: DVec3, unit: f64, point: DVec3, direction: DVec3) -> f64 {
     let m = (point - origin).cross(direction) / unit;
     let x = [direction.x, direction.y, direction.z, m.x, m.y, m.z];
@@ -54,12 +56,12 @@ fn edges_moved_by_less_than_the_clearance_are_still_passed() {
             let row = halfspace(&forth.edge(j), origin, unit);
             let across = it.direction.cross(edge.b - edge.a);
             let at = value(&row, origin, unit, it.point, it.direction);
-            // As far as the edge is still from the line.
+            // Proportional to the distance from the line that remains after the shift.
             let moved = edge.shift.dot(across.normalize());
             let right = (clearance - moved) * across.length();
             assert!((at - right).abs() < 1e-12 && at > 0.0, "{at} {right}");
             tight += u32::from(at < 0.02 * clearance * across.length());
-            // The other way through, the same edges the other way round.
+            // The opposite direction of passage, with the edges reversed.
             let at = value(&halfspace(&back.edge(j), origin, unit), origin, unit, it.point, -it.direction);
             assert!((at - right).abs() < 1e-12, "{at} {right}");
         }
@@ -84,6 +86,6 @@ fn no_line_sees_less_of_a_portal_than_the_disc_around_it() {
             least = least.min(at / row.least);
         }
     }
-    // 2 pi c^2 of 6 c^2: nothing to be given away.
+    // 2 pi c^2 of 6 c^2: the bound is nearly tight.
     assert!(least < 1.06, "{least}");
 }
