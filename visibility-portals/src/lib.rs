@@ -5,8 +5,8 @@
 //! - Each frame, [`PortalCuller`] walks from the cell of the eye through open portals and removes the objects
 //!   that cannot be seen through them.
 //! - Before run time, [`CellBaker`] and [`ObjectBaker`] compute which cells and which objects can be seen
-//!   from anywhere in a cell. The result, a [`Pvs`](visibility_core::pvs::Pvs), limits the walk or culls without
-//!   it ([`PvsCuller`](visibility_core::pvs::PvsCuller)).
+//!   from anywhere in a cell. The result, a [`Pvs`](visibility_core::pvs::Pvs), limits the walk or culls
+//!   without it ([`PvsCuller`](visibility_core::pvs::PvsCuller)).
 //!
 //! Cells and portals are made by [`from_geometry`] or read by [`prt`].
 //!

@@ -16,8 +16,8 @@ pub(super) type Rectangle = [f64; 4];
 /// the eye, so near the eye that rounding decides, or NaN.
 ///
 /// The value of a clip-matrix row at a corner is off by the row's own error plus `error` times the length of
-/// the row's linear part. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most `(dx
-/// + |q| dw) / (w - dw)`.
+/// the row's linear part. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most
+/// `(dx + |q| dw) / (w - dw)`.
 pub(super) fn around(eye_view: &PortalView, corners: &[Corner], error: f64, outer: Rectangle) -> Rectangle {
     let value = |row: &ClipRow, at: DVec3| {
         let (value, own) = row.at(at);
