@@ -1,8 +1,9 @@
-//! Counters of the work that a culler does.
+//! Counters of the work that a culler does in one frame.
 
 use core::ops::AddAssign;
 
-/// How much work a culler did: counters, the same on every machine, no clock.
+/// Counters of the work that a culler did in one frame. They do not depend on the machine or on time, so
+/// tests can compare them. `+=` adds the counters of stages that ran one after another.
 ///
 /// ```
 /// use visibility_core::CullStats;
@@ -12,13 +13,14 @@ use core::ops::AddAssign;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct CullStats {
-    /// Nodes of a hierarchy whose children were tested.
+    /// Number of hierarchy nodes whose children were tested.
     pub nodes: u64,
     /// Nodes whose candidates were all kept without a test of any of them.
     pub accepted_subtrees: u64,
-    /// Tests of a box against a plane, a map or the like.
+    /// Number of tests of one bounding box against one plane, one occlusion map or similar.
     pub tests: u64,
-    /// Objects left in the set. In a sum, those of the last summand.
+    /// Number of objects left in the set. `+=` takes this number from the right-hand side instead of adding,
+    /// since the later stage removed objects from the same set.
     pub visible: u64,
 }
 

@@ -1,10 +1,10 @@
-//! The seam that all cullers share.
+//! The [`Culler`] trait that all per-view cullers implement, and the accuracy classes that they state.
 
 use crate::{CullStats, Scene, View, VisibleSet};
 
-/// What a culler promises of the set it leaves, compared with V, the objects to which an unobstructed segment
-/// runs from the eye inside the view. (The words are those of Cohen-Or, Chrysanthou, Silva and Durand, "A
-/// Survey of Visibility for Walkthrough Applications", 2003.)
+/// What a culler guarantees about the set of objects that it leaves. The reference is V, the set of objects
+/// to which an unobstructed segment runs from the eye inside the view. (The terms are those of Cohen-Or,
+/// Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003.)
 ///
 /// ```
 /// use visibility_core::Accuracy;
@@ -13,29 +13,30 @@ use crate::{CullStats, Scene, View, VisibleSet};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum Accuracy {
-    /// V itself, up to a tolerance that the culler states.
+    /// The set equals V, up to a tolerance that the culler states.
     Exact,
-    /// All of V, and maybe more: never hides what is visible.
+    /// The set contains all of V and maybe more: no visible object is removed.
     Conservative,
-    /// A part of V: never shows what is hidden.
+    /// The set is contained in V: every object in it is visible, but visible objects may be missing.
     Aggressive,
-    /// May err both ways.
+    /// The set may contain hidden objects and may miss visible ones.
     Approximate,
 }
 
 impl Accuracy {
-    /// Whether nothing visible is ever hidden.
+    /// Returns whether no visible object is ever removed: true for exact and conservative.
     pub const fn never_hides(self) -> bool {
         matches!(self, Self::Exact | Self::Conservative)
     }
 
-    /// Whether nothing hidden is ever shown.
+    /// Returns whether no hidden object is ever left in the set: true for exact and aggressive.
     pub const fn never_shows(self) -> bool {
         matches!(self, Self::Exact | Self::Aggressive)
     }
 
-    /// The accuracy of one culler after another, which keeps what both keep: visible objects survive if
-    /// neither hides any, hidden ones are gone if either shows none.
+    /// Returns the accuracy of two cullers in sequence, which keep the objects that both keep. The sequence
+    /// never removes visible objects if neither culler does, and never leaves hidden ones if one of the two
+    /// leaves none.
     pub const fn and(self, other: Self) -> Self {
         match (self.never_hides() && other.never_hides(), self.never_shows() || other.never_shows()) {
             (true, true) => Self::Exact,
@@ -45,7 +46,7 @@ impl Accuracy {
         }
     }
 
-    /// The word for it.
+    /// Returns the accuracy's name in lower case, such as `"conservative"`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Exact => "exact",
@@ -62,12 +63,12 @@ impl core::fmt::Display for Accuracy {
     }
 }
 
-/// Removes from a set of objects what a view cannot see.
+/// Removes from a set of objects those that a view cannot see.
 ///
-/// A culler owns the scratch memory and the temporal coherence of one view, so stereo, split screen and
-/// shadow cascades are several cullers over one `&Scene`, on as many threads as there are. Cullers are
-/// combined and called by a [`Pipeline`](crate::Pipeline), which also fills the set with candidates; whoever
-/// calls `cull` alone calls [`VisibleSet::fill`] first.
+/// A culler owns the scratch memory and the temporal coherence of one view. Stereo, split screen and shadow
+/// cascades therefore use several cullers over one `&Scene`, on as many threads as the engine likes. A
+/// [`Pipeline`](crate::Pipeline) combines and calls cullers, and fills the set with candidates before the
+/// first one. Code that calls `cull` itself must call [`VisibleSet::fill`] before.
 ///
 /// ```
 /// use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
@@ -82,16 +83,19 @@ impl core::fmt::Display for Accuracy {
 /// }
 /// ```
 pub trait Culler {
-    /// A short name, for tables and explanations.
+    /// Returns the culler's name, a word or two, for tables and for [`Explanation`](crate::Explanation).
     fn name(&self) -> &str;
 
-    /// What it promises, with its present settings.
+    /// Returns the accuracy that the culler guarantees with its present settings.
     fn accuracy(&self) -> Accuracy;
 
-    /// Removes from `visible`, which holds the candidates, what it can prove hidden.
+    /// Removes from `visible`, which holds the candidates, the objects that this culler finds hidden from
+    /// `view`. Objects that are never culled stay. Returns counters of the work done; their `visible` is the
+    /// number of objects left.
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats;
 
-    /// Forgets what it remembers of earlier frames. Needed for nothing but to start anew: camera cuts are
-    /// safe.
+    /// Discards all state from earlier frames, as if the culler were new. Never needed for correct results:
+    /// camera cuts and other scenes are safe without a reset. The default implementation does nothing, for
+    /// cullers that keep no such state.
     fn reset(&mut self) {}
 }

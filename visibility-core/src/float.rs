@@ -1,7 +1,7 @@
-//! The elementary functions that `core` lacks, from `std` or `libm`.
+//! The elementary functions that Rust's `core` lacks, from `std` or `libm`.
 //!
-//! They are used when a view or a scene is set up, never to decide what is visible: their last digit differs
-//! between platforms, and answers must not.
+//! These functions are used only to set up views and scenes, never to decide what is visible: their last bit
+//! may differ between platforms, and visibility results must not.
 
 #[cfg(feature = "std")]
 pub(crate) fn tan(x: f64) -> f64 {

@@ -1,9 +1,10 @@
-//! Frustum culling: boxes outside one of the planes of the view are hidden. The walk serves any convex volume
-//! of planes.
+//! Frustum culling: removes boxes outside a plane of the view. The same walk serves any convex volume bounded
+//! by planes.
 //!
-//! The hierarchy is walked from the top, 64 boxes a test. A node passes to each child only those planes that
-//! cross it (Assarsson and Möller, "Optimized View Frustum Culling Algorithms for Bounding Boxes", 2000:
-//! "masking"); one that no plane crosses is taken whole.
+//! The hierarchy is walked from the root, 64 boxes per test. A node passes on to each child only the planes
+//! that cross the child's box (Assarsson and Möller, "Optimized View Frustum Culling Algorithms for Bounding
+//! Boxes", 2000: "masking"). A child that no plane crosses is accepted with its whole subtree, without
+//! further tests.
 
 use crate::scene::{Boxes64, lanes};
 use crate::test_plane::TestPlane;
@@ -11,11 +12,12 @@ use crate::view::{MAX_PLANES, ViewPlane};
 use crate::walk::{Child, SceneHierarchy, Walk};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, simd::Simd};
 
-/// Removes what lies outside the planes of the view. Conservative: a box near an edge of the view may lie
-/// outside without being outside any one plane.
+/// Removes the objects whose bounds are outside at least one plane of the view, clip planes included.
+/// Conservative: a box near an edge of the frustum may be outside the frustum without being outside any
+/// single plane, and is kept.
 ///
-/// Cost follows what is in view: some 20 ns for 64 objects on the boundary, 1 ns for 64 that are inside,
-/// nothing for the rest.
+/// Cost grows with the number of objects in view: about 20 ns per 64 objects that cross the boundary, 1 ns
+/// per 64 objects entirely inside, and nothing for objects in rejected nodes.
 ///
 /// ```
 /// use visibility_core::{FrustumCuller, Pipeline};
@@ -34,12 +36,13 @@ impl Default for FrustumCuller {
 }
 
 impl FrustumCuller {
-    /// Uses the widest instructions that the processor has.
+    /// Creates a culler that uses the widest SIMD instructions of the processor.
     pub fn new() -> Self {
         Self::with_simd(Simd::best())
     }
 
-    /// Uses the given instructions, for tests and comparisons.
+    /// Creates a culler that uses the given SIMD instructions, for tests and comparisons. Results are the
+    /// same with all.
     pub const fn with_simd(simd: Simd) -> Self {
         Self { simd }
     }
@@ -59,7 +62,9 @@ impl Culler for FrustumCuller {
     }
 }
 
-/// A convex volume of at most [`MAX_PLANES`] planes, as blocks of 64 boxes are tested against it.
+/// A convex volume, the intersection of at most [`MAX_PLANES`] half-spaces, prepared for testing blocks of 64
+/// boxes. Planes and boxes are in the same coordinates, usually relative to the scene's origin. Planes are
+/// numbered from 0 in the order given to [`new`](Self::new).
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, SceneHierarchy};
@@ -79,13 +84,16 @@ impl Culler for FrustumCuller {
 pub struct ConvexVolume {
     simd: Simd,
     planes: [TestPlane; MAX_PLANES],
-    /// The same planes turned round: boxes outside these are inside those.
+    /// The planes with normals and offsets negated, in the order of `planes`. A box outside `flipped[i]` is
+    /// inside `planes[i]`.
     flipped: [TestPlane; MAX_PLANES],
     all: u32,
 }
 
 impl ConvexVolume {
-    /// The volume inside all of the planes, of which only the first [`MAX_PLANES`] count.
+    /// Builds the intersection of the half-spaces on the positive side of the planes, each moved outwards by
+    /// its error bound. Planes after the first [`MAX_PLANES`] are ignored, which makes the volume larger.
+    /// Without planes the volume is all of space.
     pub fn new(simd: Simd, view_planes: &[ViewPlane]) -> Self {
         let mut volume = Self {
             simd,
@@ -102,32 +110,39 @@ impl ConvexVolume {
         volume
     }
 
-    /// A bit for each plane.
+    /// Returns the mask with one bit set for each plane of the volume: bit i stands for plane i. The initial
+    /// `active` argument of [`outside`](Self::outside).
     pub fn all(&self) -> u32 {
         self.all
     }
 
-    /// The lanes whose boxes lie surely outside at least one of the `active` planes, given a bit each.
+    /// Returns a mask of the lanes whose box is certainly outside at least one plane of `active`; bit i of
+    /// the result stands for lane i, bit p of `active` for plane p. Boxes that touch a plane, undecided boxes
+    /// and NaN count as not outside.
     #[inline]
     pub fn outside(&self, boxes: &Boxes64, active: u32) -> u64 {
         self.simd.any_outside(boxes, &self.planes, active)
     }
 
-    /// The lanes whose boxes lie surely inside one plane, so that it need not be tested below them.
+    /// Returns a mask of the lanes whose box is certainly inside plane number `plane` (modulo
+    /// [`MAX_PLANES`]), so that nothing below these boxes needs a test against that plane. Bit i stands for
+    /// lane i; undecided lanes are 0, and so are all lanes for a plane that the volume does not have.
     #[inline]
     pub fn inside(&self, boxes: &Boxes64, plane: usize) -> u64 {
         self.simd.any_outside(boxes, &self.flipped, 1 << (plane % MAX_PLANES))
     }
 
-    /// Removes the objects that lie surely outside one of the planes.
+    /// Removes from `visible` the objects whose bounds are certainly outside at least one plane. The planes
+    /// must be relative to the scene's origin. Returns the work counters.
     pub fn retain(&self, scene: &Scene, visible: &mut VisibleSet) -> CullStats {
         let mut walk = Walk::new(scene, &SceneHierarchy, visible);
         self.visit(&mut walk, None, self.all);
         walk.finish()
     }
 
-    /// Tests the children of a node against the planes that cross it, `active`, and goes on below. Whether
-    /// anything is left.
+    /// Tests the children of `node` (`None`: the root) against the planes in the mask `active`, all others
+    /// being known to contain the node, and recurses into undecided children. Returns whether any candidate
+    /// is left below the node.
     fn visit(&self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, active: u32) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let mut mask = candidates & !self.outside(block.boxes(), active);

@@ -1,9 +1,9 @@
-//! Which objects can this camera see?
+//! Visibility culling for game engines: which objects can this camera see?
 //!
-//! The core of the `visibility` crates: the [`Scene`] of objects and its hierarchy, the [`View`] in any
-//! engine's convention, the [`VisibleSet`] that goes through a [`Pipeline`] of [`Culler`]s each frame, and
-//! the [`FrustumCuller`]. The exact answer, against which every culler can be judged, is in the crate
-//! `visibility-measure`.
+//! This crate is the core of the `visibility` crates. It defines the [`Scene`] of objects with its hierarchy,
+//! the [`View`] in any engine's convention, the [`VisibleSet`] that passes through a [`Pipeline`] of
+//! [`Culler`]s each frame, and the [`FrustumCuller`]. The crate `visibility-measure` computes reference
+//! visibility, against which every culler can be judged.
 //!
 //! ```
 //! use visibility_core::{glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};

@@ -1,13 +1,14 @@
-//! Cullers one after another.
+//! Runs the cullers of one view in sequence, with tools that show which culler removed an object.
 
 use crate::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
 use alloc::{boxed::Box, vec::Vec};
 
-/// A list of cullers, each of which sees what those before it left. This is what an engine calls once per
-/// frame and view.
+/// A sequence of cullers for one view. Each stage receives the objects that the stages before it left in the
+/// set. An engine calls [`cull`](Self::cull) once per frame and view.
 ///
-/// To understand what it does, let it [explain](Self::set_explaining) which stage removed which object, or
-/// [freeze](Self::freeze) its view and look at the result from elsewhere.
+/// Two tools help to find out why an object is or is not drawn. [`set_explaining`](Self::set_explaining)
+/// records which stage removed each object, and [`freeze`](Self::freeze) keeps culling for one view while the
+/// engine draws from another.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
@@ -26,14 +27,14 @@ use alloc::{boxed::Box, vec::Vec};
 #[derive(Default)]
 pub struct Pipeline {
     stages: Vec<(Box<dyn Culler + Send>, CullStats)>,
-    /// The view of the last frame.
+    /// View that the last call of `cull` used; `None` before the first call.
     last: Option<View>,
     frozen: Option<View>,
-    /// Present while explaining.
+    /// View to cull for instead of the one passed to `cull`; `None` unless frozen.
     removals: Option<Removals>,
 }
 
-/// Why an object is in the set or not.
+/// Why an object is, or is not, in the visible set of the last frame of a [`Pipeline`].
 ///
 /// ```
 /// use visibility_core::pipeline::Explanation;
@@ -41,13 +42,13 @@ pub struct Pipeline {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Explanation<'a> {
-    /// No stage removed it.
+    /// The object is in the set: no stage removed it.
     Visible,
-    /// It shares no layer with the view.
+    /// The object shares no layer with the view, so it was no candidate.
     OnOtherLayers,
-    /// This stage removed it.
+    /// The stage with this [name](Culler::name) removed the object.
     RemovedBy(&'a str),
-    /// It was not there in the last frame, or nothing was noted then.
+    /// The object was not in the scene in the last frame, or the pipeline was not explaining then.
     Unknown,
 }
 
@@ -62,12 +63,13 @@ impl core::fmt::Display for Explanation<'_> {
     }
 }
 
-/// For each object of a frame, the stage that removed it.
+/// Records, for each object of a frame, which stage removed it.
 #[derive(Default)]
 struct Removals {
-    /// By index: the object of the last frame that had it, and how far it came.
+    /// Indexed by object index: the id that had this index in the last frame, and its fate. `None` where no
+    /// object had the index.
     fates: Vec<Option<(ObjectId, Fate)>>,
-    /// What was still there before the stage at hand.
+    /// Objects that all stages so far have kept, in the order of the set.
     left: Vec<ObjectId>,
 }
 
@@ -104,31 +106,33 @@ impl Removals {
 }
 
 impl Pipeline {
-    /// No stage: everything on the view's layers is visible.
+    /// Creates a pipeline without stages, which leaves every object on the view's layers in the set.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Adds a stage at the end.
+    /// Appends a culler as the last stage and returns the pipeline.
     pub fn with(mut self, culler: impl Culler + Send + 'static) -> Self {
         self.push(Box::new(culler));
         self
     }
 
-    /// Adds a stage at the end.
+    /// Appends a culler as the last stage.
     pub fn push(&mut self, culler: Box<dyn Culler + Send>) {
         self.stages.push((culler, CullStats::default()));
     }
 
-    /// What all stages together promise.
+    /// Returns the accuracy of all stages in sequence; conservative without stages, since every object on the
+    /// view's layers is then reported.
     pub fn accuracy(&self) -> Accuracy {
         self.stages.iter().fold(Accuracy::Conservative, |all, (culler, _)| all.and(culler.accuracy()))
     }
 
-    /// Fills `visible` with the objects on the view's layers and lets each stage remove what it can. What is
-    /// left is drawn.
+    /// Replaces the content of `visible` with the objects on the view's layers, and lets each stage remove
+    /// the objects that it finds hidden. The objects left in `visible` are to be drawn. While
+    /// [frozen](Self::freeze), `view` is ignored in favour of the frozen view.
     ///
-    /// Returns the sum of the stages' counters.
+    /// Returns the sum of the stages' work counters; its `visible` is the number of objects left.
     pub fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let view = self.frozen.as_ref().unwrap_or(view);
         self.last = Some(*view);
@@ -151,25 +155,30 @@ impl Pipeline {
         sum
     }
 
-    /// Name and counters of each stage in the last frame.
+    /// Iterates over the stages in order of execution: the name of each and its counters in the last frame,
+    /// all zero before the first frame.
     pub fn stages(&self) -> impl Iterator<Item = (&str, CullStats)> {
         self.stages.iter().map(|(culler, stats)| (culler.name(), *stats))
     }
 
-    /// Lets every stage forget what it remembers of earlier frames.
+    /// Makes every stage forget its state from earlier frames. Never needed for correct results, even after a
+    /// camera cut.
     pub fn reset(&mut self) {
         for (culler, _) in &mut self.stages {
             culler.reset();
         }
     }
 
-    /// Notes from the next frame on which stage removes which object, or stops doing so. While on, a frame
-    /// costs time and memory for every object of the scene; while off, nothing.
+    /// Starts (`true`) or stops (`false`) recording which stage removes which object; takes effect with the
+    /// next frame. Records made so far are dropped. While recording, each frame costs time and memory in
+    /// proportion to the number of objects of the scene.
     pub fn set_explaining(&mut self, explaining: bool) {
         self.removals = explaining.then(Removals::default);
     }
 
-    /// What became of an object in the last frame, if the pipeline was [explaining](Self::set_explaining).
+    /// Returns why an object was, or was not, in the visible set of the last frame. [`Explanation::Unknown`]
+    /// unless the pipeline was [explaining](Self::set_explaining) in that frame and the object was in the
+    /// scene.
     pub fn explain(&self, id: ObjectId) -> Explanation<'_> {
         let fate = self.removals.as_ref().and_then(|removals| *removals.fates.get(id.index())?);
         match fate {
@@ -182,19 +191,21 @@ impl Pipeline {
         }
     }
 
-    /// Goes on culling for the view of the last frame, whatever views come: draw from elsewhere, and look at
-    /// what was culled. Objects that move meanwhile are culled where they are. Before the first frame
-    /// there is nothing to freeze, and nothing happens.
+    /// Makes later calls of `cull` use the view of the last frame and ignore the view passed to them, so that
+    /// an engine can draw from elsewhere what this view culled. Objects are culled with their current bounds.
+    /// Does nothing before the first frame.
     pub fn freeze(&mut self) {
         self.frozen = self.last;
     }
 
-    /// Culls for the views that come again.
+    /// Ends [`freeze`](Self::freeze): `cull` uses the views passed to it again. Does nothing if the pipeline
+    /// is not frozen.
     pub fn unfreeze(&mut self) {
         self.frozen = None;
     }
 
-    /// The view that culling is frozen at.
+    /// Returns the view that culling is [frozen](Self::freeze) at, or `None` if `cull` uses the views passed
+    /// to it.
     pub fn frozen(&self) -> Option<&View> {
         self.frozen.as_ref()
     }

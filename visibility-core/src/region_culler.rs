@@ -1,12 +1,12 @@
-//! Visibility from a region: what bakers of a PVS ask of an algorithm.
+//! The [`RegionCuller`] trait: visibility from a region, as needed to bake a potentially visible set (PVS).
 
 use crate::{Accuracy, CullStats, Scene, VisibleSet, pvs::Viewcell};
 
-/// Removes from a set of objects what cannot be seen from anywhere in a viewcell.
+/// Removes from a set of objects those that cannot be seen from any point of a viewcell.
 ///
-/// The counterpart of [`Culler`](crate::Culler), which answers for one point of view. No plane of a view
-/// limits what is seen: every point of the viewcell, its boundary included, looks in all directions. One
-/// value owns the scratch memory of one thread; several work over one `&Scene`.
+/// The from-region counterpart of [`Culler`](crate::Culler), which answers for one point of view. Every point
+/// of the viewcell, its boundary included, looks in all directions without near or far plane. One value owns
+/// the scratch memory of one thread; several threads use one value each over one `&Scene`.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -37,11 +37,12 @@ use crate::{Accuracy, CullStats, Scene, VisibleSet, pvs::Viewcell};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait RegionCuller {
-    /// What it promises, with its present settings: conservative if no object is removed to which an
-    /// unobstructed segment runs from some point of the viewcell.
+    /// Returns the accuracy that the culler guarantees with its present settings. It is conservative if no
+    /// object is removed to which an unobstructed segment runs from some point of the viewcell.
     fn accuracy(&self) -> Accuracy;
 
-    /// Removes from `visible`, which holds the candidates, what it can prove hidden from all of `cell`. An
-    /// empty viewcell sees nothing, and may keep anything.
+    /// Removes from `visible`, which holds the candidates, the objects that this culler finds hidden from all
+    /// of `cell`. From an empty viewcell nothing is visible; any result is then valid. Returns counters of
+    /// the work done.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats;
 }

@@ -1,40 +1,42 @@
-//! Numbers that are handed out once, so that what belongs to one scene or structure is not taken for what
-//! belongs to another.
+//! Process-wide unique numbers, which tell apart the states of different scenes and structures.
 
 use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-/// Ranges and serials are counted apart: structures may take a serial in every frame, and would use up the
-/// ranges.
+/// Last range number handed out by [`next_range`]. Counted apart from serials, because structures may take a
+/// serial in every frame and would use up the ranges.
 static LAST_RANGE: AtomicUsize = AtomicUsize::new(0);
 static LAST_SERIAL: AtomicUsize = AtomicUsize::new(0);
 
-/// Bits of a number within its range.
+/// Number of bits of a counter within its range: each range holds 2^40 values.
 const RANGE_BITS: u32 = 40;
 
-/// Where a scene begins to count its layouts and its revisions. Distinct for the first 16 million calls: 2^40
-/// numbers belong to each.
+/// Returns the first of 2^40 consecutive numbers that no other call returned, from which a scene counts its
+/// layouts or its revisions. Distinct for the first 16 million (2^24) calls of a process.
 pub(crate) fn next_range() -> u64 {
     (next(&LAST_RANGE) as u64) << RANGE_BITS
 }
 
-/// Whether two numbers are of the same range.
+/// Returns whether two numbers lie in the same range of 2^40 numbers, as made by [`next_range`].
 pub(crate) fn is_same_range(a: u64, b: u64) -> bool {
     a >> RANGE_BITS == b >> RANGE_BITS
 }
 
-/// A number that was not returned before, never 0. Repeats after as many calls as `usize` has values.
+/// Returns a number that no earlier call in this process returned; the first is 1. Wraps to 0 and then
+/// repeats after as many calls as `usize` has values.
 pub(crate) fn next_serial() -> u64 {
     next(&LAST_SERIAL) as u64
 }
 
-/// 1, 2, 3 ...
+/// Increments the counter `last` atomically and returns its new value: 1, 2, 3 and so on, wrapping at the end
+/// of `usize`.
 #[cfg(target_has_atomic = "ptr")]
 fn next(last: &AtomicUsize) -> usize {
     last.fetch_add(1, Relaxed).wrapping_add(1)
 }
 
-/// The same on processors without compare-and-swap. These have one core, and an interrupt between load and
-/// store would have to make a scene to do any harm.
+/// Increments the counter `last` without an atomic read-modify-write and returns its new value, for
+/// processors that have none. These have one core, so two calls return the same number only if an interrupt
+/// handler calls this function between the load and the store.
 #[cfg(not(target_has_atomic = "ptr"))]
 fn next(last: &AtomicUsize) -> usize {
     let next = last.load(Relaxed).wrapping_add(1);

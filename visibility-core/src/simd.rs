@@ -1,19 +1,20 @@
-//! The kernel of every hierarchical test: 64 boxes against planes, for each instruction set.
+//! The SIMD kernels of the hierarchy tests: 64 boxes against planes, and 64 cones against an eye.
 //!
-//! There is one body, in plain safe loops that compilers turn into SIMD; it is compiled once for the
-//! instruction set that the program is built for and, on x86-64 with `std`, again for AVX2 and AVX-512, one
-//! of which is chosen at run time. Rust neither reorders nor fuses floating-point operations, so all of them
-//! give the same bits.
+//! Each kernel has one body of safe loops, which compilers turn into SIMD code. The body is compiled once for
+//! the instruction set that the program is built for and, on x86-64 with `std`, also for AVX2 and AVX-512;
+//! one of these is chosen at run time. Rust neither reorders nor fuses floating-point operations, so all
+//! variants give bit-identical results.
 //!
-//! This is the only module with `unsafe` code: calls of functions compiled for instructions that the program
-//! at large does not assume, and loads of arrays into registers.
+//! This is the only module with `unsafe` code: calls of functions compiled for instructions that the rest of
+//! the program does not assume, and loads of arrays into SIMD registers.
 
 use crate::backface::{Cones64, SplitEye, inside};
 use crate::scene::Boxes64;
 use crate::test_plane::TestPlane;
 use crate::view::MAX_PLANES;
 
-/// Which instructions to use. Answers are the same on all.
+/// The instruction set that the box and cone kernels use. Culling results are identical with every
+/// instruction set.
 ///
 /// ```
 /// use visibility_core::simd::Simd;
@@ -22,24 +23,26 @@ use crate::view::MAX_PLANES;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Simd(SimdLevel);
 
-/// A set of instructions. A [`Simd`] whose [`level`](Simd::level) is beyond `Portable` exists only where the
-/// processor was found to have all instructions of that level: that is what makes calls of functions compiled
-/// for them sound.
+/// An instruction set for the kernels, from narrow to wide. A [`Simd`] with a [`level`](Simd::level) other
+/// than `Portable` exists only if run-time detection found all instructions of that level on this processor,
+/// which makes calls of functions compiled for them sound.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum SimdLevel {
-    /// What the program was built for.
+    /// The instruction set that the program was built for; runs on every processor that runs the program.
     Portable,
-    /// AVX2, BMI1, BMI2, POPCNT and LZCNT. On x86-64 with `std` only.
+    /// AVX2, BMI1, BMI2, POPCNT and LZCNT. Detected on x86-64 with the feature `std` only.
     Avx2,
-    /// The same, and AVX-512 F, BW, DQ and VL. On x86-64 with `std` only.
+    /// The instructions of [`Avx2`](Self::Avx2), and AVX-512 F, BW, DQ and VL. Detected on x86-64 with the
+    /// feature `std` only.
     Avx512,
 }
 
 impl Simd {
-    /// Whatever the program was built for: SSE2, NEON, wasm SIMD or scalar.
+    /// The instruction set that the program was built for: SSE2, NEON, wasm SIMD or scalar code.
     pub const PORTABLE: Self = Self(SimdLevel::Portable);
 
-    /// The paths that this processor can run, from the narrowest to the widest.
+    /// Iterates over the instruction sets that this processor can run, from narrowest to widest, beginning
+    /// with [`PORTABLE`](Self::PORTABLE).
     pub fn available() -> impl Iterator<Item = Self> {
         #[cfg(all(target_arch = "x86_64", feature = "std"))]
         let avx2 = std::is_x86_feature_detected!("avx2")
@@ -62,17 +65,19 @@ impl Simd {
         core::iter::once(Self::PORTABLE).chain(wide.into_iter().flatten())
     }
 
-    /// The widest path that this processor can run.
+    /// Returns the widest instruction set that this processor can run.
     pub fn best() -> Self {
         Self::available().last().unwrap_or(Self::PORTABLE)
     }
 
-    /// The instructions that this stands for.
+    /// Returns the instruction set that this value selects.
     pub fn level(self) -> SimdLevel {
         self.0
     }
 
-    /// The lanes whose boxes lie surely outside at least one of the planes that are set in `active`.
+    /// Returns a mask of the lanes whose box is certainly outside at least one active plane; bit i stands for
+    /// lane i. Bit p of `active` selects `planes[p]`. Boxes that rounding leaves undecided, boxes that touch
+    /// a plane, and NaN count as not outside.
     #[allow(unsafe_code)]
     pub(crate) fn any_outside(self, boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active: u32) -> u64 {
         match self.0 {
@@ -87,7 +92,8 @@ impl Simd {
         }
     }
 
-    /// The lanes whose cones surely hold the eye.
+    /// Returns a mask of the lanes whose cone certainly contains the eye; bit i stands for lane i. Undecided
+    /// cones count as not containing the eye.
     #[allow(unsafe_code)]
     pub(crate) fn inside_cones(self, cones: &Cones64, eye: &SplitEye) -> u64 {
         match self.0 {
@@ -127,7 +133,9 @@ fn inside_cones_avx512(cones: &Cones64, eye: &SplitEye) -> u64 {
     inside_cones::<64>(cones, eye, |values| signs_avx512(values))
 }
 
-/// The body for cones: [`inside`] for `WIDTH` lanes at once.
+/// Body of the cone kernel: evaluates [`inside`] for `WIDTH` lanes at a time and returns a mask of the lanes
+/// whose cone certainly contains the eye, bit i for lane i. `signs` returns a mask of the negative numbers of
+/// its argument.
 #[inline(always)]
 fn inside_cones<const WIDTH: usize>(
     cones: &Cones64,
@@ -142,8 +150,10 @@ fn inside_cones<const WIDTH: usize>(
     mask
 }
 
-/// The body. Works on `WIDTH` lanes at once, as many as there are registers for; `signs` turns negative
-/// numbers into a mask, which is all that compilers need help with.
+/// Body of the box kernel: returns a mask of the lanes whose box is certainly outside an `active` plane, bit
+/// i for lane i. Works on `WIDTH` lanes at a time, as many as the registers hold. `signs` returns a mask of
+/// the negative numbers of its argument, which is the one step that compilers do not vectorize well by
+/// themselves.
 #[inline(always)]
 fn any_outside<const WIDTH: usize>(
     boxes: &Boxes64,
@@ -155,7 +165,7 @@ fn any_outside<const WIDTH: usize>(
     for chunk in 0..64 / WIDTH {
         let [x0, y0, z0, x1, y1, z1] =
             core::array::from_fn(|row| &boxes.coordinates[row].as_chunks::<WIDTH>().0[chunk]);
-        // The least of the upper bounds on the distance to each plane; below zero, the box is outside.
+        // Least upper bound, over the planes, of the signed distance of each box; negative for a box outside.
         let mut least = [0.0f32; WIDTH];
         let mut rest = active & ((1 << MAX_PLANES) - 1);
         while rest != 0 {
@@ -169,7 +179,7 @@ fn any_outside<const WIDTH: usize>(
                 let y = greater(y[lane] * plane.high[1], y[lane] * plane.low[1]);
                 let z = greater(z[lane] * plane.high[2], z[lane] * plane.low[2]);
                 let distance = ((x + y) + z) + plane.offset;
-                // False for NaN, so that what cannot be decided stays.
+                // The comparison is false for NaN, so an undecided box is kept.
                 least[lane] = if distance < least[lane] { distance } else { least[lane] };
             }
         }
@@ -183,7 +193,8 @@ fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// A bit for each negative number.
+/// Returns a mask of the numbers less than zero, bit i for `values[i]`. Negative zero and NaN give 0. Scalar
+/// version, for targets without SSE2.
 #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
 #[inline(always)]
 fn signs_portable(values: &[f32; 16]) -> u64 {
@@ -194,7 +205,8 @@ fn signs_portable(values: &[f32; 16]) -> u64 {
     mask.into()
 }
 
-/// A bit for each negative number, where every processor that the program runs on has SSE2.
+/// Returns a mask of the numbers less than zero, bit i for `values[i]`. Negative zero and NaN give 0. For
+/// programs built with SSE2.
 #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
 #[inline(always)]
 #[allow(unsafe_code)]

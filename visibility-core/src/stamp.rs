@@ -1,15 +1,15 @@
-//! What derived state was made from: the one type by which a culler or a shared structure tells its sources
-//! apart.
+//! Stamps, by which a culler or a shared structure detects that the data it derived its state from has
+//! changed or was replaced by other data.
 
 use crate::serial::next_serial;
 
 /// Identifies the content of a structure that others derive state from: a cell graph, a PVS, a set of
 /// occluders.
 ///
-/// A structure takes a [new](Self::new) stamp when it is made and after every change of its content, so equal
-/// stamps mean equal content. A clone keeps the stamp of the original until either of them changes. Whatever
-/// is derived from the structure keeps the stamp beside it, and is made anew when the two differ. Stamps have
-/// no order: two that differ say nothing else about their owners.
+/// The structure takes a [new](Self::new) stamp when it is made and after every change of its content, so
+/// equal stamps mean equal content. A clone keeps the stamp of the original until one of the two changes.
+/// State derived from the structure is kept together with the structure's stamp, and is computed again when
+/// the two stamps differ. Stamps have no order, and two different stamps may belong to equal contents.
 ///
 /// ```
 /// use visibility_core::stamp::Stamp;
@@ -24,17 +24,18 @@ use crate::serial::next_serial;
 pub struct Stamp(u64);
 
 impl Stamp {
-    /// The stamp of no content: what a cache holds before it is filled for the first time.
+    /// The stamp of no content, equal to no stamp from [`new`](Self::new). A cache holds `NONE` until it is
+    /// first filled.
     pub const NONE: Self = Self(0);
 
-    /// A stamp that no other content has.
+    /// Returns a stamp different from all stamps of this process.
     #[expect(clippy::new_without_default, reason = "a default would suggest a fixed value")]
     pub fn new() -> Self {
         Self(next_serial())
     }
 
-    /// The stamp with a number that its owner has counted up from [`next_range`](crate::serial::next_range),
-    /// whose numbers are greater than any serial.
+    /// Makes a stamp of a number counted up from [`next_range`](crate::serial::next_range). Such numbers are
+    /// at least 2^40 and differ from the serials that [`new`](Self::new) uses until 2^40 of these are taken.
     pub(crate) const fn from_count(count: u64) -> Self {
         Self(count)
     }

@@ -1,37 +1,43 @@
-//! A plane as the box test takes it: in `f32`, with a margin that outweighs every rounding.
+//! A plane in the form that the box test of the SIMD kernel uses: in `f32`, with margins greater than all
+//! rounding errors of the test.
 
 use crate::view::ViewPlane;
 
-/// A plane of a view as the kernel tests it in `f32`: an upper bound on the signed distance of a box.
+/// A plane of a view prepared for the `f32` box test of the SIMD kernel. The kernel computes an upper bound
+/// on the greatest signed distance of any point of a box from the plane, times 1/4; a box whose bound is
+/// negative is outside.
 ///
 /// The plane is scaled to a normal `n` of length 1/4, so that no sum of three products overflows, and its
-/// offset `d` with it. The box reaches farthest along `n` in the corner `p` that has the greater coordinate
-/// where `n` is positive and the least elsewhere. The kernel computes
-/// `S = ((X + Y) + Z) + offset`, where `X = max(p.x high.x, p.x low.x)` and so on, and must never find less
-/// than the exact `n . p + d`. With `u = 2^-24`:
+/// offset `d` is scaled alike. The point of the box that is farthest along `n` is its corner `p`, with the
+/// greater coordinate where `n` is positive and the least coordinate elsewhere. The kernel computes the sum
+/// `S = ((X + Y) + Z) + offset`, where `X = max(p.x high.x, p.x low.x)`, and `Y` and `Z` likewise. `S` must
+/// never be less than the exact `n . p + d`. With `u = 2^-24`:
 ///
 /// - `high` and `low` are `n +- (8u |n| + 2^-125)`, rounded once, so `X >= n.x p.x + |p.x| (7u |n.x| +
-///   2^-125)` but for the rounding of the product, `u |X|`. The second term stands in for components that
-///   `f32` cannot hold or flushes to zero.
-/// - The three sums round by at most `u` each of what they add up: `3u (|X| + |Y| + |Z|) + 3u |offset|`.
-/// - So `4u` of each product's magnitude are needed and `7u` are there.
-/// - `offset` is `d + 8u |d|` plus the error of `d` itself, rounded once: `7u |d|` are there and `3u |d|` are
-///   needed.
+///   2^-125)` but for the rounding of the product, `u |X|`. The term `2^-125` stands in for components of `n`
+///   that `f32` cannot hold or flushes to zero.
+/// - Each of the three sums rounds by at most `u` of the magnitudes that it adds up: `3u (|X| + |Y| + |Z|) +
+///   3u |offset|` together.
+/// - So `4u` of each product's magnitude are needed, and `7u` are provided.
+/// - `offset` is `d + 8u |d|` plus the error of `d` itself, rounded once: `7u |d|` are provided and `3u |d|`
+///   are needed.
 /// - Numbers below `2^-126` may be flushed to zero: three coordinates (times at most 1), three products,
 ///   three sums. `2^-122`, which is 16 times as much, covers these nine.
 ///
-/// An infinite coordinate gives an infinite `X` of the right sign, or a NaN, which the kernel takes as
-/// undecided.
+/// A box with an infinite coordinate gives an infinite `X` of the right sign, or NaN, which the kernel treats
+/// as undecided: the box is not outside.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TestPlane {
     pub(crate) high: [f32; 3],
     pub(crate) low: [f32; 3],
     pub(crate) offset: f32,
-    /// For each axis, whether the greatest coordinate of a box reaches farther than the least.
+    /// For each axis, whether the test uses a box's greatest coordinate (`true`, where the normal's component
+    /// is not negative) or its least coordinate (`false`).
     pub(crate) greatest: [bool; 3],
 }
 
-/// Eight times the unit round-off of `f32`: the relative margin.
+/// Margin of `high`, `low` and `offset`, relative to their magnitude: eight times the unit round-off of
+/// `f32`.
 const MARGIN: f64 = 4.0 * f32::EPSILON as f64;
 
 impl TestPlane {

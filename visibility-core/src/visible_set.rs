@@ -1,4 +1,5 @@
-//! The set that goes through the cullers of a frame: candidates in, survivors out.
+//! The set of visible objects that a frame's cullers reduce: it starts with all candidates and ends with the
+//! objects to draw.
 
 use crate::scene::{NONE, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, View, scene::SceneCursor, stamp::Stamp};
@@ -7,12 +8,12 @@ use smallvec::SmallVec;
 
 /// The objects of a scene that a view may see.
 ///
-/// It holds a mask for each node of the scene's hierarchy, so that cullers work on 64 objects at once and
-/// whole branches that are hidden are never touched. The masks belong to the layout of the scene at the time
-/// of culling: if objects come, go or are moved to another place in the hierarchy before the set is read, it
-/// counts as holding everything.
+/// The set holds a mask for each node of the scene's hierarchy, so that cullers work on 64 objects at once
+/// and never touch hidden subtrees. The masks belong to the [layout](Scene::layout) of the scene at the time
+/// of culling. If the layout changes before the set is read, because objects were inserted, removed or moved
+/// to another leaf, the set counts as holding every object on its layers.
 ///
-/// Objects that are never culled are always in it, if they are on the view's layers.
+/// Objects that are never culled are always in the set if they are on the view's layers.
 ///
 /// ```
 /// use visibility_core::{Aabb, Pipeline, Scene, VisibleSet};
@@ -30,32 +31,35 @@ use smallvec::SmallVec;
 /// ```
 #[derive(Clone, Debug)]
 pub struct VisibleSet {
-    /// By node: which lanes are in the set, or, in inner nodes, have something below them that is. The mask
-    /// of a node whose lane above is not set means nothing.
+    /// Masks indexed by node: bit i tells whether lane i is in the set (leaves) or has something in the set
+    /// below it (inner nodes). Masks of nodes whose bit in the parent is 0 are stale and must not be read.
     words: Vec<u64>,
-    /// The layout of the scene that `words` belongs to.
+    /// Layout of the scene that `words` and `order` belong to.
     layout: Stamp,
-    /// All objects on `layers`, whatever is in `words`.
+    /// If true, the set holds every object on `layers` and `words` is ignored.
     everything: bool,
     layers: u32,
-    /// Contains at least what `words` contains, if `ordered`.
+    /// Objects in the order that `iter` follows, if `ordered`. Contains every object of the set, and maybe
+    /// objects that are no longer in the set.
     order: Vec<ObjectId>,
     ordered: bool,
-    /// Memory for making an order: by index, a bit for what is in it, or the masks of it.
+    /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
+    /// node in [`keep_in_order`](Self::keep_in_order).
     listed: Vec<u64>,
     changes: Option<Changes>,
 }
 
-/// What was visible in the last two frames, by id, which outlives changes of layout.
+/// Visible objects of the last two frames. Kept as ids, which stay valid when the layout of the scene
+/// changes.
 #[derive(Clone, Debug)]
 struct Changes {
     now: Vec<ObjectId>,
     before: Vec<ObjectId>,
-    /// The scene of `now`, and whether `before` is of another: then the same id names two objects.
+    /// Position in the scene that `now` was noted from; [`SceneCursor::START`] before the first frame.
     scene: SceneCursor,
     is_other: bool,
-    /// By index, the place in the list of the same time; means nothing where the list holds another object
-    /// there.
+    /// Indexed by object index: the position of the object in `now`. Meaningful only if `now` holds an object
+    /// with that index at that position.
     now_places: Vec<u32>,
     before_places: Vec<u32>,
 }
@@ -70,7 +74,8 @@ impl Changes {
         before_places: Vec::new(),
     };
 
-    /// The objects that those of the other frame may be among: none if both frames are of different scenes.
+    /// Returns `ids`, or an empty list if the last two frames showed different scenes, whose ids must not be
+    /// compared.
     fn same_scene<'a>(&self, ids: &'a [ObjectId]) -> &'a [ObjectId] {
         if self.is_other { &[] } else { ids }
     }
@@ -83,7 +88,8 @@ impl Default for VisibleSet {
 }
 
 impl VisibleSet {
-    /// A set that holds everything, until a culler says otherwise.
+    /// Creates a set that counts as holding every object on all layers until it is [filled](Self::fill),
+    /// cleared or culled.
     pub const fn new() -> Self {
         Self {
             words: Vec::new(),
@@ -97,14 +103,16 @@ impl VisibleSet {
         }
     }
 
-    /// As [`new`](Self::new), also keeping track of what is [newly visible](Self::newly_visible) and
-    /// [newly hidden](Self::newly_hidden), which costs a few nanoseconds for each visible object and frame.
+    /// Creates a set like [`new`](Self::new) that also records which objects became
+    /// [visible](Self::newly_visible) and [hidden](Self::newly_hidden) since the frame before. This costs a
+    /// few nanoseconds per visible object and frame.
     pub fn with_changes() -> Self {
         Self { changes: Some(Changes::NONE), ..Self::new() }
     }
 
-    /// Makes every object on the view's layers a candidate. [`Pipeline::cull`](crate::Pipeline::cull) does
-    /// this by itself.
+    /// Replaces the content of the set with every object on the view's layers and drops the order. Takes
+    /// constant time once the set's memory has grown. [`Pipeline::cull`](crate::Pipeline::cull) calls this
+    /// itself.
     pub fn fill(&mut self, scene: &Scene, view: &View) {
         self.layers = view.layers();
         self.everything = true;
@@ -113,7 +121,8 @@ impl VisibleSet {
         self.words.resize(scene.tree().node_count(), 0);
     }
 
-    /// Takes everything out of the set: where a [`union`](Self::union) of several starts.
+    /// Removes every object from the set, including objects that are never culled: the initial value for a
+    /// [`union`](Self::union) of several sets. Takes constant time once the set's memory has grown.
     pub fn clear(&mut self, scene: &Scene) {
         self.layers = 0;
         self.everything = false;
@@ -125,13 +134,13 @@ impl VisibleSet {
         }
     }
 
-    /// Adds what is in another set of the same scene: afterwards an object is in this set if it was in
-    /// either. So the sets of two eyes, whatever pipelines they come from, become the one that both are
-    /// drawn from; it hides nothing that either eye sees.
+    /// Adds the objects of `other`, a set of the same scene. The union of the sets of two eyes, from any
+    /// pipelines, is the set to draw both eyes from: it contains everything that either eye sees.
     ///
-    /// A set of an earlier layout of the scene holds everything on its layers, and so then does the union.
-    /// The order is dropped. Changes are told when the frame is ended by [`finish`](Self::finish), which is
-    /// up to the caller. Costs a few nanoseconds for each block of 64 objects in the sets.
+    /// If one of the two sets belongs to an earlier layout of the scene, it counts as holding every object on
+    /// its layers, and the union then holds these too. The union has no order. Changes are recorded only when
+    /// the caller ends the frame with [`finish`](Self::finish). Takes a few nanoseconds per block of 64
+    /// objects in the sets.
     ///
     /// ```
     /// use visibility_core::{
@@ -158,7 +167,7 @@ impl VisibleSet {
     /// ```
     pub fn union(&mut self, scene: &Scene, other: &Self) {
         self.prepare(scene);
-        // Two that hold everything on their layers hold everything on the layers of either.
+        // Two sets that hold everything on their layers unite by their layers alone.
         if !(self.everything && other.everything) {
             if scene.tree().root != NONE {
                 self.add_below(scene, other, scene.tree().root as usize, true, true);
@@ -169,7 +178,9 @@ impl VisibleSet {
         self.ordered = false;
     }
 
-    /// Unites the masks of a node and below, which either set reaches or does not.
+    /// Unites the masks of `node` and all nodes below it with those of `other`. `ours` and `theirs` tell
+    /// whether the node's bit is set in its parent's mask in this set and in `other`: where false, that set's
+    /// masks below are stale and count as empty.
     fn add_below(&mut self, scene: &Scene, other: &Self, node: usize, ours: bool, theirs: bool) {
         if !theirs && !self.everything {
             return;
@@ -185,8 +196,9 @@ impl VisibleSet {
         }
     }
 
-    /// Ends a frame: notes what is visible, if changes are asked for.
-    /// [`Pipeline::cull`](crate::Pipeline::cull) does this by itself.
+    /// Ends a frame: records the visible objects for [`newly_visible`](Self::newly_visible) and
+    /// [`newly_hidden`](Self::newly_hidden), if the set was made [with changes](Self::with_changes), and does
+    /// nothing otherwise. [`Pipeline::cull`](crate::Pipeline::cull) calls this itself.
     pub fn finish(&mut self, scene: &Scene) {
         let Some(mut changes) = self.changes.take() else { return };
         changes.is_other = !changes.scene.is_in(scene);
@@ -203,34 +215,38 @@ impl VisibleSet {
         self.changes = Some(changes);
     }
 
-    /// What is visible now and was not in the frame before, if the set was made [with
-    /// changes](Self::with_changes).
+    /// Iterates over the objects that are visible in the last finished frame and were not in the frame
+    /// before. Empty unless the set was made [with changes](Self::with_changes).
     ///
-    /// In the first frame of another scene, a clone included, that is everything visible.
+    /// In the first frame of another scene, a clone included, these are all visible objects.
     pub fn newly_visible(&self) -> impl Iterator<Item = ObjectId> + '_ {
         self.changes.iter().flat_map(|c| difference(&c.now, c.same_scene(&c.before), &c.before_places))
     }
 
-    /// What was visible in the frame before and is not now, if the set was made [with
-    /// changes](Self::with_changes); also what was removed from the scene meanwhile.
+    /// Iterates over the objects that were visible in the frame before the last finished one and are not
+    /// visible any more, including objects removed from the scene. Empty unless the set was made [with
+    /// changes](Self::with_changes).
     ///
-    /// In the first frame of another scene that is everything visible in the scene before, by the ids of
-    /// that.
+    /// In the first frame of another scene these are all objects that were visible in the scene before, with
+    /// the ids of that scene.
     pub fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
         self.changes.iter().flat_map(|c| difference(&c.before, c.same_scene(&c.now), &c.now_places))
     }
 
-    /// Whether the masks can be used for this scene as it is.
+    /// Returns whether the masks describe the set for the scene's present layout. If false, the set counts as
+    /// holding every object on its layers.
     pub(crate) fn is_current(&self, scene: &Scene) -> bool {
         !self.everything && self.is_of_layout(scene)
     }
 
-    /// Whether the masks belong to the layout of the scene, which no other scene has.
+    /// Returns whether the masks were made for the present layout of this scene. Layouts of different scenes
+    /// are never equal.
     fn is_of_layout(&self, scene: &Scene) -> bool {
         self.layout == scene.layout()
     }
 
-    /// Brings the set to the layout of the scene: if that has changed, everything is a candidate again.
+    /// Adapts the set to the present layout of the scene. If the layout has changed, every object on the
+    /// set's layers becomes a candidate again and the order is dropped.
     pub(crate) fn prepare(&mut self, scene: &Scene) {
         if !self.is_of_layout(scene) {
             self.everything = true;
@@ -240,12 +256,14 @@ impl VisibleSet {
         }
     }
 
-    /// The lanes of a node in the set, when those above it are.
+    /// Returns the mask of a node, bit i for lane i: the objects in the set (leaves) or the children that may
+    /// have such objects below (inner nodes). Valid only if the node's own bit is set in all nodes above it.
     pub(crate) fn mask(&self, scene: &Scene, node: usize) -> u64 {
         self.mask_if(self.is_current(scene), scene, node)
     }
 
-    /// The same where it is known whether the masks are current, as it is throughout a walk.
+    /// Like [`mask`](Self::mask), for callers that evaluate [`is_current`](Self::is_current) once per walk
+    /// and pass its result. Bit i stands for lane i of `node`.
     #[inline(always)]
     pub(crate) fn mask_if(&self, is_current: bool, scene: &Scene, node: usize) -> u64 {
         if is_current {
@@ -261,13 +279,14 @@ impl VisibleSet {
         self.words[node] = mask;
     }
 
-    /// Ends the walk of a culler that has set the mask of every node that it reached: from now on those masks
-    /// count.
+    /// Ends a walk in which a culler has set the mask of every node that it kept: the set is from now on
+    /// defined by its masks.
     pub(crate) fn commit(&mut self) {
         self.everything = false;
     }
 
-    /// Takes a node and all below it as it is. Returns how many objects that are.
+    /// Copies the masks of `node` and everything below it into the set unchanged, so that all candidates
+    /// there stay. Returns the number of objects kept.
     pub(crate) fn keep_below(&mut self, is_current: bool, scene: &Scene, node: usize) -> u64 {
         let mask = self.mask_if(is_current, scene, node);
         self.words[node] = mask;
@@ -277,13 +296,15 @@ impl VisibleSet {
         lanes(mask).map(|lane| self.keep_below(is_current, scene, scene.tree().child(node, lane))).sum()
     }
 
-    /// Notes an object to be taken out by [`drop_now`](Self::drop_now).
+    /// Marks an object for removal by [`drop_now`](Self::drop_now). `id` must be in the scene that
+    /// [`begin_drops`](Self::begin_drops) was called with.
     pub(crate) fn drop_later(&mut self, id: ObjectId) {
         self.listed[id.index() / 64] |= 1 << (id.index() % 64);
     }
 
-    /// Removes the objects that [`drop_later`](Self::drop_later) was told of since
-    /// [`begin_drops`](Self::begin_drops). Returns how many objects are left in the set.
+    /// Removes the objects marked by [`drop_later`](Self::drop_later) since
+    /// [`begin_drops`](Self::begin_drops). Objects that are never culled stay. Returns the number of objects
+    /// left in the set.
     pub(crate) fn drop_now(&mut self, scene: &Scene) -> u64 {
         let dropped = core::mem::take(&mut self.listed);
         let kept = self.retain(scene, |id, _| dropped[id.index() / 64] >> (id.index() % 64) & 1 == 0);
@@ -291,14 +312,16 @@ impl VisibleSet {
         kept.visible
     }
 
-    /// Begins to note what to take out.
+    /// Clears the marks that [`drop_later`](Self::drop_later) sets, and makes space for one mark per object
+    /// of the scene.
     pub(crate) fn begin_drops(&mut self, scene: &Scene) {
         self.listed.clear();
         self.listed.resize(scene.index_limit().div_ceil(64), 0);
     }
 
-    /// Keeps the objects for which `keep` is true: the simplest way to write a culler. Objects that are never
-    /// culled are not asked for.
+    /// Keeps the objects in the set for which `keep` returns true, and removes all others: the simplest way
+    /// to write a culler. `keep` receives an object and its bounds relative to the scene's origin. Objects
+    /// that are never culled stay without a call of `keep`. Returns the work counters.
     pub fn retain(&mut self, scene: &Scene, mut keep: impl FnMut(ObjectId, &Aabb) -> bool) -> CullStats {
         self.prepare(scene);
         let mut stats = CullStats::default();
@@ -339,25 +362,28 @@ impl VisibleSet {
         mask != 0
     }
 
-    /// Sorts what is in the set, by ascending key; [`iter`](Self::iter) then follows that order.
+    /// Sorts the objects of the set by ascending key, objects with equal keys by index. [`iter`](Self::iter)
+    /// follows this order until the set is filled again. Allocates nothing once the set's memory has grown to
+    /// the size of the scene.
     pub fn sort_by_key<K: Ord>(&mut self, scene: &Scene, mut key: impl FnMut(ObjectId) -> K) {
         self.prepare(scene);
         let mut order = core::mem::take(&mut self.order);
         self.ordered = false;
         order.clear();
-        // For any set of this scene, so that later frames allocate nothing.
+        // Enough for any set of this scene, so that later frames allocate nothing.
         order.reserve(scene.len());
         order.extend(self.iter(scene));
-        // Equal keys by index, so that the order depends on nothing else.
+        // Equal keys are ordered by id, so that the result is deterministic.
         order.sort_unstable_by_key(|&id| (key(id), id));
         self.order = order;
         self.ordered = true;
     }
 
-    /// Keeps those objects in the set that are listed, in the order of the list, which [`iter`](Self::iter)
-    /// then follows: the way of cullers that have a budget, whose order is that of importance. Objects
-    /// that are never culled stay and come first; what is listed but not in the set stays out, and what
-    /// is listed twice counts once, at its first place. Takes time in proportion to the list.
+    /// Keeps only the objects of the set that are in `ids`, and gives the set the order of `ids`, which
+    /// [`iter`](Self::iter) then follows. For cullers with a budget, whose order is one of importance.
+    ///
+    /// Objects that are never culled stay and come first. Ids that are not in the set are ignored, and of
+    /// repeated ids the first counts. Takes time in proportion to the length of `ids`.
     ///
     /// ```
     /// use visibility_core::{Aabb, Scene, VisibleSet};
@@ -373,7 +399,7 @@ impl VisibleSet {
         order.clear();
         order.reserve(scene.len());
         order.extend(self.unculled(scene));
-        // The masks of the new set, grown from an empty one.
+        // Masks of the new set, which starts empty and receives one object after the other.
         let tree = scene.tree();
         let mut grown = core::mem::take(&mut self.listed);
         grown.clear();
@@ -381,7 +407,7 @@ impl VisibleSet {
         for &id in ids {
             let Some((leaf, lane)) = scene.leaf_of(id) else { continue };
             let is_new = if grown[leaf] != 0 {
-                // What lies above the leaf is in both sets, then.
+                // The leaf is in the new set, so all nodes above are in both sets: one word decides.
                 let new = self.mask(scene, leaf) & !grown[leaf] & 1 << lane;
                 grown[leaf] |= new;
                 new != 0
@@ -400,9 +426,10 @@ impl VisibleSet {
         self.ordered = true;
     }
 
-    /// Gives the set an order in which the listed objects come first, after those that are never culled, and
-    /// the others follow in that of the hierarchy. Takes nothing out; what is listed but not in the set
-    /// does not matter. Takes time in proportion to the set.
+    /// Gives the set an order, which [`iter`](Self::iter) then follows: objects that are never culled first,
+    /// then the objects of `ids` in their order, then all others in the order of the hierarchy. Removes
+    /// nothing from the set. Ids that are not in the set are ignored, and of repeated ids the first counts.
+    /// Takes time in proportion to the size of the set.
     pub fn put_first(&mut self, scene: &Scene, ids: &[ObjectId]) {
         self.prepare(scene);
         self.ordered = false;
@@ -426,7 +453,8 @@ impl VisibleSet {
         self.ordered = true;
     }
 
-    /// The objects in the set, in its order if it has one, otherwise in that of the hierarchy.
+    /// Iterates over the objects in the set: in the set's order if it has one for the scene's present layout,
+    /// otherwise in the order of the hierarchy, with objects that are never culled last.
     pub fn iter<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
         let ordered = self.ordered && self.is_of_layout(scene);
         let in_order =
@@ -435,7 +463,7 @@ impl VisibleSet {
         in_order.chain(walk).chain(self.unculled(scene).filter(move |_| !ordered))
     }
 
-    /// The objects that are never culled, on the layers of the view.
+    /// Iterates over the objects that are never culled and share a layer with the set.
     fn unculled<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
         let (tree, layers) = (scene.tree(), self.layers);
         tree.unculled.iter().flat_map(move |&leaf| {
@@ -449,8 +477,8 @@ impl VisibleSet {
         leaves.map(|&leaf| u64::from(scene.lanes_on_layers(leaf as usize, self.layers).count_ones())).sum()
     }
 
-    /// Calls `each` for the objects in the set that are flagged as occluders and can be culled, in the order
-    /// of the hierarchy.
+    /// Calls `each` for the objects of the set that are flagged as occluders, in the order of the hierarchy.
+    /// Objects that are never culled are left out, even if flagged.
     pub fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
         let mut walk = Walk::new(self, scene, true);
         loop {
@@ -465,7 +493,8 @@ impl VisibleSet {
         }
     }
 
-    /// How many objects are in the set.
+    /// Returns the number of objects in the set. Takes time in proportion to the number of blocks of 64
+    /// objects that the set reaches.
     pub fn count(&self, scene: &Scene) -> usize {
         let mut walk = Walk::new(self, scene, true);
         let mut count = walk.mask.count_ones() as usize;
@@ -475,7 +504,8 @@ impl VisibleSet {
         count + self.unculled_count(scene) as usize
     }
 
-    /// Whether an object is in the set. False for an unknown one.
+    /// Returns whether an object is in the set. False for an id that the scene does not know. Takes time in
+    /// proportion to the height of the hierarchy.
     #[inline]
     pub fn contains(&self, scene: &Scene, id: ObjectId) -> bool {
         scene.leaf_of(id).is_some_and(|(leaf, lane)| self.holds(scene, leaf, lane))
@@ -491,8 +521,9 @@ impl VisibleSet {
     }
 }
 
-/// Sets the bit of an object and those above it in masks of which all above a set bit are set. Whether it was
-/// not yet set.
+/// Sets the bit of lane `lane` of leaf `leaf`, and the bits that lead to this leaf in all nodes above.
+/// `masks`, indexed by node, must be consistent: above every non-zero mask all such bits are set. Returns
+/// whether the lane's bit was not set before.
 fn add(masks: &mut [u64], tree: &Tree, leaf: usize, lane: usize) -> bool {
     let mut new = None;
     for (node, lane) in tree.path(leaf, lane) {
@@ -501,16 +532,17 @@ fn add(masks: &mut [u64], tree: &Tree, leaf: usize, lane: usize) -> bool {
         new.get_or_insert(*mask & bit == 0);
         *mask |= bit;
         if had_any {
-            // What lies above knows of this node.
+            // The node was not empty, so the bits above it are set already.
             break;
         }
     }
     new.unwrap_or(false)
 }
 
-/// Those of `of` that are not among `others`, of which `places` says by index where to look (a sparse set:
-/// Briggs and Torczon, "An Efficient Representation for Sparse Sets", 1993). Ids are compared whole, since an
-/// index may have been used again.
+/// Iterates over the ids of `of` that are not in `others`. `places`, indexed by object index, gives the
+/// position in `others` at which an object would be (a sparse set: Briggs and Torczon, "An Efficient
+/// Representation for Sparse Sets", 1993). Ids are compared with their generations, since an index may have
+/// been reused.
 fn difference<'a>(
     of: &'a [ObjectId],
     others: &'a [ObjectId],
@@ -522,12 +554,14 @@ fn difference<'a>(
     })
 }
 
-/// Goes through the leaves of a set.
+/// Traversal of the leaves that a set reaches, in hierarchy order, and iterator over the objects in them.
+/// Objects that are never culled are not visited.
 struct Walk<'a> {
     set: &'a VisibleSet,
     scene: &'a Scene,
     tree: &'a Tree,
-    /// Inner nodes on the way down, each with the lanes that are still to be visited.
+    /// Stack of the inner nodes from the root to the present leaf, each with a mask of the lanes that are
+    /// still to be visited.
     path: SmallVec<[(usize, u64); 8]>,
     leaf: usize,
     mask: u64,
@@ -551,7 +585,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Moves on to the next leaf, whose mask may be empty. False at the end.
+    /// Advances to the next leaf in hierarchy order and loads its mask of objects in the set, which may be 0.
+    /// Returns false after the last leaf.
     fn next_leaf(&mut self) -> bool {
         while let Some((node, rest)) = self.path.last_mut() {
             if *rest == 0 {
@@ -585,15 +620,15 @@ impl Iterator for Walk<'_> {
         Some(self.tree.ids[self.leaf][lane])
     }
 
-    /// As calling `next` to the end, but a leaf at a time: several times as fast, and what `for_each` and
-    /// `collect` use.
+    /// Folds all remaining objects, one leaf at a time. Several times as fast as calling `next`; used by
+    /// `for_each` and `collect`.
     fn fold<B, F: FnMut(B, ObjectId) -> B>(mut self, start: B, mut f: F) -> B {
         let mut result = start;
         loop {
             if self.mask == u64::MAX {
                 result = self.tree.ids[self.leaf].iter().fold(result, |result, &id| f(result, id));
             } else {
-                // An empty tree has no leaf to look at.
+                // In an empty tree the mask is 0 and no leaf is read.
                 while self.mask != 0 {
                     let lane = self.mask.trailing_zeros() as usize;
                     self.mask &= self.mask - 1;

@@ -1,15 +1,16 @@
-//! The one walk of a frame: down a hierarchy of boxes, 64 siblings at a time, from a set of candidates to
-//! those that are left.
+//! The hierarchy walk that cullers share: from a set of candidates, down a hierarchy of bounding boxes, 64
+//! siblings at a time.
 //!
-//! A culler brings the test of a block of siblings; the walk brings the candidates among them and takes back
-//! a mask of those to keep. What is dropped is never looked into. The scene's own hierarchy hands out its
-//! nodes as they are, and its masks are those of the [`VisibleSet`]; any other [`BoxHierarchy`] is copied
-//! into blocks as it is walked, and its dropped objects are taken out at the end.
+//! A culler supplies the test of a block of siblings. The walk supplies the candidates among these siblings
+//! as a mask, and takes back the mask of those to keep; it never descends into a dropped node. The scene's
+//! own hierarchy exposes its nodes in place, and its masks are those of the [`VisibleSet`]. The children of
+//! any other [`BoxHierarchy`] are copied into blocks during the walk, and their dropped objects are removed
+//! from the set at the end.
 
 use crate::scene::{Boxes64, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, VisibleSet};
 
-/// What is below a node of a [`BoxHierarchy`].
+/// A child of a node of a [`BoxHierarchy`]: an inner node or an object.
 ///
 /// ```
 /// use visibility_core::walk::Child;
@@ -18,17 +19,17 @@ use crate::{Aabb, CullStats, ObjectId, Scene, VisibleSet};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Child {
-    /// Another node, by the hierarchy's own number.
+    /// Another node of the hierarchy, by the number that the hierarchy itself gave to the node.
     Node(usize),
-    /// An object of the scene.
+    /// An object of the scene: a leaf of the hierarchy.
     Object(ObjectId),
 }
 
-/// A hierarchy of boxes over the objects of a scene: an octree, a BSP tree, the scene's own.
+/// A hierarchy of bounding boxes over the objects of a scene: an octree, a BSP tree, the scene's own.
 ///
-/// A box must contain everything below it. Objects that have moved since the hierarchy was brought up to date
-/// must not be listed, unless they are still within the boxes above them; what is not listed counts as
-/// visible.
+/// The box of a node must contain everything below the node. An object that has moved since the hierarchy was
+/// built or updated must not be listed, unless its current bounds are still within the boxes of all nodes
+/// above it. An object that is not listed counts as visible.
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, Child};
@@ -46,16 +47,19 @@ pub enum Child {
 /// }
 /// ```
 pub trait BoxHierarchy {
-    /// Calls `each` for everything directly below a node, or, for `None`, for what is at the top.
+    /// Calls `each` with every direct child of a node and the child's box, relative to the scene's origin.
+    /// `None` stands for the top of the hierarchy.
     fn for_each_child(&self, scene: &Scene, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb));
 
-    /// Whether this is the [`SceneHierarchy`], whose nodes have masks in a [`VisibleSet`]. No other hierarchy
-    /// may say so.
+    /// Whether this type is [`SceneHierarchy`], whose nodes have masks in a [`VisibleSet`]. No other
+    /// implementation may set this to true.
     #[doc(hidden)]
     const IS_OF_SCENE: bool = false;
 
-    /// Calls `each` for the same children in blocks of at most 64. To be written by a hierarchy that keeps
-    /// its boxes in such blocks; all others inherit this, which copies 28 bytes a child.
+    /// Calls `each` with the direct children of a node (`None`: the top of the hierarchy) in blocks of at
+    /// most 64; never with an empty block, except for hierarchies that store empty ones. The default
+    /// implementation copies the children that [`for_each_child`](Self::for_each_child) lists, 28 bytes per
+    /// child; a hierarchy that stores its boxes in such blocks should override it.
     fn for_each_block(&self, scene: &Scene, node: Option<usize>, mut each: impl FnMut(&Block<'_>))
     where
         Self: Sized,
@@ -76,7 +80,8 @@ pub trait BoxHierarchy {
     }
 }
 
-/// The hierarchy that every scene has.
+/// The hierarchy that every [`Scene`] maintains over the objects that can be culled. Objects that are never
+/// culled are not part of it.
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
@@ -103,35 +108,37 @@ impl BoxHierarchy for SceneHierarchy {
     fn for_each_block(&self, scene: &Scene, node: Option<usize>, mut each: impl FnMut(&Block<'_>)) {
         let tree = scene.tree();
         let node = node.unwrap_or(tree.root as usize);
-        // Also false for the root of an empty tree.
+        // There is no box for the root of an empty tree, whose number is `NONE`: `each` is then not called.
         if let (Some(boxes), Some(&level)) = (tree.bounds.get(node), tree.levels.get(node)) {
             each(&Block { boxes, children: Children::Node { tree, node, leaf: level == 0 } });
         }
     }
 }
 
-/// At most 64 siblings in a hierarchy of boxes, a lane each.
+/// A block of at most 64 sibling boxes of a hierarchy, one per lane.
 pub struct Block<'a> {
     boxes: &'a Boxes64,
     children: Children<'a>,
 }
 
 enum Children<'a> {
-    /// A node of the scene's own hierarchy. What is kept beside its boxes is fetched when it is asked for:
-    /// most tests need none of it.
+    /// A node of the scene's own hierarchy. Data other than boxes is fetched from the tree on demand, since
+    /// most tests need none.
     Node { tree: &'a Tree, node: usize, leaf: bool },
-    /// Children listed by a hierarchy that is not the scene's own, copied for this block.
+    /// Children listed by a hierarchy other than the scene's own, copied for this block; lane i holds element
+    /// i.
     Listed(&'a [Child]),
 }
 
 impl Block<'_> {
-    /// The boxes of the children; [`Aabb::EMPTY`] in free lanes.
+    /// Returns the boxes of the children relative to the scene's origin, one per lane; [`Aabb::EMPTY`] in
+    /// lanes without a child.
     #[inline(always)]
     pub fn boxes(&self) -> &Boxes64 {
         self.boxes
     }
 
-    /// The lanes that hold a child, a bit each.
+    /// Returns a mask of the lanes that hold a child; bit i stands for lane i.
     pub fn occupied(&self) -> u64 {
         match self.children {
             Children::Node { tree, node, .. } => tree.occupied[node],
@@ -139,8 +146,9 @@ impl Block<'_> {
         }
     }
 
-    /// The lanes that may hold an occluder, a bit each: in a leaf of the scene's own hierarchy, the objects
-    /// that are flagged as such.
+    /// Returns a mask of the lanes that may hold an occluder; bit i stands for lane i. In a leaf of the
+    /// scene's own hierarchy these are exactly the objects flagged as occluders; in its inner nodes the mask
+    /// is 0. In blocks of other hierarchies every occupied lane is set.
     pub fn occluders(&self) -> u64 {
         match self.children {
             Children::Node { tree, node, .. } => tree.occluders[node],
@@ -148,7 +156,8 @@ impl Block<'_> {
         }
     }
 
-    /// The child in an occupied lane; any node in a free one.
+    /// Returns the child in a lane. For a lane that is not [occupied](Self::occupied), the result is
+    /// meaningless.
     #[inline(always)]
     pub fn child(&self, lane: usize) -> Child {
         match self.children {
@@ -158,8 +167,9 @@ impl Block<'_> {
         }
     }
 
-    /// The number of a leaf of the scene's own hierarchy and the objects in its lanes, for cullers that keep
-    /// data beside the leaves; any id in a free lane. `None` for other blocks.
+    /// Returns the leaf number of this block in the scene's own hierarchy and the object in each lane, for
+    /// cullers that keep data per leaf. Ids in lanes that are not occupied are meaningless. `None` for inner
+    /// nodes and for blocks of other hierarchies.
     #[inline(always)]
     pub fn leaf(&self) -> Option<(usize, &[ObjectId; 64])> {
         match self.children {
@@ -168,7 +178,8 @@ impl Block<'_> {
         }
     }
 
-    /// The lanes among `mask` that hold objects.
+    /// Returns the lanes of `mask` that hold objects rather than nodes, as a mask with bit i for lane i.
+    /// `mask` must contain occupied lanes only.
     #[inline(always)]
     pub fn objects(&self, mask: u64) -> u64 {
         match self.children {
@@ -181,12 +192,13 @@ impl Block<'_> {
     }
 }
 
-/// A mask of the first `count` lanes.
+/// Returns a mask with the lowest `count` bits set; all 64 for greater counts.
 fn first_lanes(count: usize) -> u64 {
     u64::MAX.checked_shr(64 - count.min(64) as u32).unwrap_or(0)
 }
 
-/// A walk under way: the candidates of one set over one hierarchy, and counters of the work done.
+/// A walk in progress over one hierarchy, removing objects from one [`VisibleSet`]. The walk ends with
+/// [`finish`](Self::finish).
 ///
 /// ```
 /// use visibility_core::walk::{Block, Child, SceneHierarchy, Walk};
@@ -218,16 +230,17 @@ pub struct Walk<'a, H> {
     scene: &'a Scene,
     hierarchy: &'a H,
     visible: &'a mut VisibleSet,
-    /// Whether the set has masks of its own, as opposed to holding everything.
+    /// Whether the set has masks for the scene's present layout; if not, every object on the set's layers is
+    /// a candidate.
     is_current: bool,
-    /// The work so far. [`visit`](Self::visit) counts nodes and what is left; tests and accepted subtrees
-    /// are the culler's to count.
+    /// Work counters so far. [`visit`](Self::visit) and [`accept`](Self::accept) count nodes, accepted
+    /// subtrees and kept objects; the culler itself adds to `tests`.
     pub stats: CullStats,
 }
 
 impl<'a, H: BoxHierarchy> Walk<'a, H> {
-    /// Begins a walk. If the layout of the scene has changed since the set was filled, everything is a
-    /// candidate again.
+    /// Begins a walk that removes objects from `visible`. If the layout of the scene has changed since the
+    /// set was filled, every object on the set's layers becomes a candidate again.
     pub fn new(scene: &'a Scene, hierarchy: &'a H, visible: &'a mut VisibleSet) -> Self {
         visible.prepare(scene);
         if !H::IS_OF_SCENE {
@@ -237,18 +250,18 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         Self { scene, hierarchy, visible, is_current, stats: CullStats::default() }
     }
 
-    /// The scene that is walked.
+    /// Returns the scene whose objects are walked.
     pub fn scene(&self) -> &'a Scene {
         self.scene
     }
 
-    /// Has `test` look at the children of a node (`None`: those at the top), block by block, with the
-    /// candidates among them; it returns those to keep. To be called for every node that is kept and not
-    /// [accepted](Self::accept).
+    /// Calls `test` with each block of children of `node` (`None`: the top of the hierarchy) and a mask of
+    /// the candidates among the children; bit i stands for lane i. `test` returns the mask of the children to
+    /// keep; all other candidates are removed, with everything below them. A culler must call `visit` or
+    /// [`accept`](Self::accept) for every node of the scene's own hierarchy that it keeps.
     ///
-    /// Returns whether anything is left below the node, so that `test` can drop a child in which nothing is.
-    /// Of other hierarchies than the scene's own it returns true, since their nodes have no masks to
-    /// save.
+    /// Returns whether any candidate is left below the node, so that the caller can drop an empty child. For
+    /// hierarchies other than the scene's own the result is true if the node has any child.
     #[inline(always)]
     pub fn visit(
         &mut self,
@@ -277,8 +290,8 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         any
     }
 
-    /// Keeps all candidates below a child, without a test. Whether there are any; true for other hierarchies
-    /// than the scene's own.
+    /// Keeps all candidates below the node `child` without testing them. Returns whether there are any;
+    /// always true for hierarchies other than the scene's own.
     #[inline(always)]
     pub fn accept(&mut self, child: usize) -> bool {
         self.stats.accepted_subtrees += 1;
@@ -290,8 +303,9 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         kept != 0
     }
 
-    /// The lanes of a block of another hierarchy that are candidates: its nodes, and those of its objects
-    /// that are in the set.
+    /// Returns a mask of the candidates among children listed by another hierarchy than the scene's own; bit
+    /// i stands for `children[i]`. Nodes are always candidates; objects are candidates if they are in the
+    /// set.
     fn listed_candidates(&self, children: &[Child]) -> u64 {
         let is_candidate = |child: &Child| match *child {
             Child::Node(_) => true,
@@ -300,10 +314,11 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         (0..).zip(children).fold(0, |mask, (lane, child)| mask | u64::from(is_candidate(child)) << lane)
     }
 
-    /// Notes an object, or all below a node of another hierarchy, to be taken out at the end.
+    /// Marks an object, or all objects below a node of a hierarchy other than the scene's own, for removal at
+    /// the end of the walk.
     fn drop_below(&mut self, child: Child) {
         match child {
-            // Another object may have the index of one that is gone.
+            // An unknown id is ignored: its index may belong to another object by now.
             Child::Object(id) if self.scene.contains(id) => self.visible.drop_later(id),
             Child::Object(_) => {}
             Child::Node(node) => {
@@ -313,8 +328,8 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         }
     }
 
-    /// Ends the walk: what was dropped is no longer in the set. The counters, with the objects that are never
-    /// culled among the visible.
+    /// Ends the walk and makes its removals take effect in the set. Returns the counters; their `visible` is
+    /// the number of objects left in the set, including objects that are never culled.
     pub fn finish(mut self) -> CullStats {
         if H::IS_OF_SCENE {
             self.visible.commit();

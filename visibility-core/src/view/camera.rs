@@ -1,10 +1,12 @@
-//! Views from the parameters of a camera, for programs that have no clip matrix of their own.
+//! Views from camera parameters (pose, field of view, near and far distance), for programs that have no clip
+//! matrix of their own.
 
 use super::{ClipMatrix, Depth, View, ViewError};
 use crate::float;
 use glam::{DMat4, DVec3, DVec4};
 
-/// Where a camera stands and how it is turned, in world coordinates.
+/// Position and orientation of a camera, in world coordinates. `right`, `up` and `forward` should be
+/// orthonormal; the constructors of [`View`] do not check it.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Pose};
@@ -14,32 +16,35 @@ use glam::{DMat4, DVec3, DVec4};
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Pose {
-    /// The eye.
+    /// Position of the eye in the world, in metres.
     pub eye: DVec3,
-    /// Unit vector to the right of the picture.
+    /// Unit vector towards the right edge of the picture, in world coordinates.
     pub right: DVec3,
-    /// Unit vector to the top of the picture.
+    /// Unit vector towards the top edge of the picture, in world coordinates.
     pub up: DVec3,
-    /// Unit vector into the picture.
+    /// Unit vector along the viewing direction, away from the viewer, in world coordinates.
     pub forward: DVec3,
 }
 
 impl Pose {
-    /// Looks from `eye` towards `target`, with `up` pointing to the top of the picture as far as it can.
+    /// Builds the pose of a camera at `eye` that looks towards the point `target`. The picture's up vector is
+    /// the direction nearest to `up` among those perpendicular to the viewing direction.
     ///
-    /// Always defined: where `up` is parallel to the line of sight, any vector across it serves, and where
-    /// `target` is the eye itself, it looks along x.
+    /// Degenerate input has a defined result. If `up` is parallel to the viewing direction, an arbitrary
+    /// perpendicular vector is used; if `up` is zero or not finite, z is used; if `target` equals `eye`, the
+    /// camera looks along +x.
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3) -> Self {
         let forward = (target - eye).normalize_or(DVec3::X);
         let right = forward.cross(up.normalize_or(DVec3::Z));
-        // Below this length the direction across is rounding noise.
+        // Below this length, the direction of the cross product is rounding noise.
         let right = if right.length() > 1e-9 { right.normalize() } else { forward.any_orthonormal_vector() };
         Self { eye, right, up: right.cross(forward), forward }
     }
 }
 
-/// The sides of a picture: for perspective, as tangents, on a plane at distance 1 before the eye; for
-/// orthographic projection, in metres.
+/// The edges of the picture, as distances from the viewing axis. For perspective views these are tangents of
+/// angles: distances on a plane 1 in front of the eye. For orthographic views they are in metres. `left <
+/// right` and `bottom < top` are required, and checked by the constructors of [`View`].
 ///
 /// ```
 /// use visibility_core::view::Window;
@@ -48,18 +53,19 @@ impl Pose {
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Window {
-    /// Negative to the left of the line of sight.
+    /// Horizontal position of the left edge; negative if left of the viewing axis.
     pub left: f64,
-    /// Positive to the right of the line of sight.
+    /// Horizontal position of the right edge; positive if right of the viewing axis.
     pub right: f64,
-    /// Negative below the line of sight.
+    /// Vertical position of the bottom edge; negative if below the viewing axis.
     pub bottom: f64,
-    /// Positive above the line of sight.
+    /// Vertical position of the top edge; positive if above the viewing axis.
     pub top: f64,
 }
 
 impl Window {
-    /// A window about the line of sight, of the given half sizes.
+    /// Builds a window symmetric about the viewing axis, from half its width and half its height: tangents
+    /// for perspective views, metres for orthographic ones.
     pub const fn centered(half_width: f64, half_height: f64) -> Self {
         Self { left: -half_width, right: half_width, bottom: -half_height, top: half_height }
     }
@@ -75,12 +81,13 @@ impl Window {
 }
 
 impl View {
-    /// A symmetric perspective view: vertical field of view in radians, width over height, and the distances
-    /// of the near and far planes, where `far` may be infinite. Its clip matrix is
-    /// [reversed](Depth::Reversed) and relative to the eye.
+    /// Builds a symmetric perspective view. `fov_y` is the vertical field of view in radians, between 0 and
+    /// pi exclusive; `aspect` is width over height; `near` and `far` are distances of the planes in metres,
+    /// with `0 < near < far`, and `far` may be infinite. The clip matrix has [reversed](Depth::Reversed)
+    /// depth, with 1 at the near plane, and is relative to the eye.
     ///
     /// # Errors
-    /// [`ViewError::Parameter`] names what is out of range.
+    /// [`ViewError::Parameter`] names the first parameter that is out of range.
     pub fn perspective(pose: Pose, fov_y: f64, aspect: f64, near: f64, far: f64) -> Result<Self, ViewError> {
         if !(fov_y > 0.0 && fov_y < core::f64::consts::PI) {
             return Err(ViewError::Parameter { name: "fov_y", value: fov_y });
@@ -92,10 +99,13 @@ impl View {
         Self::perspective_off_center(pose, Window::centered(half_height * aspect, half_height), near, far)
     }
 
-    /// A perspective view through any window: one eye of a headset, one tile of a picture.
+    /// Builds a perspective view through any window, such as one eye of a headset or one tile of a picture.
+    /// `window` is in tangents; `near` and `far` are as for [`perspective`](Self::perspective), and so are
+    /// the depth convention and the origin.
     ///
     /// # Errors
-    /// [`ViewError::Parameter`] names what is out of range.
+    /// [`ViewError::Parameter`] names the first parameter that is out of range: `width` or `height` if the
+    /// window is empty or not finite, `near` or `far`.
     pub fn perspective_off_center(
         pose: Pose,
         window: Window,
@@ -113,7 +123,8 @@ impl View {
         let (x, y, z) = (pose.right, pose.up, pose.forward);
         let center_x = (window.right + window.left) / width;
         let center_y = (window.top + window.bottom) / height;
-        // Depth is (far - z) near / (far - near), over w = z: w at the near plane, 0 at the far one.
+        // Clip depth is near (far - z) / (far - near) and w = z, so their quotient is 1 at the near and 0 at
+        // the far plane.
         let (slope, depth_at_eye, depth) = if far.is_finite() {
             (-near / (far - near), near * (far / (far - near)), Depth::Reversed)
         } else {
@@ -128,11 +139,12 @@ impl View {
         Self::from_rows(rows, depth, pose.eye)
     }
 
-    /// An orthographic view. `near` and `far` are distances along the line of sight and may be negative.
-    /// Its clip matrix is [reversed](Depth::Reversed) and relative to the eye.
+    /// Builds an orthographic view. `window` is in metres. `near` and `far` are signed distances from
+    /// `pose.eye` along the viewing direction, in metres; `near` may be negative, and `near < far` is
+    /// required. The clip matrix has [reversed](Depth::Reversed) depth and is relative to `pose.eye`.
     ///
     /// # Errors
-    /// [`ViewError::Parameter`] names what is out of range.
+    /// [`ViewError::Parameter`] names the first parameter that is out of range.
     pub fn orthographic(pose: Pose, window: Window, near: f64, far: f64) -> Result<Self, ViewError> {
         window.check()?;
         if !near.is_finite() {

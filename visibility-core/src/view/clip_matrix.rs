@@ -1,9 +1,10 @@
-//! The clip matrix as engines hold it, and whether it can be used.
+//! The clip matrix in the types that engines use, and the check whether it is usable.
 
 use crate::view::ViewError;
 use glam::{DMat4, Mat4};
 
-/// A matrix from world to clip space, column-major: from glam's types or plain arrays, in `f32` or `f64`.
+/// A 4x4 matrix from world space to clip space. It converts from glam's matrices and from plain arrays in
+/// column-major order, in `f32` or `f64`, without any check.
 ///
 /// ```
 /// use visibility_core::{glam::Mat4, view::ClipMatrix};
@@ -14,7 +15,8 @@ use glam::{DMat4, Mat4};
 pub struct ClipMatrix(pub(super) DMat4);
 
 impl ClipMatrix {
-    /// Refuses a matrix that is not finite, or singular as far as `f64` can tell.
+    /// Returns an error for a matrix that has a NaN or infinite element, or that is singular within the
+    /// rounding error of its `f64` determinant.
     pub(super) fn check(&self) -> Result<(), ViewError> {
         for row in 0..4 {
             for column in 0..4 {
@@ -24,8 +26,8 @@ impl ClipMatrix {
             }
         }
         // Scaling rows changes neither the rank nor what is in view, and prevents overflow. The determinant
-        // is expanded by pairs of rows. `size` sums the magnitudes of all terms; each passes fewer
-        // than ten roundings, so a determinant below 10u times that cannot be told from zero.
+        // is expanded by pairs of rows. `size` sums the magnitudes of all terms. Each term passes fewer than
+        // ten roundings, so a determinant below 10u of `size` cannot be told from zero.
         let rows = [0, 1, 2, 3].map(|i| self.0.row(i)).map(|r| r / r.abs().max_element());
         let (mut determinant, mut size) = (0.0, 0.0);
         for (sign, i, j, k, l) in PAIRS {
@@ -36,12 +38,13 @@ impl ClipMatrix {
             size += (product(0, 1, i, j).abs() + product(0, 1, j, i).abs())
                 * (product(2, 3, k, l).abs() + product(2, 3, l, k).abs());
         }
-        // Written so that NaN, which a zero row makes of the division above, is singular too.
+        // Written so that NaN, which the division above makes of a zero row, counts as singular.
         if determinant.abs() > 5.0 * f64::EPSILON * size { Ok(()) } else { Err(ViewError::Singular) }
     }
 }
 
-/// Laplace expansion by complementary minors: sign, columns of the first two rows, columns of the last two.
+/// Terms of the Laplace expansion of a 4x4 determinant by complementary 2x2 minors: the sign, the two columns
+/// taken from rows 0 and 1, and the two columns taken from rows 2 and 3.
 const PAIRS: [(f64, usize, usize, usize, usize); 6] = [
     (1.0, 0, 1, 2, 3),
     (-1.0, 0, 2, 1, 3),

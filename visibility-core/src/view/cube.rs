@@ -1,10 +1,10 @@
-//! Six views that together see all around: for cube maps of the surroundings and for the shadows of point
-//! lights.
+//! The six views of a cube map, which together cover all directions: for environment maps and for the shadows
+//! of point lights.
 
 use super::{Pose, View, ViewError, Window};
 use glam::DVec3;
 
-/// Right, up and forward of each face.
+/// Right, up and forward vector of each cube map face in world axes, in the order +X, -X, +Y, -Y, +Z, -Z.
 const FACES: [[DVec3; 3]; 6] = [
     [DVec3::NEG_Z, DVec3::Y, DVec3::X],
     [DVec3::Z, DVec3::Y, DVec3::NEG_X],
@@ -15,10 +15,11 @@ const FACES: [[DVec3; 3]; 6] = [
 ];
 
 impl View {
-    /// The six faces of a cube map around `eye`, each 90 degrees wide and high: +X, -X, +Y, -Y, +Z, -Z.
+    /// Builds the six views of a cube map around `eye`, a point of the world: +X, -X, +Y, -Y, +Z, -Z, each 90
+    /// degrees wide and high.
     ///
-    /// Pictures are oriented as GPUs sample cube maps (OpenGL 4.6 specification, table 8.19; the same in
-    /// Direct3D, Vulkan, Metal and WebGPU), for a target whose first row is at clip-space `y = w`:
+    /// The faces are oriented as GPUs sample cube maps (OpenGL 4.6 specification, table 8.19; the same in
+    /// Direct3D, Vulkan, Metal and WebGPU), for a render target whose first row is at clip-space `y = w`:
     ///
     /// | face | right | up | forward |
     /// |---|---|---|---|
@@ -29,21 +30,23 @@ impl View {
     /// | +Z | +X | +Y | +Z |
     /// | -Z | -X | +Y | -Z |
     ///
-    /// Cube maps are left-handed: in a right-handed world each picture is a mirror image, front faces wind
-    /// the other way. OpenGL and Vulkan, whose first row is at `y = -w`, also draw with `y` negated. What
-    /// is in view depends on none of this.
+    /// Cube maps are left-handed: in a right-handed world each face is a mirror image, and front faces have
+    /// the opposite winding. OpenGL and Vulkan, whose first row is at `y = -w`, also draw with `y` negated.
+    /// Neither changes which objects are in view.
     ///
-    /// `near` and `far` are distances along the axes, `far` may be infinite. All points between the cubes of
-    /// these half sizes are in at least one of the views, with no gap between faces: neighbours share a
-    /// plane to the last bit, since the elements of these matrices are zeros and ones, and each keeps
-    /// what is on it. Depth is [reversed](crate::view::Depth::Reversed).
+    /// `near` and `far` are distances along the axes in metres, with `0 < near < far`; `far` may be infinite.
+    /// Every point between the cubes with these half sides is in at least one of the views. There is no gap
+    /// between faces: neighbours share bit-identical planes, since the elements of these matrices are zeros
+    /// and ones, and each face includes the points on its planes. Depth is
+    /// [reversed](crate::Depth::Reversed).
     ///
-    /// Give each face its own culler and set, as any other view: one walk for all six was built and measured,
-    /// and took 7 to 18 % longer than six walks, since no face looks at what the others see but along the
+    /// Use one culler and one set per face, as for any other view. A single walk for all six faces was
+    /// measured 7 to 18 % slower than six walks, because objects are shared by two faces only along the
     /// edges.
     ///
     /// # Errors
-    /// [`ViewError::Parameter`] names what is out of range; [`ViewError::NonFiniteOrigin`].
+    /// [`ViewError::Parameter`] names the first parameter that is out of range;
+    /// [`ViewError::NonFiniteOrigin`] if `eye` is NaN or infinite.
     ///
     /// ```
     /// use visibility_core::{glam::DVec3, View};
