@@ -15,7 +15,7 @@ use core::ops::AddAssign;
 pub struct CullStats {
     /// Number of hierarchy nodes whose children were tested.
     pub nodes: u64,
-    /// Nodes whose candidates were all kept without a test of any of them.
+    /// Number of nodes whose candidates were all kept without further tests.
     pub accepted_subtrees: u64,
     /// Number of tests of one bounding box against one plane, one occlusion map or similar.
     pub tests: u64,

@@ -1,10 +1,10 @@
-//! Sixty-four boxes held as structure of arrays: what one node of the hierarchy bounds its children with, and
-//! what one call of the SIMD kernel tests.
+//! Sixty-four bounding boxes as structure of arrays: the boxes of one node's children, and the unit that one
+//! call of the SIMD kernel tests.
 
 use crate::Aabb;
 
-/// Least x, y, z and greatest x, y, z of 64 boxes, a lane each. A free lane holds [`Aabb::EMPTY`], which
-/// leaves the hull of the others as it is.
+/// Sixty-four axis-aligned boxes, one per lane, relative to the scene's origin: rows of min x, min y, min z,
+/// max x, max y and max z. A lane without a box holds [`Aabb::EMPTY`], which does not enlarge the hull.
 ///
 /// ```
 /// # use visibility_core::{scene::Boxes64, Aabb};
@@ -30,13 +30,15 @@ impl Boxes64 {
         ],
     };
 
-    /// The box in a lane, counted modulo 64; [`Aabb::EMPTY`] in a free one.
+    /// Returns the box in lane `lane % 64`; [`Aabb::EMPTY`] for a free lane.
     pub fn get(&self, lane: usize) -> Aabb {
         let (c, lane) = (&self.coordinates, lane % 64);
         Aabb::from_arrays([c[0][lane], c[1][lane], c[2][lane]], [c[3][lane], c[4][lane], c[5][lane]])
     }
 
-    /// Least x, y, z and greatest x, y, z, a row of lanes each: for maps that test all of them at once.
+    /// Returns the rows min x, min y, min z, max x, max y and max z, with one element per lane, for occlusion
+    /// maps that test all lanes at once. Free lanes hold +infinity in the min rows and -infinity in the max
+    /// rows.
     pub fn coordinates(&self) -> &[[f32; 64]; 6] {
         &self.coordinates
     }
@@ -48,7 +50,7 @@ impl Boxes64 {
         }
     }
 
-    /// The box around all lanes.
+    /// Returns the smallest box that contains the boxes of all lanes; [`Aabb::EMPTY`] if no lane holds a box.
     pub(crate) fn hull(&self) -> Aabb {
         let c = &self.coordinates;
         let least = |v: &[f32; 64]| fold(v, f32::INFINITY, |a, b| if b < a { b } else { a });
@@ -60,8 +62,9 @@ impl Boxes64 {
     }
 }
 
-/// Reduces in sixteen independent columns, which compiles to SIMD; the operation is associative, so the order
-/// does not show.
+/// Reduces the values with `better`, a minimum or maximum, starting from `start`. Works in sixteen
+/// independent columns, which compiles to SIMD; the operation is associative and commutative, so the order
+/// does not affect the result.
 fn fold(values: &[f32; 64], start: f32, better: impl Fn(f32, f32) -> f32) -> f32 {
     let mut columns = [start; 16];
     for chunk in values.chunks_exact(16) {
@@ -72,7 +75,7 @@ fn fold(values: &[f32; 64], start: f32, better: impl Fn(f32, f32) -> f32) -> f32
     columns.into_iter().fold(start, better)
 }
 
-/// The lanes of a mask, lowest first.
+/// Iterates over the positions of the bits set in `mask`, lowest first.
 pub(crate) fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
     core::iter::from_fn(move || {
         (mask != 0).then(|| {

@@ -1,5 +1,5 @@
-//! Building the hierarchy from nothing: objects are sorted along a space-filling curve and cut into nodes of
-//! 64, and so are the nodes, level by level (Kamel and Faloutsos, "On Packing R-trees", 1993).
+//! Bulk loading of the hierarchy: objects are sorted along a space-filling curve and packed into leaves of
+//! 64. Nodes are packed likewise, level by level (Kamel and Faloutsos, "On Packing R-trees", 1993).
 
 use super::boxes64::{Boxes64, lanes};
 use super::curve::Curve;
@@ -7,14 +7,14 @@ use super::tree::{Payload, Slot, Tree, UNCULLED};
 use crate::{Aabb, ObjectId};
 use alloc::vec::Vec;
 
-/// An object on its way into the tree. Two of them fill a cache line and none straddles one, since sorting
-/// reads them in no order.
+/// An object to be inserted into the tree. Aligned to 32 bytes, so that two entries fill a cache line and
+/// none straddles one, because packing reads entries in random order.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Entry {
     bounds: Aabb,
     layers: u32,
-    /// Its index, and in the highest bit whether it is an occluder.
+    /// The object's index in the lower 31 bits; bit 31 is set for an occluder.
     tagged: u32,
 }
 
@@ -35,8 +35,8 @@ impl Entry {
     }
 }
 
-/// Sorts keys of 64 bits: spreads them over buckets by their highest bits, and sorts what fits in a near
-/// cache.
+/// Returns the keys in ascending order: distributes them over buckets by their 10 highest bits, then sorts
+/// each bucket, which usually fits into a near cache.
 fn sorted(keys: impl ExactSizeIterator<Item = u64>) -> Vec<u64> {
     const BITS: u32 = 10;
     let bucket = |key: u64| (key >> (u64::BITS - BITS)) as usize;
@@ -61,7 +61,8 @@ fn sorted(keys: impl ExactSizeIterator<Item = u64>) -> Vec<u64> {
 }
 
 impl Tree {
-    /// Throws the hierarchy away and builds it anew from the same objects and those given.
+    /// Discards all nodes and builds the hierarchy anew from the objects of the tree and the entries of
+    /// `given`. `generations` holds the present generation of each object index.
     pub(super) fn rebuild(&mut self, given: Vec<Entry>, generations: &[u32]) {
         let mut objects = given;
         objects.reserve_exact(self.slots.len().saturating_sub(objects.len()));
@@ -89,8 +90,8 @@ impl Tree {
 
     fn fill(&mut self, objects: &[Entry], generations: &[u32]) {
         let curve = Curve::through(objects.iter().map(|entry| entry.bounds.center()), objects.len());
-        // Place and number in one word, so that sorting is as fast as it gets. What the number takes from the
-        // place is not missed: a million objects leave more than 14 bits an axis.
+        // The curve position and the entry's number share one word, so that sorting moves only words. The
+        // number takes the lowest bits of the position; a million objects leave more than 14 bits per axis.
         let bits = usize::BITS - objects.len().leading_zeros();
         let key = |(number, entry): (usize, &Entry)| {
             curve.place(entry.bounds.center()) >> bits << bits | number as u64
@@ -102,7 +103,7 @@ impl Tree {
         let number = |key: u64| (key & ((1 << bits) - 1)) as usize;
         let mut taken = [Entry::NONE; 64];
         for chunk in order.chunks(64) {
-            // A loop that does nothing else, in which the processor waits for many objects at once.
+            // A loop that only loads, so that the processor can wait for many cache misses at once.
             for (entry, &key) in taken.iter_mut().zip(chunk) {
                 *entry = objects[number(key)];
             }
@@ -127,8 +128,8 @@ impl Tree {
         }
     }
 
-    /// Adds a leaf at the end of all arrays, each written once. One tight loop for each array that is read or
-    /// written in no order, in which the processor waits for many lanes at once.
+    /// Appends a leaf with at most 64 entries, in lanes 0 and up. Each array that is accessed at random has a
+    /// loop of its own, in which the processor can wait for many cache misses at once.
     fn push_leaf(&mut self, entries: &[Entry], generations: &[u32]) {
         let node = self.node_count() as u32;
         let occupied = if entries.len() < 64 { (1 << entries.len()) - 1 } else { u64::MAX };

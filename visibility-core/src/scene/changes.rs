@@ -1,12 +1,12 @@
-//! The log of changes, by which whoever derives state from a scene keeps it up to date in time proportional
-//! to what changed (after the design of VISAPI, whose visibility modules keep the scene and are told of
-//! changes).
+//! The log of changes of a scene. Structures that derive state from a scene read it to update that state in
+//! time proportional to the number of changes (after the design of VISAPI, whose visibility modules keep the
+//! scene and are notified of changes).
 
 use crate::ObjectId;
 use crate::serial::next_range;
 use alloc::vec::Vec;
 
-/// What changed in a scene since some revision.
+/// The objects of a scene that changed since a given revision.
 ///
 /// ```
 /// use visibility_core::{scene::Changes, Aabb, Scene};
@@ -19,35 +19,38 @@ use alloc::vec::Vec;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Changes<'a> {
-    /// These objects were inserted, removed or changed, oldest change first; an object may be listed more
-    /// than once. One that is no longer in the scene was removed.
+    /// The objects that were inserted, removed or changed, oldest change first; empty if nothing changed. An
+    /// object may be listed several times. A listed object that the scene no longer contains was removed.
     Objects(&'a [ObjectId]),
-    /// More than the log holds, or the revision is of another scene: look at every object.
+    /// The changes are unknown, so every object must be treated as changed: there were more changes than the
+    /// log holds, the origin moved, or the revision is of another scene.
     Everything,
 }
 
-/// A bounded list of changed objects. A revision counts the changes before it.
+/// A bounded list of changed objects. A revision is a starting number, unique to the scene, plus the number
+/// of changes before it.
 #[derive(Debug)]
 pub(crate) struct ChangeLog {
-    /// The revision before the first entry.
+    /// The revision before the change that `entries[0]` records.
     start: u64,
     entries: Vec<ObjectId>,
 }
 
 impl ChangeLog {
-    /// An empty log, whose revisions are no other scene's.
+    /// Creates an empty log whose revisions differ from those of every other scene.
     pub(crate) fn new() -> Self {
         Self { start: next_range(), entries: Vec::new() }
     }
 
-    /// Fewer entries than this are always kept.
+    /// Lower limit of the number of changes that the log can hold, for scenes with few objects.
     const LEAST: usize = 1024;
 
     pub(crate) fn revision(&self) -> u64 {
         self.start + self.entries.len() as u64
     }
 
-    /// Whether so many changes at once are too many to list.
+    /// Returns whether `changes` changes at once exceed the log's capacity for a scene with `objects`
+    /// objects, so that the log should be [invalidated](Self::invalidate) instead.
     pub(crate) fn is_too_much(changes: usize, objects: usize) -> bool {
         changes > Self::limit(objects)
     }
@@ -56,9 +59,10 @@ impl ChangeLog {
         Self::LEAST.max(objects / 4)
     }
 
-    /// Records a change. Past a quarter as many entries as there are objects, looking at every object costs
-    /// little more than following the log, so the older half is dropped: amortised constant time, no
-    /// growth.
+    /// Records a change of one object. `objects` is the number of object indices of the scene. A full log,
+    /// with a quarter as many entries as there are objects, drops its older half: beyond that, processing all
+    /// objects costs little more than following the log. Takes amortised constant time, and memory stays
+    /// bounded.
     pub(crate) fn push(&mut self, id: ObjectId, objects: usize) {
         let limit = Self::limit(objects);
         if self.entries.len() >= limit {
@@ -67,8 +71,8 @@ impl ChangeLog {
             self.start += dropped as u64;
         }
         if self.entries.len() == self.entries.capacity() {
-            // All at once, or a scene in which little moves would allocate now and then for thousands of
-            // frames.
+            // Reserves the full capacity at once. Growing step by step, a scene in which little moves would
+            // allocate now and then for thousands of frames.
             self.entries.reserve_exact(limit - self.entries.len());
         }
         self.entries.push(id);
@@ -78,7 +82,7 @@ impl ChangeLog {
         size_of_val(&self.entries[..])
     }
 
-    /// Records that everything may have changed.
+    /// Records that everything may have changed: all earlier revisions now give [`Changes::Everything`].
     pub(crate) fn invalidate(&mut self) {
         self.start = self.revision() + 1;
         self.entries.clear();

@@ -1,14 +1,13 @@
-//! The place of a reader in a scene's changes.
+//! A reader's position in the change log of a scene.
 
 use super::{Changes, Scene};
 use crate::serial::is_same_range;
 
-/// How far a reader of a scene's changes has come: the scene, and the revision up to which its changes are
-/// taken in.
+/// The position of a reader in the changes of scenes: which scene was read last, and up to which revision.
 ///
-/// Every structure that derives state from a [`Scene`] keeps one cursor. A scene that differs from the one
-/// read before, a clone of it included, and a scene that no longer lists the changes since then, report
-/// [`Changes::Everything`].
+/// Every structure that derives state from a [`Scene`] keeps one cursor. The cursor reports
+/// [`Changes::Everything`] for a scene other than the one read before, a clone included, and when the scene's
+/// log no longer reaches back to the cursor.
 ///
 /// ```
 /// use visibility_core::{scene::{Changes, SceneCursor}, Aabb, Scene};
@@ -25,33 +24,34 @@ pub struct SceneCursor {
 }
 
 impl SceneCursor {
-    /// Before the first change of any scene.
+    /// The cursor of a reader that has not read any scene: the next read reports [`Changes::Everything`].
     pub const START: Self = Self { revision: u64::MAX };
 
-    /// The present state of a scene.
+    /// Returns a cursor at the present state of `scene`: all changes so far count as read.
     pub fn at(scene: &Scene) -> Self {
         Self { revision: scene.revision() }
     }
 
-    /// The changes since the cursor, which stays where it is.
+    /// Returns the changes of `scene` since the cursor, without moving the cursor.
     pub fn peek(self, scene: &Scene) -> Changes<'_> {
         scene.changes_since(self.revision)
     }
 
-    /// The changes since the cursor, which moves to the present state of the scene.
+    /// Returns the changes of `scene` since the cursor and moves the cursor to the scene's present state.
     pub fn follow<'a>(&mut self, scene: &'a Scene) -> Changes<'a> {
         let changes = self.peek(scene);
         *self = Self::at(scene);
         changes
     }
 
-    /// Whether nothing of the scene has changed since the cursor. False for another scene.
+    /// Returns whether nothing of the scene has changed since the cursor. False for a scene other than the
+    /// one read last.
     pub fn is_current(self, scene: &Scene) -> bool {
         self == Self::at(scene)
     }
 
-    /// Whether the cursor is in this scene, however much has changed there since. False for a clone of the
-    /// scene.
+    /// Returns whether `scene` is the scene that the cursor read last, however much has changed there since.
+    /// False for a clone of that scene, and for [`START`](Self::START).
     pub fn is_in(self, scene: &Scene) -> bool {
         is_same_range(self.revision, scene.revision())
     }
@@ -73,7 +73,7 @@ mod tests {
         assert_eq!(cursor.peek(&a), Changes::Objects(&[]));
         assert_eq!(cursor.peek(&b), Changes::Everything);
         assert_eq!(SceneCursor::START.peek(&Scene::new()), Changes::Everything);
-        // More changes than the scene lists.
+        // The scene's log does not reach back past a change of the origin.
         a.set_origin(glam::DVec3::ONE).unwrap();
         assert_eq!(cursor.peek(&a), Changes::Everything);
         assert!(cursor.is_in(&a));

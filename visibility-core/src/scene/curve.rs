@@ -1,10 +1,10 @@
-//! Order along a space-filling curve, so that neighbours in memory are neighbours in space (Morton, "A
-//! Computer Oriented Geodetic Data Base and a New Technique in File Sequencing", 1966).
+//! The order of points along a space-filling curve, which makes neighbours in memory neighbours in space
+//! (Morton, "A Computer Oriented Geodetic Data Base and a New Technique in File Sequencing", 1966).
 
 use crate::Aabb;
 use glam::{DVec3, Vec3};
 
-/// Maps points to their place on the Morton curve through a cube.
+/// Maps points to their position on the Morton curve through a cube. Points are in scene coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Curve {
     corner: DVec3,
@@ -12,20 +12,20 @@ pub(crate) struct Curve {
 }
 
 impl Curve {
-    /// Cells per side of the cube: 21 bits an axis fill 63 bits of a place, the highest one of the word.
+    /// Number of cells per side of the cube: 21 bits per axis, so that the position on the curve has 63 bits.
     const CELLS: f64 = (1u64 << 21) as f64;
-    /// So many points tell where most of them lie.
+    /// Approximate number of points that are sampled to find where most of the points are.
     const SAMPLE: usize = 4096;
 
-    /// A curve through a cube around most of the points. A few that are far from the rest (a sky, a mistake)
-    /// are left outside, or all others would share a few cells. One scale for all axes keeps the pieces
-    /// of the curve cubes too.
+    /// Builds a curve through a cube around most of `points`, of which there are `count`. A few points far
+    /// from the rest (a sky dome, a mistake) are left outside, because the others would otherwise share a few
+    /// cells. All axes have one scale, so pieces of the curve are compact on each.
     pub(crate) fn through(points: impl Iterator<Item = Vec3> + Clone, count: usize) -> Self {
         let sample = || points.clone().step_by((count / Self::SAMPLE).max(1));
         let taken = sample().count().max(1) as f64;
         let mean = sample().map(|p| p.as_dvec3() / taken).sum::<DVec3>();
-        // Evenly spread points deviate by a quarter of their extent on average: four times that is ample on
-        // each side.
+        // Evenly spread points deviate from the mean by a quarter of their extent on average; four times that
+        // is ample on each side.
         let reach = sample().map(|p| (p.as_dvec3() - mean).abs() / taken).sum::<DVec3>() * 4.0;
         let hull = Aabb::from_points(sample());
         let corner = hull.min.as_dvec3().max(mean - reach);
@@ -33,17 +33,18 @@ impl Curve {
         Self { corner, scale: if side > 0.0 { Self::CELLS / side } else { 0.0 } }
     }
 
-    /// The place of a point, of which the highest bits matter most. Points outside the cube are moved to its
-    /// boundary.
+    /// Returns the position of a point on the curve, in bits 1 to 63: bits of x, y and z interleaved,
+    /// coarsest first from the top, z before y before x. Bit 0 is 0. Points outside the cube are moved to its
+    /// boundary; NaN coordinates become the least.
     pub(crate) fn place(&self, p: Vec3) -> u64 {
         let cell = (p.as_dvec3() - self.corner) * self.scale;
-        // A cast from float saturates, and turns NaN to zero.
+        // A cast from float to integer saturates, and turns NaN to zero.
         let axis = |x: f64| spread(u64::from((x as u32).min((1 << 21) - 1)));
         axis(cell.x) << 1 | axis(cell.y) << 2 | axis(cell.z) << 3
     }
 }
 
-/// Moves bit `i` of a 21-bit number to bit `3 i`.
+/// Moves bit i of a 21-bit number to bit 3i, leaving zeros between.
 fn spread(x: u64) -> u64 {
     let x = (x | x << 32) & 0x001f_0000_0000_ffff;
     let x = (x | x << 16) & 0x001f_0000_ff00_00ff;

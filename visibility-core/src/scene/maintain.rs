@@ -1,14 +1,14 @@
-//! Keeping the hierarchy in shape while objects move, a bounded amount of work at a time.
+//! Incremental maintenance of the hierarchy while objects move, with a bounded amount of work per call.
 //!
-//! Moving an object enlarges bounds at once, since answers must stay right. What else should happen waits in
-//! a queue of nodes to look at: their bounds are tightened, and where they have come to lie across one
-//! another, what is in a few neighbours is dealt out among them anew ([`regroup`](super::tree)). Nodes above
-//! whose content was changed are queued in their turn.
+//! Moving an object enlarges the bounds of the nodes above it at once, which keeps query results correct. The
+//! changed nodes are queued. For each queued node, maintenance tightens the bounds. If the node overlaps its
+//! neighbours too much, the contents of a few neighbouring nodes are redistributed among them
+//! ([`regroup`](super::tree)). The parents of redistributed nodes are queued in turn.
 
 use super::queue::{OVERLAP, Queue};
 use super::tree::Tree;
 
-/// What a call of [`Scene::maintain`](crate::Scene::maintain) did.
+/// The work done by a call of [`Scene::maintain`](crate::Scene::maintain).
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -20,26 +20,30 @@ use super::tree::Tree;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Maintenance {
-    /// Blocks of up to 64 objects that were looked at. One whose objects were dealt out anew counts as
-    /// three.
+    /// Part of the budget that was used: 1 for each inspected node, and 3 for each further node whose
+    /// contents were redistributed.
     pub blocks: usize,
-    /// Objects that were put into another block.
+    /// Number of objects that were moved to another leaf.
     pub rehomed: usize,
-    /// Blocks that still wait to be looked at.
+    /// Number of nodes still queued for inspection.
     pub waiting: usize,
 }
 
-/// Where dealing out did not help, it is tried again once the overlap is so much greater,
+/// After an unsuccessful redistribution of a node's group, the next attempt waits until the overlap exceeds
+/// this multiple of the overlap at that attempt.
 const BEAR: f32 = 1.5;
-/// or after a while: each time that the node is looked at, so much of that is forgotten.
+/// Factor by which each inspection of a node without redistribution lowers the overlap at which the next
+/// attempt is made, so that attempts are repeated after a while.
 const FORGET: f32 = 0.97;
-/// A node with no more objects is merged with those nearest to it, where they have room.
+/// Greatest number of occupied lanes, of 64, at which a node is merged with its nearest neighbours if they
+/// have free lanes.
 const SPARSE: u32 = 32;
-/// To deal out what is in a block takes as long as to look at so many.
+/// Cost of redistributing the contents of one node, in units of inspecting one node (measured).
 const DEALT: usize = 3;
 
 impl Tree {
-    /// Looks at up to `budget` blocks. Counts `layout` up when slots change.
+    /// Inspects queued nodes until `budget` is used or the queue is empty. Increments `layout` for each
+    /// redistribution, which changes slots. See [`Scene::maintain`](crate::Scene::maintain).
     pub(super) fn maintain(&mut self, queue: &mut Queue, budget: usize, layout: &mut u64) -> Maintenance {
         let mut done = Maintenance::default();
         while done.blocks < budget {

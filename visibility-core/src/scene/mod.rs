@@ -1,4 +1,4 @@
-//! The objects, and the hierarchy that finds those in view.
+//! The scene: a store of objects in a hierarchy of bounding boxes, with a log of changes.
 
 mod boxes64;
 mod build;
@@ -28,16 +28,18 @@ use hashbrown::HashMap;
 use queue::Queue;
 use tree::{Payload, Scratch, Slot};
 
-/// The store of objects: bounds, layers, costs, flags and triangles, in a hierarchy that every culler walks.
+/// The store of objects: bounds, layers, costs, flags, triangles and occluder meshes, in a hierarchy of
+/// bounding boxes that every culler walks.
 ///
-/// Bounds and triangles are `f32`, relative to one `f64` [origin](Self::origin). Between frames the scene is
-/// told of what changed; while it is culled it is only read, so any number of views and threads can share it.
+/// Bounds and triangles are in scene coordinates: `f32`, relative to one `f64` [origin](Self::origin) in the
+/// world. Objects are changed between frames. Culling only reads the scene, so any number of views and
+/// threads can share it.
 ///
 /// # Cost
 /// Inserting, removing and moving an object take time logarithmic in the number of objects. Many moves leave
-/// the hierarchy looser than it could be: [`maintain`](Self::maintain), called once per frame with a budget,
-/// keeps it in shape; [`rebuild`](Self::rebuild), best after loading, makes it as good as it gets. About 50
-/// bytes an object.
+/// the bounds of the hierarchy looser than necessary. [`maintain`](Self::maintain), called once per frame
+/// with a budget, tightens them. [`rebuild`](Self::rebuild), best called after loading, builds the best
+/// hierarchy. The scene holds about 50 bytes per object, without triangles and meshes.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -56,32 +58,34 @@ pub struct Scene {
     queue: Queue,
     generations: Vec<u32>,
     costs: Vec<u32>,
-    /// A bit per index.
+    /// One bit per object index: whether the object was flagged as never to be culled.
     never_cull: Vec<u64>,
-    /// Empty until the first object gets triangles.
+    /// Triangles of each object, in scene coordinates, indexed by object index. Shorter than the index range,
+    /// and empty until an object first gets triangles.
     triangles: Vec<Box<[Triangle]>>,
     meshes: Vec<OccluderMesh>,
-    /// What an object hides with, by its index.
+    /// Mesh and transform of each object that has an occluder mesh, keyed by object index.
     instances: HashMap<u32, Instance>,
     free: Vec<u32>,
-    /// Objects whose layers are not all set.
+    /// Number of objects whose layer mask is not `u32::MAX`.
     layered: usize,
     log: ChangeLog,
     layout: u64,
 }
 
-/// A mesh that an object hides with.
+/// An occluder mesh placed in the scene by an object.
 #[derive(Clone, Copy, Debug)]
 struct Instance {
     mesh: MeshId,
     transform: Affine3A,
-    /// Whether the mesh was made of the object's triangles by [`Scene::prepare_occluders`].
+    /// Whether the mesh was made from the object's triangles by [`Scene::prepare_occluders`], and is dropped
+    /// when the triangles change.
     is_prepared: bool,
 }
 
 impl Clone for Scene {
-    /// The same objects with the same ids. It is another scene all the same: sets and revisions of this one
-    /// say nothing of it.
+    /// Copies all objects with their ids. The copy counts as another scene: sets, revisions and cursors of
+    /// the original are not valid for it.
     fn clone(&self) -> Self {
         Self {
             origin: self.origin,
@@ -108,7 +112,7 @@ impl Default for Scene {
 }
 
 impl Scene {
-    /// An empty scene with its origin at zero.
+    /// Creates an empty scene whose origin is the origin of the world.
     pub fn new() -> Self {
         Self {
             origin: DVec3::ZERO,
@@ -127,15 +131,17 @@ impl Scene {
         }
     }
 
-    /// The point of the world that bounds and triangles are relative to.
+    /// Returns the point of the world that the scene's bounds and triangles are relative to.
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
 
-    /// Moves the scene as a whole: its origin in the world changes, what is relative to it does not.
+    /// Moves the whole scene so that its origin is at `origin`, a point of the world. Scene-relative bounds,
+    /// triangles and transforms stay as they are. [`changes_since`](Self::changes_since) reports that
+    /// everything changed.
     ///
     /// # Errors
-    /// [`SceneError::NonFiniteOrigin`].
+    /// [`SceneError::NonFiniteOrigin`] if `origin` is NaN or infinite.
     pub fn set_origin(&mut self, origin: DVec3) -> Result<(), SceneError> {
         if !origin.is_finite() {
             return Err(SceneError::NonFiniteOrigin);
@@ -145,35 +151,38 @@ impl Scene {
         Ok(())
     }
 
-    /// Number of objects.
+    /// Returns the number of objects.
     pub fn len(&self) -> usize {
         self.generations.len() - self.free.len()
     }
 
-    /// Whether there is no object.
+    /// Returns whether the scene has no objects.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// One more than the greatest index of any object so far: how long an array by index must be.
+    /// Returns an exclusive upper bound on the [index](ObjectId::index) of every object so far, removed ones
+    /// included: the length for arrays indexed by object index.
     pub fn index_limit(&self) -> usize {
         self.generations.len()
     }
 
-    /// Whether the id names an object of this scene.
+    /// Returns whether `id` names an object of this scene; false once the object is removed. Ids of another
+    /// scene may coincide with ids of this one.
     pub fn contains(&self, id: ObjectId) -> bool {
         self.slot(id).is_ok()
     }
 
-    /// All objects, by ascending index.
+    /// Iterates over the ids of all objects, by ascending index.
     pub fn ids(&self) -> impl Iterator<Item = ObjectId> + '_ {
         let named =
             self.generations.iter().zip(0..).map(|(&generation, index)| ObjectId { index, generation });
         named.filter(|id| self.tree.slots[id.index()] != Slot::NONE)
     }
 
-    /// The object that has an index now, if any: for structures that keep four bytes an object. Whoever keeps
-    /// an index past a [change](Self::changes_since) of its object may find another one.
+    /// Returns the id of the object that has `index` now, or `None` if no object has it. For structures that
+    /// store indices, 4 bytes each, instead of ids. An index stored past a [change](Self::changes_since) of
+    /// its object may belong to another object.
     pub fn id_at(&self, index: usize) -> Option<ObjectId> {
         let (&generation, &slot) = (self.generations.get(index)?, self.tree.slots.get(index)?);
         (slot != Slot::NONE).then_some(ObjectId { index: index as u32, generation })
@@ -186,10 +195,10 @@ impl Scene {
         }
     }
 
-    /// What the scene knows of an object, but for its triangles.
+    /// Returns the bounds, layers, cost and flags of an object.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`], here and in everything below that takes an id.
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn object(&self, id: ObjectId) -> Result<Object, SceneError> {
         let slot = self.slot(id)?;
         let payload = self.tree.payload(slot);
@@ -202,10 +211,10 @@ impl Scene {
         })
     }
 
-    /// The bounds of an object.
+    /// Returns the bounds of an object, relative to the scene's origin.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn bounds(&self, id: ObjectId) -> Result<Aabb, SceneError> {
         let slot = self.slot(id)?;
         Ok(self.tree.bounds[slot.node()].get(slot.lane()))
@@ -220,7 +229,8 @@ impl Scene {
         *word = *word & !(1 << (index % 64)) | u64::from(value) << (index % 64);
     }
 
-    /// Gives an object its id and everything but a place.
+    /// Assigns an id to a new object and stores all its properties outside the tree. The object has no slot
+    /// in the tree yet.
     fn register(&mut self, object: &Object) -> Payload {
         let index = self.free.pop().unwrap_or_else(|| {
             self.generations.push(0);
@@ -248,7 +258,7 @@ impl Scene {
         self.layout += 1;
     }
 
-    /// Adds an object; a box alone is enough.
+    /// Adds an object and returns its id. An [`Aabb`] alone converts to an object with default properties.
     pub fn insert(&mut self, object: impl Into<Object>) -> ObjectId {
         let object = object.into();
         let payload = self.register(&object);
@@ -257,9 +267,9 @@ impl Scene {
         payload.id
     }
 
-    /// Adds many objects and returns their ids in order. Where they outnumber those that are there already,
-    /// the hierarchy is [rebuilt](Self::rebuild) with them; its cost is then that of sorting what was
-    /// added.
+    /// Adds many objects and returns their ids in the order of `objects`. If there are at least as many new
+    /// objects as existing ones, the hierarchy is [rebuilt](Self::rebuild) with all of them, which costs one
+    /// sort of the objects; otherwise they are inserted one by one.
     pub fn insert_batch<O: Into<Object>>(&mut self, objects: impl IntoIterator<Item = O>) -> Vec<ObjectId> {
         let there = self.len();
         let objects = objects.into_iter();
@@ -296,10 +306,11 @@ impl Scene {
         ids
     }
 
-    /// Removes an object. Its id becomes unknown, its index free for another.
+    /// Removes an object. Its id becomes unknown, and a later object may reuse its index with another
+    /// generation.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn remove(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
         self.layered -= usize::from(self.tree.payload(slot).layers != u32::MAX);
@@ -316,10 +327,11 @@ impl Scene {
         Ok(())
     }
 
-    /// Removes many objects, or, if one of them is unknown, none.
+    /// Removes all objects of `ids`, or none of them if one is unknown or repeated.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`], also for an id given twice.
+    /// [`SceneError::UnknownObject`] with the first id that is not in the scene, or with an id that `ids`
+    /// contains twice.
     pub fn remove_batch(&mut self, ids: &[ObjectId]) -> Result<(), SceneError> {
         for &id in ids {
             self.slot(id)?;
@@ -332,11 +344,11 @@ impl Scene {
         ids.iter().try_for_each(|&id| self.remove(id))
     }
 
-    /// Says where an object is now, for each that has moved or changed its shape. Its triangles and its
-    /// [mesh](Self::set_mesh), if it has any, do not follow by themselves.
+    /// Sets the bounds of an object, relative to the scene's origin, after it has moved or changed its shape.
+    /// The object's triangles and [mesh](Self::set_mesh) stay where they are and must be set separately.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_bounds(&mut self, id: ObjectId, bounds: Aabb) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
         self.move_object(slot, id, &bounds);
@@ -357,11 +369,13 @@ impl Scene {
         self.queue.push(slot.node());
     }
 
-    /// As [`set_bounds`](Self::set_bounds) for many objects, or, if one of them is unknown, for none. Where
-    /// most blocks are touched, objects are moved block by block, and bounds end as tight as they can be.
+    /// Sets the bounds of many objects, as [`set_bounds`](Self::set_bounds) does for one, or of none of them
+    /// if an id is unknown. If an object is listed twice, its last bounds count. For batches with at least as
+    /// many objects as the hierarchy has nodes, the objects are updated leaf by leaf and the bounds of the
+    /// hierarchy are made as tight as possible.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] with the first id that is not in the scene.
     pub fn set_bounds_batch(&mut self, moved: &[(ObjectId, Aabb)]) -> Result<(), SceneError> {
         let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
         scratch.slots.clear();
@@ -379,7 +393,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Moves objects whose slots are known.
+    /// Sets the bounds of `moved`, whose slots before the call are in `scratch.slots`, in the same order.
     fn move_all(&mut self, moved: &[(ObjectId, Aabb)], scratch: &mut Scratch) {
         let layout = self.layout;
         if moved.len() >= self.tree.node_count() && moved.len() <= Scratch::MOST {
@@ -393,17 +407,18 @@ impl Scene {
         for (some, slots) in moved.chunks(32).zip(scratch.slots.chunks(32)) {
             self.tree.fetch(slots);
             for ((id, bounds), &slot) in some.iter().zip(slots) {
-                // One that was given a new home may have moved others.
+                // A previous object of the batch got another slot, which may have changed the slots of
+                // others.
                 let slot = if self.layout == layout { slot } else { self.tree.slots[id.index()] };
                 self.move_object(slot, *id, bounds);
             }
         }
     }
 
-    /// Puts an object on other layers.
+    /// Sets the layers of an object, one bit per layer. A view shows objects that share a layer with it.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_layers(&mut self, id: ObjectId, layers: u32) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
         let old = core::mem::replace(&mut self.tree.layers[slot.node()][slot.lane()], layers);
@@ -412,10 +427,10 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets what drawing an object costs.
+    /// Sets the cost of drawing an object, in triangles or any other unit, for cullers that have a budget.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_cost(&mut self, id: ObjectId, cost: u32) -> Result<(), SceneError> {
         self.slot(id)?;
         self.costs[id.index()] = cost;
@@ -423,10 +438,10 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets whether an object may hide others.
+    /// Sets whether an object may be used as an occluder, that is, may hide other objects.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_occluder(&mut self, id: ObjectId, occluder: bool) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
         let mask = &mut self.tree.occluders[slot.node()];
@@ -435,22 +450,24 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets whether an object is visible whatever any culler finds.
+    /// Sets whether an object is exempt from culling. If true, the object is visible in every view of its
+    /// layers, whatever the cullers find.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_never_cull(&mut self, id: ObjectId, never_cull: bool) -> Result<(), SceneError> {
         let bounds = self.bounds(id)?;
         self.write_never_cull(id.index(), never_cull);
         self.set_bounds(id, bounds)
     }
 
-    /// Gives an object its triangles, in scene coordinates, for those who need more than bounds: the item
-    /// buffer of `visibility-measure`, occluders, budgets in triangles. The bounds must contain them, and
-    /// stay the caller's to set.
+    /// Replaces the triangles of an object, in scene coordinates, for users that need more than bounds: the
+    /// item buffer of `visibility-measure`, occluder preparation, budgets in triangles. The object's bounds
+    /// must contain the triangles; they are neither checked nor changed. An occluder mesh prepared from the
+    /// former triangles is removed.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_triangles(
         &mut self,
         id: ObjectId,
@@ -468,28 +485,30 @@ impl Scene {
         Ok(())
     }
 
-    /// The triangles of an object; none if it was given none.
+    /// Returns the triangles of an object in scene coordinates, or an empty slice if none were set.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn triangles(&self, id: ObjectId) -> Result<&[Triangle], SceneError> {
         self.slot(id)?;
         Ok(self.triangles.get(id.index()).map_or(&[], |triangles| triangles))
     }
 
-    /// Adds a mesh that objects can hide with, any number of them the same one. It stays for as long as the
-    /// scene.
+    /// Stores an occluder mesh, in coordinates of its own, and returns its id. Any number of objects can
+    /// share the mesh. A mesh cannot be removed from the scene.
     pub fn add_mesh(&mut self, mesh: OccluderMesh) -> MeshId {
         self.meshes.push(mesh);
         MeshId(self.meshes.len() as u32 - 1)
     }
 
-    /// Gives an object the mesh that it hides with, placed by `transform` in scene coordinates. It hides only
-    /// while it is also flagged as an [occluder](Self::set_occluder): a door is opened and shut by that
-    /// flag alone, in constant time. What the mesh covers must be covered by what is drawn.
+    /// Gives an object an occluder mesh, replacing its former one. `transform` maps mesh coordinates to scene
+    /// coordinates. The object occludes only while it is also flagged as an [occluder](Self::set_occluder):
+    /// to open and shut a door, switching that flag is enough and takes constant time. Everything that the
+    /// mesh covers must also be covered by the object as drawn, or visible objects are hidden.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`], [`SceneError::UnknownMesh`] and [`SceneError::NonFiniteTransform`].
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::UnknownMesh`] if `mesh` is
+    /// not, and [`SceneError::NonFiniteTransform`] if an element of `transform` is NaN or infinite.
     pub fn set_mesh(&mut self, id: ObjectId, mesh: MeshId, transform: Affine3A) -> Result<(), SceneError> {
         self.slot(id)?;
         if mesh.0 as usize >= self.meshes.len() {
@@ -503,7 +522,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Gives an object a mesh made of its triangles, which is taken away with them.
+    /// Gives an object an occluder mesh made from its triangles, in scene coordinates. The mesh is taken from
+    /// the object again when its triangles change.
     pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: MeshId) -> Result<(), SceneError> {
         self.set_mesh(id, mesh, Affine3A::IDENTITY)?;
         if let Some(instance) = self.instances.get_mut(&id.index) {
@@ -512,12 +532,14 @@ impl Scene {
         Ok(())
     }
 
-    /// Whether an object has a mesh to hide with, whatever its flag says.
+    /// Returns whether an object has an occluder mesh, flagged as an occluder or not. False for an unknown
+    /// object.
     pub fn has_mesh(&self, id: ObjectId) -> bool {
         self.contains(id) && self.instances.contains_key(&id.index)
     }
 
-    /// The mesh that an object hides with, and where it is: nothing while it is not flagged as an occluder.
+    /// Returns the occluder mesh of an object and the transform from mesh to scene coordinates. `None` if the
+    /// object is unknown, has no mesh or is not flagged as an occluder.
     pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
         let slot = self.slot(id).ok()?;
         if !self.tree.payload(slot).occluder {
@@ -527,38 +549,45 @@ impl Scene {
         Some((&self.meshes[mesh.0 as usize], transform))
     }
 
-    /// A box around all objects that can be culled, maybe larger than need be; `None` if there are none.
+    /// Returns a box that contains the bounds of all objects that can be culled, relative to the scene's
+    /// origin. The box may be larger than necessary. `None` if there are no such objects.
     pub fn culled_bounds(&self) -> Option<Aabb> {
         (self.tree.root != NONE).then(|| self.tree.bounds[self.tree.root as usize].hull())
     }
 
-    /// Names the scene's state, to ask later for the changes [since](Self::changes_since).
+    /// Returns a number for the scene's present state, to pass to [`changes_since`](Self::changes_since)
+    /// later. Every change increases it.
     pub fn revision(&self) -> u64 {
         self.log.revision()
     }
 
-    /// What has changed since a revision.
+    /// Returns the changes since the state that `revision` stands for. [`Changes::Everything`] if the log
+    /// does not reach back to that state, or if the revision is of another scene.
     pub fn changes_since(&self, revision: u64) -> Changes<'_> {
         self.log.since(revision)
     }
 
-    /// Builds the hierarchy anew: the best there is for the objects as they are now, at the cost of sorting
-    /// them. Ids stay valid.
+    /// Builds the hierarchy anew for the objects as they are now, which gives the tightest bounds, at the
+    /// cost of sorting all objects. Ids stay valid; the [layout](Self::layout) changes.
     pub fn rebuild(&mut self) {
         self.tree.rebuild(Vec::new(), &self.generations);
         self.queue.clear();
         self.layout += 1;
     }
 
-    /// Looks at up to `budget` blocks (of 64 objects) in which something moved: tightens their bounds, and
-    /// where blocks have come to lie across one another, deals out their objects among them anew, up to
-    /// eight blocks at once. To deal out a block counts as looking at three, so that with a budget below
-    /// 22 fewer than eight are dealt out together. A budget of one costs about a microsecond.
+    /// Improves the hierarchy after moves. Inspects up to `budget` nodes in which something changed and
+    /// tightens their bounds. Where the bounds of neighbouring nodes overlap too much, their contents are
+    /// redistributed among up to eight nodes at once.
+    ///
+    /// An inspected node uses 1 of the budget, and each further node of a redistributed group uses 3. A group
+    /// of eight therefore needs a budget of 22; a smaller budget makes smaller groups. One unit of budget
+    /// costs about a microsecond.
     pub fn maintain(&mut self, budget: usize) -> Maintenance {
         self.tree.maintain(&mut self.queue, budget, &mut self.layout)
     }
 
-    /// Bytes held for the objects and their hierarchy, without their triangles.
+    /// Returns the number of bytes in use for the objects and their hierarchy, without triangles and occluder
+    /// meshes.
     pub fn memory(&self) -> usize {
         use core::mem::size_of_val;
         self.tree.memory()
@@ -575,31 +604,36 @@ impl Scene {
         &self.tree
     }
 
-    /// The leaf of the hierarchy that an object is in, and its lane there; `None` for an unknown object. For
-    /// cullers that keep data beside the [leaves](crate::walk::Block::leaf) that a walk comes to.
+    /// Returns the number of the leaf that holds an object and the object's lane (0 to 63) in that leaf.
+    /// `None` for an unknown object. For cullers that keep data per [leaf](crate::walk::Block::leaf); valid
+    /// until the [layout](Self::layout) changes. Objects that are never culled are in leaves that no walk
+    /// visits.
     #[inline]
     pub fn leaf_of(&self, id: ObjectId) -> Option<(usize, usize)> {
         self.slot(id).ok().map(|slot| (slot.node(), slot.lane()))
     }
 
-    /// One more than the greatest number of any leaf: how long an array by leaf must be.
+    /// Returns an exclusive upper bound on all leaf numbers: the length for arrays indexed by leaf.
     pub fn leaf_limit(&self) -> usize {
         self.tree.node_count()
     }
 
-    /// Changes whenever an object gets another leaf or lane: masks and data by leaf are those of one layout.
+    /// Returns a stamp of the assignment of objects to leaves and lanes. Masks and data indexed by leaf are
+    /// valid only while the stamp stays equal. Inserting, removing or rehoming an object, and rebuilding,
+    /// change it.
     pub fn layout(&self) -> Stamp {
         Stamp::from_count(self.layout)
     }
 
-    /// Those lanes of a leaf whose objects share a layer with `layers`.
+    /// Returns a mask of the lanes of a leaf whose objects share at least one layer with `layers`; bit i
+    /// stands for lane i.
     pub(crate) fn lanes_on_layers(&self, leaf: usize, layers: u32) -> u64 {
         let occupied = self.tree.occupied[leaf];
         if self.layered == 0 && layers != 0 {
             return occupied;
         }
         let of = &self.tree.layers[leaf];
-        // Most blocks are on all layers, or on one that is asked for.
+        // In most blocks all objects share a layer with the view.
         if of.iter().fold(u32::MAX, |all, of| all & of) & layers != 0 {
             return occupied;
         }

@@ -1,17 +1,19 @@
-//! What a scene keeps of an object, and how objects are named.
+//! The description of an object that a scene stores, the ids of objects and meshes, and the errors of a
+//! scene.
 
 use crate::Aabb;
 use core::fmt;
 use glam::Vec3;
 
-/// Three corners in scene coordinates, counter-clockwise as seen from the front.
+/// The three corners of a triangle in scene coordinates, counter-clockwise as seen from the front side.
 pub type Triangle = [Vec3; 3];
 
-/// Names an object of a [`Scene`](crate::Scene), for as long as the object is in it.
+/// Identifies an object of a [`Scene`](crate::Scene) for as long as the object is in the scene.
 ///
-/// The index is small and dense (objects inserted one after another into a new scene get 0, 1, 2, ...), so
-/// that engines can keep their own data in arrays. An index is used again after removal, with another
-/// generation, so that an id kept too long is refused rather than taken for another object.
+/// An id consists of an index and a generation. Indices are small and dense (objects inserted one after
+/// another into a new scene get 0, 1, 2, ...), so engines can keep their own data in arrays. After removal,
+/// an index may be reused with another generation; an outdated id is therefore rejected instead of naming
+/// another object.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -28,12 +30,13 @@ pub struct ObjectId {
 impl ObjectId {
     pub(crate) const NONE: Self = Self { index: u32::MAX, generation: 0 };
 
-    /// The index of the object, for arrays beside the scene.
+    /// Returns the object's index, below [`Scene::index_limit`](crate::Scene::index_limit), for arrays
+    /// parallel to the scene.
     pub const fn index(self) -> usize {
         self.index as usize
     }
 
-    /// How often the index was used before.
+    /// Returns how many earlier objects had the same index and were removed (modulo 2^32).
     pub const fn generation(self) -> u32 {
         self.generation
     }
@@ -46,7 +49,7 @@ impl fmt::Display for ObjectId {
     }
 }
 
-/// Names a mesh that a [`Scene`](crate::Scene) keeps for its occluders.
+/// Identifies an occluder mesh stored in a [`Scene`](crate::Scene); any number of objects can use the mesh.
 ///
 /// ```
 /// use visibility_core::{glam::Affine3A, Aabb, OccluderMesh, Scene};
@@ -60,7 +63,7 @@ impl fmt::Display for ObjectId {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub struct MeshId(pub(crate) u32);
 
-/// What a scene is told of an object when it is inserted.
+/// The properties of an object, as given to [`Scene::insert`](crate::Scene::insert).
 ///
 /// ```
 /// use visibility_core::{Aabb, Object, Scene};
@@ -72,27 +75,32 @@ pub struct MeshId(pub(crate) u32);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Object {
-    /// Contains the object entirely, in every pose until the bounds are set again. Bounds that are not
-    /// finite or are inverted are allowed: the object is then never culled.
+    /// Bounding box relative to the scene's origin. It must contain the whole object in every pose until the
+    /// bounds are set again. An inverted box, or one with NaN or infinite coordinates, is accepted: the
+    /// object is then never culled.
     pub bounds: Aabb,
-    /// The layers that the object is on, a bit each. A view shows objects that share a layer with it.
+    /// The layers that the object is on, one bit per layer. A view shows objects that share a layer with it;
+    /// an object with mask 0 is in no view.
     pub layers: u32,
-    /// What drawing the object costs, in triangles or any other unit, for cullers that have a budget.
+    /// Cost of drawing the object, in triangles or any other unit, for cullers that have a budget.
     pub cost: u32,
-    /// Visible in every view of its layers, whatever any culler finds.
+    /// Whether the object is exempt from culling: visible in every view that shares a layer with it, whatever
+    /// the cullers find.
     pub never_cull: bool,
-    /// Opaque and solid enough to hide others. Off unless set: glass that is taken for a wall hides what can
-    /// be seen.
+    /// Whether the object is opaque and may hide others. False by default, because a transparent object used
+    /// as an occluder hides visible objects.
     pub occluder: bool,
 }
 
 impl Object {
-    /// An object on all layers, of cost 1, that may be culled and hides nothing.
+    /// Creates an object with the given bounds on all layers, with cost 1, that can be culled and is no
+    /// occluder.
     pub const fn new(bounds: Aabb) -> Self {
         Self { bounds, layers: u32::MAX, cost: 1, never_cull: false, occluder: false }
     }
 
-    /// Whether no culler may hide the object: on request, or because its bounds bound nothing.
+    /// Returns whether no culler may remove the object: because it is flagged as never culled, or because its
+    /// bounds are inverted, NaN or infinite.
     pub(crate) fn is_unculled(&self) -> bool {
         self.never_cull || !self.bounds.is_finite()
     }
@@ -104,16 +112,16 @@ impl From<Aabb> for Object {
     }
 }
 
-/// Why a call to a scene was refused; the scene is then unchanged.
+/// Why a call to a [`Scene`](crate::Scene) failed. The scene is unchanged by a failed call.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum SceneError {
-    /// There is no such object: it was removed, or belongs to another scene.
+    /// The scene has no object with this id: the object was removed, or the id is of another scene.
     UnknownObject(ObjectId),
-    /// There is no such mesh in the scene.
+    /// The scene has no occluder mesh with this id.
     UnknownMesh(MeshId),
-    /// The transform given to an object's mesh is not finite.
+    /// The transform for this object's occluder mesh has a NaN or infinite element.
     NonFiniteTransform(ObjectId),
-    /// The origin is NaN or infinite.
+    /// The origin for the scene has a NaN or infinite coordinate.
     NonFiniteOrigin,
 }
 

@@ -1,20 +1,22 @@
-//! The nodes of the hierarchy that changed and wait to be looked at.
+//! The queue of hierarchy nodes that changed and wait for maintenance.
 
 use alloc::vec::Vec;
 
-/// Neighbours that cover less of a node, all together, are left alone. Fresh blocks come close to this, for
-/// the bounds of objects overlap too.
+/// Least overlap at which a node's group is redistributed: the sum, over the neighbours, of the fraction of
+/// the node's bounds that each covers. Nodes of a newly built hierarchy come close to this value, since the
+/// bounds of objects overlap too.
 pub(super) const OVERLAP: f32 = 1.0;
 
-/// Nodes that wait to be looked at: a bit for each. They are taken in turns, by number.
+/// Queue of nodes that wait for maintenance, one bit per node. Nodes are served in turn by ascending number,
+/// round and round.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Queue {
     queued: Vec<u64>,
     pub(super) waiting: usize,
-    /// The node from which the next one is looked for.
+    /// Number of the node from which the search for the next queued node starts.
     at: usize,
-    /// By node, up to which overlap with others there is no point in dealing out anew, as was found when
-    /// that was last tried.
+    /// Indexed by node: the overlap below which redistributing the node's group is not attempted, raised when
+    /// an attempt did not help.
     pub(super) borne: Vec<f32>,
 }
 
@@ -36,7 +38,8 @@ impl Queue {
         }
     }
 
-    /// Takes out a node that was dealt out anew.
+    /// Removes a node from the queue after its contents were redistributed, and resets its overlap limit to
+    /// [`OVERLAP`].
     pub(super) fn settle(&mut self, node: usize) {
         self.remove(node);
         if let Some(borne) = self.borne.get_mut(node) {

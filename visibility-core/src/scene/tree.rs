@@ -1,13 +1,13 @@
-//! The hierarchy: a tree of fan-out 64 whose leaves hold the objects, and whose every test answers 64
-//! children as one mask.
+//! The hierarchy of a scene: a tree of fan-out 64. Its leaves hold the objects, and a test of a node answers
+//! for 64 children with one mask.
 //!
-//! It is an R-tree (Guttman, "R-Trees: A Dynamic Index Structure for Spatial Searching", 1984) with wide
-//! nodes: bulk-loaded along a space-filling curve ([`build`](super::build)), changed one object at a time
-//! here, and kept in shape by [`maintain`](super::maintain). Bounds in a node always contain what lies below,
-//! so any state of the tree gives right answers; a good one gives them faster.
+//! The tree is an R-tree (Guttman, "R-Trees: A Dynamic Index Structure for Spatial Searching", 1984) with
+//! wide nodes. It is bulk-loaded along a space-filling curve ([`build`](super::build)), changed object by
+//! object here, and improved by [`maintain`](super::maintain). The bounds in a node always contain everything
+//! below it, so queries are correct in any state of the tree; tighter bounds only make them faster.
 //!
-//! The fields of nodes live in separate arrays, because a frame touches the bounds of the nodes that it
-//! tests, but only the `occupied` masks of those that it takes whole.
+//! Each field of the nodes has an array of its own, because a frame reads the bounds of the nodes that it
+//! tests, but only the `occupied` masks of the nodes that it accepts whole.
 
 mod moving;
 pub(super) mod pack;
@@ -22,10 +22,10 @@ use super::boxes64::{Boxes64, lanes};
 use crate::{Aabb, ObjectId};
 use alloc::vec::Vec;
 
-/// The level of leaves outside the tree.
+/// Level of the leaves outside the tree, which hold the objects that are never culled.
 pub(crate) const UNCULLED: u8 = u8::MAX;
 
-/// What a lane of a leaf holds besides bounds.
+/// The data of an object in a lane of a leaf, without its bounds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Payload {
     pub(crate) id: ObjectId,
@@ -33,30 +33,32 @@ pub(crate) struct Payload {
     pub(crate) occluder: bool,
 }
 
-/// All nodes of the hierarchy, and the leaves outside it that hold what is never culled.
+/// All nodes of the hierarchy, in arrays indexed by node, and the leaves outside it that hold the objects
+/// that are never culled.
 #[derive(Clone, Debug)]
 pub(crate) struct Tree {
-    /// The topmost node, or `NONE` in an empty tree.
+    /// Number of the root node, or `NONE` in an empty tree.
     pub(crate) root: u32,
     pub(crate) bounds: Vec<Boxes64>,
-    /// Which lanes hold something.
+    /// Mask of the lanes that hold an object or a child node, for each node; bit i stands for lane i.
     pub(crate) occupied: Vec<u64>,
-    /// In leaves the objects; in inner nodes `index` is the child.
+    /// For leaves, the object in each lane. For inner nodes, the child in each lane: `index` is the child's
+    /// node number. [`ObjectId::NONE`] in free lanes.
     pub(crate) ids: Vec<[ObjectId; 64]>,
-    /// In leaves, the layers of each object; all of them in free lanes, so that these never make a
-    /// difference.
+    /// For leaves, the layer mask of the object in each lane; all bits set in free lanes, so that these do
+    /// not affect the AND over a leaf.
     pub(crate) layers: Vec<[u32; 64]>,
-    /// In leaves, which objects are occluders.
+    /// For leaves, a mask of the objects flagged as occluders, bit i for lane i; 0 for inner nodes.
     pub(crate) occluders: Vec<u64>,
-    /// The lane of the parent that points here; `NONE` for the root. For leaves outside the tree, the place
-    /// in `unculled`.
+    /// For each node, the slot of its parent that holds the node; `NONE` for the root and free nodes. For
+    /// leaves outside the tree, the leaf's position in `unculled`.
     pub(super) parents: Vec<Slot>,
-    /// 0 for leaves, [`UNCULLED`] for leaves outside the tree.
+    /// Height of each node above the leaves: 0 for leaves, [`UNCULLED`] for leaves outside the tree.
     pub(crate) levels: Vec<u8>,
-    /// Leaves outside the tree, whose objects no culler sees.
+    /// Numbers of the leaves outside the tree, whose objects are never culled and visited by no walk.
     pub(crate) unculled: Vec<u32>,
     free: Vec<u32>,
-    /// Where each object is, by index.
+    /// For each object index, the slot that holds the object; `Slot::NONE` for indices that no object has.
     pub(crate) slots: Vec<Slot>,
     pub(super) scratch: Scratch,
 }
@@ -79,7 +81,7 @@ impl Tree {
         }
     }
 
-    /// Forgets all nodes, but not their memory.
+    /// Removes all nodes but keeps their memory. `slots` is left as it is.
     pub(super) fn clear(&mut self) {
         self.root = NONE;
         self.bounds.clear();
@@ -93,7 +95,7 @@ impl Tree {
         self.free.clear();
     }
 
-    /// Makes room for so many nodes at once.
+    /// Reserves capacity for `nodes` more nodes in all arrays.
     pub(super) fn reserve(&mut self, nodes: usize) {
         self.bounds.reserve(nodes);
         self.occupied.reserve(nodes);
@@ -104,7 +106,7 @@ impl Tree {
         self.levels.reserve(nodes);
     }
 
-    /// Number of nodes, free ones included: masks by node have this length.
+    /// Returns the number of nodes, free ones included: the length of arrays indexed by node.
     pub(crate) fn node_count(&self) -> usize {
         self.occupied.len()
     }
@@ -126,7 +128,7 @@ impl Tree {
         self.push_node(Boxes64::EMPTY, 0, [ObjectId::NONE; 64], [u32::MAX; 64], 0, level)
     }
 
-    /// Adds a node at the end of all arrays.
+    /// Appends a node without a parent to all arrays and returns its number.
     pub(super) fn push_node(
         &mut self,
         bounds: Boxes64,
@@ -147,7 +149,8 @@ impl Tree {
         node
     }
 
-    /// Writes a lane of a leaf, without touching what is above.
+    /// Writes an object into a lane of a leaf and records its slot. Bounds of the nodes above are not
+    /// updated.
     pub(super) fn write(&mut self, slot: Slot, bounds: &Aabb, payload: Payload) {
         let (node, lane) = (slot.node(), slot.lane());
         self.bounds[node].set(lane, bounds);
@@ -167,7 +170,8 @@ impl Tree {
         }
     }
 
-    /// Points a lane of an inner node to a child.
+    /// Makes a node the child in a lane of an inner node, with the hull of the child as the lane's bounds.
+    /// Bounds of the nodes above are not updated.
     pub(super) fn attach(&mut self, parent: Slot, child: u32) {
         let hull = self.bounds[child as usize].hull();
         self.bounds[parent.node()].set(parent.lane(), &hull);
@@ -184,7 +188,8 @@ impl Tree {
         self.layers[slot.node()][slot.lane()] = u32::MAX;
     }
 
-    /// Adds an object to the tree, in time logarithmic in the number of objects.
+    /// Inserts an object into the tree, and enlarges the bounds above it. Takes time logarithmic in the
+    /// number of objects.
     pub(super) fn insert(&mut self, bounds: &Aabb, payload: Payload) {
         if self.root == NONE {
             self.root = self.allocate(0);
@@ -199,7 +204,7 @@ impl Tree {
         self.grow(slot.node() as u32, bounds);
     }
 
-    /// Adds an object outside the tree, where no culler sees it.
+    /// Inserts an object into a leaf outside the tree, where no culler visits it.
     pub(super) fn insert_unculled(&mut self, bounds: &Aabb, payload: Payload) {
         let node = match self.unculled.last() {
             Some(&node) if self.occupied[node as usize] != u64::MAX => node,
@@ -214,14 +219,14 @@ impl Tree {
         self.write(Slot::new(node, lane), bounds, payload);
     }
 
-    /// Removes what is in the slot of a leaf, and every node that is thereby left empty. Bounds above stay as
-    /// they are.
+    /// Removes the object in a slot of a leaf, and frees every node that becomes empty by this. Bounds of the
+    /// remaining nodes are not tightened.
     pub(super) fn remove(&mut self, slot: Slot) {
         let id = self.ids[slot.node()][slot.lane()];
         self.slots[id.index()] = Slot::NONE;
         self.clear_lane(slot);
         if self.levels[slot.node()] == UNCULLED {
-            // To the end of the list, where the next one that is inserted finds the free lane.
+            // Moves the leaf to the end of `unculled`, where the next insertion finds its free lane.
             let (place, last) = (self.parents[slot.node()].0 as usize, self.unculled.len() - 1);
             self.parents[self.unculled[last] as usize] = Slot(place as u32);
             self.parents[slot.node()] = Slot(last as u32);
@@ -235,7 +240,8 @@ impl Tree {
         self.remove_empty(slot.node() as u32);
     }
 
-    /// Frees a node if it is empty, and every node that is thereby left empty.
+    /// Frees a node if it is empty, removes it from its parent, and continues with the parent. Freeing the
+    /// root empties the tree.
     pub(super) fn remove_empty(&mut self, node: u32) {
         let mut node = node;
         while self.occupied[node as usize] == 0 {
@@ -263,14 +269,14 @@ impl Tree {
         self.levels[leaf] == UNCULLED
     }
 
-    /// The lanes that lead from a lane of a node up to the root, that lane first.
+    /// Iterates over the pairs of node and lane from `(node, lane)` up to the root, beginning with that pair.
     pub(crate) fn path(&self, node: usize, lane: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
         let start = Slot::new(node as u32, lane);
         core::iter::successors(Some(start), |slot| self.parent(slot.node() as u32))
             .map(|slot| (slot.node(), slot.lane()))
     }
 
-    /// Bytes held.
+    /// Returns the number of bytes in use, without reserved capacity.
     pub(super) fn memory(&self) -> usize {
         use core::mem::size_of_val;
         size_of_val(&self.bounds[..])
@@ -286,7 +292,8 @@ impl Tree {
             + self.scratch.memory()
     }
 
-    /// A free lane in `node`, or, if it is full, in the half of it that suits `bounds` better.
+    /// Returns a free lane in `node`. A full node is split first, and the free lane is then in the half whose
+    /// centre is nearer to that of `bounds`.
     fn free_lane(&mut self, node: u32, bounds: &Aabb) -> Slot {
         let mut node = node;
         if self.occupied[node as usize] == u64::MAX {
@@ -299,8 +306,8 @@ impl Tree {
         Slot::new(node, self.occupied[node as usize].trailing_ones() as usize)
     }
 
-    /// Moves the upper half of a full node, along the axis on which its content spreads most, to a new
-    /// sibling.
+    /// Splits a full node at the median of the axis along which the centres of its children spread most.
+    /// Moves the upper half to a new sibling and returns the sibling's number.
     fn split(&mut self, node: u32) -> u32 {
         let level = self.levels[node as usize];
         let other = self.allocate(level);
@@ -328,7 +335,7 @@ impl Tree {
             self.root = self.allocate(level + 1);
             self.attach(Slot::new(self.root, 0), node);
         }
-        // The hull of `node` stays a bound on both halves until `tighten`; no ancestor grows.
+        // The bounds of `node` in its parent contain both halves until `tighten`; no ancestor grows.
         if let Some(above) = self.parent(node) {
             let hull = self.bounds[other as usize].hull();
             let lane = self.free_lane(above.node() as u32, &hull);
@@ -340,15 +347,15 @@ impl Tree {
     }
 }
 
-/// How far `b` is from `a`, as the sum over axes of twice the distance of centres: where nothing must be
-/// enlarged, and where everything must, the nearest centre is a good home.
+/// Returns twice the distance between the centres of two boxes, summed over the axes, in metres. Used to
+/// choose a node for a box.
 pub(super) fn separation(a: &Aabb, b: &Aabb) -> f32 {
     let d = ((a.min - b.min) + (a.max - b.max)).abs();
     d.x + d.y + d.z
 }
 
-/// The occupied lane whose box must be enlarged least, in the sum of its sides, to hold `bounds`; among
-/// equals, the one with the nearest centre.
+/// Returns the occupied lane whose box needs the least enlargement, summed over the axes, to contain
+/// `bounds`; among equals, the lane with the nearest centre. `occupied` must not be 0.
 fn closest_lane(boxes: &Boxes64, occupied: u64, bounds: &Aabb) -> usize {
     let c = &boxes.coordinates;
     let (min, max) = (bounds.min, bounds.max);

@@ -5,7 +5,7 @@ fn pose() -> Pose {
     Pose::look_at(DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 6.0, 3.0), DVec3::Z)
 }
 
-/// Whether a point is within all planes, and whether its clip coordinates say the same.
+/// Returns whether a point of the world satisfies all planes of a view, up to their error bounds.
 fn in_view(view: &View, p: DVec3) -> bool {
     view.planes(DVec3::ZERO).as_slice().iter().all(|v| v.plane.signed_distance(p) >= -v.error)
 }
@@ -13,7 +13,7 @@ fn in_view(view: &View, p: DVec3) -> bool {
 #[test]
 fn engine_matrices_of_every_convention_give_the_same_view() {
     let eye = Vec3::new(1.0, 2.0, 3.0);
-    // A right-handed camera space with z towards the viewer, as OpenGL and most engines have it.
+    // A right-handed camera space in which z points towards the viewer, as in OpenGL and most engines.
     let axis = |v: DVec3| v.as_vec3().extend(0.0);
     let look = Mat4::from_cols(axis(pose().right), axis(pose().up), axis(-pose().forward), eye.extend(1.0))
         .inverse();
@@ -63,8 +63,8 @@ fn orthographic_views_look_along_a_direction() {
     assert!(depth_out > 0.0, "reversed depth falls along the line of sight");
 }
 
-/// Found by fuzzing: all lines of sight run along (0, 1, -1), but w differs from one to the other, so nothing
-/// told maps what is nearer.
+/// Regression test, found by fuzzing: all view rays of this matrix run along (0, 1, -1), but `w` differs
+/// between them, so neither `w` nor depth tells which surface is nearer. Such a matrix must be rejected.
 #[test]
 fn parallel_lines_of_sight_of_which_w_differs_are_of_no_camera() {
     let mut m = Mat4::from_cols_array_2d(&[
@@ -88,7 +88,8 @@ fn bad_cameras_are_refused_with_the_reason() {
     m.z_axis.y = 0.0;
     m.y_axis = m.x_axis;
     assert_eq!(new(m), Err(ViewError::Singular));
-    // Third row a combination of the others, which rounding hides from a plain comparison with zero.
+    // The third row is a combination of the others, but rounding keeps the determinant from being exactly
+    // zero.
     let mut rows = [[0.1, 0.7, 0.3, 0.9], [0.2, 0.4, 0.6, 0.3], [0.0; 4], [0.5, 0.1, 0.2, 0.7]];
     rows[2] = core::array::from_fn(|i| rows[0][i] * 0.3 + rows[1][i] * 0.7);
     let combined = View::from_clip_from_world(DMat4::from_cols_array_2d(&rows), Depth::ZeroToOne);
@@ -115,7 +116,7 @@ fn extreme_cameras_are_accepted() {
 
 #[test]
 fn only_the_difference_of_origins_counts() {
-    // On a grid of 2^-20 m the difference is exact, so the planes are equal to the last bit.
+    // On a grid of 2^-20 m the difference of the origins is exact, so the planes are bit-identical.
     let step = DVec3::splat(1e7) + DVec3::new(3.0, -5.0, 7.0) / 1048576.0;
     let origin = DVec3::new(12.5, -7.25, 1.0 / 1048576.0);
     let view = View::perspective(pose(), 1.0, 1.5, 0.25, f64::INFINITY).unwrap();

@@ -1,13 +1,14 @@
-//! Moving objects within the tree: one by one, or a crowd leaf by leaf.
+//! Moving objects within the tree, one at a time or many at once, leaf by leaf.
 
 use super::{NONE, Scratch, Slot, Tree};
 use crate::scene::queue::Queue;
 use crate::{Aabb, ObjectId};
 
 impl Tree {
-    /// Sets the bounds of the object in a slot of the tree and enlarges what is above where it sticks out.
-    /// False, with nothing done, if it would be farther from the bounds of its block than their size: it
-    /// was moved to another part of the world, and would stretch all nodes above.
+    /// Sets the bounds of the object in a slot of the tree, and enlarges the bounds of the nodes above as
+    /// necessary. Returns false and changes nothing if the centre of `bounds` is farther outside of the
+    /// leaf's bounds than their size: the object has then moved elsewhere and would stretch all nodes above,
+    /// so it should be inserted anew.
     pub(in crate::scene) fn move_within(&mut self, slot: Slot, bounds: &Aabb) -> bool {
         let Some(above) = self.parent(slot.node() as u32) else {
             self.bounds[slot.node()].set(slot.lane(), bounds);
@@ -26,8 +27,8 @@ impl Tree {
         true
     }
 
-    /// Reads the boxes in these slots, all at once: the processor waits for many lines of memory together,
-    /// where moving one object after the other would wait for each.
+    /// Loads the boxes in the given slots into the cache. The processor waits for many cache misses at once,
+    /// whereas moving one object after the other would wait for each.
     pub(in crate::scene) fn fetch(&self, slots: &[Slot]) {
         let mut sum = 0u32;
         for &slot in slots {
@@ -38,9 +39,10 @@ impl Tree {
         core::hint::black_box(sum);
     }
 
-    /// Moves up to [`Scratch::MOST`] objects, of which `scratch` has the slots, leaf by leaf, and makes the
-    /// bounds above as small as they can be. Those for whom a slot in this leaf is not right any more are
-    /// left, in the order of the batch for each object.
+    /// Moves many objects within their leaves, leaf by leaf, and makes the bounds above as tight as possible.
+    /// `moved` has at most [`Scratch::MOST`] elements, and `scratch.slots` holds the slot of each. Objects
+    /// that must leave their leaf are not moved: their positions in `moved` are written to `scratch.left`, in
+    /// batch order for each object. Changed leaves are queued for maintenance.
     pub(in crate::scene) fn move_crowd(
         &mut self,
         moved: &[(ObjectId, Aabb)],
@@ -95,7 +97,7 @@ impl Tree {
             let Some(above) = above else { continue };
             let hull = self.bounds[leaf].hull();
             self.bounds[above.node()].set(above.lane(), &hull);
-            // Leaves that lie together in memory share their parent, as a rule.
+            // Leaves with consecutive numbers usually share their parent, which is then tightened once.
             if grown != NONE && grown != above.node() as u32 {
                 self.tighten(grown);
             }
@@ -106,7 +108,8 @@ impl Tree {
         }
     }
 
-    /// Enlarges the bounds above a node until they contain `bounds`.
+    /// Enlarges the bounds of the nodes above `node` until all contain `bounds`, stopping at the first that
+    /// contains them already.
     pub(super) fn grow(&mut self, node: u32, bounds: &Aabb) {
         let mut node = node;
         while let Some(above) = self.parent(node) {
@@ -120,7 +123,8 @@ impl Tree {
         }
     }
 
-    /// Makes the bounds above a node as small as what is below them allows.
+    /// Shrinks the bounds of the nodes above `node` to the hulls of their contents, stopping at the first
+    /// node whose bounds do not change.
     pub(in crate::scene) fn tighten(&mut self, node: u32) {
         let mut node = node;
         while let Some(above) = self.parent(node) {
@@ -134,7 +138,7 @@ impl Tree {
     }
 }
 
-/// Whether bounds are farther from those of a block than their size.
+/// Returns whether the centre of `bounds` is outside of `home` by more than the size of `home` on some axis.
 fn is_far(home: &Aabb, bounds: &Aabb) -> bool {
     let size = home.max - home.min;
     let center = bounds.center();

@@ -1,12 +1,12 @@
-//! Cutting a crowd of boxes into compact pieces of equal size, by halving it across its longest side again
-//! and again (as the k-d tree: Bentley, "Multidimensional Binary Search Trees Used for Associative
+//! Partitioning of a set of boxes into compact pieces of equal size, by repeatedly splitting the set across
+//! its longest side (as in the k-d tree: Bentley, "Multidimensional Binary Search Trees Used for Associative
 //! Searching", 1975).
 
 use glam::Vec3A;
 
-/// Arranges `order`, which holds numbers of `centers`, so that the pieces lie one after another, and gives
-/// each to `take`. All pieces have the same number of items, or one less. What is in the upper half of a word
-/// means nothing.
+/// Partitions the items of `order` into `pieces` compact pieces of equal size, up to one item, and calls
+/// `take` with each. The lower 32 bits of a word are an index into `centers`; the upper 32 bits are
+/// overwritten. Afterwards the pieces are consecutive in `order`.
 pub(crate) fn pack(order: &mut [u64], centers: &[Vec3A], pieces: usize, take: &mut impl FnMut(&[u64])) {
     if pieces <= 1 {
         take(order);
@@ -30,7 +30,7 @@ pub(crate) fn number(word: u64) -> usize {
     word as u32 as usize
 }
 
-/// Bits that are ordered as the numbers are.
+/// Maps a float to an integer such that integers are ordered as the floats are.
 fn ascending(x: f32) -> u32 {
     let bits = x.to_bits();
     bits ^ ((bits as i32 >> 31) as u32 | 1 << 31)
@@ -42,7 +42,7 @@ fn longest_axis(order: &[u64], centers: &[Vec3A]) -> usize {
         let center = centers[number(word)];
         (min, max) = (min.min(center), max.max(center));
     }
-    // Halves, since the whole may be more than the greatest number.
+    // Halved before subtracting, since the full extent may overflow.
     let extent = max * 0.5 - min * 0.5;
     if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) }
 }

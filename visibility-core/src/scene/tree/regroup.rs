@@ -1,10 +1,10 @@
-//! Regrouping: what lies in a few neighbouring nodes is dealt out among them anew, so that their bounds
-//! overlap no more.
+//! Regrouping: the contents of a few neighbouring nodes are redistributed among these nodes, so that their
+//! bounds overlap less.
 //!
-//! Objects that move carry the bounds of their nodes over one another. Giving one object after the other a
-//! new home, as in the R*-tree (Beckmann et al., 1990), splits full nodes and leaves others half empty;
-//! dealing out all objects of a neighbourhood keeps nodes as full as they were. The same is done for the
-//! nodes of each level above.
+//! Moving objects make the bounds of their nodes overlap. Reinserting one object after the other, as in the
+//! R*-tree (Beckmann et al., 1990), splits full nodes and leaves others half empty. Redistributing all
+//! objects of a neighbourhood keeps nodes as full as they were. The same is done with the nodes of each level
+//! above.
 
 use super::super::boxes64::{Boxes64, lanes};
 use super::pack::{number, pack};
@@ -12,10 +12,11 @@ use super::{Slot, Tree, separation};
 use crate::{Aabb, ObjectId};
 use glam::Vec3A;
 
-/// So many nodes are regrouped at once, at most.
+/// Greatest number of nodes that are regrouped at once.
 pub(in crate::scene) const GROUP: usize = 8;
 
-/// Nodes of one level, and how much each is in the way of the first.
+/// At most [`GROUP`] nodes of one level, by descending nearness to the group's first node. See [`nearness`]
+/// for that measure.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct Group {
     nodes: [u32; GROUP],
@@ -30,7 +31,8 @@ impl Group {
         &self.nodes[..self.count]
     }
 
-    /// Puts a node where its nearness belongs, if it is near enough.
+    /// Inserts a node into the group by descending nearness. If the group is full, its least near node is
+    /// dropped, which may be the new one.
     fn offer(&mut self, node: u32, nearness: f32) {
         let mut at = self.count;
         while at > 0 && self.nearness[at - 1] < nearness {
@@ -45,7 +47,8 @@ impl Group {
         (self.nodes[at], self.nearness[at]) = (node, nearness);
     }
 
-    /// What share of the first node's bounds the others cover, counted as often as they do.
+    /// Returns the sum, over all nodes but the first, of the fraction of the first node's bounds that the
+    /// node covers. Exceeds 1 where several nodes cover the same part.
     pub(in crate::scene) fn overlap(&self) -> f32 {
         self.nearness[1..].iter().zip(1..self.count).map(|(n, _)| n.max(0.0)).sum()
     }
@@ -56,13 +59,14 @@ impl Group {
 }
 
 impl Tree {
-    /// A node and those of its level that overlap it most, or, if too few do, that are nearest. The tree is
-    /// searched from its root, keeping only the best few nodes on each level.
+    /// Returns the group of a node: the node itself first, then the nodes of its level that overlap it most,
+    /// or that are nearest if too few overlap. Found by a search from the root that keeps only the best few
+    /// nodes on each level, so better neighbours may be missed. The root has an empty group.
     pub(in crate::scene) fn neighbours(&self, node: u32) -> Group {
         let Some(above) = self.parent(node) else { return Group::EMPTY };
         let home = self.bounds[above.node()].get(above.lane());
         let level = self.levels[node as usize];
-        // The ancestors of the node, which stay in the group come what may.
+        // Ancestors of the node by height above it. These stay in the group whatever their nearness.
         let mut ancestors = [node; 16];
         let mut height = 0;
         let mut at = node;
@@ -94,9 +98,12 @@ impl Tree {
         group
     }
 
-    /// Deals out what is in the nodes of a group anew, if that makes their bounds smaller or, with `merge`,
-    /// takes fewer nodes. Returns how many objects (or nodes, above the leaves) have got another node;
-    /// slots have changed if that is not `None`.
+    /// Redistributes the contents of a group's nodes if the sum of the sizes of their bounds shrinks enough,
+    /// or if fewer nodes suffice and that sum does not grow. With `merge`, fewer nodes are enough, whatever
+    /// the sizes. Nodes left empty are freed.
+    ///
+    /// Returns the number of objects (above the leaves, of child nodes) that moved to another node, or `None`
+    /// if nothing was changed. After `Some(0)` objects may still have changed lanes.
     pub(in crate::scene) fn regroup(&mut self, group: &Group, merge: bool) -> Option<usize> {
         let nodes = group.nodes();
         let mut boxes = [Aabb::EMPTY; 64 * GROUP];
@@ -134,7 +141,7 @@ impl Tree {
             return None;
         }
 
-        // Copies of what is dealt out, since a node is written before all are read.
+        // Copies of the old contents, since nodes are overwritten before all have been read.
         let level = self.levels[nodes[0] as usize];
         let mut ids = [[ObjectId::NONE; 64]; GROUP];
         let mut layers = [[0; 64]; GROUP];
@@ -147,7 +154,7 @@ impl Tree {
         let mut free = (1u32 << nodes.len()) - 1;
         let mut moved = 0;
         for &(start, end, hull) in &pieces[..wanted] {
-            // To the node that was nearest, so that those above change little.
+            // Each piece goes to the nearest free node of the group, so that bounds above change little.
             let place = lanes(free.into())
                 .min_by(|&a, &b| separation(&hulls[a], &hull).total_cmp(&separation(&hulls[b], &hull)))
                 .unwrap_or(0);
@@ -192,19 +199,21 @@ impl Tree {
     }
 }
 
-/// Nodes are merged until they hold so many on average.
+/// Nodes of a group are merged as long as the remaining ones hold at most this many items each on average.
 const FILL: usize = 60;
-/// What regrouping must leave of the sum of sizes.
+/// Regrouping is carried out if it reduces the sum of the nodes' sizes below this fraction of the former sum.
 const WORTH: f32 = 0.97;
 
-/// How likely a plane is to cut a box, but for a factor: its mean width.
+/// Returns the sum of the half sides of a box, which is proportional to its mean width, and so to the
+/// probability that a random plane crosses the box.
 fn size(bounds: &Aabb) -> f32 {
     let extent = bounds.half_extent();
     extent.x + extent.y + extent.z
 }
 
-/// For each lane, what share of `home` it overlaps, or, where it does not, how far it is from it, as a
-/// negative multiple of its size.
+/// For each lane, returns a measure of how near its box is to `home`. For a box that overlaps `home`, this is
+/// the fraction of `home` that the box covers, up to 1. Otherwise it is negative: minus the gaps between the
+/// boxes, summed over the axes and relative to the sides of `home`.
 fn nearness(boxes: &Boxes64, home: &Aabb) -> [f32; 64] {
     let c = &boxes.coordinates;
     let (min, max) = (home.min, home.max);

@@ -1,23 +1,25 @@
-//! Memory that moving many objects at once takes.
+//! Scratch memory for moving many objects at once.
 
 use super::slot::Slot;
 use alloc::vec::Vec;
 
-/// What moving many objects needs for a while, kept so that no frame allocates.
+/// Buffers for moving many objects at once, kept between frames so that frames do not allocate.
 #[derive(Clone, Debug)]
 pub(in crate::scene) struct Scratch {
-    /// Where each object that moves was when all were looked up.
+    /// Slot of each object of the batch before the first move, in batch order.
     pub(in crate::scene) slots: Vec<Slot>,
-    /// Places in the batch and lanes, by leaf.
+    /// The objects of the batch, sorted by leaf: the position in the batch in the upper 26 bits, the object's
+    /// lane in the lower 6.
     pub(super) sorted: Vec<u32>,
-    /// By node, where its part of `sorted` ends.
+    /// Indexed by node: the end, exclusive, of the node's range in `sorted`.
     pub(super) ends: Vec<u32>,
-    /// Places in the batch of those who must be moved one by one.
+    /// Positions in the batch of the objects that must leave their leaf and be moved one by one.
     pub(in crate::scene) left: Vec<u32>,
 }
 
 impl Scratch {
-    /// A place in the batch and a lane fill a word.
+    /// Greatest number of objects in a batch: 2^26, since a position in the batch and a lane of 6 bits share
+    /// a 32-bit word.
     pub(in crate::scene) const MOST: usize = 1 << 26;
 
     pub(in crate::scene) const EMPTY: Self =

@@ -1,8 +1,8 @@
-//! A place in the hierarchy.
+//! Positions in the hierarchy: a node and one of its 64 lanes.
 
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// A lane of a node, as one number: `node * 64 + lane`.
+/// A lane of a node, encoded as `node * 64 + lane`.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct Slot(pub(crate) u32);
 

@@ -1,4 +1,4 @@
-//! What must hold of the hierarchy after any sequence of changes, checked from the inside.
+//! Invariants of the hierarchy, checked from the inside after random sequences of changes.
 
 use super::*;
 use crate::{Object, Scene};
@@ -6,7 +6,8 @@ use std::collections::HashSet;
 use std::vec::Vec;
 use visibility_testing::Random;
 
-/// What occurred in a tree over a test, to make sure that the test was one.
+/// Greatest values that occurred in a tree during a test, to make sure that the test reached the cases it is
+/// about: levels of the tree, free nodes, and leaves of objects that are never culled.
 #[derive(Default)]
 struct Seen {
     height: u8,
@@ -14,7 +15,7 @@ struct Seen {
     unculled: usize,
 }
 
-/// Panics unless the tree is consistent in itself and holds exactly the scene's objects.
+/// Asserts that the tree is internally consistent and holds exactly the scene's objects. Updates `seen`.
 fn check(scene: &Scene, seen: &mut Seen) {
     let tree = scene.tree();
     let nodes = tree.node_count();
@@ -104,7 +105,8 @@ fn check_lane_is_free(tree: &Tree, node: usize, lane: usize) {
     assert_eq!(tree.occluders[node] >> lane & 1, 0);
 }
 
-/// A small box, or one time in eight a hostile one: inverted, vast, flat, NaN or infinite.
+/// Returns a small random box within `spread` metres, or, one time in eight, a degenerate one: inverted,
+/// vast, flat, NaN or infinite.
 fn random_bounds(rng: &mut Random, spread: f32) -> Aabb {
     let min: [f32; 3] = core::array::from_fn(|_| (rng.unit() as f32 - 0.5) * spread);
     let mut max = min.map(|x| x + rng.unit() as f32);
@@ -128,7 +130,8 @@ fn random_object(rng: &mut Random, spread: f32) -> Object {
     }
 }
 
-/// One random change.
+/// Applies one random change to the scene and to `ids`, the list of its objects. The greater `grow` is, the
+/// more of the changes are insertions.
 fn step(rng: &mut Random, scene: &mut Scene, ids: &mut Vec<ObjectId>, grow: usize) {
     let spread = [10.0, 1000.0, 1e6][rng.below(3)];
     let some = |rng: &mut Random| rng.below(ids.len().max(1));
@@ -213,7 +216,7 @@ fn the_tree_stays_consistent_under_batches_and_churn() {
     }
 }
 
-/// Many objects in one place cannot be told apart: splitting them must still end.
+/// Tests that splitting nodes terminates for thousands of identical boxes, which no axis separates.
 #[test]
 fn the_tree_stays_consistent_with_all_objects_in_one_place() {
     let (mut scene, mut seen) = (Scene::new(), Seen::default());
@@ -236,13 +239,14 @@ fn the_tree_stays_consistent_with_all_objects_in_one_place() {
     check(&scene, &mut seen);
 }
 
-/// A node that is freed and taken into use again under the same number holds other objects: masks of before
-/// say nothing of it, even if the object that was moved has returned to its old slot.
+/// Tests that a change of any object's slot changes the layout. A node that is freed and reused under the
+/// same number holds other objects, so masks made before must become invalid even if the moved object has its
+/// old slot again.
 #[test]
 fn a_change_of_any_slot_is_a_change_of_layout() {
     let at = |x: f32| Aabb::from_arrays([x, 0.0, 0.0], [x + 0.5, 1.0, 1.0]);
     for kept in 0..64 {
-        // Two full blocks far from each other; of the second, all objects but one are removed.
+        // Two full blocks far from each other; all objects but one are removed from the second.
         let mut scene = Scene::new();
         let ids = scene.insert_batch((0..128).map(|i| at(if i < 64 { i as f32 } else { 1000.0 + i as f32 })));
         for &id in &ids[64..] {
@@ -259,7 +263,7 @@ fn a_change_of_any_slot_is_a_change_of_layout() {
     }
 }
 
-/// Changes at random, each followed by the same comparison.
+/// Tests for random changes that the layout stamp differs whenever an object's slot does.
 #[test]
 fn whoever_moves_an_object_changes_the_layout() {
     let mut rng = Random(5);
