@@ -192,7 +192,7 @@ impl Block<'_> {
     }
 }
 
-/// Returns a mask with the lowest `count` bits set; all 64 for greater counts.
+/// Returns a mask with the lowest `count` bits set; all 64 bits for counts of 64 and more.
 fn first_lanes(count: usize) -> u64 {
     u64::MAX.checked_shr(64 - count.min(64) as u32).unwrap_or(0)
 }

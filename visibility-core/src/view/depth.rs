@@ -1,8 +1,8 @@
-//! Depth conventions of clip space: which depths are in view, and which way they grow.
+//! Depth conventions of clip space: the range of depths in view, and the direction in which depth grows.
 
 use glam::DVec4;
 
-/// Which clip-space depths are in view.
+/// Depth convention of a clip matrix: which clip-space depths `z` are in view, relative to clip-space `w`.
 ///
 /// ```
 /// use visibility_core::view::Depth;
@@ -10,32 +10,32 @@ use glam::DVec4;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum Depth {
-    /// `-w` at the near plane, `w` at the far plane: OpenGL.
+    /// `z = -w` at the near plane and `z = w` at the far plane, as in OpenGL.
     NegativeOneToOne,
-    /// As [`NegativeOneToOne`](Self::NegativeOneToOne) with the far plane at infinity.
+    /// `z = -w` at the near plane; `z` approaches `w` at infinity, and there is no far plane.
     NegativeOneToOneInfinite,
-    /// `0` at the near plane, `w` at the far plane: Direct3D, Vulkan, Metal, WebGPU.
+    /// `z = 0` at the near plane and `z = w` at the far plane, as in Direct3D, Vulkan, Metal and WebGPU.
     ZeroToOne,
-    /// As [`ZeroToOne`](Self::ZeroToOne) with the far plane at infinity.
+    /// `z = 0` at the near plane; `z` approaches `w` at infinity, and there is no far plane.
     ZeroToOneInfinite,
-    /// `w` at the near plane, `0` at the far plane.
+    /// `z = w` at the near plane and `z = 0` at the far plane.
     Reversed,
-    /// `w` at the near plane, `0` at infinity.
+    /// `z = w` at the near plane; `z / w` approaches 0 at infinity, and there is no far plane.
     ReversedInfinite,
 }
 
 impl Depth {
-    /// Whether nearer points have the greater depth.
+    /// Returns whether nearer points have the greater depth.
     pub const fn is_reversed(self) -> bool {
         matches!(self, Self::Reversed | Self::ReversedInfinite)
     }
 
-    /// Whether there is no far plane.
+    /// Returns whether the convention has no far plane.
     pub const fn is_infinite(self) -> bool {
         matches!(self, Self::NegativeOneToOneInfinite | Self::ZeroToOneInfinite | Self::ReversedInfinite)
     }
 
-    /// Clip depth over `w` on the near plane.
+    /// Returns the NDC depth, clip-space `z / w`, of points on the near plane: -1, 0 or 1.
     pub const fn at_near(self) -> f64 {
         match self {
             Self::NegativeOneToOne | Self::NegativeOneToOneInfinite => -1.0,
@@ -44,8 +44,9 @@ impl Depth {
         }
     }
 
-    /// The near plane and, if there is one, the far plane, from the rows of the clip matrix for depth and
-    /// `w`, as rows that are positive for what is in view.
+    /// Returns the near plane and, unless the convention is infinite, the far plane. `z` and `w` are the rows
+    /// of the clip matrix for depth and `w`. The dot product of a returned row and a point `(x, y, z, 1)` is
+    /// positive on the side in view and 0 on the plane.
     pub(super) fn rows(self, z: DVec4, w: DVec4) -> (DVec4, Option<DVec4>) {
         match self {
             Self::NegativeOneToOne => (w + z, Some(w - z)),

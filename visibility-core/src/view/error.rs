@@ -1,39 +1,42 @@
-//! Why a camera cannot be used.
+//! Errors of views: why a clip matrix or camera parameters cannot be used.
 
 use super::limits::MAX_CLIP_PLANES;
 use core::fmt;
 
-/// Why a camera cannot be used.
+/// Why a [`View`](crate::View) cannot be made from the given matrix, parameters, origin or clip planes.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum ViewError {
-    /// An element of the clip matrix is NaN or infinite.
+    /// The clip matrix has a NaN or infinite element.
     NonFinite {
-        /// Row of the first such element.
+        /// Row, from 0, of the first such element in row-major order.
         row: usize,
-        /// Column of the first such element.
+        /// Column, from 0, of the first such element in row-major order.
         column: usize,
     },
-    /// The clip matrix has no inverse, as far as `f64` can tell: some direction of space is lost.
+    /// The clip matrix is singular within the rounding error of `f64`, so it maps all of space to a plane or
+    /// less.
     Singular,
-    /// The lines of sight are parallel, yet `w` differs from one to another: no camera has such a picture.
+    /// The view rays of the clip matrix are parallel, but `w` differs between them. No camera has such a
+    /// matrix, and neither `w` nor depth tells which of two points is nearer.
     NoCamera,
-    /// The origin is NaN or infinite.
+    /// The origin of the view has a NaN or infinite coordinate.
     NonFiniteOrigin,
-    /// More clip planes than [`MAX_CLIP_PLANES`].
+    /// More clip planes were given than [`MAX_CLIP_PLANES`].
     TooManyClipPlanes {
-        /// How many were given.
+        /// Number of clip planes that were given.
         count: usize,
     },
-    /// A clip plane is NaN or infinite, or its normal is zero.
+    /// A clip plane has a NaN or infinite component, or its normal is zero.
     ClipPlane {
-        /// Index of the first such plane.
+        /// Index of the first such plane in the slice that was given.
         index: usize,
     },
-    /// A parameter of the camera is out of its range.
+    /// A camera parameter is out of its range.
     Parameter {
-        /// Its name.
+        /// Name of the parameter, such as `"near"`.
         name: &'static str,
-        /// Its value.
+        /// Value of the parameter as given; for `"width"` and `"height"`, the difference of the window's
+        /// edges.
         value: f64,
     },
 }

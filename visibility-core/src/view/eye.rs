@@ -1,4 +1,4 @@
-//! The eye of a view: a point or a direction, and a bound on how far rounding may have moved it.
+//! The eye of a view, a point or a direction, with a bound on its rounding error.
 
 use super::depth::Depth;
 use glam::{DMat4, DVec3, DVec4};
@@ -6,7 +6,8 @@ use glam::{DMat4, DVec3, DVec4};
 /// Unit round-off of `f64`.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Where a view is seen from, relative to some origin.
+/// Where a view is seen from: a point for perspective views, a direction for parallel ones. Points are
+/// relative to the origin that was passed to [`View::eye`](crate::View::eye).
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, view::Eye, Pose, View};
@@ -17,15 +18,16 @@ const U: f64 = f64::EPSILON / 2.0;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Eye {
-    /// Perspective: all lines of sight start in this point.
+    /// Perspective view: the point in which all view rays start, in metres relative to the chosen origin.
     Point(DVec3),
-    /// Orthographic: all lines of sight run along this unit direction, away from the viewer.
+    /// Parallel (orthographic) view: the unit direction of all view rays, away from the viewer.
     Direction(DVec3),
 }
 
-/// Where a clip matrix is seen from, relative to its own origin.
+/// Returns the eye of a clip matrix, in the coordinates that the matrix maps from. `depth` tells which of its
+/// two senses the direction of a parallel view has.
 pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
-    // The eye is what the matrix maps to x = y = w = 0: the vector orthogonal to those three rows, which
+    // The matrix maps the eye to x = y = w = 0. The eye is the vector orthogonal to these three rows, which
     // exists for every projection, whatever its depth row holds.
     let rows = [m.row(0), m.row(1), m.row(3)].map(scaled_by_power_of_two);
     let eye = orthogonal(rows, |a, b| a - b);
@@ -33,20 +35,22 @@ pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
     if eye.w != 0.0 && position.is_finite() {
         return Eye::Point(position);
     }
-    // A parallel projection sees along the null direction; of its two senses, the one in which depth grows
-    // (shrinks, if reversed) leads away from the viewer.
+    // The rays of a parallel projection run along the null direction. Of its two senses, the one in which
+    // depth grows (shrinks, if reversed) points away from the viewer.
     let scale = eye.truncate().abs().max_element();
     let direction = (eye.truncate() / scale).normalize_or_zero();
     let depth = m.row(2).truncate().dot(direction) * if depth.is_reversed() { -1.0 } else { 1.0 };
     Eye::Direction(if depth < 0.0 { -direction } else { direction })
 }
 
-/// Bound on the distance of [`eye_of`], moved from the origin of the view to `origin`, from the eye of the
-/// exact matrix; see [`ViewProjection::eye_error`](super::ViewProjection::eye_error).
+/// Returns a bound on the error of the eye relative to `origin`, as compared with the eye of the exact matrix
+/// `m`; `view_origin` is the point of the world that `m` is relative to. In metres for a point; for a
+/// direction, the length of the difference of unit vectors. Infinite where rounding leaves the eye undecided.
+/// See [`ViewProjection::eye_error`](super::ViewProjection::eye_error).
 ///
-/// The eye is orthogonal to three rows of the matrix. With the rows scaled by powers of two, a component is a
-/// sum of six products of three numbers, each rounded twice as a product and four times in sums (at most):
-/// `12u` of the sum of their magnitudes is more than the error.
+/// The eye is orthogonal to three rows of the matrix. With the rows scaled by powers of two, each component
+/// is a sum of six products of three numbers. Each product is rounded twice as a product and at most four
+/// times in sums, so `12u` of the sum of the products' magnitudes exceeds the error.
 pub(super) fn eye_error(m: &DMat4, depth: Depth, view_origin: DVec3, origin: DVec3) -> f64 {
     let rows = [m.row(0), m.row(1), m.row(3)].map(scaled_by_power_of_two);
     let eye = orthogonal(rows, |a, b| a - b);
@@ -56,11 +60,11 @@ pub(super) fn eye_error(m: &DMat4, depth: Depth, view_origin: DVec3, origin: DVe
         Eye::Direction(_) => {
             let length = eye.truncate().length();
             let direction = eye.truncate() / length;
-            // The rounding of length and quotient, 6u at most, is a fraction of the 16u of each component's
-            // terms that are counted twice.
+            // Length and quotient round by 6u at most, a fraction of the 16u of each component's terms, which
+            // the factor 2 counts twice.
             let error = 2.0 * error.truncate().length() / length;
-            // Which of the two senses leads away from the viewer is told by the depth row. Not so for NaN:
-            // then nothing is known.
+            // The depth row decides which of the two senses points away from the viewer. If its product with
+            // the direction is within the error, or NaN, the direction is unknown.
             let depth = m.row(2).truncate();
             let is_certain =
                 size.w == 0.0 && depth.dot(direction).abs() > 2.0 * error * depth.abs().element_sum();
@@ -71,24 +75,25 @@ pub(super) fn eye_error(m: &DMat4, depth: Depth, view_origin: DVec3, origin: DVe
             let off = (error.truncate() + position.abs() * error.w) / eye.w.abs();
             let sums = position.abs() + view_origin.abs() + origin.abs();
             let error = 1.01 * off.length() + 8.0 * U * sums.element_sum();
-            // The quotient is linear in the error of the divisor only where that is small.
+            // The quotient's error is linear in the error of the divisor only where the latter is small.
             let is_certain = eye.w.abs() > 1024.0 * size.w * (16.0 * U) && error.is_finite();
             if is_certain { error } else { f64::INFINITY }
         }
     }
 }
 
-/// A row of the clip matrix divided by the power of two in its largest element. Rows may differ by many
-/// orders of magnitude, and only their directions matter to the eye; nothing is rounded, so the eye of a
-/// scaled view is the scaled eye.
+/// Divides a row of the clip matrix by the greatest power of two that does not exceed its largest magnitude.
+/// The division is exact. The eye depends only on the directions of the rows, whose magnitudes may differ by
+/// many orders.
 fn scaled_by_power_of_two(row: DVec4) -> DVec4 {
     let most = row.abs().max_element();
     let power = f64::from_bits(most.to_bits() & (0x7ff << 52));
     row / if power.is_normal() { power } else { most }
 }
 
-/// The vector orthogonal to three others in four dimensions, by cofactors; with a sum of magnitudes in place
-/// of `subtract`, the sum of the magnitudes of all terms of each component.
+/// Returns the 4D vector orthogonal to `a`, `b` and `c`, by cofactors. With `subtract` as a difference, the
+/// result is that vector. With `subtract` as a sum and non-negative input, each component is the sum of the
+/// magnitudes of that component's terms.
 fn orthogonal([a, b, c]: [DVec4; 3], subtract: impl Fn(f64, f64) -> f64) -> DVec4 {
     let minor = |i: usize, j: usize, k: usize| {
         let x = subtract(b[j] * c[k], b[k] * c[j]);

@@ -1,13 +1,14 @@
-//! The camera, in whichever convention the engine has.
+//! The camera, in the convention of any engine.
 //!
-//! A [`View`] is a clip matrix in `f64`, the point in the world that the matrix is relative to, and the depth
-//! convention. Everything that cullers need (planes, eye) is derived from these, so that what is culled
-//! is what the engine's own matrix clips.
+//! A [`View`] consists of a clip matrix in `f64`, the point of the world that the matrix is relative to, and
+//! the depth convention. Planes and eye are derived from these, so that cullers use exactly the frustum that
+//! the engine's own matrix clips to.
 //!
 //! # Conventions
-//! Clip space is that of every graphics API: a point is in view if `-w <= x <= w`, `-w <= y <= w`, and its
-//! depth is in the range that [`Depth`] names. Matrices are column-major and multiply column vectors from the
-//! left, as in glam. World axes, handedness and units are the caller's own; nothing here depends on them.
+//! Clip space is that of all graphics APIs: a point is in view if `-w <= x <= w`, `-w <= y <= w`, and its
+//! depth `z` is in the range that [`Depth`] defines. Matrices are column-major and multiply column vectors
+//! from the left, as in glam. World axes, handedness and units are the caller's choice; where this
+//! documentation says metres, any unit of length serves.
 
 mod camera;
 mod clip_matrix;
@@ -33,13 +34,13 @@ use crate::geometry::Plane;
 use eye::eye_of;
 use glam::{DMat4, DVec3};
 
-/// A point of view: what one camera would see of an empty world.
+/// A point of view: the frustum of one camera, its eye and its layers. A `View` knows nothing of the scene.
 ///
-/// Half a kilobyte, `Copy`, and made anew each frame.
+/// Half a kilobyte, `Copy`, and cheap to make anew each frame.
 ///
 /// ```
-/// use visibility_core::{glam::Mat4, view::Depth, View};
-/// // From the engine's own matrix, as a glam type of this crate's version or as an array of any:
+/// use visibility_core::{glam::Mat4, Depth, View};
+/// // From the engine's own matrix: a glam type of this crate's version, or an array.
 /// let matrix = [[1.2, 0.0, 0.0, 0.0], [0.0, 1.6, 0.0, 0.0], [0.0, 0.0, 0.0, -1.0], [0.0, 0.0, 0.1, 0.0f32]];
 /// let view = View::from_clip_from_world(matrix, Depth::ReversedInfinite)?;
 /// assert!(View::from_clip_from_world(Mat4::ZERO, Depth::ZeroToOne).is_err());
@@ -52,24 +53,27 @@ pub struct View {
     origin: DVec3,
     depth: Depth,
     layers: u32,
-    /// Beyond the count all zero, so that equal views compare equal.
+    /// Clip planes relative to `origin`, of which the first `clip_count` are in use. All others are zero, so
+    /// that equal views compare equal.
     clip_planes: [Plane; MAX_CLIP_PLANES],
     clip_count: usize,
 }
 
 impl View {
-    /// A view from the matrix that the engine draws with: clip space from world space.
+    /// Builds a view from the matrix that the engine draws with, which maps world space to clip space.
     ///
     /// `depth` must be the convention that the matrix was made for. Clip-space `w` must not decrease along a
-    /// line of sight away from the eye, and the near plane must not lie behind the eye. Neither is
-    /// checked: culling by planes is right without it, but occlusion culling takes the nearer of two
-    /// surfaces by `w` or depth, and is not.
+    /// view ray away from the eye, and the near plane must not be behind the eye. These two conditions are
+    /// not checked. Frustum culling is correct without them, but occlusion culling compares surfaces by `w`
+    /// or depth and may then hide visible objects.
     ///
-    /// The world of an `f32` matrix is small; engines with large worlds pass the matrix of a camera near the
-    /// origin and say with [`relative_to`](Self::relative_to) where in the world that origin is.
+    /// An `f32` matrix is precise only near the origin of the world. Engines with large worlds pass a
+    /// camera-relative matrix, and then call [`relative_to`](Self::relative_to) with the point of the world
+    /// that the matrix is relative to.
     ///
     /// # Errors
-    /// [`ViewError::NonFinite`], [`ViewError::Singular`] and [`ViewError::NoCamera`].
+    /// [`ViewError::NonFinite`] for NaN or infinite elements, [`ViewError::Singular`] for a matrix without
+    /// inverse, and [`ViewError::NoCamera`] for parallel view rays along which `w` differs.
     pub fn from_clip_from_world(matrix: impl Into<ClipMatrix>, depth: Depth) -> Result<Self, ViewError> {
         let matrix = matrix.into();
         matrix.check()?;
@@ -81,8 +85,8 @@ impl View {
             clip_planes: [Plane::new(DVec3::ZERO, 0.0); MAX_CLIP_PLANES],
             clip_count: 0,
         };
-        // What is nearer is told by w, or where that is the same everywhere, by depth. Here it would be told
-        // by neither.
+        // Nearer surfaces are told by w, or by depth where w is constant. A parallel view with varying w
+        // would have neither.
         let is_parallel = matches!(view.eye(DVec3::ZERO), Eye::Direction(_));
         if is_parallel && matrix.0.row(3).truncate() != DVec3::ZERO {
             return Err(ViewError::NoCamera);
@@ -90,40 +94,41 @@ impl View {
         Ok(view)
     }
 
-    /// The same view, with its matrix taken as relative to `origin`, a point of the world in `f64`.
+    /// Returns this view with its matrix and clip planes taken as relative to `origin`, a point of the world
+    /// in `f64`.
     ///
-    /// Only the difference to the origin of the scene counts, so a camera-relative matrix loses no precision
-    /// however far the camera is from the origin of the world.
+    /// Only the difference between this origin and the scene's origin enters the computations, so a
+    /// camera-relative matrix loses no precision however far the camera is from the origin of the world.
     ///
     /// # Errors
-    /// [`ViewError::NonFiniteOrigin`].
+    /// [`ViewError::NonFiniteOrigin`] if `origin` has a NaN or infinite coordinate.
     pub fn relative_to(self, origin: DVec3) -> Result<Self, ViewError> {
         if origin.is_finite() { Ok(Self { origin, ..self }) } else { Err(ViewError::NonFiniteOrigin) }
     }
 
-    /// The same view of the objects that share a layer with the given mask only; by default, all layers.
+    /// Returns this view restricted to objects that share a layer with `layers`, one bit per layer. Views
+    /// show all layers (`u32::MAX`) by default.
     pub fn with_layers(self, layers: u32) -> Self {
         Self { layers, ..self }
     }
 
-    /// The layers that this view shows, a bit each.
+    /// Returns the layers that this view shows, one bit per layer.
     pub fn layers(&self) -> u32 {
         self.layers
     }
 
-    /// The depth convention of the clip matrix.
+    /// Returns the depth convention of the clip matrix.
     pub fn depth(&self) -> Depth {
         self.depth
     }
 
-    /// The point of the world that the clip matrix is relative to.
+    /// Returns the point of the world that the clip matrix and the clip planes are relative to.
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
 
-    /// Clip space from points relative to `origin`, a point of the world: usually that of the scene.
-    ///
-    /// The two origins are subtracted in `f64` before anything else happens to them.
+    /// Returns the matrix that maps points relative to `origin`, a point of the world such as the scene's
+    /// origin, to clip space. The view's own origin is subtracted from `origin` in `f64` first.
     pub fn clip_from(&self, origin: DVec3) -> DMat4 {
         let offset = origin - self.origin;
         let mut matrix = self.clip_from_local;
@@ -131,7 +136,8 @@ impl View {
         matrix
     }
 
-    /// Where the view is seen from, relative to `origin`.
+    /// Returns the eye of this view: a point relative to `origin`, a point of the world, or the direction of
+    /// a parallel view.
     pub fn eye(&self, origin: DVec3) -> Eye {
         match eye_of(&self.clip_from_local, self.depth) {
             Eye::Point(eye) => Eye::Point(eye + (self.origin - origin)),

@@ -6,7 +6,7 @@ use super::{View, ViewError};
 use crate::geometry::Plane;
 use glam::{DVec3, DVec4};
 
-/// One plane of a view, and how far rounding may have moved it.
+/// One plane of a view, with a bound on its rounding error.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Pose, View};
@@ -17,14 +17,16 @@ use glam::{DVec3, DVec4};
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ViewPlane {
-    /// Unit normal, pointing into the view. Each component is within `8 * f64::EPSILON` of its own size.
+    /// The plane, with a unit normal that points into the view. Each component of the normal has a relative
+    /// error of at most `8 * f64::EPSILON`.
     pub plane: Plane,
-    /// Bound on the error of the plane's offset, in metres.
+    /// Bound on the absolute error of the plane's offset, in metres.
     pub error: f64,
 }
 
-/// The planes of a view: left, right, bottom, top, near, far, less those that do not exist (an infinite far
-/// plane), then its own [clip planes](View::with_clip_planes).
+/// The planes of a view, in the order left, right, bottom, top, near, far, followed by the view's [clip
+/// planes](View::with_clip_planes). An infinite far plane is left out, and so is any plane that `f64` cannot
+/// represent.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Pose, View};
@@ -36,8 +38,8 @@ pub struct ViewPlane {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ViewPlanes {
     planes: [ViewPlane; MAX_PLANES],
-    /// Which plane each is: 0 to 5 for left to far, above for the view's own. Of the first six, `slot ^ 1`
-    /// is opposite.
+    /// For each plane, its slot: 0 to 5 for left, right, bottom, top, near and far; 6 and up for clip planes
+    /// in their order. In slots 0 to 5, `slot ^ 1` is the opposite plane.
     slots: [u8; MAX_PLANES],
     count: usize,
 }
@@ -50,38 +52,30 @@ impl ViewPlanes {
         count: 0,
     };
 
-    /// The planes.
+    /// Returns the planes in the order that [`ViewPlanes`] states.
     pub fn as_slice(&self) -> &[ViewPlane] {
         &self.planes[..self.count]
     }
 
-    /// Returns whether a point, relative to the origin that the planes were made for, certainly lies on the
-    /// inner side of every plane. False for a point on a plane, where rounding cannot decide, and for NaN.
-    pub fn contain(&self, p: DVec3) -> bool {
-        self.as_slice().iter().all(|ViewPlane { plane, error }| {
-            // 6u of the magnitudes for the arithmetic, 16u for the normal's own rounding.
-            plane.signed_distance(p) > 4.0 * plane.error_bound(p.abs()) + error
-        })
-    }
-
-    /// The planes, each with its slot.
+    /// Iterates over the planes, each with its slot: 0 to 5 for left, right, bottom, top, near and far; 6 and
+    /// up for clip planes.
     pub(crate) fn with_slots(&self) -> impl Iterator<Item = (u8, &ViewPlane)> {
         self.slots.iter().copied().zip(self.as_slice())
     }
 
-    /// Adds the half-space `normal . p + offset >= 0` of points relative to the view's own origin, for points
-    /// that are shifted by `shift` from there. A plane with no direction, or beyond the reach of `f64`,
-    /// bounds nothing and is left out, which can only show more.
+    /// Appends the half-space `normal . p + offset >= 0`, where `plane` is for points relative to the view's
+    /// own origin and the result for points relative to that origin moved by `shift`. A plane with a zero
+    /// normal, or outside the range of `f64`, is left out, which only enlarges the view.
     fn push(&mut self, slot: u8, plane: Plane, shift: DVec3) {
-        // Scaled before anything is multiplied: the elements of a matrix may be so small that products with
-        // them are not.
+        // Scaled before anything is multiplied, because products with very small matrix elements would
+        // underflow.
         let scale = plane.normal.abs().max_element();
         let (n, offset) = (plane.normal / scale, plane.offset / scale);
         let moved = Plane::new(n, n.x * shift.x + n.y * shift.y + n.z * shift.z + offset);
         let Some(unit) = moved.normalized() else { return };
-        // The shift itself is rounded once, and so are normal and offset by scaling, then each product and
-        // partial sum once more, as in `Plane::error_bound`, then all by the length: 8u of the sum of
-        // magnitudes covers it.
+        // The shift is rounded once, and so are normal and offset by scaling; then each product and partial
+        // sum rounds once more, as in `Plane::error_bound`, and the division by the length rounds all. 8u of
+        // the sum of magnitudes covers these.
         let size = n.abs().dot(shift.abs()) + offset.abs();
         let error = 4.0 * f64::EPSILON * size / n.length() + f64::MIN_POSITIVE;
         if error.is_finite() && self.count < MAX_PLANES {
@@ -93,23 +87,23 @@ impl ViewPlanes {
 }
 
 impl View {
-    /// The same view, showing only what is on the inner side, `normal . p + offset >= 0`, of some more
-    /// planes: a mirror's, those of a portal, a section through a model. They take the place of those
-    /// that it had; an empty slice takes them away.
+    /// Returns this view further restricted to the inner side, `normal . p + offset >= 0`, of the given
+    /// planes: those of a mirror, of a portal, or a section through a model. They replace the view's former
+    /// clip planes; an empty slice removes these.
     ///
-    /// Points are relative to the view's [origin](Self::origin), in metres, as for the clip matrix; normals
-    /// may have any length. [`relative_to`](Self::relative_to) moves planes and matrix alike, so call it
-    /// first or mean it. (A view made from a [`Pose`](crate::Pose) has its origin in the eye.)
+    /// Planes are relative to the view's [origin](Self::origin), in metres, as the clip matrix is; normals
+    /// may have any length. [`relative_to`](Self::relative_to) moves planes and matrix together, so it should
+    /// be called before. (A view made from a [`Pose`](crate::Pose) has its origin in the eye.)
     ///
-    /// Whoever asks for [`planes`](Self::planes) honours them: the [`FrustumCuller`](crate::FrustumCuller)
-    /// and the [`CasterCuller`](crate::casters::CasterCuller); so does the item buffer of
-    /// `visibility-measure`.
-    /// They are no part of the clip matrix: an occlusion map that draws by the matrix alone may keep
-    /// objects beyond them, and must not be given occluders that they cut away.
+    /// Cullers that use [`planes`](Self::planes) respect clip planes: the
+    /// [`FrustumCuller`](crate::FrustumCuller), the [`CasterCuller`](crate::CasterCuller), and the item
+    /// buffer of `visibility-measure`. Clip planes are not part of the clip matrix. An occlusion map that
+    /// uses only the matrix may keep objects beyond the planes, and must not be given occluders that the
+    /// planes cut away.
     ///
     /// # Errors
-    /// [`ViewError::TooManyClipPlanes`] beyond [`MAX_CLIP_PLANES`]; [`ViewError::ClipPlane`] for one that is
-    /// not finite or has no direction.
+    /// [`ViewError::TooManyClipPlanes`] for more than [`MAX_CLIP_PLANES`]; [`ViewError::ClipPlane`] for a
+    /// plane that is not finite or has a zero normal.
     ///
     /// ```
     /// use visibility_core::{geometry::Plane, glam::DVec3, Pose, View};
@@ -135,14 +129,15 @@ impl View {
         Ok(Self { clip_planes, clip_count: planes.len(), ..self })
     }
 
-    /// The planes that were added to those of the clip matrix, relative to the view's origin.
+    /// Returns the view's clip planes, which restrict it beyond its clip matrix, relative to the view's
+    /// [origin](Self::origin). Empty by default.
     pub fn clip_planes(&self) -> &[Plane] {
         &self.clip_planes[..self.clip_count]
     }
 
-    /// Returns the unit planes of [`clip_planes`](Self::clip_planes) alone, for points relative to `origin`,
-    /// with the bounds on their rounding.
-    pub fn clip_planes_from(&self, origin: DVec3) -> ViewPlanes {
+    /// Returns the view's clip planes alone, without the planes of the clip matrix, for points relative to
+    /// `origin`, a point of the world. Slots are numbered from 0 here.
+    pub(crate) fn clip_planes_from(&self, origin: DVec3) -> ViewPlanes {
         let mut planes = ViewPlanes::NONE;
         for (slot, &plane) in (0..).zip(self.clip_planes()) {
             planes.push(slot, plane, origin - self.origin);
@@ -150,7 +145,8 @@ impl View {
         planes
     }
 
-    /// The near plane, for points relative to `origin`, if the matrix has one.
+    /// Returns the near plane for points relative to `origin`, a point of the world. `None` if `f64` cannot
+    /// represent the plane.
     pub(crate) fn near_plane(&self, origin: DVec3) -> Option<ViewPlane> {
         let mut planes = ViewPlanes::NONE;
         let near = self.depth_rows().0;
@@ -158,20 +154,22 @@ impl View {
         planes.as_slice().first().copied()
     }
 
-    /// The near and, if there is one, the far plane, as rows that give what is in view a positive product.
+    /// Returns the near plane and, unless depth is infinite, the far plane, as rows for points relative to
+    /// the view's origin. Their dot product with `(x, y, z, 1)` is positive on the side in view.
     fn depth_rows(&self) -> (DVec4, Option<DVec4>) {
         self.depth.rows(self.clip_from_local.row(2), self.clip_from_local.row(3))
     }
 
-    /// The planes that bound the view, for points relative to `origin`.
+    /// Returns the planes that bound the view, clip planes included, for points relative to `origin`, a point
+    /// of the world.
     pub fn planes(&self, origin: DVec3) -> ViewPlanes {
         let m = &self.clip_from_local;
         let [x, y, w] = [m.row(0), m.row(1), m.row(3)];
         let (near, far) = self.depth_rows();
         let shift = origin - self.origin;
         let mut planes = ViewPlanes::NONE;
-        // An infinite far plane is left out on the caller's word: what rounding leaves of it in the matrix
-        // would be a plane at a random angle.
+        // An infinite far plane is left out because the convention says so: what rounding leaves of it in the
+        // matrix would be a plane at a random angle.
         for (slot, row) in (0..).zip([w + x, w - x, w + y, w - y, near].into_iter().chain(far)) {
             planes.push(slot, Plane::new(row.truncate(), row.w), shift);
         }

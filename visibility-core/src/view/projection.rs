@@ -1,29 +1,29 @@
-//! Points of the world in clip space, with bounds on their rounding: derived here once for every culler that
-//! projects.
+//! Projection of points to clip space with bounds on the rounding errors, derived here once for all cullers
+//! that project.
 //!
 //! # Linear functions
-//! Clip-space `x`, `y` and `w`, pixel coordinates times `w`, the distance beyond the near plane and the depth
-//! key are all linear in the point. A [`ClipRow`] is such a function of points relative to the *anchor*: the
-//! eye of a perspective view, the view's own origin otherwise. So precision does not depend on where in the
-//! scene the camera is.
+//! Clip-space `x`, `y` and `w`, pixel coordinates times `w`, the distance beyond the near plane, and the
+//! depth key times `w` are all linear in the point. A [`ClipRow`] is such a function of points relative to
+//! the *anchor*: the eye of a perspective view, the view's own origin otherwise. Precision therefore does not
+//! depend on the camera's position in the scene.
 //!
-//! A clip matrix may come with any factor; at 1e-43 its rows would be denormals in `f32`, and at 1e-105 the
-//! determinants of three rows would be in `f64`. So all rows are scaled by the power of two that gives `w` a
-//! slope of about one, which rounds nothing.
+//! A clip matrix may have any scale. With a factor of 1e-43 its rows would be denormals in `f32`, and with
+//! 1e-105 the determinants of three rows would be denormals in `f64`. All rows are therefore scaled by the
+//! power of two that gives `w` a slope of about one, which is exact.
 //!
 //! # Bounds
-//! With `u = 2^-53`, and the view's matrix and the difference of origins taken as they are given:
-//! - A row's elements are one element of the matrix, or a sum of two, scaled once or twice: at most `3u` of
-//!   their size.
-//! - The constant is the row at the eye, in the view's own coordinates: three products, three sums, `6u` of
-//!   the sum of magnitudes.
-//! - The anchor is off by `u` of itself and `u` of the difference of origins, which the row's elements
+//! With `u = 2^-53`, and the view's matrix and the difference of origins taken as exact:
+//! - The elements of a row are one element of the matrix or a sum of two, scaled once or twice: relative
+//!   error at most `3u`.
+//! - The constant is the row's value at the eye, in the view's own coordinates: three products and three
+//!   sums, `6u` of the sum of magnitudes.
+//! - The anchor has an error of `u` of itself and `u` of the difference of origins, which the row's elements
 //!   multiply.
-//! - The value at a point adds five roundings for each term: the difference that made the point, a product
-//!   and three sums.
+//! - Evaluating the row at a point adds five roundings to each term: the difference that made the point, a
+//!   product and three sums.
 //!
-//! The bounds below take `16u`, `4u` and `8u` for these `9u`, `2u` and `5u`. What underflows loses less than
-//! the least normal number, which is added.
+//! The code uses `16u`, `4u` and `8u` for these `9u`, `2u` and `5u`. Underflow loses less than the least
+//! normal number, which is added.
 
 use super::eye::eye_error;
 use super::{Depth, Eye, View};
@@ -32,7 +32,8 @@ use glam::{DVec3, DVec4};
 /// Unit round-off of `f64`.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// A linear function of points, such as clip-space `w`.
+/// An affine function of points relative to a [`ViewProjection`]'s anchor, such as clip-space `w`, with a
+/// bound on its rounding error.
 ///
 /// ```
 /// use visibility_core::view::ViewProjection;
@@ -46,17 +47,18 @@ const U: f64 = f64::EPSILON / 2.0;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct ClipRow {
-    /// What one metre along each axis adds to the value.
+    /// Gradient: the change of the value per metre along each axis.
     pub linear: DVec3,
-    /// The value at the anchor.
+    /// Value at the anchor.
     pub constant: f64,
-    /// Bound on the absolute error of `constant`, the effect of rounding the anchor included.
+    /// Bound on the absolute error of `constant`, including the effect of rounding the anchor.
     pub error: f64,
 }
 
 impl ClipRow {
-    /// The value at a point relative to the anchor, and a bound on its error. The point may be a difference
-    /// rounded once.
+    /// Returns the value at a point, in metres relative to the anchor, and a bound on the absolute error of
+    /// that value. The bound allows for one rounding of each of the point's coordinates, as of a difference
+    /// of two points.
     #[inline]
     pub fn at(&self, point: DVec3) -> (f64, f64) {
         let (l, p) = (self.linear, point);
@@ -67,7 +69,8 @@ impl ClipRow {
     }
 }
 
-/// The projection of a view, for points relative to an origin of the caller's choice: usually the scene's.
+/// The projection of a view, with error bounds. [`new`](Self::new) takes an origin, usually the scene's;
+/// anchor and eye are relative to that origin, and [`ClipRow`]s take points relative to the anchor.
 ///
 /// ```
 /// use visibility_core::view::ViewProjection;
@@ -81,22 +84,23 @@ impl ClipRow {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ViewProjection {
-    /// The rows of the clip matrix, for points relative to the view's origin, times a power of two.
+    /// Rows of the clip matrix for points relative to the view's origin, all scaled by one power of two.
     rows: [DVec4; 4],
     depth: Depth,
-    /// The anchor relative to the view's origin.
+    /// Anchor of the rows, relative to the view's origin.
     local: DVec3,
-    /// The view's origin relative to the caller's.
+    /// Origin of the view, relative to the origin that the caller chose.
     offset: DVec3,
     eye: Eye,
     eye_error: f64,
 }
 
 impl ViewProjection {
-    /// The projection of a view for points relative to `origin`.
+    /// Builds the projection of a view. `origin` is the point of the world that anchor and eye are to be
+    /// relative to, usually the scene's origin.
     pub fn new(view: &View, origin: DVec3) -> Self {
-        // The view's own matrix: subtracting origins later keeps the precision of a camera far from the
-        // caller's origin.
+        // The view's own matrix: with origins subtracted later, a camera far from the caller's origin keeps
+        // its precision.
         let matrix = view.clip_from(view.origin());
         let local = match view.eye(view.origin()) {
             Eye::Point(eye) => eye,
@@ -108,47 +112,52 @@ impl ViewProjection {
         Self { rows, depth: view.depth(), local, offset: view.origin() - origin, eye, eye_error }
     }
 
-    /// The point that [`ClipRow`]s take points relative to, itself relative to the origin.
+    /// Returns the point that [`ClipRow`]s take points relative to: the eye of a perspective view, the view's
+    /// own origin otherwise. In metres, relative to the origin passed to [`new`](Self::new).
     pub fn anchor(&self) -> DVec3 {
         self.local + self.offset
     }
 
-    /// The eye, relative to the origin; the anchor of a perspective view.
+    /// Returns the eye, relative to the origin passed to [`new`](Self::new): the point of a perspective view,
+    /// which is also the anchor up to rounding, or the direction of a parallel view.
     pub fn eye(&self) -> Eye {
         self.eye
     }
 
-    /// Bound on the distance of [`eye`](Self::eye) from the eye of the exact matrix: in metres for a point;
-    /// for a direction, the length of the difference of the unit vectors. Infinite where rounding leaves
-    /// open where the eye is, or whether it is a point.
+    /// Returns a bound on the distance of [`eye`](Self::eye) from the eye of the exact matrix: in metres for
+    /// a point; for a direction, the length of the difference of the unit vectors. Infinite where rounding
+    /// leaves undecided where the eye is, or whether it is a point.
     pub fn eye_error(&self) -> f64 {
         self.eye_error
     }
 
-    /// Clip-space `x`.
+    /// Returns clip-space `x` as a function of the point, in the scale of [`w`](Self::w).
     pub fn x(&self) -> ClipRow {
         self.row(self.rows[0])
     }
 
-    /// Clip-space `y`.
+    /// Returns clip-space `y` as a function of the point, in the scale of [`w`](Self::w).
     pub fn y(&self) -> ClipRow {
         self.row(self.rows[1])
     }
 
-    /// Clip-space `w`: positive before the eye; constant for parallel views.
+    /// Returns clip-space `w`, up to a constant positive power of two, as a function of the point: positive
+    /// in front of the eye of a perspective view, constant for a parallel view.
     pub fn w(&self) -> ClipRow {
         self.row(self.rows[3])
     }
 
-    /// Positive beyond the near plane, zero on it; in no unit, since only its sign counts.
+    /// Returns a function of the point that is positive beyond the near plane and 0 on it. Its scale is
+    /// arbitrary, so only the sign is meaningful.
     pub fn near(&self) -> ClipRow {
         let near = self.depth.rows(self.rows[2], self.rows[3]).0;
         self.row(near * scale_to_one(near))
     }
 
-    /// The depth key times `w`. The key is linear on the screen over a plane, and falls along every line of
-    /// sight: `1 / w` for perspective views, whose row is the constant 1; clip depth for parallel ones,
-    /// negated unless [reversed](Depth::is_reversed).
+    /// Returns the depth key times `w` as a function of the point. Over a plane, the depth key is linear in
+    /// screen coordinates; along every view ray away from the eye, it falls. For perspective views the key is
+    /// `1 / w`, so the function is the constant 1. For parallel views the key is clip depth, negated unless
+    /// depth is [reversed](Depth::is_reversed).
     pub fn depth_key(&self) -> ClipRow {
         self.row(match (self.eye, self.depth.is_reversed()) {
             (Eye::Point(_), _) => DVec4::W,
@@ -157,21 +166,22 @@ impl ViewProjection {
         })
     }
 
-    /// Pixel coordinates times `w`, in a picture of the given width and height in pixels: columns to the
-    /// right, rows downwards, the first pixel between 0 and 1.
+    /// Returns the pixel coordinates times `w`, column first, as functions of the point. `width` and `height`
+    /// are the size of the picture in pixels. Columns grow to the right and rows downwards; the first pixel
+    /// spans 0 to 1.
     pub fn pixels(&self, width: f64, height: f64) -> [ClipRow; 2] {
         let [x, y, _, w] = self.rows;
         [self.row((x + w) * (0.5 * width)), self.row((w - y) * (0.5 * height))]
     }
 
-    /// The sign of the determinant of clip-space `(x, y, w)` of three points in view whose triangle turns its
-    /// normal away from the eye: 1 for the matrix of an unmirrored camera, -1 for a mirrored one, 0 where
-    /// rounding leaves nothing of it.
+    /// Returns the orientation of the view: the sign of the determinant of the clip-space `(x, y, w)` of
+    /// three points in view whose triangle, counter-clockwise by its normal, faces away from the eye. 1 for
+    /// the matrix of an unmirrored camera, -1 for a mirrored one, 0 where rounding leaves the sign undecided.
     pub fn orientation(&self) -> f64 {
         let [x, y, w] = [self.rows[0], self.rows[1], self.rows[3]].map(DVec4::truncate);
         let turn = match self.eye {
             Eye::Point(_) => x.cross(y).dot(w),
-            // Lines of sight run along one direction, and w is the same everywhere.
+            // All view rays run along one direction, and w is constant.
             Eye::Direction(along) => x.cross(y).dot(along) * self.rows[3].w,
         };
         if turn.is_nan() || turn == 0.0 { 0.0 } else { turn.signum() }
@@ -186,9 +196,10 @@ impl ViewProjection {
     }
 }
 
-/// The power of two that scales the linear part of a row to a sum of magnitudes from 1 to 2, or the constant
-/// of a row whose linear part is zero. Multiplying by it is exact. It is 1 for a row of unit length: that sum
-/// is then from 1 to the square root of 3, and the factor in the code outweighs its rounding.
+/// Returns the power of two that scales the sum of magnitudes of a row's linear part to 1 to 2; if the linear
+/// part is zero, the constant's magnitude. Multiplication by it is exact. For a row whose linear part has
+/// unit length the result is 1: that sum is then from 1 to the square root of 3, and the factor in the code
+/// outweighs its rounding.
 fn scale_to_one(row: DVec4) -> f64 {
     let linear = row.truncate().abs().element_sum();
     let size = if linear > 0.0 { linear } else { row.w.abs() } * (1.0 + 1.0 / 524_288.0);

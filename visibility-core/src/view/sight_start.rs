@@ -1,17 +1,18 @@
-//! Where the lines of sight of a view begin: the one computation for all who ask which regions an eye sees
-//! from.
+//! Where the view rays of a view begin: computed here once for all users that need to know from which regions
+//! an eye sees.
 //!
-//! Nothing before the near plane is drawn, and nothing that a clip plane cuts away. So a line of sight begins
-//! at its first point inside of these planes: in the eye if that is inside of all of them, otherwise on a
-//! plane that the line crosses inwards. All lines of sight that cross such a plane meet it in the convex hull
-//! of the points in which the four edges of the view meet it, provided that all four do so before the eye. A
-//! near plane as of a mirror (Lengyel, "Oblique View Frustum Depth Projection and Clipping", 2005) need not:
-//! then the lines of sight begin at any distance, and nothing is told.
+//! Nothing before the near plane is drawn, and nothing that a clip plane cuts away. So a view ray begins at
+//! its first point inside all of these planes: in the eye if the eye is inside all of them, otherwise on a
+//! plane that the ray crosses inwards. All view rays that cross such a plane meet it in the convex hull of
+//! the points in which the four edges of the view meet it, provided that all four do so in front of the eye.
+//! An oblique near plane, as of a mirror (Lengyel, "Oblique View Frustum Depth Projection and Clipping",
+//! 2005), need not meet all four edges. View rays then begin at any distance, and no bound is given.
 //!
 //! # Rounding
-//! The planes of a [`View`] are within stated errors of the exact ones, [`margin`] bounds the distances to
-//! these, and [`intersection`] the points where three of them meet. Every question that decides whether lines
-//! of sight begin somewhere is answered for the exact planes, or not at all.
+//! The planes of a [`View`] are within stated errors of the exact ones. [`margin`] bounds the error of
+//! distances from these planes, and [`intersection`] the error of the points where three of them meet. Every
+//! question that decides whether view rays begin somewhere is answered for the exact planes, or reported as
+//! undecided.
 
 use super::{Eye, View, ViewPlane, ViewProjection};
 use crate::geometry::{Corners, clip_outward};
@@ -21,30 +22,33 @@ use smallvec::SmallVec;
 /// Unit round-off of `f64`.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// The least determinant of three unit normals that rounding leaves a sign, twice over.
+/// Least determinant of three unit normals, in magnitude, at which rounding leaves its sign certain; twice
+/// the error bound.
 ///
 /// The normals are within `16u` of the exact ones, each of which counts once: `48u`. The products and sums of
-/// the determinant round by less than `16u`. So an exact determinant is at least half of a computed one above
-/// this.
+/// the determinant round by less than `16u`. So if the computed determinant is above this constant, the exact
+/// one is at least half of the computed one.
 const LEAST_DETERMINANT: f64 = 128.0 * U;
 
 impl View {
-    /// Calls `each` with convex polygons that hold the first point of every line of sight of the view,
-    /// whatever is far away.
+    /// Calls `each` with convex polygons that together contain the first point of every view ray of this
+    /// view, without regard to the far plane. The first point is where a ray passes the near plane and all
+    /// [clip planes](Self::with_clip_planes).
     ///
-    /// Corners are in order around a polygon, in metres relative to `anchor`, a point of the world; each is
-    /// within the second argument, in metres, of where it should be, and so is all that is between them. A
-    /// polygon may also be a single point: an eye that no plane cuts away. A common view has one polygon, the
-    /// rectangle on its near plane; each [clip plane](Self::with_clip_planes) that cuts the eye away adds one
-    /// at most; no polygon at all means that planes cut everything away. Errors are least where the anchor is
-    /// the eye, or near it.
+    /// The first argument of `each` is a polygon's corners in order around it, in metres relative to
+    /// `anchor`, a point of the world. The second argument is an error bound in metres: every point of the
+    /// exact polygon is within this distance of the polygon given. A polygon may be a single point: an eye
+    /// that no plane cuts away. A common view has one polygon, the rectangle on its near plane. Each clip
+    /// plane that cuts the eye away adds at most one polygon. If there is no polygon at all, planes cut
+    /// everything away. Errors are smallest if `anchor` is the eye or near it.
     ///
-    /// False if that cannot be told, and then the polygons mean nothing: where lines of sight begin at any
-    /// distance, since some never meet an oblique near plane; where rounding leaves open whether the eye, or
-    /// the direction of a parallel view, is inside of a plane or beyond it; and where a plane of the view is
-    /// beyond the range of `f64`.
+    /// Returns false if the first points cannot be determined; the polygons passed so far are then to be
+    /// discarded. This happens where some view rays never meet an oblique near plane, so that others start at
+    /// any distance; where rounding leaves undecided on which side of a plane the eye, or the direction of a
+    /// parallel view, is; and where `f64` cannot represent a plane of the view.
     ///
-    /// Takes constant time, with clip planes in proportion to the square of their number. No allocation.
+    /// Takes constant time, with clip planes in proportion to the square of their number, and allocates
+    /// nothing.
     ///
     /// ```
     /// use visibility_core::{glam::DVec3, Pose, View};
@@ -61,18 +65,19 @@ impl View {
     }
 }
 
-/// The planes that decide where lines of sight begin, relative to an anchor.
+/// The planes that decide where view rays begin, in metres relative to an anchor.
 struct SightPlanes {
-    /// Left, right, bottom, top.
+    /// Left, right, bottom and top plane of the frustum.
     sides: [ViewPlane; 4],
-    /// The near plane, then the clip planes.
+    /// The planes that view rays may begin on: the near plane, then the clip planes in their order.
     fronts: SmallVec<[ViewPlane; 11]>,
-    /// The eye and the bound on its error in metres; `None` for parallel views.
+    /// The eye, relative to the anchor, and the bound on its error in metres; `None` for parallel views.
     eye: Option<(DVec3, f64)>,
 }
 
 impl SightPlanes {
-    /// `None` if a plane is missing.
+    /// Collects the planes of `view` relative to `anchor`, a point of the world. `None` if `f64` cannot
+    /// represent one of them.
     fn new(view: &View, anchor: DVec3) -> Option<Self> {
         let planes = view.planes(anchor);
         let mut sides = [None; 4];
@@ -86,7 +91,7 @@ impl SightPlanes {
         }
         let [left, right, bottom, top] = sides;
         let sides = [left?, right?, bottom?, top?];
-        // A plane that could not be had would let lines of sight begin earlier than they do.
+        // Without a front plane, view rays would seem to begin earlier than they do.
         if fronts.len() != 1 + view.clip_planes().len() {
             return None;
         }
@@ -98,7 +103,8 @@ impl SightPlanes {
         Some(Self { sides, fronts, eye })
     }
 
-    /// `None` if it cannot be told where lines of sight begin.
+    /// Calls `each` with every polygon and its error bound, as [`View::for_each_sight_start`] does. `None` if
+    /// the first points of view rays cannot be determined; polygons passed before are then invalid.
     fn for_each_polygon(&self, mut each: impl FnMut(&[DVec3], f64)) -> Option<()> {
         let mut at_eye = self.eye;
         for place in 0..self.fronts.len() {
@@ -117,11 +123,13 @@ impl SightPlanes {
         Some(())
     }
 
-    /// Whether lines of sight cross a front plane inwards, if they cross it at all; `None` if that is unsure.
+    /// Returns whether view rays that cross the front plane `fronts[place]` cross it inwards; `None` if
+    /// rounding leaves the answer undecided.
     ///
-    /// From an eye they do if it is beyond the plane. In a parallel view the sense of the lines is such that
-    /// they cross the near plane inwards; they run along the edge in which two sides meet, and the
-    /// determinants tell the angles of that with the planes.
+    /// From an eye, rays cross the plane inwards if the eye is outside of it. In a parallel view, rays are
+    /// known to cross the near plane inwards. Parallel rays run along the edge in which two side planes meet,
+    /// and the determinants of the two planes with these side planes have the same sign if both are crossed
+    /// in the same sense.
     fn is_entered(&self, place: usize) -> Option<bool> {
         let front = &self.fronts[place];
         let [left, _, bottom, _] = &self.sides;
@@ -139,12 +147,13 @@ impl SightPlanes {
         }
     }
 
-    /// The part of a front plane in which lines of sight begin, which may be empty, and the bound on the
-    /// error of its corners in metres. `None` unless all edges of the view surely meet the plane before the
-    /// eye.
+    /// Returns a convex polygon that contains all points of the front plane `fronts[place]` at which view
+    /// rays begin, possibly empty, and the error bound of its corners in metres. `None` unless all four edges
+    /// of the view certainly meet the plane in front of the eye.
     ///
-    /// A corner is before the eye if clip `w` is positive there. On the left side `x = -w`, so the right
-    /// side's `w - x` is `2w`: any side that is not met in the corner tells.
+    /// A corner is in front of the eye if clip-space `w` is positive there. On the left plane `x = -w`, so
+    /// the right plane's `w - x` is `2w` there. The sign of `w` at a corner is therefore that of the distance
+    /// from any side plane that does not pass through the corner.
     fn polygon(&self, place: usize) -> Option<(Corners, f64)> {
         let front = &self.fronts[place];
         let [left, right, bottom, top] = &self.sides;
@@ -166,11 +175,11 @@ impl SightPlanes {
             error = error.max(corner.error);
         }
         for (_, other) in self.fronts.iter().enumerate().filter(|&(other, _)| other != place) {
-            // A point of the exact polygon that is inside of the exact plane has a point between the corners
-            // within `error` of it, and that is within `margin + error` of the plane as it is here. To
-            // compute the height of a corner is in the margin; where a crossing is put on its edge rounds by
-            // a few units of what both ends are from the anchor and the plane from them, and it is off the
-            // edge by less than `4u` of that.
+            // A point of the exact polygon that is inside the exact plane has a point between the corners
+            // within `error`, and that point is within `margin + error` of the plane as given here. The
+            // rounding of a corner's distance is part of the margin. The position of a crossing on its edge
+            // rounds by a few units of the distance of both ends from the anchor and of the plane from the
+            // anchor, and is off the edge by less than `4u` of these.
             let reach = corners.iter().fold(0.0, |reach: f64, corner| reach.max(corner.length()));
             let moved = margin(other, reach) + error + 16.0 * U * (reach + other.plane.offset.abs());
             corners = clip_outward(&corners, &other.plane, moved);
@@ -180,32 +189,34 @@ impl SightPlanes {
     }
 }
 
-/// Bound on the difference in metres between the distance of a point from a plane, as computed, and that from
-/// the exact plane.
+/// Returns a bound, in metres, on the difference between the computed distance of a point from a plane and
+/// the distance from the exact plane.
 ///
 /// `reach` is the point's distance from the anchor. The exact normal is within `16u` of the plane's own in
-/// each component, which counts `16u reach`; the products and sums round by `4u` of the reach and `2u` of the
-/// offset, and may lose denormals. The rest of `32u` and `4u` covers that of the reach itself.
+/// each component, which counts `16u reach`. The products and sums round by `4u` of the reach and `2u` of the
+/// offset, and may lose denormals. The rest of `32u` and `4u` covers the rounding of the reach itself.
 fn margin(plane: &ViewPlane, reach: f64) -> f64 {
     plane.error + 32.0 * U * reach + 4.0 * U * plane.plane.offset.abs() + 8.0 * f64::MIN_POSITIVE
 }
 
-/// The point where three planes meet.
+/// The point in which three planes meet, relative to the anchor.
 struct Intersection {
     at: DVec3,
-    /// How far, in metres, `at` can be from where the exact planes meet.
+    /// Bound on the distance, in metres, from `at` to the point in which the exact planes meet.
     error: f64,
-    /// Of the unit normals in the order of the planes. The exact one has the same sign.
+    /// Determinant of the unit normals in the order of the planes. The exact determinant has the same sign.
     determinant: f64,
 }
 
-/// Where three planes surely meet in one point; `None` if they may not.
+/// Returns the point in which three planes certainly meet; `None` if rounding leaves undecided whether there
+/// is exactly one.
 ///
-/// The point found may be off the exact planes by its computed distances from them and the margins of these.
-/// With unit normals `N`, the product of the singular values is the determinant and the sum of their squares
-/// 3, so the least is at least the determinant over 1.5. The exact determinant is at least half the computed
-/// one; so the distance of the exact point is at most `3 sqrt(3)` times the greatest residual over the
-/// computed determinant. 6 leaves the rest for rounding of this bound.
+/// The exact planes may be off the computed point by its computed distances from the planes and the margins
+/// of these distances. With the unit normals as rows of a matrix, the product of its singular values is the
+/// determinant, and the sum of their squares is 3, so the least singular value is at least the determinant
+/// over 1.5. The exact determinant is at least half the computed one. The distance of the exact point is
+/// therefore at most `3 sqrt(3)` times the greatest residual over the computed determinant. The factor 6
+/// leaves the rest for rounding of this bound.
 fn intersection(planes: [&ViewPlane; 3]) -> Option<Intersection> {
     let [a, b, c] = planes.map(|plane| plane.plane);
     let (bc, ca, ab) = (b.normal.cross(c.normal), c.normal.cross(a.normal), a.normal.cross(b.normal));
@@ -216,7 +227,7 @@ fn intersection(planes: [&ViewPlane; 3]) -> Option<Intersection> {
         residual.max(plane.plane.signed_distance(at).abs() + margin(plane, reach))
     });
     let error = 6.0 * residual / determinant.abs();
-    // Written so that NaN is no point.
+    // Written so that NaN gives `None`.
     let sure = determinant.abs() > LEAST_DETERMINANT && error < f64::INFINITY;
     sure.then_some(Intersection { at, error, determinant })
 }
