@@ -96,7 +96,7 @@ impl View {
     /// be called before. (A view made from a [`Pose`](crate::Pose) has its origin in the eye.)
     ///
     /// Cullers that use [`planes`](Self::planes) respect clip planes: the
-    /// [`FrustumCuller`](crate::FrustumCuller), the [`CasterCuller`](crate::CasterCuller), and the item
+    /// [`FrustumCuller`](crate::FrustumCuller), the [`CasterCuller`](crate::casters::CasterCuller), and the item
     /// buffer of `visibility-measure`. Clip planes are not part of the clip matrix. An occlusion map that
     /// uses only the matrix may keep objects beyond the planes, and must not be given occluders that the
     /// planes cut away.
@@ -137,7 +137,7 @@ impl View {
 
     /// Returns the view's clip planes alone, without the planes of the clip matrix, for points relative to
     /// `origin`, a point of the world. Slots are numbered from 0 here.
-    pub(crate) fn clip_planes_from(&self, origin: DVec3) -> ViewPlanes {
+    pub fn clip_planes_from(&self, origin: DVec3) -> ViewPlanes {
         let mut planes = ViewPlanes::NONE;
         for (slot, &plane) in (0..).zip(self.clip_planes()) {
             planes.push(slot, plane, origin - self.origin);
