@@ -83,7 +83,8 @@ impl core::fmt::Display for Accuracy {
 /// }
 /// ```
 pub trait Culler {
-    /// Returns the culler's name, a word or two, for tables and for [`Explanation`](crate::pipeline::Explanation).
+    /// Returns the culler's name, a word or two, for tables and for
+    /// [`Explanation`](crate::pipeline::Explanation).
     fn name(&self) -> &str;
 
     /// Returns the accuracy that the culler guarantees with its present settings.

@@ -31,8 +31,8 @@ pub(crate) struct TestPlane {
     pub(crate) high: [f32; 3],
     pub(crate) low: [f32; 3],
     pub(crate) offset: f32,
-    /// For each axis, whether the test uses a box's greatest coordinate (`true`, where the normal's component
-    /// is not negative) or its least coordinate (`false`).
+    /// For each axis, whether the test uses a box's greatest coordinate (`true`, where the normal's
+    /// component is not negative) or its least coordinate (`false`).
     pub(crate) greatest: [bool; 3],
 }
 

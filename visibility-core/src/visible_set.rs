@@ -58,8 +58,8 @@ struct Changes {
     /// Position in the scene that `now` was noted from; [`SceneCursor::START`] before the first frame.
     scene: SceneCursor,
     is_other: bool,
-    /// Indexed by object index: the position of the object in `now`. Meaningful only if `now` holds an object
-    /// with that index at that position.
+    /// Indexed by object index: the position of the object in `now`. Meaningful only if `now` holds an
+    /// object with that index at that position.
     now_places: Vec<u32>,
     before_places: Vec<u32>,
 }

@@ -60,8 +60,8 @@ pub struct Scene {
     costs: Vec<u32>,
     /// One bit per object index: whether the object was flagged as never to be culled.
     never_cull: Vec<u64>,
-    /// Triangles of each object, in scene coordinates, indexed by object index. Shorter than the index range,
-    /// and empty until an object first gets triangles.
+    /// Triangles of each object, in scene coordinates, indexed by object index. Shorter than the index
+    /// range, and empty until an object first gets triangles.
     triangles: Vec<Box<[Triangle]>>,
     meshes: Vec<OccluderMesh>,
     /// Mesh and transform of each object that has an occluder mesh, keyed by object index.

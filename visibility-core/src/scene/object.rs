@@ -84,8 +84,8 @@ pub struct Object {
     pub layers: u32,
     /// Cost of drawing the object, in triangles or any other unit, for cullers that have a budget.
     pub cost: u32,
-    /// Whether the object is exempt from culling: visible in every view that shares a layer with it, whatever
-    /// the cullers find.
+    /// Whether the object is exempt from culling: visible in every view that shares a layer with it,
+    /// whatever the cullers find.
     pub never_cull: bool,
     /// Whether the object is opaque and may hide others. False by default, because a transparent object used
     /// as an occluder hides visible objects.

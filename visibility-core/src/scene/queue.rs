@@ -15,8 +15,8 @@ pub(super) struct Queue {
     pub(super) waiting: usize,
     /// Number of the node from which the search for the next queued node starts.
     at: usize,
-    /// Indexed by node: the overlap below which redistributing the node's group is not attempted, raised when
-    /// an attempt did not help.
+    /// Indexed by node: the overlap below which redistributing the node's group is not attempted, raised
+    /// when an attempt did not help.
     pub(super) borne: Vec<f32>,
 }
 

@@ -39,7 +39,7 @@ use glam::{DMat4, DVec3};
 /// Half a kilobyte, `Copy`, and cheap to make anew each frame.
 ///
 /// ```
-/// use visibility_core::{glam::Mat4, Depth, View};
+/// use visibility_core::{glam::Mat4, view::Depth, View};
 /// // From the engine's own matrix: a glam type of this crate's version, or an array.
 /// let matrix = [[1.2, 0.0, 0.0, 0.0], [0.0, 1.6, 0.0, 0.0], [0.0, 0.0, 0.0, -1.0], [0.0, 0.0, 0.1, 0.0f32]];
 /// let view = View::from_clip_from_world(matrix, Depth::ReversedInfinite)?;

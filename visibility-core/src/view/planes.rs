@@ -45,7 +45,7 @@ pub struct ViewPlanes {
 }
 
 impl ViewPlanes {
-    /// No plane, so that every point is inside.
+    /// An empty list of planes: every point is inside.
     pub const NONE: Self = Self {
         planes: [ViewPlane { plane: Plane::new(DVec3::ZERO, 1.0), error: 0.0 }; MAX_PLANES],
         slots: [0; MAX_PLANES],
@@ -55,6 +55,16 @@ impl ViewPlanes {
     /// Returns the planes in the order that [`ViewPlanes`] states.
     pub fn as_slice(&self) -> &[ViewPlane] {
         &self.planes[..self.count]
+    }
+
+    /// Returns whether a point, in metres relative to the origin that the planes were made for, is certainly
+    /// strictly inside every plane. False for a point on a plane, where rounding leaves the side undecided,
+    /// and for NaN. True without planes.
+    pub fn contain(&self, p: DVec3) -> bool {
+        self.as_slice().iter().all(|ViewPlane { plane, error }| {
+            // 6u of the magnitudes for the arithmetic, 16u for the normal's own rounding.
+            plane.signed_distance(p) > 4.0 * plane.error_bound(p.abs()) + error
+        })
     }
 
     /// Iterates over the planes, each with its slot: 0 to 5 for left, right, bottom, top, near and far; 6 and
@@ -96,10 +106,10 @@ impl View {
     /// be called before. (A view made from a [`Pose`](crate::Pose) has its origin in the eye.)
     ///
     /// Cullers that use [`planes`](Self::planes) respect clip planes: the
-    /// [`FrustumCuller`](crate::FrustumCuller), the [`CasterCuller`](crate::casters::CasterCuller), and the item
-    /// buffer of `visibility-measure`. Clip planes are not part of the clip matrix. An occlusion map that
-    /// uses only the matrix may keep objects beyond the planes, and must not be given occluders that the
-    /// planes cut away.
+    /// [`FrustumCuller`](crate::FrustumCuller), the [`CasterCuller`](crate::casters::CasterCuller), and the
+    /// item buffer of `visibility-measure`. Clip planes are not part of the clip matrix. An occlusion map
+    /// that uses only the matrix may keep objects beyond the planes, and must not be given occluders that
+    /// the planes cut away.
     ///
     /// # Errors
     /// [`ViewError::TooManyClipPlanes`] for more than [`MAX_CLIP_PLANES`]; [`ViewError::ClipPlane`] for a

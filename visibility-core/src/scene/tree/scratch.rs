@@ -8,8 +8,8 @@ use alloc::vec::Vec;
 pub(in crate::scene) struct Scratch {
     /// Slot of each object of the batch before the first move, in batch order.
     pub(in crate::scene) slots: Vec<Slot>,
-    /// The objects of the batch, sorted by leaf: the position in the batch in the upper 26 bits, the object's
-    /// lane in the lower 6.
+    /// The objects of the batch, sorted by leaf: the position in the batch in the upper 26 bits, the
+    /// object's lane in the lower 6.
     pub(super) sorted: Vec<u32>,
     /// Indexed by node: the end, exclusive, of the node's range in `sorted`.
     pub(super) ends: Vec<u32>,

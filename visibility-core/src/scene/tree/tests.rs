@@ -105,8 +105,8 @@ fn check_lane_is_free(tree: &Tree, node: usize, lane: usize) {
     assert_eq!(tree.occluders[node] >> lane & 1, 0);
 }
 
-/// Returns a small random box in a cube of side `spread` metres, or, one time in eight, a degenerate one: inverted,
-/// vast, flat, NaN or infinite.
+/// Returns a small random box in a cube of side `spread` metres, or, one time in eight, a degenerate one:
+/// inverted, vast, flat, NaN or infinite.
 fn random_bounds(rng: &mut Random, spread: f32) -> Aabb {
     let min: [f32; 3] = core::array::from_fn(|_| (rng.unit() as f32 - 0.5) * spread);
     let mut max = min.map(|x| x + rng.unit() as f32);
