@@ -1,4 +1,5 @@
-//! The objects of a street in order of importance, and how many of them some budgets buy.
+//! Order of a street's objects by the approximate culler, and the number of visible objects at several
+//! budgets.
 //!
 //! `cargo run -p visibility-plp --example budget`
 
@@ -20,12 +21,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             lamps.push(scene.insert(Aabb::new(foot, foot + Vec3::new(0.2, 0.2, 4.0))));
         }
     }
-    // Finer than by default, since a box has only eight corners.
+    // Finer than the default, since a box has only eight corners.
     let fineness = Fineness { vertices: 32, ..Fineness::default() };
     let cells = Arc::new(OctreeTessellation::with_fineness(&scene, fineness));
     println!("{} objects in {} cells", scene.len(), cells.content().cell_count());
 
-    // Along the street after the sixth row of houses.
+    // The view along the street after the sixth row of houses.
     let eye = DVec3::new(-5.0, 5.0 * 20.0 + 15.0, 1.7);
     let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
@@ -45,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
     }
 
-    // In a pipeline, as an engine has it.
+    // In a pipeline, as an engine would use the culler.
     let plp = PlpCuller::new(cells, Budget::Objects(50));
     let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(plp);
     pipeline.cull(&scene, &view, &mut visible);

@@ -1,6 +1,6 @@
-//! Frustum tests for the cells of a tessellation and for single triangles, with bounds on rounding.
+//! Tests of cells, faces and single triangles against a view's planes and eye, with bounds on rounding.
 //!
-//! All coordinates are relative to the scene's origin, in metres.
+//! All coordinates are in metres relative to the scene's origin.
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
@@ -9,75 +9,82 @@ use visibility_core::{
     view::{Eye, MAX_PLANES, ViewPlane},
 };
 
-/// Half-space `normal . p + offset >= 0`, with a bound on the rounding error of that distance.
+/// Half-space `normal . p + offset >= 0`, with a bound on the rounding error of that signed distance.
 #[derive(Clone, Copy, Debug)]
 struct BoundedPlane {
+    /// Unit normal, pointing into the view.
     normal: DVec3,
+    /// Signed distance of the origin, in metres.
     offset: f64,
-    /// Maximum error of a computed distance, in metres.
+    /// Upper bound on the error of a computed signed distance, in metres.
     slack: f64,
 }
 
 impl BoundedPlane {
-    /// `reach`: greatest coordinate, in absolute value, of any point that is tested.
+    /// Makes the half-space of a view plane. `reach` bounds the absolute value of every coordinate that is
+    /// tested, in metres.
     fn new(plane: &ViewPlane, reach: f64) -> Self {
         let (normal, offset) = (plane.plane.normal, plane.plane.offset);
-        // Centre and half size of a box, three products and sums of each: a dozen roundings by 2^-53 of no
-        // more than this.
+        // The centre and half size of a box, and three products and sums of each: a dozen roundings by 2^-53
+        // of at most this magnitude.
         Self { normal, offset, slack: plane.error + 1e-14 * (4.0 * reach + offset.abs()) }
     }
 
+    /// Returns the signed distance of a point from the plane in metres, positive inside of the view, up to
+    /// rounding.
     fn distance(&self, p: DVec3) -> f64 {
         self.normal.x * p.x + self.normal.y * p.y + self.normal.z * p.z + self.offset
     }
 
-    /// Greatest distance, along the normal, between the centre of a box and any point of it. `half` is half
-    /// its size.
+    /// Returns the greatest distance along the normal between the centre of a box and any point of the box,
+    /// in metres. `half` is half the box's size along each axis.
     fn extent(&self, half: DVec3) -> f64 {
         let n = self.normal.abs();
         n.x * half.x + n.y * half.y + n.z * half.z
     }
 }
 
-/// Position of a cell's box relative to the view frustum.
+/// Result of classifying a cell's box against the view frustum.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum CellPlace {
-    /// No line of sight to anything in view passes through the box.
+    /// Certainly no view ray to anything in view passes through the box.
     Outside,
-    /// Lines of sight may pass through the box. One bit for each plane of which the box is not surely on the
-    /// inner side; 0 for a box surely in view. A box before the near plane, between the eye and what is in
-    /// view, has that plane's bit.
+    /// View rays may pass through the box. Bit i is set unless the box is certainly on the inner side of
+    /// plane i, so 0 stands for a box certainly in view. A box between the eye and the near plane has the
+    /// near plane's bit set.
     Crossing(u16),
 }
 
-/// The planes of a view, split by whether lines of sight start on their inner side.
+/// Planes of a view, with those first that have the eye on their inner side.
 #[derive(Clone, Debug)]
 pub(crate) struct CellFrustum {
-    /// Eye point, or viewing direction of a parallel view.
+    /// Eye point, or viewing direction of a parallel view, relative to the scene's origin.
     pub(crate) eye: Eye,
+    /// View planes; only the first `count` are valid.
     planes: [BoundedPlane; MAX_PLANES],
-    /// Number of `planes` in use.
+    /// Number of valid `planes`.
     count: usize,
-    /// The first `side_count` planes have the eye on their inner side, so a box outside of one of them is
-    /// not on the way to anything in view. Lines of sight cross the remaining planes (near plane,
-    /// portals, mirrors) before they are in view.
+    /// Number of leading `planes` that have the eye on their inner side. No view ray to anything in view
+    /// passes through a box outside of one of these planes. View rays cross each remaining plane (the near
+    /// plane, portals, mirrors) before reaching anything in view.
     side_count: usize,
-    /// Least signed distance of a face from the eye, along the face's outward normal, at which lines of
-    /// sight may leave a cell through it. Negative, to allow for rounding. In metres, or a cosine for a
-    /// parallel view.
+    /// Least signed distance of a face's plane from the eye, along the face's outward normal, at which view
+    /// rays may leave a cell through the face. Slightly negative, to cover rounding. In metres; for a
+    /// parallel view, a cosine.
     exit_margin: f64,
 }
 
 impl CellFrustum {
-    /// Planes of a view of the scene with that `origin`, for cells and triangles within `bounds`.
+    /// Takes the planes of a view. `origin` is the scene's origin; `bounds` is the scene-relative box that
+    /// contains all cells and triangles to be tested.
     pub(crate) fn new(view: &View, origin: DVec3, bounds: &Aabb) -> Self {
         let reach = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
         let eye = view.eye(origin);
         let exit_margin = match eye {
-            // Point and normal are known to a few times 2^-52 of the greatest coordinate. 1e-9 of it is a
-            // million times as much, and costs nothing.
+            // Point and normal have errors of a few times 2^-52 of the greatest coordinate. 1e-9 of that
+            // coordinate is a million times as much, and costs nothing.
             Eye::Point(eye) => -1e-9 * (reach + eye.abs().max_element()),
-            // The cosine of two unit vectors is known to a few times 2^-52.
+            // The cosine of two unit vectors has an error of a few times 2^-52.
             Eye::Direction(_) => -1e-9,
         };
         let none = BoundedPlane { normal: DVec3::ZERO, offset: 0.0, slack: 0.0 };
@@ -85,14 +92,14 @@ impl CellFrustum {
         for with_eye_inside in [true, false] {
             for plane in view.planes(origin).as_slice() {
                 let bounded = BoundedPlane::new(plane, reach);
-                // The products and sums of a distance are rounded by less than 1e-15 of these terms; the
-                // plane's own numbers have their error besides.
+                // The products and sums of a signed distance are rounded by less than 1e-15 of these terms.
+                // The error of the plane's own offset adds to that.
                 let eye_is_inside = match eye {
                     Eye::Point(eye) => {
                         bounded.distance(eye)
                             >= -plane.error - 1e-15 * (4.0 * eye.abs().max_element() + bounded.offset.abs())
                     }
-                    // An eye at infinity is outside of every plane that lines of sight run into.
+                    // An eye at infinity lies outside of every plane whose inner side view rays enter.
                     Eye::Direction(along) => bounded.normal.dot(along) <= 1e-12,
                 };
                 if eye_is_inside == with_eye_inside {
@@ -107,8 +114,8 @@ impl CellFrustum {
         frustum
     }
 
-    /// Classifies a box. Conservative: [`CellPlace::Outside`] and cleared bits are certain. A box with NaN
-    /// coordinates crosses all planes.
+    /// Classifies a scene-relative box. Conservative: [`CellPlace::Outside`] and cleared bits of
+    /// [`CellPlace::Crossing`] are certain. A box with NaN coordinates crosses all planes.
     #[inline]
     pub(crate) fn classify(&self, bounds: &Aabb) -> CellPlace {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
@@ -119,15 +126,17 @@ impl CellFrustum {
             if distance + extent < -plane.slack && i < self.side_count {
                 return CellPlace::Outside;
             }
-            // A distance that is NaN is not inside.
+            // A NaN distance does not count as inside.
             let inside = distance - extent > plane.slack;
             crossed |= u16::from(!inside) << i;
         }
         CellPlace::Crossing(crossed)
     }
 
-    /// Whether lines of sight may leave a cell through the face that contains `point` and has the outward
-    /// unit `normal`. False only if the eye is surely on the outer side of the face's plane.
+    /// Tests whether view rays may leave a cell through a face. `point` is a scene-relative point of the
+    /// face's plane, and `normal` the outward unit normal. False only if the eye is certainly on the outer
+    /// side of the plane (for a parallel view: the rays certainly enter through the face). True for an eye in
+    /// the plane; false for NaN.
     #[inline]
     pub(crate) fn may_exit_through(&self, point: DVec3, normal: DVec3) -> bool {
         match self.eye {
@@ -136,8 +145,8 @@ impl CellFrustum {
         }
     }
 
-    /// Whether a box is surely inside all planes that lines of sight cross on their way into view, such as
-    /// the near plane.
+    /// Tests whether a scene-relative box is certainly inside all planes that view rays cross before reaching
+    /// anything in view, such as the near plane. False if the box touches such a plane and for NaN.
     pub(crate) fn is_beyond_near(&self, bounds: &Aabb) -> bool {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
@@ -146,15 +155,16 @@ impl CellFrustum {
             .all(|plane| plane.distance(center) - plane.extent(half) > plane.slack)
     }
 
-    /// Whether all corners of all triangles are surely outside of the same plane. `planes` has a bit for each
-    /// plane that is tested. False for NaN coordinates.
+    /// Tests whether one view plane certainly has all corners of all triangles on its outer side. Bit i of
+    /// `planes` selects plane i for the test. Triangles are scene-relative. False for NaN coordinates and if
+    /// no plane is selected; without triangles, true if any plane is selected.
     #[inline]
     pub(crate) fn is_outside<'a>(
         &self,
         triangles: impl Iterator<Item = &'a Triangle> + Clone,
         planes: u16,
     ) -> bool {
-        // No branch on a distance: it would be mispredicted half of the time.
+        // Free of branches on a distance, which would be mispredicted half of the time.
         let mut outside = false;
         for (i, plane) in self.planes[..self.count].iter().enumerate() {
             if planes >> i & 1 != 0 {
@@ -165,7 +175,9 @@ impl CellFrustum {
         outside
     }
 
-    /// Whether every triangle surely faces away from the eye. False for degenerate triangles and for NaN.
+    /// Tests whether every triangle certainly faces away from the eye. The front is the side from which the
+    /// corners run anticlockwise. Triangles are scene-relative. False for degenerate triangles, an eye in a
+    /// triangle's plane, and NaN. True without triangles.
     #[inline]
     pub(crate) fn sees_backs<'a>(&self, mut triangles: impl Iterator<Item = &'a Triangle>) -> bool {
         triangles.all(|triangle| {
@@ -176,15 +188,16 @@ impl CellFrustum {
                 Eye::Direction(along) => -along,
             };
             let normal = u.cross(v);
-            // Differences are rounded once, the products of three of them a few times more: 16 roundings of
-            // 2^-53 of the product of magnitudes are 2e-15 of it, and the sum of nine such products is no
-            // more than nine times that of the greatest.
+            // Differences are rounded once, and products of three differences a few more times. 16 roundings
+            // of 2^-53 are 2e-15 of the product of magnitudes. The sum of nine such products is at most nine
+            // times the greatest.
             let size = u.abs().max_element() * v.abs().max_element() * to_eye.abs().max_element();
             normal.dot(to_eye) < -2e-14 * size
         })
     }
 
-    /// Unit direction of the line of sight to a point; zero for a point in the eye.
+    /// Returns the unit direction of the view ray to a scene-relative point. Zero for a point in the eye. The
+    /// viewing direction for a parallel view.
     #[inline]
     pub(crate) fn direction(&self, point: DVec3) -> DVec3 {
         match self.eye {
@@ -200,8 +213,8 @@ mod tests {
     use crate::test_exact::{IntVector, Random, RandomExact, cross, dot, fine, minus, within};
     use visibility_core::{Pose, geometry::Plane, view::Window};
 
-    /// All planes but the near one have the eye on their inner side, or in them: they bound what is on the
-    /// way to anything in view.
+    /// In perspective and orthographic views, only the near plane counts as crossed by view rays. All other
+    /// planes have the eye on their inner side or in the plane.
     #[test]
     fn only_the_near_plane_is_crossed_before_the_view() {
         let mut random = Random(31);
@@ -219,8 +232,8 @@ mod tests {
         }
     }
 
-    /// Boxes and triangles with a corner in a plane, or on one side of it by less than can be told: neither
-    /// outside nor inside.
+    /// Boxes and triangles with one corner in a plane, or nearer to it than the error bound: classified as
+    /// neither outside nor inside.
     #[test]
     fn what_touches_a_plane_is_neither_outside_nor_inside() {
         let mut random = Random(32);
@@ -237,7 +250,7 @@ mod tests {
             let normal = random.integers(1 << 52);
             let corner = random.integers(1 << 23);
             let size = [(); 3].map(|()| random.whole(1 << 22).abs());
-            // In units of 2^-53, rounded to what f64 can hold.
+            // In units of 2^-53, rounded to a number that f64 can represent.
             let exact = -(0..3).map(|i| i128::from(normal[i]) * i128::from(corner[i])).sum::<i128>();
             for sign in [1, -1] {
                 let nearest = exact as f64;
@@ -247,8 +260,8 @@ mod tests {
                     (true, 1) => nearest.next_up(),
                     _ => nearest.next_down(),
                 };
-                // All of the box beyond the corner: on the outer side, but for the corner, or on the inner
-                // one.
+                // The box lies beyond the corner: on the outer side except for the corner, or on the inner
+                // side.
                 let beyond = [0, 1, 2].map(|i| corner[i] - sign as i64 * normal[i].signum() * size[i]);
                 let float = |p: IntVector| Vec3::from_array(p.map(|x| x as f32));
                 let bounds = Aabb::from_points([float(corner), float(beyond)]);
@@ -259,7 +272,7 @@ mod tests {
                     ),
                     error: 0.0,
                 };
-                // What a plane says of its own error counts too.
+                // The plane's own error adds to the bound.
                 let unsure = ViewPlane { error: 1e3, ..plane };
                 assert_eq!(BoundedPlane::new(&unsure, 0.0).slack, 1e3 + 1e-14 * plane.plane.offset.abs());
                 frustum.planes[0] = BoundedPlane::new(
@@ -281,8 +294,8 @@ mod tests {
         assert!(outside > 19_900 && inside > 19_900, "{outside} {inside}");
     }
 
-    /// Triangles of whole numbers and eyes so near their planes that rounding would tell the wrong side:
-    /// never a back that is a front.
+    /// Triangles with integer corners and eyes so close to their planes that unguarded rounding would give
+    /// the wrong side: no front is ever reported as a back.
     #[test]
     fn no_front_passes_for_a_back() {
         let mut random = Random(3);
@@ -293,11 +306,11 @@ mod tests {
         for round in 0..60_000 {
             let [a, b, c] = [(); 3].map(|()| random.integers(1 << 23));
             let (s, t) = (random.whole(1 << 30), random.whole(1 << 30));
-            // In steps of 2^-30, the eye is in the plane or beside it, by a step or by many.
+            // In steps of 2^-30, the eye is in the plane or beside it, by one step or by many.
             let beside = if round % 2 == 0 { random.whole(2) } else { random.whole(1 << 34) };
             let mut eye = within([a, b, c], s, t);
             eye[0] += beside;
-            // Where f64 has no more digits, the eye is not there.
+            // Skipped where f64 cannot represent the eye exactly.
             if eye.iter().any(|x| x.abs() > 1 << 53) {
                 continue;
             }

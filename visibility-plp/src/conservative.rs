@@ -1,4 +1,4 @@
-//! The conservative form of prioritized-layered projection.
+//! The conservative culler: prioritized-layered projection with an occlusion map.
 
 use crate::cell_frustum::CellFrustum;
 use crate::solidity::Solidity;
@@ -10,25 +10,26 @@ use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap, Scene, View, VisibleSet, occlusion::Occlusion,
 };
 
-/// Keeps everything that may be seen: projects a budget like [`PlpCuller`](crate::PlpCuller), then tests the
-/// rest against an occlusion map of what was projected.
+/// Keeps every object that may be visible: projects a budget like [`PlpCuller`](crate::PlpCuller), then tests
+/// the remaining cells against an occlusion map of the projected objects.
 ///
-/// After the budget is spent, the cells in the front are tested against the map. Hidden cells are dropped,
-/// and with them all that lies behind them, untested. The others are projected in full, which adds their
-/// objects to the map and their neighbours to the front, until the front is empty.
+/// After the budget is spent, the cells of the front (the priority queue of cells next to projected cells)
+/// are tested against the map. Hidden cells are dropped, and cells that can only be reached through hidden
+/// cells are never tested. The other cells are projected in full: their objects are kept, their occluders are
+/// added to the map, and their neighbours join the front. The frame ends when the front is empty.
 ///
-/// As accurate as the map, at best conservative: a line of sight passes from cell to cell through points that
-/// are themselves seen, so none of its cells is found hidden. An object is kept if any cell that it meets is
-/// reached, or if no cell holds it. An object occludes others if the scene has an [occluder](Scene::occluder)
-/// of it. If the tessellation was made from another scene, the set is left as it is.
+/// As accurate as the map, at best conservative. A view ray to a visible point passes only through visible
+/// points, so no cell on its way is found hidden. An object is kept if any cell that the object meets is
+/// reached, or if no cell lists the object. Objects that have an [occluder mesh](Scene::occluder) in the
+/// scene occlude. If the tessellation was made from another scene, the set is left unchanged.
 ///
 /// Klosowski and Silva, "Efficient Conservative Visibility Culling Using the Prioritized-Layered Projection
 /// Algorithm", 2001.
 ///
 /// # Cost
-/// That of the budget, and a test for each cell in the front or next to a cell that is projected afterwards:
-/// far fewer than there are cells. The first frame of a tessellation allocates; later ones do not, whatever
-/// the view, if the map does not.
+/// The cost of the budget, plus a map test for each cell that is in the front when the budget ends or next to
+/// a cell projected afterwards: far fewer tests than cells. The first frame with a tessellation allocates.
+/// Later frames do not allocate, whatever the view, if the map does not.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -66,75 +67,83 @@ pub struct ConservativePlpCuller<S, M> {
     settings: PlpSettings,
     map: M,
     walk: Walk,
-    /// Cells taken from the front that are to be tested.
+    /// Cells taken from the front in this round that await a test.
     waiting: Vec<u32>,
-    /// Those of them that may be found hidden, with their boxes, by cell number.
+    /// Cells of `waiting` that the map may find hidden, each with its scene-relative box, sorted by cell
+    /// number.
     sorted: Vec<(u32, Aabb)>,
+    /// Counts of the last frame.
     stats: ConservativeStats,
 }
 
-/// Counts of a frame of the conservative culler, as in the paper's table 1.
+/// Counts of one frame of [`ConservativePlpCuller`], as in the paper's table 1.
 ///
 /// ```
 /// assert_eq!(visibility_plp::ConservativeStats::default().tests, 0);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct ConservativeStats {
-    /// Boxes tested against the map: of single cells, and around groups of cells.
+    /// Number of boxes tested against the map: boxes of single cells and boxes around groups of cells.
     pub tests: u64,
-    /// Tested cells that were not hidden.
+    /// Number of tested cells that were not found hidden.
     pub visible_cells: u64,
-    /// Greatest number of cells in the front after the budget was spent.
+    /// Largest number of cells that were in the front at once after the budget was spent.
     pub front: u64,
-    /// Cells projected, before and after the budget was spent.
+    /// Number of cells projected, before and after the budget was spent.
     pub projected_cells: u64,
 }
 
 impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M> {
-    /// A culler over a tessellation. `budget` is what is projected without tests in each frame; the result
-    /// may be larger.
+    /// Makes a culler over a tessellation with an occlusion map. `budget` limits the objects projected per
+    /// frame before the first map test; the result may be larger. Defaults: [`Solidity::Coverage`], back
+    /// faces count as visible. O(1).
     pub fn new(tessellation: S, budget: Budget, map: M) -> Self {
         let settings = PlpSettings { budget, solidity: Solidity::default(), one_sided: false };
         let (walk, waiting, sorted) = (Walk::default(), Vec::new(), Vec::new());
         Self { tessellation, settings, map, walk, waiting, sorted, stats: ConservativeStats::default() }
     }
 
-    /// Chooses how solidity is estimated.
+    /// Sets the estimate of how likely a cell is hidden, which orders the cells. [`Solidity::Coverage`] by
+    /// default.
     pub fn with_solidity(mut self, solidity: Solidity) -> Self {
         self.settings.solidity = solidity;
         self
     }
 
-    /// As [`PlpCuller::with_one_sided`](crate::PlpCuller::with_one_sided). Conservative only if the scene is
-    /// drawn with back-face culling.
+    /// Sets whether objects of one to four triangles are dropped when all their triangles certainly face away
+    /// from the eye, see [`PlpCuller::with_one_sided`](crate::PlpCuller::with_one_sided). False by default.
+    /// Conservative only if the scene is drawn with back-face culling.
     pub fn with_one_sided(mut self, one_sided: bool) -> Self {
         self.settings.one_sided = one_sided;
         self
     }
 
-    /// Sets the budget of each frame from the next one on.
+    /// Replaces the budget per frame, from the next frame on.
     pub fn set_budget(&mut self, budget: Budget) {
         self.settings.budget = budget;
     }
 
-    /// The tessellation's owner, to sync it or to exchange it for another at any time.
+    /// Returns the pointer to the tessellation, for calls of `sync` or for exchanging the tessellation. The
+    /// next frame uses whatever tessellation the pointer then holds.
     pub fn shared_mut(&mut self) -> &mut S {
         &mut self.tessellation
     }
 
-    /// The map, with the occluders of the last frame.
+    /// Returns the occlusion map with the occluders of the last frame. Before the first frame, the map as
+    /// given to [`new`](Self::new).
     pub fn map(&self) -> &M {
         &self.map
     }
 
-    /// Counts of the last frame; zeros before the first, and for a scene that the tessellation was not made
-    /// from.
+    /// Returns the counts of the last frame. All zero before the first frame, and after a frame whose scene
+    /// the tessellation was not made from.
     pub fn stats(&self) -> ConservativeStats {
         self.stats
     }
 }
 
-/// Adds the occluders of the `projected` objects to the map. Objects without an occluder mesh add nothing.
+/// Adds the occluder meshes of the `projected` objects to the map and flushes the map if any was added.
+/// Objects without an occluder mesh add nothing.
 fn add_occluders<M: OcclusionMap>(map: &mut M, scene: &Scene, projected: &[ObjectId]) {
     let mut added = false;
     for &id in projected {
@@ -148,14 +157,16 @@ fn add_occluders<M: OcclusionMap>(map: &mut M, scene: &Scene, projected: &[Objec
     }
 }
 
-/// Maximum number of cells that are tested by the box around them.
+/// Maximum number of cells in a group that is tested by the box around the group.
 const GROUP: usize = 16;
 
-/// Shuts those of the waiting cells that are hidden.
+/// Drops the waiting cells that the map finds hidden: their objects are not projected and they do not
+/// propagate to their neighbours. Adds to `stats`; `sorted` is scratch memory.
 ///
-/// Cells with near numbers often lie close together. A group of them is tested by the box around it first:
-/// most of what lies behind a wall needs one test a dozen. In a group that is not hidden, cells with content
-/// are tested one by one; passing through empty cells costs nothing.
+/// Cells with close numbers often lie close together. A group of them is tested first by the box around the
+/// group, so that most cells behind a wall share one test per dozen. In a group that is partly visible, cells
+/// with objects are tested one by one. Empty cells of such a group count as visible, since passing through
+/// them costs little.
 fn shut_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
     frame: &FrameContext<'_, T>,
     map: &M,
@@ -166,8 +177,7 @@ fn shut_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
 ) {
     sorted.clear();
     let bounds = waiting.iter().map(|&cell| (cell, frame.tessellation.cell_bounds(cell)));
-    // Lines of sight pass through the other cells before anything is in view, and the map knows nothing of
-    // them.
+    // View rays cross the other cells before reaching anything in view, and the map has no depth there.
     sorted.extend(bounds.filter(|(_, bounds)| frame.frustum.is_beyond_near(bounds)));
     sorted.sort_unstable_by_key(|&(cell, _)| cell);
     let mut rest = &sorted[..];
@@ -193,11 +203,12 @@ fn shut_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
     }
 }
 
-/// Cells, each with its box.
+/// Cells, each with its scene-relative box.
 type CellBoxes = [(u32, Aabb)];
 
-/// Splits off the first cells that fill at least a third of the box around them, at most [`GROUP`]. Returns
-/// them, that box, and the other cells. At least one cell is split off unless there is none.
+/// Splits off the longest run of first cells, at most [`GROUP`], that fill at least a third of the box around
+/// them. Returns the run, the box around it, and the remaining cells. The run has at least one cell unless
+/// `cells` is empty.
 fn split_group(cells: &CellBoxes) -> (&CellBoxes, Aabb, &CellBoxes) {
     let (mut all, mut sum, mut count) = (Aabb::EMPTY, 0.0, 0);
     for (_, bounds) in cells.iter().take(GROUP) {
@@ -211,6 +222,7 @@ fn split_group(cells: &CellBoxes) -> (&CellBoxes, Aabb, &CellBoxes) {
     (group, all, others)
 }
 
+/// Returns the volume of a box in cubic metres.
 fn volume(bounds: &Aabb) -> f64 {
     let size = (bounds.max - bounds.min).as_dvec3();
     size.x * size.y * size.z
@@ -243,7 +255,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         sorted.reserve(cells);
         while let Some(cell) = walk.next() {
             if walk.step(&frame, cell) == Projected::OutOfBudget {
-                // The layers that are left have yet to be tested.
+                // The remaining layers of the cell are still to be tested.
                 walk.put_back(cell);
                 break;
             }

@@ -1,4 +1,4 @@
-//! Objects in the cells of a tessellation, and the share of rays that each cell stops.
+//! Object lists of the cells of a tessellation, and the share of rays that each cell's objects stop.
 
 use crate::index_lists::IndexLists;
 use crate::layers::{Layer, Layers, Sides, push_list};
@@ -12,17 +12,17 @@ use visibility_core::{
     stamp::Stamp,
 };
 
-/// Objects in each cell of a tessellation, and the share of rays that each cell stops.
+/// Object lists of the cells of a tessellation, and the share of rays that each cell's objects stop.
 ///
 /// A *primitive* is an object of the scene, named by its [index](ObjectId::index). For single triangles as
 /// primitives, as in the paper, fill a scene with objects of one triangle each. An object is in every cell
-/// that one of its triangles meets, or that its bounds meet if the scene has no triangles of it.
+/// that one of its triangles meets. An object without triangles is in every cell that its bounds meet.
 ///
-/// An object without a cell is a *stray*, and cullers count it as visible: it has changed since the cells
-/// were filled, or its bounds are not finite.
+/// A *stray* is an object that is in no cell, since it has changed after the cells were filled or its bounds
+/// are not finite. Cullers count strays as visible.
 ///
-/// A cell holds its objects in layers of like facing direction, area and openness (mean free distance in
-/// front of their surfaces). Cullers take those layers first of which most is likely seen.
+/// The objects of a cell are grouped into layers of similar facing direction, area and openness (mean free
+/// distance in front of an object's surfaces). Cullers take the layers that are most likely visible first.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -37,41 +37,45 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Debug)]
 pub struct Content {
-    /// First byte of each cell's list in `lists`, and the end of the last list.
+    /// Start of each cell's list in `lists`, in bytes, then the end of the last list: one entry more than
+    /// there are cells.
     pub(crate) starts: Vec<u32>,
-    /// Lists of all cells, in the format of [`layers`](crate::layers).
+    /// Encoded object lists of all cells, one after another, in the format of the `layers` module.
     pub(crate) lists: Vec<u8>,
-    /// For each cell, the share of rays along x, y and z that it stops, 0 to 255; then 1 if it holds an
-    /// object, else 0.
+    /// For each cell, the share of rays along x, y and z that its objects stop, 0 to 255; then 1 if the cell
+    /// has an object, else 0.
     pub(crate) cover: Vec<[u8; 4]>,
-    /// Greatest number of objects in a cell.
+    /// Largest number of objects in a cell.
     pub(crate) max_count: u32,
-    /// Number of sides in all lists together.
+    /// Total number of sides (blocks) in all lists.
     pub(crate) side_count: usize,
     /// [`Scene::index_limit`] of the scene when the cells were filled.
     pub(crate) index_limit: u32,
-    /// One bit for each object index: the object is in cells and has not changed since.
+    /// One bit for each object index, set while the object is in all cells that it meets: listed and
+    /// unchanged since the cells were filled.
     pub(crate) held: Vec<u64>,
+    /// Facing directions of the objects of one triangle.
     pub(crate) normals: NormalBins,
+    /// Objects of the scene that are in no cell, as of the last `sync`.
     strays: Vec<ObjectId>,
-    /// Place in the scene's change log up to which changes are taken in.
+    /// Position in the scene's change log up to which `strays` is up to date.
     cursor: SceneCursor,
-    /// Identifies what is in which cell. Strays do not count.
+    /// Identity of the cells' lists. Changes of `strays` do not change the stamp.
     stamp: Stamp,
 }
 
-/// Whether a bit is set. False beyond the end.
+/// Tests bit `index` of a bitset. False beyond the last word.
 pub(crate) fn bit(words: &[u64], index: usize) -> bool {
     words.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 != 0)
 }
 
 impl Content {
-    /// Fills `cover.len()` cells from pairs of a cell and an object's index, in ascending order of the index.
-    /// Pairs that name no cell or no object are left out. `cover` has for each cell the share of rays along
-    /// x, y and z that its content stops, from 0 to 255; the fourth byte is ignored.
+    /// Fills `cover.len()` cells from `pairs` of a cell's number and an object's index. Pairs may come in any
+    /// order, each at most once. Pairs with an unknown cell or object are ignored. `cover` has for each cell
+    /// the share of rays along x, y and z that its objects stop, 0 to 255; the fourth byte is ignored.
     ///
-    /// A cell may hold only objects that meet its bounds. Otherwise a culler may take a triangle that faces
-    /// the eye for one that faces away.
+    /// Each object must meet the bounds of the cells that list it. Otherwise a culler may drop a triangle
+    /// that faces the eye as facing away.
     ///
     /// Cost: O(n log n) in the number of pairs and of the scene's triangles.
     pub fn new(scene: &Scene, pairs: &[(u32, u32)], mut cover: Vec<[u8; 4]>) -> Self {
@@ -119,8 +123,9 @@ impl Content {
         content
     }
 
-    /// Content from stored arrays, for the scene that they were made from. `Err` says what does not fit
-    /// together.
+    /// Builds content from stored arrays and the scene for which they were made. The arrays are the fields of
+    /// the same names. Objects without a bit in `held` become strays. `Err` names the first inconsistency
+    /// between the arrays, or between the arrays and the scene.
     pub(crate) fn from_arrays(
         scene: &Scene,
         starts: Vec<u32>,
@@ -185,18 +190,19 @@ impl Content {
         Ok(content)
     }
 
-    /// Makes strays of all objects that are not held.
+    /// Replaces `strays` by all objects of the scene without a bit in `held`, in ascending order.
     fn find_strays(&mut self, scene: &Scene) {
         let held = &self.held;
         self.strays = scene.ids().filter(|id| !bit(held, id.index())).collect();
     }
 
-    /// Number of cells.
+    /// Returns the number of cells.
     #[inline]
     pub fn cell_count(&self) -> usize {
         self.cover.len()
     }
 
+    /// Returns the encoded object list of a cell. Empty for an unknown cell.
     #[inline]
     fn list(&self, cell: u32) -> &[u8] {
         let cell = cell as usize;
@@ -204,77 +210,84 @@ impl Content {
         range.and_then(|(&start, &end)| self.lists.get(start as usize..end as usize)).unwrap_or(&[])
     }
 
-    /// Objects of a cell by the side that they face. Empty for an unknown cell.
+    /// Returns the objects of a cell, grouped by the axis side that they face. Empty for an unknown cell.
     #[inline]
     pub(crate) fn sides(&self, cell: u32) -> Sides<'_> {
         Sides::new(self.list(cell))
     }
 
-    /// Indices of the objects in a cell, each once, in no particular order. Empty for an unknown cell.
+    /// Returns the indices of the objects in a cell, each once, in no particular order. Empty for an unknown
+    /// cell.
     #[inline]
     pub fn primitives(&self, cell: u32) -> Primitives<'_> {
         Primitives { sides: self.sides(cell), layers: Layers::default(), layer: Layer::default() }
     }
 
-    /// Number of objects in a cell; 0 for an unknown cell. Cost: proportional to that number.
+    /// Returns the number of objects in a cell; 0 for an unknown cell. Cost: proportional to that number.
     #[inline]
     pub fn count(&self, cell: u32) -> u32 {
         self.primitives(cell).count() as u32
     }
 
-    /// Whether a cell holds no object, or is unknown.
+    /// Tests whether a cell has no objects. True for an unknown cell.
     #[inline]
     pub fn is_empty(&self, cell: u32) -> bool {
         self.cover.get(cell as usize).is_none_or(|cover| cover[3] == 0)
     }
 
-    /// Greatest number of objects in a cell; 0 without cells.
+    /// Returns the largest number of objects in a cell; 0 without cells.
     pub fn max_count(&self) -> u32 {
         self.max_count
     }
 
-    /// Number of references: pairs of an object and a cell that holds it. Cost: proportional to that number.
+    /// Returns the total number of pairs of an object and a cell that lists the object. Cost: proportional to
+    /// that number.
     pub fn reference_count(&self) -> u64 {
         (0..self.cell_count() as u32).map(|cell| u64::from(self.count(cell))).sum()
     }
 
-    /// Share of rays along x, y and z that the content of a cell stops, 0 to 1. Zero for an unknown cell.
+    /// Returns the share of rays along x, y and z that the objects of a cell stop, each 0 to 1. Zeros for an
+    /// unknown cell.
     #[inline]
     pub fn cover(&self, cell: u32) -> [f64; 3] {
         let [x, y, z, _] = self.cover.get(cell as usize).copied().unwrap_or_default();
         [x, y, z].map(|share| f64::from(share) * (1.0 / 255.0))
     }
 
-    /// Objects without a cell, which cullers count as visible, in ascending order after a
-    /// [`sync`](crate::OctreeTessellation::sync). Changes since the last `sync` are not in it yet.
+    /// Returns the objects that are in no cell, in ascending order, as of the last
+    /// [`sync`](crate::OctreeTessellation::sync) or build. Cullers count them as visible, and likewise all
+    /// objects changed since.
     pub fn strays(&self) -> &[ObjectId] {
         &self.strays
     }
 
-    /// Whether an object is in all cells that it meets, as of the last
-    /// [`sync`](crate::OctreeTessellation::sync). Only the index of the id is looked at.
+    /// Tests whether an object is in all cells that it meets, as of the last
+    /// [`sync`](crate::OctreeTessellation::sync) or build. Ignores the id's generation. False for an index
+    /// beyond the [`index_limit`](Self::index_limit).
     pub fn holds(&self, id: ObjectId) -> bool {
         bit(&self.held, id.index())
     }
 
-    /// [`Scene::index_limit`] when the cells were filled: one more than the greatest object index.
+    /// Returns [`Scene::index_limit`] as of the filling of the cells: one more than the largest object index.
     pub fn index_limit(&self) -> usize {
         self.index_limit as usize
     }
 
-    /// Identifies what is in which cell: equal stamps, equal cells. A clone has the stamp of its original.
+    /// Returns the identity of the cells' lists: equal stamps mean equal lists. A clone has its original's
+    /// stamp. `sync` keeps the stamp, a rebuild changes the stamp.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
 
-    /// Changes of a scene since the last `sync`. [`Changes::Everything`] for another scene, a clone included.
+    /// Returns the objects of `scene` that changed since the last `sync` or build. [`Changes::Everything`]
+    /// for another scene (also for a clone of the scene), and when the change log no longer reaches back.
     pub(crate) fn changes<'a>(&self, scene: &'a Scene) -> Changes<'a> {
         self.cursor.peek(scene)
     }
 
-    /// Makes strays of all objects that have changed since the last call. False if the changes are unknown,
-    /// which changes nothing, or if more than an eighth of all objects are strays: then the tessellation
-    /// should be rebuilt.
+    /// Makes all objects that changed since the last call strays and removes strays that have left the scene.
+    /// Returns false if the tessellation should be rebuilt: the changes are unknown (then nothing is
+    /// modified), or more than an eighth of the scene's objects are strays.
     pub(crate) fn sync(&mut self, scene: &Scene) -> bool {
         let Changes::Objects(changed) = self.changes(scene) else { return false };
         for &id in changed {
@@ -290,7 +303,8 @@ impl Content {
         self.strays.len() <= scene.len() / 8
     }
 
-    /// A clone that is up to date with a scene. If the changes are unknown, all objects are strays.
+    /// Returns a clone that is synced with `scene`. If the changes are unknown, the clone marks no object as
+    /// held, so that all objects become strays when the clone is stored and loaded.
     pub(crate) fn synced(&self, scene: &Scene) -> Self {
         let mut content = self.clone();
         if let Changes::Everything = content.changes(scene) {
@@ -301,7 +315,7 @@ impl Content {
         content
     }
 
-    /// Heap memory in bytes.
+    /// Returns the heap memory in bytes.
     pub(crate) fn memory(&self) -> usize {
         size_of_val(&self.starts[..])
             + size_of_val(&self.lists[..])
@@ -312,7 +326,7 @@ impl Content {
     }
 }
 
-/// Iterator over the indices of the objects in a cell, from [`Content::primitives`].
+/// Iterator over the indices of the objects in a cell, each once, from [`Content::primitives`].
 ///
 /// ```
 /// use visibility_core::Scene;
@@ -343,7 +357,8 @@ impl Iterator for Primitives<'_> {
     }
 }
 
-/// Class and lean of every object, by index.
+/// Returns the class and lean of every object, indexed by object index. Unused indices hold the default class
+/// and unknown lean.
 fn classes_of(scene: &Scene) -> Vec<(SurfaceClass, Lean)> {
     let openness = openness_by_index(scene);
     let mut classes = alloc::vec![(SurfaceClass::default(), UNKNOWN_LEAN); scene.index_limit()];

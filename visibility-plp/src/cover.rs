@@ -1,30 +1,31 @@
-//! Share of rays that the content of a cell stops along each axis, by sampling.
+//! Share of rays through a cell that its objects stop, along each axis, by sampling.
 //!
-//! Eight by eight rays run through the cell's box along x, y and z. A ray counts as stopped if any triangle
-//! meets it, so a wall of many triangles counts once.
+//! Eight by eight rays run through the cell's box along each of x, y and z. A ray counts as stopped if any
+//! triangle meets the ray inside the cell, so a wall of many triangles counts once.
 
 use visibility_core::glam::DVec3;
 
-/// Stopped rays along x, y and z: one bit for each of the eight by eight rays.
+/// Sampled rays through a cell that its triangles stop: one word each for rays along x, y and z. Bit `8 * row
+/// + column` stands for the ray in that row and column of the eight by eight grid.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Cover([u64; 3]);
 
 impl Cover {
-    /// Adds the rays that one more triangle stops.
+    /// Adds the rays that another triangle stops, in the same bit order, from [`stopped_rays`].
     pub(crate) fn add(&mut self, stopped: [u64; 3]) {
         for (mine, more) in self.0.iter_mut().zip(stopped) {
             *mine |= more;
         }
     }
 
-    /// Whether all rays are stopped.
+    /// Tests whether all rays along all three axes are stopped.
     pub(crate) fn is_full(&self) -> bool {
         self.0 == [u64::MAX; 3]
     }
 
-    /// Share of stopped rays along each axis, 0 to 255, out of the rays that pass through the cell. `filled`
-    /// is the share of the box's cross-section along each axis that the cell fills, 0 to 1. The fourth byte
-    /// is 0.
+    /// Returns the share of stopped rays along x, y and z, 0 to 255, of the rays that pass through the cell.
+    /// `filled` is the share of the box's cross-section along each axis that the cell fills, 0 to 1. The
+    /// fourth byte is 0.
     pub(crate) fn shares(&self, filled: [f64; 3]) -> [u8; 4] {
         let share = |axis: usize| {
             let stopped = f64::from(self.0[axis].count_ones()) / 64.0;
@@ -34,12 +35,13 @@ impl Cover {
     }
 }
 
-/// Depth of a corner, in half sizes of the box, from which a triangle is surely not between the box's sides.
-/// More than 1 by far more than the rounding of a depth that is interpolated between corners.
+/// Depth of a corner, in half sizes of the box, beyond which the corner certainly lies outside of the box.
+/// Exceeds 1 by far more than the rounding of a depth interpolated between corners.
 const BEYOND: f64 = 1.0 + 1e-6;
 
-/// Rays through a box that meet a triangle inside the box, at a point that `inside` accepts. One bit for each
-/// of eight by eight rays along x, y and z.
+/// Returns the rays through a box that meet a triangle inside the box, at a point for which `inside` returns
+/// true. One word each for rays along x, y and z; bit `8 * row + column` stands for one of eight by eight
+/// rays. `center` and `half` are the box's centre and half size, in the triangle's coordinates.
 pub(crate) fn stopped_rays(
     triangle: &[DVec3; 3],
     center: DVec3,
@@ -50,11 +52,12 @@ pub(crate) fn stopped_rays(
     [0, 1, 2].map(|axis| stopped_along(&corners, axis, |p| inside(center + p * half)))
 }
 
-/// Stopped rays along one axis, in coordinates in which the box reaches from -1 to 1 on each axis.
+/// Returns the rays along one axis that meet a triangle, one bit per ray, in coordinates in which the box
+/// spans -1 to 1 on each axis. Rays in the plane of the triangle are not stopped.
 fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bool) -> u64 {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let [a, b, c] = corners.map(|p| [p[u], p[v], p[axis]]);
-    // Beyond the near or the far side of the box.
+    // The triangle lies beyond the near or the far side of the box.
     let depths = [a[2], b[2], c[2]];
     if depths.iter().all(|&depth| depth < -BEYOND) || depths.iter().all(|&depth| depth > BEYOND) {
         return 0;
@@ -67,7 +70,7 @@ fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bo
     let range = |of: usize| {
         let least = a[of].min(b[of]).min(c[of]);
         let most = a[of].max(b[of]).max(c[of]);
-        // Rounded up and down by casts: without `std` there is no other way.
+        // Rounded up and down by casts, since `ceil` and `floor` need `std`.
         let from = ((least + 1.0) * 4.0 - 0.5).clamp(0.0, 8.0);
         let first = from as u32 + u32::from(f64::from(from as u32) < from);
         let to = (most + 1.0) * 4.0 - 0.5;

@@ -1,4 +1,4 @@
-//! Prioritized-layered projection as a culler.
+//! The approximate culler: prioritized-layered projection up to a budget.
 
 use crate::cell_frustum::CellFrustum;
 use crate::solidity::Solidity;
@@ -7,24 +7,25 @@ use crate::walk::{Budget, FrameContext, PlpSettings, Projected, Walk};
 use core::ops::Deref;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 
-/// Keeps the objects of the visible set that are most likely seen, up to a budget.
+/// Keeps the objects of the visible set that are most likely seen, up to a budget per frame.
 ///
-/// Cells are projected one by one from the eye outwards, always the one of the front that is least solid
-/// (least likely to be hidden). Projecting a cell takes the objects that it holds, until the budget is spent
-/// (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000).
-/// The set is left in the order of projection, so a drawing loop may stop at any time and has drawn what
-/// matters most.
+/// The front is a priority queue of cells that starts with the eye's cell. Each step takes the cell with the
+/// least solidity, the estimate of how likely earlier cells hide it, keeps the cell's objects and adds the
+/// neighbouring cells to the front. The frame ends when the budget is spent (Klosowski and Silva, "The
+/// Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000). The set's order afterwards is
+/// the order in which objects were kept, most likely visible first. A drawing loop may therefore stop at any
+/// object.
 ///
-/// Approximate: hidden objects may be kept, visible ones dropped. With [all kept](Self::with_all_kept) it
-/// only sorts.
+/// Approximate: hidden objects may be kept and visible objects dropped. With
+/// [`with_all_kept`](Self::with_all_kept) the culler only sorts the set and is conservative.
 ///
-/// One culler serves one view; the tessellation is shared between cullers by reference or by `Arc`. Objects
-/// that have changed since the tessellation's last `sync` come first, since no cell holds them. If the
-/// tessellation was made from another scene, the set is left as it is.
+/// One culler serves one view. `S` is a reference, `Arc` or `Box` of a tessellation, which several cullers
+/// may share. Objects that have changed since the tessellation's last `sync` are in no cell: such objects are
+/// kept and come first. If the tessellation was made from another scene, the set is left unchanged.
 ///
 /// # Cost
-/// Proportional to the budget and the cells that it reaches: some 100 ns a cell and 30 ns an object. The
-/// first frame of a tessellation allocates; later ones do not, whatever the view.
+/// Proportional to the budget and to the number of cells reached: about 100 ns per cell and 30 ns per object.
+/// The first frame with a tessellation allocates. Later frames do not allocate, whatever the view.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -53,46 +54,50 @@ pub struct PlpCuller<S> {
 }
 
 impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
-    /// A culler over a tessellation with a budget for each frame. Solidity by coverage, two-sided, not
-    /// keeping all.
+    /// Makes a culler that keeps at most `budget` per frame of the objects in `tessellation`'s cells.
+    /// Defaults: [`Solidity::Coverage`], back faces count as visible, objects beyond the budget are dropped.
+    /// O(1).
     pub fn new(tessellation: S, budget: Budget) -> Self {
         let settings = PlpSettings { budget, solidity: Solidity::default(), one_sided: false };
         Self { tessellation, settings, keep_all: false, walk: Walk::default() }
     }
 
-    /// Chooses how solidity is estimated.
+    /// Sets the estimate of how likely a cell is hidden, which orders the cells. [`Solidity::Coverage`] by
+    /// default.
     pub fn with_solidity(mut self, solidity: Solidity) -> Self {
         self.settings.solidity = solidity;
         self
     }
 
-    /// Whether objects of up to four triangles that all face away from the eye are left out, for scenes that
-    /// are drawn with back-face culling. Triangles are anticlockwise seen from their front. Off by default.
+    /// Sets whether objects of one to four triangles are dropped when all their triangles certainly face away
+    /// from the eye. For scenes that are drawn with back-face culling and triangles that are anticlockwise
+    /// seen from the front. Undecided triangles count as facing the eye. False by default.
     pub fn with_one_sided(mut self, one_sided: bool) -> Self {
         self.settings.one_sided = one_sided;
         self
     }
 
-    /// Whether the set is only sorted: the objects that the budget buys first, the others after them. For
-    /// [`Selection::Ordered`](visibility_core::occlusion::Selection::Ordered), which chooses occluders in
-    /// that order.
-    /// Off by default.
+    /// Sets whether objects beyond the budget stay in the set. If true, the culler only sorts: the objects
+    /// within the budget come first, the other objects follow.
+    /// [`Selection::Ordered`](visibility_core::occlusion::Selection::Ordered) chooses occluders in that order. False by
+    /// default.
     pub fn with_all_kept(mut self, keep_all: bool) -> Self {
         self.keep_all = keep_all;
         self
     }
 
-    /// Sets the budget of each frame from the next one on.
+    /// Replaces the budget per frame, from the next frame on.
     pub fn set_budget(&mut self, budget: Budget) {
         self.settings.budget = budget;
     }
 
-    /// The tessellation.
+    /// Returns the tessellation whose cells this culler visits.
     pub fn tessellation(&self) -> &S::Target {
         &self.tessellation
     }
 
-    /// The tessellation's owner, to sync it or to exchange it for another at any time.
+    /// Returns the pointer to the tessellation, for calls of `sync` or for exchanging the tessellation. The
+    /// next frame uses whatever tessellation the pointer then holds.
     pub fn shared_mut(&mut self) -> &mut S {
         &mut self.tessellation
     }

@@ -1,32 +1,32 @@
-//! The front: a priority queue of the cells that are candidates for projection, least solid first.
+//! The front: a priority queue of the cells that are candidates for projection, least solidity first.
 //!
-//! A heap of four children a node that knows the place of each cell, so that a cell whose solidity changes is
-//! moved. A binary heap with lazy deletion, in which such a cell is entered once more, took twice the time
-//! for the same operations.
+//! A heap with four children per node that stores the heap index of each cell, so that a cell whose solidity
+//! changes is moved in place. A binary heap with lazy deletion, which inserts such a cell a second time, took
+//! twice the time for the same operations.
 
 use alloc::vec::Vec;
 
-/// Number of children of a node.
+/// Number of children of a heap node.
 const CHILDREN: usize = 4;
 
-/// Place of a cell that is not in the front.
+/// Heap index of a cell that is not in the front.
 const NOWHERE: u32 = u32::MAX;
 
-/// Priority queue of cells by solidity. Cells of equal solidity come out in the order in which they were put
-/// in.
+/// Priority queue of cells by solidity, least first, each cell at most once. Among cells of equal solidity
+/// the cell pushed first comes out first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Front {
-    /// Key and cell of each node; the parent of node i is node (i - 1) / [`CHILDREN`], and has no greater
-    /// key. A key is the bits of the solidity, then the ticket.
+    /// Key and cell of each heap node. The parent of node i is node (i - 1) / [`CHILDREN`] and has no greater
+    /// key. The high 32 bits of a key are those of the solidity, the low 32 bits the ticket of the push.
     heap: Vec<(u64, u32)>,
-    /// By cell, its index in `heap` or [`NOWHERE`].
+    /// Index in `heap` of each cell, or [`NOWHERE`].
     places: Vec<u32>,
-    /// Number of cells put in since the last clear, wrapping.
+    /// Number of pushes since the last clear, wrapping. Serves as the next ticket.
     tickets: u32,
 }
 
 impl Front {
-    /// Makes room for all cells below `cells`, so that no later operation on them allocates.
+    /// Reserves capacity for all cells below `cells`, so that no later operation on those cells allocates.
     pub(crate) fn reserve(&mut self, cells: usize) {
         self.heap.reserve(cells.saturating_sub(self.heap.len()));
         if self.places.len() < cells {
@@ -34,7 +34,7 @@ impl Front {
         }
     }
 
-    /// Removes all cells.
+    /// Removes all cells. Keeps the capacity.
     pub(crate) fn clear(&mut self) {
         for (_, cell) in self.heap.drain(..) {
             self.places[cell as usize] = NOWHERE;
@@ -42,11 +42,11 @@ impl Front {
         self.tickets = 0;
     }
 
-    /// Adds a cell, or moves a cell that is in the front, behind all cells of equal solidity. Negative
-    /// solidity counts as 0, NaN as the greatest.
+    /// Inserts a cell, or gives a cell of the front a new solidity. The cell goes behind all cells of equal
+    /// solidity. Negative solidity counts as 0, NaN as greater than any number. O(log n).
     #[inline]
     pub(crate) fn push(&mut self, solidity: f32, cell: u32) {
-        // The bits of floats that are not negative are in the floats' order.
+        // The bit patterns of floats that are not negative have the order of the floats.
         let bits = if solidity >= 0.0 {
             (solidity + 0.0).to_bits()
         } else if solidity < 0.0 {
@@ -70,13 +70,15 @@ impl Front {
         }
     }
 
-    /// Solidity of the cell that comes out next; `None` if the front is empty.
+    /// Returns the solidity of the cell that [`pop`](Self::pop) returns next; NaN if that cell was pushed
+    /// with NaN. `None` if the front is empty.
     #[inline]
     pub(crate) fn least(&self) -> Option<f32> {
         self.heap.first().map(|entry| f32::from_bits((entry.0 >> 32) as u32))
     }
 
-    /// Removes the least solid cell and returns it; `None` if the front is empty.
+    /// Removes and returns the cell with the least solidity; the earliest push among equals. `None` if the
+    /// front is empty. O(log n).
     #[inline]
     pub(crate) fn pop(&mut self) -> Option<u32> {
         let &(_, cell) = self.heap.first()?;
@@ -88,7 +90,8 @@ impl Front {
         Some(cell)
     }
 
-    /// Puts an entry at a place or above it: parents with greater keys move down.
+    /// Writes an entry (key and cell) to heap index `place` or to an ancestor of it, moving parents with
+    /// greater keys down.
     #[inline]
     fn rise(&mut self, mut place: usize, entry: (u64, u32)) {
         while place > 0 {
@@ -103,7 +106,8 @@ impl Front {
         self.put(place, entry);
     }
 
-    /// Puts an entry at a place or below it: children with smaller keys move up.
+    /// Writes an entry (key and cell) to heap index `place` or to a descendant of it, moving children with
+    /// smaller keys up.
     #[inline]
     fn sink(&mut self, mut place: usize, entry: (u64, u32)) {
         loop {
@@ -120,7 +124,7 @@ impl Front {
         self.put(place, entry);
     }
 
-    /// Writes an entry to a place of the heap.
+    /// Writes an entry (key and cell) to a heap index and updates the cell's stored index.
     #[inline]
     fn put(&mut self, place: usize, entry: (u64, u32)) {
         self.heap[place] = entry;
@@ -146,7 +150,8 @@ mod tests {
         assert_eq!(front.least(), None);
     }
 
-    /// Against a list that is searched, with cells that are entered, moved both ways and taken out.
+    /// Compares the front with a searched list under random pushes, solidity changes in both directions, and
+    /// pops.
     #[test]
     fn cells_may_move_both_ways() {
         let mut random = Random(17);

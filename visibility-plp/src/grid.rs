@@ -1,60 +1,66 @@
-//! The grid that cells lie on: a cube around the scene with 2^10 steps a side, and Morton codes of its
-//! places.
+//! The grid of the octree: a cube around the scene, divided into 2^10 steps per side, and Morton codes of its
+//! voxels.
 //!
-//! A place is a cube of one step, given by its three coordinates in steps from the cube's least corner, 0 to
-//! 1023 each.
+//! A voxel is a cube of one step, called `place` in the code. Its index is three integers, the steps from the
+//! grid's minimum corner along x, y and z, 0 to 1023 each.
 
 use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// Number of times that the cube can be halved down to one step.
+/// Number of times that the grid's side can be halved down to one step.
 pub(crate) const DEPTH: u32 = 10;
 
-/// Steps along a side of the cube.
+/// Number of steps along each side of the grid.
 pub(crate) const STEPS: u32 = 1 << DEPTH;
 
-/// A cube in scene coordinates, divided into [`STEPS`] steps a side.
+/// Cube in scene-relative coordinates (metres, relative to `Scene::origin`), divided into [`STEPS`] steps per
+/// side.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Grid {
-    /// Least corner, relative to the scene's origin.
+    /// Minimum corner of the cube, relative to the scene's origin, in metres.
     pub(crate) min: DVec3,
-    /// Length of a step in metres.
+    /// Length of one step in metres.
     pub(crate) step: f64,
 }
 
 impl Grid {
-    /// A cube around a box, beyond it by at least a hundredth of the box's greatest side in each direction,
-    /// so that nothing lies on the cube's faces. The unit cube about the origin for a box that is not finite.
+    /// Returns a grid around a box that extends beyond the box in each direction by at least a hundredth of
+    /// the box's longest side, so that no corner of the box lies in a face of the cube. The unit cube centred
+    /// at the origin for a box that is empty, infinite or NaN.
     pub(crate) fn around(bounds: &Aabb) -> Self {
         if !bounds.is_finite() {
             return Self { min: DVec3::splat(-0.5), step: 1.0 / f64::from(STEPS) };
         }
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        // Where the box is a point far from the origin, no less than f32 can tell apart there.
+        // For a box that is a point far from the origin, the side is no less than the spacing of f32 there.
         let far = min.abs().max(max.abs()).max_element();
         let side = ((max - min).max_element() * 1.02).max(far * 1e-5).max(1e-30);
         Self { min: (min + max) * 0.5 - DVec3::splat(side * 0.5), step: side / f64::from(STEPS) }
     }
 
-    /// Place that contains a point. Points outside of the cube get the nearest place, NaN coordinates 0.
+    /// Returns the index of the voxel that contains a scene-relative point, x, y and z from 0 to 1023. The
+    /// nearest voxel for a point outside of the cube. A NaN coordinate counts as 0 steps.
     pub(crate) fn place(&self, point: DVec3) -> [u32; 3] {
         // Casts of NaN and of numbers out of range are defined: 0 and the nearest number.
         ((point - self.min) / self.step).to_array().map(|x| (x as u32).min(STEPS - 1))
     }
 
-    /// Least corner of a place, relative to the scene's origin.
+    /// Returns the minimum corner of a voxel in metres, relative to the scene's origin. Indices of [`STEPS`]
+    /// give the far faces.
     #[inline]
     pub(crate) fn corner(&self, place: [u32; 3]) -> DVec3 {
         self.min + DVec3::from_array(place.map(f64::from)) * self.step
     }
 
-    /// Whether the cube contains a point. False for NaN.
+    /// Tests whether the cube contains a scene-relative point. Half-open: true on the lower faces, false on
+    /// the upper faces and for NaN.
     pub(crate) fn contains(&self, point: DVec3) -> bool {
         let local = (point - self.min) / self.step;
         local.cmpge(DVec3::ZERO).all() && local.cmplt(DVec3::splat(f64::from(STEPS))).all()
     }
 
-    /// Box of the cube of `side` steps whose least corner is that of `place`, rounded outwards.
+    /// Returns the scene-relative box of the cube of `side` steps whose minimum corner is that of voxel
+    /// `place`, rounded outwards to f32.
     #[inline]
     pub(crate) fn bounds(&self, place: [u32; 3], side: u32) -> Aabb {
         let (min, max) = (self.corner(place), self.corner(place.map(|x| x + side)));
@@ -65,7 +71,7 @@ impl Grid {
     }
 }
 
-/// Moves the lowest ten bits to every third bit position.
+/// Moves the lowest ten bits of `x` to every third bit position, bit i to bit 3i.
 fn spread(x: u32) -> u32 {
     let x = (x | x << 16) & 0x0300_00ff;
     let x = (x | x << 8) & 0x0300_f00f;
@@ -73,7 +79,7 @@ fn spread(x: u32) -> u32 {
     (x | x << 2) & 0x0924_9249
 }
 
-/// Undoes [`spread`]; ignores the other bits.
+/// Inverse of [`spread`]: gathers every third bit into the lowest ten. Ignores all other bits.
 fn gather(x: u32) -> u32 {
     let x = x & 0x0924_9249;
     let x = (x | x >> 2) & 0x030c_30c3;
@@ -82,13 +88,13 @@ fn gather(x: u32) -> u32 {
     (x | x >> 16) & 0x3ff
 }
 
-/// Morton code of a place: the bits of x, y and z interleaved, those of x lowest. All codes of an aligned
-/// cube of 2^n steps a side follow each other.
+/// Returns the 30-bit Morton code of a voxel index: the bits of x, y and z interleaved, x lowest. The codes
+/// of an aligned cube of 2^n steps per side are consecutive.
 pub(crate) fn morton(place: [u32; 3]) -> u32 {
     spread(place[0]) | spread(place[1]) << 1 | spread(place[2]) << 2
 }
 
-/// Place with a Morton code.
+/// Returns the voxel index with a Morton code: the inverse of [`morton`].
 pub(crate) fn place_of(code: u32) -> [u32; 3] {
     [gather(code), gather(code >> 1), gather(code >> 2)]
 }

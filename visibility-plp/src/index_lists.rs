@@ -1,19 +1,20 @@
-//! Lists of numbers, stored one after another in one array (compressed sparse rows).
+//! Lists of numbers, one after another in a single array (compressed sparse rows, CSR).
 
 use alloc::vec::Vec;
 
-/// One list of `u32` for each number below a count.
+/// Compressed sparse rows: one list of `u32` for each list number from 0 on.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct IndexLists {
-    /// First item of each list, an index into `items`, and the end of the last list. One more than there are
-    /// lists.
+    /// CSR offsets: the index in `items` of each list's first item, then the end of the last list. One entry
+    /// more than there are lists.
     pub(crate) starts: Vec<u32>,
+    /// Items of all lists, in order of the list number.
     pub(crate) items: Vec<u32>,
 }
 
 impl IndexLists {
-    /// Makes `count` lists from pairs of a list's number and an item. Items of one list keep their order.
-    /// Panics if a pair names a list of `count` or more.
+    /// Makes `count` lists from `pairs` of a list number and an item. Items of one list keep the order of the
+    /// pairs. Panics if a list number is `count` or more.
     pub(crate) fn new(count: usize, pairs: &[(u32, u32)]) -> Self {
         let mut starts = alloc::vec![0u32; count + 1];
         for &(list, _) in pairs {
@@ -32,13 +33,13 @@ impl IndexLists {
         Self { starts, items }
     }
 
-    /// The items of a list. Panics for a number that is no list's.
+    /// Returns the items of one list. Panics if `list` is not a list number.
     #[inline]
     pub(crate) fn get(&self, list: usize) -> &[u32] {
         &self.items[self.starts[list] as usize..self.starts[list + 1] as usize]
     }
 
-    /// Heap memory in bytes.
+    /// Returns the heap memory in bytes.
     pub(crate) fn memory(&self) -> usize {
         size_of_val(&self.starts[..]) + size_of_val(&self.items[..])
     }

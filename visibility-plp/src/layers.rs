@@ -1,26 +1,33 @@
-//! Objects of a cell, bucketed by facing direction, size and openness, so that a budget takes the best
-//! buckets first.
+//! Encoding of a cell's object list. Objects are bucketed by facing direction, size and openness, so that a
+//! budget takes the best buckets first.
 //!
-//! The list of a cell is a byte string. First the least object index in the cell. Then one block for each
-//! axis side that objects face: a byte of side and lean, the number of bytes that follow in the block, and
-//! its layers, best first. A layer is one byte of area class, one byte of openness class, the number of bytes
-//! that follow in it, and the objects in ascending order: the first as a difference from the least index in
-//! the cell, each other one as a difference from the one before. Numbers take seven bits a byte, the lowest
-//! bits first; the highest bit of a byte is set if more follow.
+//! The list of a cell is a byte string. It starts with the least object index in the cell. One block follows
+//! for each axis side that objects of the cell face. A block has one byte of side (low three bits) and lean
+//! (high four bits), the number of bytes that follow in the block, and the side's layers in order of falling
+//! mean area times openness. A layer has one byte of area class, one byte of openness class, the number of
+//! bytes that follow in the layer, and its objects in ascending order. The first object is stored as the
+//! difference from the least index in the cell, each later object as the difference from its predecessor. An
+//! empty cell has an empty list.
+//!
+//! Numbers take seven bits per byte, lowest bits first. The highest bit of a byte is set if another byte
+//! follows.
 
 use crate::normal_bins::BoxFromEye;
 use crate::surface_class::{ANY_SIDE, LEAN_STEPS, Lean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
 
-/// Minimum number of objects in a layer, unless the side has fewer. A layer costs about as much as looking at
-/// so many objects; smaller layers find more at small budgets.
+/// Minimum number of objects in a layer, unless its side has fewer. Visiting a layer costs about as much as
+/// testing 12 objects; smaller layers find more visible objects at small budgets.
 const MIN_LAYER: usize = 12;
 
-/// Minimum number of objects in a block of one side. Fewer go to the block of [`ANY_SIDE`].
+/// Minimum number of objects in the block of one side. The objects of sides with fewer go to the block of
+/// [`ANY_SIDE`].
 const MIN_ON_SIDE: usize = 8;
 
-/// Adds the list of a cell to `bytes`. `classes` is indexed by object index; an object beyond its end has the
-/// default class. Sorts `objects`. Returns the number of blocks. Adds nothing for a cell without objects.
+/// Appends the encoded list of one cell to `bytes` and returns the number of its blocks (sides). `objects`
+/// are the object indices of the cell in any order; they are reordered. `classes` holds the class and lean of
+/// each object, indexed by object index; an index beyond its end counts as the default class with unknown
+/// lean. Appends nothing and returns 0 for a cell without objects.
 pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], classes: &[(SurfaceClass, Lean)]) -> usize {
     let Some(&least) = objects.iter().min() else { return 0 };
     let known = |object: u32| {
@@ -66,11 +73,13 @@ pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], classes: &[(Su
     block_count
 }
 
-/// Ranks that differ by less than this share a layer.
+/// Maximum difference of [`SurfaceClass::rank`] between objects that share a layer, exclusive: four steps are
+/// a factor of four in area times openness.
 const RANK_STEP: u32 = 4;
 
-/// Number of objects in the first layer of a side's objects, which are sorted by falling rank: those of like
-/// rank, more where these are fewer than [`MIN_LAYER`], and all where fewer would be left over.
+/// Returns the number of objects in the first layer of `objects`, which are the remaining objects of one side
+/// in order of falling rank. A layer takes objects whose ranks differ by less than [`RANK_STEP`], further
+/// ranks until it has [`MIN_LAYER`] objects, and all objects if fewer than [`MIN_LAYER`] would remain.
 fn layer_length(objects: &[u32], rank: impl Fn(u32) -> u32) -> usize {
     let mut length = 0;
     while length < objects.len() && length < MIN_LAYER {
@@ -80,7 +89,7 @@ fn layer_length(objects: &[u32], rank: impl Fn(u32) -> u32) -> usize {
     if objects.len() - length < MIN_LAYER { objects.len() } else { length }
 }
 
-/// Adds a number, seven bits a byte.
+/// Appends a number to `bytes`, seven bits per byte, lowest bits first.
 fn push_number(bytes: &mut Vec<u8>, mut number: u32) {
     while number >= 0x80 {
         bytes.push(number as u8 | 0x80);
@@ -89,7 +98,8 @@ fn push_number(bytes: &mut Vec<u8>, mut number: u32) {
     bytes.push(number as u8);
 }
 
-/// Takes a number off the front. `None` if the bytes end before it does. Bits beyond 32 are dropped.
+/// Decodes a number at the front of `bytes` and advances `bytes` past the number. `None` if `bytes` ends
+/// inside the number. Bits beyond 32 are dropped.
 #[inline]
 fn take_number(bytes: &mut &[u8]) -> Option<u32> {
     let (&first, rest) = bytes.split_first()?;
@@ -109,19 +119,19 @@ fn take_number(bytes: &mut &[u8]) -> Option<u32> {
     }
 }
 
-/// Iterator over the object indices of one layer, ascending.
+/// Iterator over the object indices of one layer, in ascending order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layer<'a> {
     /// Mean class of the layer's objects.
     pub(crate) class: SurfaceClass,
-    /// Index of the object before, or the least index in the cell.
+    /// Object index returned last. Before the first object, the least object index in the cell.
     last: u32,
-    /// Encoded differences of the objects that follow.
+    /// Encoded differences of the objects not returned yet.
     bytes: &'a [u8],
 }
 
 impl Layer<'_> {
-    /// Upper bound on the number of objects that follow.
+    /// Returns an upper bound on the number of objects not returned yet: the number of their bytes.
     #[inline]
     pub(crate) fn max_len(&self) -> usize {
         self.bytes.len()
@@ -138,19 +148,24 @@ impl Iterator for Layer<'_> {
     }
 }
 
-/// Iterator over the layers of one side of a cell, best first.
+/// Iterator over the layers of one side of a cell, in order of falling mean area times openness.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layers<'a> {
-    /// The axis side, or [`ANY_SIDE`].
+    /// Axis side that the objects face, 0 to 5 (twice the axis, plus one towards negative coordinates), or
+    /// [`ANY_SIDE`] for objects without a single normal.
     pub(crate) side: u8,
+    /// Upper bound on how far normals of the side's objects lean from its axis, in [`LEAN_STEPS`]ths;
+    /// [`UNKNOWN_LEAN`] for no bound.
     lean: Lean,
     /// Least object index in the cell.
     least: u32,
+    /// Encoded layers not returned yet.
     bytes: &'a [u8],
 }
 
 impl<'a> Layers<'a> {
-    /// Whether all of the side's triangles surely face away from the eye. `cell` is the cell that holds them.
+    /// Tests whether all triangles of the side's objects certainly face away from the eye. `cell` is the box,
+    /// relative to the eye, of the cell that holds the objects. False if undecided or the lean is unknown.
     #[inline]
     pub(crate) fn is_back(&self, cell: &BoxFromEye) -> bool {
         self.side < ANY_SIDE
@@ -158,7 +173,7 @@ impl<'a> Layers<'a> {
             && cell.is_behind(self.side, f32::from(self.lean) / LEAN_STEPS)
     }
 
-    /// Number of bytes that follow.
+    /// Returns the number of bytes of the layers not returned yet.
     #[inline]
     pub(crate) fn byte_count(&self) -> usize {
         self.bytes.len()
@@ -178,16 +193,17 @@ impl<'a> Iterator for Layers<'a> {
     }
 }
 
-/// Iterator over the sides of a cell's list.
+/// Iterator over the sides of a cell's list, one block of layers each.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sides<'a> {
     /// Least object index in the cell.
     least: u32,
+    /// Encoded blocks not returned yet.
     bytes: &'a [u8],
 }
 
 impl<'a> Sides<'a> {
-    /// All sides of a list.
+    /// Starts at the first side of an encoded list. An empty list has no sides.
     #[inline]
     pub(crate) fn new(list: &'a [u8]) -> Self {
         let mut bytes = list;
@@ -195,14 +211,16 @@ impl<'a> Sides<'a> {
         Self { least, bytes }
     }
 
-    /// Number of bytes that follow.
+    /// Returns the number of bytes of the sides not returned yet.
     #[inline]
     pub(crate) fn byte_count(&self) -> usize {
         self.bytes.len()
     }
 
-    /// Layers of a side, by where they begin and end, in bytes before the end of the list. None if the
-    /// positions do not fit the list.
+    /// Returns the layers in one byte range of the list. `from` and `to` are the range's start and end
+    /// (exclusive), counted in bytes before the list's end. The returned iterator faces `side` and has
+    /// unknown lean. No layers if the positions do not fit the list. `self` must not have returned any side
+    /// yet.
     #[inline]
     pub(crate) fn layers(&self, side: u8, from: usize, to: usize) -> Layers<'a> {
         let place = |left: usize| self.bytes.len().saturating_sub(left);
@@ -231,8 +249,8 @@ mod tests {
     use crate::test_exact::{Random, RandomExact};
     use visibility_core::{Aabb, Object, Scene, view::Eye};
 
-    /// Slopes and walls in a box, and eyes around it: a side that turns its back has nothing in it that does
-    /// not.
+    /// Scenes of sloped triangles in a box and eyes around the box: if `is_back` is true for a side, each
+    /// triangle of the side faces away from the eye.
     #[test]
     fn sides_that_turn_their_backs_do_so_as_a_whole() {
         let mut random = Random(71);
@@ -241,7 +259,7 @@ mod tests {
             let mut scene = Scene::new();
             let slope = f64::from(round % 10) * 0.1;
             for _ in 0..150 {
-                // NormalBins along an axis, or leaning from it by less than the slope.
+                // Normals along an axis, or leaning from the axis by less than the slope.
                 let mut normal = random.direction() * slope * 0.7;
                 let axis = random.whole(3).unsigned_abs() as usize % 3;
                 normal[axis] = if random.float() < 0.0 { 1.0 } else { -1.0 };

@@ -1,18 +1,19 @@
-//! Which objects are worth drawing with a budget of so many triangles?
+//! Culling to a budget: keeps the objects or triangles that are most likely visible, up to a given number.
 //!
-//! Prioritized-layered projection (PLP) answers without computing visibility. A scene is cut once into convex
-//! cells, by an [octree](OctreeTessellation) or into [tetrahedra](DelaunayTessellation). Each frame walks
-//! through the cells from the eye outwards, always to the cell that is least likely to be hidden, and takes
-//! the objects of each cell until the budget is spent.
+//! Prioritized-layered projection (PLP) estimates visibility instead of computing it. A scene is partitioned
+//! once into convex cells: the leaves of an [octree](OctreeTessellation) or the
+//! [tetrahedra](DelaunayTessellation) of a Delaunay triangulation. Each frame visits cells outwards from the
+//! eye. The next cell is always the one that is least likely to be hidden. The objects of each visited cell
+//! are kept until the budget is spent.
 //!
-//! - [`PlpCuller`] keeps the objects that are most likely visible, best first, up to a [`Budget`].
-//!   Approximate. It needs a tessellation.
-//! - [`ConservativePlpCuller`] keeps everything that may be seen. It needs a tessellation, occluders and an
-//!   occlusion map.
+//! - [`PlpCuller`] keeps the objects that are most likely visible, highest priority first, up to a
+//!   [`Budget`]. Approximate. Needs a tessellation.
+//! - [`ConservativePlpCuller`] keeps every object that may be visible. Needs a tessellation, occluder meshes
+//!   in the scene and an occlusion map.
 //!
-//! On the streets of a city of 522,504 triangles, of which 791 are visible, 2 % of all triangles contain 95.8
-//! % of the visible ones; the nearest 2 % contain 62.2 %. The picture `docs/plp-plpcity.svg` in the
-//! repository shows the walk.
+//! In a city of 522,504 triangles, 791 are visible from the street. A budget of 2 % of all triangles contains
+//! 95.8 % of the visible ones. The nearest 2 % contain 62.2 %. The picture `docs/plp-plpcity.svg` in the
+//! repository shows the order of cells.
 //!
 //! ```
 //! use std::sync::Arc;
@@ -26,7 +27,7 @@
 //! let post = |y: f32| Aabb::from_arrays([30.0, y, -1.0], [30.5, y + 0.5, 1.0]);
 //! scene.insert_batch((-20..20).map(|i| post(i as f32)));
 //!
-//! // Once, and again when much of the scene has changed. `sync` takes in small changes.
+//! // Once, and again when much of the scene has changed. `sync` handles small changes.
 //! let cells = Arc::new(OctreeTessellation::new(&scene));
 //!
 //! // One culler for each view.

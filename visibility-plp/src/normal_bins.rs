@@ -1,51 +1,58 @@
-//! Facing direction of single triangles in three bytes each, so that most back faces are skipped without
-//! reading their corners.
+//! Facing directions of single-triangle objects in three bytes each, so that most back faces are skipped
+//! without reading their corners.
 //!
-//! Unit normals are sorted into bins over the sphere. A bin stores the middle of its normals and how far they
-//! stray from it. A triangle that meets a cell has a point of its plane in the cell's box, so bin and box
-//! together bound the side of the plane on which the eye lies. Where all normals of a bin agree (walls and
-//! floors), two bytes more store the plane's offset along that normal, in 65,535 steps over the scene.
+//! Unit normals are sorted into bins over the sphere. A bin stores the mean direction of its normals and
+//! their greatest distance from that mean. A triangle that meets a cell has a point of its plane in the
+//! cell's box, so the bin and the box together bound the side of the plane on which the eye lies. If all
+//! normals of a bin agree (walls and floors), two more bytes per triangle store the plane's offset along that
+//! normal, in 65,535 steps over the scene.
 
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, ObjectId, Scene, scene::Triangle, view::Eye};
 
-/// Bins along each side of the six faces of a cube. Odd, so that the axes lie in the middle of their bins.
+/// Number of bins along each edge of the six faces of a cube around the sphere of normals. Odd, so that each
+/// axis direction lies in the middle of a bin.
 const SIDE: usize = 5;
 
+/// Number of bins that normals are sorted into.
 const BINS: usize = 6 * SIDE * SIDE;
 
-/// Greatest spread of a flat bin: its normals count as one normal.
+/// Maximum spread (distance between unit vectors) of a flat bin, whose normals are treated as one normal.
 const FLAT: f32 = 1e-6;
 
-/// Bin number of objects without a single normal.
+/// Bin number of objects that do not have exactly one triangle, or whose triangle has no reliable normal.
 const NO_BIN: u8 = u8::MAX;
 
-/// Normals of a bin: all within the distance `spread` of `normal`. Both NaN in the bin of [`NO_BIN`].
+/// Bounds of the unit normals in one bin: each within the Euclidean distance `spread` of `normal`. Both are
+/// NaN in the bin of [`NO_BIN`].
 #[derive(Clone, Copy, Debug)]
 struct NormalBin {
     normal: [f32; 3],
     spread: f32,
 }
 
-/// Bin number of an object, then its plane's offset along the normal of a flat bin, in steps, low byte first.
-/// In one array of three bytes so that a look-up misses the cache at most once.
+/// One object's bin number, then the offset of its triangle's plane along the normal of a flat bin, in steps,
+/// low byte first. The offset is 0 in other bins. Three bytes in one array, so that a look-up misses the
+/// cache at most once.
 type Mark = [u8; 3];
 
-/// Facing directions of all objects of a scene as it was when this was made.
+/// Facing directions of all single-triangle objects of a scene, as of the time of construction.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NormalBins {
-    /// By object index.
+    /// Bin number and plane offset of each object, indexed by object index.
     marks: Vec<Mark>,
-    /// By bin number, up to [`NO_BIN`].
+    /// Normal bins, indexed by bin number up to [`NO_BIN`].
     bins: Vec<NormalBin>,
-    /// Offset of step 0 along a flat bin's normal, in metres.
+    /// Plane offset along a flat bin's normal that step 0 stands for, in metres from the scene's origin.
     base: f64,
-    /// Length of a step in metres.
+    /// Length of an offset step in metres.
     step: f64,
 }
 
-/// Side of a triangle's plane on which the eye lies.
+/// Side of a triangle's plane on which the eye lies. `Front`: the eye is certainly on the side from which the
+/// corners run anticlockwise. `Back`: certainly on the opposite side. `Unknown`: undecided, counts as
+/// visible.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum EyeSide {
     Front,
@@ -53,17 +60,19 @@ pub(crate) enum EyeSide {
     Unknown,
 }
 
-/// Unit normal of a triangle. `None` if rounding could change it by more than 1e-9.
+/// Returns the unit normal of a triangle. `None` if rounding could change the normal by more than 1e-9, as
+/// for degenerate triangles, slivers and NaN.
 fn unit_normal(triangle: &Triangle) -> Option<DVec3> {
     let [a, b, c] = triangle.map(|p| p.as_dvec3());
     let (u, v) = (b - a, c - a);
     let normal = u.cross(v);
-    // Its error is some 1e-15 of the product of lengths, so no more than 1e-9 of what is let through here.
+    // The cross product's error is about 1e-15 times the product of the edge lengths, so at most 1e-9 of the
+    // lengths accepted here.
     let length = normal.length();
     (length > 1e-6 * u.length() * v.length() && length.is_finite()).then(|| normal / length)
 }
 
-/// Bin number of a unit normal.
+/// Returns the bin number of a unit normal, 0 to `BINS` - 1.
 fn bin_of(normal: DVec3) -> usize {
     let size = normal.abs();
     let axis = size.max_position();
@@ -75,7 +84,8 @@ fn bin_of(normal: DVec3) -> usize {
 }
 
 impl NormalBins {
-    /// Bins of all objects of one triangle; other objects have none.
+    /// Sorts the normals of all objects of one triangle into bins. Other objects get [`NO_BIN`]. O(n) in the
+    /// number of objects.
     pub(crate) fn new(scene: &Scene) -> Self {
         let single = |id| match scene.triangles(id) {
             Ok([triangle]) => unit_normal(triangle),
@@ -106,7 +116,7 @@ impl NormalBins {
         made
     }
 
-    /// Fills in the offsets of all objects in flat bins.
+    /// Computes the plane offsets of all objects in flat bins, and the base and length of the offset steps.
     fn measure_offsets(&mut self, scene: &Scene) {
         let along = |bins: &Self, id: ObjectId| {
             let bin = bins.flat_bin(bins.marks[id.index()][0])?;
@@ -132,14 +142,16 @@ impl NormalBins {
         (self.base, self.step) = (least, step);
     }
 
-    /// The bin with a number if it is flat.
+    /// Returns the bin with a number if the bin is flat; `None` otherwise.
     fn flat_bin(&self, number: u8) -> Option<&NormalBin> {
         self.bins.get(usize::from(number)).filter(|bin| bin.spread <= FLAT)
     }
 
-    /// Fills `offsets`, by bin number, for one frame: the eye's offset along the bin's normal in steps, and
-    /// by how many steps a triangle's offset must differ from it for its side to be certain. Infinite for
-    /// bins that are not flat and for parallel views. `bounds`: box around all triangles.
+    /// Replaces `offsets` by one pair for each bin, for one frame. The first number is the eye's offset along
+    /// the bin's normal, in steps. The second is the minimum difference, in steps, between the eye's and a
+    /// triangle's offset that makes the eye's side certain. Bins that are not flat and all bins of a parallel
+    /// view get infinity. `eye` and `bounds`, the box around all triangles, are relative to the scene's
+    /// origin.
     pub(crate) fn eye_offsets(&self, eye: Eye, bounds: &Aabb, offsets: &mut Vec<[f64; 2]>) {
         offsets.clear();
         offsets.resize(self.bins.len(), [0.0, f64::INFINITY]);
@@ -148,26 +160,27 @@ impl NormalBins {
         for (number, of_bin) in (0..NO_BIN).zip(offsets) {
             if let Some(bin) = self.flat_bin(number) {
                 let offset = DVec3::from_array(bin.normal.map(f64::from)).dot(eye) - self.base;
-                // For the triangle's normal m and corner a, m . (eye - a) is n . eye - n . a and (m - n) .
-                // (eye - a), which is no more than the spread times the farthest way. But the spread is that
-                // of m as it was computed, which for slivers is known to 1e-9 and no better: see
-                // `unit_normal`, which lets through no more than half of that. Products with n are rounded by
-                // 1e-15 of the way, and the spread was rounded up. Steps are rounded down by up to one; the
-                // division by them keeps the order of what is divided.
+                // Let m be the triangle's normal and a its corner. Then m . (eye - a) is the sum of n . eye -
+                // n . a and (m - n) . (eye - a). The second term is at most the spread times the greatest
+                // distance. The spread is that of the computed m, which for slivers has an error of up to
+                // 1e-9: see `unit_normal`, which accepts at most half of that. Products with n are rounded by
+                // 1e-15 of the distance, and the spread was rounded up. Offsets in steps are rounded down by
+                // up to one step; the division by the step preserves order.
                 let sure = (f64::from(bin.spread) + 1e-9) * farthest / self.step + 1.0;
                 *of_bin = [offset / self.step, sure];
             }
         }
     }
 
-    /// Heap memory in bytes.
+    /// Returns the heap memory in bytes.
     pub(crate) fn memory(&self) -> usize {
         size_of_val(&self.marks[..]) + size_of_val(&self.bins[..])
     }
 
-    /// Side of an object's triangle on which the eye lies. `cell` is a cell that the triangle meets,
-    /// `offsets` are those of [`eye_offsets`](Self::eye_offsets) for the same eye. Unknown for an unknown
-    /// object and for one without a bin.
+    /// Returns the side of an object's triangle on which the eye lies. `object` is the object's index. `cell`
+    /// is the box, relative to the eye, of a cell that the triangle meets. `offsets` comes from
+    /// [`eye_offsets`](Self::eye_offsets) for the same eye. [`EyeSide::Unknown`] for an unknown object and
+    /// for an object without a bin.
     #[inline]
     pub(crate) fn eye_side(&self, object: usize, cell: &BoxFromEye, offsets: &[[f64; 2]]) -> EyeSide {
         let [number, offset @ ..] = self.marks.get(object).copied().unwrap_or([NO_BIN, 0, 0]);
@@ -175,7 +188,7 @@ impl NormalBins {
             && sure < f64::INFINITY
         {
             let before = eye_offset - f64::from(u16::from_le_bytes(offset));
-            // NaN compares as false.
+            // Comparisons with NaN are false.
             let (front, back) = (before > sure, before < -sure);
             return if front {
                 EyeSide::Front
@@ -190,13 +203,13 @@ impl NormalBins {
         };
         let (v, h) = (&cell.to_eye, &cell.half);
         let middle = n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
-        // For the triangle's normal m and a point q of it in the box, m . (eye - q) is the sum of n . (eye -
-        // center), n . (center - q) and (m - n) . (eye - q); the last is no more than the spread times the
-        // way to the farthest point. Each f32 is rounded by 2^-24 of no more than twice that way, a dozen
-        // times in all: less than 2e-6 of it.
+        // Let m be the triangle's normal and q a point of the triangle in the box. Then m . (eye - q) is the
+        // sum of n . (eye - center), n . (center - q) and (m - n) . (eye - q). The last term is at most the
+        // spread times the distance from the eye to the farthest point of the box. A dozen f32 operations are
+        // each rounded by 2^-24 of at most twice that distance: less than 2e-6 of the distance in all.
         let reach = n[0].abs() * h[0] + n[1].abs() * h[1] + n[2].abs() * h[2];
         let reach = reach + (spread + 1e-5) * cell.farthest + f32::MIN_POSITIVE;
-        // NaN compares as false.
+        // Comparisons with NaN are false.
         if middle + reach < 0.0 {
             EyeSide::Back
         } else if middle - reach > 0.0 {
@@ -207,43 +220,45 @@ impl NormalBins {
     }
 }
 
-/// A cell's box relative to the eye.
+/// Box of a cell relative to the eye, for tests whether triangles in the box face away.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BoxFromEye {
-    /// Vector from the box's centre to the eye; for a parallel view, the unit vector against the viewing
-    /// direction.
+    /// Vector from the box's centre to the eye, in metres. For a parallel view, the unit vector opposite to
+    /// the viewing direction.
     to_eye: [f32; 3],
-    /// Half the box's size; zero for a parallel view.
+    /// Half the box's size along each axis, in metres. Zero for a parallel view.
     half: [f32; 3],
-    /// Distance between the eye and the farthest point of the box.
+    /// Distance in metres from the eye to the farthest point of the box. 1 for a parallel view.
     farthest: f32,
 }
 
 impl BoxFromEye {
     #[inline]
+    /// Makes the form relative to `eye` of the box `bounds`. Both are relative to the scene's origin.
     pub(crate) fn new(eye: Eye, bounds: &Aabb) -> Self {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (to_eye, half) = match eye {
             Eye::Point(eye) => (eye - (min + max) * 0.5, (max - min) * 0.5),
-            // The same for all points of the box.
+            // The vector to an eye at infinity is equal for all points of the box.
             Eye::Direction(along) => (-along, DVec3::ZERO),
         };
         let farthest = (to_eye.abs() + half).length() as f32;
         Self { to_eye: to_eye.as_vec3().to_array(), half: half.as_vec3().to_array(), farthest }
     }
 
-    /// Whether the eye is surely behind every triangle that meets the box and whose normal leans from an axis
-    /// side by at most `lean`: no component across the axis is greater than `lean` times the one along it.
-    /// `side` is twice the axis, plus one towards negative coordinates.
+    /// Tests whether the eye is certainly behind every triangle that meets the box and faces an axis side
+    /// with a bounded lean. `side` is twice the axis, plus one towards negative coordinates. `lean` bounds
+    /// the normals: no component across the axis exceeds `lean` times the component along the axis. False if
+    /// undecided and for NaN.
     #[inline]
     pub(crate) fn is_behind(&self, side: u8, lean: f32) -> bool {
         let axis = usize::from(side / 2) % 3;
         let others = [(axis + 1) % 3, (axis + 2) % 3];
         let along = if side & 1 == 0 { self.to_eye[axis] } else { -self.to_eye[axis] };
         let across: f32 = others.map(|other| self.to_eye[other].abs() + self.half[other]).iter().sum();
-        // For the normal (1, s, t) and a point q of the triangle in the box, as in `NormalBins::eye_side`;
-        // rounding is as there, and a lean of 1e-6 more is less than what is left of the margin. NaN compares
-        // as false.
+        // The bound of `NormalBins::eye_side` for the normal (1, s, t) and a point q of the triangle in the
+        // box. The rounding is as derived there. An error of 1e-6 in the lean is less than the rest of the
+        // margin. Comparisons with NaN are false.
         along + self.half[axis] + lean * across + 1e-5 * self.farthest + f32::MIN_POSITIVE < 0.0
     }
 }
@@ -255,8 +270,8 @@ mod tests {
     use visibility_core::Object;
     use visibility_core::glam::Vec3;
 
-    /// Triangles of every direction, each through a point of the unit box, seen by eyes near and far: the
-    /// side that a bin reports never contradicts the exact side of a triangle in it.
+    /// Triangles of all directions, each through a point of a box, and near and far eyes: a front or back
+    /// reported by `eye_side` never contradicts the exact side.
     #[test]
     fn sides_are_those_of_the_triangles() {
         let mut random = Random(7);
@@ -265,7 +280,8 @@ mod tests {
             let mut point = || DVec3::new(random.float(), random.float(), random.float()).as_vec3();
             let (q, u, v) = (point(), point(), point());
             let triangle = match i % 3 {
-                // Corners in the box; a corner alone, of a large one; nearly along an axis.
+                // In turn: all corners in the box; one corner of a large triangle in the box; the normal
+                // almost along an axis.
                 0 => [q, u, v],
                 1 => [q, q + u * 100.0, q + v * 100.0],
                 _ => [q, q + Vec3::new(u.x, u.y, u.z * 1e-3), q + Vec3::new(v.x, v.y, v.z * 1e-3)],
@@ -299,8 +315,8 @@ mod tests {
         );
     }
 
-    /// Floors and walls of which many lie within a step, and eyes in their offsets and just beside them:
-    /// never the wrong side, and mostly sure.
+    /// Axis-aligned floors, many of them within one offset step of each other, and eyes in or just beside
+    /// their planes: `eye_side` never reports the wrong side, and `Unknown` for fewer than one in thirty.
     #[test]
     fn sides_of_flat_bins_are_those_of_the_triangles() {
         let mut scene = Scene::new();
@@ -334,9 +350,9 @@ mod tests {
         assert!(all * 30 < sure, "{all} of {sure} unknown");
     }
 
-    /// Two triangles in a bin, as far from its middle as each other, in the corner of a small box, and eyes
-    /// far away in their offsets and just beside them: there the bound is as tight as it gets, and numbers of
-    /// 24 bits are too coarse for it.
+    /// Two triangles in a bin, equally far from its mean normal, each with a point in a corner of a small
+    /// box, and distant eyes in or just beside the planes. This is where the bound is tightest and f32
+    /// arithmetic is too coarse: the wrong side is never reported.
     #[test]
     fn eyes_far_away_beside_a_plane_are_not_on_its_wrong_side() {
         let mut random = Random(61);
@@ -344,12 +360,12 @@ mod tests {
         let all = Aabb::from_arrays([-1500.0; 3], [1500.0; 3]);
         for round in 0..2000 {
             let normal = random.direction();
-            // So much that they are two normals, or so little that they are one.
+            // In turn: far enough apart for a bin that is not flat, and close enough for a flat bin.
             let lean = if round % 2 == 0 { 3e-6 } else { 5e-7 } * (1.0 + 0.5 * random.float());
             let lean = normal.any_orthonormal_vector() * lean;
             let mut scene = Scene::new();
             for m in [normal + lean, normal - lean].map(DVec3::normalize) {
-                // Large, so that its normal is known to ten digits, and about the origin.
+                // Large and around the origin, so that the triangle's normal is known to ten digits.
                 let (u, v) = m.any_orthonormal_pair();
                 let t = [u * 1e3, v * 1e3, -(u + v) * 1e3].map(|p| p.as_vec3());
                 let id = scene.insert(Object::new(Aabb::from_points(t)));
@@ -364,7 +380,7 @@ mod tests {
                 };
                 let n = DVec3::from_array(bin.normal.map(f64::from));
                 if bin.spread == 0.0 || (bin.spread <= FLAT) != (round % 2 == 1) {
-                    // Not in one bin.
+                    // The two normals fell into different bins.
                     continue;
                 }
                 let away = (m - n).normalize() * 1000.0;
@@ -372,7 +388,8 @@ mod tests {
                     + triangle[1].as_dvec3() / 3.0
                     + triangle[2].as_dvec3() / 3.0;
                 for (sign, corner) in [(1.0, -1.0), (-1.0, 1.0)] {
-                    // A box whose corner, towards the normal or against it, is a point of the triangle.
+                    // A box with one corner, towards the normal or opposite to it, at a point of the
+                    // triangle.
                     let half = Vec3::splat(0.001);
                     let center = q.as_vec3() - n.as_vec3().signum() * half * corner;
                     let cell = Aabb::new(center - half, center + half);
@@ -392,17 +409,18 @@ mod tests {
         assert!(told > 2000, "{told}");
     }
 
-    /// Slivers, of whose normals rounding leaves ten digits or so, and eyes far away, where the true normal
-    /// strays the most from the bin's: before the plane or behind it by a hair, never on the wrong side. How
-    /// far the computed normal strays is too little to go by.
+    /// Slivers whose normals keep about ten digits after rounding, and distant eyes in the direction in which
+    /// the true normal differs most from the bin's. Each eye lies just before or just behind the plane, and
+    /// the wrong side is never reported. The spread of the computed normals alone would be too small a
+    /// margin.
     #[test]
     fn eyes_far_away_beside_slivers_are_not_on_their_wrong_side() {
         let mut random = Random(63);
         let (mut told, mut wrong_without, mut offsets) = (0, 0, Vec::new());
         for _ in 0..30_000 {
-            // In units of 2^-30. The first corner is about the origin and in finer steps than the others, so
-            // that products of edges have more digits than f64. The last is so near to the middle of the
-            // others that the triangle is just let through, or just not.
+            // In units of 2^-30. The first corner is near the origin and in finer steps than the others, so
+            // that products of edges have more digits than f64. The last corner is so close to the middle of
+            // the others that `unit_normal` just accepts or just rejects the triangle.
             let (a, b) = (random.integers(1 << 14), random.integers(1 << 22));
             let beside = random.integers(4);
             let c = [0, 1, 2].map(|i| (b[i] / 2 + beside[i]) << 14);
@@ -411,8 +429,8 @@ mod tests {
             if unit_normal(&triangle).is_none() {
                 continue;
             }
-            // No more than one in the scene: steps are as small as they get, and being unsure by one of them
-            // helps nobody.
+            // One triangle per scene, so that offset steps are as small as possible and the tolerance of one
+            // step does not hide errors.
             let mut scene = Scene::new();
             let bounds = Aabb::from_points(triangle);
             let id = scene.insert(Object::new(bounds));
@@ -423,13 +441,13 @@ mod tests {
             let n = DVec3::from_array(bin.normal.map(f64::from));
             let exact = cross(minus(b, a), minus(c, a));
             let m = DVec3::from_array(exact.map(|x| x as f64)).normalize();
-            // In the plane, and in it as much along `m - n` as may be.
+            // A direction in the plane, as close to the direction of `m - n` as possible.
             let away = (m - n).reject_from_normalized(m).normalize_or_zero() * 2f64.powi(52);
             for sign in [1.0, -1.0] {
                 let way = away * sign;
                 let way = (way - m * (m.dot(way) - sign * 64.0)).to_array();
                 let eye = [0, 1, 2].map(|i| a[i] + way[i] as i64);
-                // The hair is more than what is rounded here.
+                // The eye's distance from the plane exceeds the rounding of its coordinates.
                 let before = dot(exact, minus(eye, a));
                 assert!(if sign > 0.0 { before > 0 } else { before < 0 });
                 let eye = fine(eye);
@@ -450,7 +468,9 @@ mod tests {
         assert!(told > 5000 && wrong_without > 100, "{wrong_without} of {told} wrong without a margin");
     }
 
-    /// The same of all that lean one way no farther than so.
+    /// Triangles whose normals lean from an axis by exactly the given bound, and distant eyes just in front
+    /// of a triangle through a corner of the box: `is_behind` is never true, although it would be without its
+    /// rounding margin.
     #[test]
     fn eyes_far_away_are_not_behind_what_faces_them() {
         let mut random = Random(62);
@@ -463,14 +483,14 @@ mod tests {
             let across = (axis + 1 + round % 2) % 3;
             normal[across] = f64::from(lean) * if random.float() < 0.0 { 1.0 } else { -1.0 };
             let normal = DVec3::from_array(normal);
-            // Flat where the normal has no part, so that no more is given away there.
+            // Flat along the axis in which the normal has no component, so that the bound has no slack there.
             let mut half = random.direction().abs().as_vec3() * 0.01;
             half[3 - axis - across] = 0.0;
             let center = random.direction().as_vec3();
             let cell = Aabb::new(center - half, center + half);
             let (min, max) = (cell.min.as_dvec3(), cell.max.as_dvec3());
             let q = DVec3::select(normal.cmpgt(DVec3::ZERO), min, max);
-            // In the plane through that corner, but for what rounding does and a hair.
+            // In the plane through that corner, up to rounding and a distance of 1e-7.
             let mut eye = (min + max) * 0.5;
             eye[across] += normal[across].signum() * 1000.0 * random.float().abs();
             eye[axis] = q[axis] - (normal[across] * (eye[across] - q[across]) - 1e-7) / normal[axis];

@@ -1,8 +1,9 @@
-//! Cells that are the leaves of an octree: small where the scene has many vertices, large where it has none.
+//! Cells that are the leaves of an octree: small where the scene has many vertices, large where the scene has
+//! none.
 //!
 //! Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000,
 //! section 4. Leaves are sorted by Morton code, so the leaf of a point is found by bisection. Each leaf looks
-//! up its neighbours of its own size or larger, and adds itself to the lists of the larger ones.
+//! up its neighbours of its own size or larger, and adds itself to the lists of the larger neighbours.
 
 use crate::content::Content;
 use crate::cover::{Cover, stopped_rays};
@@ -15,7 +16,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Scene};
 
-/// Settings of the octree that a scene is cut by.
+/// Limits on the subdivision of a scene into octree leaves.
 ///
 /// ```
 /// use visibility_plp::Fineness;
@@ -24,36 +25,36 @@ use visibility_core::{Aabb, Scene};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fineness {
-    /// Maximum number of triangle corners in a leaf; a node with more is cut in eight. Unlimited where
-    /// corners coincide (all in one of 1024 places along each side of the scene), at the last halving, and
-    /// beyond 2^28 leaves.
+    /// Maximum number of triangle corners in a leaf; an octree node with more is split into eight. Exceeded
+    /// where all corners lie in one voxel of 1/1024 of the scene's side, at the last halving, and beyond 2^28
+    /// leaves.
     pub vertices: usize,
-    /// Number of times that the scene's side may be halved; more than 10 counts as 10. 0 makes a single
-    /// cell.
+    /// Maximum number of times that the scene's side is halved; values above 10 count as 10. With 0 the scene
+    /// is a single cell.
     pub halvings: u32,
 }
 
 impl Default for Fineness {
-    /// 768 triangle corners, and sides of at least 1/256 of the scene's. [`PlpCuller`](crate::PlpCuller)
-    /// finds no more visible objects with a sixth of that, and takes half as long again.
-    /// [`ConservativePlpCuller`](crate::ConservativePlpCuller) gains from finer cells, since only cells
-    /// wholly behind something are hidden.
+    /// At most 768 triangle corners per leaf, and leaves of at least 1/256 of the scene's side. With a sixth
+    /// of the corners, [`PlpCuller`](crate::PlpCuller) finds no more visible objects and takes half as long
+    /// again. [`ConservativePlpCuller`](crate::ConservativePlpCuller) benefits from smaller leaves, since
+    /// only cells that lie wholly behind occluders are hidden.
     fn default() -> Self {
         Self { vertices: 768, halvings: 8 }
     }
 }
 
-/// A tessellation into cubes, the leaves of an octree, within a cube slightly larger than the scene.
+/// Tessellation into cubes, the leaves of an octree, within a cube slightly larger than the scene.
 ///
 /// # Cost
-/// To build: O(n log n) in the number of triangles, some three microseconds each, and as much again for each
-/// reference, that is, for each pair of an object and a cell that it meets. Objects without triangles that
-/// overlap in space, such as thousands of boxes nested in each other, are in all cells inside of them: their
-/// references grow with their number times the number of cells. [`Content::reference_count`] tells how many
-/// there are, a coarser [`Fineness`] makes fewer. Coincident boxes make no more cells, however many there
-/// are.
+/// Building takes O(n log n) in the number of triangles, about three microseconds each, and as much again per
+/// reference (a pair of an object and a cell that the object meets). An object without triangles is in all
+/// cells that its bounds meet. For such objects that overlap in space, such as thousands of nested boxes, the
+/// number of references grows with the number of objects times the number of cells.
+/// [`Content::reference_count`] returns the number of references; a coarser [`Fineness`] reduces it.
+/// Coincident boxes do not add cells, however many there are.
 ///
-/// Memory: about 60 bytes a cell, 1.2 a reference, and up to three a triangle.
+/// Memory: about 60 bytes per cell, 1.2 per reference, and up to three per triangle.
 ///
 /// ```
 /// use visibility_core::{Aabb, Scene};
@@ -66,42 +67,49 @@ impl Default for Fineness {
 /// ```
 #[derive(Clone, Debug)]
 pub struct OctreeTessellation {
+    /// Cube around the scene, in 1024 steps per side, on which the leaves lie.
     pub(crate) grid: Grid,
+    /// Settings of the subdivision, kept for `rebuild`.
     pub(crate) fineness: Fineness,
-    /// Morton code of each leaf's least place, ascending.
+    /// Morton code of the voxel at each leaf's minimum corner, ascending.
     pub(crate) codes: Vec<u32>,
-    /// Least place of each leaf, x, y and z, and its side in steps.
+    /// Voxel index (x, y, z) of each leaf's minimum corner, then the leaf's side in grid steps.
     pub(crate) blocks: Vec<[u16; 4]>,
-    /// Neighbours of each leaf, in the encoding of [`link`].
+    /// Adjacency of the leaves: for each leaf its neighbours, encoded by [`link`].
     pub(crate) links: IndexLists,
     /// Leaves with a face on the surface of the cube.
     pub(crate) boundary: Vec<u32>,
+    /// Objects in each leaf.
     pub(crate) content: Content,
 }
 
-/// Node of the octree, needed while cells are filled.
+/// Node of the octree, needed while objects are assigned to leaves.
 #[derive(Clone, Copy)]
 enum Node {
     /// Index of the first of eight consecutive children, in Morton order.
     Inner(u32),
-    /// Number of the leaf.
+    /// Number of a leaf, which is a cell of the tessellation.
     Leaf(u32),
 }
 
-/// An octree under construction.
+/// Octree under construction.
 struct Cutter {
+    /// Settings that limit the subdivision.
     fineness: Fineness,
+    /// All nodes; the root is the first.
     nodes: Vec<Node>,
-    /// Morton code of the least place, and level (0 for the whole cube) of each leaf.
+    /// For each leaf, the Morton code of the voxel at its minimum corner, and its level: the number of
+    /// halvings, 0 for the whole cube.
     leaves: Vec<(u32, u32)>,
 }
 
 impl Cutter {
-    /// Cuts the node whose least place has the Morton code `start`. `vertices`: sorted Morton codes of all
-    /// vertices in it.
+    /// Subdivides the node with index `node` recursively and appends its leaves in Morton order. `start` is
+    /// the Morton code of the voxel at the node's minimum corner, and `level` the number of halvings so far.
+    /// `vertices` holds the sorted Morton codes of all vertices in the node.
     fn cut(&mut self, node: usize, start: u32, level: u32, vertices: &[u32]) {
         let is_full = self.leaves.len() >= 1 << (LEAF_BITS - 1);
-        // Vertices in one step of the grid would all go to the same child each time.
+        // Vertices in one voxel would all go to the same child at each split.
         let is_one_place = vertices.first() == vertices.last();
         let is_deep = level >= self.fineness.halvings.min(DEPTH);
         if vertices.len() <= self.fineness.vertices || is_one_place || is_deep || is_full {
@@ -124,12 +132,14 @@ impl Cutter {
 }
 
 impl OctreeTessellation {
-    /// Cuts a scene at the default fineness.
+    /// Partitions a scene at the default fineness. Objects whose bounds are not finite become
+    /// [strays](Content::strays).
     pub fn new(scene: &Scene) -> Self {
         Self::with_fineness(scene, Fineness::default())
     }
 
-    /// Cuts a scene. Objects whose bounds are not finite become [strays](Content::strays).
+    /// Partitions a scene into the leaves of an octree with the given limits. Objects whose bounds are not
+    /// finite become [strays](Content::strays).
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
         let (grid, Cutter { nodes, leaves, .. }) = cut(scene, fineness);
         let codes: Vec<u32> = leaves.iter().map(|leaf| leaf.0).collect();
@@ -139,27 +149,28 @@ impl OctreeTessellation {
         Self { grid, fineness, codes, blocks, links, boundary, content }
     }
 
-    /// Cuts a scene anew, at the same fineness.
+    /// Partitions a scene anew at the same fineness. Replaces all cells and clears the strays, up to objects
+    /// whose bounds are not finite.
     pub fn rebuild(&mut self, scene: &Scene) {
         *self = Self::with_fineness(scene, self.fineness);
     }
 
-    /// Takes in the scene's changes: changed objects become [strays](Content::strays), which count as
-    /// visible. False if the cells should be [rebuilt](Self::rebuild): more than an eighth of the objects are
-    /// strays, or the changes are unknown, as for another scene (then nothing has changed, and cullers of
-    /// that scene keep everything).
+    /// Makes all objects that changed since the last call or build [strays](Content::strays), which count as
+    /// visible. Returns false if the tessellation should be [rebuilt](Self::rebuild): more than an eighth of
+    /// the objects are strays, or the changes are unknown, as for another scene. In the latter case nothing
+    /// is modified, and cullers of that scene keep all objects.
     ///
     /// Cost: proportional to the changes and the strays.
     pub fn sync(&mut self, scene: &Scene) -> bool {
         self.content.sync(scene)
     }
 
-    /// The fineness that it was cut with.
+    /// Returns the fineness with which the scene was partitioned.
     pub fn fineness(&self) -> Fineness {
         self.fineness
     }
 
-    /// Heap memory in bytes.
+    /// Returns the heap memory in bytes.
     pub fn memory(&self) -> usize {
         size_of_val(&self.codes[..])
             + size_of_val(&self.blocks[..])
@@ -168,21 +179,21 @@ impl OctreeTessellation {
             + self.content.memory()
     }
 
-    /// The least corner of a cell and the length of its edges, both in steps of the grid.
+    /// Returns the voxel index of a cell's minimum corner, and the cell's side in grid steps.
     #[inline]
     fn place(&self, cell: u32) -> ([u32; 3], u32) {
         let [x, y, z, side] = self.blocks[cell as usize].map(u32::from);
         ([x, y, z], side)
     }
 
-    /// Side of a cell in metres.
+    /// Returns the side of a cell in metres.
     #[inline]
     fn side(&self, cell: u32) -> f64 {
         f64::from(self.blocks[cell as usize][3]) * self.grid.step
     }
 }
 
-/// Cuts the cube around all shapes of a scene.
+/// Builds the grid around all shapes of a scene, and the octree of the scene's vertices on that grid.
 fn cut(scene: &Scene, fineness: Fineness) -> (Grid, Cutter) {
     let mut bounds = Aabb::EMPTY;
     for id in scene.ids() {
@@ -206,7 +217,8 @@ fn cut(scene: &Scene, fineness: Fineness) -> (Grid, Cutter) {
     (grid, cutter)
 }
 
-/// Least place and side of each leaf, see `OctreeTessellation::blocks`.
+/// Returns, for each leaf of `Cutter::leaves`, the voxel index of its minimum corner and its side in grid
+/// steps.
 fn blocks_of(leaves: &[(u32, u32)]) -> Vec<[u16; 4]> {
     let block = |&(code, level): &(u32, u32)| {
         let [x, y, z] = place_of(code).map(|x| x as u16);
@@ -215,29 +227,33 @@ fn blocks_of(leaves: &[(u32, u32)]) -> Vec<[u16; 4]> {
     leaves.iter().map(block).collect()
 }
 
-/// Grid and blocks of the octree of a scene, without contents.
+/// Returns the grid of a scene's octree and, for each leaf, the voxel index of its minimum corner and its
+/// side in grid steps. The octree is built without object lists.
 pub(crate) fn leaves_of(scene: &Scene, fineness: Fineness) -> (Grid, Vec<[u16; 4]>) {
     let (grid, cutter) = cut(scene, fineness);
     (grid, blocks_of(&cutter.leaves))
 }
 
-/// Bits of a link that hold the leaf's number. The octree has at most half as many leaves, or seven more.
+/// Number of bits of an encoded neighbour that hold the leaf's number. The octree has at most 2^28 leaves, or
+/// seven more.
 const LEAF_BITS: u32 = 29;
 
-/// Encodes a neighbour: its number, the axis (0, 1, 2) along which it lies, and whether towards greater
-/// coordinates.
+/// Encodes a neighbour in 32 bits: the number of the neighbouring leaf, the axis (0, 1, 2) along which it
+/// lies, and whether it lies towards greater coordinates.
 fn link(leaf: u32, axis: usize, upwards: bool) -> u32 {
     leaf | (axis as u32 * 2 + u32::from(upwards)) << LEAF_BITS
 }
 
-/// Decodes a [`link`].
+/// Decodes a neighbour encoded by [`link`]: the number of the leaf, the axis (0, 1, 2) along which it lies,
+/// and whether it lies towards greater coordinates.
 #[inline]
 pub(crate) fn linked(link: u32) -> (u32, usize, bool) {
     let side = link >> LEAF_BITS;
     (link & ((1 << LEAF_BITS) - 1), (side / 2) as usize, side & 1 != 0)
 }
 
-/// Links of all leaves, and the leaves with a face on the surface of the cube.
+/// Returns the adjacency of all leaves, encoded by [`link`], and the numbers of the leaves with a face on the
+/// surface of the cube.
 fn join(codes: &[u32], blocks: &[[u16; 4]]) -> (IndexLists, Vec<u32>) {
     let mut pairs = Vec::new();
     let mut boundary = Vec::new();
@@ -270,7 +286,8 @@ fn join(codes: &[u32], blocks: &[[u16; 4]]) -> (IndexLists, Vec<u32>) {
     (IndexLists::new(blocks.len(), &pairs), boundary)
 }
 
-/// Smallest node that surely contains a shape, with its least place and side in steps.
+/// Returns the smallest node that certainly contains a shape: its index, the voxel index of its minimum
+/// corner, and its side in grid steps. The shape is scene-relative.
 fn enclosing(nodes: &[Node], grid: &Grid, shape: &Shape) -> (u32, [u32; 3], u32) {
     let corners = shape.corners();
     let corners = corners.as_slice();
@@ -299,11 +316,12 @@ fn enclosing(nodes: &[Node], grid: &Grid, shape: &Shape) -> (u32, [u32; 3], u32)
     (node, place, side)
 }
 
-/// Places every object in all leaves that it meets.
+/// Assigns every object to all leaves that its shapes meet, and samples the rays that the objects of each
+/// leaf stop. `leaves` is the number of leaves.
 fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
     let mut pairs = Vec::new();
     let mut cover = alloc::vec![Cover::default(); leaves];
-    // By leaf, the object that was placed last.
+    // For each leaf, the index of the object that was added last.
     let mut last = alloc::vec![u32::MAX; leaves];
     let mut stack = Vec::new();
     for id in scene.ids() {
@@ -382,7 +400,8 @@ impl Tessellation for OctreeTessellation {
     fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face)) {
         let mine = self.blocks[cell as usize];
         let (place, side) = self.place(cell);
-        // A point of the three lower faces' planes, and one of the three upper faces'.
+        // A point common to the planes of the three lower faces, and a point common to those of the three
+        // upper faces.
         let corners = [self.grid.corner(place), self.grid.corner(place.map(|x| x + side))];
         for &link in self.links.get(cell as usize) {
             let (neighbour, axis, upwards) = linked(link);
@@ -399,7 +418,7 @@ impl Tessellation for OctreeTessellation {
     }
 
     fn contains(&self, cell: u32, point: DVec3) -> bool {
-        // Far more than rounding, and too little to change an estimate.
+        // Far more than rounding, and too little to affect a solidity estimate.
         let half = self.side(cell) * (0.5 + 1e-9);
         (point - self.center(cell)).abs().max_element() <= half
     }

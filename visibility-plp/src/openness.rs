@@ -1,11 +1,11 @@
-//! Openness of the objects of a scene: mean free distance in front of their surfaces, as a share of a far
-//! distance.
+//! Openness of the objects of a scene: mean free distance in front of their surfaces, as a fraction of half
+//! the scene's radius.
 //!
-//! Evenly spaced parallel lines in each of 16 directions are cut by all triangles. The free distance of a
-//! triangle along a line is the length from the triangle to the next surface on its front side. From an eye
-//! somewhere in the scene, a point on a surface is seen along a line only if the eye lies within that length,
-//! so its mean over all directions estimates how likely the surface is seen from anywhere. Engines under
-//! hoods and the inner sides of double walls have low openness from every eye (such lines: Sbert, "An
+//! All triangles are intersected with evenly spaced parallel lines in each of 16 directions. The free
+//! distance of a triangle along a line is the length from the triangle to the next surface on its front side.
+//! An eye somewhere in the scene sees a point of a surface along a line only from within that length. The
+//! mean over all directions therefore estimates how likely the surface is seen from an arbitrary eye. Engines
+//! under hoods and the inner sides of double walls have low openness from every eye (such lines: Sbert, "An
 //! integral geometry based method for fast form-factor computation", 1993).
 
 use crate::shape::for_each_shape;
@@ -16,30 +16,34 @@ use visibility_core::glam::{DVec2, Vec2, Vec3};
 /// Number of line directions.
 const DIRECTIONS: usize = 16;
 
-/// Maximum number of lines along each side of the square cross-section of a direction.
+/// Maximum number of lines along each side of the square grid of lines of one direction.
 const MAX_SIDE: u32 = 2048;
 
-/// Target number of lines of one direction that cross a triangle, on average over all triangles.
+/// Target number of lines of one direction that intersect a triangle, on average over all triangles.
 const LINES_PER_TRIANGLE: f64 = 3.0;
 
-/// Free distance that counts as 1, as a share of the scene's radius. Longer ones count as 1 too.
+/// Free distance that counts as an openness of 1, as a fraction of the scene's radius. Longer distances count
+/// as 1 too.
 const FAR: f32 = 0.5;
 
-/// Minimum cosine between a triangle's normal and the lines for which its free distance is measured.
+/// Minimum cosine between a triangle's normal and a line direction for which the triangle's free distance is
+/// measured.
 const MIN_MEASURED_COSINE: f32 = 0.2;
 
-/// Minimum cosine between a triangle's normal and the lines for which it cuts lines at all.
+/// Minimum cosine between a triangle's normal and a line direction for which the triangle intersects lines at
+/// all.
 const MIN_CUTTING_COSINE: f32 = 1e-3;
 
-/// Surfaces nearer than this to a triangle, in line spacings, count as the same surface.
+/// Distance from a triangle, in line spacings, up to which another surface counts as the same surface.
 const SAME_SURFACE: f32 = 0.25;
 
-/// Openness of every object, indexed by [`ObjectId::index`](visibility_core::ObjectId::index), from 0
-/// (enclosed) to 1 (nothing in front of it, up to half the scene's radius).
+/// Returns the openness of every object, indexed by [`ObjectId::index`](visibility_core::ObjectId::index):
+/// from 0 (enclosed) to 1 (no surface in front within half the scene's radius).
 ///
 /// An object has the openness of its most open triangle. Objects without triangles are measured by the faces
-/// of their bounds. 1 for objects that have no finite bounds, for every object of a scene without extent, and
-/// where single precision cannot hold the scene's size. A triangle edge-on to all directions has 1/2.
+/// of their bounds. A triangle edge-on to all directions has 1/2. The openness is 1 for objects without
+/// finite bounds and for unused indices. All objects have 1 if the scene's extent is zero or its size
+/// overflows or underflows f32.
 ///
 /// Cost: O(n log n) in the number of triangles, about a microsecond each.
 pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
@@ -53,7 +57,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     let corners = || triangles.iter().flat_map(|(_, t)| t);
     let (min, max) = corners().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)));
     let center = min * 0.5 + max * 0.5;
-    // Squares of areas are beyond single precision in worlds that are not.
+    // In f64, since squared areas overflow f32 before coordinates do.
     let radius = (max - center).as_dvec3().length();
     if !(radius > 0.0 && radius < f64::from(f32::MAX)) {
         return by_index;
@@ -61,7 +65,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     let wide = |v: Vec3| v.as_dvec3();
     let area: f64 =
         triangles.iter().map(|(_, [a, b, c])| wide(b - a).cross(wide(c - a)).length() * 0.5).sum();
-    // Seen along a line, a triangle shows half its area on average.
+    // A triangle of random orientation shows half its area along a line, on average.
     let wanted = DVec2::splat(area * 0.5 / (LINES_PER_TRIANGLE * triangles.len() as f64)).sqrt().x;
     let spacing = (radius * 2.0 / f64::from(MAX_SIDE)).max(wanted);
     let side = (radius * 2.0 / spacing) as u32;
@@ -69,7 +73,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     if !(radius.is_normal() && spacing.is_normal()) {
         return by_index;
     }
-    // By triangle: sum of weighted free distances, and sum of weights.
+    // For each triangle, the sum of its weighted free distances and the sum of the weights.
     let mut sums = alloc::vec![(0.0f32, 0.0f32); triangles.len()];
     let mut lines = Lines { side: side.min(MAX_SIDE) + 2, ..Lines::default() };
     for direction in 0..DIRECTIONS {
@@ -92,18 +96,18 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     for ((object, _), (sum, weight)) in triangles.iter().zip(sums) {
         let openness = if weight > 0.0 { sum / weight } else { 0.5 };
         let of_object = &mut by_index[*object as usize];
-        // The triangles of an object are neighbours in the list.
+        // The triangles of an object are adjacent in the list.
         *of_object = if *object == last { of_object.max(openness) } else { openness };
         last = *object;
     }
     by_index
 }
 
-/// Cosine and sine of the golden angle.
+/// Cosine and sine of the golden angle, by which successive line directions turn about the z axis.
 const GOLDEN_ANGLE: Vec2 = Vec2::new(-0.737_368_9, 0.675_490_3);
 
-/// Orthonormal axes of a direction, the last of them along its lines. Directions spread over the upper half
-/// sphere, none of them along an axis of the scene.
+/// Returns the orthonormal axes of line direction number `direction`; the last axis runs along the lines. The
+/// directions are spread over the upper hemisphere, and none is parallel to an axis of the scene.
 fn axes(direction: usize) -> [Vec3; 3] {
     // Points of a spiral by the golden angle.
     let mut around = Vec2::new(0.8, 0.6);
@@ -116,20 +120,21 @@ fn axes(direction: usize) -> [Vec3; 3] {
     [u, along.cross(u), along]
 }
 
-/// Slope of a triangle's plane over the cross-section of lines along z.
+/// Slope of a triangle's plane over the cross-section of lines along z, in the lines' coordinates.
 struct Slope {
-    /// Growth of z per step along x.
+    /// Change of z per unit of x.
     x: f32,
-    /// Growth of z per step along y.
+    /// Change of z per unit of y.
     y: f32,
-    /// Cosine between the normal and the lines, not negative.
+    /// Absolute cosine between the triangle's normal and the lines.
     cosine: f32,
-    /// Whether the front faces towards greater z.
+    /// Whether the triangle's front faces towards greater z.
     up: bool,
 }
 
 impl Slope {
-    /// `None` for a cosine of `min_cosine` or less, and for a triangle without a normal.
+    /// Returns the slope of a triangle given in the lines' coordinates. `None` if the cosine between its
+    /// normal and the lines is at most `min_cosine`, or the triangle has no normal.
     fn new([a, b, c]: &[Vec3; 3], min_cosine: f32) -> Option<Self> {
         let normal = (*b - *a).cross(*c - *a);
         let cosine = normal.z.abs() / normal.length();
@@ -142,24 +147,27 @@ impl Slope {
     }
 }
 
-/// Lines of one direction, and where triangles cut them. Line (i, j) runs along z at x = i + 1/2, y = j +
-/// 1/2, so lengths are in line spacings.
+/// Lines of one direction, with the depths at which triangles intersect them. In the lines' coordinates, line
+/// (i, j) runs along z at x = i + 1/2, y = j + 1/2, so lengths are in line spacings. Line (i, j) has the
+/// number `j * side + i`.
 #[derive(Default)]
 struct Lines {
-    /// Lines along each side of the square cross-section.
+    /// Number of lines along each side of the square grid.
     side: u32,
-    /// First cut of each line in `depths`, and after the last line one more.
+    /// CSR offsets: the index in `depths` of each line's first intersection, then the end of the last line
+    /// and one scratch entry.
     starts: Vec<u32>,
-    /// z of every cut, line by line; ascending within a long line.
+    /// z of every intersection, line by line; ascending within each line of `long`, otherwise in the order of
+    /// the triangles.
     depths: Vec<f32>,
-    /// Lines with more than [`MAX_SCANNED`] cuts.
+    /// Numbers of the lines with more than [`MAX_SCANNED`] intersections.
     long: Vec<u32>,
-    /// Line and z of every cut, in the order of triangles.
+    /// Line number and z of every intersection, in the order of the triangles.
     cuts: Vec<(u32, f32)>,
 }
 
 impl Lines {
-    /// Cuts all lines by triangles, given in the lines' coordinates. Forgets earlier cuts.
+    /// Replaces the intersections of all lines by those with `triangles`, given in the lines' coordinates.
     fn cut(&mut self, triangles: &[[Vec3; 3]]) {
         self.cuts.clear();
         for t in triangles {
@@ -193,7 +201,7 @@ impl Lines {
         }
     }
 
-    /// Adds the cuts of one triangle.
+    /// Appends the intersections of one triangle to `cuts`.
     fn cut_by(&mut self, t: &[Vec3; 3], slope: &Slope) {
         let (min, max) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
         let end = |x: f32| ((x + 0.5) as u32).min(self.side);
@@ -212,7 +220,7 @@ impl Lines {
             }
             for i in end(from)..end(to) {
                 let depth = t[0].z + slope.x * (i as f32 + 0.5 - t[0].x) + slope.y * (y - t[0].y);
-                // NaN has no place in an ascending list.
+                // NaN is skipped, since an ascending list cannot hold it.
                 if !depth.is_nan() {
                     self.cuts.push((j * self.side + i, depth));
                 }
@@ -220,8 +228,9 @@ impl Lines {
         }
     }
 
-    /// Length from a triangle to the next surface in front of it, along the line nearest to its centre.
-    /// Infinite if no surface follows.
+    /// Returns the distance in line spacings from a triangle to the next surface on its front side, along the
+    /// line nearest to its centre. Surfaces within [`SAME_SURFACE`] are skipped. Infinite if no surface
+    /// follows.
     fn free_distance(&self, t: &[Vec3; 3], slope: &Slope) -> f32 {
         let center = (t[0] + t[1] + t[2]) / 3.0;
         let place = |x: f32| (x as u32).min(self.side - 1);
@@ -238,11 +247,13 @@ impl Lines {
     }
 }
 
-/// Maximum number of cuts of a line that are scanned. Longer lines are sorted and searched.
+/// Maximum number of intersections of a line that are searched linearly. Lines with more are sorted and
+/// bisected.
 const MAX_SCANNED: usize = 32;
 
-/// Least distance of an ascending list that is greater than [`SAME_SURFACE`]; infinite if none is. `distance`
-/// must grow along the list if `grows`, else fall. Calls it O(log n) times.
+/// Returns the least `distance` of a list of depths that is greater than [`SAME_SURFACE`], or infinity if
+/// none is. `distance` must increase along the list if `grows`, else decrease. Calls `distance` O(log n)
+/// times.
 fn first_beyond(depths: &[f32], grows: bool, mut distance: impl FnMut(f32) -> f32) -> f32 {
     let found = if grows {
         let end = depths.partition_point(|&other| distance(other) <= SAME_SURFACE);
@@ -251,7 +262,7 @@ fn first_beyond(depths: &[f32], grows: bool, mut distance: impl FnMut(f32) -> f3
         let end = depths.partition_point(|&other| distance(other) > SAME_SURFACE);
         end.checked_sub(1).and_then(|last| depths.get(last))
     };
-    // The minimum of infinity and NaN is infinity.
+    // `min` of infinity and NaN is infinity.
     found.map_or(f32::INFINITY, |&other| f32::INFINITY.min(distance(other)))
 }
 
@@ -261,7 +272,7 @@ mod tests {
     use visibility_core::glam::Quat;
     use visibility_core::{Aabb, Object, OccluderMesh};
 
-    /// The twelve triangles of a cube, as objects, outwards.
+    /// Inserts the twelve outward-facing triangles of a turned cube, each as an object.
     fn cube(scene: &mut Scene, center: Vec3, half: f32, turn: Quat) {
         let corners = Aabb::new(Vec3::splat(-half), Vec3::splat(half)).corners();
         for triangle in OccluderMesh::CUBOID {
@@ -271,7 +282,8 @@ mod tests {
         }
     }
 
-    /// Also where so many surfaces coincide that lines are long and their cuts are searched.
+    /// Inner faces have low openness and outer faces high, also with 40 coincident copies, where lines have
+    /// so many intersections that they are bisected.
     #[test]
     fn enclosed_objects_have_low_openness() {
         for (turn, copies) in [
@@ -325,8 +337,8 @@ mod tests {
         }
     }
 
-    /// Many coincident surfaces on one line: the next one is found by bisection, and is the one that a scan
-    /// finds.
+    /// Many coincident surfaces on one line: bisection finds the same next surface as a linear scan, in at
+    /// most 15 steps.
     #[test]
     fn the_next_surface_is_found_in_logarithmically_many_steps() {
         let mut depths: Vec<f32> = (0..4096).map(|i| (i / 1000) as f32 * 7.0).collect();

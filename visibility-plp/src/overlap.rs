@@ -4,15 +4,16 @@
 use crate::shape::Shape;
 use visibility_core::glam::DVec3;
 
-/// Whether a triangle meets a box, given by its centre and half its size. Conservative: false only if they
-/// are surely apart.
+/// Tests whether a triangle and a box meet. `center` and `half` are the box's centre and half size; all
+/// coordinates share one space. Conservative: false only if triangle and box are certainly disjoint. True if
+/// they touch and for NaN.
 pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVec3) -> bool {
     let [a, b, c] = triangle.map(|p| p - center);
-    // Coordinates come from f32 and the box from a grid in f64: each subtraction rounds by 2^-53 of its
-    // result, which is less than `size`, and each product and sum below by as much of its own. So products of
-    // an edge and a point are known to a dozen times 2^-53 of `size` squared, and the normal of two edges,
-    // the shortest of which may be all rounding, times a point to as much of `size` squared times the
-    // longest. 1e-12 is several hundred times that.
+    // Coordinates come from f32 and the box from a grid in f64. Each subtraction rounds by 2^-53 of its
+    // result, which is less than `size`. Each product and sum below rounds by 2^-53 of its own result. So
+    // products of an edge and a point have errors of a dozen times 2^-53 times `size` squared. The normal of
+    // two edges, the shorter of which may be all rounding, times a point has an error of as much times `size`
+    // squared times the longest edge. 1e-12 is several hundred times that.
     let size = a.abs().max(b.abs()).max(c.abs()).max(half).max_element() + center.abs().max_element();
     let slack = 1e-12 * size;
     let half = half + DVec3::splat(slack);
@@ -28,7 +29,7 @@ pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVe
         return false;
     }
     for (i, edge) in edges.iter().enumerate() {
-        // The edge's two corners have the same product with the axis; `off` is the third corner.
+        // Both corners of the edge have the same product with the axis; `off` is the third corner.
         let (on, off) = ([a, b, c][i], [c, a, b][i]);
         let e = edge.abs();
         let axes = [
@@ -44,26 +45,28 @@ pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVe
             }
         }
     }
-    // Also for NaN: every comparison above was false.
+    // Reached for NaN too, since every comparison above was false.
     true
 }
 
-/// Whether a shape meets a cube, given by its centre and half its side. Conservative: false only if they are
-/// surely apart.
+/// Tests whether a shape and a cube meet. `center` and `half` are the cube's centre and half its side.
+/// Conservative: false only if shape and cube are certainly disjoint. True if they touch. A box with NaN
+/// coordinates meets no cube; a triangle with NaN coordinates meets every cube.
 pub(crate) fn shape_meets_cube(shape: &Shape, center: DVec3, half: f64) -> bool {
     match shape {
         Shape::Triangle(triangle) => triangle_meets_box(triangle, center, DVec3::splat(half)),
         Shape::Solid(min, max) => {
-            // Faces of the grid are rounded by a few times 2^-53 of its size, no more than 2^11 halves, and
-            // of `center`: so that nothing falls between two of its cubes.
+            // Faces of the grid are rounded by a few times 2^-53 of the grid's size, which is at most 2^11
+            // times `half`, and of `center`. This margin leaves no gap between two cubes of the grid.
             let reach = DVec3::splat(half * (1.0 + 1e-12)) + center.abs() * 1e-12;
             min.cmple(center + reach).all() && max.cmpge(center - reach).all()
         }
     }
 }
 
-/// Whether a solid contains a cube, with a distance between their surfaces far above rounding. False for
-/// triangles.
+/// Tests whether a solid box contains a cube, with a distance between their surfaces far above rounding.
+/// `center` and `half` are the cube's centre and half its side. False for triangles, touching surfaces and
+/// NaN.
 pub(crate) fn shape_contains_cube(shape: &Shape, center: DVec3, half: f64) -> bool {
     match shape {
         Shape::Triangle(_) => false,
@@ -74,17 +77,20 @@ pub(crate) fn shape_contains_cube(shape: &Shape, center: DVec3, half: f64) -> bo
     }
 }
 
-/// A tetrahedron with the planes of its faces, in steps of the fine grid of 2^17 a side.
+/// Tetrahedron with the planes of its faces, in steps of the Delaunay tessellation's fine grid, 2^17 per
+/// side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tetrahedron {
+    /// Vertices of the tetrahedron.
     corners: [DVec3; 4],
-    /// Outward unit normals of the faces; zero for a face without area.
+    /// Outward unit normals of the faces; face i is opposite of corner i. Zero for a face without area.
     normals: [DVec3; 4],
-    /// Offset of each face's plane along its normal.
+    /// Offset of each face's plane: the product of its normal and any point of the plane.
     offsets: [f64; 4],
 }
 
 impl Tetrahedron {
+    /// Computes the face planes from four corners in any order.
     pub(crate) fn new(corners: [DVec3; 4]) -> Self {
         let (mut normals, mut offsets) = ([DVec3::ZERO; 4], [0.0; 4]);
         for face in 0..4 {
@@ -96,34 +102,36 @@ impl Tetrahedron {
         Self { corners, normals, offsets }
     }
 
-    /// Least and greatest corner of the box around it.
+    /// Returns the minimum and maximum corner of the bounding box.
     fn ends(&self) -> (DVec3, DVec3) {
         let [a, b, c, d] = self.corners;
         (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)))
     }
 
-    /// Centre of the box around it.
+    /// Returns the centre of the bounding box.
     pub(crate) fn center(&self) -> DVec3 {
         let (min, max) = self.ends();
         (min + max) * 0.5
     }
 
-    /// Half the size of the box around it.
+    /// Returns half the size of the bounding box.
     pub(crate) fn half(&self) -> DVec3 {
         let (min, max) = self.ends();
         (max - min) * 0.5
     }
 
-    /// Whether a point lies in it, or outside by no more than [`HAIR`].
+    /// Tests whether a point lies inside the tetrahedron, or outside of a face by at most [`HAIR`]. False for
+    /// NaN.
     pub(crate) fn contains(&self, p: DVec3) -> bool {
         self.normals.iter().zip(&self.offsets).all(|(normal, offset)| normal.dot(p) - offset <= HAIR)
     }
 
-    /// Share of the cross-section of the box around it that it fills, along x, y and z.
+    /// Returns the fraction of its bounding box's cross-section that the tetrahedron's silhouette fills,
+    /// along x, y and z.
     pub(crate) fn filled(&self) -> [f64; 3] {
         let [a, b, c, d] = self.corners;
         let (size, area) = (self.half() * 2.0, |p: DVec3, q: DVec3, r: DVec3| (q - p).cross(r - p).abs());
-        // The near faces show the same silhouette as the far ones, and a cross product is twice a triangle's
+        // The near faces have the same silhouette as the far faces, and a cross product is twice a triangle's
         // area.
         let shown = (area(a, b, c) + area(a, b, d) + area(a, c, d) + area(b, c, d)) * 0.25;
         [shown.x / (size.y * size.z), shown.y / (size.z * size.x), shown.z / (size.x * size.y)]
@@ -134,9 +142,10 @@ impl Tetrahedron {
 /// of any cell.
 const HAIR: f64 = 1e-3;
 
-/// Whether a shape, in steps of the fine grid, meets a tetrahedron. Conservative: false only if they are
-/// surely apart. Two convex bodies are apart only if they are so along a normal of either, or along a
-/// direction normal to an edge of each (Gottschalk, "Separating axis theorem", 1996).
+/// Tests whether a shape and a tetrahedron meet, both in steps of the fine grid. Conservative: false only if
+/// they are certainly disjoint; true if they touch. Two convex bodies are disjoint only if they are separated
+/// along a normal of one of them, or along a direction perpendicular to an edge of each (Gottschalk,
+/// "Separating axis theorem", 1996).
 pub(crate) fn shape_meets_tetrahedron(shape: &Shape, solid: &Tetrahedron) -> bool {
     let points = shape.corners();
     let points = points.as_slice();
@@ -155,7 +164,8 @@ pub(crate) fn shape_meets_tetrahedron(shape: &Shape, solid: &Tetrahedron) -> boo
             of.iter().map(at).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
         };
         let ((a, b), (c, d)) = (range(points), range(&solid.corners));
-        // The tolerance along the axis, and what rounding does to products of 2^17 with it.
+        // The tolerance along the axis, which also covers the rounding of products of coordinates up to 2^17
+        // with the axis.
         let slack = HAIR * axis.abs().element_sum();
         a > d + slack || b < c - slack
     };
@@ -184,15 +194,15 @@ mod tests {
     use visibility_core::Aabb;
     use visibility_core::glam::Vec3;
 
-    /// A corner, edge or face of a box and the inside, an edge or a corner of a triangle that touch each
-    /// other and no more, exactly: they meet, and a step away they do not.
+    /// Boxes and triangles that touch in exactly one point: a corner, edge or face of the box, and the
+    /// inside, an edge or a corner of the triangle. They meet, and most no longer meet with the box one step
+    /// away.
     #[test]
     fn what_touches_a_box_meets_it() {
         let mut random = Random(11);
         let mut apart = 0;
         for round in 0..100_000 {
-            // Large and small ones: where the numbers are as large as they get, differences of them are
-            // rounded too.
+            // Large and small triangles: with the largest coordinates, differences are rounded too.
             let shift = |random: &mut Random, most: i64| (random.whole(most).max(0)) as u32;
             let (a, size) = (random.integers(1 << 23), 23 - shift(&mut random, 22));
             let [b, mut c] = [(); 2].map(|()| {
@@ -200,16 +210,16 @@ mod tests {
                 [0, 1, 2].map(|i| a[i] + along[i])
             });
             if round % 2 == 0 {
-                // A sliver: where its normal points depends on the last digits.
+                // A sliver, the direction of whose normal depends on the last digits.
                 let beside = random.integers(4);
                 c = [0, 1, 2].map(|i| a[i] + (b[i] - a[i]) / 2 + beside[i]);
             }
             let half: IntVector = [(); 3].map(|()| {
                 let half = 1 + (random.whole(1 << 54).abs() >> shift(&mut random, 40));
-                // As many digits as there are.
+                // Rounded to the digits that f64 can represent.
                 half & !(half >> 53)
             });
-            // Towards where the box lies from the point.
+            // `sides` is the direction from the point in which the box lies.
             let (point, mut sides, inside) = match round % 3 {
                 0 => {
                     let (s, t) = (random.whole(1 << 29).abs(), random.whole(1 << 29).abs());
@@ -248,7 +258,8 @@ mod tests {
         assert!(apart > 40_000, "{apart}");
     }
 
-    /// A corner of a tetrahedron in the plane of a triangle, and all of it on one side.
+    /// A tetrahedron with one corner in the plane of a triangle and the rest on one side: they meet. With the
+    /// triangle moved away by a tenth of a step, most no longer meet.
     #[test]
     fn what_touches_a_tetrahedron_meets_it() {
         let mut random = Random(12);
@@ -266,7 +277,7 @@ mod tests {
                 continue;
             }
             rounds += 1;
-            // The triangle about the corner: q - s u - t v and so on, in sixteenths.
+            // The triangle around the corner: q - s u - t v and so on, in sixteenths.
             let (s, t) = (1 + random.whole(6).abs(), 1 + random.whole(6).abs());
             let at = |x: i64, y: i64| {
                 DVec3::from_array([0, 1, 2].map(|i| q[i] as f64 + (x * u[i] + y * v[i]) as f64 / 16.0))
@@ -283,14 +294,15 @@ mod tests {
         assert!(apart > 19_000, "{apart}");
     }
 
-    /// Walls as thin as a number in the faces between cells, which are rounded: one of the two cells holds
-    /// them.
+    /// Flat boxes and triangles within one f32 step of the rounded face between two cells: at least one of
+    /// the two cells meets them.
     #[test]
     fn nothing_falls_between_cells() {
         let mut random = Random(21);
         for round in 0..4000 {
             let size = random.direction().abs().as_vec3() * 100.0;
-            // Half of them about the origin, where f32 has numbers between those of f64 elsewhere.
+            // Half of the scenes lie around the origin, where f32 has numbers between those that f64 has
+            // elsewhere.
             let far = if round % 2 == 0 { Vec3::ZERO } else { random.direction().as_vec3() * 1e4 };
             let grid = Grid::around(&Aabb::new(far - size, far + size));
             let side: u32 = 1 << (random.whole(4) + 4);
@@ -330,18 +342,18 @@ mod tests {
         }
     }
 
-    /// The same far from the origin, of cells so small beside that way that their own size does not bound how
-    /// their faces are rounded. There f32 has numbers so near to a face only where that is a round number
-    /// itself: every 25 steps from the middle of the grid, which is 51/50 as wide as the scene, if that is of
-    /// whole numbers.
+    /// Flat boxes and triangles in the face between two cells, far from the origin. The cells are so small
+    /// beside that distance that their own size does not bound the rounding of their faces. There f32 has
+    /// numbers so close to a face only if the face is at a round number: every 25 steps from the middle of
+    /// the grid, which is 51/50 as wide as the scene, if the scene's coordinates are integers.
     #[test]
     fn nothing_falls_between_cells_far_away() {
         let mut random = Random(22);
         let mut between = 0;
         for round in 0..20_000 {
             let (axis, sign) = (round % 3, if round % 2 == 0 { 1 } else { -1 });
-            // Half the scene is 1024 times so large; cells have so many steps a side, and the wall is 25
-            // times so many from the middle.
+            // Half the scene's side is `1024 * size`. Cells have `side` steps per side, and the wall is `25 *
+            // steps` steps from the middle of the grid.
             let size = 1 + random.whole(8).abs();
             let side = 1 << random.whole(2).abs();
             let steps = side * random.whole(20 / side);
@@ -370,7 +382,7 @@ mod tests {
                     "{part:?} {a} {b} {half}"
                 );
             }
-            // A margin in halves alone would be too little.
+            // A margin proportional to the half side alone would be too small.
             let (x, reach) = (wall_at[0][axis], half * (1.0 + 1e-12));
             between += u32::from(x < a[axis] - reach && x > b[axis] + reach);
         }

@@ -1,30 +1,37 @@
-//! Shapes that objects are placed into cells by: their triangles, or the solid box of their bounds.
+//! Geometry by which objects are assigned to cells: their triangles, or the solid box of their bounds.
 
 use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, OccluderMesh, Scene};
 
-/// One triangle or box of an object, in scene coordinates unless mapped.
+/// One triangle of an object, or the box of an object without triangles. In metres relative to the scene's
+/// origin, unless [`map`](Self::map) changed the coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Shape {
+    /// Corners of a triangle, anticlockwise seen from its front.
     Triangle([DVec3; 3]),
-    /// Everything between the least and the greatest corner of a box.
+    /// Solid box, given by its minimum and maximum corner.
     Solid(DVec3, DVec3),
 }
 
-/// Corners of a shape: three or eight.
+/// Corners of a shape: three of a triangle or eight of a box.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Corners {
+    /// Corner points; only the first `count` are valid.
     points: [DVec3; 8],
+    /// Number of valid `points`, 3 or 8.
     count: usize,
 }
 
 impl Corners {
+    /// Returns the valid corners, in the shape's coordinates.
     pub(crate) fn as_slice(&self) -> &[DVec3] {
         &self.points[..self.count]
     }
 }
 
 impl Shape {
+    /// Returns the corners of the shape. Corner i of a box has the maximum coordinate on each axis whose bit
+    /// of i is set.
     pub(crate) fn corners(&self) -> Corners {
         let mut corners = Corners { points: [DVec3::ZERO; 8], count: 0 };
         match self {
@@ -43,15 +50,15 @@ impl Shape {
         corners
     }
 
-    /// The first corner.
+    /// Returns the shape's first corner: the minimum corner of a box.
     pub(crate) fn corner(&self) -> DVec3 {
         match self {
             Self::Triangle([a, ..]) | Self::Solid(a, _) => *a,
         }
     }
 
-    /// The shape with `map` applied to its corners. `map` must act on each axis alone and keep the order of
-    /// coordinates.
+    /// Returns the shape with `map` applied to its corners. For a box, `map` must act on each axis separately
+    /// and preserve the order of coordinates.
     pub(crate) fn map(&self, map: impl Fn(DVec3) -> DVec3) -> Self {
         match self {
             Self::Triangle(triangle) => Self::Triangle(triangle.map(map)),
@@ -59,7 +66,8 @@ impl Shape {
         }
     }
 
-    /// Calls `each` with the triangle itself, or with the twelve triangles of the box.
+    /// Calls `each` with the shape's triangles: the triangle itself, or the twelve outward triangles of a
+    /// box.
     pub(crate) fn for_each_triangle(&self, mut each: impl FnMut(&[DVec3; 3])) {
         match self {
             Self::Triangle(triangle) => each(triangle),
@@ -73,15 +81,16 @@ impl Shape {
     }
 }
 
-/// Calls `each` for every shape of an object: its triangles, or its bounds if it has no triangles or one of
-/// them is not finite. Calls nothing for bounds that are empty, infinite or NaN, and for an unknown object.
+/// Calls `each` for every shape of an object: its triangles, or its bounds if it has no triangles or a
+/// triangle has a NaN or infinite corner. Calls `each` for nothing if the bounds are empty, infinite or NaN,
+/// or the object is unknown. Coordinates are relative to the scene's origin.
 pub(crate) fn for_each_shape(scene: &Scene, id: ObjectId, each: &mut dyn FnMut(&Shape)) {
     let triangles = scene.triangles(id).unwrap_or(&[]);
     let Ok(bounds) = scene.bounds(id) else { return };
     if !bounds.is_finite() {
         return;
     }
-    // A triangle that cannot be placed may yet be drawn, somewhere within the bounds.
+    // A triangle that is not finite may still be drawn, somewhere within the bounds.
     if triangles.is_empty() || !triangles.iter().flatten().all(|p| p.is_finite()) {
         return each(&Shape::Solid(bounds.min.as_dvec3(), bounds.max.as_dvec3()));
     }

@@ -1,11 +1,11 @@
-//! Solidity of cells: how likely the content of the cells before them hides them.
+//! Solidity of cells: estimates of how likely the objects in earlier cells hide a cell.
 
 use crate::cell_frustum::CellFrustum;
 use crate::tessellation::{Face, Tessellation};
 use visibility_core::glam::{DVec3, Vec2, Vec3};
 use visibility_core::view::Eye;
 
-/// Estimate of the solidity of cells in the front, by which the next cell is chosen: least solid first.
+/// Estimate of a cell's solidity, which orders the front: the cell with the least solidity is projected next.
 ///
 /// ```
 /// use visibility_plp::Solidity;
@@ -13,44 +13,50 @@ use visibility_core::view::Eye;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Solidity {
-    /// One minus the share of light from the eye that reaches a cell.
+    /// One minus the transmittance, the estimated share of view rays from the eye that reach a cell
+    /// unobstructed.
     ///
-    /// A cell stops the share of its light that its content covers of it, seen from the eye. It passes the
-    /// rest on through its far faces; each neighbour receives the share of its own silhouette that the common
-    /// face covers. This is the transfer `v . n` of the paper's figure 5, normalised so that the shares of a
-    /// cell add up to 1, and summed over faces. A cell that is reached off the lines of sight receives little
-    /// light, so there is no penalty. The layers of a cell wait for their turn one by one: what is small,
-    /// seen at a slant, or has something close before it is worth less light.
+    /// The objects of a cell stop a share of the rays that enter the cell, given by how much of the cell's
+    /// silhouette they cover. The remaining rays leave through the cell's far faces. Each neighbour receives
+    /// transmittance in proportion to the share of its own silhouette that the common face covers. This is
+    /// the transfer `v . n` of the paper's figure 5, normalised so that the shares of a cell add up to 1, and
+    /// summed over faces. A cell away from the direct view rays receives little transmittance, so the paper's
+    /// penalty is not needed. The layers of a cell are projected separately: small objects, objects seen at a
+    /// slant and objects with another surface close in front have lower priority.
     ///
-    /// The paper names normals of the content as future work; the cover along each axis stands for them.
+    /// The paper names normals of the content as future work; the covered share along each axis stands for
+    /// normals here.
     #[default]
     Coverage,
     /// As published (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set
-    /// Estimation", 2000, figure 5): `|A| / rho_max + (v . n) rho_A` from the face last crossed, where `|A|`
-    /// is the number of objects in the cell before. Doubled, plus a constant, for cells that are not
-    /// star-shaped to the eye.
+    /// Estimation", 2000, figure 5): `|A| / rho_max + (v . n) rho_A` for the face crossed last. `|A|` is the
+    /// number of objects in the cell `A` before the face, `rho_A` that cell's solidity, `rho_max` the largest
+    /// number of objects in a cell, `v` the direction of view and `n` the face's normal. Doubled, plus a
+    /// constant, for cells that are not star-shaped with respect to the eye.
     Count,
 }
 
-/// Added to twice the solidity of cells that are not star-shaped. The paper leaves it open.
+/// Added to twice the solidity of cells that are not star-shaped with respect to the eye. The paper leaves
+/// the value open.
 const PENALTY: f32 = 0.05;
 
-/// Solid angle, in steradians, of a primitive that is worth half of its light: three pixels across, of a
-/// thousand a radian.
+/// Solid angle, in steradians, of an object whose priority factor [`worth`] is 1/2: about three pixels
+/// square, at a thousand pixels per radian.
 const HALF_WORTH_ANGLE: f32 = 1e-5;
 
-/// The cell that a face leads out of.
+/// Cell from which a face leads to a neighbour, with its inputs to the neighbour's solidity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct From {
+    /// Number of the cell.
     pub(crate) cell: u32,
-    /// Unit direction of sight to the cell's centre.
+    /// Unit direction from the eye to the cell's centre.
     pub(crate) direction: DVec3,
-    /// Light that reaches the cell, 0 to 1; or its solidity for [`Solidity::Count`].
+    /// The cell's transmittance, 0 to 1; its solidity with [`Solidity::Count`].
     pub(crate) value: f32,
 }
 
-/// Share of light along a unit direction that a cell stops, from the shares along x, y and z: their mean,
-/// weighted by the direction's components. 0 for a zero direction.
+/// Returns the share of rays along a direction that a cell's objects stop, 0 to 1: the mean of the shares
+/// along x, y and z in `cover`, weighted by the absolute components of `direction`. 0 for a zero direction.
 #[inline]
 pub(crate) fn stopped_share(cover: [f64; 3], direction: DVec3) -> f64 {
     let d = direction.abs();
@@ -58,18 +64,20 @@ pub(crate) fn stopped_share(cover: [f64; 3], direction: DVec3) -> f64 {
     if sum > 0.0 { (d.x * cover[0] + d.y * cover[1] + d.z * cover[2]) / sum } else { 0.0 }
 }
 
-/// Share of a cell's silhouette, of area `silhouette` along `direction`, that light enters through a face
-/// with the given normal, pointing into the cell, and area. 0 for a face that the light leaves through; at
-/// most 1.
+/// Returns the share of a cell's silhouette through which rays enter by one face, 0 to 1. `silhouette` is the
+/// silhouette's area along the unit vector `direction`, and `area` the face's, both in square metres.
+/// `normal` is the face's unit normal, pointing into the cell. 0 if the rays leave through the face or run
+/// along it.
 #[inline]
 pub(crate) fn light_share(silhouette: f64, direction: DVec3, normal: DVec3, area: f64) -> f64 {
     let across = normal.dot(direction);
     if across > 0.0 && silhouette > 0.0 { (across * area / silhouette).min(1.0) } else { 0.0 }
 }
 
-/// Mean solid angle, in steradians, of a square metre of surface in a cell, over all orientations.
-/// `silhouette` is the cell's area seen from the eye; the distance counts as no less than the cell's size.
-/// Infinite for parallel views, where size does not depend on distance.
+/// Returns the mean solid angle, in steradians, of a square metre of surface in a cell, over all
+/// orientations. `center` is the cell's scene-relative centre, and `silhouette` its silhouette's area in
+/// square metres, whose square root is the least distance assumed. Infinite for parallel views, where
+/// apparent size does not depend on distance.
 #[inline]
 pub(crate) fn solid_angle_per_area(frustum: &CellFrustum, center: DVec3, silhouette: f64) -> f32 {
     match frustum.eye {
@@ -78,25 +86,27 @@ pub(crate) fn solid_angle_per_area(frustum: &CellFrustum, center: DVec3, silhoue
     }
 }
 
-/// Share of its light that a primitive of that solid angle is worth, from 1e-6 to 1. 1 for an infinite angle
-/// and for NaN.
+/// Returns the priority factor of an object that covers the given solid angle in steradians: from 1e-6 for
+/// tiny objects to 1 for large ones. 1 for an infinite angle and for NaN.
 #[inline]
 pub(crate) fn worth(angle: f32) -> f32 {
     if angle < f32::MAX { (angle / (angle + HALF_WORTH_ANGLE)).max(1e-6) } else { 1.0 }
 }
 
-/// Estimated chance that something in a cell is seen, from the light that reaches the cell: the square root.
-/// Errors of light add up from cell to cell, so it counts for less than what is known of surfaces.
+/// Returns the estimated probability that some object in a cell is seen, 0 to 1: the square root of `light`,
+/// the cell's transmittance. Errors of transmittance accumulate from cell to cell, so the square root gives
+/// transmittance less weight than an object's own size and openness.
 #[inline]
 pub(crate) fn chance(light: f32) -> f32 {
-    // Without `std` there is no other square root.
+    // `sqrt` of f32 needs `std`; glam's vectors have one without.
     Vec2::splat(light).sqrt().x
 }
 
-/// Factor by which a primitive appears larger than on average, for each of the six axis sides that it may
-/// face and, last, for any side. `direction` is the direction of sight to it. All 1 if `is_around`: the eye
-/// is in or near the cell, so that there is no one direction. Sides that face away appear small if the scene
-/// is drawn `one_sided`.
+/// Returns, for each of the six axis sides and last for objects without a side, the factor by which a surface
+/// facing that side appears larger than a surface of mean orientation. Side i is twice the axis, plus one
+/// towards negative coordinates. `direction` is the unit direction from the eye to the surface. All factors
+/// are 1 if `is_around` (the eye is in or near the cell). With `one_sided`, sides that face away from the eye
+/// get small factors.
 pub(crate) fn side_factors(direction: Vec3, is_around: bool, one_sided: bool) -> [f32; 7] {
     let mut factors = [1.0; 7];
     if is_around {
@@ -106,17 +116,18 @@ pub(crate) fn side_factors(direction: Vec3, is_around: bool, one_sided: bool) ->
         let along = direction[side / 2];
         let toward = if side % 2 == 0 { -along } else { along };
         let toward = if one_sided { toward } else { toward.abs() };
-        // Normals of a side are up to half a right angle off its axis.
+        // Normals of a side deviate from its axis by up to half a right angle.
         *factor = ((toward + SPREAD) * (2.0 / (1.0 + SPREAD))).max(0.02);
     }
     factors
 }
 
-/// Typical difference between the cosine to a side's axis and the cosine to a normal that faces the side.
+/// Typical difference between the cosine of the view direction to a side's axis and to a normal of that side.
 const SPREAD: f32 = 0.35;
 
-/// Solidity of a face's neighbour as published, from that of the cell before it. `center` is the neighbour's
-/// centre.
+/// Returns the solidity of a face's neighbour by the paper's formula, from the solidity of the cell `from` on
+/// the near side of the face. `center` is the neighbour's scene-relative centre. Cost: proportional to the
+/// number of objects in the cell `from`.
 pub(crate) fn count_solidity<T: Tessellation + ?Sized>(
     tessellation: &T,
     frustum: &CellFrustum,
@@ -135,8 +146,8 @@ pub(crate) fn count_solidity<T: Tessellation + ?Sized>(
     }
 }
 
-/// Whether the line of sight to the centre of a face's neighbour passes through `cell`, the cell before it,
-/// where it meets the plane of the face.
+/// Tests whether the view ray to `center`, the centre of a face's neighbour, lies in `cell` where the ray
+/// meets the plane of the face. False if the ray does not cross the face outwards.
 fn is_star_shaped<T: Tessellation + ?Sized>(
     tessellation: &T,
     frustum: &CellFrustum,
@@ -149,8 +160,8 @@ fn is_star_shaped<T: Tessellation + ?Sized>(
     if across <= 0.0 {
         return false;
     }
-    // The plane of the face lies between the centres; where it is crossed, the point must still be in the
-    // cell before.
+    // The plane of the face lies between the centres. Where the ray meets the plane, its point must be in the
+    // cell before the face.
     let bounds = tessellation.cell_bounds(cell);
     let far = DVec3::select(face.normal.cmpge(DVec3::ZERO), bounds.max.as_dvec3(), bounds.min.as_dvec3());
     let distance = face.normal.dot(center - far) / across;
@@ -164,8 +175,8 @@ mod tests {
     #[test]
     fn what_faces_the_eye_shows_most() {
         let one_sided = side_factors(Vec3::X, false, true);
-        // Along x, what faces against it shows its front, what faces along it its back, and the others their
-        // edges.
+        // Along x, a surface facing against x shows its front, a surface facing along x its back, and all
+        // other surfaces their edges.
         assert!(one_sided[1] > 1.5 && one_sided[0] < 0.1 && one_sided[2] < 1.0 && one_sided[6] == 1.0);
         let two_sided = side_factors(Vec3::X, false, false);
         assert!(two_sided[0] == two_sided[1] && two_sided[0] > two_sided[4]);

@@ -1,8 +1,8 @@
 //! Binary form of tessellations: arrays as they are in memory, in an [envelope](visibility_core::envelope),
-//! so that loading copies and checks but computes nothing.
+//! so that loading copies and checks the arrays and computes nothing.
 //!
-//! The kind in the header is 0 for octrees and 1 for tetrahedra; the fingerprint is a hash of the scene. The
-//! content is arrays of 32-bit numbers, each after its length.
+//! The kind in the envelope's header is 0 for octrees and 1 for tetrahedra. The fingerprint is a hash of the
+//! scene. The body is arrays of 32-bit numbers, each preceded by its length.
 
 use crate::content::Content;
 use crate::delaunay::{DelaunayTessellation, NONE, SIDE};
@@ -15,9 +15,10 @@ use visibility_core::Scene;
 use visibility_core::envelope::{EnvelopeError, Fingerprint, Format, Reader, Writer};
 use visibility_core::glam::DVec3;
 
+/// Magic bytes and version of the binary form; a change of the layout raises the version.
 const FORMAT: Format = Format { magic: *b"plpcells", version: 5 };
 
-/// Hash of all objects' ids, bounds and triangles.
+/// Returns a hash of the ids, bounds and triangles of all objects of a scene.
 fn fingerprint(scene: &Scene) -> u64 {
     let mut hash = Fingerprint::new().with(scene.index_limit() as u32);
     for id in scene.ids() {
@@ -33,7 +34,7 @@ fn fingerprint(scene: &Scene) -> u64 {
     hash.value()
 }
 
-/// Begins an envelope, with grid and fineness.
+/// Starts an envelope of a kind (0 octree, 1 tetrahedra) for a scene and writes the grid and fineness.
 fn begin(kind: u32, scene: &Scene, grid: &Grid, fineness: Fineness) -> Writer {
     let mut writer = Writer::new(FORMAT, kind, fingerprint(scene));
     writer.u64s([grid.min.x, grid.min.y, grid.min.z, grid.step].map(f64::to_bits));
@@ -41,12 +42,13 @@ fn begin(kind: u32, scene: &Scene, grid: &Grid, fineness: Fineness) -> Writer {
     writer
 }
 
-/// Writes the length of an array, then the array.
+/// Writes the length of an array as a 32-bit number, then the array.
 fn write_array(writer: &mut Writer, words: impl ExactSizeIterator<Item = u32>) {
     writer.u32(words.len() as u32);
     writer.u32s(words);
 }
 
+/// Writes the cells' list offsets, ray shares, held bits and object lists.
 fn write_content(writer: &mut Writer, content: &Content) {
     write_array(writer, content.starts.iter().copied());
     write_array(writer, content.cover.iter().map(|cover| u32::from_le_bytes(*cover)));
@@ -56,19 +58,21 @@ fn write_content(writer: &mut Writer, content: &Content) {
     writer.bytes(&content.lists);
 }
 
-/// Checks the header of an envelope of a kind and for a scene.
+/// Opens an envelope and checks its header. `Err` if the bytes are damaged, or the format, version, kind or
+/// the scene's fingerprint differs.
 fn open<'a>(bytes: &'a [u8], kind: u32, scene: &Scene) -> Result<Reader<'a>, EnvelopeError> {
     let reader = Reader::new(bytes, FORMAT)?;
     reader.expect(kind, fingerprint(scene))?;
     Ok(reader)
 }
 
-/// Reads an array of [`write_array`].
+/// Reads an array written by [`write_array`]. `Err` if the bytes end early.
 fn read_array(reader: &mut Reader) -> Result<Vec<u32>, EnvelopeError> {
     let count = reader.u32()? as usize;
     reader.u32s(count)
 }
 
+/// Reads an array of quadruples. `Err` if its length is no multiple of four or the bytes end early.
 fn read_fours(reader: &mut Reader) -> Result<Vec<[u32; 4]>, EnvelopeError> {
     let words = read_array(reader)?;
     if words.len() % 4 != 0 {
@@ -77,6 +81,8 @@ fn read_fours(reader: &mut Reader) -> Result<Vec<[u32; 4]>, EnvelopeError> {
     Ok(words.chunks_exact(4).map(|w| [w[0], w[1], w[2], w[3]]).collect())
 }
 
+/// Reads the grid and fineness written by [`begin`]. `Err` for a grid that is not finite or whose step is not
+/// positive.
 fn read_grid(reader: &mut Reader) -> Result<(Grid, Fineness), EnvelopeError> {
     let mut numbers = [0.0; 4];
     for number in &mut numbers {
@@ -90,6 +96,8 @@ fn read_grid(reader: &mut Reader) -> Result<(Grid, Fineness), EnvelopeError> {
     Ok((Grid { min: DVec3::new(x, y, z), step }, fineness))
 }
 
+/// Reads the content of `cells` cells written by [`write_content`], up to the end of the bytes. `Err` if the
+/// arrays contradict each other, `cells` or the scene.
 fn read_content(reader: &mut Reader, scene: &Scene, cells: usize) -> Result<Content, EnvelopeError> {
     let starts = read_array(reader)?;
     let cover: Vec<[u8; 4]> = read_array(reader)?.into_iter().map(u32::to_le_bytes).collect();
@@ -104,8 +112,9 @@ fn read_content(reader: &mut Reader, scene: &Scene, cells: usize) -> Result<Cont
     Content::from_arrays(scene, starts, cover, lists, held.collect()).map_err(|problem| reader.wrong(problem))
 }
 
-/// Whether a link of a leaf names an existing leaf that begins or ends in the plane of the face that the link
-/// tells.
+/// Tests whether an encoded neighbour (see `octree::link`) of leaf `cell` names an existing leaf that begins
+/// or ends in the plane of the encoded face. `blocks` holds the voxel index of each leaf's minimum corner and
+/// its side in steps. Does not test whether the two leaves overlap within the plane.
 fn touches(blocks: &[[u16; 4]], cell: usize, link: u32) -> bool {
     let (other, axis, upwards) = linked(link);
     let Some(other) = blocks.get(other as usize).filter(|_| axis < 3) else { return false };
@@ -114,9 +123,9 @@ fn touches(blocks: &[[u16; 4]], cell: usize, link: u32) -> bool {
 }
 
 impl OctreeTessellation {
-    /// Binary form, for [`from_bytes`](Self::from_bytes). `scene` is the scene that it was made from; objects
-    /// that have changed since are stored as [strays](Content::strays), and for another scene all objects
-    /// are.
+    /// Encodes the tessellation for [`from_bytes`](Self::from_bytes). `scene` is the scene of the last build
+    /// or sync. Objects that changed since are stored as [strays](Content::strays). For another scene, or a
+    /// change log that no longer reaches back, all objects are stored as strays.
     pub fn to_bytes(&self, scene: &Scene) -> Vec<u8> {
         let mut writer = begin(0, scene, &self.grid, self.fineness);
         write_array(&mut writer, self.codes.iter().copied());
@@ -129,14 +138,14 @@ impl OctreeTessellation {
         writer.finish()
     }
 
-    /// Reads what [`to_bytes`](Self::to_bytes) wrote for this scene, or for a scene with the same ids, bounds
-    /// and triangles.
+    /// Decodes bytes written by [`to_bytes`](Self::to_bytes). `scene` must have the same object ids, bounds
+    /// and triangles as the stored scene.
     ///
-    /// Cost: proportional to the bytes and the scene, all of which are checked.
+    /// Cost: proportional to the number of bytes and the size of the scene, all of which are checked.
     ///
     /// # Errors
-    /// [`EnvelopeError`] if the bytes are damaged, of another format, version or kind of tessellation, or if
-    /// the scene differs from the one that was stored.
+    /// [`EnvelopeError`] if the bytes are damaged, have another format, version or kind of tessellation, or
+    /// if the scene differs from the stored scene.
     pub fn from_bytes(bytes: &[u8], scene: &Scene) -> Result<Self, EnvelopeError> {
         let mut reader = open(bytes, 0, scene)?;
         let (grid, fineness) = read_grid(&mut reader)?;
@@ -144,7 +153,7 @@ impl OctreeTessellation {
         let links = IndexLists { starts: read_array(&mut reader)?, items: read_array(&mut reader)? };
         let boundary = read_array(&mut reader)?;
         let cells = codes.len();
-        // Leaves in Morton order, each beginning where the one before ends, fill the cube.
+        // Leaves in Morton order fill the cube if each begins where the previous leaf ends.
         let mut next = 0u64;
         let mut blocks = Vec::with_capacity(cells);
         for (&code, &side) in codes.iter().zip(&sides) {
@@ -173,9 +182,9 @@ impl OctreeTessellation {
 }
 
 impl DelaunayTessellation {
-    /// Binary form, for [`from_bytes`](Self::from_bytes). `scene` is the scene that it was made from; objects
-    /// that have changed since are stored as [strays](Content::strays), and for another scene all objects
-    /// are.
+    /// Encodes the tessellation for [`from_bytes`](Self::from_bytes). `scene` is the scene of the last build
+    /// or sync. Objects that changed since are stored as [strays](Content::strays). For another scene, or a
+    /// change log that no longer reaches back, all objects are stored as strays.
     pub fn to_bytes(&self, scene: &Scene) -> Vec<u8> {
         let mut writer = begin(1, scene, &self.grid, self.fineness);
         let points: Vec<u32> = self.points.as_flattened().iter().map(|&x| x as u32).collect();
@@ -187,14 +196,14 @@ impl DelaunayTessellation {
         writer.finish()
     }
 
-    /// Reads what [`to_bytes`](Self::to_bytes) wrote for this scene, or for a scene with the same ids, bounds
-    /// and triangles.
+    /// Decodes bytes written by [`to_bytes`](Self::to_bytes). `scene` must have the same object ids, bounds
+    /// and triangles as the stored scene.
     ///
-    /// Cost: proportional to the bytes and the scene, all of which are checked.
+    /// Cost: proportional to the number of bytes and the size of the scene, all of which are checked.
     ///
     /// # Errors
-    /// [`EnvelopeError`] if the bytes are damaged, of another format, version or kind of tessellation, or if
-    /// the scene differs from the one that was stored.
+    /// [`EnvelopeError`] if the bytes are damaged, have another format, version or kind of tessellation, or
+    /// if the scene differs from the stored scene.
     pub fn from_bytes(bytes: &[u8], scene: &Scene) -> Result<Self, EnvelopeError> {
         let mut reader = open(bytes, 1, scene)?;
         let (grid, fineness) = read_grid(&mut reader)?;

@@ -1,66 +1,70 @@
-//! Classes of objects by area, facing direction and openness, coarse enough that like objects share a layer.
+//! Classes of objects by area, facing direction and openness, coarse enough that similar objects share a
+//! layer.
 
 use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, Scene};
 
-/// Class of an object, or mean class of a layer.
+/// Class of an object's surface, or mean class of the objects of a layer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub(crate) struct SurfaceClass {
-    /// Class of the surface area in square metres: one class holds areas from its least up to four times
-    /// that. Greater areas have greater classes, NaN the greatest.
+    /// Area class, on a logarithmic scale of the area in square metres: each class spans a factor of four.
+    /// Larger areas have larger classes, NaN the largest (127).
     pub(crate) area: u8,
     /// Axis side that the surface faces most: twice the axis (0, 1, 2), plus one towards negative
-    /// coordinates; or [`ANY_SIDE`].
+    /// coordinates. [`ANY_SIDE`] for objects without a single normal.
     pub(crate) side: u8,
-    /// Openness on a scale of two steps a factor of two: an openness of 1 is stored as [`FULLY_OPEN`], 1/2
-    /// as two less; the least that can be stored is 0, which stands for all smaller ones.
+    /// Openness class, on a logarithmic scale of two steps per factor of two: an openness of 1 is
+    /// [`FULLY_OPEN`], 1/2 two less. 0 stands for the least representable openness and all smaller ones.
     pub(crate) openness: u8,
 }
 
-/// Upper bound on how far the normals of a side lean from its axis: no component across the axis is greater
-/// than this many [`LEAN_STEPS`]ths of the component along it. [`UNKNOWN_LEAN`] bounds nothing.
+/// Upper bound on how far normals lean from the axis of their side, in units of 1/[`LEAN_STEPS`]: no
+/// component across the axis exceeds `lean / LEAN_STEPS` times the component along the axis. [`UNKNOWN_LEAN`]
+/// is no bound.
 pub(crate) type Lean = u8;
 
-/// Lean of a normal at 45 degrees to its axis, the most that a normal leans from the axis that it faces most.
+/// Lean of a normal at 45 degrees to its axis: the maximum, since a normal is assigned to the axis of its
+/// largest component.
 pub(crate) const LEAN_STEPS: f32 = 14.0;
 
 /// Lean of normals that are not known.
 pub(crate) const UNKNOWN_LEAN: Lean = 15;
 
-/// Number of axis sides.
+/// Number of axis sides: two for each of x, y and z.
 pub(crate) const SIDES: usize = 6;
 
 /// Side of objects without a single normal.
 pub(crate) const ANY_SIDE: u8 = SIDES as u8;
 
-/// Greatest openness class.
+/// Openness class of an openness of 1, the largest class.
 const FULLY_OPEN: u8 = 31;
 
-/// Area class of an area in square metres. Negative areas have class 0.
+/// Returns the area class of an area in square metres, 0 to 127. Negative areas have class 0, NaN has 127.
 fn class_of(area: f32) -> u8 {
-    // The sign bit is clear, and the exponent without its lowest bit is left.
+    // The sign bit is clear; what remains is the exponent without its lowest bit.
     if area.is_nan() { 0x7f } else { (area.max(0.0).to_bits() >> 24) as u8 }
 }
 
-/// Area in square metres in the middle of an area class, on a logarithmic scale.
+/// Returns the area in square metres in the middle of an area class, on a logarithmic scale.
 fn area_of(class: u8) -> f32 {
     f32::from_bits(u32::from(class) << 24 | 1 << 23)
 }
 
-/// Half octaves between 1 and an openness, rounded up: by the exponent, and the highest bit of the fraction.
-/// Openness is clamped to 0 to 1; NaN counts as 1.
+/// Returns how many steps of a factor of sqrt 2 (half octaves) `openness` lies below 1, approximately: from
+/// the float's exponent and the highest bit of its fraction, rounded up. `openness` is clamped to 0 to 1; NaN
+/// counts as 1.
 fn halves_below_one(openness: f32) -> u8 {
     let below = (1.0f32.to_bits() >> 22).saturating_sub(openness.clamp(0.0, 1.0).to_bits() >> 22);
     below.min(u8::MAX.into()) as u8
 }
 
 impl SurfaceClass {
-    /// Class of one object with the given openness, 0 to 1, and the lean of its normal. The area is that of
-    /// the object's triangles, or of its bounds' faces if it has none. Only objects of one triangle face a
-    /// side.
+    /// Returns an object's class and the lean of its normal. The area is that of the object's triangles, or
+    /// of its bounds' six faces if it has no triangles. `openness` is 0 to 1, NaN counts as 1. Objects that
+    /// do not have exactly one triangle get [`ANY_SIDE`] and [`UNKNOWN_LEAN`].
     pub(crate) fn of_object(scene: &Scene, id: ObjectId, openness: f32) -> (Self, Lean) {
         let triangles = scene.triangles(id).unwrap_or(&[]);
-        // In single precision, squares of areas come to an end before coordinates do.
+        // In f64, since squared areas overflow f32 before coordinates do.
         let mut area = 0.0;
         for [a, b, c] in triangles {
             area += (b - a).as_dvec3().cross((c - a).as_dvec3()).length() * 0.5;
@@ -80,25 +84,26 @@ impl SurfaceClass {
         (Self { area: class_of(area), side, openness }, lean)
     }
 
-    /// Area in square metres in the middle of the area class.
+    /// Returns the area in square metres in the middle of the area class, on a logarithmic scale.
     #[inline]
     pub(crate) fn area(self) -> f32 {
         area_of(self.area)
     }
 
-    /// Least openness of the openness class, greater than 0 and at most 1.
+    /// Returns the least openness of the openness class, greater than 0 and at most 1.
     #[inline]
     pub(crate) fn openness(self) -> f32 {
         let halves = u32::from(FULLY_OPEN - self.openness.min(FULLY_OPEN));
         f32::from_bits(((1.0f32.to_bits() >> 22) - halves) << 22)
     }
 
-    /// Area times openness on a logarithmic scale, in half octaves.
+    /// Returns area times openness on a logarithmic scale, in half octaves: higher is more likely visible.
     pub(crate) fn rank(self) -> u32 {
         u32::from(self.area) * 4 + u32::from(self.openness)
     }
 
-    /// Class of many objects together: mean area, mean openness class, and the side if all have the same one.
+    /// Returns the mean class of many objects: class of the mean area, mean openness class, and the side if
+    /// all objects have the same side, else [`ANY_SIDE`]. No objects give area and openness class 0.
     pub(crate) fn mean(classes: impl Iterator<Item = Self> + Clone) -> Self {
         let count = classes.clone().count().max(1);
         let area: f32 = classes.clone().map(Self::area).sum();
@@ -109,8 +114,9 @@ impl SurfaceClass {
     }
 }
 
-/// Axis side that a triangle faces most, from two of its edges in anticlockwise order, and the lean of its
-/// normal. [`ANY_SIDE`] for a triangle without a normal.
+/// Returns the axis side that a triangle faces most, and the lean of its normal. `u` and `v` are the edges
+/// from the first corner to the second and third, anticlockwise seen from the front. [`ANY_SIDE`] for a
+/// triangle without a normal; [`UNKNOWN_LEAN`] if rounding makes the normal unreliable.
 fn side_of(u: DVec3, v: DVec3) -> (u8, Lean) {
     let normal = u.cross(v);
     let size = normal.abs();
@@ -120,8 +126,8 @@ fn side_of(u: DVec3, v: DVec3) -> (u8, Lean) {
     }
     let side = axis as u8 * 2 + u8::from(normal[axis] < 0.0);
     let lean = size[(axis + 1) % 3].max(size[(axis + 2) % 3]) / size[axis];
-    // The error of the normal is some 1e-15 of the product of lengths, so no more than 1e-8 of what is let
-    // through here.
+    // The normal's error is about 1e-15 times the product of the edge lengths, so at most 1e-8 of the lengths
+    // accepted here.
     let known = size[axis] > 1e-7 * u.length() * v.length() && size[axis] < f64::INFINITY;
     let steps = (lean - 1e-7).max(0.0) * f64::from(LEAN_STEPS);
     // Casts round towards zero.
@@ -164,7 +170,8 @@ mod tests {
         assert!(class(0.0, up).openness() < 1e-4 && class(f32::NAN, up).openness() == 1.0);
     }
 
-    /// Triangles in a box, facing everywhere, and eyes around it: never behind what faces it.
+    /// Triangles of all directions in a box and eyes around the box: where `is_behind` is true for a
+    /// triangle's side and lean, the eye is behind the triangle.
     #[test]
     fn what_is_behind_a_side_is_behind_its_triangles() {
         let mut random = Random(5);
@@ -188,14 +195,15 @@ mod tests {
         assert!(behind > 500 && leaning > 200, "{behind} {leaning}");
     }
 
-    /// Slivers whose normals are lost in rounding, all or in part: what is said of them is so.
+    /// Slivers whose normals are lost in rounding, wholly or partly: a reported side and lean always agree
+    /// with exact arithmetic.
     #[test]
     fn of_slivers_nothing_wrong_is_said() {
         let mut random = Random(51);
         let (mut told, mut untold) = (0, 0);
         for round in 0..40_000 {
-            // Corners a, B 2^n and C 2^n, these along one line from the origin: the normal is a x (B - C),
-            // times 2^n.
+            // The corners are a, B 2^n and C 2^n; B and C lie on one line through the origin, so the normal
+            // is a x (B - C) times 2^n.
             let a = random.integers(1 << 20);
             let (direction, farther) = (random.integers(1 << 10), 5 + random.whole(4));
             let scale = 2f64.powi(round % 60);

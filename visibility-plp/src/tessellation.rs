@@ -1,10 +1,10 @@
-//! The trait of a space cut into convex cells, which both cullers walk through.
+//! The trait of a convex cell decomposition of space, which both cullers visit.
 
 use crate::content::Content;
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
 
-/// Face of a cell: the part of its surface that it shares with one other cell.
+/// Face of a cell: the part of the cell's surface shared with one neighbouring cell.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -13,26 +13,27 @@ use visibility_core::glam::DVec3;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Face {
-    /// Number of the cell on the other side.
+    /// Number of the cell on the other side of the face.
     pub neighbour: u32,
-    /// A point of the face's plane, relative to the scene's origin, in metres. It need not lie in the face.
+    /// Point of the face's plane in metres, relative to the scene's origin. The point may lie outside of the
+    /// face.
     pub point: DVec3,
-    /// Unit normal, pointing out of the cell that was asked and into the neighbour.
+    /// Unit normal of the face, pointing out of the queried cell into the neighbour.
     pub normal: DVec3,
-    /// Area of the shared part in square metres, greater than 0.
+    /// Area in square metres of the part shared by both cells, greater than 0.
     pub area: f64,
 }
 
-/// Convex cells that fill a box around a scene without gaps, and the objects in each.
+/// Convex cells that fill a box around a scene without gaps, with the list of objects in each cell.
 ///
-/// Cells have the numbers from 0 to [`Content::cell_count`] - 1; the methods may panic for other numbers. All
-/// coordinates are relative to the scene's origin, in metres. Cullers call each method thousands of times a
-/// frame, so it should take nanoseconds and must not allocate.
+/// Cells are numbered from 0 to [`Content::cell_count`] - 1. The methods may panic for other numbers. All
+/// coordinates are in metres relative to the scene's origin. Cullers call each method thousands of times per
+/// frame, so a method should take nanoseconds and must not allocate.
 ///
-/// Implement it for an engine's own cells to use the cullers with them. What must hold, or visible objects
-/// are lost: the cells leave no gap inside [`bounds`](Self::bounds), two cells that touch in more than an
-/// edge are neighbours of each other, and [`content`](Self::content) names every object in all cells that it
-/// meets.
+/// Implement this trait to use the cullers with an engine's own cells. Visible objects are lost unless three
+/// conditions hold: the cells leave no gap inside [`bounds`](Self::bounds); two cells that share more than an
+/// edge are neighbours of each other; [`content`](Self::content) lists every object in all cells that the
+/// object meets.
 ///
 /// Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000,
 /// section 3.1.
@@ -48,34 +49,36 @@ pub struct Face {
 /// assert_eq!(cells.locate(DVec3::splat(9.0)), None);
 /// ```
 pub trait Tessellation {
-    /// The objects in each cell.
+    /// Returns the objects in each cell.
     fn content(&self) -> &Content;
 
-    /// Box around all cells, rounded outwards.
+    /// Returns the box around all cells, relative to the scene's origin, rounded outwards.
     fn bounds(&self) -> Aabb;
 
-    /// Number of a cell that contains a point. `None` outside of all cells and for NaN. On a face, either of
-    /// its cells.
+    /// Returns the number of a cell that contains a scene-relative point. Any of the adjacent cells for a
+    /// point on a face. `None` outside of all cells and for NaN.
     fn locate(&self, point: DVec3) -> Option<u32>;
 
-    /// Box around a cell, rounded outwards.
+    /// Returns the box around a cell, relative to the scene's origin, rounded outwards.
     fn cell_bounds(&self, cell: u32) -> Aabb;
 
-    /// A point well inside a cell.
+    /// Returns a scene-relative point inside a cell, away from its faces.
     fn center(&self, cell: u32) -> DVec3;
 
-    /// Area of a cell's silhouette as seen along a unit direction, in square metres. The same along the
-    /// opposite direction.
+    /// Returns the area in square metres of a cell's silhouette in orthographic projection along the unit
+    /// vector `direction`. Equal for opposite directions.
     fn projected_area(&self, cell: u32, direction: DVec3) -> f64;
 
-    /// Calls `each` for every face of a cell whose neighbour `wanted` accepts, always in the same order.
-    /// Faces on the outer surface have no neighbour and are left out.
+    /// Calls `each` for every face of a cell for whose neighbour `wanted` returns true, in a fixed order.
+    /// `wanted` receives the neighbour's number. Faces on the outer surface have no neighbour and are
+    /// skipped.
     fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face));
 
-    /// Whether a cell contains a point. True for points so near to the cell that rounding cannot tell.
+    /// Tests whether a cell contains a scene-relative point. True for points so close to the cell's surface
+    /// that rounding leaves the answer undecided.
     fn contains(&self, cell: u32, point: DVec3) -> bool;
 
-    /// Cells with a part of the outer surface, each once: lines of sight from an eye outside of all cells
-    /// enter here.
+    /// Returns the cells with a face on the outer surface, each once. View rays from an eye outside of all
+    /// cells enter through these cells.
     fn boundary(&self) -> &[u32];
 }

@@ -1,23 +1,23 @@
-//! Exact integer vectors for tests of rounding margins: coordinates of 24 bits, and products of three of
-//! them, fit.
+//! Exact integer vectors for tests of rounding margins. Coordinates of 24 bits and products of three such
+//! coordinates are exact.
 
 use visibility_core::glam::DVec3;
 pub(crate) use visibility_testing::Random;
 
-/// A vector of integers.
+/// Vector of integers.
 pub(crate) type IntVector = [i64; 3];
 
-/// Random numbers that are exact.
+/// Random numbers that f64 and i64 represent exactly.
 pub(crate) trait RandomExact {
-    /// An integer between `-below` and `below`, without `below` itself.
+    /// Returns a random integer from `-below` (inclusive) to `below` (exclusive).
     fn whole(&mut self, below: i64) -> i64;
 
-    /// Three such integers.
+    /// Returns a vector of three random integers from `-below` (inclusive) to `below` (exclusive).
     fn integers(&mut self, below: i64) -> IntVector {
         [(); 3].map(|()| self.whole(below))
     }
 
-    /// A number from -1 to 1.
+    /// Returns a random number from -1 (inclusive) to 1 (exclusive), a multiple of 2^-50.
     fn float(&mut self) -> f64 {
         self.whole(1 << 50) as f64 / (1i64 << 50) as f64
     }
@@ -42,12 +42,12 @@ pub(crate) fn dot(a: [i128; 3], b: IntVector) -> i128 {
     (0..3).map(|i| a[i] * i128::from(b[i])).sum()
 }
 
-/// The vector `a` times 2^-30, rounded to f64.
+/// Returns the vector `a` times 2^-30, rounded to f64.
 pub(crate) fn fine(a: IntVector) -> DVec3 {
     DVec3::from_array(a.map(|x| x as f64)) / f64::from(1 << 30)
 }
 
-/// The point `a + s (b - a) + t (c - a)` times 2^30, where `s` and `t` are given times 2^30.
+/// Returns the point `a + s (b - a) + t (c - a)` times 2^30, exactly. `s` and `t` are given times 2^30.
 pub(crate) fn within([a, b, c]: [IntVector; 3], s: i64, t: i64) -> IntVector {
     [0, 1, 2].map(|i| (a[i] << 30) + s * (b[i] - a[i]) + t * (c[i] - a[i]))
 }

@@ -1,4 +1,5 @@
-//! What the cullers promise: budgets, order, and in the conservative form that nothing visible is missing.
+//! Contracts of both cullers: budgets and order, and for the conservative culler that no visible object is
+//! lost.
 #![allow(missing_docs)]
 
 mod common;
@@ -16,8 +17,10 @@ use visibility_plp::{
     Tessellation,
 };
 
+/// Small leaves, so that small test scenes have many cells.
 const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
 
+/// Returns the objects that a culler keeps of all objects of a scene, in the set's order.
 fn run(culler: &mut dyn Culler, scene: &Scene, view: &View) -> Vec<ObjectId> {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);
@@ -25,7 +28,8 @@ fn run(culler: &mut dyn Culler, scene: &Scene, view: &View) -> Vec<ObjectId> {
     visible.iter(scene).collect()
 }
 
-/// Objects of which some corner, edge middle or centre of a triangle is surely in view.
+/// Returns the objects that have a triangle with a corner, edge midpoint or centre in view, at least a
+/// millimetre inside of all view planes.
 fn surely_in_view(scene: &Scene, view: &View) -> Vec<ObjectId> {
     let planes = view.planes(scene.origin());
     let inside = |p: DVec3| planes.as_slice().iter().all(|plane| plane.plane.signed_distance(p) > 1e-3);
@@ -67,7 +71,8 @@ fn without_a_budget_everything_in_view_is_reached() {
     assert!(found > 3000, "{found}");
 }
 
-/// Eyes in the planes of faces, as far as numbers go, and beside them by the least that there is.
+/// Eyes in the plane of a cell's face, up to rounding, and one f64 step beside it: no object in view is lost
+/// on either side of the face.
 #[test]
 fn an_eye_in_the_plane_of_a_face_sees_both_sides_of_it() {
     let scene = triangles(7, 600);
@@ -195,8 +200,8 @@ fn the_conservative_form_stops_at_walls_and_loses_nothing_before_them() {
             for id in things[room * 20..room * 20 + 20].iter().chain(&walls[room..room + 1]) {
                 assert_eq!(visible.contains(&scene, *id), frustum.contains(&scene, *id), "{id}");
             }
-            // Rooms behind the wall are reached through large cells beside it before it is known, but not
-            // many.
+            // Rooms behind the wall are reached through large cells beside the wall before the wall is in the
+            // map, but not many.
             let (kept, of) = (visible.count(&scene), frustum.count(&scene));
             assert!(kept <= 84 || kept * 2 < of, "room {room}, budget {budget}: {kept} of {of}");
             let stats = culler.stats();
@@ -211,7 +216,7 @@ fn what_no_cell_holds_is_kept() {
     let (mut scene, walls, things) = rooms(12);
     let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
     let cells = OctreeTessellation::with_fineness(&scene, FINE);
-    // Moved to where no cell is, or would be looked for, and not told to the cells.
+    // Moved to a place where no cell lists the object, without a `sync` of the cells.
     scene.set_bounds(things[200], Aabb::from_arrays([30.0, 0.0, 0.0], [31.0, 1.0, 1.0])).unwrap();
     let new = scene.insert(Aabb::from_arrays([55.0, 0.0, 0.0], [56.0, 1.0, 1.0]));
     scene.remove(walls[9]).unwrap();
@@ -276,7 +281,8 @@ fn an_order_alone_takes_nothing_out() {
     }
 }
 
-/// A row of small panels across the view, every other one close behind a plate that turns its back.
+/// A row of small panels across the view, every second one close behind a plate that faces away from the eye:
+/// the panels without a plate come first in the order.
 #[test]
 fn what_has_something_close_before_it_comes_last() {
     let mut scene = visibility_core::Scene::new();
@@ -295,7 +301,7 @@ fn what_has_something_close_before_it_comes_last() {
         add(9.98, y, 0.15, true);
         open.push(add(10.0, y + 0.2, 0.1, false));
     }
-    // Cells that hold many of both kinds.
+    // Cells that hold many panels of both kinds.
     const COARSE: Fineness = Fineness { vertices: 10_000, halvings: 0 };
     let view = looking_along_x(0.0);
     let octree = Arc::new(OctreeTessellation::with_fineness(&scene, COARSE));

@@ -1,4 +1,4 @@
-//! No allocation per frame once warm, counted by an allocator of our own.
+//! No allocation per frame once warm, as counted by a global allocator.
 #![allow(missing_docs)]
 
 mod common;
@@ -14,7 +14,7 @@ use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
-/// One frame warms a culler for all views: the first is of next to nothing.
+/// One frame warms a culler for all views, even a first frame that sees almost nothing.
 #[test]
 fn a_warm_culler_allocates_nothing_at_new_views() {
     const FINE: Fineness = Fineness { vertices: 100, halvings: 6 };
@@ -36,7 +36,7 @@ fn a_warm_culler_allocates_nothing_at_new_views() {
     for (number, mut culler) in cullers.into_iter().enumerate() {
         let (mut frustum, mut visible) = (FrustumCuller::new(), VisibleSet::new());
         let mut before = 0;
-        // The seventh view sees least.
+        // The eighth view (index 7) sees the fewest objects.
         for (frame, view) in views[7..8].iter().chain(&views).enumerate() {
             visible.fill(&scene, view);
             frustum.cull(&scene, view, &mut visible);

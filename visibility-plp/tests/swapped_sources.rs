@@ -1,5 +1,5 @@
 //! Scenes and tessellations that are swapped, mixed, cloned, changed, reverted and dropped under live
-//! cullers: each frame is answered as by a fresh culler, and nothing in view is lost.
+//! cullers: each frame's answer equals that of a fresh culler, and no object in view is lost.
 #![allow(missing_docs)]
 
 mod common;
@@ -14,9 +14,11 @@ use visibility_plp::{
     Tessellation,
 };
 
+/// Two sizes of cells, so that swapped tessellations differ in their number of cells.
 const FINENESS: [Fineness; 2] =
     [Fineness { vertices: 24, halvings: 5 }, Fineness { vertices: 60, halvings: 4 }];
 
+/// Tessellation of either kind.
 #[derive(Clone)]
 enum Cells {
     Octree(Arc<OctreeTessellation>),
@@ -24,6 +26,7 @@ enum Cells {
 }
 
 impl Cells {
+    /// Partitions a scene; `number` chooses the kind (even: octree, odd: tetrahedra) and the fineness.
     fn new(scene: &Scene, number: usize) -> Self {
         let fineness = FINENESS[number / 2 % 2];
         if number.is_multiple_of(2) {
@@ -33,6 +36,7 @@ impl Cells {
         }
     }
 
+    /// Returns the tessellation behind the trait.
     fn shared(&self) -> Arc<dyn Tessellation> {
         match self {
             Self::Octree(cells) => cells.clone(),
@@ -40,6 +44,7 @@ impl Cells {
         }
     }
 
+    /// Syncs the tessellation with a scene, cloning it first if it is shared. False if a rebuild is due.
     fn sync(&mut self, scene: &Scene) -> bool {
         match self {
             Self::Octree(cells) => Arc::make_mut(cells).sync(scene),
@@ -50,14 +55,17 @@ impl Cells {
 
 type Shared = Arc<dyn Tessellation>;
 
+/// Culler that outlives changes of its inputs.
 enum Live {
     Plp(PlpCuller<Shared>),
     Conservative(ConservativePlpCuller<Shared, Blank>),
 }
 
 impl Live {
+    /// Number of culler configurations that `new` can make.
     const KINDS: usize = 4;
 
+    /// Makes the culler of a configuration, 0 to `KINDS` - 1.
     fn new(cells: Shared, kind: usize) -> Self {
         let all = Budget::Objects(usize::MAX);
         match kind {
@@ -75,6 +83,7 @@ impl Live {
         }
     }
 
+    /// Returns the objects that the culler keeps of all objects of a scene, in the set's order.
     fn run(&mut self, scene: &Scene, view: &View) -> Vec<ObjectId> {
         let culler: &mut dyn Culler = match self {
             Self::Plp(culler) => culler,
@@ -87,7 +96,8 @@ impl Live {
     }
 }
 
-/// Objects with a triangle that faces the eye and whose centre is surely in view.
+/// Returns the objects with a triangle that faces the eye and whose centre is at least a millimetre inside of
+/// all view planes. Empty for parallel views.
 fn surely_in_view(scene: &Scene, view: &View) -> Vec<ObjectId> {
     let planes = view.planes(scene.origin());
     let visibility_core::view::Eye::Point(eye) = view.eye(scene.origin()) else { return Vec::new() };
@@ -102,6 +112,7 @@ fn surely_in_view(scene: &Scene, view: &View) -> Vec<ObjectId> {
     scene.ids().filter(shows).collect()
 }
 
+/// Removes, adds, moves or turns over one random object.
 fn change(scene: &mut Scene, random: &mut Random) {
     let ids: Vec<_> = scene.ids().collect();
     let id = random.pick(&ids);
@@ -114,7 +125,7 @@ fn change(scene: &mut Scene, random: &mut Random) {
         }
         1 => scene.insert(Aabb::from_points(triangle)),
         2 => {
-            // The same bounds, other triangles.
+            // Keeps the bounds and reverses the triangles.
             let turned: Vec<_> = scene.triangles(id).unwrap().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
             scene.set_triangles(id, turned).unwrap();
             return;
@@ -130,7 +141,7 @@ fn change(scene: &mut Scene, random: &mut Random) {
 #[test]
 fn live_cullers_answer_as_fresh_ones_whatever_is_swapped() {
     let mut random = Random(2024);
-    // As many objects in each, some of them clones of others.
+    // Equal numbers of objects in each scene, and one scene a clone of another.
     let mut scenes: Vec<Scene> = (0..3).map(|seed| triangles(seed, 500)).collect();
     scenes.push(scenes[0].clone());
     let saved = scenes.clone();
@@ -141,7 +152,7 @@ fn live_cullers_answer_as_fresh_ones_whatever_is_swapped() {
     for step in 0..600 {
         let (s, c) = (random.below(scenes.len()), random.below(cells.len()));
         match random.below(10) {
-            // Several changes at once, which a tessellation may be told of or not.
+            // Several changes at once, which may or may not be synced to a tessellation.
             0..=2 => (0..1 + random.below(40)).for_each(|_| change(&mut scenes[s], &mut random)),
             3 => scenes[s] = scenes[random.below(4)].clone(),
             4 => scenes[s] = saved[random.below(4)].clone(),
@@ -180,8 +191,8 @@ fn live_cullers_answer_as_fresh_ones_whatever_is_swapped() {
     assert!(culled > 100 && left > 100 && wanted_in_all > 10_000, "{culled} {left} {wanted_in_all}");
 }
 
-/// Cells that are told of the changes of another scene, or of a clone of their own, say nothing about their
-/// own from then on.
+/// After a failed sync with another scene or with a clone of its own scene, a tessellation still follows its
+/// own scene.
 #[test]
 fn cells_are_of_one_scene_at_a_time() {
     let mut scene = triangles(5, 300);

@@ -1,4 +1,5 @@
-//! Cells fill space, know their neighbours, and hold what meets them: for both tessellations alike.
+//! Contracts of both tessellations: cells fill space, neighbours are mutual, and cells list all objects that
+//! meet them.
 #![allow(missing_docs)]
 
 mod common;
@@ -12,9 +13,11 @@ use visibility_plp::{
 };
 use visibility_testing::{FNV_START, fnv};
 
+/// Small leaves, so that small test scenes have many cells.
 const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
 
-/// Points of the scene lie in cells that hold their objects; faces are shared, and close every inner cell.
+/// Asserts that points of objects lie in cells that list the objects, that faces are mutual between
+/// neighbours and close every inner cell, and that the cells leave no gap.
 fn check(scene: &Scene, cells: &dyn Tessellation) {
     let count = cells.content().cell_count() as u32;
     assert!(count > 100, "{count} cells");
@@ -76,7 +79,7 @@ fn check(scene: &Scene, cells: &dyn Tessellation) {
         assert_eq!(cells.locate(cells.center(cell)), Some(cell));
         if !boundary.contains(&cell) {
             inner += 1;
-            // The faces of a closed surface, each by its area, cancel out.
+            // The face areas of a closed surface, as vectors along the normals, sum to zero.
             assert!(sum.length() < 1e-6 * area, "cell {cell}: {sum} of {area}");
         }
     }
@@ -112,7 +115,7 @@ fn strange_scenes_are_cut_too() {
     assert_eq!(cut(&scene), (0, 0));
     let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
     assert_eq!(cut(&scene), (1, 1));
-    // A triangle that cannot be placed, in bounds that can.
+    // A triangle that is not finite, in bounds that are.
     let odd = scene.insert(Aabb::from_arrays([0.0; 3], [9.0; 3]));
     scene.set_triangles(odd, [[Vec3::ZERO, Vec3::ONE, Vec3::NAN]]).unwrap();
     scene.insert(Object::new(Aabb::from_arrays([3.0; 3], [3.0; 3])));
@@ -125,7 +128,8 @@ fn strange_scenes_are_cut_too() {
     assert!(cells.content().holds(odd) && !cells.content().holds(nan));
 }
 
-/// However many boxes coincide, cells are as few as for one of each place: cutting would not part them.
+/// Coincident boxes need no more cells than one box, however many there are, since splitting would not
+/// separate them.
 #[test]
 fn coincident_boxes_make_no_more_cells() {
     let of = |count: usize| {
@@ -169,6 +173,8 @@ fn changed_objects_are_strays() {
     assert!(!cells.sync(&Scene::new()), "another scene");
 }
 
+/// Asserts that `load` accepts the bytes and refuses them with any byte changed, cut short, extended, of
+/// another version, or for a changed scene. `load` returns the error, or `None` on success.
 fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<EnvelopeError>) {
     assert_eq!(load(bytes, scene), None);
     for place in 0..bytes.len() {
@@ -223,8 +229,8 @@ fn what_has_changed_is_stored_as_strays() {
     assert_eq!(loaded.content().strays(), [id]);
 }
 
-/// Turns over a byte here and there and mends the checksum, as no accident would: what is then not refused
-/// may be wrong, but harms nobody.
+/// Changes single bytes and corrects the checksum, as no accident would. Bytes that are then accepted may
+/// give wrong answers, but cullers must not panic.
 fn forged<T: Tessellation>(scene: &Scene, bytes: &[u8], load: impl Fn(&[u8]) -> Result<T, EnvelopeError>) {
     let (mut refused, mut taken) = (0, 0);
     for place in (40..bytes.len()).step_by(23) {

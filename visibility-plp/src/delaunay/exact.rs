@@ -1,37 +1,39 @@
 //! Exact predicates on integer points: side of a plane, inside or outside of a sphere.
 
-/// A point on the fine grid: coordinates from 0 to 2^17.
+/// Point on the fine grid: integer coordinates from 0 to 2^17.
 pub(crate) type Point = [i32; 3];
 
+/// Returns the exact difference `a - b`.
 fn minus(a: Point, b: Point) -> [i64; 3] {
     [0, 1, 2].map(|i| i64::from(a[i]) - i64::from(b[i]))
 }
 
+/// Returns the determinant of the matrix with rows a, b and c. The caller keeps it within i64.
 fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i64 {
     a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
         + a[2] * (b[0] * c[1] - b[1] * c[0])
 }
 
-/// Six times the signed volume of a tetrahedron: positive if a, b, c run clockwise seen from d, 0 if it is
-/// flat.
+/// Returns six times the signed volume of the tetrahedron a, b, c, d: positive if a, b, c run clockwise seen
+/// from d, 0 if the tetrahedron is flat. Exact.
 pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> i64 {
-    // Differences are at most 2^17, so that all sums are less than 6 * 2^51.
+    // Differences are at most 2^17, so all sums are less than 6 * 2^51.
     determinant(minus(b, a), minus(c, a), minus(d, a))
 }
 
-/// Whether a point lies inside the sphere through the corners of a tetrahedron of positive volume. On the
-/// sphere is outside.
+/// Tests whether `p` lies strictly inside the circumsphere of the tetrahedron a, b, c, d, whose [`volume`]
+/// must be positive. False on the sphere. Exact.
 pub(crate) fn is_in_sphere([a, b, c, d]: [Point; 4], p: Point) -> bool {
     let [a, b, c, d] = [a, b, c, d].map(|q| minus(q, p));
-    // Squares are less than 2^36, the determinants of three rows less than 2^54: products need 128 bits,
-    // which are slow.
+    // Squares are less than 2^36 and the determinants of three rows less than 2^54. Exact products need 128
+    // bits, which are slow, so an f64 filter comes first.
     let square = |q: [i64; 3]| q[0] * q[0] + q[1] * q[1] + q[2] * q[2];
     let squares = [a, b, c, d].map(square);
     let minors = [determinant(b, c, d), -determinant(a, c, d), determinant(a, b, d), -determinant(a, b, c)];
     let terms = [0, 1, 2, 3].map(|i| squares[i] as f64 * minors[i] as f64);
     let sum = terms[0] + terms[1] + terms[2] + terms[3];
-    // Each term is rounded at most three times, each sum once, by 2^-53: eight roundings bound the error,
-    // 1e-14 is ninety.
+    // Each term is rounded at most three times and each sum once, by 2^-53. Eight roundings bound the
+    // relative error, and 1e-14 is about ninety roundings.
     let size: f64 = terms.iter().map(|term| term.abs()).sum();
     if sum.abs() > 1e-14 * size {
         return sum > 0.0;
@@ -56,14 +58,14 @@ mod tests {
         assert!(is_in_sphere(CORNER, [7, 8, 8]));
         assert!(is_in_sphere(CORNER, [4, 4, 4]));
         assert!(!is_in_sphere(CORNER, [9, 8, 8]));
-        // As large as it gets, off by one step.
+        // The largest coordinates, one step off the sphere.
         let n = 1 << 17;
         let large = [[0, 0, 0], [n, 0, 0], [0, n, 0], [0, 0, n]];
         assert!(!is_in_sphere(large, [n, n, n]) && is_in_sphere(large, [n, n, n - 1]));
     }
 
-    /// Points on one sphere, and a step off it: all that differ from its centre by the same three numbers in
-    /// any order, with any signs.
+    /// Points on one sphere and one step off it. Points of a sphere are made by permuting three coordinate
+    /// differences from its centre and changing their signs.
     #[test]
     fn points_on_a_sphere_are_told_from_points_beside_it() {
         let mut random = Random(41);

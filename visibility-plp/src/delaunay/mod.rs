@@ -1,8 +1,8 @@
 //! Cells that are the tetrahedra of a Delaunay triangulation of the centres of an octree's leaves.
 //!
 //! Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000,
-//! section 4. The centres lie on a grid, many on one sphere or plane. As in the paper they are moved a
-//! little, here by a hash of their place, and all decisions are made in exact integer arithmetic.
+//! section 4. Leaf centres lie on a grid, so many of them are cospherical or coplanar. As in the paper each
+//! centre is moved slightly, here by a hash of its position. All decisions use exact integer arithmetic.
 
 mod exact;
 mod triangulate;
@@ -21,19 +21,20 @@ pub(crate) use triangulate::NONE;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Scene};
 
-/// Steps of the fine grid, on which points lie, to one step of the octree's grid.
+/// Number of steps of the fine grid, on which the tetrahedra's vertices lie, per step of the octree's grid.
 pub(crate) const FINER: i32 = 128;
 
-/// Steps of the fine grid along a side of the cube.
+/// Number of steps of the fine grid along each side of the cube.
 pub(crate) const SIDE: i32 = STEPS as i32 * FINER;
 
-/// A tessellation into tetrahedra, within a cube slightly larger than the scene. Prefer the octree: it is
-/// built in half the time, and finds as many visible objects or more at budgets up to 2 % of a scene.
+/// Tessellation into tetrahedra, within a cube slightly larger than the scene. Prefer
+/// [`OctreeTessellation`](crate::OctreeTessellation): it is built in half the time, and finds as many visible
+/// objects or more at budgets up to 2 % of a scene.
 ///
 /// # Cost
-/// To build: some ten microseconds for each reference, that is, for each pair of an object and a cell that it
-/// meets; references grow as those of the [octree](crate::OctreeTessellation). Memory: about 60 bytes a cell,
-/// 1.2 a reference, and up to three a triangle.
+/// Building takes about ten microseconds per reference (a pair of an object and a cell that the object
+/// meets). The number of references grows as described at [`OctreeTessellation`](crate::OctreeTessellation).
+/// Memory: about 60 bytes per cell, 1.2 per reference, and up to three per triangle.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, Scene};
@@ -47,20 +48,26 @@ pub(crate) const SIDE: i32 = STEPS as i32 * FINER;
 /// ```
 #[derive(Clone, Debug)]
 pub struct DelaunayTessellation {
+    /// Grid of the octree that supplied the points; fine-grid coordinates are relative to its minimum corner.
     pub(crate) grid: Grid,
+    /// Settings of that octree, kept for `rebuild`.
     pub(crate) fineness: Fineness,
+    /// Vertices of the tetrahedra, on the fine grid. The first eight are the corners of the cube.
     pub(crate) points: Vec<Point>,
-    /// Corners of each cell, indices into `points`.
+    /// Corners of each cell, as indices into `points`.
     pub(crate) cells: Vec<[u32; 4]>,
-    /// For each corner of each cell, the cell on the opposite side or [`NONE`].
+    /// For each corner of each cell, the neighbouring cell across the opposite face, or [`NONE`] on the
+    /// surface of the cube.
     pub(crate) neighbours: Vec<[u32; 4]>,
     /// Cells with a face on the surface of the cube.
     pub(crate) boundary: Vec<u32>,
+    /// Objects in each cell.
     pub(crate) content: Content,
 }
 
-/// Point of an octree leaf on the fine grid: its centre, moved by up to an eighth of its side, differently at
-/// each attempt.
+/// Returns the Delaunay vertex of an octree leaf on the fine grid: the leaf's centre, moved along each axis
+/// by up to an eighth of its side. `block` is the voxel index of the leaf's minimum corner, then its side, in
+/// octree steps. Each `attempt` moves the centre differently; equal arguments give equal points.
 fn place(block: [u16; 4], attempt: u32) -> Point {
     let side = i32::from(block[3]);
     let mut hash = 0x9e37_79b9u32;
@@ -76,16 +83,18 @@ fn place(block: [u16; 4], attempt: u32) -> Point {
 }
 
 impl DelaunayTessellation {
-    /// Default fineness of the octree whose leaves become points. A leaf makes about seven tetrahedra.
+    /// Default settings of the octree whose leaf centres become vertices. Each leaf yields about seven
+    /// tetrahedra.
     pub const FINENESS: Fineness = Fineness { vertices: 2048, halvings: 8 };
 
-    /// Cuts a scene at the default [fineness](Self::FINENESS).
+    /// Partitions a scene at the default [fineness](Self::FINENESS). Objects whose bounds are not finite
+    /// become [strays](Content::strays).
     pub fn new(scene: &Scene) -> Self {
         Self::with_fineness(scene, Self::FINENESS)
     }
 
-    /// Cuts a scene, with one point in each leaf of the octree of that fineness. Objects whose bounds are not
-    /// finite become [strays](Content::strays).
+    /// Partitions a scene into tetrahedra, with one vertex in each leaf of the octree of the given fineness.
+    /// Objects whose bounds are not finite become [strays](Content::strays).
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
         let (grid, blocks) = leaves_of(scene, fineness);
         let points: Vec<Point> = blocks.iter().map(|&block| place(block, 0)).collect();
@@ -100,18 +109,21 @@ impl DelaunayTessellation {
         made
     }
 
-    /// Cuts a scene anew, at the same fineness.
+    /// Partitions a scene anew at the same fineness. Replaces all cells and clears the strays, up to objects
+    /// whose bounds are not finite.
     pub fn rebuild(&mut self, scene: &Scene) {
         *self = Self::with_fineness(scene, self.fineness);
     }
 
-    /// Takes in the scene's changes, as [`OctreeTessellation::sync`](crate::OctreeTessellation::sync). False
-    /// if the cells should be [rebuilt](Self::rebuild).
+    /// Makes all objects that changed since the last call or build [strays](Content::strays), which count as
+    /// visible. Returns false if the tessellation should be [rebuilt](Self::rebuild): more than an eighth of
+    /// the objects are strays, or the changes are unknown, as for another scene (then nothing is modified).
+    /// Cost: proportional to the changes and the strays.
     pub fn sync(&mut self, scene: &Scene) -> bool {
         self.content.sync(scene)
     }
 
-    /// Heap memory in bytes.
+    /// Returns the heap memory in bytes.
     pub fn memory(&self) -> usize {
         size_of_val(&self.points[..])
             + size_of_val(&self.cells[..])
@@ -120,23 +132,23 @@ impl DelaunayTessellation {
             + self.content.memory()
     }
 
-    /// Corners of a cell in steps of the fine grid.
+    /// Returns the corners of a cell in steps of the fine grid.
     fn fine(&self, cell: u32) -> [DVec3; 4] {
         self.cells[cell as usize].map(|vertex| DVec3::from_array(self.points[vertex as usize].map(f64::from)))
     }
 
-    /// A point of the scene in steps of the fine grid.
+    /// Converts a point from scene-relative metres to steps of the fine grid.
     fn to_fine(&self, point: DVec3) -> DVec3 {
         (point - self.grid.min) / self.grid.step * f64::from(FINER)
     }
 
-    /// Corners of a cell in scene coordinates.
+    /// Returns the corners of a cell in metres, relative to the scene's origin.
     fn corners(&self, cell: u32) -> [DVec3; 4] {
         self.fine(cell).map(|p| self.grid.min + p * (self.grid.step / f64::from(FINER)))
     }
 
-    /// Cell that contains a point, in steps of the fine grid, found by walking from the cell `start` towards
-    /// it. `None` for a point outside of the cube.
+    /// Returns a cell that contains a point, by walking from the cell `start` towards the point. `point` is
+    /// in steps of the fine grid. `None` for a point outside of the cube.
     fn walk(&self, point: DVec3, start: u32) -> Option<u32> {
         let mut cell = start;
         'steps: for step in 0..self.cells.len() + 4 {
@@ -146,8 +158,8 @@ impl DelaunayTessellation {
                 let mut beyond = corners;
                 beyond[face] = point;
                 let [a, b, c, d] = beyond;
-                // Corners are integers below 2^17, so rounding loses less than 2 of the product; 64 are a
-                // hundredth of a step beyond a face of the least cells.
+                // Corners are integers of at most 2^17, so rounding changes the product by less than 2. A
+                // product of 64 is a hundredth of a step beyond a face of the smallest cells.
                 if (b - a).cross(c - a).dot(d - a) < -64.0 {
                     cell = self.neighbours[cell as usize][face];
                     if cell == NONE {
@@ -161,8 +173,9 @@ impl DelaunayTessellation {
         None
     }
 
-    /// Places every object in all cells that it meets: the cell that contains a corner of it, and from there
-    /// the neighbours that it meets as well.
+    /// Assigns every object to all cells that it meets: first a cell that contains a corner of the shape,
+    /// then neighbours of cells found, as long as the shape meets them. Also samples the rays that each
+    /// cell's triangles stop.
     fn fill(&self, scene: &Scene) -> Content {
         let solids: Vec<Tetrahedron> =
             (0..self.cells.len() as u32).map(|cell| Tetrahedron::new(self.fine(cell))).collect();
@@ -244,7 +257,7 @@ impl Tessellation for DelaunayTessellation {
 
     fn projected_area(&self, cell: u32, direction: DVec3) -> f64 {
         let [a, b, c, d] = self.corners(cell);
-        // The near faces show the same silhouette as the far ones, and a cross product is twice a triangle's
+        // The near faces have the same silhouette as the far faces, and a cross product is twice a triangle's
         // area.
         let seen = |p: DVec3, q: DVec3, r: DVec3| (q - p).cross(r - p).dot(direction).abs();
         (seen(a, b, c) + seen(a, b, d) + seen(a, c, d) + seen(b, c, d)) * 0.25

@@ -1,40 +1,43 @@
-//! Delaunay triangulation of points in a cube, point by point (Bowyer, "Computing Dirichlet tessellations",
-//! 1981; Watson, "Computing the n-dimensional Delaunay tessellation", 1981).
+//! Incremental Delaunay triangulation of points in a cube (Bowyer, "Computing Dirichlet tessellations", 1981;
+//! Watson, "Computing the n-dimensional Delaunay tessellation", 1981).
 //!
-//! The tetrahedra whose spheres contain a new point form the cavity. They are replaced by tetrahedra between
-//! the point and the cavity's outer faces, its rim. The first cell of the cavity is found by walking from the
-//! last one made.
+//! The tetrahedra whose circumspheres contain a new point form the cavity. They are replaced by tetrahedra
+//! between the point and the cavity's boundary faces, its rim. The first cell of the cavity is found by
+//! walking from the cell made last.
 
 use super::exact::{Point, is_in_sphere, volume};
 use alloc::vec::Vec;
 
-/// In place of a neighbour's number: the face lies on the surface of the cube.
+/// Neighbour number of a face on the surface of the cube.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Tetrahedra of positive volume that fill the cube.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Mesh {
+    /// Vertices; the first eight are the corners of the cube.
     pub(crate) points: Vec<Point>,
-    /// Corners of each cell, indices into `points`.
+    /// Corners of each cell, as indices into `points`.
     pub(crate) cells: Vec<[u32; 4]>,
-    /// Neighbours of each cell: the `i`-th shares all corners but the `i`-th, or is [`NONE`].
+    /// Neighbours of each cell. Neighbour i shares all corners except corner i; [`NONE`] on the surface of
+    /// the cube.
     pub(crate) neighbours: Vec<[u32; 4]>,
-    /// Indices into `cells` that are not in use: a new point may leave fewer cells than there were.
+    /// Unused indices of `cells` and `neighbours`: inserting a point may leave fewer cells than before.
     free: Vec<u32>,
 }
 
-/// Outer face of the cavity, as a face of the cell inside.
+/// Boundary face of the cavity, named as a face of the cell inside: `face` is the index of the opposite
+/// corner, 0 to 3.
 #[derive(Clone, Copy)]
 struct Rim {
     cell: u32,
     face: usize,
 }
 
-/// Number of places that are tried for a point before it is left out.
+/// Maximum number of positions that are tried for a point before the point is skipped.
 const TRIES: u32 = 16;
 
 impl Mesh {
-    /// The cube from the origin to `side` on each axis, in six tetrahedra about a diagonal.
+    /// Makes the cube from the origin to `side` on each axis, split into six tetrahedra around a diagonal.
     pub(crate) fn cube(side: i32) -> Self {
         let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 != 0 { side } else { 0 });
         let mut mesh = Self { points: (0..8).map(corner).collect(), ..Self::default() };
@@ -58,13 +61,14 @@ impl Mesh {
         mesh
     }
 
+    /// Returns the positions of a cell's corners.
     fn corners(&self, cell: &[u32; 4]) -> [Point; 4] {
         cell.map(|vertex| self.points[vertex as usize])
     }
 
-    /// Adds `points.len()` points, each strictly inside the cube. `nudge` gives the place of a point at each
-    /// attempt, from 0 on; the next attempt follows if a tetrahedron would be flat. A point is left out if
-    /// none succeeds.
+    /// Inserts one point for each entry of `points`, strictly inside the cube. `nudge(number, attempt)`
+    /// returns the position to try for the point with that number, for attempts 0, 1 and so on. The next
+    /// attempt follows if a tetrahedron would be flat. A point is skipped after [`TRIES`] failed attempts.
     pub(crate) fn insert_all(&mut self, points: &[Point], nudge: impl Fn(usize, u32) -> Point) {
         let mut last = 0;
         for number in 0..points.len() {
@@ -79,11 +83,11 @@ impl Mesh {
         self.close_gaps();
     }
 
-    /// Moves the last cells to the free indices.
+    /// Moves the last cells into the unused indices, so that `free` is empty and all cells are in use.
     fn close_gaps(&mut self) {
         let mut free = core::mem::take(&mut self.free);
         free.sort_unstable();
-        // The last index first, so that the cell that is moved is never itself a gap.
+        // The largest index first, so that the cell that is moved is never itself unused.
         for gap in free.into_iter().rev() {
             self.cells.swap_remove(gap as usize);
             self.neighbours.swap_remove(gap as usize);
@@ -100,12 +104,12 @@ impl Mesh {
         }
     }
 
-    /// Cell that contains a point, found by walking from the cell `start` towards it. `None` outside of the
-    /// cube.
+    /// Returns a cell that contains a point, by walking from the cell `start` towards the point. `None`
+    /// outside of the cube.
     fn find(&self, point: Point, start: u32) -> Option<u32> {
         let mut cell = start;
-        // A walk through a Delaunay triangulation never returns to a cell; the bound is for triangulations
-        // that are none.
+        // A walk through a Delaunay triangulation never returns to a cell. The limit ends walks through other
+        // triangulations.
         'steps: for step in 0..self.cells.len() + 4 {
             let corners = self.corners(&self.cells[cell as usize]);
             for i in 0..4 {
@@ -125,8 +129,9 @@ impl Mesh {
         None
     }
 
-    /// Adds a point and returns one of the cells that it makes. `None`, with nothing changed, if one of them
-    /// would be flat or the point lies outside of the cube. `start`: a cell near the point.
+    /// Inserts a point and returns one of the cells that this makes. `None`, with nothing changed, if a new
+    /// cell would be flat or the point lies outside of the cube. The search begins at the cell `start`, which
+    /// should be near the point.
     fn insert(&mut self, point: Point, start: u32) -> Option<u32> {
         let first = self.find(point, start)?;
         let mut cavity = alloc::vec![first];
@@ -147,7 +152,7 @@ impl Mesh {
                 }
             }
         }
-        // The neighbour of a face may have joined the cavity since the face was added.
+        // The neighbour across a face may have joined the cavity after the face was recorded.
         rim.retain(|rim| !cavity.contains(&self.neighbours[rim.cell as usize][rim.face]));
         let is_flat = |rim: &Rim| {
             let mut corners = self.corners(&self.cells[rim.cell as usize]);
@@ -167,8 +172,8 @@ impl Mesh {
                 (cell, self.neighbours[rim.cell as usize][rim.face], rim.face)
             })
             .collect();
-        // Edges of the rim for which only one of the two new cells is known so far, with that cell and its
-        // face.
+        // Edges of the rim for which only one of the two new cells is known so far: the edge's vertices, that
+        // cell, and its face at the edge.
         let mut open: Vec<([u32; 2], u32, usize)> = Vec::new();
         for (number, &(cell, outer, face)) in made.iter().enumerate() {
             let place = match cavity.get(number).copied().or_else(|| self.free.pop()) {
@@ -212,8 +217,9 @@ impl Mesh {
         Some(cavity[0])
     }
 
-    /// Face of the kept cell `outer` that the new cell lies at: opposite of the corner that the new cell does
-    /// not have.
+    /// Returns the face of the kept cell `outer` that it shares with the new cell `cell`: the face opposite
+    /// of the only corner that the new cell lacks. `vertex` is the new point. `None` if all corners are
+    /// shared.
     fn back(&self, outer: u32, cell: &[u32; 4], vertex: u32) -> Option<usize> {
         let shared = |v: u32| v != vertex && cell.contains(&v);
         self.cells[outer as usize].iter().position(|&v| !shared(v))
@@ -225,8 +231,9 @@ mod tests {
     use super::*;
     use visibility_testing::Random;
 
-    /// Every face has the right neighbour on its other side, all volumes are positive and fill the cube, and
-    /// no sphere holds a point.
+    /// Asserts that neighbours share their faces mutually, that all volumes are positive and sum to the
+    /// cube's, and that no neighbour's opposite vertex lies in a cell's circumsphere. With `all_spheres`,
+    /// tests every vertex against every circumsphere.
     fn check(mesh: &Mesh, side: i64, all_spheres: bool) {
         let mut sum = 0;
         for (number, (cell, neighbours)) in mesh.cells.iter().zip(&mesh.neighbours).enumerate() {
@@ -264,7 +271,7 @@ mod tests {
         check(&mesh, side.into(), true);
     }
 
-    /// After every point: what it leaves free is filled from the end, and neighbours learn of it.
+    /// Closes the gaps after every insertion, with neighbour numbers updated accordingly.
     #[test]
     fn gaps_are_closed() {
         let mut random = Random(7);

@@ -1,7 +1,7 @@
-//! The walk through the cells of a tessellation that both cullers share.
+//! Visit of a tessellation's cells from the eye outwards, shared by both cullers.
 //!
-//! `state` holds what a walk remembers, `remaining` opens cells, `projection` takes objects out of them,
-//! `traversal` is the loop over cells.
+//! `state` holds the buffers of a walk, `remaining` the layers not yet projected of each opened cell,
+//! `projection` appends the objects of a layer to the result, and `traversal` is the loop over cells.
 
 mod projection;
 mod remaining;

@@ -1,12 +1,13 @@
-//! Projection of a cell's layers: each object once, if it is in the visible set and not surely out of sight,
-//! until the budget is spent.
+//! Projection of a cell's layers: each object is kept at most once, if the visible set holds the object and
+//! no test proves the object outside of the view or facing away, until the budget is spent.
 
 use super::state::{BATCH, Budget, Candidate, FrameContext, MAX_TESTED_TRIANGLES, Projected, Walk, clear};
 use crate::normal_bins::EyeSide;
 use crate::tessellation::Tessellation;
 
 impl Walk {
-    /// Number of candidates that surely fit into the remaining budget.
+    /// Returns how many candidates certainly fit into the remaining budget: 0 for a budget by cost, since
+    /// costs are unknown until each object is read; `usize::MAX` if `unlimited`.
     #[inline]
     fn affordable<T: ?Sized>(&self, frame: &FrameContext<'_, T>, unlimited: bool) -> usize {
         match frame.settings.budget {
@@ -16,8 +17,12 @@ impl Walk {
         }
     }
 
-    /// Appends the candidates to the order that are in the visible set and not surely out of sight, until the
-    /// budget is spent, or all of them if `unlimited`. Objects that no longer fit may be projected later.
+    /// Appends to `order` the pending candidates that are in the visible set and not proven outside of the
+    /// view or facing away, and charges the budget for each. Clears the pending candidates.
+    ///
+    /// Stops at the first object whose cost exceeds the remaining budget and returns
+    /// [`Projected::OutOfBudget`]. Objects not appended then may become candidates again. With `unlimited`,
+    /// the budget is neither checked nor charged.
     pub(crate) fn settle<T: ?Sized>(&mut self, frame: &FrameContext<'_, T>, unlimited: bool) -> Projected {
         let candidates = self.candidates[..self.candidate_count].iter();
         self.candidate_count = 0;
@@ -48,9 +53,10 @@ impl Walk {
         Projected::Complete
     }
 
-    /// Removes objects of few triangles from `seen` that surely face away or lie outside of the view.
+    /// Removes from `seen` each object of at most [`MAX_TESTED_TRIANGLES`] triangles whose triangles all
+    /// certainly face away from the eye, or all lie outside of one view plane that the object's cell crosses.
     fn remove_unseen<T: ?Sized>(&mut self, frame: &FrameContext<'_, T>) {
-        // Triangles are copied before any is tested, so that cache misses overlap.
+        // Triangles are copied before any of them is tested, so that cache misses overlap.
         self.tested.clear();
         for (place, &(id, eye_side, crossed)) in (0..).zip(&self.seen) {
             if (eye_side == EyeSide::Unknown || crossed != 0)
@@ -73,8 +79,11 @@ impl Walk {
         }
     }
 
-    /// Makes candidates of the objects in the next layer of a side, an index into `sides`, and settles them
-    /// when the batch is full or the budget may be spent.
+    /// Makes candidates of the objects in the next layer of one side of `cell`, then drops the layer from the
+    /// side's range and the side from the cell when no layer is left. `side` is an index into `sides`.
+    ///
+    /// Settles the candidates when the batch is full or the remaining budget may not cover them. Returns
+    /// [`Projected::OutOfBudget`] if the budget ended among the candidates.
     pub(super) fn project<T: Tessellation + ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,
@@ -88,12 +97,12 @@ impl Walk {
         let (from, to) = (remaining.from as usize, remaining.to as usize);
         let mut layers = content.sides(cell).layers(remaining.side, from, to);
         let layer = layers.next().unwrap_or_default();
-        // The candidates so far are within the budget.
+        // All earlier candidates are within the budget.
         if self.candidate_count + layer.max_len() > self.affordable(frame, unlimited).min(BATCH) {
             self.settle(frame, unlimited);
         }
-        // Without unpredictable branches: every object is written down, and counts if it is new and does not
-        // face away.
+        // Free of unpredictable branches: every object is written to the buffer, and the count only grows if
+        // the object is new and does not face away.
         let box_from_eye = frame.box_from_eye(&frame.tessellation.cell_bounds(cell));
         let mut count = self.candidate_count;
         for index in layer {

@@ -1,4 +1,5 @@
-//! Opened cells: the layers of each side that are not projected yet, and which of them is worth most.
+//! Layers of an opened cell that are not projected yet, one range per axis side, and the choice of the side
+//! whose next layer has the highest priority.
 
 use super::state::{FrameContext, RemainingLayers, UNOPENED, Walk};
 use crate::layers::{Layer, Layers};
@@ -7,11 +8,13 @@ use crate::surface_class::ANY_SIDE;
 use crate::tessellation::Tessellation;
 use visibility_core::Aabb;
 
-/// Added to the openness of a layer: surfaces may be seen although other surfaces are close before them.
+/// Added to a layer's openness (0 to 1) in its priority, since a surface may be visible although another
+/// surface lies close in front.
 const LEAST_OPENNESS: f32 = 0.02;
 
 impl RemainingLayers {
-    /// Goes on with these layers of the side. False if there is none.
+    /// Moves this side's range to `layers`, the layers that remain after the current one, and recomputes
+    /// `worth` from their first layer. Returns false if `layers` is empty; `worth` is then 0.
     #[inline]
     pub(super) fn advance(&mut self, mut layers: Layers<'_>) -> bool {
         self.from = self.to + layers.byte_count() as u32;
@@ -25,7 +28,7 @@ impl RemainingLayers {
 }
 
 impl Walk {
-    /// Looks up the sides of a cell's content, if that was not done in this frame.
+    /// Opens a cell unless the frame has already opened the cell: see [`open`](Self::open).
     #[inline]
     pub(super) fn open_late<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         if self.cells[cell as usize].end_side == UNOPENED {
@@ -33,8 +36,10 @@ impl Walk {
         }
     }
 
-    /// Looks up the sides of a cell's content, if that was not done in this frame. Sides that surely face
-    /// away are left out if the scene is drawn one-sided. `bounds` is the cell's box.
+    /// Appends the sides of a cell's object list to `sides` and stores their range in the cell's state. Does
+    /// nothing if the frame has already opened the cell. If back faces are culled, sides whose triangles all
+    /// certainly face away from the eye are left out. `bounds` is the cell's box, relative to the scene's
+    /// origin.
     #[inline]
     pub(super) fn open<T: Tessellation + ?Sized>(
         &mut self,
@@ -67,8 +72,9 @@ impl Walk {
         state.end_side = self.sides.len() as u32;
     }
 
-    /// Side of an opened cell whose next layer is worth most, as an index into `sides`, and that worth.
-    /// `None` when nothing is left of the cell.
+    /// Returns the side of an opened cell whose next layer has the highest priority: an index into `sides`,
+    /// and that priority (`worth`, about 0 to 1). Equal priorities choose the first side. `None` if the cell
+    /// has no layers left.
     #[inline]
     pub(super) fn best_side(&self, cell: u32) -> Option<(u32, f32)> {
         let state = &self.cells[cell as usize];

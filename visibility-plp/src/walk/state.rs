@@ -1,5 +1,5 @@
-//! What a walk remembers: the frame's settings, the cells and objects that it has reached, the budget that is
-//! left.
+//! State of one frame's walk: settings, states of the reached cells, projected objects and the remaining
+//! budget.
 
 use crate::cell_frustum::CellFrustum;
 use crate::content::bit;
@@ -11,7 +11,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 use visibility_core::{Aabb, ObjectId, Scene, VisibleSet, scene::Triangle, stamp::Stamp};
 
-/// Limit on what is projected in a frame.
+/// Limit on the objects that a culler keeps per frame without an occlusion test.
 ///
 /// ```
 /// use visibility_plp::Budget;
@@ -19,34 +19,41 @@ use visibility_core::{Aabb, ObjectId, Scene, VisibleSet, scene::Triangle, stamp:
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Budget {
-    /// Maximum number of objects.
+    /// Maximum number of objects; 0 keeps only objects that are in no cell.
     Objects(usize),
-    /// Maximum sum of the objects' [costs](visibility_core::Object::cost), usually triangles. The first
-    /// object that does not fit ends the frame.
+    /// Maximum sum of the objects' [costs](visibility_core::Object::cost), usually triangle counts. The frame
+    /// ends at the first object whose cost exceeds the remaining budget, even if later objects would fit.
     Cost(u64),
 }
 
-/// Settings of a culler.
+/// Settings that both cullers share.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlpSettings {
+    /// Limit on the projected objects of each frame.
     pub(crate) budget: Budget,
+    /// Estimate that orders the cells of the front.
     pub(crate) solidity: Solidity,
-    /// Whether objects whose triangles all face away from the eye are left out.
+    /// Whether objects whose triangles all certainly face away from the eye are dropped.
     pub(crate) one_sided: bool,
 }
 
-/// Everything that a frame reads but does not change.
+/// Inputs of one frame, which the walk reads and does not change.
 pub(crate) struct FrameContext<'a, T: ?Sized> {
+    /// Cells to visit, with the objects in each cell.
     pub(crate) tessellation: &'a T,
+    /// Scene that is culled.
     pub(crate) scene: &'a Scene,
-    /// Objects that may be projected.
+    /// Set before culling: only the objects of this set are projected.
     pub(crate) visible: &'a VisibleSet,
+    /// Eye and view planes, relative to the scene's origin.
     pub(crate) frustum: CellFrustum,
+    /// Budget, solidity estimate and back-face setting of the culler.
     pub(crate) settings: PlpSettings,
 }
 
 impl<T: Tessellation + ?Sized> FrameContext<'_, T> {
-    /// A cell's box relative to the eye, for back-face tests; `None` if the scene is drawn two-sided.
+    /// Returns a cell's box relative to the eye, for back-face tests. `bounds` is relative to the scene's
+    /// origin. `None` if back faces are not culled.
     #[inline]
     pub(super) fn box_from_eye(&self, bounds: &Aabb) -> Option<BoxFromEye> {
         self.settings.one_sided.then(|| BoxFromEye::new(self.frustum.eye, bounds))
@@ -54,7 +61,8 @@ impl<T: Tessellation + ?Sized> FrameContext<'_, T> {
 }
 
 impl<T: ?Sized> FrameContext<'_, T> {
-    /// Share of the budget that an object takes; 0 for an unknown object and a budget by cost.
+    /// Returns how much of the budget an object takes: 1 for a budget in objects, the object's cost for a
+    /// budget by cost. 0 for an id that is not in the scene and a budget by cost.
     pub(super) fn cost(&self, id: ObjectId) -> u64 {
         match self.settings.budget {
             Budget::Objects(_) => 1,
@@ -63,43 +71,50 @@ impl<T: ?Sized> FrameContext<'_, T> {
     }
 }
 
-/// How the projection of a cell ended.
+/// Result of projecting objects: whether the budget sufficed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Projected {
-    /// All that was asked for is projected.
+    /// All requested objects are projected.
     Complete,
-    /// The budget ran out before.
+    /// The budget ran out first; some of the requested objects are not projected.
     OutOfBudget,
 }
 
-/// State of a cell that the frame has reached.
+/// Per-frame state of a cell that the walk has reached.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
 pub(super) struct CellState {
-    /// Bits of [`CellPlace::Crossing`](crate::cell_frustum::CellPlace::Crossing).
+    /// One bit for each plane of [`CellFrustum`](crate::cell_frustum::CellFrustum) that the cell is not
+    /// certainly inside of. All bits for the eye's cell if that cell is outside of the view.
     pub(super) crossed: u16,
-    /// Light that reaches the cell, 0 to 1; or its solidity for [`Solidity::Count`]. NaN before it is in the
-    /// front.
+    /// With [`Solidity::Coverage`], the transmittance: estimated share of view rays to the cell that no
+    /// earlier cell stops, 0 to 1. With [`Solidity::Count`], the cell's solidity. NaN until the cell is first
+    /// put into the front.
     pub(super) value: f32,
-    /// First of the cell's sides that are not fully projected, an index into `Walk::sides`.
+    /// First of the cell's sides with layers left, an index into `Walk::sides`.
     pub(super) first_side: u32,
-    /// End of that range, exclusive. [`UNOPENED`] before the sides are looked up, `first_side` or less if
-    /// nothing is left.
+    /// End of the cell's range in `Walk::sides`, exclusive. [`UNOPENED`] before the sides are looked up. At
+    /// most `first_side` if no layer is left.
     pub(super) end_side: u32,
-    /// Unit direction of sight to the cell's centre.
+    /// Unit direction from the eye to the cell's centre (the viewing direction for a parallel view). Zero
+    /// with [`Solidity::Count`].
     pub(super) direction: Vec3,
-    /// Area of the cell's silhouette along that direction, in square metres.
+    /// Area in square metres of the cell's silhouette along `direction`. 0 with [`Solidity::Count`].
     pub(super) area: f32,
-    /// Share of its light that the cell's best layer is worth; 1 for a cell without content.
+    /// Priority of the cell's best layer when the cell was reached, about 0 to 1. 1 for a cell without
+    /// objects and with [`Solidity::Count`].
     pub(super) worth: f32,
-    /// See [`solid_angle_per_area`](crate::solidity::solid_angle_per_area).
+    /// Mean solid angle in steradians of one square metre of surface in the cell, from
+    /// [`solid_angle_per_area`](crate::solidity::solid_angle_per_area). Infinite for parallel views, 0 with
+    /// [`Solidity::Count`].
     pub(super) solid_angle_per_area: f32,
 }
 
-/// In place of `CellState::end_side`: the cell's sides have not been looked up in this frame.
+/// Value of `CellState::end_side` for a cell whose sides have not been looked up in this frame.
 pub(super) const UNOPENED: u32 = u32::MAX;
 
 impl CellState {
+    /// State of a cell before the walk reaches the cell.
     pub(super) const UNKNOWN: Self = Self {
         crossed: 0,
         value: f32::NAN,
@@ -111,83 +126,98 @@ impl CellState {
         worth: 1.0,
     };
 
-    /// Whether the eye is in the cell or near it, so that there is no one direction to it.
+    /// Tests whether the eye is in or near the cell: the silhouette's area exceeds 0.9 times the squared
+    /// distance from the eye to the cell's centre. `direction` then says little about the cell's surfaces.
+    /// Also true for parallel views with [`Solidity::Coverage`].
     #[inline]
     pub(super) fn is_around_eye(&self) -> bool {
         self.solid_angle_per_area * self.area > 0.45
     }
 }
 
-/// Layers of one side of a cell that are not projected yet.
+/// Layers of one axis side of a cell that are not projected yet: a range of bytes of the cell's list.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RemainingLayers {
-    /// Share of the cell's light that the first of these layers is worth.
+    /// Priority of the first remaining layer, about 0 to 1: estimated share of its surface that is seen if
+    /// the cell is.
     pub(super) worth: f32,
-    /// Mean solid angle of a square metre that faces this side, in steradians.
+    /// Mean solid angle in steradians of one square metre of surface that faces this side. Infinite for
+    /// parallel views.
     pub(super) solid_angle_per_area: f32,
-    /// Where they begin, in bytes before the end of the cell's list.
+    /// Start of the remaining layers, in bytes before the end of the cell's list.
     pub(super) from: u32,
-    /// Where they end, in bytes before the end of the cell's list.
+    /// End of the remaining layers, in bytes before the end of the cell's list; at most `from`.
     pub(super) to: u32,
-    /// Axis side, see [`Layers::side`](crate::layers::Layers).
+    /// Axis side that the objects face, 0 to 5 (twice the axis, plus one towards negative coordinates), or 6
+    /// for objects without a single normal.
     pub(super) side: u8,
 }
 
-/// An object that is next in order of projection.
+/// Object waiting to be checked against the visible set and the budget.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
+    /// Index of the object in the scene.
     pub(super) index: u32,
+    /// Side of the object's triangle on which the eye lies; `Front` if back faces are not culled.
     pub(super) eye_side: EyeSide,
-    /// Planes that the cell crosses in which the object was found.
+    /// View planes crossed by the cell in which the object was found, one bit per plane of `CellFrustum`.
     pub(super) crossed: u16,
 }
 
 impl Candidate {
+    /// Filler of the unused end of the candidate buffer.
     pub(super) const NONE: Self = Self { index: 0, eye_side: EyeSide::Unknown, crossed: 0 };
 }
 
 /// Number of candidates that are looked up in the scene together, so that cache misses overlap.
 pub(super) const BATCH: usize = 256;
 
-/// Objects of more triangles are not tested for facing away or lying outside of the view.
+/// Maximum number of triangles of an object that is tested triangle by triangle for facing away or lying
+/// outside of the view. Objects with more triangles are kept untested.
 pub(super) const MAX_TESTED_TRIANGLES: usize = 4;
 
-/// The walk through the cells of a tessellation. Buffers are kept from frame to frame; nothing else is.
+/// One view's walk through the cells of a tessellation. Buffers keep their capacity from frame to frame; no
+/// values carry over.
 #[derive(Clone, Debug)]
 pub(crate) struct Walk {
-    /// Content that the buffers are large enough for, whatever the view.
+    /// Stamp of the content for whose largest possible frame the buffers have capacity.
     reserved_for: Stamp,
-    /// By cell. Valid only for cells whose bit in `known` is set.
+    /// Per-frame state of each cell. Valid only for cells whose bit in `known` is set.
     pub(super) cells: Vec<CellState>,
-    /// One bit for each cell that the frame has reached. Checked before `cells`, which is 512 times larger
-    /// and misses the cache.
+    /// One bit for each cell, set once the frame has reached the cell. Checked before `cells`, which is 512
+    /// times larger and misses the cache.
     pub(super) known: Vec<u64>,
-    /// One bit for each cell that is outside of the view or has passed its light on to its neighbours. Most
-    /// faces lead to such cells and need nothing else.
+    /// One bit for each cell that is outside of the view or has already propagated to its neighbours. Most
+    /// faces lead to such cells and need no further test.
     pub(super) closed: Vec<u64>,
+    /// Priority queue of the cells to project, least solidity first.
     pub(super) front: Front,
-    /// One bit for each object index that has been a candidate.
+    /// One bit for each object index, set once the object has been a candidate in this frame.
     pub(super) taken: Vec<u64>,
-    /// Projected objects, highest priority first.
+    /// Ids of the projected objects, highest priority first.
     pub(crate) order: Vec<ObjectId>,
-    /// Remaining budget, in objects or cost.
+    /// Remaining budget, in objects or in cost.
     pub(super) budget_left: u64,
-    /// Number of cells that were put into the front.
+    /// Number of cells that were put into the front this frame.
     pub(crate) reached: u64,
-    /// Number of cells that were taken from the front and passed their light on.
+    /// Number of cells taken from the front that propagated to their neighbours this frame.
     pub(crate) projected: u64,
-    /// Faces of the cell that passes its light on.
+    /// Scratch list of the exit faces of the cell that propagates to its neighbours.
     pub(super) faces: Vec<Face>,
-    /// Remaining layers of all opened cells.
+    /// Remaining layers of all opened cells, consecutive for each cell.
     pub(super) sides: Vec<RemainingLayers>,
-    /// Room for candidates; the first `candidate_count` are in use.
+    /// Pending candidates; only the first `candidate_count` are valid.
     pub(super) candidates: Vec<Candidate>,
+    /// Number of valid entries of `candidates`.
     pub(super) candidate_count: usize,
-    /// See [`NormalBins::eye_offsets`](crate::normal_bins::NormalBins::eye_offsets).
+    /// For each normal bin, the eye's offset and its tolerance in steps: see
+    /// [`NormalBins::eye_offsets`](crate::normal_bins::NormalBins::eye_offsets).
     pub(super) eye_offsets: Vec<[f64; 2]>,
-    /// Candidates that are in the visible set, with eye side and crossed planes.
+    /// Scratch list of the candidates that are in the visible set: object, side of its triangle on which the
+    /// eye lies, view planes crossed by its cell (one bit each).
     pub(super) seen: Vec<(ObjectId, EyeSide, u16)>,
-    /// Triangles to test, each with its object's index in `seen`.
+    /// Scratch list of triangles to test, relative to the scene's origin, each with its object's index in
+    /// `seen`.
     pub(super) tested: Vec<(u32, Triangle)>,
 }
 
@@ -215,24 +245,25 @@ impl Default for Walk {
     }
 }
 
-/// Sets a bit.
+/// Sets bit `index` of a bitset. Panics if `index` is beyond the last word.
 pub(super) fn set(words: &mut [u64], index: u32) {
     words[index as usize / 64] |= 1 << (index % 64);
 }
 
-/// Clears a bit.
+/// Clears bit `index` of a bitset. Panics if `index` is beyond the last word.
 pub(super) fn clear(words: &mut [u64], index: u32) {
     words[index as usize / 64] &= !(1 << (index % 64));
 }
 
-/// Makes room for `count` items in all.
+/// Reserves capacity for `count` items in total, including the items already there.
 fn make_room<T>(items: &mut Vec<T>, count: usize) {
     items.reserve(count.saturating_sub(items.len()));
 }
 
 impl Walk {
-    /// Forgets the frame before, and makes room in all buffers for the greatest frame that the tessellation
-    /// allows, so that later frames of the same content allocate nothing, whatever the view.
+    /// Clears the previous frame's state and reserves capacity for the largest frame that the tessellation
+    /// allows, so that later frames with the same content allocate nothing, whatever the view. O(cells +
+    /// objects / 64); also visits all faces when the content's stamp has changed.
     pub(super) fn clear<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>) {
         let content = frame.tessellation.content();
         let cells = content.cell_count();
@@ -269,20 +300,21 @@ impl Walk {
         self.reserved_for = content.stamp();
     }
 
-    /// Whether a cell has passed its light on, or is outside of the view.
+    /// Tests whether a cell is outside of the view or has already propagated to its neighbours.
     #[inline]
     pub(super) fn is_closed(&self, cell: u32) -> bool {
         bit(&self.closed, cell as usize)
     }
 
-    /// Whether a cell that the frame has reached holds objects that are not projected yet, as far as is
-    /// known.
+    /// Tests whether a cell that the frame has reached may have objects left to project. True for a cell that
+    /// is not empty and not opened yet.
     pub(crate) fn has_content(&self, cell: u32) -> bool {
         let state = &self.cells[cell as usize];
         state.first_side < state.end_side
     }
 
-    /// Removes a cell from the frame: its content is not projected, and its light is not passed on.
+    /// Drops a cell from the frame: its remaining objects are not projected, and it does not propagate to its
+    /// neighbours.
     pub(crate) fn shut(&mut self, cell: u32) {
         self.cells[cell as usize].end_side = 0;
         set(&mut self.closed, cell);

@@ -1,5 +1,5 @@
-//! The rendering loop of the paper's figure 4: from the eye outwards, always the cell of the front that is
-//! least solid.
+//! The rendering loop of the paper's figure 4: cells are visited from the eye outwards, always the front's
+//! cell with the least solidity.
 
 use super::state::{Budget, CellState, FrameContext, Projected, UNOPENED, Walk, clear, set};
 use crate::cell_frustum::CellPlace;
@@ -11,8 +11,10 @@ use crate::tessellation::Tessellation;
 use visibility_core::{Aabb, scene::Changes, view::Eye};
 
 impl Walk {
-    /// Begins a frame: projects the strays and puts the first cells into the front. False if the tessellation
-    /// was made from another scene, or from one that has changed too much since to tell what is where.
+    /// Begins a frame: projects the objects that are in no cell (strays and objects changed since the last
+    /// `sync`) and puts the first cells into the front. Returns false, with nothing projected, if the
+    /// tessellation was made from another scene or the scene's change log no longer reaches back to the last
+    /// `sync`.
     pub(crate) fn begin<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>) -> bool {
         let content = frame.tessellation.content();
         self.clear(frame);
@@ -38,13 +40,13 @@ impl Walk {
         true
     }
 
-    /// Puts the cell with the eye into the front; for an eye outside of all cells, the boundary cells that
-    /// are in view.
+    /// Puts the eye's cell into the front. For an eye outside of all cells and for parallel views, puts all
+    /// boundary cells that may be in view into the front.
     fn seed<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>) {
         if let Eye::Point(eye) = frame.frustum.eye
             && let Some(cell) = frame.tessellation.locate(eye)
         {
-            // Whatever the planes say: all lines of sight begin here.
+            // The eye's cell is visited whatever the view planes say, since all view rays start there.
             if !self.reach(frame, cell) {
                 self.fill_in(frame, cell, u16::MAX, &frame.tessellation.cell_bounds(cell));
                 clear(&mut self.closed, cell);
@@ -67,8 +69,8 @@ impl Walk {
         }
     }
 
-    /// Classifies a cell when the frame first reaches it. Whether lines of sight may pass through it and it
-    /// has not passed its light on yet.
+    /// Classifies a cell against the view planes when the frame first reaches the cell. Returns true if view
+    /// rays may pass through the cell and the cell has not propagated to its neighbours yet.
     #[inline]
     fn reach<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) -> bool {
         if bit(&self.known, cell as usize) {
@@ -84,7 +86,8 @@ impl Walk {
         true
     }
 
-    /// Computes the state of a cell that was reached.
+    /// Initialises the state of a cell that the frame has just reached. `crossed` has one bit for each view
+    /// plane that the cell crosses. `bounds` is the cell's box, relative to the scene's origin.
     #[inline]
     fn fill_in<T: Tessellation + ?Sized>(
         &mut self,
@@ -107,13 +110,14 @@ impl Walk {
         self.cells[cell as usize] = state;
         if frame.settings.solidity == Solidity::Coverage {
             self.open(frame, cell, bounds);
-            // A cell without content takes nothing of the budget.
+            // A cell without objects takes nothing from the budget.
             self.cells[cell as usize].worth = self.best_side(cell).map_or(1.0, |(_, worth)| worth);
         }
     }
 
-    /// Puts a cell into the front, or moves it there, with its light or, for [`Solidity::Count`], its
-    /// solidity.
+    /// Inserts a cell into the front, or moves a cell that is already there. `value` is the cell's
+    /// transmittance (0 to 1) with [`Solidity::Coverage`], its solidity with [`Solidity::Count`]. Does
+    /// nothing if the cell already has that value.
     #[inline]
     fn put<T: ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32, value: f32) {
         let state = &mut self.cells[cell as usize];
@@ -129,11 +133,12 @@ impl Walk {
         self.front.push(solidity, cell);
     }
 
-    /// Takes the least solid cell out of the front. `None` if it is empty.
+    /// Takes the cell with the least solidity out of the front, skipping cells with nothing left to do.
+    /// `None` if the front is empty.
     #[inline]
     pub(crate) fn next(&mut self) -> Option<u32> {
         while let Some(cell) = self.front.pop() {
-            // A finished cell may have been put in again since by its neighbours.
+            // A neighbour may have put a finished cell into the front again.
             if !self.is_closed(cell) || self.has_content(cell) {
                 return Some(cell);
             }
@@ -141,9 +146,9 @@ impl Walk {
         None
     }
 
-    /// Goes on with a cell taken from the front: passes its light on if that was not done, then projects its
-    /// layers as long as no cell of the front is less solid. A cell with layers left goes back into the
-    /// front.
+    /// Processes a cell taken from the front. Propagates to the cell's neighbours unless that was done
+    /// before, then projects the cell's layers, best first, while no cell of the front is less solid. A cell
+    /// with layers left returns to the front. Returns [`Projected::OutOfBudget`] if the budget ended.
     #[inline]
     pub(crate) fn step<T: Tessellation + ?Sized>(
         &mut self,
@@ -157,7 +162,7 @@ impl Walk {
         while let Some((side, worth)) = self.best_side(cell) {
             let solidity = match frame.settings.solidity {
                 Solidity::Coverage => 1.0 - chance(self.cells[cell as usize].value) * worth,
-                // As in the paper, all that a cell holds at once.
+                // As in the paper, all objects of the cell are projected at once.
                 Solidity::Count => 0.0,
             };
             if self.front.least().is_some_and(|least| least < solidity) {
@@ -171,13 +176,13 @@ impl Walk {
         Projected::Complete
     }
 
-    /// Puts a cell that was taken from the front back as its least solid one.
+    /// Returns a cell that was taken from the front to the front, with solidity 0.
     pub(crate) fn put_back(&mut self, cell: u32) {
         self.front.push(0.0, cell);
     }
 
-    /// Projects all layers of a cell that are left, whatever the budget, and passes its light on if that was
-    /// not done. Does nothing to a cell that was [shut](Self::shut).
+    /// Projects all remaining layers of a cell without charging the budget, then propagates to the cell's
+    /// neighbours unless that was done before. Does nothing for a cell that was [`shut`](Self::shut).
     pub(crate) fn finish<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         self.open_late(frame, cell);
         while let Some((side, _)) = self.best_side(cell) {
@@ -189,8 +194,8 @@ impl Walk {
         }
     }
 
-    /// Passes the light of a cell, or its solidity, on to the neighbours that lines of sight may enter from
-    /// it, and puts them into the front.
+    /// Propagates a cell's transmittance, or its solidity, to the neighbours that view rays may enter through
+    /// a face of the cell, and puts those neighbours into the front. Marks the cell as closed.
     #[inline]
     fn pass_on<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         set(&mut self.closed, cell);
@@ -222,7 +227,7 @@ impl Walk {
                 Solidity::Coverage => {
                     let (area, direction) = (f64::from(state.area), state.direction.as_dvec3());
                     let more = through * light_share(area, direction, face.normal, face.area);
-                    // A neighbour that is not in the front yet has NaN, which counts as none.
+                    // A neighbour that is not in the front yet has the value NaN, which counts as 0.
                     (state.value.max(0.0) + more as f32).min(1.0)
                 }
                 Solidity::Count => {
@@ -236,7 +241,8 @@ impl Walk {
     }
 }
 
-/// Share of a boundary cell's light that enters from outside of all cells, 0 to 1.
+/// Returns the share of a boundary cell's silhouette through which view rays enter from outside of all cells,
+/// 0 to 1. `state` supplies the cell's direction and silhouette area.
 fn outside_light<T: Tessellation + ?Sized>(frame: &FrameContext<'_, T>, cell: u32, state: &CellState) -> f64 {
     let mut inner = 0.0;
     let (area, direction) = (f64::from(state.area), state.direction.as_dvec3());

@@ -1,4 +1,4 @@
-//! Scenes and views for tests.
+//! Scenes, views and occlusion maps for the tests of this crate.
 #![allow(dead_code)]
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -8,7 +8,8 @@ use visibility_core::{
 };
 pub(crate) use visibility_testing::Random;
 
-/// A scene of single triangles: many small ones about some middles, and a few as large as the scene.
+/// Returns a scene of `count` objects of one triangle each: mostly small triangles clustered around eight
+/// points, and every fiftieth as large as the scene.
 pub(crate) fn triangles(seed: u64, count: usize) -> Scene {
     let mut random = Random(seed);
     let mut scene = Scene::new();
@@ -23,8 +24,9 @@ pub(crate) fn triangles(seed: u64, count: usize) -> Scene {
     scene
 }
 
-/// Rooms in a row with a wall between each and the next, and a few small boxes in each; boxes alone, which
-/// hide as such.
+/// Returns a scene of `count` rooms in a row along x, with a wall between consecutive rooms and 20 small
+/// boxes in each room, then the walls, then the boxes. All objects are boxes without triangles. The walls
+/// have occluder meshes.
 pub(crate) fn rooms(count: usize) -> (Scene, Vec<ObjectId>, Vec<ObjectId>) {
     let mut scene = Scene::new();
     let (mut walls, mut things) = (Vec::new(), Vec::new());
@@ -45,7 +47,7 @@ pub(crate) fn rooms(count: usize) -> (Scene, Vec<ObjectId>, Vec<ObjectId>) {
     (scene, walls, things)
 }
 
-/// Views of all kinds from inside and outside.
+/// Returns perspective and orthographic views from inside and outside of the test scenes.
 pub(crate) fn views() -> Vec<View> {
     let mut views = Vec::new();
     let mut random = Random(99);
@@ -60,13 +62,14 @@ pub(crate) fn views() -> Vec<View> {
     views
 }
 
+/// Returns a perspective view along the x axis from an eye with the given x coordinate, near y = z = 0.
 pub(crate) fn looking_along_x(x: f64) -> View {
     let eye = DVec3::new(x, 0.05, 0.05);
     let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
     View::perspective(pose, 1.2, 1.5, 0.05, f64::INFINITY).unwrap()
 }
 
-/// A map that hides nothing.
+/// Occlusion map that never finds a box hidden.
 pub(crate) struct Blank;
 
 impl OcclusionMap for Blank {
@@ -84,12 +87,15 @@ impl OcclusionMap for Blank {
     }
 }
 
-/// A map that knows walls across x: what lies beyond the nearest one added is hidden. Exact for views along
-/// x, in rooms.
+/// Occlusion map of walls perpendicular to x: boxes beyond the nearest flushed wall are hidden. Exact for
+/// views along x in the scenes of [`rooms`].
 #[derive(Default)]
 pub(crate) struct Walls {
+    /// x coordinate of the eye.
     eye: f64,
+    /// Greatest x of the nearest wall added; infinite without walls.
     added: f64,
+    /// Greatest x of the nearest wall flushed, which counts in tests.
     nearest: f64,
 }
 
