@@ -1,25 +1,26 @@
-//! Visibility culling for engines and viewers: which objects can this camera see?
+//! Visibility culling for engines and viewers: returns the objects that a camera can see.
 //!
-//! This crate is the family of `visibility` crates as one dependency. What every program needs is at the
-//! root: the [`Scene`], the [`View`], the [`Pipeline`] of cullers and the [`VisibleSet`] that goes through
-//! them. Each further family of cullers is a module behind a feature of the same name.
+//! This crate bundles the family of `visibility` crates into one dependency. The types that every program
+//! needs are at the root: the [`Scene`], the [`View`], the [`Pipeline`] of cullers and the [`VisibleSet`]
+//! that the pipeline narrows down. Each further family of cullers is a module behind a feature of the same
+//! name.
 //!
 //! # Which culler for which scene
 //!
-//! | your scene | take | feature | accuracy | it needs |
+//! | scene | culler | feature | accuracy | requires |
 //! |---|---|---|---|---|
-//! | any; always first | [`FrustumCuller`] | | conservative | boxes |
+//! | any scene; always first | [`FrustumCuller`] | | conservative | bounding boxes |
 //! | rooms and corridors | `portals::PortalCuller` | `portals` | conservative | cells and portals, or walls to make them from |
-//! | the same, when each frame counts more than the last object | [`PvsCuller`](pvs::PvsCuller) | `portals` bakes its sets | conservative | the same, baked beforehand |
-//! | streets, terrain, anything with large opaque things | `hzb::HzbCuller` | `hzb` | conservative | occluder meshes: the scene's own triangles will do |
+//! | rooms and corridors, if frame time matters more than the last hidden object | [`PvsCuller`](pvs::PvsCuller) | `portals` bakes its visible sets | conservative | a PVS baked beforehand from cells and portals |
+//! | streets, terrain, any large opaque objects | `hzb::HzbCuller` | `hzb` | conservative | occluder meshes; the scene's own triangles suffice |
 //! | few, large, flat occluders | `bsp::OcclusionTreeCuller` | `bsp` | conservative | occluder meshes |
 //! | a fixed budget of triangles | `plp::PlpCuller` | `plp` | approximate | triangles, and a tessellation made from them |
-//! | the exact answer, slowly | `bsp::NaylorCuller` | `bsp` | exact | triangles |
+//! | exact visibility, at higher cost | `bsp::NaylorCuller` | `bsp` | exact | triangles |
 //! | clusters of one-sided triangles | [`BackfaceCuller`](backface::BackfaceCuller) | | conservative | triangles |
-//! | shadow maps: what throws a shadow into the view | [`CasterCuller`](casters::CasterCuller) | | conservative | boxes and a light |
+//! | shadow maps: objects that cast a shadow into the view | [`CasterCuller`](casters::CasterCuller) | | conservative | bounding boxes and a light |
 //!
 //! Conservative and exact cullers never hide a visible object, whatever the rounding. `measure::Advisor`
-//! (feature `measure`) tries cullers on your own scene and says which to take.
+//! (feature `measure`) measures cullers on a given scene and chooses among them.
 //!
 //! # A frame
 //! ```

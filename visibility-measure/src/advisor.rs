@@ -1,9 +1,8 @@
-//! Which culler for this scene? Answered by measuring: what a few views of it really show, and what each
-//! candidate costs and leaves.
+//! Choice of a culler for a scene by measurement: the advisor samples what a few views show, then measures
+//! each candidate's time and its remaining objects.
 //!
-//! The time to cull buys time that need not be spent on drawing, so both are added up, by what drawing costs
-//! in the engine at hand ([`DrawCost`]). A candidate that hides something visible, or that does not promise
-//! not to, is out.
+//! Culling time saves drawing time. Both are added, with the drawing cost of the engine at hand
+//! ([`DrawCost`]). A candidate is rejected if it hides a visible object or does not promise never to do so.
 
 use crate::compare::Comparison;
 use crate::error::MeasureError;
@@ -12,8 +11,8 @@ use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::{Pipeline, Scene, View, VisibleSet};
 
-/// What drawing takes, in microseconds. The default, one for an object and a thousandth for a triangle, suits
-/// an engine that issues a draw call an object.
+/// Cost of drawing in microseconds. The default, 1 us per object and 0.001 us per triangle, suits an engine
+/// that issues one draw call per object.
 ///
 /// ```
 /// use visibility_measure::DrawCost;
@@ -22,9 +21,9 @@ use visibility_core::{Pipeline, Scene, View, VisibleSet};
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct DrawCost {
-    /// For each object.
+    /// Cost of one object (its draw call), in microseconds.
     pub object_us: f64,
-    /// For each triangle.
+    /// Cost of one triangle, in microseconds.
     pub triangle_us: f64,
 }
 
@@ -35,13 +34,13 @@ impl Default for DrawCost {
 }
 
 impl DrawCost {
-    /// Microseconds to draw so many.
+    /// Returns the time in microseconds to draw the given numbers of objects and triangles.
     pub fn of(&self, objects: f64, triangles: f64) -> f64 {
         self.object_us * objects + self.triangle_us * triangles
     }
 }
 
-/// What the probes found of a scene. Counts are means over the views.
+/// Facts about a scene that the advisor's probes found. Visible counts are means over the views.
 ///
 /// ```
 /// use visibility_measure::SceneFacts;
@@ -50,15 +49,16 @@ impl DrawCost {
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct SceneFacts {
-    /// Objects in the scene.
+    /// Number of objects in the scene.
     pub objects: usize,
-    /// Triangles of all objects of the scene.
+    /// Number of triangles of all objects of the scene.
     pub triangles: usize,
-    /// Objects of which a pixel shows.
+    /// Mean number of objects that a view shows in at least one pixel.
     pub visible_objects: f64,
-    /// Triangles of which a pixel shows.
+    /// Mean number of triangles that a view shows in at least one pixel.
     pub visible_triangles: f64,
-    /// How many triangles lie behind each other in a pixel that shows anything.
+    /// Mean number of triangles that cover a covered pixel, visible or hidden behind one another. 0 if no
+    /// pixel is covered.
     pub depth_complexity: f64,
 }
 
@@ -73,7 +73,7 @@ impl fmt::Display for SceneFacts {
     }
 }
 
-/// What one candidate did on the views.
+/// Measurements of one candidate on the advisor's views.
 ///
 /// ```
 /// use visibility_measure::CullerTrial;
@@ -82,32 +82,35 @@ impl fmt::Display for SceneFacts {
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct CullerTrial {
-    /// Time to cull a view, the mean over the views of the least of a few runs.
+    /// Time to cull a view in microseconds: the mean over the views of the fastest of five runs.
     pub cull_us: f64,
-    /// Objects reported, on average.
+    /// Mean number of objects that the candidate reports per view.
     pub objects: f64,
-    /// Triangles of these.
+    /// Mean number of triangles of the reported objects per view.
     pub triangles: f64,
-    /// Objects hidden of which a pixel shows, of all views together.
+    /// Total over all views of the visible objects that the candidate did not report. A lower bound, since
+    /// views are sampled at pixels.
     pub false_hidden: u64,
-    /// Time to cull a view and to draw what was reported.
+    /// Mean time to cull a view and to draw the reported objects, in microseconds, by the advisor's
+    /// [`DrawCost`].
     pub total_us: f64,
 }
 
 impl CullerTrial {
-    /// Whether nothing visible was hidden.
+    /// Tests whether the candidate hid no object that the probes found visible.
     pub fn is_sound(&self) -> bool {
         self.false_hidden == 0
     }
 }
 
-/// How often the views are culled against the clock.
+/// Number of times that each view is culled in a trial; the fastest run counts.
 const RUNS: usize = 5;
 
-/// Probes of one scene, to hold candidates against.
+/// Reference images of one scene from several views, with which candidate cullers are compared.
 ///
-/// The probes need the triangles of the scene's objects ([`Scene::set_triangles`]); one without any counts as
-/// invisible. Meant for the time when a level is loaded or built: it draws each view once in software.
+/// The advisor needs the triangles of the scene's objects ([`Scene::set_triangles`]); an object without
+/// triangles counts as invisible. Meant for the time when a level is loaded or built: [`new`](Self::new)
+/// draws each view once in software.
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, Aabb, FrustumCuller, Pipeline, Pose, Scene, View};
@@ -133,21 +136,28 @@ const RUNS: usize = 5;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Advisor<'a> {
+    /// Scene that the candidates cull.
     scene: &'a Scene,
+    /// Views that the candidates cull.
     views: &'a [View],
+    /// Cost of drawing in the engine at hand.
     draw: DrawCost,
+    /// Facts found by the probes.
     facts: SceneFacts,
+    /// Item buffer of each view.
     probes: Vec<ItemBuffer>,
 }
 
-/// Columns and rows of a probe.
+/// Columns and rows of a probe image, in pixels.
 const PROBE: (u32, u32) = (320, 180);
 
 impl<'a> Advisor<'a> {
-    /// Draws each of the views in software: a few that are typical suffice.
+    /// Draws each view once in software, at 320 x 180 pixels. A few typical views suffice. `draw` is the cost
+    /// of drawing in the engine.
     ///
     /// # Errors
-    /// [`MeasureError`], if the scene has too many triangles to number.
+    /// [`MeasureError::TooMany`] if the scene has too many triangles to number; [`MeasureError::Size`] if
+    /// memory for the images cannot be allocated.
     pub fn new(scene: &'a Scene, views: &'a [View], draw: DrawCost) -> Result<Self, MeasureError> {
         let triangles = |id| scene.triangles(id).unwrap_or(&[]);
         let mut facts = SceneFacts {
@@ -172,19 +182,21 @@ impl<'a> Advisor<'a> {
         Ok(Self { scene, views, draw, facts, probes })
     }
 
-    /// What the probes found.
+    /// Returns the facts that the probes found. All counts of visible objects and triangles are 0 without
+    /// views.
     pub fn facts(&self) -> &SceneFacts {
         &self.facts
     }
 
-    /// Time that a culler without error and without cost would leave: what shows must be drawn.
+    /// Returns a lower bound on a candidate's total time per view, in microseconds: the time to draw the
+    /// visible objects' visible triangles, with no culling time.
     pub fn least_us(&self) -> f64 {
         self.draw.of(self.facts.visible_objects, self.facts.visible_triangles)
     }
 
-    /// Runs a candidate on the views, by a clock that tells seconds. Gives up, with `None`, once it is
-    /// certain that a view takes longer than `limit` microseconds, on average: the best total so far, so that
-    /// slow candidates do not hold up the rest.
+    /// Measures a candidate on all views. `clock` returns a time in seconds. Returns `None` as soon as the
+    /// mean culling time per view certainly exceeds `limit` microseconds. `limit` is usually the best total
+    /// so far, so that slow candidates end early; infinity always completes. The candidate is reset first.
     pub fn trial(
         &self,
         pipeline: &mut Pipeline,
@@ -198,8 +210,8 @@ impl<'a> Advisor<'a> {
         let share = 1.0 / self.views.len().max(1) as f64;
         let mut least = alloc::vec![f64::INFINITY; self.views.len()];
         pipeline.reset();
-        // All views in turn, several times: the same view again and again would flatter cullers that remember
-        // the frame before.
+        // All views in turn, several times. Culling one view repeatedly would favour cullers that exploit
+        // coherence with the previous frame.
         for run in 0..RUNS {
             let mut sum = 0.0;
             for ((view, probe), least) in self.views.iter().zip(&self.probes).zip(&mut least) {
@@ -207,7 +219,8 @@ impl<'a> Advisor<'a> {
                 pipeline.cull(self.scene, view, &mut visible);
                 *least = least.min((clock() - start) * 1e6);
                 sum += share * *least;
-                // The first run grows buffers; from the second on, time that is far too much stays so.
+                // The first run grows buffers. From the second run on, the mean of the fastest times is
+                // compared with the limit.
                 if run > 0 && sum > limit {
                     return None;
                 }
@@ -227,9 +240,10 @@ impl<'a> Advisor<'a> {
         Some(trial)
     }
 
-    /// Runs all candidates and returns the index of the best that promises to hide nothing visible and kept
-    /// it here, with its trial; `None` if there is no such candidate. Candidates that are likely to be good
-    /// go first, since the rest is then given up sooner.
+    /// Measures all candidates and returns the index and trial of the candidate with the least total time.
+    /// Only candidates that promise to hide no visible object, and hid none in the trial, qualify; the first
+    /// among equals. `None` if no candidate qualifies. `clock` returns a time in seconds. List promising
+    /// candidates first: later ones then end early.
     pub fn best<'p>(
         &self,
         candidates: impl IntoIterator<Item = &'p mut Pipeline>,
@@ -256,7 +270,7 @@ mod tests {
     use visibility_core::glam::{DVec3, Vec3};
     use visibility_core::{Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pose};
 
-    /// Keeps what a function keeps, and takes a while by a clock of its own.
+    /// Culler that keeps the objects for which its function returns true and claims the given accuracy.
     struct Keep(fn(ObjectId) -> bool, Accuracy);
 
     impl Culler for Keep {
@@ -271,7 +285,8 @@ mod tests {
         }
     }
 
-    /// A tile before the eye, one hidden behind it, and one behind the eye.
+    /// Returns a scene of three triangles: one in front of the eye, one hidden behind it, and one behind the
+    /// eye.
     fn scene() -> Scene {
         let mut scene = Scene::new();
         for (x, size) in [(3.0, 2.0), (6.0, 1.0), (-3.0, 1.0)] {
@@ -282,6 +297,7 @@ mod tests {
         scene
     }
 
+    /// Returns two views along the x axis that both see the first triangle only.
     fn views() -> [View; 2] {
         [DVec3::ZERO, DVec3::X].map(|eye| {
             let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
@@ -299,7 +315,8 @@ mod tests {
         let mut candidates = [
             Pipeline::new(),
             Pipeline::new().with(FrustumCuller::new()),
-            // What shows, and no more: but one promises nothing, one breaks its promise.
+            // Both keep only the visible object; the first of the two promises no accuracy, the second
+            // breaks its promise.
             Pipeline::new().with(Keep(one, Accuracy::Approximate)),
             Pipeline::new().with(Keep(|_| false, Accuracy::Conservative)),
             Pipeline::new().with(Keep(one, Accuracy::Conservative)),

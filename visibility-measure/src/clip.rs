@@ -1,41 +1,50 @@
-//! From triangles in space to triangles on the screen, by way of homogeneous clip space.
+//! Projection and clipping of triangles, from space through homogeneous clip space to the image.
 //!
-//! Polygons are cut plane by plane (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) before they
-//! are divided by `w`, as Blinn and Newell do ("Clipping Using Homogeneous Coordinates", 1978). An edge that
-//! two triangles share is cut in both by the same sums in the same order, from its inner to its outer end,
-//! and stays shared to the last bit.
+//! Polygons are clipped plane by plane (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) before
+//! division by `w` (Blinn and Newell, "Clipping Using Homogeneous Coordinates", 1978). An edge shared by two
+//! triangles is clipped in both by the same sums in the same order, from its inner to its outer end, so the
+//! two cut points agree to the last bit.
 //!
-//! The planes of clip space and the meaning of its depth stand here once more, though core has them: an
-//! oracle shares no projection, clipping or raster code with what it judges, or a mistake there would excuse
-//! itself.
+//! The planes of clip space and the depth conventions are stated here a second time, although core has them:
+//! an oracle shares no projection, clipping or raster code with the code that it judges, so that a mistake in
+//! that code cannot hide itself.
 
 use crate::raster::{Corner, DEPTH_TIE, Image};
 use smallvec::SmallVec;
 use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
 use visibility_core::{View, geometry::Plane, view::Depth};
 
-/// How far beyond the sides of the image, in images, triangles are left uncut. The raster loses 1e-16 of the
-/// coordinates, so 16 images cost it nothing, and few triangles are large enough to need the sides cut.
+/// Guard band: greatest |x / w| and |y / w| (NDC, where the image spans -1 to 1) up to which triangles are
+/// not clipped by the sides of the image. The raster loses 1e-16 of the coordinates, so 16 costs no
+/// precision, and few triangles reach beyond it.
 const GUARD: f64 = 16.0;
 
-/// A triangle can gain one vertex at each of six planes, and more at clip planes of the view's own.
+/// Polygon in homogeneous coordinates. Clipping a triangle by near, far and four guard planes adds at most
+/// six vertices; more clip planes may spill to the heap.
 type Polygon = SmallVec<[DVec4; 9]>;
 
-/// How one view maps points onto one image.
+/// Mapping of one view from points in space to one image, with the view's clip planes.
 pub(crate) struct ImageProjection {
+    /// Clip matrix for points relative to `origin`, the origin of the triangles.
     clip_from_local: DMat4,
-    /// Signed distances from the near and far planes, as factors of `z` and `w`.
+    /// Near plane in clip space: the signed distance is `x` times the clip z plus `y` times the clip w, not
+    /// negative in view.
     near: DVec2,
+    /// Far plane in clip space, in the form of `near`; the plane w = 0 for an infinite far plane.
     far: DVec2,
-    /// Factor of `z`, and constant, that make the numerator over `w` of the nearness.
+    /// Numerator of the depth key, over w: `x` times the clip z plus the constant `y`.
     nearness: DVec2,
+    /// Whether the view is parallel (w is constant).
     parallel: bool,
+    /// Half the image's width and height in pixels.
     half_size: DVec2,
-    /// The view's own clip planes, for points as the triangles have them.
+    /// Clip planes of the view, moved to be relative to the origin of the triangles.
     clip_planes: SmallVec<[Plane; 1]>,
 }
 
 impl ImageProjection {
+    /// Makes the mapping of `view` to `image` for triangles relative to `origin`, a point of the world in
+    /// metres.
     pub(crate) fn new(view: &View, origin: DVec3, image: &Image) -> Self {
         let clip_from_local = view.clip_from(origin);
         let near = match view.depth() {
@@ -46,7 +55,7 @@ impl ImageProjection {
         let far = match view.depth() {
             Depth::NegativeOneToOne | Depth::ZeroToOne => DVec2::new(-1.0, 1.0),
             Depth::Reversed => DVec2::new(1.0, 0.0),
-            // Without a far plane: that w is not negative, which holds for all that can be seen.
+            // Without a far plane, the condition w >= 0 takes its place, which all visible points satisfy.
             _ => DVec2::new(0.0, 1.0),
         };
         let parallel = clip_from_local.row(3).truncate() == DVec3::ZERO;
@@ -62,14 +71,15 @@ impl ImageProjection {
         Self { clip_from_local, near, far, nearness, parallel, half_size, clip_planes }
     }
 
-    /// Difference between two values of nearness that counts as none, however small both are. Depth of a
-    /// parallel view is spread evenly over -1 to 1, or 0 to 1, so its zero is as good as any other value; `1
-    /// / w` of a perspective view is zero only at infinity.
+    /// Returns the absolute difference of two depth keys up to which they count as equal. 1e-10 for parallel
+    /// views, whose depth range is evenly spread over -1 to 1 or 0 to 1, so that differences near 0 are not
+    /// smaller. 0 for perspective views, whose key `1 / w` is zero only at infinity.
     pub(crate) fn least_difference(&self) -> f64 {
         if self.parallel { DEPTH_TIE } else { 0.0 }
     }
 
-    /// Draws what is in view of a triangle.
+    /// Draws the part of a triangle that lies in the view, as triangle number `item`. The triangle is
+    /// relative to the mapping's origin, in metres. Nothing for NaN or infinite coordinates.
     #[inline]
     pub(crate) fn draw(&self, triangle: &[Vec3; 3], item: u32, image: &mut Image) {
         if !self.clip_planes.is_empty() {
@@ -77,7 +87,7 @@ impl ImageProjection {
         }
         let clip = triangle.map(|p| self.clip_from_local * p.as_dvec3().extend(1.0));
         let outside = clip.map(|v| self.outside(v));
-        // Beyond one plane with all corners. False for NaN, which is dealt with where it is rare.
+        // All corners lie beyond one plane. False for NaN, which the rare path below handles.
         if outside[0] & outside[1] & outside[2] != 0 {
             return;
         }
@@ -88,8 +98,8 @@ impl ImageProjection {
         }
     }
 
-    /// As [`draw`](Self::draw), after cutting by the view's own planes, which is done before projection: they
-    /// are given in space.
+    /// Draws a triangle like [`draw`](Self::draw), after clipping by the view's clip planes. This clipping
+    /// precedes projection, since clip planes are given in space.
     #[cold]
     #[inline(never)]
     fn draw_clipped(&self, triangle: &[Vec3; 3], item: u32, image: &mut Image) {
@@ -102,7 +112,8 @@ impl ImageProjection {
         self.draw_cut(polygon.iter().map(|&v| self.clip_from_local * v).collect(), item, image);
     }
 
-    /// The planes of the view that a point is beyond, as bits.
+    /// Returns the planes of the view volume that a clip-space point is outside of, one bit each: left,
+    /// right, bottom, top, near, far from bit 0 on. A point on a plane is inside. No bits for NaN.
     #[inline]
     fn outside(&self, v: DVec4) -> u32 {
         u32::from(v.x < -v.w)
@@ -113,7 +124,8 @@ impl ImageProjection {
             | u32::from(distance(self.far, v) < 0.0) << 5
     }
 
-    /// Whether a corner needs no cut: within near, far and guard planes, and divisible.
+    /// Tests whether a clip-space point needs no clipping: it is inside the near, far and guard planes, and w
+    /// is positive and finite.
     #[inline]
     fn is_drawable(&self, v: DVec4) -> bool {
         let guard = GUARD * v.w;
@@ -125,6 +137,7 @@ impl ImageProjection {
             && distance(self.far, v) >= 0.0
     }
 
+    /// Divides a clip-space point with positive w by w and maps it to image coordinates and depth key.
     #[inline]
     fn corner(&self, v: DVec4) -> Corner {
         Corner {
@@ -134,6 +147,8 @@ impl ImageProjection {
         }
     }
 
+    /// Clips a clip-space polygon by the near, far and guard planes and draws the rest as a triangle fan.
+    /// Draws nothing if a vertex is NaN or infinite.
     #[cold]
     #[inline(never)]
     fn draw_cut(&self, mut polygon: Polygon, item: u32, image: &mut Image) {
@@ -145,20 +160,20 @@ impl ImageProjection {
             clip_polygon(&polygon, |v| distance(plane, v), |v| v, &mut cut);
             core::mem::swap(&mut polygon, &mut cut);
         }
-        // What a guard cuts is put exactly on it: between ends at -1e30 and 1e30, rounding would leave it
-        // 1e14 away.
+        // Vertices cut by a guard plane are put exactly on the plane. Between ends at -1e30 and 1e30,
+        // rounding would leave them 1e14 away.
         for side in [-GUARD, GUARD] {
             let beyond = side.signum();
             clip_polygon(&polygon, |v| GUARD * v.w - beyond * v.x, |v| v.with_x(side * v.w), &mut cut);
             clip_polygon(&cut, |v| GUARD * v.w - beyond * v.y, |v| v.with_y(side * v.w), &mut polygon);
         }
-        // Between opposite guards w is not negative; it is zero in the eye only, which a view that has a near
-        // plane before the eye has cut off.
+        // Between opposite guard planes w is not negative. It is zero only in the eye, which a near plane
+        // before the eye has cut off.
         if !polygon.iter().all(|v| v.w > 0.0) {
             return;
         }
         let corners: SmallVec<[Corner; 9]> = polygon.iter().map(|&v| self.corner(v)).collect();
-        // Overflow on the way, at coordinates of 1e150 and more: not a triangle any more.
+        // Coordinates of 1e150 and more overflow on the way; such polygons are dropped.
         if !corners.iter().all(Corner::is_finite) {
             return;
         }
@@ -170,12 +185,16 @@ impl ImageProjection {
     }
 }
 
+/// Returns the signed distance of a clip-space point from a near or far plane, in clip units; not negative in
+/// view.
 #[inline]
 fn distance(plane: DVec2, v: DVec4) -> f64 {
     plane.x * v.z + plane.y * v.w
 }
 
-/// The part of a polygon where `plane` is not negative; `place` has the last word on where the plane is met.
+/// Replaces `out` by the part of a polygon where `plane` is not negative. `plane` is a linear function of the
+/// vertex. `place` corrects each new vertex on the plane. Empty if no vertex is inside; a vertex with a NaN
+/// distance is outside.
 fn clip_polygon(
     polygon: &[DVec4],
     plane: impl Fn(DVec4) -> f64,

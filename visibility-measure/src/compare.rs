@@ -1,12 +1,12 @@
-//! Judging what a culler reported.
+//! Comparison of a culler's answer with an item buffer.
 
 use crate::exact::ExactVisibility;
 use alloc::vec::Vec;
 
-/// In what a culler's answer differs from an item buffer's, for one view.
+/// Differences between a culler's answer and an item buffer, for one view.
 ///
-/// By the nature of sampling, what is false hidden here is a lower bound, what is false visible an upper one:
-/// see [the module](crate).
+/// The item buffer samples visibility at pixel centres: the false hidden counts are lower bounds, the false
+/// visible counts upper bounds. See the [crate documentation](crate).
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, Pose, View};
@@ -25,62 +25,65 @@ use alloc::vec::Vec;
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Comparison {
-    /// Objects that the culler reported.
+    /// Number of objects that the culler reported.
     pub reported_objects: u32,
-    /// Triangles of those objects: what would be drawn.
+    /// Number of triangles of the reported objects: the triangles that would be drawn.
     pub reported_triangles: u32,
-    /// Objects that were not reported and are what a pixel shows: what users see vanish. A pixel that shows
-    /// several objects in a tie counts against the one that the image shows, and only if none of them was
-    /// reported.
+    /// Number of visible objects that the culler did not report, which users see vanish. A pixel that shows
+    /// several objects in a tie counts only if none of them was reported, and then against the object that
+    /// the image shows.
     pub false_hidden_objects: u32,
-    /// Triangles of these objects that have a pixel.
+    /// Number of triangles with a pixel, of the false hidden objects.
     pub false_hidden_triangles: u32,
-    /// Objects that were not reported and show only in ties with objects that were: no error that this
-    /// buffer could tell. See [ties](crate#ties).
+    /// Number of unreported objects that are visible only in ties with reported objects. Not counted as
+    /// errors. See [ties](crate#ties).
     pub tied_hidden_objects: u32,
-    /// Pixels that show a false hidden object: drawing the reported objects alone leaves something else
-    /// there, or nothing.
+    /// Number of pixels that show a false hidden object. If the reported objects alone were drawn, exactly
+    /// these pixels would differ.
     ///
-    /// Nothing need be drawn again to know them: an item is seen in a pixel because it is before all others
-    /// there, and stays so whatever else is left out; only leaving out the item itself changes the pixel.
+    /// No second drawing is needed: a triangle is seen in a pixel since it is nearer than all others there,
+    /// so omitting others leaves the pixel unchanged, and omitting the triangle changes the pixel.
     pub wrong_pixels: u32,
-    /// Pixels whose object was not reported, but another one of the same tie was.
+    /// Number of pixels whose shown object was not reported, but another object of the pixel's tie was. Not
+    /// counted as errors.
     pub tied_pixels: u32,
-    /// Reported objects without a pixel, alone or in a tie.
+    /// Number of reported objects without a pixel, alone or in a tie.
     pub false_visible_objects: u32,
-    /// Triangles without a pixel, of reported objects, including those of objects that are partly seen.
+    /// Number of triangles without a pixel, of all reported objects, partly visible objects included.
     pub false_visible_triangles: u32,
-    /// Keys of the false hidden objects, in the order in which they were drawn.
+    /// Keys of the false hidden objects, in the order in which the objects were drawn.
     pub false_hidden_keys: Vec<u32>,
 }
 
 impl Comparison {
-    /// Whether exactly the objects with pixels were reported. Triangles do not matter: cullers report
-    /// objects.
+    /// Tests whether the culler reported all visible objects and no others, as far as pixels and ties tell.
+    /// Counts of triangles are ignored, since cullers report objects.
     pub fn is_exact(&self) -> bool {
         self.false_hidden_objects == 0 && self.false_visible_objects == 0
     }
 
-    /// Whether nothing visible was left out, as far as the pixels tell: what a conservative culler owes.
+    /// Tests whether the culler reported every visible object, as far as pixels and ties tell: the contract
+    /// of a conservative culler.
     pub fn is_conservative(&self) -> bool {
         self.false_hidden_objects == 0
     }
 }
 
-/// What is to be said of a culler's answer about one object.
+/// Verdict on a culler's answer about one object.
 #[derive(Clone, Copy, PartialEq)]
 enum Answer {
+    /// The culler reported the object.
     Reported,
-    /// Not reported, though a pixel shows it.
+    /// The object was not reported, though a pixel shows it: an error.
     FalseHidden,
-    /// Not reported, and rightly so as far as is known.
+    /// The object was not reported, and no pixel proves this wrong.
     Hidden,
 }
 
 impl ExactVisibility {
-    /// Compares with a culler's answer: `reported` is asked, once for each object in the order in which they
-    /// were drawn, with the object's index and key. Linear in the number of objects and of tied pixels;
-    /// allocates a byte an object.
+    /// Replaces `out` by the comparison with a culler's answer. `reported(index, key)` returns whether the
+    /// culler reported an object. It is called once for each object, in the order drawn, with the object's
+    /// index and key. O(objects + tied pixels). Allocates one byte per object.
     pub fn compare(&self, mut reported: impl FnMut(usize, u32) -> bool, out: &mut Comparison) {
         let mut keys = core::mem::take(&mut out.false_hidden_keys);
         keys.clear();
@@ -137,7 +140,7 @@ mod tests {
         for (key, triangles) in [(10, 4), (11, 2), (12, 3), (13, 1)] {
             exact.push(key, triangles);
         }
-        // Triangles 0..4, 4..6, 6..9, 9: objects 10, 11 and 12 are seen with 1, 2 and 1 of them.
+        // Triangles 0..4, 4..6, 6..9 and 9. Of objects 10, 11 and 12, the image shows 1, 2 and 1 triangles.
         exact.count(&Image::new(7, 1, [0, 0, 4, 5, 5, 8, NONE].into(), [1.0; 7].into()));
         let mut comparison =
             Comparison { false_hidden_keys: [1, 2, 3].into(), wrong_pixels: 9, ..Default::default() };

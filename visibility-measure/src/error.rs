@@ -1,8 +1,8 @@
-//! What cannot be measured, and why.
+//! The error type of this crate.
 
 use core::fmt;
 
-/// Why something cannot be measured.
+/// Reason why an item buffer cannot be made or filled.
 ///
 /// ```
 /// use visibility_measure::{ItemBuffer, MeasureError};
@@ -11,16 +11,16 @@ use core::fmt;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum MeasureError {
-    /// A side is zero or above [`MAX_SIDE`](crate::MAX_SIDE), or there is no memory for so many pixels.
+    /// A side is zero or above [`MAX_SIDE`](crate::MAX_SIDE), or memory for the pixels cannot be allocated.
     Size {
-        /// Columns asked for.
+        /// Requested number of columns.
         width: u32,
-        /// Rows asked for.
+        /// Requested number of rows.
         height: u32,
     },
-    /// There are more triangles or objects than 32-bit numbers for them.
+    /// The number of triangles or of objects exceeds the 32-bit numbers available.
     TooMany {
-        /// Index of the object that went beyond.
+        /// Index, in the order drawn, of the object that exceeded the limit.
         object: usize,
     },
 }

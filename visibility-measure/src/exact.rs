@@ -1,10 +1,10 @@
-//! What an item buffer found: pixels by object and by triangle.
+//! Counts of an item buffer: visible pixels by object and by triangle.
 
 use crate::raster::{Image, NONE};
 use alloc::vec::Vec;
 use core::ops::Range;
 
-/// How much of one object is seen.
+/// Visible pixels and triangles of one object.
 ///
 /// ```
 /// use visibility_measure::ObjectPixels;
@@ -20,33 +20,34 @@ use core::ops::Range;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub struct ObjectPixels {
-    /// The caller's own number of the object.
+    /// Key by which the caller identifies the object.
     pub key: u32,
-    /// Number of its first triangle; triangles are numbered through all objects.
+    /// Number of the object's first triangle. Triangles are numbered from 0 through all objects.
     pub first_triangle: u32,
-    /// How many triangles it has.
+    /// Number of the object's triangles.
     pub triangles: u32,
-    /// How many of them have a pixel of the image.
+    /// Number of the object's triangles that at least one pixel of the image shows.
     pub visible_triangles: u32,
-    /// How many pixels show the object and no other.
+    /// Number of pixels that show this object and do not tie with another object.
     pub pixels: u32,
-    /// How many pixels show the object as well as others: see [ties](crate#ties).
+    /// Number of pixels that this object ties for, whether or not the image shows it there: see
+    /// [ties](crate#ties).
     pub tied_pixels: u32,
 }
 
 impl ObjectPixels {
-    /// Whether any pixel shows the object, alone or in a tie.
+    /// Tests whether any pixel shows the object, alone or in a tie.
     pub fn is_visible(&self) -> bool {
         self.pixels > 0 || self.tied_pixels > 0
     }
 
-    /// The numbers of its triangles.
+    /// Returns the numbers of the object's triangles, half-open.
     pub fn triangle_range(&self) -> Range<u32> {
         self.first_triangle..self.first_triangle + self.triangles
     }
 }
 
-/// The visible set V of one view, sampled at the pixels of an [`ItemBuffer`](crate::ItemBuffer).
+/// Visible set V of one view, sampled at the pixels of an [`ItemBuffer`](crate::ItemBuffer).
 ///
 /// ```
 /// use visibility_measure::ItemBuffer;
@@ -56,82 +57,92 @@ impl ObjectPixels {
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct ExactVisibility {
+    /// Counts of each object, in the order drawn.
     objects: Vec<ObjectPixels>,
+    /// Number of pixels of the image that show each triangle, indexed by triangle number.
     triangle_pixels: Vec<u32>,
-    /// Objects of the tied pixels, pixel by pixel; of each pixel, the object that the image shows comes
+    /// Objects of the tied pixels, sorted by pixel. Within a pixel, the object that the image shows comes
     /// first.
     ties: Vec<Tie>,
+    /// Number of objects with at least one pixel, alone or in a tie.
     visible_objects: u32,
+    /// Number of triangles with at least one pixel of the image.
     visible_triangles: u32,
+    /// Number of pixels that show a triangle.
     covered_pixels: u32,
+    /// Number of pixels for which several objects tie.
     tied_pixels: u32,
+    /// Sum over all pixels of the number of triangles drawn that cover the pixel.
     layers: u64,
 }
 
-/// One of the objects that a pixel shows alike.
+/// One object of a pixel for which several objects tie.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 struct Tie {
+    /// Index of the pixel, row by row.
     pixel: u32,
-    /// Whether the image shows another object there.
+    /// Whether the image shows another object in the pixel.
     is_challenger: bool,
-    /// Index of the object.
+    /// Index of the object, in the order drawn.
     object: u32,
 }
 
 impl ExactVisibility {
-    /// All objects in the order in which they were drawn, visible or not.
+    /// Returns the counts of all objects in the order drawn, visible or not. Empty before the first frame.
     pub fn objects(&self) -> &[ObjectPixels] {
         &self.objects
     }
 
-    /// How many pixels of the image show each triangle, by its number. Of triangles that tie for a pixel, one
-    /// has it.
+    /// Returns the number of pixels of the image that show each triangle, indexed by triangle number. A tied
+    /// pixel counts for the one triangle that the image shows.
     pub fn triangle_pixels(&self) -> &[u32] {
         &self.triangle_pixels
     }
 
-    /// How many objects have a pixel, alone or in a tie.
+    /// Returns the number of objects with at least one pixel, alone or in a tie.
     pub fn visible_objects(&self) -> u32 {
         self.visible_objects
     }
 
-    /// How many triangles have a pixel of the image.
+    /// Returns the number of triangles that at least one pixel of the image shows.
     pub fn visible_triangles(&self) -> u32 {
         self.visible_triangles
     }
 
-    /// How many pixels show any object.
+    /// Returns the number of pixels that show any object.
     pub fn covered_pixels(&self) -> u32 {
         self.covered_pixels
     }
 
-    /// How many pixels show several objects alike: see [ties](crate#ties).
+    /// Returns the number of pixels for which several objects tie: see [ties](crate#ties).
     pub fn tied_pixels(&self) -> u32 {
         self.tied_pixels
     }
 
-    /// The indices of the objects that each tied pixel shows, pixel by pixel. The first is the one that the
-    /// image shows there.
+    /// Returns, for each tied pixel, the indices of the objects that tie for it. The first is the object that
+    /// the image shows there.
     pub(crate) fn ties(&self) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone> {
         self.ties.chunk_by(|a, b| a.pixel == b.pixel).map(|tie| tie.iter().map(|one| one.object as usize))
     }
 
-    /// How many triangles lie behind each other in a covered pixel, on average; zero if none is covered.
+    /// Returns the mean number of triangles that cover a covered pixel, visible or hidden. Zero if no pixel
+    /// is covered.
     pub fn depth_complexity(&self) -> f64 {
         self.layers as f64 / f64::from(self.covered_pixels.max(1))
     }
 
-    /// The index in [`objects`](Self::objects) of the object that a triangle belongs to; `None` if there is
-    /// no such triangle, as for [`NONE`](crate::NONE). Logarithmic in the number of objects.
+    /// Returns the object to which a triangle number belongs, as an index into [`objects`](Self::objects).
+    /// `None` for an unknown triangle, such as [`NONE`](crate::NONE). O(log n) in the number of objects.
     pub fn object_of(&self, triangle: u32) -> Option<usize> {
         if triangle as usize >= self.triangle_pixels.len() {
             return None;
         }
-        // Objects without triangles begin where the next one does; the last that begins here has the
-        // triangle.
+        // Objects without triangles begin where the next object begins; the last object that begins here has
+        // the triangle.
         self.objects.partition_point(|o| o.first_triangle <= triangle).checked_sub(1)
     }
 
+    /// Removes all objects and zeroes the counts; keeps the capacity.
     pub(crate) fn clear(&mut self) {
         self.objects.clear();
         self.triangle_pixels.clear();
@@ -140,11 +151,12 @@ impl ExactVisibility {
         (self.covered_pixels, self.tied_pixels, self.layers) = (0, 0, 0);
     }
 
-    /// Takes in one more object; its number of triangles must still fit. Returns the number of its first.
+    /// Appends an object with the given key and number of triangles. Returns the number of its first
+    /// triangle. `None`, with nothing changed, if the triangles or objects no longer fit into 32-bit numbers.
     pub(crate) fn push(&mut self, key: u32, triangles: usize) -> Option<u32> {
         let first_triangle = self.triangle_pixels.len() as u32;
         let end = end_of_numbers(first_triangle, triangles)?;
-        // Objects are numbered by u32 as well, and may be empty.
+        // Objects are numbered by u32 as well, and may have no triangles.
         u32::try_from(self.objects.len()).ok()?;
         self.triangle_pixels.resize(end as usize, 0);
         let triangles = end - first_triangle;
@@ -159,7 +171,7 @@ impl ExactVisibility {
         Some(first_triangle)
     }
 
-    /// Counts the pixels of a finished image whose claims are settled.
+    /// Counts the pixels of a finished image by triangle and object. The image's claims must be settled.
     pub(crate) fn count(&mut self, image: &Image) {
         self.layers = image.layers;
         for &item in &image.items {
@@ -180,7 +192,8 @@ impl ExactVisibility {
         self.visible_objects = self.objects.iter().map(|object| u32::from(object.is_visible())).sum();
     }
 
-    /// Moves tied pixels from the objects that the image shows there to all objects of the tie.
+    /// Turns the image's claims into ties. A tied pixel no longer counts among the pixels of the object that
+    /// the image shows there, but as a tied pixel of every object of the tie.
     fn count_ties(&mut self, image: &Image) {
         let mut ties = core::mem::take(&mut self.ties);
         for claim in &image.claims {
@@ -209,7 +222,8 @@ impl ExactVisibility {
     }
 }
 
-/// One past the last number of `count` triangles; all numbers must be less than [`NONE`].
+/// Returns one past the last of `count` triangle numbers that begin with `first`. `None` if a number would
+/// reach [`NONE`].
 fn end_of_numbers(first: u32, count: usize) -> Option<u32> {
     first.checked_add(u32::try_from(count).ok()?).filter(|&end| end < NONE)
 }

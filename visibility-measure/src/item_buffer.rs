@@ -1,4 +1,4 @@
-//! The image of triangle numbers.
+//! The item buffer: an image of triangle numbers.
 
 use crate::clip::ImageProjection;
 use crate::error::MeasureError;
@@ -8,14 +8,14 @@ use alloc::vec::Vec;
 use visibility_core::View;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// The most columns or rows of an item buffer.
+/// Maximum number of columns and of rows of an item buffer: 16,384.
 pub const MAX_SIDE: u32 = 1 << 14;
 
-/// An image that holds, per pixel, the number of the triangle seen there.
+/// Image that holds, for each pixel, the number of the triangle seen through the pixel's centre.
 ///
-/// Takes 12 bytes a pixel, 4 bytes a triangle drawn, and some 40 bytes a pixel for each further object that
-/// it shows in a tie; all of it is reused from frame to frame. Drawing costs 10 to 20 ns a triangle and about
-/// 1 ns for each pixel of each triangle, hidden or not.
+/// Memory: 12 bytes per pixel, 4 bytes per triangle drawn, and about 40 bytes per pixel for each further
+/// object that the pixel shows in a tie. All memory is reused from frame to frame. Drawing costs 10 to 20 ns
+/// per triangle and about 1 ns for each pixel of each triangle, hidden or not.
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, Pose, View};
@@ -33,16 +33,19 @@ pub const MAX_SIDE: u32 = 1 << 14;
 /// ```
 #[derive(Clone, Debug)]
 pub struct ItemBuffer {
+    /// Triangle number and depth key of each pixel.
     image: Image,
+    /// Pixel counts of the last frame, by object and triangle.
     exact: ExactVisibility,
 }
 
 impl ItemBuffer {
-    /// An empty image of `width` columns and `height` rows. For square pixels their ratio should be the
-    /// aspect of the views drawn, but need not be: each view fills the image.
+    /// Makes an empty image of `width` columns and `height` rows. Each view fills the whole image. For square
+    /// pixels, `width / height` should equal the aspect ratio of the views drawn.
     ///
     /// # Errors
-    /// [`MeasureError::Size`].
+    /// [`MeasureError::Size`] if a side is 0 or above [`MAX_SIDE`], or memory for the pixels cannot be
+    /// allocated.
     pub fn new(width: u32, height: u32) -> Result<Self, MeasureError> {
         let error = MeasureError::Size { width, height };
         if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
@@ -57,16 +60,17 @@ impl ItemBuffer {
         Ok(Self { image: Image::new(width, height, items, nearness), exact: ExactVisibility::default() })
     }
 
-    /// Draws objects and counts their pixels, forgetting the frame before.
+    /// Draws objects, replacing the previous frame, and counts their pixels.
     ///
-    /// Objects are pairs of a key, with which the caller knows them, and triangles relative to `origin`, in
-    /// metres: the scene's origin, a point of the world. They are numbered in the order in which they come,
-    /// and so are their triangles, through all objects. Which objects to draw is the caller's choice:
-    /// [`View::layers`] is not looked at, and nothing is transparent. A triangle with a coordinate that is
-    /// NaN or infinite, or without area on the screen, covers no pixel.
+    /// Each object is a pair of a key, by which the caller identifies the object, and its triangles in metres
+    /// relative to `origin`. `origin` is a point of the world in metres, usually the scene's origin. Objects
+    /// are numbered from 0 in the order given, and triangles from 0 through all objects. The caller chooses
+    /// which objects to draw: [`View::layers`] is ignored, and every triangle is opaque. A triangle with a
+    /// NaN or infinite coordinate, or without area on the screen, covers no pixel.
     ///
     /// # Errors
-    /// [`MeasureError::TooMany`]; the image is empty then.
+    /// [`MeasureError::TooMany`] if the number of triangles or objects exceeds 32 bits; the image is then
+    /// empty.
     pub fn draw<'a>(
         &mut self,
         view: &View,
@@ -91,6 +95,7 @@ impl ItemBuffer {
         Ok(&self.exact)
     }
 
+    /// Empties the image and the counts; keeps the capacity.
     fn clear(&mut self) {
         self.image.items.fill(NONE);
         self.image.nearness.fill(f64::NEG_INFINITY);
@@ -99,33 +104,35 @@ impl ItemBuffer {
         self.exact.clear();
     }
 
-    /// Columns of the image.
+    /// Returns the number of columns.
     pub fn width(&self) -> u32 {
         self.image.width as u32
     }
 
-    /// Rows of the image.
+    /// Returns the number of rows.
     pub fn height(&self) -> u32 {
         self.image.height as u32
     }
 
-    /// Per pixel the number of the triangle seen through its centre, or [`NONE`]; row by row from the top of
-    /// the picture, each from the left. The centre of column `i` is at clip-space
-    /// `x / w = (2 * i + 1) / width - 1`, that of row `j` at `y / w = 1 - (2 * j + 1) / height`. Of triangles
-    /// that tie for a pixel, the nearest by rounding has it, or the first drawn.
+    /// Returns, for each pixel, the number of the triangle seen through the pixel's centre, or [`NONE`] if no
+    /// triangle is seen. Row by row from the top of the image, each row from the left. The centre of column
+    /// `i` is at NDC `x / w = (2 * i + 1) / width - 1`, the centre of row `j` at `y / w = 1 - (2 * j + 1) /
+    /// height`. If triangles tie for a pixel, the pixel has the nearest of them by rounding, or the first
+    /// drawn among equals.
     pub fn items(&self) -> &[u32] {
         &self.image.items
     }
 
-    /// Per pixel how near the triangle is that is seen there, in the order of [`items`](Self::items): over
-    /// the distance along the line of sight for perspective views (`1 / w`), linear in depth for parallel
-    /// ones; negative infinity where there is none.
+    /// Returns, for each pixel, the depth key of the triangle seen there, in the order of
+    /// [`items`](Self::items). Greater is nearer. For perspective views the key is `1 / w`, the reciprocal
+    /// distance along the viewing direction (unless the clip matrix scales `w`). For parallel views the key
+    /// is linear in depth. Negative infinity in pixels without a triangle.
     pub fn nearness(&self) -> &[f64] {
         &self.image.nearness
     }
 
-    /// The index, in [`ExactVisibility::objects`], of the object seen in a pixel; `None` where there is none
-    /// or outside the image.
+    /// Returns the object seen in a pixel, as an index into [`ExactVisibility::objects`]. `None` if the pixel
+    /// shows no object or lies outside of the image.
     pub fn object_at(&self, column: u32, row: u32) -> Option<usize> {
         if column >= self.width() || row >= self.height() {
             return None;
@@ -133,7 +140,7 @@ impl ItemBuffer {
         self.exact.object_of(self.image.items[row as usize * self.image.width + column as usize])
     }
 
-    /// What was found by the last [`draw`](Self::draw).
+    /// Returns the counts of the last [`draw`](Self::draw). Empty before the first.
     pub fn visible(&self) -> &ExactVisibility {
         &self.exact
     }

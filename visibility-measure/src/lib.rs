@@ -1,47 +1,49 @@
-//! The answer against which cullers are judged: what a camera sees, pixel by pixel.
+//! Reference answers for judging cullers: the objects that a camera sees, sampled pixel by pixel.
 //!
-//! For tests, tools and loading screens; an engine that ships need not link it. [`ItemBuffer`] finds what is
-//! seen, [`Comparison`] holds a culler's answer against it, [`Advisor`] chooses the culler for a scene by
-//! both and the clock.
+//! For tests, tools and loading screens; a shipped engine need not link this crate. [`ItemBuffer`] finds the
+//! visible objects, [`Comparison`] compares a culler's answer with them, and [`Advisor`] chooses the culler
+//! for a scene by such comparisons and measured time.
 //!
 //! An *item buffer* holds, for each pixel, the number of the triangle that is seen through the pixel's centre
-//! (Weghorst, Hooper and Greenberg, "Improved Computational Methods for Ray Tracing", 1984). Counting numbers
-//! tells which triangles and objects are visible, and by how many pixels; setting that against what a culler
-//! reported ([`ExactVisibility::compare`]) tells where the culler erred.
+//! (Weghorst, Hooper and Greenberg, "Improved Computational Methods for Ray Tracing", 1984). Counting these
+//! numbers gives the visible triangles and objects and their pixels. Comparing the counts with a culler's
+//! answer ([`ExactVisibility::compare`]) gives the culler's errors.
 //!
 //! # What the numbers mean
-//! The buffer samples the visible set V at pixel centres. A triangle that covers no centre, through a gap
-//! narrower than a pixel or for being far away, is missed. So every *false hidden* object found is a true
-//! error, but there may be more of them: the count is a lower bound. And an object reported but not found may
-//! be one of V that fell between the samples: the *false visible* count is an upper bound. Both approach the
+//! The buffer samples the visible set V at pixel centres. A triangle that covers no centre is missed: one
+//! seen through a gap narrower than a pixel, or one far away. Every *false hidden* object found is therefore
+//! a true error, but some may be missed: the count is a lower bound. An object that a culler reports and the
+//! buffer misses may belong to V: the *false visible* count is an upper bound. Both counts converge to the
 //! truth as the buffer grows.
 //!
 //! # Ties
 //! Two objects tie for a pixel if the pixel's centre lies on the edge of one of them, or if their surfaces
-//! coincide: rounding decides which of them the image shows. To be precise, a triangle ties with the one that
-//! the image shows if it belongs to another object, comes within a millionth of a column and row of the
-//! centre, and is there nearer, or as near to 1e-10 (of the distance; in parallel views, of the depth). Tied
-//! pixels are counted apart from those that show one object alone, and count for all objects of the tie: each
-//! of them is visible. A culler that reports one of them is not charged with hiding the others; one that
-//! reports none is charged with one error.
+//! coincide. Rounding then decides which of them the image shows. Precisely, a triangle ties with the
+//! triangle that the image shows if three conditions hold. The two belong to different objects. The triangle
+//! comes within a millionth of a column and row of the centre. There it is nearer than the shown triangle, or
+//! equally near up to a relative difference of 1e-10 (for parallel views, up to 1e-10 of the depth range).
+//! Tied pixels are counted separately from pixels that show one object alone, and they count for all objects
+//! of the tie: each of these objects is visible. A culler that reports one object of a tie is not charged
+//! with hiding the others. A culler that reports none is charged with one error.
 //!
-//! # How it draws
-//! Both faces of every triangle, every triangle opaque, in `f64` from the view's own clip matrix:
-//! - Triangles are cut in homogeneous coordinates, before any division, so that points behind the eye, on it,
-//!   or 1e30 m away need no special cases.
-//! - They are filled row by row between edges, a pixel being covered when its centre is. Triangles that share
-//!   an edge compute it in the same way to the last bit, so that no pixel falls between them.
-//! - Nearest wins; of equally near triangles the first drawn. For perspective views, nearness is `1/w`; for
-//!   orthographic ones, where `w` is constant, it is clip-space `z/w`. Both are linear on the screen. In a
-//!   perspective view the two order the points of a line of sight alike, but `z/w` of a distant point is a
-//!   constant that the convention adds (zero, if reversed), plus a share of `1/w` that shrinks with the
-//!   distance: at far/near = 1e9 rounding leaves seven digits of that share. `1/w` keeps the full relative
-//!   precision of `f64` at any distance, in all six conventions, and does not depend on where an engine puts
-//!   its near plane.
+//! # How triangles are drawn
+//! Both faces of every triangle are drawn, every triangle is opaque, and all arithmetic is `f64`, starting
+//! from the view's own clip matrix:
+//! - Triangles are clipped in homogeneous coordinates, before any division. Points behind the eye, in the
+//!   eye, or 1e30 m away need no special cases.
+//! - Triangles are filled row by row between edges. A pixel is covered if its centre is. Two triangles that
+//!   share an edge compute it identically to the last bit, so no pixel falls between them.
+//! - The nearest triangle wins; among equally near triangles, the first drawn. The depth key is `1/w` for
+//!   perspective views. For orthographic views, where `w` is constant, it is clip-space `z/w`. Both are
+//!   linear on the screen. In a perspective view both order the points of a view ray alike. But there `z/w`
+//!   is a constant of the depth convention (zero, if reversed) plus a multiple of `1/w`. That multiple
+//!   shrinks with the distance: at far/near = 1e9 rounding leaves it seven digits. `1/w` keeps the full
+//!   relative precision of `f64` at any distance, in all six depth conventions, and is independent of the
+//!   near plane.
 //!
-//! No projection, clipping or raster code is shared with the cullers: they test boxes against planes or
-//! conservative depth, this draws triangles. Values are plain data and `Send`; to measure several views at
-//! once, give each thread a buffer.
+//! No projection, clipping or raster code is shared with the cullers: cullers test boxes against planes or
+//! conservative depth, this crate draws triangles. Values are plain data and `Send`. To measure several views
+//! at once, give each thread its own buffer.
 //!
 //! ```
 //! use visibility_core::{glam::{DVec3, Vec3}, Pose, View};

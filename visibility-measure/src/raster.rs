@@ -1,89 +1,103 @@
-//! Filling triangles row by row, with the nearest at each pixel centre.
+//! Triangle rasterization, row by row, with the nearest triangle at each pixel centre.
 //!
-//! Coverage is decided on the edges' crossings with each row of centres. An edge is always taken from its
-//! upper to its lower end, whichever triangle it belongs to, so two triangles that share it get the same
-//! crossing to the last bit: one ends where the other begins. A centre is covered if `left <= x < right`, a
-//! row is met if `top <= y < bottom`: the top-left rule of graphics APIs. The crossings of one row cut it
-//! into half-open intervals without gaps, so a mesh has no cracks whatever the rounding; where rounding swaps
-//! two crossings that are within 1e-12 pixels, a centre between them is covered twice, and the nearer
-//! triangle has it.
+//! Coverage is decided by the edges' crossings with each row of pixel centres. An edge is always evaluated
+//! from its upper to its lower end, whichever triangle it belongs to. Two triangles that share an edge
+//! therefore get the same crossing to the last bit: one ends where the other begins. A centre is covered if
+//! `left <= x < right`, and a row is met if `top <= y < bottom`: the top-left rule of graphics APIs. The
+//! crossings of one row cut it into half-open intervals without gaps, so a mesh has no cracks whatever the
+//! rounding. Where rounding swaps two crossings less than 1e-12 pixels apart, a centre between them is
+//! covered twice, and the nearer triangle has it.
 //!
-//! A *claim* is kept for each triangle that comes within [`EDGE_TIE`] of a centre, is there as near as the
-//! triangle that has the pixel or nearer, up to [`DEPTH_TIE`], and belongs to another object. Rounding alone
-//! decided which of the two has the pixel.
+//! A *claim* records a triangle that ties for a pixel with the triangle that the pixel shows: it comes within
+//! [`EDGE_TIE`] of the pixel's centre, is there at least as near up to [`DEPTH_TIE`], and belongs to another
+//! object. Rounding alone decides which of the two the pixel shows.
 
 use alloc::vec::Vec;
 
-/// In place of a triangle's number: the pixel shows nothing.
+/// Triangle number of a pixel that shows no triangle.
 pub const NONE: u32 = u32::MAX;
 
-/// Distance from a pixel's centre, in columns and in rows, within which an edge counts as meeting the centre.
-/// Rounding moves an edge less far, unless coordinates are 10 million times as large as the distance to the
-/// eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is a millionth.
+/// Maximum distance of an edge from a pixel's centre, in columns and in rows, at which the edge counts as
+/// meeting the centre. Rounding moves an edge less, unless coordinates are 10 million times as large as the
+/// distance to the eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is about a millionth.
 const EDGE_TIE: f64 = 1e-6;
 
-/// Claims kept for each pixel of an image, on average, before those that are beaten are dropped; if more than
-/// half of them hold, further ties are not looked for. Bounds the memory where thousands of objects coincide.
+/// Maximum mean number of claims per pixel. At this number, claims of triangles that have since been hidden
+/// are dropped. If more than half of the claims remain, no further ties are recorded. Bounds the memory where
+/// thousands of objects coincide.
 const MAX_CLAIMS: usize = 16;
 
-/// Difference between two depths, relative to them, up to which they count as equal.
+/// Maximum relative difference of two depth keys that count as equal.
 pub(crate) const DEPTH_TIE: f64 = 1e-10;
 
-/// A corner of a triangle on the screen.
+/// Corner of a triangle in image coordinates.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Corner {
-    /// Columns from the left side of the image; centres are at halves.
+    /// Columns from the left side of the image; pixel centres are at half-integers.
     pub(crate) x: f64,
-    /// Rows from the top of the image.
+    /// Rows from the top of the image; pixel centres are at half-integers.
     pub(crate) y: f64,
-    /// Linear on the screen, greater for nearer points.
+    /// Depth key, greater for nearer points and linear on the screen: `1 / w` for perspective views, signed
+    /// clip depth for parallel views.
     pub(crate) nearness: f64,
 }
 
 impl Corner {
+    /// Tests whether both coordinates and the depth key are finite.
     pub(crate) fn is_finite(&self) -> bool {
         self.x.is_finite() && self.y.is_finite() && self.nearness.is_finite()
     }
 
-    /// Order from top to bottom; the rest only makes it independent of the order in which corners come.
+    /// Tests whether this corner comes before `other` from top to bottom. Ties are ordered by x, then depth
+    /// key, so that the order of corners in a triangle does not matter.
     fn is_above(&self, other: &Self) -> bool {
         (self.y, self.x, self.nearness) < (other.y, other.x, other.nearness)
     }
 }
 
-/// An item that may be what a pixel shows, though another item has the pixel.
+/// Triangle that ties for a pixel with the triangle that the pixel shows.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Claim {
-    /// Index of the pixel, row by row.
+    /// Index of the pixel: `row * width + column`.
     pub(crate) pixel: u32,
+    /// Number of the triangle.
     pub(crate) item: u32,
-    /// Nearness of the item at the pixel's centre.
+    /// Depth key of the triangle at the pixel's centre; greater is nearer.
     nearness: f64,
 }
 
-/// Per pixel, the nearest item so far and how near it is, in rows from the top.
+/// Image with the nearest triangle so far at each pixel and the triangle's depth key, row by row from the
+/// top.
 #[derive(Clone, Debug)]
 pub(crate) struct Image {
+    /// Number of columns.
     pub(crate) width: usize,
+    /// Number of rows.
     pub(crate) height: usize,
+    /// Number of the triangle that each pixel shows, or [`NONE`].
     pub(crate) items: Vec<u32>,
+    /// Depth key of the triangle that each pixel shows, greater for nearer; negative infinity without a
+    /// triangle.
     pub(crate) nearness: Vec<f64>,
-    /// Pixels covered so far, each as often as a triangle covers it.
+    /// Sum over all pixels of the number of triangles drawn that cover the pixel.
     pub(crate) layers: u64,
-    /// Claims so far, in no order; some of them beaten by triangles drawn later, until
+    /// Claims so far, in no order. Includes claims that triangles drawn later have hidden, until
     /// [`settle_claims`](Self::settle_claims).
     pub(crate) claims: Vec<Claim>,
-    /// Claims are no longer kept: [`MAX_CLAIMS`] a pixel hold already, as where thousands of objects
-    /// coincide.
+    /// Whether claims are no longer recorded, since about [`MAX_CLAIMS`] per pixel are held already. Never
+    /// reset.
     claims_full: bool,
-    /// First item of the object that is being drawn: later items make no claims against it.
+    /// Number of the first triangle of the object that is being drawn. Later triangles of that object make
+    /// no claims against its earlier ones.
     pub(crate) object_start: u32,
-    /// Difference between two values of nearness that counts as none, however small both are: zero for
-    /// perspective views.
+    /// Absolute difference of two depth keys up to which they count as equal. Zero for perspective views,
+    /// where only the relative [`DEPTH_TIE`] counts.
     pub(crate) least_difference: f64,
 }
 
 impl Image {
+    /// Makes an image from its pixels: a triangle number and a depth key for each, `width * height` of both,
+    /// row by row from the top.
     pub(crate) fn new(width: usize, height: usize, items: Vec<u32>, nearness: Vec<f64>) -> Self {
         let claims = Vec::new();
         Self {
@@ -99,7 +113,7 @@ impl Image {
         }
     }
 
-    /// Drops claims that another triangle has beaten since.
+    /// Drops the claims of triangles that are certainly behind the triangle that their pixel now shows.
     pub(crate) fn settle_claims(&mut self) {
         let (nearness, least_difference) = (&self.nearness, self.least_difference);
         let holds =
@@ -107,14 +121,15 @@ impl Image {
         self.claims.retain(holds);
     }
 
-    /// Draws a triangle with finite corners, of any size and position.
+    /// Draws triangle number `item`, with finite corners of any size and position, and records its claims.
+    /// Corners in either orientation; a triangle without area draws nothing.
     pub(crate) fn fill(&mut self, corners: [Corner; 3], item: u32) {
         let [a, b, c] = corners;
         if self.claims.len() >= MAX_CLAIMS * self.items.len().max(64) && !self.claims_full {
             self.settle_claims();
             self.claims_full = self.claims.len() >= MAX_CLAIMS / 2 * self.items.len().max(64);
         }
-        // Most triangles are small and miss all centres: find that out before anything is divided.
+        // Most triangles are small and miss all centres: an early test avoids divisions.
         let left = first_center(a.x.min(b.x).min(c.x) - EDGE_TIE, self.width);
         let right = first_center(a.x.max(b.x).max(c.x) + EDGE_TIE, self.width);
         let upper = first_center(a.y.min(b.y).min(c.y) - EDGE_TIE, self.height);
@@ -140,7 +155,7 @@ impl Image {
                 }
             }
         }
-        // Rows that pass by a corner, where edges end that cross no row.
+        // Rows that pass close to a corner, near which the edges may cross no row of centres.
         for corner in [top, middle, bottom] {
             let row = first_center(corner.y - EDGE_TIE, self.height);
             if row < first_center(corner.y + EDGE_TIE, self.height) {
@@ -149,7 +164,9 @@ impl Image {
         }
     }
 
-    /// Claims the centres of a row that come within [`EDGE_TIE`] of the triangle, those inside it among them.
+    /// Records claims of triangle `item` for all centres of a row that come within [`EDGE_TIE`] of the
+    /// triangle, centres inside the triangle included, if the triangle is there at least as near as the
+    /// triangle shown.
     #[cold]
     #[inline(never)]
     fn claim_row(&mut self, row: usize, edges: &[&Edge], plane: &NearnessPlane, item: u32) {
@@ -171,6 +188,8 @@ impl Image {
         }
     }
 
+    /// Draws the pixels `first..end` of a row where triangle `item` is nearer than the triangle shown, and
+    /// records ties.
     #[inline]
     fn fill_span(&mut self, row: usize, first: usize, end: usize, plane: &NearnessPlane, item: u32) {
         let span = row * self.width + first..row * self.width + end;
@@ -187,14 +206,14 @@ impl Image {
         let (items, nearness) = (&mut self.items[span.clone()], &mut self.nearness[span.clone()]);
         for (i, (held, held_nearness)) in items.iter_mut().zip(nearness).enumerate() {
             let here = here();
-            // What was there is not as near, or nothing was there: the usual cases, and the quick ones.
+            // The usual case is first and fast: no triangle was there, or the triangle there is farther.
             let difference = here - *held_nearness;
             if difference.abs() <= here.abs() * DEPTH_TIE + self.least_difference && *held < object_start {
                 let loser = if difference > 0.0 { (*held, *held_nearness) } else { (item, here) };
                 let claim = Claim { pixel: (span.start + i) as u32, item: loser.0, nearness: loser.1 };
                 add_claim(&mut self.claims, claim);
             }
-            // Strictly: of equally near items the first stays.
+            // Strict, so that the first of equally near triangles stays.
             if difference > 0.0 {
                 *held_nearness = here;
                 *held = item;
@@ -203,23 +222,25 @@ impl Image {
     }
 }
 
-/// The least nearness that counts as near as `nearness`.
+/// Returns the least depth key that counts as equal to `nearness`. `least_difference` is the absolute
+/// tolerance, [`DEPTH_TIE`] the relative one.
 #[inline]
 fn as_near_as(nearness: f64, least_difference: f64) -> f64 {
     nearness - (nearness.abs() * DEPTH_TIE + least_difference)
 }
 
+/// Appends a claim. Separate and cold, since ties are rare.
 #[cold]
 #[inline(never)]
 fn add_claim(claims: &mut Vec<Claim>, claim: Claim) {
     claims.push(claim);
 }
 
-/// The number of pixel centres `0.5, 1.5, ..` below `v`, at most `limit`: the index of the first centre not
-/// below.
+/// Returns the number of pixel centres `0.5, 1.5, ..` less than `v`, at most `limit`: the index of the first
+/// centre not less than `v`. 0 for NaN.
 #[inline]
 fn first_center(v: f64, limit: usize) -> usize {
-    // The subtraction is exact for v >= 0.25, and below that the result is negative anyway.
+    // The subtraction is exact for v >= 0.25. For smaller v the result is negative anyway.
     let t = v - 0.5;
     if t >= limit as f64 {
         limit
@@ -231,6 +252,7 @@ fn first_center(v: f64, limit: usize) -> usize {
     }
 }
 
+/// Returns the corners from top to bottom, in the order of [`Corner::is_above`].
 fn sorted([mut a, mut b, mut c]: [Corner; 3]) -> [Corner; 3] {
     if b.is_above(&a) {
         (a, b) = (b, a);
@@ -244,33 +266,35 @@ fn sorted([mut a, mut b, mut c]: [Corner; 3]) -> [Corner; 3] {
     [a, b, c]
 }
 
-/// An edge from its upper to its lower end.
+/// Edge of a triangle from its upper to its lower end, in image coordinates.
 struct Edge {
     upper: Corner,
     lower: Corner,
-    /// Columns per row.
+    /// Change of x, in columns, per row. NaN or infinite for a level edge.
     slope: f64,
 }
 
 impl Edge {
     fn new(upper: Corner, lower: Corner) -> Self {
-        // For a level edge the slope is NaN or infinite, but no row lies between its ends to ask for it.
+        // A level edge's slope is never used, since no row of centres lies between its ends.
         Self { upper, lower, slope: (lower.x - upper.x) / (lower.y - upper.y) }
     }
 
-    /// Where the edge crosses a row that it meets.
+    /// Returns the x coordinate, in columns, at which the edge crosses height `y`, which must lie between its
+    /// ends.
     fn crossing(&self, y: f64) -> f64 {
         self.upper.x + (y - self.upper.y) * self.slope
     }
 
-    /// How far the crossing moves when the edge is moved by [`EDGE_TIE`] in columns and in rows.
+    /// Returns how far, in columns, a crossing moves if the edge moves by [`EDGE_TIE`] in columns and in
+    /// rows.
     #[inline]
     fn doubt(&self) -> f64 {
         EDGE_TIE * (1.0 + self.slope.abs())
     }
 
-    /// The columns between which the edge lies within [`EDGE_TIE`] of a row, and a little beyond; `None` if
-    /// it comes no closer.
+    /// Returns the least and greatest column within which the edge lies at most [`EDGE_TIE`] above or below
+    /// height `y`, rounded outwards slightly. `None` if the edge stays farther away from that height.
     fn near_row(&self, y: f64) -> Option<(f64, f64)> {
         if self.upper.y > y + EDGE_TIE || self.lower.y < y - EDGE_TIE {
             return None;
@@ -285,18 +309,23 @@ impl Edge {
     }
 }
 
-/// Nearness as a linear function on the screen.
+/// Depth key of a triangle as a linear function on the screen, clamped to the range of its corners.
 struct NearnessPlane {
+    /// Corner with the least depth key, from which the linear function starts.
     reference: Corner,
+    /// Change of the depth key per column.
     slope_x: f64,
+    /// Change of the depth key per row.
     slope_y: f64,
+    /// Least depth key of the corners.
     least: f64,
+    /// Greatest depth key of the corners.
     greatest: f64,
 }
 
 impl NearnessPlane {
-    /// `None` for triangles without area. The range is kept because slopes of a triangle seen almost edge-on
-    /// are mostly rounding; within it they can do no harm.
+    /// Interpolates the depth keys of three corners. `None` for triangles without area. Values are clamped to
+    /// the corners' range, since the slopes of a triangle seen almost edge-on are mostly rounding.
     fn through(a: Corner, b: Corner, c: Corner) -> Option<Self> {
         let (bx, by, bn) = (b.x - a.x, b.y - a.y, b.nearness - a.nearness);
         let (cx, cy, cn) = (c.x - a.x, c.y - a.y, c.nearness - a.nearness);
@@ -304,8 +333,8 @@ impl NearnessPlane {
         if area == 0.0 {
             return None;
         }
-        // Nearness grows from the farthest corner. Beginning there, errors grow with it too, and a
-        // triangle that runs from before the eye to the horizon is precise at the horizon.
+        // The depth key grows from the farthest corner. If evaluation starts there, its error grows with the
+        // key, so a triangle that runs from close before the eye to the horizon is precise at the horizon.
         let reference = [b, c].into_iter().fold(a, |far, v| if v.nearness < far.nearness { v } else { far });
         Some(Self {
             reference,
@@ -316,6 +345,7 @@ impl NearnessPlane {
         })
     }
 
+    /// Returns the depth key at a point of the image, clamped to the corners' range.
     #[inline]
     fn at(&self, x: f64, y: f64) -> f64 {
         let in_row = self.slope_y * (y - self.reference.y);
@@ -365,8 +395,8 @@ mod tests {
 
     #[test]
     fn slivers_are_as_near_as_their_corners() {
-        // A few units in the last place wide, so that a centre may be taken for inside that is one width
-        // outside, where nearness would be anything.
+        // A few units in the last place wide. A centre may then count as inside that is one triangle width
+        // outside, where the linear function could have any value.
         let mut random = visibility_testing::Random(2);
         let mut drawn = 0;
         for _ in 0..2000 {
@@ -395,14 +425,14 @@ mod tests {
         assert!(image.claims.len() > 64 && image.claims.len() <= 17 * 64, "{}", image.claims.len());
     }
 
-    /// Edges in all directions that pass a centre on either side: within the limit they claim it, beyond it
-    /// they do not.
+    /// Edges in all directions that pass a pixel's centre at a given distance, in units of [`EDGE_TIE`]:
+    /// closer than the limit they claim the pixel, beyond it they do not.
     #[test]
     fn a_claim_reaches_as_far_as_a_tie() {
         for step in 0..200 {
             let angle = f64::from(step) * 0.0314;
             let (sin, cos) = (angle.sin(), angle.cos());
-            // The distance of the centre beyond the edge, per column and row that the edge is moved.
+            // Distance of the centre from the edge when the edge is moved by one column and one row.
             let reach = sin.abs() + cos.abs();
             for (shift, claims) in [(0.9, 1), (0.5, 1), (-0.5, 1), (1.1, 0)] {
                 let shift = shift * reach * EDGE_TIE;

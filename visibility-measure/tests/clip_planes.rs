@@ -1,11 +1,11 @@
-//! Clip planes of a view cut what is drawn.
+//! Clip planes of a view cut the triangles that are drawn.
 #![allow(missing_docs)]
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Pose, View, geometry::Plane};
 use visibility_measure::ItemBuffer;
 
-/// The item buffer cuts triangles where the planes are, also through their middle.
+/// The item buffer cuts triangles at a view's clip planes, also through the middle of a triangle.
 #[test]
 fn the_item_buffer_honours_clip_planes() {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
@@ -24,16 +24,17 @@ fn the_item_buffer_honours_clip_planes() {
         pixels
     };
     assert_eq!(pixels(&view), [4096, 0]);
-    // Beyond the near square; the left half (y > 0) of what is there; a corner; and nothing.
+    // Beyond the near square; the left half (y > 0) of the near square; a quarter of the near square; no
+    // point of either.
     let beyond = Plane::through(DVec3::X * 6.0, DVec3::X);
     assert_eq!(pixels(&view.with_clip_planes(&[beyond]).unwrap()), [0, 4096]);
     let left = Plane::new(DVec3::Y, 0.0);
     assert_eq!(pixels(&view.with_clip_planes(&[left]).unwrap()), [2048, 0]);
     assert_eq!(pixels(&view.with_clip_planes(&[left, Plane::new(DVec3::Z, 0.0)]).unwrap()), [1024, 0]);
     assert_eq!(pixels(&view.with_clip_planes(&[beyond, beyond.flipped()]).unwrap()), [0, 0]);
-    // A slanted plane, x + y >= 6, leaves the near square where y >= 2 and the far one where y >= -2, in a
-    // picture that is 4.37 wide at the distance of the one and twice that at the other: 3 and, less these, 44
-    // of 64 columns.
+    // A slanted plane, x + y >= 6, leaves the near square where y >= 2 and the far square where y >= -2. The
+    // image is 4.37 m wide at the near square's distance and twice that at the far square's. The near square
+    // shows in 3 of 64 columns, the far square in 44 others.
     let slanted = Plane::through(DVec3::new(6.0, 0.0, 0.0), DVec3::new(1.0, 1.0, 0.0));
     assert_eq!(pixels(&view.with_clip_planes(&[slanted]).unwrap()), [3 * 64, 44 * 64]);
 }

@@ -1,4 +1,4 @@
-//! Known pictures, watertight meshes, hostile input.
+//! The item buffer on known pictures, watertight meshes and hostile input.
 #![allow(missing_docs)]
 
 mod common;
@@ -12,15 +12,18 @@ use visibility_core::{
 use visibility_measure::{Comparison, ItemBuffer, MAX_SIDE, MeasureError, NONE};
 use visibility_testing::Random;
 
+/// Returns a triangle at depth z from corners in pixels.
 fn flat(points: [[f32; 2]; 3], z: f32) -> [Vec3; 3] {
     points.map(|[x, y]| Vec3::new(x, y, z))
 }
 
+/// Returns the two triangles of an axis-aligned rectangle at depth z, in pixels.
 fn rectangle(left: f32, top: f32, right: f32, bottom: f32, z: f32) -> [[Vec3; 3]; 2] {
     let (a, b, c, d) = ([left, top], [right, top], [right, bottom], [left, bottom]);
     [flat([a, b, c], z), flat([c, d, a], z)]
 }
 
+/// Returns the column and row of each pixel that shows a triangle, row by row.
 fn covered(buffer: &ItemBuffer) -> Vec<(usize, usize)> {
     let width = buffer.width() as usize;
     (0..buffer.items().len()).filter(|&p| buffer.items()[p] != NONE).map(|p| (p % width, p / width)).collect()
@@ -30,7 +33,8 @@ fn covered(buffer: &ItemBuffer) -> Vec<(usize, usize)> {
 fn rectangles_cover_the_centers_inside_half_open() {
     let view = pixels(32.0, 16.0);
     let mut buffer = ItemBuffer::new(32, 16).unwrap();
-    // The first from centre to centre: left and top ones belong to it, right and bottom ones do not.
+    // The first rectangle runs from centre to centre: it covers the centres on its left and top sides, not
+    // those on its right and bottom sides.
     for (sides, columns, rows) in [
         ([2.5, 3.5, 7.5, 6.5], 2..7, 3..6),
         ([2.51, 3.49, 7.51, 6.51], 3..8, 3..7),
@@ -53,12 +57,12 @@ fn rectangles_cover_the_centers_inside_half_open() {
 fn a_triangle_covers_the_centers_below_its_diagonal() {
     let view = pixels(20.0, 20.0);
     let mut buffer = ItemBuffer::new(20, 20).unwrap();
-    // Centres with x + y < 10 are inside, those with x + y = 10 lie on the right edge, which does not belong
-    // to it.
+    // Centres with x + y < 10 are inside. Centres with x + y = 10 lie on the right edge, which does not
+    // belong to the triangle.
     let triangle = [flat([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
     let exact = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
     assert_eq!(exact.triangle_pixels(), [45]);
-    // The mirrored one has its diagonal on the left, with its centres.
+    // The mirrored triangle has its diagonal on the left and covers the centres on it.
     let triangle = [flat([[10.0, 10.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
     let exact = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
     assert_eq!(exact.triangle_pixels(), [55]);
@@ -70,7 +74,7 @@ fn the_nearest_wins_and_the_image_shows_the_first_of_ties() {
     let mut buffer = ItemBuffer::new(8, 8).unwrap();
     let wall = rectangle(0.0, 0.0, 8.0, 8.0, 0.5);
     let near = rectangle(2.0, 2.0, 4.0, 4.0, 0.25);
-    // The same wall with its corners in other orders: equally near to the last bit.
+    // The wall with its corners in other orders: equally near to the last bit.
     let turned = wall.map(|[a, b, c]| [c, a, b]);
     let exact = buffer.draw(&view, DVec3::ZERO, [(9, &turned[..]), (8, &near[..]), (7, &wall[..])]).unwrap();
     let seen: Vec<_> =
@@ -81,14 +85,14 @@ fn the_nearest_wins_and_the_image_shows_the_first_of_ties() {
         (buffer.object_at(0, 0), buffer.object_at(8, 0), buffer.object_at(0, 8)),
         (Some(0), None, None)
     );
-    // Tilted walls in exchanged order: again the first.
+    // Tilted walls with their corners reversed: the first drawn wins again.
     let tilted = wall.map(|t| t.map(|p| p.with_z(0.1 + p.x * 0.037 + p.y * 0.013)));
     let reversed = tilted.map(|[a, b, c]| [c, b, a]);
     let exact = buffer.draw(&view, DVec3::ZERO, [(1, &reversed[..]), (2, &tilted[..])]).unwrap();
     assert_eq!(exact.objects().iter().map(|o| o.visible_triangles).collect::<Vec<_>>(), [2, 0]);
 }
 
-/// How often each centre is covered when every triangle is drawn alone.
+/// Returns how often each pixel is covered if every triangle is drawn alone.
 fn coverage(buffer: &mut ItemBuffer, view: &View, triangles: &[[Vec3; 3]]) -> Vec<u32> {
     let mut counts = vec![0; buffer.items().len()];
     for triangle in triangles {
@@ -107,12 +111,12 @@ fn fans_cover_each_center_once() {
     let view = pixels(size, size);
     let mut buffer = ItemBuffer::new(48, 48).unwrap();
     for round in 0..60 {
-        // Hubs anywhere, on centres, on pixel corners; spokes end on a ring outside the image, in places far
-        // outside.
+        // The fan's centre is anywhere, on a pixel centre, or on a pixel corner. The spokes end on a ring
+        // outside of the image, in some rounds far outside.
         let snap = |v: f64| if round % 2 == 0 { v } else { (v * 2.0).round() / 2.0 };
         let hub = [snap(random.range(0.0, size)), snap(random.range(0.0, size))].map(|v| v as f32);
         let reach = [80.0, 1e5, 1e20][round % 3];
-        // Five spokes at least, so that no side of the ring comes within 80 pixels of the hub.
+        // At least five spokes, so that no side of the ring comes within 80 pixels of the fan's centre.
         let count = 5 + round % 12;
         let ring: Vec<[f32; 2]> = (0..count)
             .map(|i| {
@@ -131,7 +135,7 @@ fn fans_cover_each_center_once() {
             .collect();
         let counts = coverage(&mut buffer, &view, &fan);
         assert!(counts.iter().all(|&c| c == 1), "round {round}: hub {hub:?}, {count} spokes");
-        // And each by the triangle between whose spokes it lies, not just by any.
+        // Each pixel shows the triangle between whose spokes it lies.
         buffer.draw(&view, DVec3::ZERO, [(0, &fan[..])]).unwrap();
         for (pixel, &item) in buffer.items().iter().enumerate() {
             let center = DVec2::new((pixel % 48) as f64 + 0.5, (pixel / 48) as f64 + 0.5);
@@ -150,7 +154,7 @@ fn a_perspective_mesh_through_the_near_plane_covers_each_center_once() {
     let mut random = Random(7);
     let mut buffer = ItemBuffer::new(64, 48).unwrap();
     for round in 0..10 {
-        // A floor of uneven quads that runs from far behind the eye to far beyond it.
+        // A floor of uneven quads that extends from far behind the eye to far beyond it.
         let n = 12;
         let mut grid = Vec::new();
         for i in 0..=n {
@@ -169,7 +173,7 @@ fn a_perspective_mesh_through_the_near_plane_covers_each_center_once() {
             .collect();
         let eye = DVec3::new(random.range(-3.0, 3.0), random.range(-3.0, 3.0), random.range(-0.9, 1.0));
         let pose = Pose::look_at(eye, eye + DVec3::new(1.0, random.range(-1.0, 1.0), -2.0), DVec3::Z);
-        // The near plane cuts into the floor where the eye is low.
+        // The near plane cuts into the floor if the eye is low.
         let near = if round % 2 == 0 { 0.001 } else { 0.3 };
         let view = View::perspective(pose, 1.0, 4.0 / 3.0, near, f64::INFINITY).unwrap();
         let counts = coverage(&mut buffer, &view, &floor);
@@ -206,8 +210,8 @@ fn wrong_pixels_are_those_that_drawing_the_reported_objects_alone_changes() {
             .collect();
         full.draw(&view, DVec3::ZERO, objects.iter().map(|(k, t)| (*k, &t[..]))).unwrap();
         let reported: Vec<bool> = objects.iter().map(|_| random.unit() < 0.7).collect();
-        // An object that is left out keeps its numbers: its triangles are replaced by none that cover a
-        // pixel.
+        // An object that is omitted keeps its triangle numbers: its triangles are replaced by NaN triangles
+        // that cover no pixel.
         let nothing = [[Vec3::NAN; 3]; 5];
         let kept =
             objects.iter().map(|(k, t)| (*k, if reported[*k as usize] { &t[..] } else { &nothing[..] }));
@@ -240,9 +244,9 @@ fn hostile_triangles_cover_nothing_and_break_nothing() {
         View::perspective(pose, 1.0, 4.0 / 3.0, 1e-30, 1e30).unwrap(),
         View::orthographic(pose, Window::centered(4.0, 3.0), -10.0, 10.0).unwrap(),
         pixels(40.0, 30.0),
-        // Finite, but products with it overflow.
+        // Finite, but products with the matrix overflow.
         View::from_clip_from_world(DMat4::from_diagonal(DVec4::splat(1e300)), Depth::ZeroToOne).unwrap(),
-        // No near plane before the eye: w may be zero with everything else.
+        // No near plane before the eye: w may be zero together with all other coordinates.
         View::from_clip_from_world(
             DMat4::from_cols(DVec4::X, DVec4::Y, DVec4::new(0.0, 0.0, 1.0, 1.0), DVec4::Z * 1e-30),
             Depth::ZeroToOne,
@@ -299,7 +303,7 @@ fn walls_of_any_size_fill_the_image() {
     for size in [1e3, 1e6, 1e12, 1e20, 1e30, 3e38] {
         for lateral in [0.0, 0.3, -0.4] {
             assert_eq!(pixels(DVec3::X, size, lateral), 40 * 30, "{size} {lateral}");
-            // Seen askew, corners farther than 1e15 m are rounded by more than the 9 m to the wall.
+            // In an oblique view, corners farther than 1e15 m are rounded by more than the 9 m to the wall.
             let askew = pixels(DVec3::new(1.0, 0.3, 0.2), size, lateral);
             assert!(askew == 40 * 30 || size > 1e13, "{size} {lateral}: {askew}");
         }

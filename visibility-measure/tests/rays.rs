@@ -1,6 +1,6 @@
-//! The item buffer against rays through all pixel centres (Möller and Trumbore, "Fast, Minimum Storage
-//! Ray-Triangle Intersection", 1997). Rays are made from the pose and the window, without any matrix, and are
-//! clipped by distance along the line of sight, so nothing of what is judged is used to judge it.
+//! The item buffer compared with rays through all pixel centres (Möller and Trumbore, "Fast, Minimum Storage
+//! Ray-Triangle Intersection", 1997). Rays are made from the pose and the window, without a matrix, and are
+//! limited by distance along the viewing direction, so no code under test is used in its own test.
 #![allow(missing_docs)]
 
 use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};
@@ -11,18 +11,23 @@ use visibility_core::{
 use visibility_measure::{ItemBuffer, NONE};
 use visibility_testing::Random;
 
-/// What the rays of one camera are made from.
+/// Camera from which both the rays and the clip matrices of a picture are made.
 struct Camera {
+    /// Position and axes of the camera.
     pose: Pose,
+    /// Window at distance 1 along the viewing direction (perspective) or in metres (parallel).
     window: Window,
+    /// Distance of the near plane along the viewing direction, in metres; negative behind the eye.
     near: f64,
+    /// Distance of the far plane along the viewing direction, in metres; may be infinite.
     far: f64,
+    /// Whether the camera is orthographic.
     parallel: bool,
 }
 
 impl Camera {
-    /// The start of the ray through a pixel's centre, and its direction, which advances 1 along the line of
-    /// sight.
+    /// Returns the start of the ray through a pixel's centre, and its direction. The direction's component
+    /// along the viewing direction is 1, so ray parameters are distances along the viewing direction.
     fn ray(&self, column: usize, row: usize, width: usize, height: usize) -> (DVec3, DVec3) {
         let Window { left, right, bottom, top } = self.window;
         let x = left + (right - left) * (column as f64 + 0.5) / width as f64;
@@ -35,10 +40,10 @@ impl Camera {
         }
     }
 
-    /// The clip matrix of the same picture in any convention, relative to the eye.
+    /// Returns the clip matrix of the picture in the given depth convention, for points relative to the eye.
     fn matrix(&self, depth: Depth) -> DMat4 {
         let (n, f) = (self.near, self.far);
-        // Values of z at distances n and f, and of w there: z = slope * distance + constant.
+        // Clip depth over w at the near and the far plane. Clip z is slope * distance + constant.
         let (at_near, at_far) = match depth {
             Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => (-1.0, 1.0),
             Depth::ZeroToOne | Depth::ZeroToOneInfinite => (0.0, 1.0),
@@ -54,7 +59,7 @@ impl Camera {
         let Window { left, right, bottom, top } = self.window;
         let (sx, sy) = (2.0 / (right - left), 2.0 / (top - bottom));
         let (cx, cy) = ((right + left) / (right - left), (top + bottom) / (top - bottom));
-        // From camera space: right, up, forward.
+        // From camera space (right, up, forward) to clip space.
         let project = if self.parallel {
             DMat4::from_cols(
                 DVec4::X * sx,
@@ -77,12 +82,17 @@ impl Camera {
     }
 }
 
+/// Intersection of a ray with the plane of a triangle.
 struct Hit {
+    /// Distance along the viewing direction.
     distance: f64,
-    /// The least of the barycentric coordinates: how far inside, relative to the triangle's size.
+    /// Least barycentric coordinate of the point: not negative inside the triangle, relative to the
+    /// triangle's size.
     inside: f64,
 }
 
+/// Intersects a ray with the plane of a triangle. `None` for a ray parallel to the plane and a triangle
+/// without area.
 fn intersect(start: DVec3, direction: DVec3, triangle: &[Vec3; 3]) -> Option<Hit> {
     let [a, b, c] = triangle.map(|p| p.as_dvec3());
     let (e1, e2) = (b - a, c - a);
@@ -98,8 +108,9 @@ fn intersect(start: DVec3, direction: DVec3, triangle: &[Vec3; 3]) -> Option<Hit
     Some(Hit { distance: e2.dot(q) / determinant, inside: u.min(v).min(1.0 - u - v) })
 }
 
-/// Draws, casts, and compares each pixel. Returns how many pixels show a triangle, and how many were too
-/// close to call.
+/// Draws a picture, casts a ray through each pixel's centre, and asserts that both see the same triangle.
+/// Returns the number of pixels that show a triangle, and the number of pixels skipped since the rays are
+/// within 1e-9 of an edge, a clip plane or a second triangle.
 fn check(camera: &Camera, view: &View, triangles: &[[Vec3; 3]], what: &str) -> (usize, usize) {
     let (width, height) = (48, 36);
     let mut buffer = ItemBuffer::new(width as u32, height as u32).unwrap();
@@ -142,7 +153,7 @@ fn check(camera: &Camera, view: &View, triangles: &[[Vec3; 3]], what: &str) -> (
     (covered, close)
 }
 
-/// Triangles of all sizes about a point, many of them around the eye, through the near plane and behind.
+/// Returns triangles of all sizes around the eye, many of which cross the near plane or lie behind the eye.
 fn soup(random: &mut Random, eye: DVec3, count: usize) -> Vec<[Vec3; 3]> {
     (0..count)
         .map(|_| {
@@ -153,11 +164,12 @@ fn soup(random: &mut Random, eye: DVec3, count: usize) -> Vec<[Vec3; 3]> {
         .collect()
 }
 
+/// Returns a camera near the origin in a random direction, off-centre in odd rounds.
 fn camera(random: &mut Random, round: usize, near: f64, far: f64, parallel: bool) -> Camera {
     let eye = random.vector(5.0);
     let pose = Pose::look_at(eye, eye + random.vector(1.0), DVec3::Z);
     let (w, h) = if parallel { (8.0, 6.0) } else { (0.8, 0.6) };
-    // Every other camera is off-centre, as the eyes of a headset are.
+    // Every second camera is off-centre, as for the eyes of a headset.
     let mut window = Window::centered(w, h);
     if round % 2 == 1 {
         (window.left, window.top) = (-0.3 * w, 1.9 * h);
@@ -171,7 +183,7 @@ fn perspective_in_all_conventions_equals_rays() {
     let (mut covered, mut close) = (0, 0);
     for round in 0..12 {
         let camera = camera(&mut random, round, 0.5, 14.0, false);
-        // Few triangles and many: gaps and clutter.
+        // In every third round few triangles, which leave gaps; otherwise many.
         let triangles = soup(&mut random, camera.pose.eye, if round % 3 == 0 { 8 } else { 120 });
         let endless = Camera { far: f64::INFINITY, ..camera };
         for depth in [Depth::NegativeOneToOne, Depth::ZeroToOne, Depth::Reversed] {
@@ -198,7 +210,7 @@ fn orthographic_in_all_conventions_equals_rays() {
     let mut random = Random(6);
     let (mut covered, mut close) = (0, 0);
     for round in 0..12 {
-        // The near plane behind the eye, as shadow cameras have it.
+        // The near plane lies behind the eye, as for shadow cameras.
         let camera = camera(&mut random, round, -3.0, 9.0, true);
         let triangles = soup(&mut random, camera.pose.eye, if round % 3 == 0 { 8 } else { 120 });
         for depth in [Depth::NegativeOneToOne, Depth::ZeroToOne, Depth::Reversed] {
@@ -216,9 +228,8 @@ fn orthographic_in_all_conventions_equals_rays() {
 
 #[test]
 fn distant_depths_are_told_apart_in_every_convention() {
-    // Walls from 1 m to 1e9 m, each a millionth farther than the one before it, which is narrower: a
-    // staircase of strips. z/w in [0, 1] with near = 0.01 differs by 1e-17 between the last ones, less than
-    // f64 resolves.
+    // A staircase of walls from 1 m to 1e9 m, each a millionth farther and wider than the wall before. z/w in
+    // [0, 1] with near = 0.01 differs by 1e-17 between the last ones, less than f64 resolves.
     let camera = Camera {
         pose: Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z),
         window: Window::centered(0.8, 0.6),
@@ -231,12 +242,12 @@ fn distant_depths_are_told_apart_in_every_convention() {
             let d = scale * (1.0 + f64::from(i) * 1e-6);
             let y = d * (-0.8 + 0.1 * f64::from(i + 1));
             let corner = |y: f64, z: f64| DVec3::new(d, y, z).as_vec3();
-            // Not symmetric, so that the diagonal passes between centres.
+            // Asymmetric, so that the diagonal passes between pixel centres.
             let [a, b] = [corner(-d, -2.03 * d), corner(y, -2.03 * d)];
             let [c, e] = [corner(y, 2.1 * d), corner(-d, 2.1 * d)];
             [[a, b, c], [a, c, e]]
         };
-        // The farthest first, so that ties would show it.
+        // Farthest first, so that ties of depth would change the image.
         let triangles: Vec<_> = (0..16).rev().flat_map(strip).collect();
         for depth in [Depth::NegativeOneToOneInfinite, Depth::ZeroToOneInfinite, Depth::ReversedInfinite] {
             let view = View::from_clip_from_world(camera.matrix(depth), depth).unwrap();

@@ -1,4 +1,4 @@
-//! Pixels that show two objects alike are no error of a culler that reports one of them.
+//! Pixels for which two objects tie are no error of a culler that reports one of them.
 #![allow(missing_docs)]
 
 mod common;
@@ -8,8 +8,9 @@ use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};
 use visibility_core::{Pose, View, view::Depth};
 use visibility_measure::{Comparison, ItemBuffer};
 
-/// A box with two sides parallel to the vertical plane through the origin and `along`: from `near` to `far`
-/// along that direction, and from `right` to `left` across it, in units of its length.
+/// Returns a box with two sides parallel to the vertical plane through the origin and `along`. It spans
+/// `near` to `far` along that horizontal direction, `right` to `left` across it, both in units of the length
+/// of `along`, and -`height` to `height` vertically, in metres.
 fn slab(along: [f32; 2], near: f32, far: f32, right: f32, left: f32, height: f32) -> Vec<[Vec3; 3]> {
     let [x, y] = along;
     let at = |t: f32, s: f32, z: f32| Vec3::new(t * x - s * y, t * y + s * x, z);
@@ -19,7 +20,8 @@ fn slab(along: [f32; 2], near: f32, far: f32, right: f32, left: f32, height: f32
     faces.into_iter().flat_map(triangles).collect()
 }
 
-/// Draws the objects, whose keys are their indices, and compares with what was reported.
+/// Draws the objects, whose keys are their indices, and compares with the answer of a culler that reports the
+/// keys `reported`.
 fn judge(buffer: &mut ItemBuffer, view: &View, objects: &[&[[Vec3; 3]]], reported: &[u32]) -> Comparison {
     let objects = (0..).zip(objects).map(|(key, triangles)| (key, *triangles));
     let exact = buffer.draw(view, DVec3::ZERO, objects).unwrap();
@@ -28,9 +30,9 @@ fn judge(buffer: &mut ItemBuffer, view: &View, objects: &[&[[Vec3; 3]]], reporte
     comparison
 }
 
-/// A view from the origin in a horizontal direction, in which the vertical plane along it runs through
-/// centres of a square picture with an odd number of columns: through the middle column or, with the camera
-/// rolled by 45 degrees, a diagonal.
+/// Returns a view from the origin along a horizontal direction. The vertical plane through that direction
+/// passes through pixel centres of a square image with an odd number of columns: the middle column or, with
+/// the camera rolled by 45 degrees, a diagonal.
 fn along(direction: [f32; 2], rolled: bool) -> View {
     let [x, y] = direction.map(f64::from);
     let across = DVec3::new(-y, x, 0.0).normalize();
@@ -39,9 +41,9 @@ fn along(direction: [f32; 2], rolled: bool) -> View {
     View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap()
 }
 
-/// A box with another behind it, whose sides are in one plane with the eye. The plane passes through centres:
-/// rounding gives them to the one, to the other, or to none. The box behind is hidden, and no culler may be
-/// charged for hiding it.
+/// Two boxes, one behind the other, with sides in one plane with the eye. The plane passes through pixel
+/// centres, which rounding gives to one box, to the other, or to neither. The rear box is hidden, and hiding
+/// it is never an error.
 #[test]
 fn an_edge_behind_an_edge_is_no_error() {
     let mut buffer = ItemBuffer::new(63, 63).unwrap();
@@ -63,8 +65,8 @@ fn an_edge_behind_an_edge_is_no_error() {
     assert!(ties > 20, "{ties} pictures show the box behind");
 }
 
-/// The same, but the box behind reaches out by a ten-thousandth of its width: it is seen, and pixels show
-/// that.
+/// Two boxes, one behind the other. The rear box reaches out by a ten-thousandth of its width: it is visible,
+/// and hiding it is an error.
 #[test]
 fn an_edge_beyond_an_edge_is_an_error() {
     let mut buffer = ItemBuffer::new(63, 63).unwrap();
@@ -78,8 +80,9 @@ fn an_edge_beyond_an_edge_is_an_error() {
     }
 }
 
-/// Two walls side by side before a third, the left one of two parts: where the corner of a part lies within
-/// an edge of the other wall, rounding leaves cracks.
+/// Two walls side by side in front of a third, the left wall in two parts. Where a corner of a part lies
+/// within an edge of the right wall, rounding leaves cracks. A culler that hides the third wall is never
+/// wrong.
 #[test]
 fn a_crack_between_two_walls_shows_nothing_behind_them() {
     let mut buffer = ItemBuffer::new(63, 63).unwrap();
@@ -104,13 +107,14 @@ fn a_crack_between_two_walls_shows_nothing_behind_them() {
     assert!(cracks > 0);
 }
 
+/// Returns the two triangles of an axis-aligned rectangle at depth z, in pixels.
 fn rectangle(left: f32, top: f32, right: f32, bottom: f32, z: f32) -> [[Vec3; 3]; 2] {
     let [a, b, c, d] =
         [[left, top], [right, top], [right, bottom], [left, bottom]].map(|[x, y]| Vec3::new(x, y, z));
     [[a, b, c], [c, d, a]]
 }
 
-/// An edge through centres counts for the objects on both sides of it, whichever way it runs.
+/// An edge through pixel centres counts for the objects on both sides of the edge, whatever its direction.
 #[test]
 fn an_edge_between_two_objects_counts_for_both() {
     let mut buffer = ItemBuffer::new(8, 8).unwrap();
@@ -121,7 +125,7 @@ fn an_edge_between_two_objects_counts_for_both() {
         (&rectangle(0.0, 0.0, 8.0, 4.5, 0.5), &rectangle(0.0, 4.5, 8.0, 8.0, 0.5), 8),
         (&[[a, b, c]], &[[a, c, d]], 8),
         (&[[b, a, d]], &[[b, c, d]], 8),
-        // Slanted by one row in seven columns: through the one centre at (4.5, 3.5).
+        // Slanted by one row in seven columns: through the single centre at (4.5, 3.5).
         (
             &[[a, Vec3::new(8.0, 3.0, 0.5), Vec3::new(1.0, 4.0, 0.5)]],
             &[[Vec3::new(8.0, 3.0, 0.5), Vec3::new(1.0, 4.0, 0.5), c]],
@@ -141,7 +145,7 @@ fn an_edge_between_two_objects_counts_for_both() {
     }
 }
 
-/// A corner where four objects meet, at a centre.
+/// At a pixel centre where the corners of four objects meet, all four objects tie.
 #[test]
 fn a_corner_between_four_objects_counts_for_all() {
     let mut buffer = ItemBuffer::new(9, 9).unwrap();
@@ -159,8 +163,7 @@ fn a_corner_between_four_objects_counts_for_all() {
     assert!(exact.objects().iter().all(|object| (object.pixels, object.tied_pixels) == (16, 9)));
 }
 
-/// Walls in one plane: each is seen. Hiding one of them changes nothing that can be told; hiding both is one
-/// error.
+/// Two walls in one plane are both visible. Hiding one of them is no error, hiding both is one error.
 #[test]
 fn walls_in_one_plane_are_both_visible() {
     let mut buffer = ItemBuffer::new(8, 8).unwrap();
@@ -182,7 +185,7 @@ fn walls_in_one_plane_are_both_visible() {
         let none = with(&[]);
         assert_eq!((none.false_hidden_objects, none.wrong_pixels, none.tied_hidden_objects), (1, 64, 1));
         assert_eq!(none.false_hidden_keys, [0], "the one that the image shows");
-        // What is nearer by a millionth takes the pixels from both, in any order.
+        // A wall nearer by a millionth takes all pixels from both walls, in any drawing order.
         for objects in [[&wall[..], &turned, &nearer], [&nearer, &wall, &turned]] {
             let nearest = objects.iter().position(|object| *object == nearer).unwrap() as u32;
             let all = judge(&mut buffer, &view, &objects, &[0, 1, 2]);
@@ -192,8 +195,8 @@ fn walls_in_one_plane_are_both_visible() {
     }
 }
 
-/// Depth of a parallel view is zero in the middle: rounding there is as large as elsewhere, and no share of
-/// the depth.
+/// Two coincident walls at depth zero of a parallel view, where rounding is as large as elsewhere although
+/// depth itself is almost zero: both are visible.
 #[test]
 fn walls_at_depth_zero_of_a_parallel_view_are_both_visible() {
     let mut buffer = ItemBuffer::new(8, 8).unwrap();

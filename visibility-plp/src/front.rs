@@ -16,8 +16,9 @@ const NOWHERE: u32 = u32::MAX;
 /// the cell pushed first comes out first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Front {
-    /// Key and cell of each heap node. The parent of node i is node (i - 1) / [`CHILDREN`] and has no greater
-    /// key. The high 32 bits of a key are those of the solidity, the low 32 bits the ticket of the push.
+    /// Key and cell of each heap node. The parent of node i is node (i - 1) / [`CHILDREN`] and has no
+    /// greater key. The high 32 bits of a key are those of the solidity, the low 32 bits the ticket of
+    /// the push.
     heap: Vec<(u64, u32)>,
     /// Index in `heap` of each cell, or [`NOWHERE`].
     places: Vec<u32>,

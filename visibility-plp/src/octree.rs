@@ -26,11 +26,11 @@ use visibility_core::{Aabb, Scene};
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fineness {
     /// Maximum number of triangle corners in a leaf; an octree node with more is split into eight. Exceeded
-    /// where all corners lie in one voxel of 1/1024 of the scene's side, at the last halving, and beyond 2^28
-    /// leaves.
+    /// where all corners lie in one voxel of 1/1024 of the scene's side, at the last halving, and beyond
+    /// 2^28 leaves.
     pub vertices: usize,
-    /// Maximum number of times that the scene's side is halved; values above 10 count as 10. With 0 the scene
-    /// is a single cell.
+    /// Maximum number of times that the scene's side is halved; values above 10 count as 10. With 0 the
+    /// scene is a single cell.
     pub halvings: u32,
 }
 

@@ -157,8 +157,8 @@ struct Lines {
     /// CSR offsets: the index in `depths` of each line's first intersection, then the end of the last line
     /// and one scratch entry.
     starts: Vec<u32>,
-    /// z of every intersection, line by line; ascending within each line of `long`, otherwise in the order of
-    /// the triangles.
+    /// z of every intersection, line by line; ascending within each line of `long`, otherwise in the order
+    /// of the triangles.
     depths: Vec<f32>,
     /// Numbers of the lines with more than [`MAX_SCANNED`] intersections.
     long: Vec<u32>,

@@ -1,26 +1,30 @@
-//! An allocator that counts, by thread, so that tests that run beside each other do not count each other's.
+//! A global allocator that counts allocations separately for each thread, so that tests running in parallel
+//! do not affect each other's counts.
 #![allow(unsafe_code)] // An allocator cannot do without.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// The system's allocator, counted in [`ALLOCATIONS`] and [`LIVE`]. A test makes it its own with
-/// `#[global_allocator]`.
+/// The system's allocator, which counts each thread's allocations in [`ALLOCATIONS`] and [`LIVE`]. A test
+/// program installs it with `#[global_allocator]`.
 pub struct CountingAllocator;
 
 thread_local! {
-    /// Allocations and reallocations so far.
+    /// Number of allocations and reallocations by this thread so far. Frees do not count.
     pub static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-    /// Bytes that are allocated now.
+    /// Bytes that this thread has allocated minus bytes that it has freed. Negative if the thread frees
+    /// memory of other threads.
     pub static LIVE: Cell<isize> = const { Cell::new(0) };
 }
 
+/// Adds to the thread's counts: a number of allocations, and a change of the live bytes.
 fn count(allocations: usize, bytes: isize) {
     ALLOCATIONS.set(ALLOCATIONS.get() + allocations);
     LIVE.set(LIVE.get() + bytes);
 }
 
-// SAFETY: all is left to the system's allocator; counting neither allocates nor touches the memory.
+// SAFETY: every call is forwarded to the system's allocator. Counting neither allocates nor touches the
+// memory.
 unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(1, layout.size() as isize);

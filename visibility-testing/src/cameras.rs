@@ -1,15 +1,15 @@
-//! Cameras of all conventions and scales, points near their planes, and an oracle in exact arithmetic for
-//! what they see.
+//! Cameras of all depth conventions and scales, points near their planes, and an oracle in exact arithmetic
+//! for the points that they see.
 //!
-//! The oracle takes nothing from the crate under test but the names of the depth conventions. It decides in
-//! clip space, straight from the elements of the matrix, by [`sign_of_sum`].
+//! The oracle takes only the names of the depth conventions from the crate under test. It decides in clip
+//! space, directly from the elements of the matrix, by [`sign_of_sum`].
 
 use crate::Random;
 use crate::exact::sign_of_sum;
 use visibility_core::glam::{DMat4, DQuat, DVec3, DVec4};
 use visibility_core::{Aabb, view::Depth};
 
-/// All conventions of depth.
+/// All six depth conventions.
 pub const DEPTHS: [Depth; 6] = [
     Depth::NegativeOneToOne,
     Depth::NegativeOneToOneInfinite,
@@ -19,13 +19,14 @@ pub const DEPTHS: [Depth; 6] = [
     Depth::ReversedInfinite,
 ];
 
-/// `2^exponent`.
+/// Returns `2^exponent`.
 pub fn power_of_two(exponent: i32) -> f64 {
     2.0f64.powi(exponent)
 }
 
-/// The planes of clip space as sums of rows of the matrix: left, right, bottom, top, near, far. What is in
-/// view has no negative one.
+/// Returns the clip-space planes of a depth convention: left, right, bottom, top, near, far; no far plane for
+/// an infinite convention. A plane is a list of (matrix row, sign) pairs, and its signed distance is the sum
+/// of the signed rows. A point is in view if no distance is negative.
 pub fn clip_planes(depth: Depth) -> Vec<Vec<(usize, f64)>> {
     let sides = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)].map(|row| vec![(3, 1.0), row]);
     let (minus_w, zero, w) = (vec![(3, 1.0), (2, 1.0)], vec![(2, 1.0)], vec![(3, 1.0), (2, -1.0)]);
@@ -40,37 +41,37 @@ pub fn clip_planes(depth: Depth) -> Vec<Vec<(usize, f64)>> {
     sides.into_iter().chain(ends).collect()
 }
 
-/// A clip matrix, column-major, with its convention and the points of the world that it and the scene are
-/// relative to.
+/// Clip matrix with its depth convention, and the world points that the matrix and the scene are relative to.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// From positions relative to `origin` to clip space, column by column.
+    /// Clip matrix, column-major, for positions in metres relative to `origin`.
     pub matrix: [f64; 16],
-    /// What clip depth means.
+    /// Depth convention of the matrix.
     pub depth: Depth,
-    /// Point of the world that the matrix is relative to.
+    /// Point of the world, in metres, that the matrix is relative to.
     pub origin: DVec3,
-    /// Point of the world that the scene's coordinates are relative to.
+    /// Point of the world, in metres, that the scene's coordinates are relative to.
     pub scene_origin: DVec3,
 }
 
 impl Camera {
-    /// A camera whose matrix and scene are relative to the origin of the world.
+    /// Makes a camera whose matrix and scene are both relative to the origin of the world.
     pub fn new(matrix: [f64; 16], depth: Depth) -> Self {
         Self { matrix, depth, origin: DVec3::ZERO, scene_origin: DVec3::ZERO }
     }
 
-    /// The matrix, rounded to `f32`.
+    /// Returns the clip matrix rounded to `f32`, column-major.
     pub fn matrix_f32(&self) -> [f32; 16] {
         self.matrix.map(|x| x as f32)
     }
 
-    /// Whether a point, relative to the scene's origin, is exactly in view, boundary included.
+    /// Tests exactly whether a point is in view, boundary included. `p` is relative to the scene's origin.
     pub fn sees(&self, p: DVec3) -> bool {
         clip_planes(self.depth).iter().all(|plane| self.side(plane, p) >= 0)
     }
 
-    /// On which side of a plane a point is, exactly.
+    /// Returns the exact sign of a point's distance from a plane of [`clip_planes`]: 1 inside, 0 on the
+    /// plane, -1 outside. `p` is relative to the scene's origin.
     pub fn side(&self, plane: &[(usize, f64)], p: DVec3) -> i32 {
         let parts = [p, self.scene_origin, -self.origin];
         sign_of_sum(plane.iter().flat_map(|&(row, sign)| {
@@ -80,13 +81,14 @@ impl Camera {
         }))
     }
 
-    /// Whether any corner of a box is exactly in view.
+    /// Tests exactly whether any corner of a box is in view, boundary included. `bounds` is relative to the
+    /// scene's origin.
     pub fn sees_a_corner(&self, bounds: &Aabb) -> bool {
         bounds.corners().iter().any(|corner| self.sees(corner.as_dvec3()))
     }
 
-    /// Normal and offset of a plane, rounded: for choosing points near it, and for what is farther than
-    /// rounding reaches.
+    /// Returns the normal and offset of a plane of [`clip_planes`], relative to the scene's origin, rounded
+    /// and not normalised. For choosing points near the plane, and for distances well above rounding.
     pub fn coefficients(&self, plane: &[(usize, f64)]) -> (DVec3, f64) {
         let sum = |column: usize| plane.iter().map(|&(row, sign)| sign * self.matrix[4 * column + row]).sum();
         let n = DVec3::new(sum(0), sum(1), sum(2));
@@ -95,14 +97,15 @@ impl Camera {
         (n, n.x * shift.x + n.y * shift.y + n.z * shift.z + sum_w)
     }
 
-    /// How far a box is beyond its worst plane, in units of the error bound that the frustum culler documents
-    /// for its test (at `TestPlane`): `8u` of all magnitudes, `2^-125` of the coordinates, `2^-122`, and the
-    /// error of the plane's offset. More than one: outside for certain.
+    /// Returns by how much a box lies outside of the plane that it is farthest outside of, in units of the
+    /// frustum culler's documented error bound (at `TestPlane`): `8u` of all magnitudes, `2^-125` of the
+    /// coordinates, `2^-122`, and the error of the plane's offset. Above 1, the box is certainly outside. 0
+    /// if the box is outside of no plane. `bounds` is relative to the scene's origin.
     pub fn error_bounds_outside(&self, bounds: &Aabb) -> f64 {
         let mut worst: f64 = 0.0;
         for plane in clip_planes(self.depth) {
             let (n, d) = self.coefficients(&plane);
-            // Scaled by a power of two first, or squares overflow.
+            // Scaled by a power of two first, since squares could overflow.
             let scale = n.abs().max_element();
             let (n, d) = (n / scale, d / scale);
             let length = n.length();
@@ -121,7 +124,9 @@ impl Camera {
     }
 }
 
-/// A projection in the given convention, from camera space (x right, y up, z forward).
+/// Returns a projection matrix in the given depth convention, from camera space (x right, y up, z forward) to
+/// clip space. `window` is left, right, bottom, top: at distance 1 for perspective, in metres if `parallel`.
+/// `near` and `far` are distances along z; `far` is ignored by infinite conventions.
 pub fn projection(depth: Depth, window: [f64; 4], near: f64, far: f64, parallel: bool) -> DMat4 {
     let [left, right, bottom, top] = window;
     let (width, height) = (right - left, top - bottom);
@@ -141,7 +146,8 @@ pub fn projection(depth: Depth, window: [f64; 4], near: f64, far: f64, parallel:
             DVec4::W,
         ]
     } else {
-        // a z + b is w times the depth: `at_near` times near at the near plane, and so on.
+        // a z + b is w times the depth: `at_near * near` at the near plane, and correspondingly at the far
+        // plane.
         let a = if depth.is_infinite() { at_far } else { (at_far * far - at_near * near) / (far - near) };
         let b = (at_near - a) * near;
         [
@@ -154,8 +160,8 @@ pub fn projection(depth: Depth, window: [f64; 4], near: f64, far: f64, parallel:
     DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose()
 }
 
-/// A camera somewhere within `reach` of the origin of its matrix, turned anyhow; perspective or parallel,
-/// often off-centre.
+/// Returns the clip matrix of a random camera. Each coordinate of the eye is within `reach` metres of 0. The
+/// orientation is random. Perspective or, for finite conventions, parallel; off-centre in half of the calls.
 pub fn random_projection(rng: &mut Random, depth: Depth, reach: f64) -> DMat4 {
     let turn =
         DQuat::from_xyzw(rng.unit() - 0.5, rng.unit() - 0.5, rng.unit() - 0.5, rng.unit() + 0.01).normalize();
@@ -164,19 +170,20 @@ pub fn random_projection(rng: &mut Random, depth: Depth, reach: f64) -> DMat4 {
     let (dx, dy) =
         if rng.one_in(2) { (0.0, 0.0) } else { (rng.range(-2.0, 2.0) * size, rng.range(-2.0, 2.0) * size) };
     let window = [dx - size, dx + size, dy - size * 0.6, dy + size * 0.6];
-    // An infinite far plane exists in perspective only.
+    // An infinite far plane exists in perspective views only.
     let parallel = !depth.is_infinite() && rng.one_in(3);
     let near = if parallel { rng.range(-2.0, 1.0) } else { power_of_two(rng.between(-10, 0)) };
     projection(depth, window, near, near + power_of_two(rng.between(-3, 10)), parallel) * look
 }
 
-/// A camera at the given scale: a coordinate `i` of what it sees is about `2^exponents[i]`.
+/// Returns a random camera that sees coordinates of about `2^exponents[i]` on axis i, and its clip matrix
+/// before the scaling by the exponents and rounding to `f32`.
 pub fn random_camera(rng: &mut Random, exponents: [i32; 3]) -> (Camera, DMat4) {
     let depth = rng.pick(&DEPTHS);
     let base = match rng.below(4) {
-        // Any matrix at all is a camera.
+        // Any matrix is a valid camera.
         0 => DMat4::from_cols_array(&core::array::from_fn(|_| rng.range(-1.0, 1.0))),
-        // An eye in the very origin: planes without offset.
+        // An eye exactly at the origin: planes without offset.
         1 => random_projection(rng, depth, 0.0),
         _ => random_projection(rng, depth, 3.0),
     };
@@ -188,8 +195,10 @@ pub fn random_camera(rng: &mut Random, exponents: [i32; 3]) -> (Camera, DMat4) {
     (Camera::new(matrix, depth), base)
 }
 
-/// A point near one plane of a camera, aimed at within a few of the last places of one coordinate; and the
-/// plane's coefficients. `base` is the matrix before the scaling by `2^-exponents`.
+/// Returns a point within a few units in the last place of one plane of a camera, and that plane's normal and
+/// offset from [`Camera::coefficients`]. The point is relative to the scene's origin. `base` is the camera's
+/// matrix before the scaling by `exponents`, both as for [`random_camera`]. `None` if the point is infinite
+/// or far from the scale of `exponents`.
 pub fn aimed_point(
     rng: &mut Random,
     camera: &Camera,
@@ -214,7 +223,7 @@ pub fn aimed_point(
     let mut p = (world.truncate() / world.w * scale + (camera.origin - camera.scene_origin)).as_vec3();
     let (n, d) = camera.coefficients(&planes[which]);
     let q = p.as_dvec3();
-    // The axis that has most to say, or any.
+    // The axis with the greatest influence on the distance, or a random axis.
     let say = (n * q).abs();
     let axis = match rng.below(2) {
         0 => rng.below(3),
@@ -228,12 +237,14 @@ pub fn aimed_point(
         }
         p[axis] = x;
     }
-    // Infinite coordinates are beyond this test, and what is far from the scale aimed at is an accident of
-    // the inverse.
+    // Infinite coordinates are out of scope. Points far from the target scale are an artefact of inverting
+    // the matrix.
     (p.is_finite() && (p.as_dvec3() / scale).abs().max_element() < 1e7).then(|| (p.to_array(), n, d))
 }
 
-/// A box whose corner farthest along `n` is `p`, so that nothing else of it is as deep inside the plane.
+/// Returns a random box with corner `p` whose other points all have at most the distance of `p` along `n`,
+/// the inward normal of a plane. Axis i has a size of at most `2^exponents[i]`; flat on some or all axes in
+/// some calls. Only the point `p` itself if the box would be infinite.
 pub fn box_behind(rng: &mut Random, p: [f32; 3], n: DVec3, exponents: [i32; 3]) -> Aabb {
     let (mut min, mut max) = (p, p);
     let flat = rng.one_in(4);

@@ -1,10 +1,12 @@
-//! Signs of sums of products, in exact arithmetic (Shewchuk, "Adaptive Precision Floating-Point Arithmetic
-//! and Fast Robust Geometric Predicates", 1997: two-product and grow-expansion).
+//! Exact signs of sums of products (Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
+//! Geometric Predicates", 1997: two-product and grow-expansion).
 
-/// The sign of the exact sum of the products, each of which must be zero or well within the range of `f64`.
+/// Returns the sign (-1, 0 or 1) of the exact sum of the products `a * b`. At most 48 products may be
+/// nonzero. Panics if there are more, or if a nonzero product's magnitude is not within 1e-270 (inclusive) to
+/// 1e300 (exclusive).
 pub fn sign_of_sum(products: impl IntoIterator<Item = (f64, f64)>) -> i32 {
-    // An expansion: numbers that do not overlap, in order of growing magnitude, so that the last one which is
-    // not zero has the sign of all.
+    // An expansion: numbers that do not overlap, in order of increasing magnitude. The last nonzero number
+    // has the sign of the sum.
     let (mut expansion, mut length) = ([0.0f64; 96], 0);
     for (a, b) in products {
         if a == 0.0 || b == 0.0 {

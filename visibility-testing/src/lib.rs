@@ -1,8 +1,8 @@
-//! What the tests of the visibility crates share.
+//! Test utilities shared by the visibility crates.
 //!
-//! A crate that takes this as a dev-dependency can use all of it in integration tests and doc tests. Unit
-//! tests inside `visibility-core` can use [`Random`] and whatever else has no type of core in its signature:
-//! cargo compiles core twice for them, and the types of the two differ.
+//! A crate with this as a dev-dependency can use all of it in integration tests and doc tests. Unit tests
+//! inside `visibility-core` can only use [`Random`] and other items without a type of core in their
+//! signature: cargo compiles core twice for unit tests, and the types of the two builds differ.
 
 pub mod allocations;
 pub mod cameras;

@@ -1,4 +1,4 @@
-//! A plain octree over the objects of a scene, as another hierarchy for the driver.
+//! A plain octree over the objects of a scene, as a second box hierarchy for tests of the occlusion driver.
 
 use visibility_core::glam::Vec3;
 use visibility_core::{
@@ -6,19 +6,25 @@ use visibility_core::{
     walk::{BoxHierarchy, Child},
 };
 
-/// Nodes with up to eight children each, and objects at the leaves.
+/// Octree with boxes around up to eight children per node and objects at the leaves. Node 0 is the root.
 pub struct Octree {
+    /// All nodes, parents before their children.
     nodes: Vec<Node>,
 }
 
+/// Node of the octree: either children or objects.
 struct Node {
+    /// Box around all objects below the node, relative to the scene's origin.
     bounds: Aabb,
+    /// Indices of the child nodes; empty for a leaf.
     children: Vec<usize>,
+    /// Objects of a leaf; empty for an inner node.
     objects: Vec<ObjectId>,
 }
 
 impl Octree {
-    /// Sorts the objects whose bounds are finite into cells of up to four, at most `depth` levels deep.
+    /// Builds the octree of the objects whose bounds are finite: leaves of at most four objects, except at
+    /// the depth limit of `depth` levels below the root.
     pub fn new(scene: &Scene, depth: u32) -> Self {
         let objects: Vec<ObjectId> =
             scene.ids().filter(|&id| scene.bounds(id).is_ok_and(|bounds| bounds.is_finite())).collect();
@@ -27,6 +33,8 @@ impl Octree {
         octree
     }
 
+    /// Appends the subtree of some objects and returns its index. `depth` is the number of levels that may
+    /// still be split.
     fn add(&mut self, scene: &Scene, objects: Vec<ObjectId>, depth: u32) -> usize {
         let bounds_of = |id: &ObjectId| scene.bounds(*id).unwrap();
         let bounds = objects.iter().map(bounds_of).fold(Aabb::EMPTY, |all, one| all.union(&one));

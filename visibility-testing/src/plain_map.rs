@@ -1,8 +1,9 @@
-//! An occlusion map written to be obviously right, as the reference for every other: a grid of pixels, and
-//! for each occluder every pixel clipped against every triangle in homogeneous coordinates.
+//! A simple reference occlusion map for tests of all others: a grid of pixels, in which each pixel is clipped
+//! against every triangle of every occluder in homogeneous coordinates.
 //!
-//! A mesh covers a pixel if one of its drawn triangles meets the pixel and no contour does; the pixel then
-//! holds the farthest point of all drawn triangles of that mesh in it. Of several meshes the nearest wins.
+//! A mesh covers a pixel if one of its drawn triangles meets the pixel and none of its contours does. The
+//! pixel then gets the depth of the farthest point of the mesh's drawn triangles in the pixel. Of several
+//! meshes the nearest wins.
 
 use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4};
 use visibility_core::{
@@ -11,25 +12,33 @@ use visibility_core::{
     view::{Eye, ViewPlanes},
 };
 
-/// Widens what is drawn against, and narrows what is drawn: far above rounding, far below a pixel.
+/// Margin, in normalised device coordinates and relative depth, by which pixels are enlarged for clipping and
+/// depths are moved away from the eye. Far above rounding, far below a pixel.
 const SLACK: f64 = 1e-9;
 
-/// A map that holds, per pixel, how far what covers it reaches at most.
+/// Occlusion map that holds, for each pixel, the greatest depth of the surface that covers it.
 pub struct PlainMap {
+    /// Number of columns.
     width: usize,
+    /// Number of rows.
     height: usize,
+    /// View of the present frame; `None` before the first.
     view: Option<View>,
+    /// Clip matrix for points relative to the scene's origin.
     clip: DMat4,
+    /// Eye of the view, relative to the scene's origin.
     eye: Eye,
+    /// Clip planes of the view, relative to the scene's origin; none before the first frame.
     clip_planes: ViewPlanes,
-    /// For each pixel the farthest point that is surely covered; infinite where nothing is.
+    /// For each pixel, the farthest depth that is certainly covered; infinite in uncovered pixels. Row by
+    /// row from the top.
     depth: Vec<f64>,
-    /// Not yet flushed.
+    /// Depths of the occluders added so far, including those not flushed yet.
     pending: Vec<f64>,
 }
 
 impl PlainMap {
-    /// An empty map of that many columns and rows.
+    /// Makes an empty map of the given numbers of columns and rows.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             width,
@@ -43,17 +52,18 @@ impl PlainMap {
         }
     }
 
-    /// How many pixels are covered.
+    /// Returns the number of covered pixels.
     pub fn covered(&self) -> usize {
         self.depth.iter().filter(|depth| depth.is_finite()).count()
     }
 
+    /// Projects a point, relative to the scene's origin, to clip space.
     fn project(&self, p: DVec3) -> DVec4 {
         self.clip * p.extend(1.0)
     }
 
-    /// Grows along every line of sight: distance from the eye along the view for perspective, clip depth
-    /// otherwise.
+    /// Returns a depth of a clip-space point that increases along every view ray: distance along the viewing
+    /// direction (w) for perspective views, clip depth for parallel views.
     fn distance(&self, p: DVec4) -> f64 {
         match self.eye {
             Eye::Point(_) => p.w,
@@ -62,7 +72,8 @@ impl PlainMap {
         }
     }
 
-    /// How far a point is before the near plane, in clip units; negative behind it.
+    /// Returns the signed distance of a clip-space point from the near plane, in clip units: positive beyond
+    /// the plane, negative between the eye and the plane and behind the eye.
     fn before_near(&self, p: DVec4) -> f64 {
         use visibility_core::view::Depth::*;
         match self.view.map(|view| view.depth()) {
@@ -72,14 +83,16 @@ impl PlainMap {
         }
     }
 
-    /// The sides of a pixel in normalized coordinates: left, right, bottom, top.
+    /// Returns the sides of a pixel in normalised device coordinates: left, right, bottom, top.
     fn sides(&self, column: usize, row: usize) -> [f64; 4] {
         let x = |i: usize| i as f64 / self.width as f64 * 2.0 - 1.0;
         let y = |i: usize| 1.0 - i as f64 / self.height as f64 * 2.0;
         [x(column), x(column + 1), y(row + 1), y(row)]
     }
 
-    /// What is left of a polygon or segment in a pixel whose sides are moved outwards by `slack`.
+    /// Returns the part of a polygon or segment, in clip space, that lies in a pixel whose sides are moved
+    /// outwards by `slack`. Sides are left, right, bottom, top in normalised device coordinates. Empty if
+    /// nothing of the polygon is in the pixel.
     fn clip_to_pixel(
         &self,
         points: &[DVec4],
@@ -93,7 +106,8 @@ impl PlainMap {
         clip(&points, |p| (top + slack) * p.w - p.y)
     }
 
-    /// The columns and rows that points before the near plane can reach.
+    /// Returns the pixels that points beyond the near plane may reach: first column, end of the columns,
+    /// first row, end of the rows, ends exclusive. An empty range outside of the image.
     fn reach(&self, points: &[DVec4]) -> [usize; 4] {
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
@@ -112,7 +126,8 @@ impl PlainMap {
     }
 }
 
-/// Sutherland and Hodgman against one plane, for polygons and, as two-cornered polygons, segments.
+/// Clips a polygon, or a segment as a polygon of two corners, by one plane (Sutherland and Hodgman). Keeps
+/// the part where `inside`, a linear function, is not negative.
 fn clip(points: &[DVec4], inside: impl Fn(&DVec4) -> f64) -> Vec<DVec4> {
     let mut kept = Vec::new();
     for (i, b) in points.iter().enumerate() {
@@ -151,7 +166,7 @@ impl OcclusionMap for PlainMap {
             return;
         }
         let at = |i: u32| transform.transform_point3(occluder.positions()[i as usize]).as_dvec3();
-        // Which triangles are drawn, and which way round.
+        // For each triangle: 1 if drawn from its front, -1 if drawn from its back, 0 if not drawn.
         let mirrored = transform.matrix3.determinant() < 0.0;
         let facing: Vec<i8> = occluder
             .triangles()
@@ -177,7 +192,8 @@ impl OcclusionMap for PlainMap {
         for edge in occluder.edges() {
             let left = facing[edge.left as usize];
             let right = edge.right.map_or(0, |triangle| facing[triangle as usize]);
-            // Two drawn triangles that go through an edge in opposite directions, as drawn, join there.
+            // Two drawn triangles that traverse an edge in opposite directions, as drawn, join there; every
+            // other edge of a drawn triangle is a contour.
             if (left != 0 || right != 0) && left != right {
                 contours.push(before(&edge.vertices.map(|i| self.project(at(i)))));
             }
@@ -242,7 +258,7 @@ impl OcclusionMap for PlainMap {
         }
         let corners = bounds.corners().map(|corner| self.project(corner.as_dvec3()));
         if corners.iter().any(|p| self.before_near(*p) <= 0.0 || p.w <= 0.0) {
-            // It reaches the eye, but what lies inside it may still be hidden.
+            // The box reaches the near plane, but objects inside it may still be hidden.
             return Occlusion::Partial;
         }
         let nearest = corners.iter().map(|p| self.distance(*p)).fold(f64::INFINITY, f64::min);

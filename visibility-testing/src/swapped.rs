@@ -1,9 +1,9 @@
-//! Scenes, and what was derived from them, swapped, mixed, cloned, changed, reverted and dropped under live
-//! cullers.
+//! Test harness that swaps, mixes, clones, changes, reverts and drops scenes, and the data derived from them,
+//! under live cullers.
 //!
-//! A culler that keeps anything must tell apart what it was made from. The harness gives live cullers one
-//! source after another and holds each answer against that of a fresh culler which has never seen anything
-//! else.
+//! A culler that keeps state between frames must recognise when that state no longer fits its inputs. The
+//! harness gives live cullers one source after another and compares each answer with that of a fresh culler
+//! that has seen no other source.
 
 use crate::Random;
 use std::collections::BTreeSet;
@@ -12,35 +12,40 @@ use visibility_core::{
     Aabb, Culler, Object, ObjectId, OccluderMesh, Pose, Scene, View, VisibleSet, scene::Triangle,
 };
 
-/// How a kind of culler is made, and what it is made from besides the scene.
+/// Describes a kind of culler to the harness: how the culler is made and which data it takes besides the
+/// scene.
 pub trait Swapped {
-    /// The culler under test.
+    /// Culler under test.
     type Culler: Culler;
-    /// What is derived from a scene and given to the culler: sets, occluders, a hierarchy. Empty for a culler
-    /// that needs a scene alone.
+    /// Data derived from a scene and given to the culler, such as a PVS, occluders or a hierarchy. Empty for
+    /// a culler that needs a scene alone.
     type Source: Clone;
 
-    /// Makes a source from a scene as it is now.
+    /// Derives a source from the present state of a scene.
     fn derive(&self, scene: &Scene, rng: &mut Random) -> Self::Source;
 
-    /// A culler that has seen no scene.
+    /// Makes a culler that has seen no scene yet.
     fn make(&self, source: &Self::Source) -> Self::Culler;
 
-    /// Gives a source to a culler, and lets it take in what changed in the scene.
+    /// Gives a source to a culler and lets the culler sync with the present state of the scene.
     fn give(&self, culler: &mut Self::Culler, source: &Self::Source, scene: &Scene);
 
-    /// A culler that knows all that can be known: what it sees must not be hidden.
+    /// Makes the reference culler for a source: a live culler must not hide any object that the reference
+    /// keeps. By default, [`make`](Self::make).
     fn truth(&self, source: &Self::Source) -> Self::Culler {
         self.make(source)
     }
 
-    /// Whether a culler that was just given its source answers as a fresh one, whatever it has seen before.
+    /// Returns whether a culler that was just given its source must answer like a fresh culler, whatever it
+    /// has seen before. True by default.
     fn is_free_of_memory(&self) -> bool {
         true
     }
 }
 
-/// Goes through random swaps. Returns how many objects live cullers have hidden.
+/// Runs `frames` frames of random swaps and changes with one live culler. Asserts that the live culler keeps
+/// every object that the reference keeps and, where required, answers like a fresh culler. Returns the number
+/// of objects that the live culler hid, summed over all frames.
 pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usize {
     let mut rng = Random(seed);
     let mut scenes: Vec<Scene> = (0..3).map(|_| scene(&mut rng)).collect();
@@ -53,11 +58,11 @@ pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usi
     for frame in 0..frames {
         let other = rng.below(scenes.len());
         match rng.below(16) {
-            // A change under the culler, and one that is taken back.
+            // A change under the culler, and a change that is reverted.
             0..5 => change(&mut scenes[at], &mut rng),
             5 => change_and_revert(&mut scenes[at], &mut rng),
             6 => change(&mut scenes[other], &mut rng),
-            // A level that is loaded again in the place of one that is dropped; one that is undone to a copy.
+            // A level loaded again in place of a dropped level; a level reset to a copy of another.
             7 => scenes[other] = scene(&mut rng),
             8 => scenes[other] = scenes[at].clone(),
             9 => scenes.swap(at, other),
@@ -71,7 +76,7 @@ pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usi
         }
         let is_given = !rng.one_in(4);
         if is_given {
-            // Now and then what was made from another scene.
+            // In one of five cases, the source of another scene.
             let from = if rng.one_in(5) { other } else { at };
             if rng.one_in(2) {
                 sources[from] = kind.derive(&scenes[from], &mut rng);
@@ -98,6 +103,7 @@ pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usi
     hidden
 }
 
+/// Returns the objects that a culler keeps of all candidates of a scene.
 fn cull(
     culler: &mut impl Culler,
     scene: &Scene,
@@ -110,13 +116,14 @@ fn cull(
     visible.iter(scene).collect()
 }
 
+/// Returns a perspective view from a random eye near the origin, towards the origin.
 fn view(rng: &mut Random) -> View {
     let eye = rng.vector(12.0);
     View::perspective(Pose::look_at(eye, rng.vector(3.0), DVec3::Z), 1.2, 1.5, 0.1, 1e3).unwrap()
 }
 
-/// Some 150 objects about the origin with a triangle each, and ten walls that hide with boxes. All such
-/// scenes have the same ids.
+/// Returns a scene of 150 objects around the origin with one triangle each, and ten walls with box-shaped
+/// occluder meshes. All such scenes have the same object ids.
 pub fn scene(rng: &mut Random) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..150 {
@@ -132,22 +139,27 @@ pub fn scene(rng: &mut Random) -> Scene {
     scene
 }
 
+/// Returns a random small triangle within 16 m of the origin on each axis.
 fn random_triangle(rng: &mut Random) -> Triangle {
     let at = rng.vector(15.0);
     core::array::from_fn(|_| (at + rng.vector(1.0)).as_vec3())
 }
 
+/// Returns the box of a random thin wall near the origin.
 fn random_wall(rng: &mut Random) -> Aabb {
     let at = rng.vector(8.0).as_vec3();
     let half = *[Vec3::new(0.2, 4.0, 4.0), Vec3::new(4.0, 0.2, 4.0)].get(rng.below(2)).unwrap();
     Aabb::new(at - half, at + half)
 }
 
+/// Gives an object a box-shaped occluder mesh with the object's bounds.
 fn give_mesh(scene: &mut Scene, id: ObjectId, bounds: &Aabb) {
     let mesh = scene.add_mesh(OccluderMesh::cuboid(bounds).unwrap());
     scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
 }
 
+/// Makes up to three random changes: removal, insertion, new bounds, triangles, layers, flags, occluders or
+/// origin. Then maintains the hierarchy.
 fn change(scene: &mut Scene, rng: &mut Random) {
     let ids: Vec<_> = scene.ids().collect();
     for _ in 0..rng.below(4) {
@@ -157,12 +169,12 @@ fn change(scene: &mut Scene, rng: &mut Random) {
         }
         match rng.below(8) {
             0 => {
-                // The index is used again.
+                // The index of the removed object is used again.
                 scene.remove(id).unwrap();
                 scene.insert(Aabb::from_points(random_triangle(rng)));
             }
             1 => {
-                // Turned round where it is.
+                // Same bounds, triangles reversed.
                 let turned: Vec<_> =
                     scene.triangles(id).unwrap().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
                 scene.set_triangles(id, turned).unwrap();
@@ -186,6 +198,7 @@ fn change(scene: &mut Scene, rng: &mut Random) {
     scene.maintain(rng.below(4));
 }
 
+/// Changes the bounds and triangles of one object and restores both.
 fn change_and_revert(scene: &mut Scene, rng: &mut Random) {
     let ids: Vec<_> = scene.ids().collect();
     let id = ids[rng.below(ids.len())];

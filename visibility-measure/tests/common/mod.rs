@@ -1,10 +1,10 @@
-//! A view in which coordinates are pixels.
+//! A view whose world coordinates are pixels, shared by the tests.
 
 use visibility_core::glam::{DMat4, DVec4};
 use visibility_core::{View, view::Depth};
 
-/// Shows x right and y down, in pixels of a `width` x `height` image, nearer the smaller z, which is from 0
-/// to 1.
+/// Returns a parallel view in which world x points right and y down, in pixels of a `width` x `height` image.
+/// z is the depth, from 0 (nearest) to 1.
 pub(crate) fn pixels(width: f64, height: f64) -> View {
     let matrix = DMat4::from_cols(
         DVec4::X * 2.0 / width,

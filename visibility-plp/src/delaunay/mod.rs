@@ -48,7 +48,8 @@ pub(crate) const SIDE: i32 = STEPS as i32 * FINER;
 /// ```
 #[derive(Clone, Debug)]
 pub struct DelaunayTessellation {
-    /// Grid of the octree that supplied the points; fine-grid coordinates are relative to its minimum corner.
+    /// Grid of the octree that supplied the points; fine-grid coordinates are relative to its minimum
+    /// corner.
     pub(crate) grid: Grid,
     /// Settings of that octree, kept for `rebuild`.
     pub(crate) fineness: Fineness,

@@ -88,8 +88,8 @@ pub(super) struct CellState {
     /// certainly inside of. All bits for the eye's cell if that cell is outside of the view.
     pub(super) crossed: u16,
     /// With [`Solidity::Coverage`], the transmittance: estimated share of view rays to the cell that no
-    /// earlier cell stops, 0 to 1. With [`Solidity::Count`], the cell's solidity. NaN until the cell is first
-    /// put into the front.
+    /// earlier cell stops, 0 to 1. With [`Solidity::Count`], the cell's solidity. NaN until the cell is
+    /// first put into the front.
     pub(super) value: f32,
     /// First of the cell's sides with layers left, an index into `Walk::sides`.
     pub(super) first_side: u32,
