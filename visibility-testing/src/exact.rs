@@ -1,9 +1,9 @@
 //! Exact signs of sums of products (Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
 //! Geometric Predicates", 1997: two-product and grow-expansion).
 
-/// Returns the sign (-1, 0 or 1) of the exact sum of the products `a * b`. At most 48 products may be
-/// nonzero. Panics if there are more, or if a nonzero product's magnitude is not within 1e-270 (inclusive) to
-/// 1e300 (exclusive).
+/// Returns the sign (-1, 0 or 1) of the exact sum of the products `a * b`. Panics if a nonzero
+/// product's magnitude is not within 1e-270 (inclusive) to 1e300 (exclusive). May panic for more than 48
+/// nonzero products.
 pub fn sign_of_sum(products: impl IntoIterator<Item = (f64, f64)>) -> i32 {
     // An expansion: numbers that do not overlap, in order of increasing magnitude. The last nonzero number
     // has the sign of the sum.
