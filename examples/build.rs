@@ -1,5 +1,6 @@
-//! Tells the tests where the reference scenes are, and, by the cfg `reference_scenes`, whether they are there
-//! at all: tests that need them are reported as ignored if not.
+//! Build script that passes the folder of the reference scenes to the tests, and sets the cfg
+//! `reference_scenes` if the folder exists. Without the folder, the tests that need the scenes are reported
+//! as ignored.
 
 use std::env;
 use std::path::Path;

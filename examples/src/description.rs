@@ -1,8 +1,8 @@
-//! The JSON facts beside a scene file: up axis, near plane, names, transparency, camera walks and reference
-//! counts.
+//! JSON descriptions of scene files: up axis, near plane, object names, transparency, camera walks and
+//! reference counts.
 //!
-//! Every key is optional, since each scene has its own; a key of the wrong type is an error that names it by
-//! its path, such as `cameras[1].keys[3].eye`. Keys that are not known here are ignored.
+//! Every key is optional, since each scene has its own selection. A key of the wrong type is an error that
+//! names the key by its path, such as `cameras[1].keys[3].eye`. Unknown keys are ignored.
 
 use crate::error::SourceError;
 use crate::walk::{CameraKey, Walk};
@@ -10,61 +10,71 @@ use glam::{DVec3, Vec3};
 use serde_json::Value;
 use std::path::Path;
 
-/// The facts beside a scene file.
+/// Contents of the JSON file that lies beside a scene file. An absent or null key is `None` or an empty list.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Description {
-    /// The name of the scene.
+    /// Name of the scene.
     pub name: Option<String>,
-    /// The axis that points up.
+    /// Unit vector of the coordinate axis that points up.
     pub up: Option<Vec3>,
-    /// A near-plane distance that suits the walks.
+    /// Distance of the near plane in scene units, positive and finite, chosen for the walks.
     pub near: Option<f32>,
-    /// The number of objects, to check the scene file against.
+    /// Number of objects that the scene file must have.
     pub objects: Option<u64>,
-    /// The number of triangles, to check the scene file against.
+    /// Number of triangles that the scene file must have, over all objects.
     pub triangles: Option<u64>,
-    /// The smallest corner of the box around the scene.
+    /// Minimum corner of the scene's bounds, in scene units.
     pub bounds_min: Option<[f64; 3]>,
-    /// The largest corner of the box around the scene.
+    /// Maximum corner of the scene's bounds, in scene units.
     pub bounds_max: Option<[f64; 3]>,
-    /// Names of the objects, in their order.
+    /// Names of the objects, by object index. Empty when the objects have no names.
     pub object_names: Vec<String>,
-    /// Objects from this one on are glass.
+    /// Index of the first transparent object; all objects from this index on are glass.
     pub first_transparent_object: Option<u64>,
-    /// Objects whose name begins with one of these are cut-out billboards.
+    /// Name prefixes of cut-out billboards: an object whose name begins with one of these prefixes is
+    /// alpha-tested.
     pub alpha_tested_name_prefixes: Vec<String>,
-    /// Objects whose name holds this are doors.
+    /// Text that the name of every door contains.
     pub door_name_contains: Option<String>,
-    /// Where the five cars stand: x, z and yaw in degrees.
+    /// Placements of the copies of a car: x and z in scene units, then the yaw about y in degrees.
     pub cars5_placements: Vec<[f64; 3]>,
-    /// The camera walks.
+    /// Camera walks, each with at least one key.
     pub walks: Vec<Walk>,
-    /// What is in the frustum and what is visible, one entry a walk.
+    /// Reference counts, one entry per walk.
     pub reference: Vec<ReferenceCounts>,
 }
 
-/// For each key of a walk, what a 640 by 360 item buffer shows with every object drawn and opaque, doors
-/// closed.
+/// Reference counts of one walk, one number per key of the walk. The counts are taken from a 640 by 360 item
+/// buffer with every object drawn opaque and all doors closed.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ReferenceCounts {
-    /// The name of the walk.
+    /// Name of the walk.
     pub walk: String,
-    /// Objects whose triangles are partly in the frustum.
+    /// Number of objects with a triangle at least partly inside the frustum, per key.
     pub objects_in_frustum: Vec<u64>,
-    /// Objects of which at least one pixel shows.
+    /// Number of objects with at least one visible pixel, per key.
     pub objects_visible: Vec<u64>,
-    /// Triangles of which at least one pixel shows.
+    /// Number of triangles with at least one visible pixel, per key.
     pub triangles_visible: Vec<u64>,
 }
 
 impl Description {
-    /// Reads a description from a file.
+    /// Reads a description from a JSON file.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`SourceError::Io`] when the file cannot be read, and the errors of [`parse`](Self::parse).
     pub fn load(path: &Path) -> Result<Self, SourceError> {
         let bytes = std::fs::read(path).map_err(|cause| SourceError::io(path, cause))?;
         Self::parse(&bytes, path)
     }
 
-    /// Reads a description from bytes; the path is for messages only.
+    /// Reads a description from the bytes of a JSON file. `path` appears in error messages only.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`SourceError::Content`] with the path of the key when the text is not JSON, the root is not
+    /// an object, or a known key has a wrong type or an unusable value.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, SourceError> {
         let root: Value = serde_json::from_slice(bytes).map_err(|error| {
             let place = format!("line {}, column {}", error.line(), error.column());
@@ -77,6 +87,7 @@ impl Description {
         Self::read(&root)
     }
 
+    /// Reads all known keys of the root object.
     fn read(root: &Item<'_>) -> Result<Self, SourceError> {
         Ok(Self {
             name: root.optional("name", Item::text)?,
@@ -97,6 +108,7 @@ impl Description {
     }
 }
 
+/// Reads an up axis: `"x"`, `"y"` or `"z"`.
 fn up_axis(item: &Item<'_>) -> Result<Vec3, SourceError> {
     match item.text()?.as_str() {
         "x" => Ok(Vec3::X),
@@ -106,11 +118,14 @@ fn up_axis(item: &Item<'_>) -> Result<Vec3, SourceError> {
     }
 }
 
+/// Reads a near-plane distance, which must be positive and finite as an f32.
 fn near(item: &Item<'_>) -> Result<f32, SourceError> {
     let near = item.number()? as f32;
     if near > 0.0 && near.is_finite() { Ok(near) } else { Err(item.wrong("a positive distance")) }
 }
 
+/// Reads a camera walk. The field of view must lie strictly between 0 and 180 degrees, the up direction must
+/// not be zero, and there must be at least one key.
 fn walk(item: &Item<'_>) -> Result<Walk, SourceError> {
     let fov = item.required("fov_y_deg")?;
     let fov_y_degrees = fov.number()? as f32;
@@ -134,6 +149,7 @@ fn walk(item: &Item<'_>) -> Result<Walk, SourceError> {
     })
 }
 
+/// Reads a camera key, whose eye and target must differ.
 fn key(item: &Item<'_>) -> Result<CameraKey, SourceError> {
     let eye = DVec3::from_array(item.required("eye")?.numbers()?);
     let target = DVec3::from_array(item.required("target")?.numbers()?);
@@ -143,6 +159,7 @@ fn key(item: &Item<'_>) -> Result<CameraKey, SourceError> {
     Ok(CameraKey { eye, target })
 }
 
+/// Reads the reference counts of one walk.
 fn reference(item: &Item<'_>) -> Result<ReferenceCounts, SourceError> {
     Ok(ReferenceCounts {
         walk: item.required("path")?.text()?,
@@ -152,7 +169,7 @@ fn reference(item: &Item<'_>) -> Result<ReferenceCounts, SourceError> {
     })
 }
 
-/// A JSON value that knows where it stands, for messages.
+/// JSON value with its key path in the file, for error messages. `place` is empty for the root.
 struct Item<'a> {
     value: &'a Value,
     place: String,
@@ -160,6 +177,7 @@ struct Item<'a> {
 }
 
 impl<'a> Item<'a> {
+    /// Makes the error that this value is not the `expected` thing.
     fn wrong(&self, expected: &str) -> SourceError {
         let found = match self.value {
             Value::Null => "null".to_owned(),
@@ -173,17 +191,20 @@ impl<'a> Item<'a> {
         SourceError::content(self.path, place, format!("expected {expected}, found {found}"))
     }
 
-    /// The value under a key; a null counts as absent.
+    /// Returns the value under a key of this object. `None` when the key is absent, its value is null, or
+    /// this value is not an object.
     fn member(&self, key: &str) -> Option<Item<'a>> {
         let value = self.value.get(key).filter(|value| !value.is_null())?;
         let place = if self.place.is_empty() { key.to_owned() } else { format!("{}.{key}", self.place) };
         Some(Item { value, place, path: self.path })
     }
 
+    /// Returns the value under a key, or an error when the key is absent or null.
     fn required(&self, key: &str) -> Result<Item<'a>, SourceError> {
         self.member(key).ok_or_else(|| self.wrong(&format!("an object with the key `{key}`")))
     }
 
+    /// Reads the value under a key with `read`. `Ok(None)` when the key is absent or null.
     fn optional<T>(
         &self,
         key: &str,
@@ -192,7 +213,7 @@ impl<'a> Item<'a> {
         self.member(key).map(|item| read(&item)).transpose()
     }
 
-    /// The list under a key; an absent one is empty.
+    /// Reads each element of the list under a key. An absent or null key gives an empty list.
     fn list<T>(
         &self,
         key: &str,
@@ -201,6 +222,7 @@ impl<'a> Item<'a> {
         self.member(key).map_or_else(|| Ok(Vec::new()), |item| item.each(read))
     }
 
+    /// Reads each element of this list with `read`, or returns an error when this value is not a list.
     fn each<T>(&self, read: impl Fn(&Item<'a>) -> Result<T, SourceError>) -> Result<Vec<T>, SourceError> {
         let items = self.value.as_array().ok_or_else(|| self.wrong("a list"))?;
         let read_one = |(index, value)| {
@@ -209,24 +231,33 @@ impl<'a> Item<'a> {
         items.iter().enumerate().map(read_one).collect()
     }
 
+    /// Returns the text of a JSON string, or an error for another type.
     fn text(&self) -> Result<String, SourceError> {
         self.value.as_str().map(str::to_owned).ok_or_else(|| self.wrong("a string"))
     }
 
+    /// Returns a whole number that is not negative, or an error.
     fn count(&self) -> Result<u64, SourceError> {
         self.value.as_u64().ok_or_else(|| self.wrong("a whole number that is not negative"))
     }
 
+    /// Returns a number, or an error for another type.
     fn number(&self) -> Result<f64, SourceError> {
         self.value.as_f64().ok_or_else(|| self.wrong("a number"))
     }
 
+    /// Returns a list of exactly three numbers, or an error.
     fn numbers(&self) -> Result<[f64; 3], SourceError> {
         self.each(Item::number)?.try_into().map_err(|_| self.wrong("a list of 3 numbers"))
     }
 }
 
-/// Reads the walks of a JSON description, for use with any scene.
+/// Reads the camera walks of a JSON description, for use with any scene.
+///
+/// # Errors
+///
+/// Returns the errors of [`Description::load`], and [`SourceError::Content`] when the description has no
+/// walks.
 pub fn load_walks(path: &std::path::Path) -> Result<Vec<Walk>, SourceError> {
     let description = Description::load(path)?;
     if description.walks.is_empty() {
@@ -243,6 +274,7 @@ mod tests {
         Description::parse(text.as_bytes(), Path::new("test.json"))
     }
 
+    /// Valid description that tests alter: one walk with one key, and reference counts for it.
     const GOOD: &str = r#"{"name": "n", "up_axis": "y", "near": 0.2, "first_transparent_object": null, "cameras":
         [{"name": "w", "fov_y_deg": 60, "up": [0, 2, 0], "keys": [{"eye": [1, 2, 3.5], "target": [0, 0, 0]}]}],
         "reference_640x360": [{"path": "w", "per_key_visible_objs": [3]}]}"#;

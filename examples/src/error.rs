@@ -1,55 +1,58 @@
-//! The one error of every scene source: which file or recipe, what is wrong with it, and where.
+//! Error type of every scene source: the file or recipe, the position in it, and the problem.
 //!
-//! A scene file comes from somebody else and may be cut short, mistyped or made to break its reader, so each
-//! loader answers with this instead of a panic. The place is a byte offset in binary files and a key path
-//! such as `cameras[1].keys[3].eye` in JSON: a person must be able to find the spot with an editor.
+//! A scene file may be truncated, mistyped or made to break its reader, so each loader returns this error
+//! instead of panicking. The position is a byte offset in binary files and a key path such as
+//! `cameras[1].keys[3].eye` in JSON, so that a person can find the spot with an editor.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Why a scene could not be made or read.
+/// Reason why a scene could not be made or read.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum SourceError {
-    /// The file system refused: no such file, no permission, a failing disk.
+    /// Error of the file system: no such file, no permission, a failing disk.
     Io {
-        /// The file asked for.
+        /// Path of the file that could not be read.
         file: PathBuf,
-        /// What the operating system says.
+        /// Error that the operating system reported.
         cause: std::io::Error,
     },
-    /// The file was read, and its content is wrong.
+    /// Invalid content of a file that could be read.
     Content {
-        /// The file that is wrong.
+        /// Path of the invalid file.
         file: PathBuf,
-        /// Where in it: a byte offset, a key path, the name of a glTF item.
+        /// Position of the problem in the file: a byte offset, a key path, or the name of a glTF item.
         place: String,
-        /// What is wrong there.
+        /// Description of the problem, for a person.
         problem: String,
     },
-    /// The extension of a path names no format that is read here.
+    /// Path whose extension names no supported scene format.
     UnknownFormat {
-        /// The path as given.
+        /// Path as the caller gave it.
         file: PathBuf,
     },
-    /// A recipe, or its sizes, cannot be understood or would be too large.
+    /// Recipe or sizes of a recipe that cannot be understood or would make too large a scene.
     Recipe {
-        /// The recipe as the caller wrote it.
+        /// Recipe as the caller wrote it.
         spec: String,
-        /// What is wrong with it.
+        /// Description of the problem, for a person.
         problem: String,
     },
 }
 
 impl SourceError {
+    /// Makes a [`SourceError::Content`] for a position in a file.
     pub(crate) fn content(file: &Path, place: impl Into<String>, problem: impl Into<String>) -> Self {
         SourceError::Content { file: file.to_path_buf(), place: place.into(), problem: problem.into() }
     }
 
+    /// Makes a [`SourceError::Io`] for a file.
     pub(crate) fn io(file: &Path, cause: std::io::Error) -> Self {
         SourceError::Io { file: file.to_path_buf(), cause }
     }
 
+    /// Makes a [`SourceError::Recipe`] for a specification.
     pub(crate) fn recipe(spec: impl Into<String>, problem: impl Into<String>) -> Self {
         SourceError::Recipe { spec: spec.into(), problem: problem.into() }
     }

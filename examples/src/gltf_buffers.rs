@@ -1,8 +1,8 @@
-//! The bytes behind a glTF document, and typed reading of them that trusts no number in the document.
+//! Buffers of a glTF document, with typed reading that trusts no number in the document.
 //!
-//! A buffer is the binary chunk of a GLB, a base64 `data:` URI, or a file below the folder of the document:
-//! nothing else is opened, whatever the URI says. An accessor is checked against the bytes that are really
-//! there before anything is reserved, so it can never ask for more memory than the file has bytes for.
+//! A buffer is the binary chunk of a GLB, a base64 `data:` URI, or a file below the folder of the document;
+//! other files and URIs are never opened. An accessor is checked against the bytes that are present before
+//! memory is reserved, so its memory never exceeds the order of the file's size.
 
 use crate::error::SourceError;
 use glam::Vec3;
@@ -11,14 +11,16 @@ use gltf::buffer::Source;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
-/// The bytes of every buffer of a document, in order.
+/// Bytes of every buffer of a document, by buffer index.
 pub(crate) struct Buffers<'a> {
     bytes: Vec<Vec<u8>>,
     path: &'a Path,
 }
 
 impl<'a> Buffers<'a> {
-    /// Fetches the buffers. The path is that of the document.
+    /// Loads the buffers of a document. `chunk` is the binary chunk of a GLB, `None` for a glTF file; `path`
+    /// is the path of the document, to which URIs are relative. Returns an error when a buffer is missing,
+    /// not permitted or shorter than the document claims.
     pub(crate) fn load(
         document: &gltf::Document,
         chunk: Option<Vec<u8>>,
@@ -48,7 +50,8 @@ impl<'a> Buffers<'a> {
         Ok(Self { bytes, path })
     }
 
-    /// The vertex positions of an accessor.
+    /// Reads the vertex positions of an accessor, in mesh space. Returns an error unless the elements are
+    /// vectors of three f32 within the accessor's buffer view. NaN and infinities are kept.
     pub(crate) fn positions(&self, accessor: &Accessor<'_>) -> Result<Vec<Vec3>, SourceError> {
         if (accessor.data_type(), accessor.dimensions()) != (DataType::F32, Dimensions::Vec3) {
             return Err(self.wrong(accessor, "positions must be vectors of 3 f32"));
@@ -58,7 +61,8 @@ impl<'a> Buffers<'a> {
         Ok(self.elements(accessor)?.map(point).collect())
     }
 
-    /// The vertex indices of an accessor.
+    /// Reads the vertex indices of an accessor. Returns an error unless the elements are unsigned scalars of
+    /// 8, 16 or 32 bits within the accessor's buffer view.
     pub(crate) fn indices(&self, accessor: &Accessor<'_>) -> Result<Vec<u32>, SourceError> {
         let index: fn(&[u8]) -> u32 = match (accessor.data_type(), accessor.dimensions()) {
             (DataType::U8, Dimensions::Scalar) => |b| u32::from(b[0]),
@@ -69,12 +73,15 @@ impl<'a> Buffers<'a> {
         Ok(self.elements(accessor)?.map(index).collect())
     }
 
+    /// Makes the error for a problem of an accessor.
     fn wrong(&self, accessor: &Accessor<'_>, problem: impl Into<String>) -> SourceError {
         let place = format!("accessor {}", accessor.index());
         SourceError::content(self.path, place, problem)
     }
 
-    /// The bytes of each element of an accessor, each as long as the element.
+    /// Returns the bytes of each element of an accessor; every slice has the length of one element. Returns
+    /// an error for sparse accessors, accessors beyond their buffer view or buffer, and strides shorter than
+    /// an element.
     fn elements(&self, accessor: &Accessor<'_>) -> Result<impl ExactSizeIterator<Item = &[u8]>, SourceError> {
         if accessor.sparse().is_some() {
             return Err(self.wrong(accessor, "sparse accessors are not read"));
@@ -94,7 +101,7 @@ impl<'a> Buffers<'a> {
 
         let size = accessor.size();
         let stride = view.stride().unwrap_or(size);
-        // Overlapping elements would multiply the file's size.
+        // Overlapping elements could make the result larger than the file.
         if stride < size {
             return Err(self.wrong(accessor, "its stride is shorter than an element"));
         }
@@ -110,12 +117,14 @@ impl<'a> Buffers<'a> {
             .checked_add(span)
             .and_then(|end| view_bytes.get(accessor.offset()..end))
             .ok_or_else(too_far)?;
-        // The last element need not be padded to the stride, so chunks may end in a short one.
+        // The last element need not be padded to the stride, so the last chunk may be shorter than the
+        // stride.
         Ok(bytes.chunks(stride).map(move |chunk| &chunk[..size]))
     }
 }
 
-/// The bytes of a `data:` URI without its scheme.
+/// Decodes a `data:` URI in base64. `rest` is the URI without its scheme. The error is a message for a
+/// person.
 fn data_uri(rest: &str) -> Result<Vec<u8>, String> {
     let (kind, data) = rest.split_once(',').ok_or("the data URI has no comma before its data")?;
     if !kind.ends_with(";base64") {
@@ -124,6 +133,7 @@ fn data_uri(rest: &str) -> Result<Vec<u8>, String> {
     base64(data)
 }
 
+/// Decodes base64 text with or without `=` padding. The error is a message for a person.
 fn base64(text: &str) -> Result<Vec<u8>, String> {
     let digits = text.trim_end_matches('=').as_bytes();
     let mut bytes = Vec::with_capacity(digits.len() / 4 * 3 + 2);
@@ -136,12 +146,13 @@ fn base64(text: &str) -> Result<Vec<u8>, String> {
             let value = group.get(i).map_or(Ok(0), |&digit| sextet(digit))?;
             bits = bits << 6 | value;
         }
-        // Four digits are three bytes; a short group at the end is one byte less than it has digits.
+        // Four digits give three bytes; a shorter last group gives one byte less than its number of digits.
         bytes.extend_from_slice(&bits.to_be_bytes()[1..group.len()]);
     }
     Ok(bytes)
 }
 
+/// Returns the value, 0 to 63, of a base64 digit, or a message for any other byte.
 fn sextet(digit: u8) -> Result<u32, String> {
     let value = match digit {
         b'A'..=b'Z' => digit - b'A',
@@ -154,11 +165,12 @@ fn sextet(digit: u8) -> Result<u32, String> {
     Ok(u32::from(value))
 }
 
-/// The first `length` bytes of a file that a relative URI names, which must lie below the document's folder.
+/// Reads at most the first `length` bytes of the file that a relative URI names. Returns a message as the
+/// error unless the file, with symbolic links resolved, is a regular file below the folder of `document`.
 fn file_below(document: &Path, uri: &str, length: usize) -> Result<Vec<u8>, String> {
     let relative = percent_decoded(uri)?;
     let refused = |why: &str| format!("the file `{uri}` is not opened: {why}");
-    // A colon would be a scheme (`file:`, `https:`) or a drive.
+    // A colon would be part of a scheme (`file:`, `https:`) or a drive.
     if relative.as_os_str().to_string_lossy().contains(':') {
         return Err(refused("only relative paths and data URIs are read"));
     }
@@ -172,7 +184,7 @@ fn file_below(document: &Path, uri: &str, length: usize) -> Result<Vec<u8>, Stri
     };
     let unreadable = |cause: std::io::Error| format!("cannot read the file `{uri}`: {cause}");
     let folder = folder.canonicalize().map_err(unreadable)?;
-    // Links are followed, so where they lead has to be looked at.
+    // `canonicalize` follows symbolic links, so the target must be checked as well.
     let file = folder.join(relative).canonicalize().map_err(unreadable)?;
     if !file.starts_with(&folder) {
         return Err(refused("it leads out of the document's folder"));
@@ -187,6 +199,8 @@ fn file_below(document: &Path, uri: &str, length: usize) -> Result<Vec<u8>, Stri
     Ok(bytes)
 }
 
+/// Decodes the %-escapes of a URI into a path. Returns a message as the error when an escape is malformed, or
+/// the result is empty, not UTF-8 or contains a NUL.
 fn percent_decoded(uri: &str) -> Result<PathBuf, String> {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();

@@ -1,8 +1,8 @@
-//! glTF and GLB files as scenes: every primitive of every node's mesh becomes an object, in world space.
+//! glTF and GLB files as scenes: every primitive of every node's mesh becomes an object in world space.
 //!
-//! Nodes are walked with a list rather than by recursion and each at most once, so that neither a cycle nor a
-//! deep or entangled hierarchy can hang the program or overflow its stack. Animation, skins and morph targets
-//! are left out: objects stand where the file puts them at rest.
+//! Nodes are visited with an explicit stack and at most once each, so neither a cycle nor a deep hierarchy
+//! can hang the program or overflow the call stack. Animation, skins and morph targets are ignored: objects
+//! are in their rest pose.
 
 use crate::error::SourceError;
 use crate::gltf_buffers::Buffers;
@@ -14,16 +14,22 @@ use gltf::mesh::{Mode, Semantic};
 use gltf::scene::Transform;
 use std::path::Path;
 
-/// A mesh can be placed any number of times, so the size of a scene is not bounded by that of its file.
+/// Maximum number of triangles of a scene. Nodes can instance one mesh any number of times, so the size of
+/// the file does not bound the number of triangles.
 const MOST_TRIANGLES: usize = 1 << 25;
-/// Nor is the work bounded: a thousand nodes may each read the same million vertices. This many are read in
-/// all.
+/// Maximum number of vertices and indices read in total. A thousand nodes may each read the same million
+/// vertices, so the size of the file does not bound the work.
 const MOST_READ: usize = 1 << 27;
 
-/// Reads a glTF or GLB document from its bytes; the path says where further files are, and is shown in
-/// messages.
+/// Reads a glTF or GLB document from its bytes. `path` is the document's path: further files are searched
+/// below its folder, and error messages show it.
 ///
-/// The walks are made up from the bounds of the scene.
+/// The up axis is y. The near plane and the walks are derived from the bounds of the scene.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Content`] when the document or one of its buffers is invalid, when nodes do not
+/// form trees, or when the scene exceeds the bounds on triangles or on vertices and indices read.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneSource, SourceError> {
     let (document, chunk) = document(bytes, path)?;
     let mut collector = Collector {
@@ -50,12 +56,14 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneSource, SourceError> {
     Ok(scene)
 }
 
-/// The validated document and the binary chunk of a GLB.
+/// Parses and validates a document. Returns the document and the binary chunk of a GLB, `None` if there is
+/// none.
 fn document(bytes: &[u8], path: &Path) -> Result<(gltf::Document, Option<Vec<u8>>), SourceError> {
+    /// Size of the GLB header, in bytes.
     const GLB_HEADER: usize = 12;
     let wrong = |place: &str, problem: String| SourceError::content(path, place, problem);
     if bytes.starts_with(b"glTF") {
-        // The crate subtracts the header's size from the length that it claims without looking.
+        // The `gltf` crate subtracts the header's size from the claimed length without a check.
         let length = bytes
             .get(8..GLB_HEADER)
             .map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
@@ -67,7 +75,7 @@ fn document(bytes: &[u8], path: &Path) -> Result<(gltf::Document, Option<Vec<u8>
     }
     let unreadable = |error: gltf::Error| wrong("document", describe(&error));
     let gltf = gltf::Gltf::from_slice_without_validation(bytes).map_err(unreadable)?;
-    // The crate's validation itself looks the accessors of positions up without a check.
+    // The validation of the `gltf` crate looks up the accessors of positions without a bounds check.
     let root = gltf.document.as_json();
     for (mesh_index, mesh) in root.meshes.iter().enumerate() {
         for (index, primitive) in mesh.primitives.iter().enumerate() {
@@ -83,7 +91,8 @@ fn document(bytes: &[u8], path: &Path) -> Result<(gltf::Document, Option<Vec<u8>
     Ok((document, gltf.blob))
 }
 
-/// The crate prints a failed validation with all its items on one line; the first is enough to begin with.
+/// Formats an error of the `gltf` crate. Of a failed validation only the first item is shown, since the crate
+/// prints all items on one line.
 fn describe(error: &gltf::Error) -> String {
     match error {
         gltf::Error::Validation(items) => match items.first() {
@@ -94,8 +103,9 @@ fn describe(error: &gltf::Error) -> String {
     }
 }
 
-/// The nodes of the default scene with their world transforms: of the first scene if none is the default, and
-/// of all nodes that are no children if there are no scenes.
+/// Returns the nodes of the default scene with their world transforms, parents before children. Without a
+/// default scene the nodes are those of the first scene, and without scenes all nodes below the nodes that
+/// have no parent. Returns an error when a node is reached twice.
 fn placed_nodes<'a>(
     document: &'a gltf::Document,
     path: &Path,
@@ -123,7 +133,8 @@ fn placed_nodes<'a>(
             ));
         }
         let world = parent * local_transform(&node);
-        // Last in, first out: pushed backwards, children come in the order of the file.
+        // The stack is last in, first out: children are pushed in reverse, so that they are visited in the
+        // order of the file.
         let first = waiting.len();
         waiting.extend(node.children().map(|child| (child, world)));
         waiting[first..].reverse();
@@ -132,6 +143,7 @@ fn placed_nodes<'a>(
     Ok(placed)
 }
 
+/// Returns the transform of a node relative to its parent.
 fn local_transform(node: &gltf::Node<'_>) -> DMat4 {
     match node.transform() {
         Transform::Matrix { matrix } => {
@@ -139,7 +151,7 @@ fn local_transform(node: &gltf::Node<'_>) -> DMat4 {
         }
         Transform::Decomposed { translation, rotation, scale } => {
             let rotation = DQuat::from_array(rotation.map(f64::from));
-            // A quaternion of no length is no rotation.
+            // A quaternion of length zero counts as no rotation.
             let rotation =
                 if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
             DMat4::from_scale_rotation_translation(
@@ -151,16 +163,19 @@ fn local_transform(node: &gltf::Node<'_>) -> DMat4 {
     }
 }
 
+/// Collector of a scene's objects, with the totals that are bounded.
 struct Collector<'a> {
     buffers: Buffers<'a>,
     path: &'a Path,
     objects: Vec<SourceObject>,
     triangles: usize,
-    /// Vertices and indices read so far.
+    /// Number of vertices and indices read so far.
     read: usize,
 }
 
 impl Collector<'_> {
+    /// Appends one object for each primitive of the node's mesh; `transform` maps mesh space to world space.
+    /// A node without a mesh adds no object.
     fn add(&mut self, node: &gltf::Node<'_>, transform: &DMat4) -> Result<(), SourceError> {
         let Some(mesh) = node.mesh() else {
             return Ok(());
@@ -179,6 +194,8 @@ impl Collector<'_> {
         Ok(())
     }
 
+    /// Reads the world-space triangles of one primitive, which are none for points and lines. `place` names
+    /// the primitive in error messages.
     fn primitive(
         &mut self,
         primitive: &gltf::Primitive<'_>,
@@ -211,7 +228,8 @@ impl Collector<'_> {
         }
         let world = |p: &Vec3| transform.transform_point3(p.as_dvec3()).as_vec3();
         let placed: Vec<Vec3> = positions.iter().map(world).collect();
-        // A transform that mirrors turns triangles inside out, and the front is what it was in the file.
+        // A mirroring transform turns triangles inside out; swapping two vertices restores the front that the
+        // file has.
         let mirrored = transform.determinant() < 0.0;
         let triangle = |t: usize| {
             let [a, b, c] = corners.of(t).map(|i| placed[order[i] as usize]);
@@ -221,31 +239,36 @@ impl Collector<'_> {
     }
 }
 
-/// Which of a primitive's vertices make each of its triangles.
+/// Vertex order of a primitive: how its `triangles` triangles index its vertices.
 struct Corners {
     mode: Mode,
     triangles: usize,
 }
 
+/// Returns the vertex order of a primitive with `vertices` vertices. Vertices left over at the end are
+/// ignored.
 fn corners(mode: Mode, vertices: usize) -> Corners {
     let triangles = match mode {
         Mode::Triangles => vertices / 3,
         Mode::TriangleStrip | Mode::TriangleFan => vertices.saturating_sub(2),
-        // Points and lines have no surface that could hide or be hidden.
+        // Points and lines have no surface, so they neither occlude nor are occluded.
         Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => 0,
     };
     Corners { mode, triangles }
 }
 
 impl Corners {
+    /// Returns the number of triangles.
     fn len(&self) -> usize {
         self.triangles
     }
 
+    /// Returns the positions, in the primitive's vertex or index list, of the three corners of a triangle.
+    /// `triangle` must be below [`len`](Self::len).
     fn of(&self, triangle: usize) -> [usize; 3] {
         let t = triangle;
         match self.mode {
-            // Every second triangle of a strip is wound the other way.
+            // Every second triangle of a strip has the opposite winding.
             Mode::TriangleStrip => [t, t + 1 + t % 2, t + 2 - t % 2],
             Mode::TriangleFan => [t + 1, t + 2, 0],
             _ => [3 * t, 3 * t + 1, 3 * t + 2],

@@ -1,7 +1,7 @@
-//! What the example programs share: scene sources and camera walks.
+//! Library of the example programs: scene sources, camera walks, and the code that several programs share.
 //!
-//! A scene comes from a recipe ([`built_in`]) or from a file ([`load()`]); either way it is a
-//! [`SceneSource`]: objects as plain triangles, and walks to fly the camera along.
+//! A scene comes from a recipe ([`built_in`]) or from a file ([`load()`]). Either way it is a
+//! [`SceneSource`]: objects as plain triangles, and walks to move the camera along.
 
 pub mod description;
 pub mod error;
@@ -27,7 +27,8 @@ pub use recipes::built_in;
 pub use source::{SceneSource, SourceObject};
 pub use walk::{CameraKey, Frame, Walk, frames};
 
-/// Compiles the code in the README.
+/// Holder of the README's code blocks, which are compiled as documentation tests. It exists only in
+/// documentation tests.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
 pub struct Readme;

@@ -1,8 +1,8 @@
-//! Scenes from files, by extension, with the facts that lie beside them.
+//! Scene files, loaded by extension, with the JSON description that lies beside a VSCN file.
 //!
-//! A VSCN file holds triangles and nothing else; the JSON of the same stem brings names, the up axis, which
-//! objects are glass or doors, and the camera walks. Without it the scene still loads, with z up and walks
-//! made up from its bounds.
+//! A VSCN file holds only triangles. The JSON of the same stem gives names, the up axis, which objects are
+//! glass or doors, and the camera walks. Without the JSON the scene still loads, with z up and walks derived
+//! from its bounds.
 
 use crate::description::Description;
 use crate::error::SourceError;
@@ -12,8 +12,14 @@ use crate::{gltf_file, vscn, walk};
 use glam::{DQuat, DVec3, Vec3};
 use std::path::Path;
 
-/// The scene that a user names: a recipe with its sizes (`office:7,24`), a file, or `cars5:FILE`, five cars
-/// by the placements beside one.
+/// Makes the scene that a user names: a recipe with or without sizes (`office:7,24`), the path of a scene
+/// file, or `cars5:FILE`, which is [`cars5`] of that file.
+///
+/// A name without an extension counts as a recipe.
+///
+/// # Errors
+///
+/// Returns the errors of [`built_in`], [`load()`] or [`cars5`].
 pub fn open(name: &str) -> Result<SceneSource, SourceError> {
     let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();
     let is_recipe = |known: String| before_sizes(&known) == before_sizes(name);
@@ -26,7 +32,14 @@ pub fn open(name: &str) -> Result<SceneSource, SourceError> {
     }
 }
 
-/// Reads a scene from a `.vscn` (with its `.json` when there is one), `.gltf` or `.glb` file.
+/// Reads a scene from a `.vscn` (with its `.json` if that exists), `.gltf` or `.glb` file. The case of the
+/// extension does not matter.
+///
+/// # Errors
+///
+/// Returns [`SourceError::UnknownFormat`] for any other extension, [`SourceError::Io`] when a file cannot be
+/// read, and [`SourceError::Content`] when its content is invalid or the JSON's counts differ from the
+/// file's.
 pub fn load(path: &Path) -> Result<SceneSource, SourceError> {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
@@ -36,11 +49,16 @@ pub fn load(path: &Path) -> Result<SceneSource, SourceError> {
     }
 }
 
-/// Reads the car of a VSCN file and its JSON, and puts the copies of it where the JSON says; the walks are
-/// for these.
+/// Reads the car of a VSCN file and its JSON, and makes a scene of one copy of the car per placement in the
+/// JSON. The walks are those of the JSON.
 ///
-/// The copies are turned about y by their yaw and then moved by (x, 0, z); their objects keep their names,
-/// with the number of the car in front.
+/// A copy is rotated about y by the placement's yaw and then translated by (x, 0, z). The names of its
+/// objects are prefixed with the index of the copy.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Io`] when one of the two files cannot be read, and [`SourceError::Content`] when
+/// its content is invalid or the JSON has no placements.
 pub fn cars5(path: &Path) -> Result<SceneSource, SourceError> {
     let description = Description::load(&path.with_extension("json"))?;
     if description.cars5_placements.is_empty() {
@@ -64,13 +82,15 @@ pub fn cars5(path: &Path) -> Result<SceneSource, SourceError> {
     Ok(SceneSource { name: format!("{}5", car.name), objects, ..car })
 }
 
+/// Reads a whole file, with the path in the error.
 fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
     std::fs::read(path).map_err(|cause| SourceError::io(path, cause))
 }
 
+/// Loads a VSCN file with its JSON description, which may be missing.
 fn load_vscn(path: &Path) -> Result<SceneSource, SourceError> {
     let beside = path.with_extension("json");
-    // Only a missing file is fine: one that is there and cannot be read must not be passed over.
+    // Only a missing file counts as no description; a file that exists and cannot be read is an error.
     let description = match Description::load(&beside) {
         Err(SourceError::Io { cause, .. }) if cause.kind() == std::io::ErrorKind::NotFound => {
             Description::default()
@@ -80,6 +100,8 @@ fn load_vscn(path: &Path) -> Result<SceneSource, SourceError> {
     assemble(path, &description)
 }
 
+/// Makes the scene of a VSCN file and a description. Absent facts get defaults: z up, and a near plane and
+/// walks derived from the bounds.
 fn assemble(path: &Path, description: &Description) -> Result<SceneSource, SourceError> {
     let triangles = vscn::parse(&read(path)?, path)?;
     check_counts(path, description, &triangles)?;
@@ -104,8 +126,8 @@ fn assemble(path: &Path, description: &Description) -> Result<SceneSource, Sourc
     Ok(scene)
 }
 
-/// A description that counts otherwise belongs to another file: its names and transparency would be put on
-/// the wrong objects.
+/// Returns an error when the description's counts differ from the scene file's. Such a description belongs to
+/// another file, and its names and transparency would be assigned to the wrong objects.
 fn check_counts(
     path: &Path,
     description: &Description,
@@ -134,6 +156,8 @@ fn check_counts(
     Ok(())
 }
 
+/// Makes the object of the given index. It is opaque unless the description counts it as glass or a
+/// billboard.
 fn object(description: &Description, index: usize, triangles: Vec<[Vec3; 3]>) -> SourceObject {
     let name = description.object_names.get(index).cloned().unwrap_or_else(|| format!("object {index}"));
     let glass = description.first_transparent_object.is_some_and(|first| index as u64 >= first);

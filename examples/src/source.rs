@@ -1,66 +1,71 @@
-//! What every scene source yields: named objects as plain triangles, and camera walks through them.
+//! Scene type that every scene source yields: named objects as plain triangles, and camera walks through
+//! them.
 //!
-//! Recipes, VSCN files and glTF files all end here, so a program is written once for all of them. Nothing is
-//! indexed or shared: a triangle soup is what the cullers' scene is filled from, and the simplest thing to
-//! get right.
+//! Recipes, VSCN files and glTF files all produce this type, so a program is written once for all sources.
+//! Triangles are neither indexed nor shared between objects: a triangle soup is the simplest form from which
+//! to fill the cullers' scene.
 
 use crate::walk::Walk;
 use glam::{DVec3, Vec3};
 use visibility_core::{cells::CellGraph, pvs::Viewcells};
 
-/// A scene with its camera walks.
+/// Scene with its camera walks, in world space and metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneSource {
-    /// The recipe or file stem.
+    /// Name of the recipe, or the file's name without its extension, or the name in the file's description.
     pub name: String,
-    /// The unit axis that points to the sky.
+    /// Unit vector that points up.
     pub up: Vec3,
-    /// A near-plane distance that suits the walks, in metres.
+    /// Distance of the near plane in metres, chosen for the walks.
     pub near: f32,
-    /// The objects, in the order of the file or recipe: their index is their identity.
+    /// Objects, in the order of the file or recipe. The index of an object is its identity.
     pub objects: Vec<SourceObject>,
-    /// The camera walks; a loader makes one up when the scene brings none, so this is empty only for an
-    /// empty scene.
+    /// Camera walks. A loader derives walks from the bounds when the source has none, so the list is empty
+    /// only for a scene without finite points.
     pub walks: Vec<Walk>,
-    /// The cells and portals that the scene comes with; most come with none.
+    /// Cells and portals of the scene. `None` for most sources.
     pub cells: Option<SourceCells>,
 }
 
-/// The cells and portals of a scene. Cell `i` of the graph is viewcell `i`.
+/// Cells and portals of a scene. Cell `i` of the graph has viewcell `i` and name `i`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceCells {
-    /// Which cells are joined by which portals. Its objects are filled in when a scene is made of the
-    /// source.
+    /// Graph of the cells and the portals that join them. The lists of the objects in each cell are filled
+    /// in later, when a scene is made of the source.
     pub graph: CellGraph,
-    /// Where the cells are.
+    /// Convex bodies of the cells in world space, by cell index.
     pub viewcells: Viewcells,
-    /// Their names.
+    /// Names of the cells, by cell index.
     pub names: Vec<String>,
-    /// How far an object reaches into the cells that it is in, at least, in metres. Where walls stand across
-    /// the boundaries of cells, one that only touches a cell is hidden from it by the wall there; an object
-    /// that reaches so far into none is in all that it touches.
+    /// Least depth in metres that an object must reach into a cell to be listed there. An object that only
+    /// touches a cell through a wall on the cell's boundary is hidden from the cell by that wall. An object
+    /// that reaches this depth in no cell is listed in every cell that it touches.
     pub depth: f64,
-    /// The same with a cell for each doorway, as deep as its wall, where that is known: what is seen through
-    /// portals from one point is much tighter then.
+    /// Second graph of the scene with an additional cell for each doorway, as deep as the doorway's wall.
+    /// Portal culling from a point culls much more with this graph. `None` when the depths of doorways are
+    /// unknown, and in the second graph itself.
     pub with_doorways: Option<Box<SourceCells>>,
 }
 
-/// How far cells and portals may be off: about a tenth of a micrometre in a building, and what rounding does
-/// far from the origin.
+/// Returns the tolerance for positions of cells and portals, in metres: 2^-30 of the cells' extent, about a
+/// tenth of a micrometre in a building, plus 2^-49 of the largest coordinate, which covers rounding far from
+/// the origin.
 pub fn tolerance(cells: &Viewcells) -> f64 {
     let (extent, farthest) = size(cells);
-    // Powers of two: answers do not change when a scene is scaled by one.
+    // The factors are powers of two, so scaling a scene by a power of two does not change answers.
     extent * 2.0f64.powi(-30) + farthest * 2.0f64.powi(-49)
 }
 
-/// How clear of the edges of portals a line must pass for sets that are baked to count it: about a micrometre
-/// in a building.
+/// Returns the least distance, in metres, from portal edges at which a line counts as passing for baked
+/// visible sets: the larger of 2^-26 of the cells' extent, about a micrometre in a building, and 2^-32 of the
+/// largest coordinate.
 pub fn clearance(cells: &Viewcells) -> f64 {
     let (extent, farthest) = size(cells);
     (extent * 2.0f64.powi(-26)).max(farthest * 2.0f64.powi(-32))
 }
 
-/// The greatest side of the box around all cells, and their greatest coordinate.
+/// Returns the largest side of the box around all cells, and the largest absolute coordinate of the cells, in
+/// metres. Without cells both are infinite.
 fn size(cells: &Viewcells) -> (f64, f64) {
     let (min, max) = cells.cells().iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), cell| {
         (min.min(cell.min), max.max(cell.max))
@@ -68,50 +73,54 @@ fn size(cells: &Viewcells) -> (f64, f64) {
     ((max - min).max_element(), min.abs().max(max.abs()).max_element())
 }
 
-/// One object of a scene: what is culled as a whole.
+/// Object of a scene, which is culled as a whole.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceObject {
-    /// The name in the source; not unique.
+    /// Name in the source; not necessarily unique.
     pub name: String,
-    /// World-space triangles. Vertices of files are kept as they are, NaN and infinities included.
+    /// Triangles in world space, in metres. Vertices from files are kept unchanged, NaN and infinities
+    /// included.
     pub triangles: Vec<[Vec3; 3]>,
-    /// False for glass and cut-out billboards, which can be hidden but must never hide anything.
+    /// Whether the object may serve as an occluder. False for glass and cut-out billboards, which can be
+    /// hidden but must never hide other objects.
     pub opaque: bool,
-    /// True for a door leaf: the walks of some scenes pass through closed doors, so a program may want to
-    /// open (leave out) these. Reference counts that come with a scene are taken with every door closed and
-    /// drawn.
+    /// Whether the object is a door leaf. The walks of some scenes pass through closed doors, so a program
+    /// may leave doors out. Reference counts of a scene are taken with every door closed and drawn.
     pub door: bool,
 }
 
-/// An axis-aligned box as (smallest, largest) corner.
+/// Axis-aligned box as its minimum and maximum corner, in metres.
 pub type Corners = (Vec3, Vec3);
 
 impl SourceObject {
-    /// An opaque object that is no door.
+    /// Creates an opaque object that is not a door.
     pub fn new(name: impl Into<String>, triangles: Vec<[Vec3; 3]>) -> Self {
         Self { name: name.into(), triangles, opaque: true, door: false }
     }
 
-    /// The box around the finite coordinates, or `None` when an axis has none.
+    /// Returns the box around the finite coordinates. `None` when one of the axes has no finite coordinate,
+    /// as for an object without triangles.
     pub fn bounds(&self) -> Option<Corners> {
         bounds_of(self.triangles.iter().flatten())
     }
 }
 
 impl SceneSource {
-    /// Triangles of all objects together.
+    /// Returns the total number of triangles of all objects.
     pub fn triangle_count(&self) -> usize {
         self.objects.iter().map(|o| o.triangles.len()).sum()
     }
 
-    /// The box around the finite coordinates of all objects, or `None` when an axis has none.
+    /// Returns the box around the finite coordinates of all objects. `None` when one of the axes has no
+    /// finite coordinate. Visits every vertex.
     pub fn bounds(&self) -> Option<Corners> {
         bounds_of(self.objects.iter().flat_map(|o| o.triangles.iter().flatten()))
     }
 }
 
-/// Non-finite coordinates are skipped one by one: a camera or a picture needs a usable box even when a file
-/// holds a NaN.
+/// Returns the box around the finite coordinates of the points, or `None` when one of the axes has none.
+/// Non-finite coordinates are skipped one by one, since a camera needs a usable box even when a file holds a
+/// NaN.
 fn bounds_of<'a>(points: impl Iterator<Item = &'a Vec3>) -> Option<Corners> {
     let mut low = Vec3::INFINITY;
     let mut high = Vec3::NEG_INFINITY;
@@ -122,7 +131,7 @@ fn bounds_of<'a>(points: impl Iterator<Item = &'a Vec3>) -> Option<Corners> {
     low.cmple(high).all().then_some((low, high))
 }
 
-/// The file name without its extension.
+/// Returns the file name without its extension; empty when the path has no file name.
 pub(crate) fn stem(path: &std::path::Path) -> String {
     path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
 }

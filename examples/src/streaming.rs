@@ -1,50 +1,53 @@
-//! Keeping in memory what can be seen: objects are loaded as they become visible and unloaded some time after
-//! they were hidden.
+//! Streaming cache: objects are loaded when they become visible, and unloaded some frames after they became
+//! hidden.
 //!
-//! The visible set says what appeared and what vanished since the frame before, so a frame costs what
-//! changed, not what is there.
+//! The visible set lists the objects that became visible or hidden since the frame before, so the cost of a
+//! frame is proportional to the changes and not to the number of objects.
 
 use std::collections::{HashMap, VecDeque};
 use visibility_core::{ObjectId, Scene, VisibleSet};
 
-/// What a streaming cache did so far.
+/// Totals of a streaming cache since its creation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Objects loaded.
+    /// Number of loads of objects.
     pub loads: u64,
-    /// Objects unloaded.
+    /// Number of unloads of objects.
     pub unloads: u64,
-    /// Objects that were wanted back before their time to be unloaded had come.
+    /// Number of times that an object became visible again while it was still in memory.
     pub spared: u64,
     /// Triangles in memory now.
     pub resident: u64,
-    /// The most triangles that were in memory at a time.
+    /// Largest number of triangles that were in memory at one time.
     pub peak: u64,
 }
 
-/// An object in memory.
+/// Object in memory.
 #[derive(Clone, Copy)]
 struct Resident {
-    /// What it takes, as it was when it was loaded.
+    /// Triangles of the object when it was loaded.
     size: u64,
-    /// The frame in which it was hidden, or `None` while it is visible.
+    /// Number of the frame in which the object became hidden, or `None` while it is visible.
     hidden: Option<u64>,
 }
 
-/// Which objects are in memory.
+/// Set of the objects in memory, with the rule for unloading.
 pub struct Cache {
-    /// Frames that an object stays after it was hidden: who turns round and back should not load twice.
+    /// Number of frames that an object stays in memory after it became hidden, so that a camera that turns
+    /// away and back does not load twice.
     patience: u64,
     frame: u64,
-    /// What is in memory.
+    /// Objects in memory.
     resident: HashMap<ObjectId, Resident>,
-    /// Hidden objects by the frame in which that happened, oldest first.
+    /// Queue of (frame, object) for each time that an object became hidden, oldest frame first. An entry is
+    /// obsolete when the object has become visible since.
     waiting: VecDeque<(u64, ObjectId)>,
     traffic: Traffic,
 }
 
 impl Cache {
-    /// An empty cache that keeps hidden objects for so many frames.
+    /// Creates an empty cache that keeps an object for `patience` frames after it became hidden. With 0 the
+    /// object leaves in the frame in which it becomes hidden.
     pub fn new(patience: u64) -> Self {
         Self {
             patience,
@@ -55,7 +58,9 @@ impl Cache {
         }
     }
 
-    /// Takes in what a frame has changed. The set must be one [with changes](VisibleSet::with_changes).
+    /// Advances the cache by one frame: loads the newly visible objects and unloads objects hidden for
+    /// `patience` frames. `visible` must have been created by [`VisibleSet::with_changes`] and hold the
+    /// result of culling `scene` in this frame.
     pub fn update(&mut self, scene: &Scene, visible: &VisibleSet) {
         self.frame += 1;
         for id in visible.newly_visible() {
@@ -81,7 +86,7 @@ impl Cache {
                 break;
             }
             self.waiting.pop_front();
-            // Unless it has been seen, or seen and hidden again, since.
+            // Skips an object that has become visible since, and perhaps hidden again later.
             if let Some(resident) = self.resident.get(&id).copied().filter(|r| r.hidden == Some(hidden)) {
                 self.resident.remove(&id);
                 self.traffic.unloads += 1;
@@ -90,12 +95,12 @@ impl Cache {
         }
     }
 
-    /// Whether an object can be drawn.
+    /// Returns true if the object is in memory, so that it can be drawn.
     pub fn holds(&self, id: ObjectId) -> bool {
         self.resident.contains_key(&id)
     }
 
-    /// What was done so far.
+    /// Returns the totals so far.
     pub fn traffic(&self) -> Traffic {
         self.traffic
     }
@@ -117,7 +122,7 @@ mod tests {
             cache.update(&world.scene, &visible);
             assert!(visible.iter(&world.scene).all(|id| cache.holds(id)));
         }
-        // Then nothing is in view for a while.
+        // All objects are out of view for six frames.
         let away = world.views[0].with_layers(0);
         for _ in 0..6 {
             pipeline.cull(&world.scene, &away, &mut visible);

@@ -1,22 +1,28 @@
-//! VSCN, the simplest scene file there is: objects as counted lists of world-space triangles.
+//! VSCN scene files: objects as counted lists of world-space triangles.
 //!
-//! Little endian: `u32` magic 0x4E435356 ("VSCN"), `u32` number of objects, then for each object `u32` number
-//! of triangles and nine `f32` a triangle. Counts are checked against the bytes that are left before anything
-//! is reserved, so a file can never ask for more memory than its own size calls for.
+//! All numbers are little endian: `u32` magic 0x4E435356 ("VSCN"), `u32` number of objects, then for each
+//! object the `u32` number of triangles and nine `f32` per triangle. Counts are checked against the remaining
+//! bytes before memory is reserved, so the memory of a scene is proportional to the size of the file.
 
 use crate::error::SourceError;
 use crate::source::SceneSource;
 use glam::Vec3;
 use std::path::Path;
 
+/// First four bytes of a VSCN file: the letters VSCN, read as a little-endian number.
 const MAGIC: u32 = 0x4E43_5356;
+/// Size of a triangle in the file, in bytes.
 const TRIANGLE_BYTES: usize = 36;
+/// Size of a count in the file, in bytes.
 const COUNT_BYTES: usize = 4;
 
-/// The triangles of every object of a VSCN file; the path is for messages only.
+/// Reads the triangles of a VSCN file, one list per object. `path` appears in error messages only. Vertices
+/// are kept unchanged, NaN and infinities included.
 ///
-/// Vertices are kept as they are, NaN and infinities included: that a culler can stand them is its own
-/// business.
+/// # Errors
+///
+/// Returns [`SourceError::Content`] with the byte offset when the magic number is wrong, a count exceeds the
+/// rest of the file, or bytes follow the last object.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Vec<[Vec3; 3]>>, SourceError> {
     let mut reader = Reader { bytes, at: 0, path };
     let magic = reader.count("the magic number")?;
@@ -32,7 +38,8 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Vec<[Vec3; 3]>>, SourceErr
             format!("{objects} objects are claimed, but the rest of the file holds at most {room}"),
         ));
     }
-    // Not reserved: an object takes more memory than the four bytes that a lying count needs.
+    // No capacity is reserved: a list takes more memory than the four bytes that a false count needs per
+    // object.
     let mut scene = Vec::new();
     for index in 0..objects {
         scene.push(reader.object(index)?);
@@ -44,9 +51,10 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Vec<[Vec3; 3]>>, SourceErr
     }
 }
 
-/// The bytes of a VSCN file of the scene's triangles; names, walks and the rest belong into its JSON.
+/// Returns the bytes of a VSCN file with the scene's triangles. Names, walks and the other facts belong into
+/// the JSON beside the file.
 ///
-/// `None` when a count does not fit into 32 bits.
+/// Returns `None` when the number of objects, or of triangles of an object, does not fit into 32 bits.
 pub fn write(scene: &SceneSource) -> Option<Vec<u8>> {
     let size = 8 + scene.objects.len() * COUNT_BYTES + scene.triangle_count() * TRIANGLE_BYTES;
     let mut bytes = Vec::with_capacity(size);
@@ -60,6 +68,7 @@ pub fn write(scene: &SceneSource) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
+/// Reader of a VSCN file; `at` is the offset of the next byte.
 struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -67,14 +76,17 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
+    /// Returns the number of bytes that are not read yet.
     fn left(&self) -> usize {
         self.bytes.len() - self.at
     }
 
+    /// Makes the error for a problem at a byte offset.
     fn wrong(&self, offset: usize, problem: String) -> SourceError {
         SourceError::content(self.path, format!("byte {offset}"), problem)
     }
 
+    /// Reads a u32. `what` names the number in the error when fewer than four bytes remain.
     fn count(&mut self, what: &str) -> Result<u32, SourceError> {
         let Some((head, _)) = self.bytes[self.at..].split_first_chunk() else {
             let left = self.left();
@@ -86,6 +98,7 @@ impl<'a> Reader<'a> {
         Ok(u32::from_le_bytes(*head))
     }
 
+    /// Reads one object's triangles. Returns an error when their count exceeds the rest of the file.
     fn object(&mut self, index: usize) -> Result<Vec<[Vec3; 3]>, SourceError> {
         let place = self.at;
         let triangles = self.count(&format!("the number of triangles of object {index}"))? as usize;
@@ -105,6 +118,7 @@ impl<'a> Reader<'a> {
     }
 }
 
+/// Decodes a triangle from its 36 bytes.
 fn triangle(bytes: &[u8]) -> [Vec3; 3] {
     let mut numbers = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let mut next = || numbers.next().unwrap_or_default();

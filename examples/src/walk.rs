@@ -1,45 +1,46 @@
-//! Camera walks: key frames, frames in between, and making keys from a route on the ground.
+//! Camera walks: key frames, interpolated frames, and keys made from a route on the ground.
 //!
-//! A walk is a list of keys that is interpolated linearly. Routes become keys by walking along a polyline at
-//! an even pace while looking at the point a few metres further along it, which is how a person walks: the
-//! view turns into a corner before the feet do.
+//! A walk is a list of keys with linear interpolation between consecutive keys. A route becomes keys by
+//! moving along a polyline at constant speed and looking at the point a few metres further along the
+//! polyline, as a walking person does: the view turns into a corner before the feet do.
 
 use glam::{DVec3, Vec3};
 
-/// One key of a walk: where the eye is and the point it looks at.
+/// Key of a walk: the positions of the eye and of the point it looks at, in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraKey {
-    /// The eye, in metres.
+    /// Position of the eye, in metres.
     pub eye: DVec3,
-    /// The point looked at.
+    /// Point that the eye looks at, in metres.
     pub target: DVec3,
 }
 
-/// A camera walk.
+/// Camera walk.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Walk {
-    /// What a person would call it.
+    /// Name of the walk, for people.
     pub name: String,
-    /// The vertical field of view in degrees.
+    /// Vertical field of view, in degrees.
     pub fov_y_degrees: f32,
-    /// The unit axis that stays upright in the picture.
+    /// Unit vector that points up in the picture.
     pub up: Vec3,
-    /// The keys, in order; there is at least one.
+    /// Camera keys in order, at least one.
     pub keys: Vec<CameraKey>,
 }
 
 impl Walk {
-    /// The camera at a position along the keys: 0 is the first key, 1.5 is halfway from the second to the
-    /// third, and positions outside stay at the ends. `None` for a walk without keys.
+    /// Returns the interpolated camera at a position along the keys: 0 is the first key, and 1.5 is halfway
+    /// from the second to the third key. Positions beyond the ends give the first or last key, and NaN the
+    /// first. `None` for a walk without keys.
     pub fn at(&self, position: f64) -> Option<CameraKey> {
         let last = self.keys.len().checked_sub(1)?;
-        // A NaN position maps to the start: `max` returns the other operand.
+        // `max` returns the other operand for NaN, so NaN becomes position 0.
         let position = position.max(0.0).min(last as f64);
         let index = position.floor() as usize;
         let part = position - index as f64;
         let here = self.keys[index];
         let next = self.keys[(index + 1).min(last)];
-        // At a key exactly, arithmetic on the next key must not disturb the answer.
+        // Exactly at a key, interpolation would let a non-finite next key or rounding change the answer.
         if part == 0.0 {
             return Some(here);
         }
@@ -47,26 +48,26 @@ impl Walk {
     }
 }
 
-/// One frame of a sequence of walks.
+/// Frame of a sequence of walks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
-    /// Which walk it is on.
+    /// Index of the frame's walk.
     pub walk: usize,
-    /// The camera there.
+    /// Interpolated camera of the frame.
     pub camera: CameraKey,
 }
 
-/// Spreads `count` frames evenly over all walks, each walk getting a share proportional to its keys and both
-/// of its ends.
+/// Distributes `count` frames over all walks in proportion to their numbers of keys. The frames of a walk are
+/// evenly spaced from its first to its last key.
 ///
-/// With as many frames as there are keys the frames are the keys. A walk whose share is a single frame shows
-/// its start.
+/// With as many frames as keys, the frames are the keys. A walk with a share of one frame shows its first
+/// key. The result has `count` frames, or none when there are no keys.
 pub fn frames(walks: &[Walk], count: usize) -> Vec<Frame> {
     let total: u128 = walks.iter().map(|w| w.keys.len() as u128).sum();
     let mut frames = Vec::new();
     let mut keys_before = 0_u128;
     for (index, walk) in walks.iter().enumerate() {
-        // Shares are differences of rounded running totals, so that they add up to `count` exactly.
+        // Shares are differences of rounded running totals, so their sum is exactly `count`.
         let start = count as u128 * keys_before / total.max(1);
         keys_before += walk.keys.len() as u128;
         let share = (count as u128 * keys_before / total.max(1) - start) as usize;
@@ -80,12 +81,13 @@ pub fn frames(walks: &[Walk], count: usize) -> Vec<Frame> {
     frames
 }
 
-/// Keys at an even pace along a polyline, each looking at the point `look_ahead` metres further along.
+/// Makes `keys` camera keys at equal distances along a polyline, each looking at the point `look_ahead`
+/// metres further along the polyline. All lengths are metres.
 ///
-/// Near the end the look rests on the end. Where the point ahead is less than half as far off as it should
-/// be, at the end or because the route turns back on itself, the look goes straight on instead: a camera that
-/// looks at its own feet shows nothing. Repeated waypoints are ignored. Fewer than two distinct waypoints, or
-/// a `look_ahead` that is not positive, leave no direction to look in and give no keys.
+/// Near the end, the point looked at is the end of the polyline. Where the point ahead is closer to the eye
+/// than half of `look_ahead`, at the end or because the route turns back on itself, the camera looks along
+/// the current leg of the route instead. Repeated waypoints are ignored. The result is empty when there are
+/// fewer than two distinct waypoints, or when `look_ahead` is NaN or not positive.
 pub fn along(waypoints: &[DVec3], keys: usize, look_ahead: f64) -> Vec<CameraKey> {
     let Some(route) = Route::new(waypoints) else {
         return Vec::new();
@@ -102,13 +104,15 @@ pub fn along(waypoints: &[DVec3], keys: usize, look_ahead: f64) -> Vec<CameraKey
         .collect()
 }
 
-/// A polyline measured by the way walked along it.
+/// Polyline parameterized by the distance along it.
 struct Route {
-    /// (way from the start, point); ways increase strictly, and there are at least two.
+    /// Distance from the start, in metres, and position of each vertex. Distances increase strictly, and
+    /// there are at least two vertices.
     points: Vec<(f64, DVec3)>,
 }
 
 impl Route {
+    /// Creates the route without repeated waypoints. `None` with fewer than two distinct waypoints.
     fn new(waypoints: &[DVec3]) -> Option<Self> {
         let mut points: Vec<(f64, DVec3)> = Vec::with_capacity(waypoints.len());
         for &point in waypoints {
@@ -125,11 +129,13 @@ impl Route {
         (points.len() >= 2).then_some(Self { points })
     }
 
+    /// Returns the length of the route, in metres.
     fn length(&self) -> f64 {
         self.points.last().map_or(0.0, |&(way, _)| way)
     }
 
-    /// The point to look at from a way along the route.
+    /// Returns the point that a camera at the distance `way` from the start looks at, as described at
+    /// [`along`].
     fn ahead(&self, way: f64, look_ahead: f64) -> DVec3 {
         let eye = self.at(way);
         let target = self.at((way + look_ahead).min(self.length()));
@@ -141,12 +147,14 @@ impl Route {
         eye + (to - from).normalize_or(DVec3::X) * look_ahead
     }
 
-    /// The index of the end of the leg that holds a way from the start.
+    /// Returns the index of the end vertex of the leg that contains the distance `way` from the start.
+    /// Distances beyond an end give the first or last leg.
     fn leg(&self, way: f64) -> usize {
         self.points.partition_point(|&(start, _)| start <= way).clamp(1, self.points.len() - 1)
     }
 
-    /// The point at a way from the start.
+    /// Returns the point at the distance `way` from the start, in metres. Distances beyond the ends
+    /// extrapolate the first or last leg.
     fn at(&self, way: f64) -> DVec3 {
         let leg = self.leg(way);
         let (start, from) = self.points[leg - 1];
@@ -155,21 +163,22 @@ impl Route {
     }
 }
 
-/// Keys of each made-up walk.
+/// Number of keys of each walk of [`made_up`].
 const MADE_UP_KEYS: usize = 48;
+/// Vertical field of view of the walks of [`made_up`], in degrees.
 const MADE_UP_FOV: f32 = 60.0;
 
-/// Walks for a scene that brings none: once around its box from outside, and once straight through its
-/// middle.
+/// Makes two walks for a scene that has none: one around its bounds from outside, and one straight through
+/// its centre. `bounds` are the minimum and maximum corner; `up` must be a unit vector.
 ///
-/// Empty when the scene has no finite point.
+/// The result is empty when `bounds` is `None`, as for a scene without finite points.
 pub fn made_up(bounds: Option<(Vec3, Vec3)>, up: Vec3) -> Vec<Walk> {
     let Some((low, high)) = bounds else {
         return Vec::new();
     };
     let (low, high) = (low.as_dvec3(), high.as_dvec3());
     let centre = (low + high) * 0.5;
-    // A scene that is a single point still needs an eye that is not on it.
+    // The minimum radius keeps the eye away from a scene that is a single point.
     let radius = ((high - low).length() * 0.5).max(1e-3);
     let up = up.as_dvec3();
     let side = up.any_orthonormal_vector();
@@ -186,8 +195,8 @@ pub fn made_up(bounds: Option<(Vec3, Vec3)>, up: Vec3) -> Vec<Walk> {
     vec![walk("around the scene", orbit.collect()), walk("through the middle", through)]
 }
 
-/// A near-plane distance for a scene that names none: small beside the scene, so that walking through it
-/// works.
+/// Returns a near-plane distance for a scene that has none: 1/2000 of the diagonal of its bounds, clamped to
+/// 0.0001 to 1 scene units. Without bounds the diagonal counts as 1.
 pub fn made_up_near(bounds: Option<(Vec3, Vec3)>) -> f32 {
     let diagonal = bounds.map_or(1.0, |(low, high)| (high.as_dvec3() - low.as_dvec3()).length());
     ((diagonal * 5e-4) as f32).clamp(1e-4, 1.0)
@@ -197,6 +206,7 @@ pub fn made_up_near(bounds: Option<(Vec3, Vec3)>) -> f32 {
 mod tests {
     use super::*;
 
+    /// Makes a walk whose key `i` is at (i, 0, 0) and looks towards +y.
     fn walk(keys: usize) -> Walk {
         let keys = (0..keys).map(|i| CameraKey {
             eye: DVec3::new(i as f64, 0.0, 0.0),

@@ -1,4 +1,5 @@
-//! Makes cells and portals from the geometry of a scene, bakes them, and says what came of it.
+//! Program `cells`: makes cells and portals from a scene, bakes the potentially visible sets of the cells,
+//! and prints counts and times.
 
 use clap::{Parser, ValueEnum};
 use std::path::{Path, PathBuf};
@@ -10,29 +11,29 @@ use visibility_examples::walkthrough::{World, world::objects_in_cells};
 use visibility_examples::{built_in, load};
 use visibility_portals::prt;
 
-/// Make cells and portals from a scene, and compute what they see.
+/// Make cells and portals from a scene, and compute the potentially visible set of each cell.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// A recipe such as `office:2,16`, or a file.
+    /// Scene: a recipe such as `office:2,16`, or a file.
     scene: String,
 
-    /// Where the cells come from.
+    /// Source of the cells.
     #[arg(long, value_enum, default_value = "polygons")]
     from: From,
 
-    /// Write the cells and portals as a portal file.
+    /// File to write the cells and portals to, in the portal file format (.prt).
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum From {
-    /// The scene itself.
+    /// Cells that the scene itself brings.
     Given,
-    /// Its boxes, by a kd-tree.
+    /// Cells between the axis-aligned boxes among the scene's opaque objects, found by a kd-tree.
     Walls,
-    /// Its triangles, by a BSP tree.
+    /// Cells between the scene's opaque triangles, found by a BSP tree.
     Polygons,
 }
 

@@ -1,4 +1,5 @@
-//! Sweeps the opacity threshold of hierarchical occlusion maps over scenes: what it saves, and what it costs.
+//! Program `hom_sweep`: culls scenes by hierarchical occlusion maps at several opacity thresholds, and prints
+//! times, objects left and errors as a table.
 
 use clap::Parser;
 use std::error::Error;
@@ -15,27 +16,27 @@ use visibility_hzb::{DepthEstimate, Hom, Hzb, OccluderCriteria, OccluderDatabase
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Scenes: built-in ones, with sizes as in plpcity:3,3, or files.
+    /// Scenes: built-in scenes, with sizes as in plpcity:3,3, or files.
     #[arg(value_name = "SCENE", default_values = ["plpcity", "london", "town", "forest", "office"])]
     scenes: Vec<String>,
 
-    /// Opacity thresholds, from the most accurate on.
+    /// Opacity thresholds, fractions from 0 to 1, most accurate first.
     #[arg(long, value_delimiter = ',', default_values_t = [1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7], value_name = "LIST")]
     thresholds: Vec<f32>,
 
-    /// Frames of each scene, spread evenly over its walks.
+    /// Number of frames of each scene, spread evenly over its walks.
     #[arg(long, default_value_t = 60, value_name = "N")]
     frames: usize,
 
-    /// Budget of triangles for the rows that take the nearest occluders.
+    /// Budget in triangles of the rows that draw the nearest occluders.
     #[arg(long, default_value_t = 500, value_name = "N")]
     few: usize,
 
-    /// Size of the finest map.
+    /// Size of the finest occlusion map, in pixels.
     #[arg(long, default_value = "512x288", value_name = "WxH", value_parser = parse_size::<usize>)]
     map: [usize; 2],
 
-    /// Size of the picture by which errors are counted.
+    /// Size in pixels of the item buffer by which errors are counted.
     #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = parse_size::<u32>)]
     size: [u32; 2],
 }
@@ -109,7 +110,8 @@ fn culler<M: OcclusionMap>(map: M) -> OcclusionCuller<M> {
     OcclusionCuller::new(map)
 }
 
-/// One map on one scene: what it reported, how many boxes it tested, and how many triangles are left.
+/// Runs one culler on all frames of a world. Returns its trial, then the number of boxes tested and the
+/// number of triangles of reported objects, each summed over all frames.
 fn row(name: String, culler: Box<dyn Culler + Send>, world: &World) -> (Trial, [u64; 2]) {
     let mut pipeline = Pipeline::new().with(FrustumCuller::new());
     pipeline.push(culler);

@@ -1,5 +1,5 @@
-//! `occlusion`: culls the boxes of a VISC file behind its occluders, and says how fast and how right that
-//! was.
+//! Program `occlusion`: culls the boxes of a VISC file behind its occluders, and prints times and errors for
+//! each view.
 
 use clap::{Parser, ValueEnum};
 use std::error::Error;
@@ -15,31 +15,31 @@ use visibility_hzb::Coverage;
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// The scene.
+    /// Scene to cull.
     #[arg(value_name = "FILE.visc")]
     file: PathBuf,
 
-    /// Size of the buffer, instead of each view's own.
+    /// Size of the z-buffer in pixels. By default each view's own size.
     #[arg(long, value_name = "WxH", value_parser = parse_size::<usize>)]
     size: Option<[usize; 2]>,
 
-    /// Which pixels count as covered.
+    /// Rule by which a pixel counts as covered.
     #[arg(long, value_enum, default_value = "conservative")]
     coverage: CoverageName,
 
-    /// Frames of each view, of which the median counts.
+    /// Number of frames culled for each view; the median time is printed.
     #[arg(long, default_value_t = 200, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     reps: u32,
 
-    /// Write the answers.
+    /// File to write the answers to: which boxes are visible in each view.
     #[arg(long, value_name = "FILE.visb")]
     dump: Option<PathBuf>,
 
-    /// Compare with these answers, view by view.
+    /// File with reference answers to compare with, view by view.
     #[arg(long, value_name = "FILE.visb")]
     r#ref: Option<PathBuf>,
 
-    /// Write the buffer and its pyramid as pictures, a folder for each view.
+    /// Folder to write the z-buffer and its pyramid to as pictures, in a subfolder for each view.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
@@ -50,9 +50,9 @@ struct Arguments {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum CoverageName {
-    /// Whole pixels.
+    /// Pixels whose whole square is covered.
     Conservative,
-    /// Centres of pixels.
+    /// Pixels whose centre is covered.
     Sampled,
 }
 
@@ -133,7 +133,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// In microseconds.
+/// Returns the median in microseconds; of an even number of times the upper one. 0 without times.
 fn median(times: impl Iterator<Item = Duration>) -> f64 {
     let mut times: Vec<Duration> = times.collect();
     times.sort_unstable();

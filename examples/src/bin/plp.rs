@@ -1,4 +1,5 @@
-//! Prioritized-layered projection as its papers measure it: how many of the visible triangles a budget buys.
+//! Program `plp`: measures prioritized-layered projection as its papers do, by the share of the visible
+//! triangles that a budget of triangles finds.
 
 use clap::Parser;
 use comfy_table::{CellAlignment, Table, presets};
@@ -21,35 +22,36 @@ use visibility_plp::{
     Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity, Tessellation,
 };
 
-/// How many of the visible triangles prioritized-layered projection finds, by budget.
+/// Measure how many of the visible triangles prioritized-layered projection finds, by budget.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// A built-in scene, a file, or cars5:car.vscn.
+    /// Scene: a built-in scene, a file, or cars5:car.vscn.
     #[arg(default_value = "plpcity:3,3")]
     scene: String,
     /// Number of frames, spread evenly over the walks. By default every key of the walks is a frame.
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
-    /// Only walks whose names hold this, such as `streets`.
+    /// Text that the name of a walk must contain, such as `streets`. Other walks are left out.
     #[arg(long, value_name = "NAME")]
     walk: Option<String>,
-    /// Picture size that visibility is measured in.
+    /// Size of the picture by which visibility is measured, in pixels.
     #[arg(long, default_value = "1024x1024", value_name = "WxH", value_parser = parse_size::<u32>)]
     size: [u32; 2],
-    /// A leaf with more corners of triangles than this is cut in eight.
+    /// Maximum number of triangle corners in a leaf of the octree; a leaf with more is split into eight.
     #[arg(long, default_value_t = Fineness::default().vertices)]
     vertices: usize,
-    /// The scene is halved no more often than this.
+    /// Maximum number of times that the scene's side is halved.
     #[arg(long, default_value_t = Fineness::default().halvings)]
     halvings: u32,
-    /// Instead, count the tests of the conservative form beside those of testing every cell front to back.
+    /// Instead, compare the number of occlusion tests of the conservative form with testing every cell front
+    /// to back.
     #[arg(long)]
     conservative: bool,
     /// Instead, time frames at ten budgets, and fit a line.
     #[arg(long)]
     speed: bool,
-    /// Where the plot and the picture of the worst frame go.
+    /// Folder for the plot and the pictures of the worst frame.
     #[arg(long, default_value = "out", value_name = "DIR")]
     pictures: PathBuf,
 }
@@ -95,6 +97,7 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let delaunay = Arc::new(DelaunayTessellation::new(&world.scene));
     let took = start.elapsed().as_secs_f64();
     describe("Delaunay", &world, &*delaunay, delaunay.memory(), took);
+    /// Index into `methods` of the method that is plotted: the octree with solidity by coverage.
     const BEST: usize = 1;
     let mut methods = [
         Method::centroid(&world),
@@ -113,7 +116,8 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let file = |what: &str| arguments.pictures.join(format!("plp-{}-{what}", world.name));
     let title = format!("{}: visible triangles found by budget", world.name);
     plot(&file("walk.svg"), &title, &coverage, BEST)?;
-    // The frame in which sorting by distance is most wrong at the least budget: there a picture tells most.
+    // The frame in which sorting by distance has the most wrong pixels at the smallest budget shows the
+    // differences best.
     let wrong = &coverage.found[0][0].wrong;
     let worst = (0..wrong.len()).max_by(|&a, &b| wrong[a].total_cmp(&wrong[b])).unwrap_or(0);
     let mut buffer = ItemBuffer::new(arguments.size[0], arguments.size[1])?;
@@ -129,7 +133,8 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The paper's table 1, at four finenesses, the first that of `walkthrough --cullers cplp`.
+/// Prints the paper's table 1 for four finenesses of the octree. The first fineness is that of `walkthrough
+/// --cullers cplp`.
 fn show_conservative(world: &World) -> Result<(), Box<dyn Error>> {
     let total = world.source.triangle_count() as u64;
     println!("{}: {} triangles, {} frames", world.source.name, total, world.views.len());
@@ -147,6 +152,7 @@ fn show_conservative(world: &World) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// Formats efforts as a table, with ratios relative to the second row, which must be that of front to back.
 fn efforts(rows: &[Effort]) -> Table {
     let mut table = Table::new();
     let header = ["method", "triangles", "of front to back", "tests", "fewer by", "visible cells"];
@@ -168,7 +174,8 @@ fn efforts(rows: &[Effort]) -> Table {
     table
 }
 
-/// Median time of a frame at budgets from 1 % to 10 %, and the line through them.
+/// Prints the frame times at budgets of 1 % to 10 % of all triangles, and the line through the medians. The
+/// first of three passes over the frames is not timed.
 fn show_speed(world: &TriangleWorld, octree: &Arc<OctreeTessellation>) {
     let mut points = Vec::new();
     for percent in 1..=10 {

@@ -1,4 +1,4 @@
-//! Bakes which cells of a map see which, through its portals.
+//! Program `pvs`: bakes the cell-to-cell visibility of a map through its portals.
 
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -11,43 +11,45 @@ use visibility_portals::{CellMatrix, Settings};
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// The map: a `.prt` file, as map compilers write them.
+    /// Map: a `.prt` file, as map compilers write it.
     map: PathBuf,
 
-    /// Test in Pluecker space, too, what separating planes call visible: fewer pairs, every one less with a
-    /// certificate.
+    /// Also test in Pluecker space the chains of portals that separating planes do not exclude. Fewer pairs
+    /// of cells count as visible; each pair excluded has a certificate.
     #[arg(long)]
     exact: bool,
 
-    /// Threads; 0 for as many as there are. The answer is the same for any number.
+    /// Number of threads; 0 for as many as the machine has. The answer is the same for any number.
     #[arg(long, default_value_t = 0)]
     threads: usize,
 
-    /// Print a JSON line instead of words.
+    /// Print a line of JSON instead of text.
     #[arg(long)]
     json: bool,
 
-    /// Write the sets compressed and with a checksum, to be loaded by `visibility_core::pvs::Pvs`.
+    /// File to write the visible sets to, compressed and with a checksum, in the format of
+    /// `visibility_core::Pvs`.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 
-    /// Write which cells see which: a bit for each pair, row by row.
+    /// File to write the cell-to-cell matrix to: a bit for each pair of cells, row by row.
     #[arg(long, value_name = "FILE")]
     matrix: Option<PathBuf>,
 
-    /// Compare with the `.vismat` file of another program.
+    /// File (`.vismat`) of another program to compare with.
     #[arg(long, value_name = "FILE")]
     compare: Option<PathBuf>,
 
-    /// Name the cells that cost most.
+    /// Number of the most expensive cells to list.
     #[arg(long, value_name = "N", default_value_t = 0)]
     slowest: usize,
 
-    /// The most chains of portals to look at for one cell; then it sees all that is still possible.
+    /// Maximum number of chains of portals to test for one cell. A cell that reaches it counts as seeing all
+    /// that is not proven hidden.
     #[arg(long, value_name = "STEPS")]
     limit: Option<u64>,
 
-    /// How far from all portal edges a line must stay to count, in the map's units.
+    /// Distance that a line must keep from all portal edges to count, in the map's units.
     #[arg(long, default_value_t = 1e-6)]
     clearance: f64,
 }
@@ -73,7 +75,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         threads => threads,
     };
-    // Drawn on the terminal's error stream, and not at all where that is none.
+    // The bar is drawn on standard error, and only if that is a terminal.
     let bar = ProgressBar::new(0);
     if let Ok(style) =
         ProgressStyle::with_template("{bar:40} {pos}/{len} portals, {elapsed}, {eta} to go {msg}")

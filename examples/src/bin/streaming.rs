@@ -1,5 +1,5 @@
-//! Walks through a scene while only what is visible, or was a moment ago, is in memory; says how much that
-//! was.
+//! Program `streaming`: walks through a scene while a streaming cache holds the visible and recently visible
+//! objects in memory, and prints the cache's memory and traffic.
 
 use clap::Parser;
 use std::process::ExitCode;
@@ -8,20 +8,20 @@ use visibility_examples::built_in;
 use visibility_examples::streaming::Cache;
 use visibility_examples::walkthrough::{World, cullers};
 
-/// Walk through a built-in scene while objects are loaded as they become visible and unloaded after they were
-/// hidden.
+/// Walk through a built-in scene while objects are loaded as they become visible and unloaded after they
+/// became hidden.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// The scene.
+    /// Built-in scene, with or without sizes.
     #[arg(default_value = "plpcity")]
     scene: String,
 
-    /// What decides on visibility.
+    /// Culler that decides on visibility, as `walkthrough --cullers` takes it.
     #[arg(long, default_value = "frustum")]
     culler: String,
 
-    /// Frames that an object stays in memory after it was hidden.
+    /// Number of frames that an object stays in memory after it became hidden.
     #[arg(long, default_value_t = 30)]
     patience: u64,
 }
@@ -37,7 +37,7 @@ fn main() -> ExitCode {
 }
 
 fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    // Ten frames from one key of the walk to the next: about walking pace.
+    // Ten frames from one key of a walk to the next make about walking pace.
     let source = built_in(&arguments.scene)?;
     let frames = source.walks.iter().map(|walk| walk.keys.len()).sum::<usize>() * 10;
     let all = source.triangle_count() as f64;

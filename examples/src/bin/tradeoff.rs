@@ -1,5 +1,5 @@
-//! Measures every culler and each setting of its dial on every scene: what it costs, what it leaves to draw,
-//! what it gets wrong.
+//! Program `tradeoff`: measures every culler at each setting of its dial on every scene, and writes times,
+//! triangles left to draw and errors.
 
 use clap::Parser;
 use peak_alloc::PeakAlloc;
@@ -21,20 +21,20 @@ static MEMORY: PeakAlloc = PeakAlloc;
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Scenes, separated by commas: built-in ones with sizes as in plpcity:3x3, files, or cars5:FILE.
+    /// Scenes, separated by commas: built-in scenes with sizes as in plpcity:3x3, files, or cars5:FILE.
     #[arg(long, value_delimiter = ',', default_value = "plpcity,london,town,forest,office")]
     scenes: Vec<String>,
 
-    /// Only these cullers, separated by commas, as `walkthrough --cullers` takes them. By default all, with
-    /// every dial.
+    /// Cullers to measure, separated by commas, as `walkthrough --cullers` takes them. By default all
+    /// cullers, at every setting of their dials.
     #[arg(long, value_delimiter = ',')]
     cullers: Vec<String>,
 
-    /// Few frames, measured briefly: for a look.
+    /// Measure few frames for a short time, for a first look.
     #[arg(long)]
     quick: bool,
 
-    /// Where the results are written: points.csv, and two plots a scene.
+    /// Folder for the results: points.csv, and two plots per scene.
     #[arg(long, default_value = "out/tradeoff", value_name = "DIR")]
     out: PathBuf,
 }
@@ -96,7 +96,7 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         println!();
         plot::plots(&arguments.out, &name, &swept.points)?;
         all.extend(swept.points);
-        // After each scene, so that what is measured is kept should the next fail.
+        // The table is rewritten after each scene, so that a failure in a later scene loses no results.
         output::csv(File::create(&table)?, &all)?;
     }
     println!("{}", output::LEGEND);

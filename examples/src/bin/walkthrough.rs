@@ -1,5 +1,5 @@
-//! Walks a camera through a scene, culls every frame with each culler asked for, and says how fast and how
-//! right the answers were.
+//! Program `walkthrough`: walks a camera through a scene, culls every frame with each of several cullers, and
+//! prints times and errors.
 
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -22,24 +22,24 @@ use visibility_examples::{SceneSource, SourceError, load, load_walks, open};
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// The same as --scene.
+    /// Scene, as for --scene.
     #[arg(value_name = "SCENE", conflicts_with = "scene")]
     file: Option<String>,
 
-    /// A built-in scene (plpcity, london, town, forest, office, each with sizes as in plpcity:3,3), a file
-    /// (.vscn, .glb, .gltf), or five cars by the placements beside one (cars5:car.vscn).
+    /// Scene: a built-in scene (plpcity, london, town, forest, office, each with sizes as in plpcity:3,3), a
+    /// file (.vscn, .glb, .gltf), or five cars by the placements beside one (cars5:car.vscn).
     #[arg(long, value_name = "NAME[:SIZES]|FILE")]
     scene: Option<String>,
 
-    /// Append the objects of another file to the scene; may be given several times.
+    /// File whose objects are appended to the scene; may be given several times.
     #[arg(long, value_name = "FILE")]
     with: Vec<PathBuf>,
 
-    /// Camera walks from the JSON description of a scene, instead of the scene's own.
+    /// JSON description whose camera walks replace the scene's own.
     #[arg(long, value_name = "FILE.json")]
     cameras: Option<PathBuf>,
 
-    /// Cullers to compare, separated by commas; a+b runs b after a, and `auto` is the best of all for the
+    /// Cullers to compare, separated by commas. a+b runs b after a, and `auto` is the best of all for the
     /// scene. All but `frustum` itself run after the frustum.
     #[arg(long, default_value = "frustum,hzb", value_name = "LIST")]
     cullers: String,
@@ -48,29 +48,30 @@ struct Arguments {
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
 
-    /// Size of the picture: its shape is that of the view, its pixels are those that the exact answer is
-    /// measured by.
+    /// Size of the picture in pixels. Its aspect ratio is that of the view, and its pixels are those of the
+    /// exact answer.
     #[arg(long, default_value = "640x360", value_name = "WxH", value_parser = parse_size::<u32>)]
     size: [u32; 2],
 
-    /// Write a line of JSON for each culler.
+    /// File to write a line of JSON to for each culler.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Write what each culler reports in each frame: frame, culler, and the objects in the scene's order.
+    /// File to write the objects to that each culler reports in each frame: frame, culler, and indices of
+    /// objects.
     #[arg(long, value_name = "FILE")]
     dump: Option<PathBuf>,
 
-    /// Say for every frame which stage of each culler removed this object, by its number or name, and mark
-    /// it in the pictures.
+    /// Object, by index or name, to explain: which stage of each culler removed it in every frame. The
+    /// object is marked in the pictures.
     #[arg(long, value_name = "OBJECT")]
     explain: Option<String>,
 
-    /// Also draw what culling leaves of this frame, seen by a bird and by later cameras.
+    /// Frame to freeze: also draw what culling leaves of it, from above and from later cameras.
     #[arg(long, value_name = "FRAME")]
     freeze: Option<usize>,
 
-    /// Where pictures are written.
+    /// Folder for pictures.
     #[arg(long, default_value = "out", value_name = "DIR")]
     pictures: PathBuf,
 }
@@ -156,6 +157,7 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// Opens a scene, with the walks, near plane and up axis of the description `cameras` if there is one.
 fn scene(name: &str, cameras: Option<&Path>) -> Result<SceneSource, SourceError> {
     let mut source = open(name)?;
     if let Some(cameras) = cameras {
@@ -167,7 +169,8 @@ fn scene(name: &str, cameras: Option<&Path>) -> Result<SceneSource, SourceError>
     Ok(source)
 }
 
-/// A bar where someone watches; elsewhere a line that says what has begun.
+/// Creates a progress bar if standard error is a terminal. Otherwise prints a line that names the task, and
+/// returns a hidden bar.
 fn progress(what: &str, steps: usize) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         eprintln!("{what}: {steps} steps ...");
@@ -180,6 +183,7 @@ fn progress(what: &str, steps: usize) -> ProgressBar {
     bar
 }
 
+/// Creates a file and writes it through a buffer. Errors name the path.
 fn write_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
@@ -190,7 +194,8 @@ fn write_file(
     Ok(())
 }
 
-/// Where pictures go, and what they have in common.
+/// Writer of pictures: their folder, the world that they show, and the index of the object that is marked in
+/// them.
 struct Album<'a> {
     folder: &'a Path,
     world: &'a World,
@@ -198,10 +203,11 @@ struct Album<'a> {
 }
 
 impl Album<'_> {
+    /// Writes a picture as `SCENE-NAME.png`, with unusual characters replaced by `_`.
     fn save(&self, canvas: &Canvas, name: &str) -> Result<(), String> {
         std::fs::create_dir_all(self.folder)
             .map_err(|error| format!("cannot make {}: {error}", self.folder.display()))?;
-        // The name of a scene comes from its file and may be anything, a path included.
+        // The name of a scene comes from its file and may contain anything, path separators included.
         let plain =
             |letter: char| if letter.is_alphanumeric() || "-_.+".contains(letter) { letter } else { '_' };
         let stem: String = format!("{}-{name}", self.world.source.name).chars().map(plain).collect();
@@ -209,8 +215,9 @@ impl Album<'_> {
         canvas.save(&path).map_err(|error| format!("cannot write {}: {error}", path.display()))
     }
 
-    /// The middle of each walk from the eye, and from above for each culler; for a culler that lost
-    /// something, also the frame in which it lost most.
+    /// Writes pictures of the middle frame of each walk: one from the eye, and one from above for each
+    /// culler. For a culler that hid visible objects, also the frame in which it hid the most is drawn from
+    /// above.
     fn walks(&self, trials: &[Trial], judgement: &Judgement) -> Result<(), Box<dyn Error>> {
         let Self { world, marked, .. } = *self;
         let mut middles = Vec::new();

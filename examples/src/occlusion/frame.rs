@@ -1,4 +1,4 @@
-//! One frame as an engine would have it: occluders found in view, put in order and drawn; boxes tested
+//! Frame of an engine: occluders found in view, sorted and drawn into a z-buffer, and boxes tested against it
 //! through the hierarchy.
 
 use super::visc::Visc;
@@ -13,7 +13,8 @@ use visibility_core::{
 };
 use visibility_hzb::{Coverage, Hzb, SizeError};
 
-/// A map that has been filled by hand: to the culler that tests against it, it is finished.
+/// Occlusion map that is filled from outside the culler. Its `begin`, `add` and `flush` do nothing, so a
+/// culler only tests against the map.
 #[derive(Clone, Debug)]
 struct Filled(Hzb);
 
@@ -35,12 +36,16 @@ impl OcclusionMap for Filled {
     }
 }
 
-/// The occluders and boxes of a file, ready to be culled frame after frame.
+/// Occluders and boxes of a VISC file, with all the state that culls them frame after frame.
 pub struct Stage {
-    /// The occluders, for finding those in view.
+    /// Scene of the occluders, for finding those in view. Object `i` is `meshes[i]`.
     occluders: Scene,
+    /// Occluder meshes in scene space, shuffled.
     meshes: Vec<OccluderMesh>,
+    /// Occluders in the view frustum in this frame.
     in_view: VisibleSet,
+    /// Sort keys of the occluders in view, nearest first: the bits of the squared distance above the index
+    /// into `meshes`.
     order: Vec<u64>,
     frustum: FrustumCuller,
     boxes: Scene,
@@ -48,18 +53,26 @@ pub struct Stage {
     visible: VisibleSet,
 }
 
-/// How long a frame took.
+/// Durations of one frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Times {
-    /// Finding and ordering occluders, and drawing them.
+    /// Time to find, sort and draw the occluders.
     pub raster: Duration,
-    /// Testing boxes.
+    /// Time to test the boxes.
     pub query: Duration,
 }
 
 impl Stage {
-    /// Takes every twelve triangles as one occluder. Shuffled, since no
-    /// engine has its occluders in the order of a view that it does not know yet.
+    /// Creates a stage whose occluders are the file's triangles, twelve to an occluder. `size` is the
+    /// z-buffer's width and height in pixels.
+    ///
+    /// The occluders are shuffled, since an engine does not have its occluders in the order of a view that it
+    /// does not know yet.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`StageError`] when twelve triangles do not make an occluder, or the z-buffer cannot have this
+    /// size.
     pub fn new(visc: &Visc, size: [usize; 2], coverage: Coverage) -> Result<Self, StageError> {
         let mut meshes = Vec::new();
         for triangles in visc.triangles.chunks(12) {
@@ -85,7 +98,7 @@ impl Stage {
         })
     }
 
-    /// Culls one frame.
+    /// Culls one frame. The answer is available from [`answer`](Self::answer) until the next frame.
     pub fn run(&mut self, view: &View) -> Times {
         let start = Instant::now();
         self.in_view.fill(&self.occluders, view);
@@ -103,7 +116,7 @@ impl Stage {
         Times { raster: drawn - start, query: drawn.elapsed() }
     }
 
-    /// Orders the occluders in view by the distance of their nearest points.
+    /// Sorts the occluders in view by the distance of the nearest point of their bounds from the eye.
     fn sort(&mut self, view: &View) {
         let eye = view.eye(self.occluders.origin());
         self.order.clear();
@@ -114,7 +127,8 @@ impl Stage {
                     let eye = eye.as_vec3();
                     eye.clamp(bounds.min, bounds.max).distance_squared(eye)
                 }
-                // Any order is right; this one puts near ones first where depth is not negative.
+                // Any order gives correct answers. This order is front to back where the depth is not
+                // negative.
                 Eye::Direction(along) => bounds.center().dot(along.as_vec3()).max(0.0),
             };
             self.order.push(u64::from(distance.to_bits()) << 32 | id.index() as u64);
@@ -122,7 +136,8 @@ impl Stage {
         self.order.sort_unstable();
     }
 
-    /// Whether each box was found visible in the last frame.
+    /// Returns for each box, by its index in the file, whether it was found visible in the last frame. False
+    /// for all boxes before the first frame.
     pub fn answer(&self) -> Vec<bool> {
         let mut answer = vec![false; self.boxes.len()];
         for id in self.visible.iter(&self.boxes) {
@@ -131,18 +146,18 @@ impl Stage {
         answer
     }
 
-    /// The buffer as the last frame left it.
+    /// Returns the z-buffer with the occluders of the last frame in it. Empty before the first frame.
     pub fn map(&self) -> &Hzb {
         &self.culler.map().0
     }
 }
 
-/// Why a stage cannot be set up.
+/// Reason why a stage cannot be created.
 #[derive(Debug)]
 pub enum StageError {
-    /// Twelve triangles are no occluder.
+    /// Twelve triangles that do not make an occluder.
     Mesh(MeshError),
-    /// The buffer cannot have this size.
+    /// Size that the z-buffer cannot have.
     Size(SizeError),
 }
 
@@ -169,7 +184,8 @@ impl From<SizeError> for StageError {
     }
 }
 
-/// The same shuffle every time (Fisher and Yates; SplitMix64).
+/// Shuffles a slice into an order that depends only on its length (Fisher and Yates, with the random numbers
+/// of SplitMix64).
 fn shuffle<T>(items: &mut [T]) {
     let mut state = 1u64;
     for i in (1..items.len()).rev() {

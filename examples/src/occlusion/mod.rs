@@ -1,5 +1,5 @@
-//! Occlusion culling on the scenes and in the formats on which other cullers were measured: what the program
-//! `occlusion` does.
+//! Occlusion culling on the scenes and in the file formats on which other cullers were measured; used by the
+//! program `occlusion`.
 
 pub mod frame;
 pub mod picture;

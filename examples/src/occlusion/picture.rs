@@ -1,24 +1,25 @@
-//! The buffer as pictures: its pixels, and each level of the pyramid above them.
+//! Pictures of a hierarchical z-buffer: its pixels, and each level of its pyramid.
 
 use crate::walkthrough::canvas::Canvas;
 use std::io;
 use std::path::Path;
 use visibility_hzb::Hzb;
 
-/// Writes `pixels.png` and `level-0.png` (tiles of 8 x 8 pixels) up to the single texel: near is bright, far
-/// is dark, and blue is where nothing is known to cover all of a texel.
+/// Writes `pixels.png` and `level-0.png` (tiles of 8 x 8 pixels) up to the level of a single texel. Near is
+/// bright, far is dark, and blue marks texels that no occluder covers entirely. All pictures share one scale
+/// of brightness.
 pub fn save(hzb: &Hzb, folder: &Path) -> io::Result<()> {
     std::fs::create_dir_all(folder)?;
     let pixels: Vec<f32> = (0..hzb.height())
         .flat_map(|row| (0..hzb.width()).map(move |column| hzb.depth_key(column, row)))
         .collect();
-    // One scale for all: that of the pixels.
+    // The range of depth keys of the pixels is the scale of all levels.
     let known = || pixels.iter().copied().filter(|nearness| nearness.is_finite());
     let (least, most) = (known().fold(f32::INFINITY, f32::min), known().fold(f32::NEG_INFINITY, f32::max));
     let draw = |columns: usize, rows: usize, values: &[f32], name: &str| {
         let mut canvas = Canvas::new(columns as u32, rows as u32, [20, 30, 90]);
         for (i, &nearness) in values.iter().enumerate().filter(|(_, nearness)| nearness.is_finite()) {
-            // Nearness falls off as 1/w, so its fourth root shows far things too.
+            // A depth key is proportional to 1/w; its fourth root makes far surfaces distinguishable, too.
             let share = ((nearness - least) / (most - least).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
             let gray = (30.0 + 225.0 * share.sqrt().sqrt()) as u8;
             canvas.set((i % columns) as i64, (i / columns) as i64, [gray; 3]);

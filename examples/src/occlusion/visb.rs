@@ -1,24 +1,33 @@
-//! VISB: which boxes are visible in each view.
+//! VISB files: which boxes are visible in each view.
 //!
-//! Little endian: u32 magic, u32 views, u32 boxes; per view a bit for each box, least significant first,
-//! whole bytes; 1 is visible.
+//! All numbers are little endian: u32 magic, u32 number of views, u32 number of boxes. Then each view has one
+//! bit per box, least significant bit first, in whole bytes; 1 means visible.
 
 use super::visc::Reader;
 use crate::error::SourceError;
 use std::path::Path;
 
-/// The number with which a file starts.
+/// Magic number with which a VISB file begins: the letters VISB, read as a little-endian number.
 pub const MAGIC: u32 = 0x4253_4956;
 
-/// For each view, whether each box is visible.
+/// Answers of a VISB file: for each view, for each box, whether the box is visible.
 pub type Visb = Vec<Vec<bool>>;
 
-/// Reads a file.
+/// Reads a VISB file.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Io`] when the file cannot be read, and the errors of [`parse`].
 pub fn load(path: &Path) -> Result<Visb, SourceError> {
     parse(&std::fs::read(path).map_err(|cause| SourceError::io(path, cause))?, path)
 }
 
-/// Reads the bytes of a file; `path` is for messages.
+/// Reads the bytes of a VISB file; `path` appears in error messages only.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Content`] when the magic number is wrong, or the length is not that of the claimed
+/// views and boxes.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Visb, SourceError> {
     let mut reader = Reader { bytes, path };
     if reader.u32("magic")? != MAGIC {
@@ -26,7 +35,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Visb, SourceError> {
     }
     let (views, boxes) = (reader.u32("views")? as usize, reader.u32("boxes")? as usize);
     let row = boxes.div_ceil(8);
-    // Views of no box would take no byte of the file, however many it claims.
+    // Views without boxes would take no bytes, so a file could claim any number of them.
     if boxes == 0 && views > 0 || views.checked_mul(row).is_none_or(|need| need != reader.bytes.len()) {
         return Err(SourceError::content(
             path,
@@ -41,7 +50,8 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Visb, SourceError> {
     Ok((0..views).map(bits).collect())
 }
 
-/// The bytes of a file. All views must have as many boxes as the first.
+/// Returns the bytes of a VISB file. All views must have as many boxes as the first view; otherwise the file
+/// would be malformed.
 pub fn write(answer: &Visb) -> Vec<u8> {
     let boxes = answer.first().map_or(0, Vec::len);
     let mut out = Vec::new();

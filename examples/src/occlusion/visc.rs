@@ -1,40 +1,45 @@
-//! VISC: occluder triangles, occludee boxes and views in one file.
+//! VISC files: occluder triangles, occludee boxes and views in one file.
 //!
-//! Little endian: u32 magic, u32 triangles, 9 f32 each; u32 boxes, 6 f32 each; u32 views, each u32 width and
-//! height, 16 f32 of a column-major clip-from-world matrix in OpenGL's convention, and 3 f32 of the eye.
-//! Every 12 triangles are one box.
+//! All numbers are little endian: u32 magic; u32 number of triangles, 9 f32 each; u32 number of boxes, 6 f32
+//! each; u32 number of views. A view has u32 width and height, 16 f32 of a column-major clip-from-world
+//! matrix in OpenGL's convention, and 3 f32 of the eye. Every 12 triangles are the surface of one box.
 
 use crate::error::SourceError;
 use glam::Vec3;
 use std::path::Path;
 use visibility_core::{Aabb, View, scene::Triangle, view::Depth};
 
-/// The number with which a file starts.
+/// Magic number with which a VISC file begins: the letters VISC, read as a little-endian number.
 pub const MAGIC: u32 = 0x4353_4956;
 
-/// What a file holds.
+/// Contents of a VISC file, in world space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visc {
-    /// Triangles of all occluders.
+    /// Triangles of all occluders, twelve to an occluder.
     pub triangles: Vec<Triangle>,
-    /// Boxes to be tested.
+    /// Occludee boxes to be tested.
     pub boxes: Vec<Aabb>,
-    /// The views, with the size of the picture that each was taken for.
+    /// Views, each with the width and height in pixels of the picture that it was made for.
     pub views: Vec<(View, [u32; 2])>,
 }
 
-/// Reads a file.
+/// Reads a VISC file.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Io`] when the file cannot be read, and the errors of [`parse`].
 pub fn load(path: &Path) -> Result<Visc, SourceError> {
     parse(&std::fs::read(path).map_err(|cause| SourceError::io(path, cause))?, path)
 }
 
-/// Numbers from the front of a slice.
+/// Reader of little-endian numbers from the front of `bytes`, which shrinks with each number read.
 pub(super) struct Reader<'a> {
     pub(super) bytes: &'a [u8],
     pub(super) path: &'a Path,
 }
 
 impl Reader<'_> {
+    /// Reads a u32. `what` names the number in the error when fewer than four bytes remain.
     pub(super) fn u32(&mut self, what: &'static str) -> Result<u32, SourceError> {
         let Some((head, rest)) = self.bytes.split_first_chunk::<4>() else {
             return Err(SourceError::content(self.path, what, "the file ends before it"));
@@ -43,7 +48,8 @@ impl Reader<'_> {
         Ok(u32::from_le_bytes(*head))
     }
 
-    /// A count of things of so many bytes, refused when the file cannot hold them.
+    /// Reads the number of items of `bytes` bytes each. Returns an error when the rest of the file is too
+    /// short for that many items.
     fn count(&mut self, what: &'static str, bytes: usize) -> Result<usize, SourceError> {
         let count = self.u32(what)? as usize;
         if count.checked_mul(bytes).is_none_or(|need| need > self.bytes.len()) {
@@ -61,7 +67,12 @@ impl Reader<'_> {
     }
 }
 
-/// Reads the bytes of a file; `path` is for messages.
+/// Reads the bytes of a VISC file; `path` appears in error messages only.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Content`] when the magic number is wrong, the file is too short for its counts, or
+/// a matrix cannot be a view. Bytes after the last view are ignored.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Visc, SourceError> {
     let mut reader = Reader { bytes, path };
     if reader.u32("magic")? != MAGIC {

@@ -1,6 +1,6 @@
-//! The conservative form against testing every cell from front to back, as its paper's table 1 (Klosowski and
-//! Silva, "Efficient Conservative Visibility Culling Using the Prioritized-Layered Projection Algorithm",
-//! 2001, section 5).
+//! Comparison of conservative prioritized-layered projection with testing every cell front to back, as table
+//! 1 of its paper does (Klosowski and Silva, "Efficient Conservative Visibility Culling Using the
+//! Prioritized-Layered Projection Algorithm", 2001, section 5).
 
 use crate::walkthrough::World;
 use std::sync::Arc;
@@ -11,23 +11,24 @@ use visibility_core::{
 use visibility_hzb::Hzb;
 use visibility_plp::{Budget, ConservativePlpCuller, OctreeTessellation, Tessellation};
 
-/// What one method does a frame, on average.
+/// Work of one method per frame, averaged over the frames.
 #[derive(Clone, Debug, Default)]
 pub struct Effort {
-    /// What it is called.
+    /// Name of the method.
     pub name: String,
-    /// Triangles of the objects that it keeps.
+    /// Triangles of the objects that the method reports.
     pub triangles: f64,
-    /// Cells tested against the map.
+    /// Cells tested against the occlusion map.
     pub tests: f64,
-    /// Cells tested and not hidden.
+    /// Cells tested and found not hidden.
     pub visible: f64,
 }
 
-/// Every cell in the view volume, front to back by the distance of its centre: projected unless hidden by
-/// what was before it (Meissner, Bartz, Huttner, Muller and Einighammer, "Generation of Subdivision
+/// Measures the method that visits every cell in the view frustum front to back, by the distance of the
+/// cell's centre. A cell is tested against the map of everything drawn before, and its occluders are drawn
+/// unless it is hidden (Meissner, Bartz, Huttner, Muller and Einighammer, "Generation of Subdivision
 /// Hierarchies for Efficient Occlusion Culling of Large Polygonal Models", 1999, with the test of the HP fx
-/// graphics cards).
+/// graphics cards). Cells that are not entirely beyond the near plane are not tested and count as visible.
 pub fn front_to_back(world: &World, cells: &OctreeTessellation, map: &mut Hzb) -> Effort {
     let mut sum = Effort { name: "front to back".to_owned(), ..Effort::default() };
     let mut candidates = VisibleSet::new();
@@ -73,7 +74,7 @@ pub fn front_to_back(world: &World, cells: &OctreeTessellation, map: &mut Hzb) -
     per_frame(sum, world)
 }
 
-/// The conservative form with a budget in triangles.
+/// Measures the conservative form with a budget in triangles.
 pub fn conservative(world: &World, cells: &Arc<OctreeTessellation>, budget: u64, map: Hzb) -> Effort {
     let mut sum = Effort { name: format!("cPLP, {budget} triangles"), ..Effort::default() };
     let mut culler = ConservativePlpCuller::new(cells.clone(), Budget::Cost(budget), map);
@@ -89,7 +90,7 @@ pub fn conservative(world: &World, cells: &Arc<OctreeTessellation>, budget: u64,
     per_frame(sum, world)
 }
 
-/// What the view volume alone leaves.
+/// Measures frustum culling alone, which has no tests against a map.
 pub fn frustum(world: &World) -> Effort {
     let mut sum = Effort { name: "view frustum".to_owned(), ..Effort::default() };
     let mut visible = VisibleSet::new();
@@ -101,6 +102,7 @@ pub fn frustum(world: &World) -> Effort {
     per_frame(sum, world)
 }
 
+/// Returns sums over all frames divided by the number of frames.
 fn per_frame(sum: Effort, world: &World) -> Effort {
     let frames = world.views.len().max(1) as f64;
     Effort {
@@ -111,10 +113,13 @@ fn per_frame(sum: Effort, world: &World) -> Effort {
     }
 }
 
+/// Returns the number of triangles of an object, or 0 for an id that is not in the scene.
 fn cost(scene: &Scene, id: ObjectId) -> f64 {
     scene.object(id).map_or(0.0, |object| f64::from(object.cost))
 }
 
+/// Returns a key that sorts points front to back: the squared distance from the eye, or the distance along
+/// parallel view rays.
 fn distance(view: &View, origin: glam::DVec3, center: glam::DVec3) -> f64 {
     match view.eye(origin) {
         Eye::Point(eye) => center.distance_squared(eye),

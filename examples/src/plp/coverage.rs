@@ -1,4 +1,4 @@
-//! How many of the visible triangles a budget buys.
+//! Visible coverage ratio: how many of the visible triangles each method finds with a budget of triangles.
 
 use super::{Seen, TriangleWorld};
 use std::ops::Deref;
@@ -6,38 +6,42 @@ use visibility_core::{FrustumCuller, Pipeline, View, VisibleSet};
 use visibility_measure::{ItemBuffer, MeasureError};
 use visibility_plp::{Budget, PlpCuller, Solidity, Tessellation};
 
-/// The paper's budgets, as shares of all triangles.
+/// Budgets of the paper, as fractions of the number of all triangles, ascending.
 pub const BUDGETS: [f64; 4] = [0.01, 0.02, 0.05, 0.1];
 
-/// Something that puts the triangles of a frame in order of importance.
+/// Method that orders the triangles of a frame by importance.
 pub struct Method<'a> {
-    /// What it is called.
+    /// Name of the method in tables and plots.
     pub name: String,
     order: Box<Order<'a>>,
 }
 
-/// From a view and what is seen in it, triangles by falling importance.
+/// Function that returns the indices of triangles by falling importance, for a view and the triangles seen in
+/// it.
 type Order<'a> = dyn FnMut(&View, &Seen) -> Vec<u32> + 'a;
 
 impl<'a> Method<'a> {
-    /// Nearest centroid first.
+    /// Creates the method that orders the candidates of a view by the distance of their centroids, nearest
+    /// first.
     pub fn centroid(world: &'a TriangleWorld) -> Self {
         let order = move |view: &View, seen: &Seen| world.by_distance(view, &seen.candidates);
         Self { name: "centroid sorting".to_owned(), order: Box::new(order) }
     }
 
-    /// The triangles of a view in order.
+    /// Returns the indices of a view's triangles, most important first. Triangles that the method drops are
+    /// left out.
     pub fn order(&mut self, view: &View, seen: &Seen) -> Vec<u32> {
         (self.order)(view, seen)
     }
 
-    /// The best there is: visible triangles alone.
+    /// Creates the ideal method, which knows the visible triangles and returns only those.
     pub fn perfect() -> Self {
         let order = |_: &View, seen: &Seen| seen.visible.iter().map(|&(triangle, _)| triangle).collect();
         Self { name: "perfect knowledge".to_owned(), order: Box::new(order) }
     }
 
-    /// Prioritized-layered projection.
+    /// Creates prioritized-layered projection with the largest of [`BUDGETS`]. `tessellation` must have been
+    /// made of the world's scene.
     pub fn plp<S>(name: &str, world: &'a TriangleWorld, tessellation: S, solidity: Solidity) -> Self
     where
         S: Deref<Target: Tessellation> + Send + 'static,
@@ -55,32 +59,34 @@ impl<'a> Method<'a> {
     }
 }
 
-/// That share of a world's triangles, rounded down.
+/// Returns a fraction `budget` of the number of a world's triangles, rounded down.
 pub(super) fn share(world: &TriangleWorld, budget: f64) -> usize {
     (world.triangles.len() as f64 * budget) as usize
 }
 
-/// What one method finds at one budget.
+/// Results of one method at one budget.
 #[derive(Clone, Debug, Default)]
 pub struct Found {
-    /// For each frame, how many of the visible triangles are projected.
+    /// Number of visible triangles that are drawn within the budget, for each frame.
     pub visible: Vec<u32>,
-    /// For each frame, the share of pixels that are wrong.
+    /// Fraction of the picture's pixels that are wrong, from 0 to 1, for each frame.
     pub wrong: Vec<f64>,
 }
 
-/// What methods find on a walk.
+/// Results of several methods over the frames of a world.
 pub struct Coverage {
-    /// Visible triangles of each frame.
+    /// Number of visible triangles of each frame.
     pub exact: Vec<u32>,
     /// Names of the methods.
     pub names: Vec<String>,
-    /// For each method, what it finds at each of [`BUDGETS`].
+    /// Results by method, then by budget of [`BUDGETS`].
     pub found: Vec<[Found; BUDGETS.len()]>,
 }
 
 impl Coverage {
-    /// The visible coverage ratio: visible triangles projected over visible triangles, averaged over frames.
+    /// Returns the visible coverage ratio from 0 to 1: drawn visible triangles over visible triangles,
+    /// averaged over the frames that have visible triangles. 0 without such frames. `budget` is an index into
+    /// [`BUDGETS`].
     pub fn ratio(&self, method: usize, budget: usize) -> f64 {
         let found = &self.found[method][budget];
         let ratio = |(&found, &exact): (&u32, &u32)| f64::from(found) / f64::from(exact.max(1));
@@ -89,19 +95,26 @@ impl Coverage {
         sum / f64::from(count.max(1))
     }
 
-    /// Visible triangles not projected, all frames together.
+    /// Returns the number of visible triangles that are not drawn, summed over all frames. `budget` is an
+    /// index into [`BUDGETS`].
     pub fn missed(&self, method: usize, budget: usize) -> u64 {
         let found = &self.found[method][budget];
         found.visible.iter().zip(&self.exact).map(|(found, exact)| u64::from(exact - found)).sum()
     }
 
-    /// The greatest share of wrong pixels in any frame.
+    /// Returns the largest fraction of wrong pixels in any frame, from 0 to 1. `budget` is an index into
+    /// [`BUDGETS`].
     pub fn worst(&self, method: usize, budget: usize) -> f64 {
         self.found[method][budget].wrong.iter().copied().fold(0.0, f64::max)
     }
 }
 
-/// Runs methods over all frames of a world, in pictures of that width and height.
+/// Runs methods over all frames of a world, judged by pictures of `size` (width and height in pixels).
+/// `progress` is called after each frame.
+///
+/// # Errors
+///
+/// Returns [`MeasureError`] when the item buffer cannot have this size or the world has too many triangles.
 pub fn coverage(
     world: &TriangleWorld,
     methods: &mut [Method<'_>],
@@ -112,7 +125,7 @@ pub fn coverage(
     let names = methods.iter().map(|method| method.name.clone()).collect();
     let mut coverage =
         Coverage { exact: Vec::new(), names, found: methods.iter().map(|_| Default::default()).collect() };
-    // By triangle, its place in the order of projection.
+    // Rank of each triangle in the method's order; `u32::MAX` for triangles that the method drops.
     let mut places = vec![u32::MAX; world.triangles.len()];
     for view in &world.views {
         let seen = world.see(view, &mut buffer)?;
@@ -129,7 +142,8 @@ pub fn coverage(
                     if places[triangle as usize] < budget {
                         count += 1;
                     } else {
-                        // What is before all else in a pixel is missed there, whatever else is drawn.
+                        // A pixel of a visible triangle that is not drawn is wrong, whatever else is drawn
+                        // there.
                         wrong += pixels;
                     }
                 }

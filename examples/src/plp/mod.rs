@@ -1,7 +1,7 @@
-//! Prioritized-layered projection held against the exact answer, as its paper does it: triangles as
-//! primitives, frustum and backface culling on, budgets in shares of all triangles, sorting by distance as
-//! the yardstick (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set
-//! Estimation", 2000, section 5).
+//! Comparison of prioritized-layered projection with the exact answer, as its paper does it: triangles as
+//! primitives, frustum and backface culling on, budgets in fractions of all triangles, and sorting by
+//! distance as the baseline (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible
+//! Set Estimation", 2000, section 5).
 
 pub mod conservative;
 mod coverage;

@@ -1,4 +1,4 @@
-//! Right pixels white, wrong ones red, as the paper's figure 14.
+//! Pictures of right (white) and wrong (red) pixels, as in the paper's figure 14.
 
 use super::TriangleWorld;
 use crate::walkthrough::canvas::{Canvas, Color};
@@ -10,8 +10,13 @@ const RIGHT: Color = [255, 255, 255];
 const WRONG: Color = [214, 30, 30];
 const NOTHING: Color = [40, 48, 64];
 
-/// Which pixels of a view are right when only the given triangles, ascending, are drawn. Dark where there is
-/// nothing to see.
+/// Draws which pixels of a view are right when only the triangles `drawn` are drawn: white if the visible
+/// triangle is drawn, red if not, and dark where no triangle is visible. `drawn` are triangle indices in
+/// ascending order; the last parameter is the picture's width and height in pixels.
+///
+/// # Errors
+///
+/// Returns [`MeasureError`] when the item buffer cannot have this size or the world has too many triangles.
 pub fn right_and_wrong(
     world: &TriangleWorld,
     view: &View,

@@ -1,4 +1,4 @@
-//! Visible triangles frame by frame, as the paper's figures 10a and 11a.
+//! Plot of the number of visible triangles per frame, as in the paper's figures 10a and 11a.
 
 use super::{BUDGETS, Coverage};
 use plotters::prelude::*;
@@ -8,8 +8,13 @@ use std::path::Path;
 const COLORS: [RGBColor; 4] =
     [RGBColor(0, 90, 160), RGBColor(0, 140, 120), RGBColor(200, 130, 0), RGBColor(190, 50, 50)];
 
-/// Draws, over the frames of a walk, how many triangles are visible, how many of them one method finds at
-/// each budget, and how many sorting by distance, which is the method 0, finds at the greatest.
+/// Writes an SVG plot over the frames of a walk: the number of visible triangles, the number that `method`
+/// finds at each budget, and the number that sorting by distance finds at the largest budget. Sorting by
+/// distance must be method 0 of `coverage`.
+///
+/// # Errors
+///
+/// Returns the error of the plotting library when the file cannot be written.
 pub fn plot(path: &Path, title: &str, coverage: &Coverage, method: usize) -> Result<(), Box<dyn Error>> {
     let frames = coverage.exact.len();
     let most = coverage.exact.iter().copied().max().unwrap_or(1).max(1);

@@ -1,4 +1,4 @@
-//! A scene whose objects are single triangles, and what is visible of it.
+//! World whose objects are single triangles, and the exact answer for its views.
 
 use crate::walkthrough::World;
 use glam::DVec3;
@@ -7,33 +7,32 @@ use visibility_core::{
 };
 use visibility_measure::{ItemBuffer, MeasureError};
 
-/// Every triangle of a world as an object of its own, with the same views.
+/// World in which every triangle is an object, with the views of the world that it was made from.
 pub struct TriangleWorld {
-    /// What it is called.
+    /// Name of the original world.
     pub name: String,
-    /// The triangles, in the order of the world's objects.
+    /// Triangles in world space, in the order of the original world's objects.
     pub triangles: Vec<Triangle>,
-    /// The scene of them; triangle `i` has index `i`.
+    /// Scene with one object per triangle; triangle `i` has index `i`.
     pub scene: Scene,
-    /// Their ids.
+    /// Object ids of the triangles, by triangle index.
     pub ids: Vec<ObjectId>,
-    /// The views of all frames.
+    /// Views of all frames.
     pub views: Vec<View>,
 }
 
-/// What one view sees, and what it might.
+/// Exact answer for one view.
 pub struct Seen {
-    /// Visible triangles, each with its pixels, by ascending index.
+    /// Visible triangles as (triangle index, number of pixels), by ascending index.
     pub visible: Vec<(u32, u32)>,
-    /// Pixels of the picture.
+    /// Number of pixels of the picture.
     pub pixels: u32,
-    /// Triangles that face the eye and meet the view volume, as far as their bounds tell, by ascending
-    /// index.
+    /// Indices, ascending, of the triangles that face the eye and whose bounds meet the view frustum.
     pub candidates: Vec<u32>,
 }
 
 impl TriangleWorld {
-    /// Takes a world apart.
+    /// Makes every triangle of a world an object of its own.
     pub fn new(world: &World) -> Self {
         let triangles: Vec<Triangle> =
             world.source.objects.iter().flat_map(|object| object.triangles.iter().copied()).collect();
@@ -45,7 +44,12 @@ impl TriangleWorld {
         Self { name: world.source.name.clone(), triangles, scene, ids, views: world.views.clone() }
     }
 
-    /// What is visible in a view when only triangles that face the eye are drawn.
+    /// Computes the exact answer for a view when only triangles that face the eye are drawn. `buffer` is
+    /// overwritten.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`MeasureError`] when the world has too many triangles to number.
     pub fn see(&self, view: &View, buffer: &mut ItemBuffer) -> Result<Seen, MeasureError> {
         let eye = view.eye(DVec3::ZERO);
         let planes = view.planes(DVec3::ZERO);
@@ -60,13 +64,15 @@ impl TriangleWorld {
         let candidates: Vec<u32> = (0..self.triangles.len() as u32).filter(is_candidate).collect();
         let items = candidates.iter().map(|&i| (i, std::slice::from_ref(&self.triangles[i as usize])));
         let seen = buffer.draw(view, DVec3::ZERO, items)?;
-        // Each object is one triangle. A tie counts for the triangle that the picture shows.
+        // Each object is one triangle. A pixel in which triangles tie counts for the triangle that the
+        // picture shows.
         let pixels = candidates.iter().copied().zip(seen.triangle_pixels().iter().copied());
         let visible = pixels.filter(|&(_, pixels)| pixels > 0).collect();
         Ok(Seen { visible, pixels: buffer.width() * buffer.height(), candidates })
     }
 
-    /// The candidates of a view by the distance of their centroids, nearest first.
+    /// Returns the triangles `candidates` sorted by the distance of their centroids from the eye, nearest
+    /// first, ties by index. In a parallel view the distance is along the view direction.
     pub fn by_distance(&self, view: &View, candidates: &[u32]) -> Vec<u32> {
         let eye = view.eye(DVec3::ZERO);
         let distance = |i: u32| {
@@ -82,6 +88,8 @@ impl TriangleWorld {
     }
 }
 
+/// Tests whether the front (counter-clockwise) side of a triangle faces the eye. False for an edge-on or
+/// degenerate triangle.
 fn faces(triangle: &Triangle, eye: &Eye) -> bool {
     let [a, b, c] = triangle.map(|p| p.as_dvec3());
     let normal = (b - a).cross(c - a);

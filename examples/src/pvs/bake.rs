@@ -1,4 +1,4 @@
-//! Maps from files, and bakes of them on several threads.
+//! Cell-to-cell bakes of maps from files, on several threads.
 
 use std::path::Path;
 use std::time::Instant;
@@ -6,39 +6,45 @@ use visibility_core::bake::{Bake, Progress};
 use visibility_core::cells::CellGraph;
 use visibility_portals::{CellBaker, Outcome, Settings, prt};
 
-/// A map, by the name of its file.
+/// Map of cells and portals with its name.
 pub struct Map {
-    /// The name, without directories and extension.
+    /// Name of the file, without directories and extension.
     pub name: String,
-    /// Its cells and portals.
+    /// Cells and portals of the map.
     pub graph: CellGraph,
 }
 
 /// Reads a `.prt` file.
 ///
 /// # Errors
-/// What the file system says, or what is wrong with the file and on which line.
+///
+/// Returns a message with the path: the error of the file system, or the line of the file and what is wrong
+/// there.
 pub fn read(path: &Path) -> Result<Map, String> {
     let bytes = std::fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
-    // Anything but the numbers is passed over or refused by the reader, which then knows the line.
+    // Bytes that are not UTF-8 become replacement characters, which the reader ignores or refuses with the
+    // line.
     let file = prt::read(&String::from_utf8_lossy(&bytes))
         .map_err(|error| format!("{}: {error}", path.display()))?;
     let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     Ok(Map { name, graph: file.graph })
 }
 
-/// A finished bake and what it took.
+/// Finished bake with its duration.
 pub struct Baked {
-    /// Which cells see which.
+    /// Cell-to-cell visibility and statistics.
     pub outcome: Outcome,
-    /// Seconds on the clock, without reading and writing files.
+    /// Wall-clock time of the bake in seconds, without reading and writing files.
     pub seconds: f64,
 }
 
-/// Bakes on a number of threads (0: as many as there are), telling of every round.
+/// Bakes the cell-to-cell visibility on `threads` threads (0: as many as the machine has). `progress` is
+/// called after every round.
 ///
 /// # Errors
-/// A map too large or too coarse to bake, or no threads to be had.
+///
+/// Returns a message when the map is too large or its coordinates too coarse to bake, or when threads cannot
+/// be created.
 pub fn bake(
     graph: &CellGraph,
     settings: Settings,

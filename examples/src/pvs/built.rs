@@ -1,4 +1,4 @@
-//! Cells and portals of a scene: those that it comes with, or made from its opaque triangles.
+//! Cells and portals of a scene: those that the scene brings, or cells made from its opaque triangles.
 
 use super::solids::boxes;
 use crate::SceneSource;
@@ -9,21 +9,24 @@ use visibility_portals::from_geometry::{
     PolygonSettings, Solid, Subdivision, WallSettings, from_polygons, from_walls,
 };
 
-/// Where cells come from.
+/// Source of a scene's cells.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Origin {
-    /// The scene brings them.
+    /// Cells that the scene brings.
     Given,
-    /// From the boxes among its opaque objects, by a kd-tree.
+    /// Cells between the axis-aligned boxes among the scene's opaque objects, found by a kd-tree.
     Walls,
-    /// From its opaque triangles, by a BSP tree.
+    /// Cells between the scene's opaque triangles, found by a BSP tree.
     Polygons,
 }
 
-/// The cells and portals of a scene.
+/// Returns the cells and portals of a scene. Cells made from geometry have no doorway cells, and names ending
+/// in `outside` where they lie outside the building.
 ///
 /// # Errors
-/// There are none, or they cannot be made.
+///
+/// Returns a message when the scene brings no cells and `origin` is [`Origin::Given`], or when cells cannot
+/// be made from the geometry.
 pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String> {
     let made = match origin {
         Origin::Given => {
@@ -31,7 +34,7 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
         }
         Origin::Walls => from_walls(&boxes(source), &WallSettings::default()),
         Origin::Polygons => {
-            // What no camera of the walks can reach is solid.
+            // Space that no camera of the walks can reach counts as solid.
             let eyes: Vec<DVec3> =
                 source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye).collect();
             let settings = PolygonSettings { solid: Solid::Unreached(&eyes), ..PolygonSettings::default() };
@@ -47,7 +50,7 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
     Ok(SourceCells { graph, viewcells: Viewcells::new(viewcells), names, depth: 0.0, with_doorways: None })
 }
 
-/// The opaque triangles of a scene that have an area; doors are open.
+/// Returns the opaque triangles of a scene in f64, without door leaves and without degenerate triangles.
 pub fn polygons(source: &SceneSource) -> Vec<ConvexPolygon> {
     let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
     let triangles = opaque.flat_map(|object| &object.triangles);

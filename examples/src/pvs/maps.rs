@@ -1,5 +1,5 @@
-//! Maps of cells and portals made up for tests: grids of rooms with odd windows, and chains of portals around
-//! a line.
+//! Maps of cells and portals for tests: grids of rooms with random windows, and chains of portals around a
+//! known line.
 
 use super::stabs::Random;
 use visibility_core::glam::{DQuat, DVec3};
@@ -8,7 +8,9 @@ use visibility_core::{
     geometry::{ConvexPolygon, Plane},
 };
 
-/// Rooms in a grid of `size` by `size` by `floors`, most walls with a window somewhere, some open all over.
+/// Makes a grid of `size` by `size` by `floors` cubic rooms with a side of 64 units. A wall between two rooms
+/// has a random window, or is open all over, or (a quarter of the walls) has no opening. Room (x, y, z) is
+/// cell (z * size + y) * size + x.
 pub fn rooms(size: u32, floors: u32, seed: u64) -> CellGraph {
     let mut random = Random(seed);
     let at = |x: u32, y: u32, z: u32| CellId((z * size + y) * size + x);
@@ -29,11 +31,12 @@ pub fn rooms(size: u32, floors: u32, seed: u64) -> CellGraph {
             }
         }
     }
-    // Every portal joins cells of the grid, and its window is a checked polygon.
+    // Every portal joins cells of the grid and has a valid polygon, so the graph is never refused.
     CellGraph::new((size * size * floors) as usize, portals).unwrap_or_default()
 }
 
-/// An opening in the far wall, along an axis, of the room at a corner.
+/// Makes a random opening in the wall at the far side, along `axis`, of the room whose minimum corner is
+/// `corner`. `None` for a wall without an opening.
 fn window(corner: DVec3, axis: usize, random: &mut Random) -> Option<ConvexPolygon> {
     let [n, u, v] = [0, 1, 2].map(|i| DVec3::AXES[(axis + i) % 3]);
     let wall = corner + n * 64.0;
@@ -61,12 +64,13 @@ fn window(corner: DVec3, axis: usize, random: &mut Random) -> Option<ConvexPolyg
     }
 }
 
-/// The same map turned and moved.
+/// Returns a map rotated about the origin and then translated by `shift`.
 pub fn turned(graph: &CellGraph, rotation: DQuat, shift: DVec3) -> CellGraph {
     mapped(graph, |v| rotation * v + shift)
 }
 
-/// The same map with each vertex put elsewhere. Portals that then are no polygons any more are left out.
+/// Returns a map with each vertex replaced by `map` of the vertex. Portals that are no longer valid polygons
+/// are left out.
 pub fn mapped(graph: &CellGraph, map: impl Fn(DVec3) -> DVec3) -> CellGraph {
     let portals = graph.portals().iter().filter_map(|portal| {
         let polygon = ConvexPolygon::new(portal.polygon().vertices().iter().map(|&v| map(v))).ok()?;
@@ -75,28 +79,28 @@ pub fn mapped(graph: &CellGraph, map: impl Fn(DVec3) -> DVec3) -> CellGraph {
     CellGraph::new(graph.cell_count(), portals).unwrap_or_default()
 }
 
-/// The same map with coordinates of so many decimals.
+/// Returns a map with all coordinates rounded to `decimals` decimals.
 pub fn rounded(graph: &CellGraph, decimals: i32) -> CellGraph {
     let scale = 10f64.powi(decimals);
     mapped(graph, |v| (v * scale).round() / scale)
 }
 
-/// Cells in a row, and a line through all portals between them, clear of their edges by no more than a
-/// clearance.
+/// Row of cells joined by portals, with a line that passes through all portals at a known clearance.
 pub struct Planted {
-    /// Cell 0, portal 0, cell 1, portal 1 ...
+    /// Graph in which portal `i` joins the cells `i` and `i + 1`. Fewer portals than asked for are left when
+    /// a polygon is refused.
     pub graph: CellGraph,
-    /// A point of the line, and its direction.
+    /// Point of the line, and its unit direction.
     pub line: (DVec3, DVec3),
 }
 
-/// The least way from one portal of a chain to the next: where portals that are hinged meet the line much
-/// nearer to each other, rounding decides which comes first.
+/// Minimum distance along the line from one portal of a chain to the next. Where hinged portals meet the line
+/// much closer together, rounding would decide which portal comes first.
 const LEAST_GAP: f64 = 1e-9;
 
-/// A chain of `count` portals around a random line, each with some edges at exactly the clearance from the
-/// line, the others farther, some hinged to the one before. In no known place, turned any way, also against
-/// the normals.
+/// Makes a chain of `count` portals around a random line. Each portal has some edges at exactly `clearance`
+/// from the line and the other edges farther away; some portals share an edge line with the portal before.
+/// Position, orientation and the direction of normals are random.
 pub fn planted(count: usize, clearance: f64, random: &mut Random) -> Planted {
     let direction = random.direction();
     let place = DVec3::new(random.between(-3e3, 3e3), random.between(-3e3, 3e3), random.between(-3e3, 3e3));
@@ -105,7 +109,8 @@ pub fn planted(count: usize, clearance: f64, random: &mut Random) -> Planted {
     let (mut at, mut portals) = (0.0, Vec::new());
     let mut before: Option<(DVec3, DVec3)> = None;
     while portals.len() < count {
-        // Planes along the line around it: each edge lies in one of them, and so is as far from the line.
+        // Each wall is a plane parallel to the line, as its unit normal and distance from the line. Every
+        // edge of the portal lies in a wall, so the edge has the wall's distance from the line.
         let corners = 3 + random.below(4);
         let turn = random.unit();
         let mut walls: Vec<(DVec3, f64)> = (0..corners)
@@ -128,7 +133,8 @@ pub fn planted(count: usize, clearance: f64, random: &mut Random) -> Planted {
         };
         let mut through = place
             + direction * (at + [1e-7, 1e-3, 0.1, 10.0, 300.0][random.below(5)] * (random.unit() + 0.1));
-        // Turned about an edge of the portal before that is as near to the line as may be.
+        // Half of the portals are rotated about an edge of the previous portal that is at the clearance from
+        // the line.
         if let Some((last, wall)) = before.filter(|_| random.below(2) == 0) {
             let axis = last.cross(wall).normalize_or_zero();
             let edge = on_edge_of(last, place + direction * at, wall, clearance).unwrap_or(through);
@@ -157,7 +163,7 @@ pub fn planted(count: usize, clearance: f64, random: &mut Random) -> Planted {
     let cells = (0..count as u32).map(|i| [CellId(i), CellId(i + 1)]);
     let portals = portals.into_iter().zip(cells).map(|(polygon, cells)| {
         if polygon.area() > 0.0 && polygon.vertices().len() % 2 == 0 {
-            // Given the other way round, with the cells swapped.
+            // Half of the portals have the opposite winding, with their cells swapped.
             let turned =
                 ConvexPolygon::new(polygon.vertices().iter().rev().copied()).unwrap_or(polygon.clone());
             (turned, [cells[1], cells[0]])
@@ -169,15 +175,18 @@ pub fn planted(count: usize, clearance: f64, random: &mut Random) -> Planted {
     Planted { graph, line: (place, direction) }
 }
 
-/// The point nearest to `through` where a portal's plane meets the wall at a distance.
+/// Returns the point nearest to `through` in the plane with the unit normal `normal` through `through` that
+/// lies at `distance` from `through` along the unit vector `wall`. `None` if `normal` and `wall` are
+/// parallel.
 fn on_edge_of(normal: DVec3, through: DVec3, wall: DVec3, distance: f64) -> Option<DVec3> {
-    // In the portal's plane, the direction that leads to the wall fastest.
+    // Direction in the portal's plane in which the distance along `wall` grows fastest.
     let toward = (wall - normal * normal.dot(wall)).try_normalize()?;
     Some(through + toward * (distance / toward.dot(wall)))
 }
 
-/// Where a plane cuts the prism between walls along a line: a polygon counter-clockwise around the plane's
-/// normal.
+/// Returns the intersection of a plane with the prism between walls along a line, counter-clockwise around
+/// the plane's normal. `walls` are unit normals and distances from the line, `middle` the point where the
+/// line meets the plane. `None` when the intersection is empty or degenerate.
 fn prism_cut(plane: &Plane, middle: DVec3, walls: &[(DVec3, f64)]) -> Option<ConvexPolygon> {
     let u = plane.normal.any_orthonormal_vector();
     let v = plane.normal.cross(u);

@@ -1,5 +1,5 @@
-//! What the program `pvs` does: reads a map of cells and portals, bakes which cells see which, and says what
-//! came of it.
+//! Bake of cell-to-cell visibility: reading maps of cells and portals, baking them, and reporting the
+//! results. Used by the program `pvs`.
 
 mod bake;
 pub mod built;

@@ -1,10 +1,10 @@
-//! What a bake came to, for people and for programs.
+//! Reports of a finished bake: text for people, and JSON for programs.
 
 use super::bake::{Baked, Map};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// A bake as a line of JSON.
+/// Statistics of a bake, to be written as one line of JSON.
 #[derive(Serialize)]
 pub struct Line<'a> {
     map: &'a str,
@@ -18,7 +18,7 @@ pub struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    /// The line of a bake.
+    /// Collects the statistics of a bake. `mode` names the kind of test and `threads` the number of threads.
     pub fn new(map: &'a Map, baked: &Baked, mode: &'a str, threads: usize) -> Self {
         Self {
             map: &map.name,
@@ -33,7 +33,8 @@ impl<'a> Line<'a> {
     }
 }
 
-/// A bake in words, with the cells that cost most.
+/// Describes a bake in words, one line per fact, followed by the `slowest` cells that took the most chains of
+/// portals.
 pub fn summary(map: &Map, baked: &Baked, slowest: usize) -> String {
     let (graph, outcome) = (&map.graph, &baked.outcome);
     let mut text = String::new();

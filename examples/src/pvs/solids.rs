@@ -1,14 +1,15 @@
-//! The axis-aligned boxes that a scene's opaque objects are made of: walls, slabs, much furniture.
+//! Axis-aligned boxes among a scene's opaque triangles: walls, slabs and much furniture.
 
 use crate::SceneSource;
 use glam::DVec3;
 use std::collections::BTreeSet;
 
-/// Triangles of a box.
+/// Number of triangles of a box's surface.
 const FACES: usize = 12;
 
-/// The boxes among a scene's opaque triangles, as their least and greatest corners. Only runs of twelve
-/// triangles that follow one another and make up the surface of one box count.
+/// Returns the boxes among the triangles of a scene's opaque objects, without doors, as minimum and maximum
+/// corner in world space. Only twelve consecutive triangles of one object that make up the whole surface of a
+/// box are found.
 pub fn boxes(source: &SceneSource) -> Vec<[DVec3; 2]> {
     let mut found = Vec::new();
     for object in source.objects.iter().filter(|object| object.opaque && !object.door) {
@@ -22,7 +23,8 @@ pub fn boxes(source: &SceneSource) -> Vec<[DVec3; 2]> {
     found
 }
 
-/// The box that twelve triangles are the surface of.
+/// Returns the box whose surface the given triangles make up, as minimum and maximum corner. `None` for any
+/// other triangles. Exactly twelve triangles must be given.
 fn as_box(triangles: &[[glam::Vec3; 3]]) -> Option<[DVec3; 2]> {
     let points = || triangles.iter().flatten().map(|p| p.as_dvec3());
     let min = points().fold(DVec3::INFINITY, DVec3::min);
@@ -31,7 +33,8 @@ fn as_box(triangles: &[[glam::Vec3; 3]]) -> Option<[DVec3; 2]> {
     if !size.is_finite() || size.min_element() <= 0.0 {
         return None;
     }
-    // Each triangle lies in a face and has three corners of it; no two of a face are the same.
+    // Each triangle must lie in a face of the box and have three distinct corners of that face. A set of
+    // (face, side, missing corner) detects duplicate triangles.
     let mut halves = BTreeSet::new();
     for triangle in triangles {
         let corners = triangle.map(|p| {
@@ -41,7 +44,7 @@ fn as_box(triangles: &[[glam::Vec3; 3]]) -> Option<[DVec3; 2]> {
         });
         let [Some(a), Some(b), Some(c)] = corners else { return None };
         let (shared, any): (u8, u8) = (a & b & c, a | b | c);
-        // One coordinate is the same in all three corners, the others are not.
+        // The face is on the axis in which all three corners agree, while they differ in the other two axes.
         let face = (0..3usize).find(|i| (any ^ shared) == 7 ^ (1 << i))?;
         if a == b || b == c || c == a {
             return None;
@@ -49,8 +52,8 @@ fn as_box(triangles: &[[glam::Vec3; 3]]) -> Option<[DVec3; 2]> {
         let missing = a ^ b ^ c;
         halves.insert((face, shared & 1 << face, missing));
     }
-    // In order, the halves of a face follow one another: each lacks the corner across from that which the
-    // other lacks.
+    // In the sorted set the two halves of a face are neighbours. The missing corners of two halves are
+    // diagonally opposite.
     let halves: Vec<(usize, u8, u8)> = halves.into_iter().collect();
     let whole = |pair: &[(usize, u8, u8)]| {
         let [(face, side, a), (other, across, b)] = [pair[0], pair[1]];
@@ -71,11 +74,11 @@ mod tests {
         let has = |min: [f64; 3], max: [f64; 3]| {
             boxes.iter().any(|[a, b]| a.distance(min.into()) < 1e-6 && b.distance(max.into()) < 1e-6)
         };
-        // The slab, and what is above the door to the stair.
+        // The slab, and the lintel of the doorway to the stair.
         assert!(has([0.0, -5.0, -0.3], [4.0, 8.0, 0.0]));
         assert!(has([-0.1, 1.0, 2.1], [0.1, 2.0, 3.2]));
         assert!(boxes.len() * FACES < source.triangle_count());
-        // One triangle turned into another's half makes it no box.
+        // A face with the same half twice is incomplete, so the triangles are no box.
         let mut slab = source.objects[0].triangles.clone();
         assert!(as_box(&slab).is_some());
         slab[1] = slab[0];

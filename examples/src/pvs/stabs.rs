@@ -1,20 +1,20 @@
-//! Judges a cell-to-cell visibility by lines: whoever calls two cells hidden from each other, between which a
-//! line passes clear of all portal edges, has lost something that can be seen.
+//! Judge of cell-to-cell visibility by random lines: a line that passes from one cell to another clear of all
+//! portal edges proves that a matrix which hides the pair has lost something visible.
 //!
-//! Shares nothing with what it judges but the portals: a line is on the inner side of a polygon's edges or it
-//! is not, which one triple product for each edge says (the side operator of Pluecker coordinates; Durand's
-//! survey, chapter 8, section 3).
+//! The judge shares only the portals with the code that it judges. A line passes through a polygon if it is
+//! on the inner side of each edge, which one triple product per edge decides (the side operator of Pluecker
+//! coordinates; Durand's survey, chapter 8, section 3).
 
 use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::glam::DVec3;
 use visibility_portals::CellMatrix;
 
-/// Random numbers: splitmix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators",
-/// 2014).
+/// Random number generator splitmix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number
+/// Generators", 2014). The field is the state; every seed is permitted.
 pub struct Random(pub u64);
 
 impl Random {
-    /// The next 64 bits.
+    /// Draws 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -22,22 +22,22 @@ impl Random {
         z ^ z >> 31
     }
 
-    /// From 0 up to 1.
+    /// Draws a number in [0, 1).
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * 2f64.powi(-53)
     }
 
-    /// Below `count`.
+    /// Draws an index below `count`; 0 when `count` is 0.
     pub fn below(&mut self, count: usize) -> usize {
         (self.unit() * count as f64) as usize
     }
 
-    /// Between two numbers.
+    /// Draws a number in [low, high), up to rounding.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// A direction, all alike.
+    /// Draws a unit vector, uniformly over the sphere.
     pub fn direction(&mut self) -> DVec3 {
         loop {
             let v = DVec3::new(self.between(-1.0, 1.0), self.between(-1.0, 1.0), self.between(-1.0, 1.0));
@@ -48,19 +48,20 @@ impl Random {
     }
 }
 
-/// What lines said of a matrix.
+/// Result of testing a matrix with lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Verdict {
-    /// Lines that went through at least one portal.
+    /// Number of lines that passed through at least one portal.
     pub lines: u64,
-    /// Pairs of cells that lines passed between, each counted as often as that happened.
+    /// Number of pairs of cells on one line, summed over all lines.
     pub pairs: u64,
-    /// Those of them that the matrix calls hidden, in either direction.
+    /// Number of such pairs that the matrix calls hidden in at least one direction.
     pub false_hidden: u64,
 }
 
-/// Whether a line, by a point and a unit direction, goes through a portal in the direction of its normal
-/// (`forward`) or against it, and stays clear of the edges by `clearance` and by what rounding can be wrong.
+/// Tests whether a line passes through a portal in the direction of its normal (`forward`) or against it, at
+/// a distance of at least `clearance` plus a bound on rounding from all edges. The line is a point and a unit
+/// direction. False for a portal that does not exist.
 pub fn goes_through(
     graph: &CellGraph,
     portal: PortalId,
@@ -80,18 +81,20 @@ pub fn goes_through(
         a = b;
         let across = direction.cross(edge);
         let length = across.length();
-        // Vertices that coincide bound nothing.
+        // Coinciding vertices bound no edge.
         if edge.length() < 1e-9 {
             return true;
         }
         let error = 1e-15 * ((point - start).length() + 1.0) * edge.length() / length;
-        // Positive inside, for a polygon that runs counter-clockwise around the direction.
+        // Signed distance of the line from the edge, positive inside for a polygon that runs
+        // counter-clockwise around the direction.
         sense * across.dot(point - start) / length >= clearance + error
     })
 }
 
-/// The cells that a line goes through from `cell` on, having come in through `entry`; stops where no portal
-/// is passed with clearance.
+/// Appends to `cells` the cells that a line passes through from `cell` on, `cell` included. `entry` is the
+/// portal through which the line came in. The walk ends in the cell where the line passes through no further
+/// portal with `clearance`.
 pub fn walk(
     graph: &CellGraph,
     mut cell: CellId,
@@ -100,7 +103,7 @@ pub fn walk(
     clearance: f64,
     cells: &mut Vec<CellId>,
 ) {
-    // A line goes through each portal once, so more steps than that are an error of the map.
+    // A line passes through each portal once, so a longer walk would be an error of the map.
     for _ in 0..graph.portals().len() {
         cells.push(cell);
         let next = graph.portals_of(cell).iter().find(|&&id| {
@@ -113,7 +116,8 @@ pub fn walk(
     }
 }
 
-/// Looks both ways along a line that goes through a portal, and checks all pairs of cells on it.
+/// Follows a line through a portal in both directions, checks all pairs of cells on the line, and adds the
+/// counts to `verdict`. A line that misses the portal is not counted. `cells` is scratch space.
 fn judge(
     graph: &CellGraph,
     matrix: &CellMatrix,
@@ -143,17 +147,18 @@ fn judge(
     }
 }
 
-/// A point in a portal, by random weights; every other time very near to its boundary.
+/// Returns a random point in a portal, as a weighted mean of its vertices; often very close to a vertex or an
+/// edge.
 fn point_in(graph: &CellGraph, portal: PortalId, random: &mut Random) -> DVec3 {
     let vertices = graph.portals()[portal.index()].polygon().vertices();
-    // Powers of random numbers prefer single vertices and edges.
+    // High powers make single weights dominate, so the point is close to a vertex or an edge.
     let power = [1.0, 4.0, 16.0, 40.0][random.below(4)];
     let weights: Vec<f64> = vertices.iter().map(|_| random.unit().powf(power) + 1e-30).collect();
     let sum: f64 = weights.iter().sum();
     vertices.iter().zip(&weights).fold(DVec3::ZERO, |p, (&v, w)| p + v * (w / sum))
 }
 
-/// Random lines through random portals.
+/// Tests `matrix` with `lines` random lines, each through a random portal. Equal seeds give equal lines.
 pub fn random_lines(
     graph: &CellGraph,
     matrix: &CellMatrix,
@@ -170,8 +175,8 @@ pub fn random_lines(
     verdict
 }
 
-/// For each pair that `matrix` hides and `theirs` shows, lines from portals of the one to portals of the
-/// other.
+/// Tests `matrix` with `lines` lines for each pair of cells that `matrix` hides and `theirs` shows. A line
+/// passes through a random point in a portal of one cell and a random point in a portal of the other.
 pub fn directed_lines(
     graph: &CellGraph,
     matrix: &CellMatrix,

@@ -1,7 +1,9 @@
-//! A forest on hills: a few kinds of trees of exactly 1,000 triangles each, set out evenly but without order.
+//! Forest recipe: eight kinds of trees of exactly 1,000 triangles each on hilly terrain, at random positions
+//! of even density.
 //!
-//! It stands in for the forests of the papers on extended projections, exact from-region visibility and the
-//! visible zone. No tree hides much by itself: only many together do, which is what occluder fusion is about.
+//! The forest stands in for the forests of the papers on extended projections, exact from-region visibility
+//! and the visible zone. A single tree occludes little; many trees together do, which exercises occluder
+//! fusion.
 
 use super::limits::Limits;
 use super::mesh::{Mesh, Parts, Pose, around, circle};
@@ -11,21 +13,33 @@ use crate::error::SourceError;
 use crate::source::SceneSource;
 use glam::{DVec2, DVec3};
 
+/// Seed of the recipe's random numbers. Another seed gives another forest.
 const SEED: u64 = 4;
-/// Unique trees; every tree of the forest is a turned and scaled copy of one of them.
+/// Number of distinct tree meshes. Every tree of the forest is a rotated and scaled copy of one of these
+/// meshes.
 const KINDS: usize = 8;
+/// Side of a square terrain tile, in metres.
 const TILE: f64 = 20.0;
-/// A tile of terrain has this many quadrilaterals along each side.
+/// Number of quadrilaterals along each side of a terrain tile.
 const TILE_CELLS: usize = 8;
 
+/// Triangles of one tree, whatever its kind.
 const TRIANGLES_PER_TREE: u64 = 1_000;
+/// Triangles of one terrain tile: two for each quadrilateral.
 const TRIANGLES_PER_TILE: u64 = 2 * (TILE_CELLS * TILE_CELLS) as u64;
-/// Placing a tree looks at all before it, so the time grows with the square of their number.
+/// Maximum number of trees. Placing a tree measures its distance to every tree placed before, so the time
+/// grows with the square of the number of trees.
 const MOST_TREES: u32 = 20_000;
 
-/// A forest of a number of trees on a square of a side in metres.
+/// Makes a forest of `trees` trees on a square whose side is `side` metres.
 ///
-/// 200 trees on 84 m are 216 objects with 202,048 triangles; 1,450 on 226 m and 7,750 on 523 m are as dense.
+/// 200 trees on 84 m are 216 objects with 202,048 triangles; 1,450 trees on 226 m and 7,750 trees on 523 m
+/// have about the same density. The time to place the trees grows with the square of their number.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Recipe`] when `trees` is 0 or above 20,000, when `side` is NaN or outside 20 to
+/// 100,000 metres (both inclusive), or when the scene would have more triangles than recipes may make.
 pub fn forest(trees: u32, side: f64) -> Result<SceneSource, SourceError> {
     let spec = format!("forest:{trees},{side}");
     let limits = Limits::new(spec.clone());
@@ -33,7 +47,7 @@ pub fn forest(trees: u32, side: f64) -> Result<SceneSource, SourceError> {
     if trees > MOST_TREES {
         return Err(SourceError::recipe(spec, format!("at most {MOST_TREES} trees can be placed")));
     }
-    // Written so that NaN is refused as well.
+    // The negated range check refuses NaN, too.
     if !(TILE..=1e5).contains(&side) {
         return Err(SourceError::recipe(spec, format!("the side must be from {TILE} to 100000 metres")));
     }
@@ -51,7 +65,7 @@ pub fn forest(trees: u32, side: f64) -> Result<SceneSource, SourceError> {
         let kind = &kinds[random.below(KINDS)];
         let size = random.between(0.8, 1.25);
         let heading = random.angle();
-        // A little below the ground, so that no trunk stands in the air on a slope.
+        // The root is 0.1 m below the ground, so that no trunk floats above a slope.
         let root = spot.extend(height(spot.x, spot.y) - 0.1);
         let mesh = kind.clone().scaled(size).placed(&Pose::turned(heading, root));
         parts.add("tree", mesh);
@@ -65,8 +79,10 @@ pub fn forest(trees: u32, side: f64) -> Result<SceneSource, SourceError> {
     Ok(scene_on("forest", 0.1, parts, &ROUTES, height))
 }
 
-/// The height of the ground: hills, smaller hills and bumps.
+/// Returns the height of the ground in metres at the point (`x`, `y`) in metres: the sum of three sine waves,
+/// between -10 and 10 m.
 fn height(x: f64, y: f64) -> f64 {
+    /// Bound on the absolute height of the ground, in metres.
     const AMPLITUDE: f64 = 10.0;
     let hills = (x / 61.0 + 0.3).sin() * (y / 47.0).cos();
     let smaller = (x / 23.0 + 1.0).sin() * (y / 19.0 + 2.0).sin();
@@ -74,7 +90,8 @@ fn height(x: f64, y: f64) -> f64 {
     AMPLITUDE * (0.6 * hills + 0.3 * smaller + 0.1 * bumps)
 }
 
-/// The best of a few random spots: the one whose nearest neighbour is farthest.
+/// Returns the best of six random points in the square from 0 to `side` metres: the candidate whose distance
+/// to its nearest point of `placed` is greatest. The first candidate wins when `placed` is empty and on ties.
 fn spot_far_from(placed: &[DVec2], side: f64, random: &mut Random) -> DVec2 {
     const CANDIDATES: usize = 6;
     let mut best = DVec2::ZERO;
@@ -93,7 +110,8 @@ fn spot_far_from(placed: &[DVec2], side: f64, random: &mut Random) -> DVec2 {
     best
 }
 
-/// A tree on the origin: 48 triangles of trunk, 60 of branches and 892 of leaves.
+/// Makes a tree of random shape with its root at the origin and z up, in metres: 48 triangles of trunk, 60 of
+/// branches and 892 of leaves.
 fn tree(random: &mut Random) -> Mesh {
     let tall = random.between(9.0, 14.0);
     let mut mesh = Mesh::new();
@@ -105,6 +123,7 @@ fn tree(random: &mut Random) -> Mesh {
     mesh
 }
 
+/// Adds a tapering trunk for a tree of height `tall` metres: three bands of eight sides, 48 triangles.
 fn trunk(mesh: &mut Mesh, tall: f64) {
     const SIDES: usize = 8;
     let radii = [0.32, 0.26, 0.18, 0.08];
@@ -116,11 +135,14 @@ fn trunk(mesh: &mut Mesh, tall: f64) {
     }
 }
 
-/// A thin five-sided cone with a base, rising outwards.
+/// Adds a branch of a tree of height `tall` metres: a five-sided cone with a base, 10 triangles, that rises
+/// outwards from the trunk. `number` is the branch's index, which determines its heading.
 fn branch(mesh: &mut Mesh, tall: f64, number: u32, random: &mut Random) {
     const SIDES: usize = 5;
+    /// Radius of a branch at its base, in metres.
     const RADIUS: f64 = 0.09;
-    /// Nearly the golden angle, so that no branch is above another.
+    /// Heading between consecutive branches, in radians: nearly the golden angle, so that no branch is above
+    /// another.
     const HEADING_STEP: f64 = 2.4;
     let heading = f64::from(number) * HEADING_STEP + random.between(-0.3, 0.3);
     let root = DVec3::new(0.0, 0.0, tall * random.between(0.35, 0.6));
@@ -134,6 +156,8 @@ fn branch(mesh: &mut Mesh, tall: f64, number: u32, random: &mut Random) {
     mesh.triangles.extend(around(SIDES).map(|(i, next)| [root, ring[next], ring[i]]));
 }
 
+/// Adds the crown of a tree of height `tall` metres: 446 quadrilaterals of random size and orientation inside
+/// an ellipsoid, 892 triangles.
 fn leaves(mesh: &mut Mesh, tall: f64, random: &mut Random) {
     const LEAVES: usize = 446;
     let crown_radius = tall * 0.28;
@@ -141,7 +165,7 @@ fn leaves(mesh: &mut Mesh, tall: f64, random: &mut Random) {
     for _ in 0..LEAVES {
         let heading = random.angle();
         let slope = (1.0 - 2.0 * random.unit()).acos();
-        // The cube root spreads them evenly over the volume.
+        // The cube root makes the leaves' density uniform over the volume.
         let radius = crown_radius * random.unit().powf(1.0 / 3.0);
         let level = DVec2::from_angle(heading) * (radius * slope.sin());
         let centre = crown_centre + level.extend(radius * 1.15 * slope.cos());
@@ -160,7 +184,8 @@ fn leaves(mesh: &mut Mesh, tall: f64, random: &mut Random) {
     }
 }
 
-/// A tile of the ground: first the triangles on one side of the cells' diagonals, then those on the other.
+/// Makes the terrain tile whose minimum corner is `corner`, in metres. The triangles below the diagonals of
+/// all quadrilaterals come first, then the triangles above the diagonals.
 fn terrain(corner: DVec2) -> Mesh {
     let cell = TILE / TILE_CELLS as f64;
     let point = |i: usize, j: usize| {
@@ -173,6 +198,7 @@ fn terrain(corner: DVec2) -> Mesh {
     Mesh { triangles: lower.chain(upper).collect() }
 }
 
+/// Camera walks of the recipe, for the sample size of 84 m.
 const ROUTES: [Route; 3] = [
     Route {
         name: "diagonal walk",

@@ -1,15 +1,18 @@
-//! Furniture, each piece with its origin on the floor at its centre and its front towards +y.
+//! Furniture meshes of the recipes. Each piece has its origin on the floor at the centre of its plan, z up
+//! and its front towards +y.
 //!
-//! Metres throughout. The number of triangles is part of a recipe, and noted at each piece.
+//! All lengths are metres. The number of triangles of each piece is part of the recipes that use the piece,
+//! and is stated in its comment.
 
 use super::mesh::{Cylinder, Mesh};
 use super::random::Random;
 use glam::{DVec2, DVec3};
 
-/// The four corners of a rectangle, in the order in which legs are made.
+/// Signs of the (x, y) offsets of the four legs, in the order in which the legs are added to a mesh.
 const LEG_SIDES: [(f64, f64); 4] = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
 
-/// Adds four square legs of a half width, `(x, y)` off the centre, from the floor up to a height.
+/// Adds four upright legs of square cross-section, 48 triangles: leg centres at (±`x`, ±`y`) metres, `half`
+/// metres to each side, from the floor at z = 0 up to `height` metres.
 fn legs(mesh: &mut Mesh, (x, y): (f64, f64), half: f64, height: f64) {
     for (side_x, side_y) in LEG_SIDES {
         let (cx, cy) = (side_x * x, side_y * y);
@@ -17,11 +20,13 @@ fn legs(mesh: &mut Mesh, (x, y): (f64, f64), half: f64, height: f64) {
     }
 }
 
+/// Describes a cylinder or cone frustum around the z axis. Heights and radii are in metres.
 fn on_axis(bottom: f64, top: f64, bottom_radius: f64, top_radius: f64, sides: usize) -> Cylinder {
     Cylinder { centre: DVec2::ZERO, bottom, top, bottom_radius, top_radius, sides }
 }
 
-/// A table top on four legs: 60 triangles.
+/// Makes a table top on four legs: 60 triangles. `width` is along x, `depth` along y and `height` that of the
+/// upper surface, in metres.
 pub(crate) fn table(width: f64, depth: f64, height: f64) -> Mesh {
     const TOP: f64 = 0.04;
     let (x, y) = (width / 2.0, depth / 2.0);
@@ -30,17 +35,17 @@ pub(crate) fn table(width: f64, depth: f64, height: f64) -> Mesh {
     mesh
 }
 
-/// The table that people eat at.
+/// Makes a dining table, 1.4 by 0.8 m and 0.74 m high: 60 triangles.
 pub(crate) fn dining_table() -> Mesh {
     table(1.4, 0.8, 0.74)
 }
 
-/// The low table in front of a sofa.
+/// Makes the low table in front of a sofa, 1.2 by 0.6 m and 0.45 m high: 60 triangles.
 pub(crate) fn coffee_table() -> Mesh {
     table(1.2, 0.6, 0.45)
 }
 
-/// Seat, back and four legs: 72 triangles.
+/// Makes a chair of seat, back and four legs: 72 triangles.
 pub(crate) fn chair() -> Mesh {
     const SEAT: f64 = 0.43;
     let mut mesh = Mesh::from_cuboid([-0.22, -0.22, SEAT], [0.22, 0.22, 0.47]);
@@ -49,7 +54,7 @@ pub(crate) fn chair() -> Mesh {
     mesh
 }
 
-/// Base, back, two arms, two cushions: 72 triangles.
+/// Makes a sofa of base, back, two arms and two cushions: 72 triangles.
 pub(crate) fn sofa() -> Mesh {
     const SEAT: f64 = 0.42;
     let mut mesh = Mesh::from_cuboid([-0.95, -0.45, 0.1], [0.95, 0.45, SEAT]);
@@ -61,7 +66,7 @@ pub(crate) fn sofa() -> Mesh {
     mesh
 }
 
-/// Frame, mattress, pillow, headboard and four legs: 96 triangles.
+/// Makes a bed of frame, mattress, pillow, headboard and four legs: 96 triangles.
 pub(crate) fn bed() -> Mesh {
     const FRAME: f64 = 0.2;
     let mut mesh = Mesh::from_cuboid([-0.7, -1.0, FRAME], [0.7, 1.0, 0.35]);
@@ -72,7 +77,8 @@ pub(crate) fn bed() -> Mesh {
     mesh
 }
 
-/// Two sides, a back, five boards, and six books of random size on each of four boards: 384 triangles.
+/// Makes a shelf of two sides, a back, five boards, and six books of random size on each of the lower four
+/// boards: 384 triangles.
 pub(crate) fn shelf(random: &mut Random) -> Mesh {
     const BOARDS: usize = 5;
     const BOOKS: usize = 6;
@@ -85,7 +91,7 @@ pub(crate) fn shelf(random: &mut Random) -> Mesh {
         let z = BOARD_STEP * board as f64;
         mesh.cuboid([-0.43, -0.15, z + 0.05], [0.43, 0.15, z + BOARD_TOP]);
     }
-    // The highest board is the top of the shelf and stays empty.
+    // The fifth board is the top of the shelf and stays empty.
     for board in 0..BOARDS - 1 {
         let z = BOARD_TOP + BOARD_STEP * board as f64;
         let mut x = -0.42;
@@ -99,7 +105,8 @@ pub(crate) fn shelf(random: &mut Random) -> Mesh {
     mesh
 }
 
-/// A carcass, two doors and two handles: 60 triangles.
+/// Makes a cupboard of a carcass, two doors and two handles: 60 triangles. `width` is along x, in metres;
+/// `height` starts at the floor.
 pub(crate) fn cupboard(width: f64, height: f64) -> Mesh {
     let x = width / 2.0;
     let (door_foot, door_top) = (0.05, height - 0.05);
@@ -112,7 +119,7 @@ pub(crate) fn cupboard(width: f64, height: f64) -> Mesh {
     mesh
 }
 
-/// Foot, pole and shade: 104 triangles.
+/// Makes a standing lamp of foot, pole and shade: 104 triangles.
 pub(crate) fn lamp() -> Mesh {
     let mut mesh = Mesh::new();
     mesh.cylinder(&on_axis(0.0, 0.04, 0.15, 0.15, 10));
@@ -121,7 +128,7 @@ pub(crate) fn lamp() -> Mesh {
     mesh
 }
 
-/// Top, two sides, a block of drawers with three fronts: 84 triangles.
+/// Makes a desk of a top, two sides, and a block of drawers with three fronts: 84 triangles.
 pub(crate) fn desk() -> Mesh {
     const DRAWERS: usize = 3;
     let mut mesh = Mesh::from_cuboid([-0.8, -0.4, 0.7], [0.8, 0.4, 0.74]);
@@ -135,8 +142,8 @@ pub(crate) fn desk() -> Mesh {
     mesh
 }
 
-/// Screen, its post and foot, keyboard, and the case on the floor: 60 triangles. Stands on a desk at the same
-/// origin.
+/// Makes a computer of screen, post, foot and keyboard on a desk, and a case on the floor: 60 triangles. Its
+/// origin is that of the desk, on the floor.
 pub(crate) fn computer() -> Mesh {
     const DESK: f64 = 0.74;
     let mut mesh = Mesh::from_cuboid([-0.27, -0.03, 0.86], [0.27, 0.02, 1.22]);
@@ -147,12 +154,12 @@ pub(crate) fn computer() -> Mesh {
     mesh
 }
 
-/// A pot and forty leaves, each one triangle: 88 triangles.
+/// Makes a plant of a pot and forty leaves, one triangle each: 88 triangles.
 pub(crate) fn plant(random: &mut Random) -> Mesh {
     const LEAVES: usize = 40;
     const POT_HEIGHT: f64 = 0.35;
     const LEAF_HALF_WIDTH: f64 = 0.05;
-    /// Leaves begin this far along their length, where the stalk ends.
+    /// Fraction of a leaf's length that is the bare stalk; the leaf's triangle begins there.
     const STALK: f64 = 0.4;
     let mut mesh = Mesh::new();
     mesh.cylinder(&on_axis(0.0, POT_HEIGHT, 0.15, 0.2, 12));

@@ -1,8 +1,8 @@
-//! A 2.5-D London: terraces of prisms round the edges of blocks on warped streets, and a few towers in the
-//! centre.
+//! London recipe: a 2.5-D city of terraces of prisms along the edges of blocks on warped streets, with a few
+//! towers in the centre.
 //!
-//! It stands in for the city model of the paper on virtual occluders: many simple buildings of a few storeys,
-//! of which a person in the street sees the nearest rows and the towers above them.
+//! The city stands in for the city model of the paper on virtual occluders. It has many simple buildings of a
+//! few storeys; a person in the street sees the nearest rows and the towers above the rows.
 
 use super::limits::Limits;
 use super::mesh::{Mesh, Parts};
@@ -13,25 +13,37 @@ use crate::source::SceneSource;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
+/// Seed of the recipe's random numbers. Another seed gives another city.
 const SEED: u64 = 2;
 
+/// Size of a block along x and y, in metres, before the warp.
 const BLOCK: DVec2 = DVec2::new(80.0, 60.0);
+/// Width of a street, in metres, before the warp.
 const STREET: f64 = 12.0;
+/// Distance from one block to the next along x and y, in metres: a block and a street.
 const PITCH: DVec2 = DVec2::new(BLOCK.x + STREET, BLOCK.y + STREET);
 
+/// Height of a storey, in metres.
 const STOREY: f64 = 3.0;
-/// Chance that a lot in the very centre is a tower, and the distance over which that falls to a third.
+/// Chance, as a fraction, that a lot at the very centre of the city is a tower.
 const TOWER_CHANCE: f64 = 0.04;
+/// Distance from the centre, in metres, at which the chance of a tower has fallen to 1/e of [`TOWER_CHANCE`].
 const TOWER_REACH: f64 = 600.0;
-/// Chance that a lot stays empty.
+/// Chance, as a fraction, that a lot stays empty.
 const GAP_CHANCE: f64 = 0.03;
 
+/// Estimated triangles of one block, for the bound on the size of the scene.
 const TRIANGLES_PER_BLOCK: u64 = 250;
 
-/// The city of `blocks_x` by `blocks_y` blocks, each with about 25 buildings.
+/// Makes the city of `blocks_x` by `blocks_y` blocks, each with about 25 buildings.
 ///
-/// 12 by 12 blocks are 3,674 objects with 35,588 triangles; 101 by 101 make the full city of 249,851
+/// 12 by 12 blocks are 3,674 objects with 35,588 triangles; 101 by 101 blocks make the full city of 249,851
 /// buildings.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Recipe`] when a size is 0 or the scene would have more triangles than recipes may
+/// make.
 pub fn london(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError> {
     let limits = Limits::new(format!("london:{blocks_x},{blocks_y}"));
     limits.at_least_one("blocks along x", blocks_x)?;
@@ -57,7 +69,8 @@ pub fn london(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError> 
     Ok(scene("london", 0.2, city.parts, &ROUTES))
 }
 
-/// Bends the street grid in slow and quick waves; every corner of a building goes through it.
+/// Returns the position `p`, in metres on the plan, displaced by sums of sine waves that bend the street
+/// grid. Every corner of a building is displaced by this function.
 fn warp(p: DVec2) -> DVec2 {
     let wave = |way: f64, length: f64| way / length * TAU;
     let x = p.x + 25.0 * wave(p.y, 400.0).sin() + 12.0 * wave(p.x + p.y, 173.0).sin();
@@ -65,7 +78,8 @@ fn warp(p: DVec2) -> DVec2 {
     DVec2::new(x, y)
 }
 
-/// A block and half of the streets around it.
+/// Makes the ground quadrilateral under a block and under the streets to its south and west. `block` is the
+/// block's minimum corner before the warp, in metres.
 fn ground(block: DVec2) -> Mesh {
     let low = block - STREET;
     let high = low + PITCH;
@@ -75,11 +89,13 @@ fn ground(block: DVec2) -> Mesh {
     mesh
 }
 
+/// Returns the corners of an axis-aligned rectangle, counter-clockwise from `low`.
 fn rectangle(low: DVec2, high: DVec2) -> [DVec2; 4] {
     [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]
 }
 
-/// The sides of a block, in the order in which they are built. The first two take the corners.
+/// Side of a block. The sides are built in the order of the variants; south and north include the block's
+/// corners, west and east lie between those two rows.
 #[derive(Debug, Clone, Copy)]
 enum Side {
     South,
@@ -89,7 +105,9 @@ enum Side {
 }
 
 impl Side {
-    /// The lot between two ways along this side of the block, of a depth into the block.
+    /// Returns the plan of a lot along this side of the block whose minimum corner is `block`,
+    /// counter-clockwise, in metres before the warp. `from` and `to` are coordinates along the side; `depth`
+    /// is the lot's extent from the edge of the block inwards.
     fn lot(self, block: DVec2, [from, to]: [f64; 2], depth: f64) -> [DVec2; 4] {
         let end = block + BLOCK;
         match self {
@@ -101,6 +119,7 @@ impl Side {
     }
 }
 
+/// State of the city under construction.
 struct City {
     random: Random,
     centre: DVec2,
@@ -108,6 +127,8 @@ struct City {
 }
 
 impl City {
+    /// Adds a prism over the warped `plan` from the ground up to `height` metres, as one object. The plan is
+    /// counter-clockwise, in metres before the warp.
     fn building(&mut self, plan: [DVec2; 4], height: f64) {
         let mut mesh = Mesh::new();
         mesh.prism(&plan.map(warp), 0.0, height);
@@ -115,7 +136,8 @@ impl City {
         self.parts.add(name, mesh);
     }
 
-    /// A block by its south-western corner: terraces on its four sides and sheds in the court.
+    /// Adds a block's buildings: terraces along its four sides and zero to three sheds in the court. `block`
+    /// is the minimum corner before the warp, in metres.
     fn block(&mut self, block: DVec2) {
         let end = block + BLOCK;
         let depth = self.random.between(10.0, 14.0);
@@ -130,10 +152,13 @@ impl City {
         }
     }
 
-    /// Lots side by side along one side of a block.
+    /// Adds adjacent lots with one building each along one side of a block. `start` and `end` are coordinates
+    /// along the side, and `depth` the row's extent inwards, in metres before the warp. Some lots stay empty.
     fn terrace(&mut self, side: Side, block: DVec2, [start, end]: [f64; 2], depth: f64) {
+        /// Minimum length of the rest of a terrace, in metres. A shorter rest is added to the lot before it.
         const NARROWEST: f64 = 4.0;
-        /// Less than this at the end of a terrace stays open.
+        /// Length of the rest of a terrace, in metres, from which on the rest is left open instead of built
+        /// on.
         const SLACK: f64 = 3.0;
         let mut from = start;
         while from < end - SLACK {
@@ -142,7 +167,7 @@ impl City {
             if end - to < NARROWEST {
                 to = end;
             }
-            // Squared, because most houses are low.
+            // The square makes low houses more frequent than high ones.
             let storeys = 2 + (4.0 * self.random.unit().powi(2)) as u32;
             let mut height = STOREY * f64::from(storeys) + self.random.between(0.0, 1.5);
             let lot_depth = depth - self.random.between(0.0, 3.0);
@@ -157,7 +182,8 @@ impl City {
         }
     }
 
-    /// A low and crooked building somewhere in the court.
+    /// Adds a one-storey building with a crooked plan at a random position in the court of the block whose
+    /// minimum corner is `block`.
     fn shed(&mut self, block: DVec2) {
         let end = block + BLOCK;
         let x = self.random.between(block.x + 18.0, end.x - 26.0);
@@ -173,6 +199,7 @@ impl City {
     }
 }
 
+/// Camera walks of the recipe, for the sample size of 12 by 12 blocks.
 const ROUTES: [Route; 3] = [
     Route {
         name: "high street, west to centre",

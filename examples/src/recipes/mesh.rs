@@ -1,20 +1,21 @@
-//! The solids that the recipes are put together from, in f64: cuboids, cylinders, prisms, and moving them
-//! about.
+//! Triangle meshes of the recipes in f64: cuboids, cylinders, prisms and quadrilaterals, and rigid motions of
+//! the meshes.
 //!
-//! Recipes compute in f64 and round to f32 once, at the end, so that a chair on the far side of a large city
-//! is still the same chair to within half a unit in the last place.
+//! Recipes compute in f64 and round to f32 once, at the end. So each coordinate of a chair on the far side of
+//! a large city is wrong by at most half a unit in the last place.
 
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Triangles under construction.
+/// Triangle soup under construction, in metres. Solids are wound counter-clockwise as seen from outside.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Mesh {
     pub(crate) triangles: Vec<[DVec3; 3]>,
 }
 
-/// The six faces of a cuboid as two triangles each, seen from outside counter-clockwise; corners are numbered
-/// around the bottom, then around the top.
+/// Triangles of a cuboid, two per face, as indices of its corners and counter-clockwise as seen from outside.
+/// Corners 0 to 3 go counter-clockwise around the bottom from the minimum corner, and corners 4 to 7 lie
+/// above corners 0 to 3.
 const CUBOID_FACES: [[usize; 3]; 12] = [
     [0, 2, 1],
     [0, 3, 2],
@@ -35,14 +36,15 @@ impl Mesh {
         Self::default()
     }
 
-    /// A mesh of one cuboid.
+    /// Makes a mesh of one axis-aligned cuboid between its minimum and its maximum corner.
     pub(crate) fn from_cuboid(low: [f64; 3], high: [f64; 3]) -> Self {
         let mut mesh = Self::new();
         mesh.cuboid(low, high);
         mesh
     }
 
-    /// Adds a cuboid between two opposite corners.
+    /// Adds the 12 triangles of an axis-aligned cuboid between its minimum and its maximum corner. Swapped
+    /// coordinates would turn the faces inside out.
     pub(crate) fn cuboid(&mut self, low: [f64; 3], high: [f64; 3]) {
         let around = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])];
         let corner = |i: usize| {
@@ -52,7 +54,8 @@ impl Mesh {
         self.triangles.extend(CUBOID_FACES.map(|face| face.map(corner)));
     }
 
-    /// Adds an upright cylinder, or a cone frustum; a top radius of zero makes a cone, which has no top face.
+    /// Adds a closed upright cylinder or cone frustum. A top radius of at most 1e-6 m makes a cone, which has
+    /// no top face.
     pub(crate) fn cylinder(&mut self, c: &Cylinder) {
         let bottom = c.ring(c.bottom, c.bottom_radius);
         let top = c.ring(c.top, c.top_radius);
@@ -66,7 +69,9 @@ impl Mesh {
         self.triangles.extend(around(c.sides).map(|(i, next)| [centre, bottom[next], bottom[i]]));
     }
 
-    /// Adds the wall between two rings of the same number of points; to a single tip when `pointed`.
+    /// Adds the side wall between two rings of points. Both rings run counter-clockwise as seen from above;
+    /// if their lengths differ, the surplus points of the longer ring are ignored. When `pointed`, all points
+    /// of `top` are the tip of a cone, and each side is a single triangle instead of two.
     pub(crate) fn band(&mut self, bottom: &[DVec3], top: &[DVec3], pointed: bool) {
         let sides = bottom.len().min(top.len());
         self.triangles.extend(around(sides).map(|(i, next)| [bottom[i], bottom[next], top[next]]));
@@ -75,7 +80,8 @@ impl Mesh {
         }
     }
 
-    /// Adds an upright prism over a polygon, with a top but no bottom, which would lie on the ground.
+    /// Adds an upright prism over a convex polygon, counter-clockwise as seen from above, between the heights
+    /// `bottom` and `top`. The prism has a top face but no bottom face, which would lie on the ground.
     pub(crate) fn prism(&mut self, polygon: &[DVec2], bottom: f64, top: f64) {
         let lower: Vec<_> = polygon.iter().map(|p| p.extend(bottom)).collect();
         let upper: Vec<_> = polygon.iter().map(|p| p.extend(top)).collect();
@@ -83,43 +89,49 @@ impl Mesh {
         self.triangles.extend((1..upper.len().saturating_sub(1)).map(|i| [upper[0], upper[i], upper[i + 1]]));
     }
 
-    /// Adds a flat or folded quadrilateral as two triangles over the diagonal from its first corner.
+    /// Adds a flat or folded quadrilateral as two triangles that share the diagonal from its first to its
+    /// third corner.
     pub(crate) fn quad(&mut self, [a, b, c, d]: [DVec3; 4]) {
         self.triangles.extend([[a, b, c], [a, c, d]]);
     }
 
+    /// Returns the mesh scaled by `factor` about the origin.
     pub(crate) fn scaled(mut self, factor: f64) -> Self {
         self.triangles.iter_mut().flatten().for_each(|p| *p *= factor);
         self
     }
 
+    /// Returns the mesh translated by `offset` metres.
     pub(crate) fn moved(mut self, offset: DVec3) -> Self {
         self.triangles.iter_mut().flatten().for_each(|p| *p += offset);
         self
     }
 
+    /// Returns the mesh rotated and translated by `pose`.
     pub(crate) fn placed(mut self, pose: &Pose) -> Self {
         self.triangles.iter_mut().flatten().for_each(|p| *p = pose.apply(*p));
         self
     }
 
-    /// The finished triangles, rounded to f32.
+    /// Returns the triangles with each coordinate rounded to the nearest f32.
     pub(crate) fn into_f32(self) -> Vec<[Vec3; 3]> {
         self.triangles.into_iter().map(|triangle| triangle.map(|p| p.as_vec3())).collect()
     }
 }
 
-/// Pairs of (index, next index) around a ring.
+/// Returns the pairs (index, next index) of neighbours around a ring of `sides` points; the last index is
+/// followed by 0.
 pub(crate) fn around(sides: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..sides).map(move |i| (i, (i + 1) % sides))
 }
 
-/// Points on a circle of radius one, the first on the x axis, counter-clockwise.
+/// Returns `sides` points at equal angles on the unit circle, counter-clockwise from (1, 0).
 pub(crate) fn circle(sides: usize) -> impl Iterator<Item = DVec2> {
     (0..sides).map(move |i| DVec2::from_angle(i as f64 * TAU / sides as f64))
 }
 
-/// An upright cylinder or cone frustum.
+/// Upright cylinder or cone frustum: a regular polygon of `sides` corners at the heights `bottom` and `top`
+/// with a radius each. All lengths are metres.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cylinder {
     pub(crate) centre: DVec2,
@@ -131,46 +143,51 @@ pub(crate) struct Cylinder {
 }
 
 impl Cylinder {
+    /// Returns the polygon at height `z` with circumradius `radius`, counter-clockwise as seen from above.
     fn ring(&self, z: f64, radius: f64) -> Vec<DVec3> {
         circle(self.sides).map(|unit| (self.centre + unit * radius).extend(z)).collect()
     }
 }
 
-/// A turn about the z axis and then a move.
+/// Rigid motion: a rotation about the z axis followed by a translation by `at` metres.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pose {
-    /// (cosine, sine) of the turn.
+    /// Cosine and sine of the rotation's angle.
     turn: DVec2,
     at: DVec3,
 }
 
 impl Pose {
-    /// Turned counter-clockwise by an angle in radians.
+    /// Creates a counter-clockwise rotation by `angle` radians followed by a translation by `at` metres.
     pub(crate) fn turned(angle: f64, at: DVec3) -> Self {
         Self { turn: DVec2::from_angle(angle), at }
     }
 
-    /// Turned counter-clockwise by quarters of a full turn.
+    /// Creates a counter-clockwise rotation by `quarters` right angles followed by a translation by `at`
+    /// metres.
     pub(crate) fn quarters(quarters: u8, at: DVec3) -> Self {
         Self::turned(f64::from(quarters) * FRAC_PI_2, at)
     }
 
+    /// Returns the point `p` rotated and then translated.
     fn apply(&self, p: DVec3) -> DVec3 {
         self.turn.rotate(p.truncate()).extend(p.z) + self.at
     }
 }
 
-/// The objects of a recipe in the order of their making.
+/// Named meshes of a recipe's objects, in the order in which the recipe made the objects.
 #[derive(Debug, Default)]
 pub(crate) struct Parts {
     pub(crate) parts: Vec<(String, Mesh)>,
 }
 
 impl Parts {
+    /// Appends one object. Names need not be unique.
     pub(crate) fn add(&mut self, name: impl Into<String>, mesh: Mesh) {
         self.parts.push((name.into(), mesh));
     }
 
+    /// Rounds the meshes to f32 and returns one source object per mesh, all opaque and none a door.
     pub(crate) fn into_objects(self) -> Vec<crate::source::SourceObject> {
         self.parts
             .into_iter()
@@ -183,6 +200,7 @@ impl Parts {
 mod tests {
     use super::*;
 
+    /// Returns the signed volume of a closed mesh in cubic metres: positive when its triangles face outwards.
     fn volume(mesh: &Mesh) -> f64 {
         mesh.triangles.iter().map(|[a, b, c]| a.dot(b.cross(*c)) / 6.0).sum()
     }

@@ -1,12 +1,12 @@
-//! Procedural scenes: each recipe makes the same scene everywhere, and brings camera walks through it.
+//! Procedural scenes with camera walks. A recipe with equal sizes makes an identical scene on every machine.
 //!
-//! They stand in for the models of the papers that cannot be had: a city of furnished houses, a 2.5-D London,
-//! a walled town, forests, and office floors with exact cells and portals. All have z up and metres as the
-//! unit, and sizes to choose. Sizes are bounded so that a typing error cannot ask for more memory than a
-//! machine has.
+//! The recipes stand in for models of the papers that are not available: a city of furnished houses, a 2.5-D
+//! London, a walled town, forests, and office floors with exact cells and portals. All recipes have z up,
+//! metres as the unit, and sizes to choose. Sizes are bounded, so that a typing error cannot exhaust the
+//! machine's memory.
 //!
-//! The walks are made for the sample sizes. Larger scenes keep them, since they grow outwards from the same
-//! corner or centre; in smaller ones they may leave the scene.
+//! The walks are made for the sample sizes. Larger scenes keep the walks, since scenes grow outwards from a
+//! fixed corner or centre; in smaller scenes the walks may leave the scene.
 
 mod forest;
 mod furniture;
@@ -30,7 +30,8 @@ pub use town::town;
 use crate::error::SourceError;
 use crate::source::SceneSource;
 
-/// A recipe as the user names it: its sizes, what they are by default, and how it is made.
+/// Entry of the table of recipes: `name` and the names of the sizes as the user types them, the sample's
+/// sizes, and the function that makes the scene.
 struct Recipe {
     name: &'static str,
     sizes: &'static str,
@@ -38,7 +39,7 @@ struct Recipe {
     make: fn(&Sizes<'_>) -> Result<SceneSource, SourceError>,
 }
 
-/// The recipes, with the sizes of the stored samples as the default.
+/// Table of all recipes. The default sizes are those of the stored sample scenes.
 const RECIPES: [Recipe; 5] = [
     Recipe {
         name: "plpcity",
@@ -67,14 +68,20 @@ const RECIPES: [Recipe; 5] = [
     },
 ];
 
-/// The recipes with their sizes, as help texts show them: `plpcity:blocks_x,blocks_y` and so on.
+/// Returns each recipe with the names of its sizes, for help texts: `plpcity:blocks_x,blocks_y` and so on.
 pub fn known_recipes() -> impl Iterator<Item = String> {
     RECIPES.iter().map(|recipe| format!("{}:{}", recipe.name, recipe.sizes))
 }
 
 /// Makes the scene that a specification such as `plpcity`, `plpcity:3,3`, `office:2x16` or `town:8` names.
+/// Sizes are separated by `,` or `x`; without a colon the scene has the recipe's sample sizes.
 ///
-/// Without sizes it is the sample size of the recipe.
+/// # Errors
+///
+/// Returns [`SourceError::Recipe`] when the name is unknown, when a size is missing, superfluous or not a
+/// number, or when the recipe refuses the sizes.
+///
+/// # Example
 ///
 /// ```
 /// let scene = visibility_examples::built_in("plpcity:1x1")?;
@@ -98,13 +105,16 @@ pub fn built_in(spec: &str) -> Result<SceneSource, SourceError> {
     (recipe.make)(&sizes)
 }
 
-/// The sizes of a specification.
+/// Sizes read from a specification, as many as the recipe takes. `spec` is the whole specification, for error
+/// messages.
 struct Sizes<'a> {
     spec: &'a str,
     values: Vec<f64>,
 }
 
 impl<'a> Sizes<'a> {
+    /// Reads the sizes after the colon of `spec`. With `text` as `None` the sizes are the recipe's sample
+    /// sizes. Returns an error when a size is not a number or their count is not the recipe's.
     fn parse(spec: &'a str, recipe: &Recipe, text: Option<&str>) -> Result<Self, SourceError> {
         let values = match text {
             None => recipe.sample.to_vec(),
@@ -132,10 +142,14 @@ impl<'a> Sizes<'a> {
         Ok(Self { spec, values })
     }
 
+    /// Returns the size at `index`, which may be negative, fractional, infinite or NaN. Panics when `index`
+    /// is not below the recipe's number of sizes.
     fn number(&self, index: usize) -> f64 {
         self.values[index]
     }
 
+    /// Returns the size at `index` as a whole number. Returns an error unless the size is whole and from 0 to
+    /// `u32::MAX`.
     fn whole(&self, index: usize) -> Result<u32, SourceError> {
         let value = self.values[index];
         if value.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&value) {

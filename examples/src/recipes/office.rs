@@ -1,9 +1,10 @@
-//! Office floors with exact cells and portals: corridors with furnished rooms on both sides, joined by a
-//! stair.
+//! Office recipe: floors of furnished rooms on both sides of a corridor, joined by a stair, with exact cells
+//! and portals.
 //!
-//! It stands in for Soda Hall in the papers on architectural cells and portals. The cells are boxes and the
-//! portals rectangles that lie exactly in the openings, so that portal cullers can be tested without a cell
-//! finder. What cullers take has a cell for each doorway as well, since walls are not thin.
+//! The building stands in for Soda Hall in the papers on architectural cells and portals. The cells are boxes
+//! and the portals rectangles that lie exactly in the openings, so portal cullers can be tested without a
+//! cell finder. Walls have thickness, so cullers are offered a second graph that has a cell for each doorway,
+//! too.
 
 use super::limits::Limits;
 use super::mesh::{Mesh, Parts};
@@ -20,72 +21,98 @@ use visibility_core::{
     pvs::{Viewcell, Viewcells},
 };
 
+/// Seed of the recipe's random numbers. Another seed gives other doors and furniture.
 const SEED: u64 = 5;
 
+/// Extent of a room along the corridor, in metres.
 const ROOM_WIDTH: f64 = 4.0;
+/// Extent of a room away from the corridor, in metres.
 const ROOM_DEPTH: f64 = 5.0;
+/// Width of the corridor, in metres.
 const CORRIDOR: f64 = 3.0;
+/// Height of a room from floor to ceiling, in metres.
 const HEIGHT: f64 = 3.2;
+/// Thickness of the slab below each floor, in metres.
 const SLAB: f64 = 0.3;
+/// Height from one floor to the next, in metres.
 const STOREY: f64 = HEIGHT + SLAB;
-/// The southern and northern facades.
+/// Coordinates y of the southern and the northern facade, in metres.
 const FACADES: [f64; 2] = [-ROOM_DEPTH, CORRIDOR + ROOM_DEPTH];
-/// The stair shaft, west of the corridor.
+/// Minimum corner (x, y) of the stair shaft, in metres. The shaft is west of the corridor.
 const STAIR_LOW: [f64; 2] = [-4.0, -1.5];
+/// Maximum corner (x, y) of the stair shaft, in metres.
 const STAIR_HIGH: [f64; 2] = [0.0, 4.5];
 
+/// Height of a door above its floor, in metres.
 const DOOR_HEAD: f64 = 2.1;
+/// Width of a door to the corridor, in metres.
 const DOOR_WIDTH: f64 = 0.9;
-/// Every so many rooms, a door joins a room with its western neighbour.
+/// Interval of doors between neighbouring rooms: a room whose index is a positive multiple of this number has
+/// a door to its western neighbour.
 const JOINED_EVERY: u32 = 4;
 
+/// Thickness of the end walls of a floor and of the shaft's walls, in metres.
 const END_WALL: f64 = 0.2;
+/// Thickness of the corridor's walls and of the walls between rooms, in metres.
 const CORRIDOR_WALL: f64 = 0.12;
-/// Walls stand across the boundaries of cells, half on either side, and nothing else reaches less far into a
-/// cell.
+/// Least depth, in metres, that an object must reach into a cell to belong to the cell. Walls stand across
+/// the boundaries of cells, half on either side. Every other object reaches at least this far into its cells.
 const REACH: f64 = 0.01;
+/// Thickness of the facades, in metres.
 const FACADE: f64 = 0.25;
 
+/// Estimated triangles of two rooms on opposite sides of a corridor, for the bound on the size of the scene.
 const TRIANGLES_PER_PAIR_OF_ROOMS: u64 = 3_000;
 
-/// A convex space of the building, as a box.
+/// Axis-aligned box of free space in the building: a corridor, a room, or the part of the stair shaft on one
+/// floor. World space, in metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cell {
-    /// `corridorF`, `stairF` or `roomF_S_R`: floor, side and room.
+    /// Name of the cell: `corridorF`, `stairF` or `roomF_S_R` with the floor F, the side S (0 south, 1
+    /// north) and the index R of the room from the west.
     pub name: String,
-    /// The smallest corner.
+    /// Minimum corner, in metres.
     pub min: DVec3,
-    /// The largest corner.
+    /// Maximum corner, in metres.
     pub max: DVec3,
 }
 
-/// An opening between two cells.
+/// Rectangular opening between two cells, in world space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Portal {
-    /// The cells that it joins, as indices.
+    /// Indices into [`Office::cells`] of the two cells that the opening joins.
     pub cells: [usize; 2],
-    /// Its corners, in order around it.
+    /// Corners of the rectangle in order around it, in metres. The direction of rotation is arbitrary.
     pub quad: [DVec3; 4],
-    /// True between the corridor and a room: where a door leaf would be.
+    /// True for an opening between the corridor and a room, where a door leaf would be. False for openings
+    /// between rooms, to the stair and in the shaft.
     pub door: bool,
-    /// How thick the wall is that it is an opening in, half on either side; 0 in the stair shaft.
+    /// Thickness in metres of the wall that the opening is cut through; half of the wall is on either side
+    /// of `quad`. 0 for the openings between floors in the stair shaft.
     pub depth: f64,
 }
 
-/// The office scene with its cells and portals.
+/// Office scene with its cells and portals.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Office {
-    /// The objects and walks.
+    /// Objects and walks, and the cells and portals in the form that cullers take.
     pub scene: SceneSource,
-    /// The cells: for each floor a corridor, a stair, and the rooms of either side.
+    /// Cells, floor by floor: the corridor, the stair, the southern rooms from west to east, and the
+    /// northern rooms.
     pub cells: Vec<Cell>,
-    /// The openings between them.
+    /// Openings between the cells.
     pub portals: Vec<Portal>,
 }
 
-/// Office floors with a number of rooms on either side of each corridor.
+/// Makes an office building of `floors` floors with `rooms` rooms on either side of each corridor.
 ///
-/// 2 floors of 16 rooms a side are 779 objects with 89,664 triangles; 7 of 24 are 468,960 triangles.
+/// 2 floors of 16 rooms a side are 779 objects with 89,664 triangles; 7 floors of 24 rooms a side are 468,960
+/// triangles.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Recipe`] when a size is 0 or the scene would have more triangles than recipes may
+/// make.
 pub fn office(floors: u32, rooms: u32) -> Result<Office, SourceError> {
     let limits = Limits::new(format!("office:{floors},{rooms}"));
     limits.at_least_one("floors", floors)?;
@@ -115,13 +142,15 @@ pub fn office(floors: u32, rooms: u32) -> Result<Office, SourceError> {
     Ok(Office { scene, cells: building.cells, portals: building.portals })
 }
 
-/// The cells and portals as cullers take them: with the normal of each portal into the second of its cells,
-/// and, if asked for, a cell for each doorway.
+/// Converts cells and portals into the graph that cullers take. The normal of each portal points into the
+/// second of its cells. When `deep`, the graph has a cell for each doorway as well.
 ///
-/// A doorway in a wall is as deep as the wall, and what is seen aslant through one is much less than through
-/// a hole in a sheet: then each is a cell between two portals. The other cells go on to the middles of the
-/// walls, so that a near plane that pokes into a wall is still in a cell. What they have in common with
-/// doorways belongs to these, which come first.
+/// A doorway is as deep as its wall, and an oblique view through it shows much less than through a hole in an
+/// infinitely thin wall. With `deep`, a doorway is therefore a cell between two portals. The other cells
+/// still reach to the middles of the walls, so that a near plane inside a wall is still in a cell. Where such
+/// a cell overlaps a doorway, the doorway's cell wins because doorway cells have lower indices.
+///
+/// Returns an error when the graph refuses a portal, for instance one with too few distinct corners.
 fn source_cells(cells: &[Cell], portals: &[Portal], deep: bool) -> Result<SourceCells, SourceError> {
     let refused = |error: &dyn std::fmt::Display| SourceError::recipe("office", error.to_string());
     let doorways = portals.iter().filter(|portal| deep && portal.depth > 0.0).count();
@@ -142,7 +171,7 @@ fn source_cells(cells: &[Cell], portals: &[Portal], deep: bool) -> Result<Source
             continue;
         }
         if portal.depth == 0.0 {
-            // The shaft is as wide as the walls around it leave.
+            // The opening in the shaft is inset by half the thickness of the walls around it.
             let inset = DVec3::new(END_WALL, END_WALL, 0.0) * 0.5;
             let (min, max) = (quad.into_iter().reduce(DVec3::min), quad.into_iter().reduce(DVec3::max));
             let (min, max) = (min.unwrap_or(quad[0]) + inset, max.unwrap_or(quad[0]) - inset);
@@ -166,9 +195,10 @@ fn source_cells(cells: &[Cell], portals: &[Portal], deep: bool) -> Result<Source
     Ok(SourceCells { graph, viewcells: Viewcells::new(bodies), names, depth: REACH, with_doorways: None })
 }
 
+/// State of the building under construction.
 struct Building {
     random: Random,
-    /// The length of the corridors.
+    /// Length of the corridors along x, in metres.
     length: f64,
     floors: u32,
     rooms: u32,
@@ -177,18 +207,21 @@ struct Building {
     portals: Vec<Portal>,
 }
 
-/// A wall from floor to ceiling.
+/// Describes a wall of thickness `thickness` from the floor at height `z` up to the ceiling, in metres.
 fn wall(from: [f64; 2], to: [f64; 2], z: f64, thickness: f64) -> Wall {
     Wall { from, to, foot: z, top: z + HEIGHT, thickness }
 }
 
-/// An upright rectangle from one point on the floor to another, as high as a door.
+/// Returns an upright rectangle as high as a door, from one point to another on the floor at height `z`, in
+/// metres: the two lower corners first.
 fn doorway(from: [f64; 2], to: [f64; 2], z: f64) -> [DVec3; 4] {
     let corner = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
     [corner(from, z), corner(to, z), corner(to, z + DOOR_HEAD), corner(from, z + DOOR_HEAD)]
 }
 
 impl Building {
+    /// Adds one floor: its slab, corridor, stair, end walls, rooms and ceiling, with their cells and portals.
+    /// `floor` is the index from the ground floor up.
     fn floor(&mut self, floor: u32) {
         let z = f64::from(floor) * STOREY;
         let [south, north] = FACADES;
@@ -213,15 +246,20 @@ impl Building {
         self.parts.add("ceiling", ceiling);
     }
 
-    /// The piece of the stair shaft on a floor, open to the corridor and to the piece below.
+    /// Adds the part of the stair shaft on one floor, with a portal to the corridor and, above the ground
+    /// floor, a portal to the part below. `z` is the height of the floor in metres, `corridor` the index of
+    /// the corridor's cell.
     fn stair(&mut self, floor: u32, z: f64, corridor: usize) {
+        /// Number of steps between two floors.
         const STEPS: u32 = 10;
+        /// Depth of a step, in metres.
         const TREAD: f64 = 0.3;
+        /// Height of a step, in metres.
         const RISER: f64 = 0.35;
         let [west, south] = STAIR_LOW;
         let [east, north] = STAIR_HIGH;
         let stair = self.cells.len();
-        // Below another floor, the shaft reaches through the slab.
+        // Below another floor, the shaft's cell reaches up through the slab.
         let top = if floor + 1 < self.floors { STOREY } else { HEIGHT };
         self.cells.push(Cell {
             name: format!("stair{floor}"),
@@ -263,7 +301,8 @@ impl Building {
         }
     }
 
-    /// The wall to the stair, with a door, and the one at the far end, with a window onto the corridor.
+    /// Adds the two end walls of a floor at height `z`: the western wall with a doorway to the stair, and the
+    /// eastern wall with a window to the corridor.
     fn end_walls(&mut self, z: f64) {
         let [south, north] = FACADES;
         let ends =
@@ -274,7 +313,9 @@ impl Building {
         }
     }
 
-    /// A room of the southern (0) or northern (1) side, with its door, window and western wall.
+    /// Adds a room on the southern (`side` 0) or northern (`side` 1) side of the corridor, with its door,
+    /// window, western wall and furniture. `room` is the index from the west, `z` the height of the floor in
+    /// metres, `corridor` the index of the corridor's cell.
     fn room(&mut self, floor: u32, side: usize, room: u32, z: f64, corridor: usize) {
         let inner = [0.0, CORRIDOR][side];
         let outer = FACADES[side];
@@ -309,15 +350,20 @@ impl Building {
         }
 
         let kind = if self.random.unit() < 0.75 { RoomKind::Office } else { RoomKind::Living };
+        /// Least distance of furniture from the room's boundary, in metres.
         const OFF_WALL: f64 = 0.15;
         let area =
             Floor { low: [west + OFF_WALL, south + OFF_WALL], high: [east - OFF_WALL, north - OFF_WALL], z };
         furnish(&mut self.random, kind, &area, &tag, &mut self.parts);
     }
 
-    /// The wall to the western neighbour, which some rooms have a doorway in.
+    /// Adds the wall between a room and its western neighbour; every fourth room gets a doorway in this wall.
+    /// `x` is the wall's coordinate, `south` and `north` are its ends and `z` its foot, in metres; `cell` is
+    /// the index of the room's cell.
     fn party_wall(&mut self, room: u32, [x, south, north, z]: [f64; 4], cell: usize) {
+        /// Southern edge of the doorway, in metres from the southern end of the wall.
         const FROM: f64 = 1.8;
+        /// Northern edge of the doorway, in metres from the southern end of the wall.
         const TO: f64 = 2.8;
         let wall = wall([x, south], [x, north], z, CORRIDOR_WALL);
         let joined = room.is_multiple_of(JOINED_EVERY);
@@ -335,6 +381,7 @@ impl Building {
     }
 }
 
+/// Camera walks on the ground floor, for the sample size of 16 rooms a side.
 const ROUTES: [Route; 2] = [
     Route {
         name: "corridor",
@@ -381,11 +428,12 @@ const ROUTES: [Route; 2] = [
     },
 ];
 
-/// The walk on the first upper floor.
+/// Returns the walk on the first floor above the ground floor, for buildings that have such a floor.
 fn upstairs() -> Walk {
     UPSTAIRS.walk(|_, _| STOREY)
 }
 
+/// Route of the walk on the first floor above the ground floor.
 const UPSTAIRS: Route = Route {
     name: "upper floor, into rooms",
     fov_y_degrees: 70.0,
@@ -423,12 +471,14 @@ mod tests {
             .graph
             .validate_bodies(cells.viewcells.cells(), 1e-9)
             .expect("portals on the boundaries of their cells, normals into the second");
-        // All portals but one are doorways in walls; the opening in the stair shaft has no depth.
+        // All portals except the opening in the stair shaft are doorways in walls; the opening in the shaft
+        // has no depth.
         let deep = cells.with_doorways.unwrap();
         assert_eq!((deep.graph.cell_count(), deep.graph.portals().len()), (20 + 18, 2 * 18 + 1));
         assert_eq!((deep.viewcells.cells().len(), deep.names.len()), (38, 38));
         deep.graph.validate(1e-9).expect("portals that can bound convex cells");
-        // Rooms go on to the middles of walls, whose sides the portals are in.
+        // The bodies of the rooms reach to the middles of the walls, while the portals lie in the walls'
+        // faces.
         let bodies = deep.viewcells.cells();
         deep.graph.validate_bodies(bodies, END_WALL * 0.5 + 1e-9).expect("portals in the sides of walls");
     }

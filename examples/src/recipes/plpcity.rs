@@ -1,9 +1,9 @@
-//! A city of furnished houses on streets, in place of the CITY model of the paper on prioritized-layered
-//! projection.
+//! City recipe: furnished houses on a grid of streets, in place of the CITY model of the paper on
+//! prioritized-layered projection.
 //!
 //! Blocks of 4 by 2 lots lie between streets. Each house has two storeys of four furnished rooms, windows, a
-//! front door and inner doors without leaves, a gabled roof and a chimney: from the street little of what is
-//! inside shows, and from inside little of the city does.
+//! front door and inner doors without leaves, a gabled roof and a chimney. From the street little of the
+//! interiors is visible, and from inside little of the city.
 
 use super::limits::Limits;
 use super::mesh::{Mesh, Parts, Pose};
@@ -15,30 +15,49 @@ use crate::error::SourceError;
 use crate::source::SceneSource;
 use glam::DVec3;
 
+/// Seed of the recipe's random numbers. Another seed gives another city.
 const SEED: u64 = 1;
 
+/// Size of a block along x and y, in metres.
 const BLOCK: [f64; 2] = [64.0, 40.0];
+/// Width of a street, in metres.
 const STREET: f64 = 12.0;
+/// Width of a lot along x, in metres.
 const LOT_WIDTH: f64 = 16.0;
+/// Number of lots along x in each row of a block.
 const LOTS_ALONG: u32 = 4;
-/// The middle lines of the two rows of houses, from the southern edge of the block.
+/// Distances of the centre lines of the two rows of houses from the southern edge of the block, in metres.
 const ROWS: [f64; 2] = [9.5, 30.5];
 
+/// Size of a house along x, in metres.
 const WIDTH: f64 = 10.0;
+/// Size of a house along y, in metres.
 const DEPTH: f64 = 9.0;
+/// Height of a room from floor to ceiling, in metres.
 const ROOM_HEIGHT: f64 = 2.8;
+/// Thickness of the slab below each storey and of the ceiling, in metres.
 const SLAB: f64 = 0.2;
+/// Number of storeys of a house.
 const STOREYS: u32 = 2;
+/// Thickness of the outer walls, in metres.
 const OUTER_WALL: f64 = 0.25;
+/// Thickness of the inner walls, in metres.
 const INNER_WALL: f64 = 0.12;
-/// The inner walls that part a storey into four rooms.
+/// Coordinates of the two inner walls that divide a storey into four rooms: x of the wall along y, then y of
+/// the wall along x, in metres from the south-western corner of the house.
 const CROSS: [f64; 2] = [5.8, 4.5];
 
+/// Triangles of one block with its ground.
 const TRIANGLES_PER_BLOCK: u64 = 58_056;
 
-/// The city of `blocks_x` by `blocks_y` blocks, each of eight houses.
+/// Makes the city of `blocks_x` by `blocks_y` blocks, each of eight houses.
 ///
 /// 2 by 2 blocks are 2,376 objects with 232,224 triangles.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Recipe`] when a size is 0 or the scene would have more triangles than recipes may
+/// make.
 pub fn plpcity(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError> {
     let limits = Limits::new(format!("plpcity:{blocks_x},{blocks_y}"));
     limits.at_least_one("blocks along x", blocks_x)?;
@@ -60,18 +79,21 @@ pub fn plpcity(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError>
     Ok(scene("plpcity", 0.1, parts, &ROUTES))
 }
 
-/// The south-western corner of a block.
+/// Returns the minimum corner (x, y) of a block, in metres. `block_x` and `block_y` are the indices of the
+/// block.
 fn corner(block_x: u32, block_y: u32) -> (f64, f64) {
     (f64::from(block_x) * (BLOCK[0] + STREET), f64::from(block_y) * (BLOCK[1] + STREET))
 }
 
-/// A block with the streets to its south and west, below the pavement.
+/// Makes the slab of ground under a block and the streets around it, from 0.5 m to 0.12 m below the
+/// pavement's surface.
 fn ground(block_x: u32, block_y: u32) -> Mesh {
     let (x, y) = corner(block_x, block_y);
     let (next_x, next_y) = corner(block_x + 1, block_y + 1);
     Mesh::from_cuboid([x - STREET, y - STREET, -0.5], [next_x, next_y, -0.12])
 }
 
+/// Adds the pavement and the eight houses of a block to `parts`.
 fn block(random: &mut Random, block_x: u32, block_y: u32, parts: &mut Parts) {
     let (x, y) = corner(block_x, block_y);
     let pavement = Mesh::from_cuboid([x, y, -0.1], [x + BLOCK[0], y + BLOCK[1], 0.0]);
@@ -80,7 +102,7 @@ fn block(random: &mut Random, block_x: u32, block_y: u32, parts: &mut Parts) {
         for (row, middle) in ROWS.into_iter().enumerate() {
             let house_x = x + LOT_WIDTH * (0.5 + f64::from(lot)) + random.between(-1.5, 1.5);
             let house_y = y + middle + random.between(-1.0, 1.0);
-            // The second row is turned about, so that both rows open to a street.
+            // The second row is rotated by half a turn, so that both rows face a street.
             let facing = if row == 0 { 0 } else { 2 };
             let pose = Pose::quarters(facing, DVec3::new(house_x, house_y, 0.0));
             let tag = format!("b{block_x}_{block_y}h{lot}{row}");
@@ -92,7 +114,7 @@ fn block(random: &mut Random, block_x: u32, block_y: u32, parts: &mut Parts) {
     }
 }
 
-/// A house whose south-western corner is the origin.
+/// Makes a house with its south-western corner at the origin and its front towards -y, in metres.
 fn house(random: &mut Random) -> Parts {
     let mut parts = Parts::default();
     for storey in 0..STOREYS {
@@ -104,7 +126,8 @@ fn house(random: &mut Random) -> Parts {
     parts
 }
 
-/// The slab that the storey stands on, its four outer walls and the two that part it.
+/// Adds to a house the slab of a storey, its four outer walls and its two inner walls. `z` is the height of
+/// the storey's floor in metres.
 fn walls(storey: u32, z: f64, parts: &mut Parts) {
     let slab = Mesh::from_cuboid([0.0, 0.0, z - SLAB], [WIDTH, DEPTH, z]);
     parts.add(format!("slab{storey}"), slab);
@@ -141,11 +164,12 @@ fn walls(storey: u32, z: f64, parts: &mut Parts) {
     parts.add("part", along.build(&[inner_door(2.0), inner_door(6.4)]));
 }
 
+/// Adds the furniture of the four rooms of a storey whose floor is at height `z` metres.
 fn rooms(random: &mut Random, storey: u32, z: f64, parts: &mut Parts) {
     use RoomKind::{Bedroom, Kitchen, Living, Office};
     let kinds =
         if storey == 0 { [Living, Kitchen, Office, Bedroom] } else { [Bedroom, Bedroom, Office, Bedroom] };
-    // South-west, south-east, north-west, north-east: the inside of the walls.
+    // Minimum and maximum corners between the walls: south-west, south-east, north-west, north-east.
     let floors = [
         ([0.2, 0.2], [5.7, 4.4]),
         ([5.9, 0.2], [9.8, 4.4]),
@@ -158,9 +182,12 @@ fn rooms(random: &mut Random, storey: u32, z: f64, parts: &mut Parts) {
     }
 }
 
-/// The ceiling, a gabled roof along x with eaves, and a chimney behind the ridge.
+/// Adds to a house the ceiling, a gabled roof with eaves and a ridge along x, and a chimney north of the
+/// ridge. `z` is the height of the roof's foot in metres.
 fn roof(random: &mut Random, z: f64, parts: &mut Parts) {
+    /// Overhang of the roof beyond the walls, in metres.
     const EAVES: f64 = 0.5;
+    /// Side of the chimney's square plan, in metres.
     const CHIMNEY: f64 = 0.7;
     let rise = random.between(2.2, 3.4);
     let ceiling = Mesh::from_cuboid([0.0, 0.0, z - SLAB], [WIDTH, DEPTH, z]);
@@ -191,6 +218,7 @@ fn roof(random: &mut Random, z: f64, parts: &mut Parts) {
     parts.add("chimney", chimney);
 }
 
+/// Camera walks of the recipe, for the sample size of 2 by 2 blocks.
 const ROUTES: [Route; 3] = [
     Route {
         name: "streets",

@@ -1,10 +1,10 @@
-//! The random numbers of the recipes: one 64-bit linear congruential generator, so that a scene is the same
-//! everywhere.
+//! Random numbers of the recipes: a 64-bit linear congruential generator, so that a recipe makes an identical
+//! scene on every machine.
 //!
-//! The upper 31 bits of the state make a number in [0, 1). The order of the draws is part of a recipe:
-//! whoever moves a call changes the scene.
+//! The upper 31 bits of the state give a number in [0, 1). The order of the draws is part of a recipe: moving
+//! a call changes the scene.
 
-/// The generator; two with the same seed draw the same numbers.
+/// Random number generator. Two generators with equal seeds draw equal numbers.
 #[derive(Debug, Clone)]
 pub(crate) struct Random {
     state: u64,
@@ -13,9 +13,11 @@ pub(crate) struct Random {
 impl Random {
     const MULTIPLIER: u64 = 6_364_136_223_846_793_005;
     const INCREMENT: u64 = 1_442_695_040_888_963_407;
-    /// The first draws of neighbouring seeds resemble each other, so they are thrown away.
+    /// Number of draws that `new` discards, because the first draws of neighbouring seeds resemble each
+    /// other.
     const DISCARDED: usize = 4;
 
+    /// Creates a generator. The seeds 0 to 2^63 - 1 give different sequences.
     pub(crate) fn new(seed: u64) -> Self {
         let mut random = Self { state: seed.wrapping_mul(2).wrapping_add(1) };
         for _ in 0..Self::DISCARDED {
@@ -24,23 +26,23 @@ impl Random {
         random
     }
 
-    /// A number in [0, 1).
+    /// Draws a multiple of 2^-31 in [0, 1).
     pub(crate) fn unit(&mut self) -> f64 {
         self.state = self.state.wrapping_mul(Self::MULTIPLIER).wrapping_add(Self::INCREMENT);
         (self.state >> 33) as f64 / f64::from(1_u32 << 31)
     }
 
-    /// A number in [low, high).
+    /// Draws a number in [low, high), up to rounding. Returns `low` when both are equal.
     pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// A whole number in 0..count.
+    /// Draws an index in the half-open range `0..count`. Returns 0 when `count` is 0.
     pub(crate) fn below(&mut self, count: usize) -> usize {
         (self.unit() * count as f64) as usize
     }
 
-    /// An angle in [0, 2 pi).
+    /// Draws an angle in [0, 2 pi), in radians.
     pub(crate) fn angle(&mut self) -> f64 {
         self.unit() * 2.0 * std::f64::consts::PI
     }

@@ -1,11 +1,11 @@
-//! Furnished rooms: which pieces stand where in a living room, a kitchen, a bedroom and an office.
+//! Furnished rooms: the positions of the furniture in living rooms, kitchens, bedrooms and offices.
 
 use super::furniture as piece;
 use super::mesh::{Mesh, Parts, Pose};
 use super::random::Random;
 use glam::DVec3;
 
-/// What a room is for.
+/// Use of a room, which decides its furniture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RoomKind {
     Living,
@@ -14,7 +14,7 @@ pub(crate) enum RoomKind {
     Office,
 }
 
-/// The floor of a room and its height.
+/// Rectangle of floor to furnish: minimum corner, maximum corner and height, in metres.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Floor {
     pub(crate) low: [f64; 2],
@@ -22,16 +22,17 @@ pub(crate) struct Floor {
     pub(crate) z: f64,
 }
 
-/// Facing +y, as furniture is made.
+/// Quarter turns of a piece that faces +y, as furniture is modelled.
 const NORTH: u8 = 0;
-/// Turned a quarter, facing -x.
+/// Quarter turns, counter-clockwise, of a piece that faces -x.
 const WEST: u8 = 1;
-/// Turned half around, facing -y.
+/// Quarter turns of a piece that faces -y.
 const SOUTH: u8 = 2;
-/// Turned three quarters, facing +x.
+/// Quarter turns, counter-clockwise, of a piece that faces +x.
 const EAST: u8 = 3;
 
-/// Puts the furniture of a kind of room on a floor; object names get the tag as a prefix.
+/// Adds the furniture of a room of the given kind to `parts`. Object names are `tag`, a slash, and the name
+/// of the piece. Pieces of a fixed size may stand out of a floor that is too small.
 pub(crate) fn furnish(random: &mut Random, kind: RoomKind, floor: &Floor, tag: &str, parts: &mut Parts) {
     let mut room = Room { floor, tag, parts };
     match kind {
@@ -42,6 +43,7 @@ pub(crate) fn furnish(random: &mut Random, kind: RoomKind, floor: &Floor, tag: &
     }
 }
 
+/// Room being furnished, with the prefix of its object names and the list that receives the objects.
 struct Room<'a> {
     floor: &'a Floor,
     tag: &'a str,
@@ -49,17 +51,21 @@ struct Room<'a> {
 }
 
 impl Room<'_> {
+    /// Adds a piece of furniture at (`x`, `y`) metres on the floor, turned counter-clockwise by `facing`
+    /// quarter turns.
     fn put(&mut self, name: &str, mesh: Mesh, x: f64, y: f64, facing: u8) {
         let pose = Pose::quarters(facing, DVec3::new(x, y, self.floor.z));
         self.parts.add(format!("{}/{name}", self.tag), mesh.placed(&pose));
     }
 
+    /// Returns the centre (x, y) of the floor, in metres.
     fn centre(&self) -> (f64, f64) {
         let Floor { low, high, .. } = self.floor;
         ((low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0)
     }
 
-    /// A table with two chairs on either side.
+    /// Adds a dining table centred at (`x`, `y`) metres, with two chairs on its southern and two on its
+    /// northern side.
     fn dining_group(&mut self, x: f64, y: f64) {
         self.put("table", piece::dining_table(), x, y, NORTH);
         let seats = [(-0.4, -0.65, NORTH), (0.4, -0.65, NORTH), (-0.4, 0.65, SOUTH), (0.4, 0.65, SOUTH)];
@@ -68,7 +74,8 @@ impl Room<'_> {
         }
     }
 
-    /// Two shelves side by side against the left wall, some way off it.
+    /// Adds two shelves side by side along the western edge of the floor. Their centres are `off_wall` metres
+    /// from that edge.
     fn shelves(&mut self, random: &mut Random, off_wall: f64) {
         let (_, cy) = self.centre();
         let x = self.floor.low[0] + off_wall;

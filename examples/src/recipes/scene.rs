@@ -1,25 +1,27 @@
-//! A scene from the parts that a recipe made, with walks through it.
+//! Assembly of a scene from the objects that a recipe made and camera walks through it.
 
 use super::mesh::Parts;
 use crate::source::SceneSource;
 use crate::walk::{Walk, along};
 use glam::{DVec3, Vec3};
 
-/// A camera walk as a route over the ground plan.
+/// Camera walk as a route on the plan: `waypoints` are (x, y) in metres, and `keys` is the number of camera
+/// keys at equal distances along the route.
 pub(super) struct Route {
     pub(super) name: &'static str,
     pub(super) fov_y_degrees: f32,
     pub(super) keys: usize,
-    /// How far ahead along the route the camera looks, in metres.
+    /// Distance in metres along the route from the eye to the point that the camera looks at.
     pub(super) look_ahead: f64,
     pub(super) waypoints: &'static [[f64; 2]],
 }
 
-/// The eye height of a person who walks.
+/// Height of the camera above the ground, in metres.
 const EYE_HEIGHT: f64 = 1.65;
 
 impl Route {
-    /// The walk at eye height over ground of the given height.
+    /// Makes the camera walk, with eyes and targets at eye height above the ground. `ground` maps a point (x,
+    /// y) in metres to the height of the ground there, in metres.
     pub(super) fn walk(&self, ground: impl Fn(f64, f64) -> f64) -> Walk {
         let plan: Vec<_> = self.waypoints.iter().map(|&[x, y]| DVec3::new(x, y, 0.0)).collect();
         let mut keys = along(&plan, self.keys, self.look_ahead);
@@ -30,12 +32,14 @@ impl Route {
     }
 }
 
-/// Puts a recipe's parts and walks over level ground together.
+/// Makes a scene of a recipe's objects, with walks over level ground at z = 0. `near` is the distance of the
+/// near plane in metres.
 pub(super) fn scene(name: &str, near: f32, parts: Parts, routes: &[Route]) -> SceneSource {
     scene_on(name, near, parts, routes, |_, _| 0.0)
 }
 
-/// The same with walks that follow the height of the ground.
+/// Makes a scene of a recipe's objects, with walks that follow the ground. `near` is the distance of the near
+/// plane, and `ground` maps a point (x, y) to the height of the ground there, in metres.
 pub(super) fn scene_on(
     name: &str,
     near: f32,

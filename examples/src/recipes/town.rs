@@ -1,7 +1,8 @@
-//! A walled town of the 16th century: rings of gabled, jettied timber houses about a church on a square.
+//! Town recipe: a walled town of the 16th century with rings of gabled, jettied timber houses around a church
+//! on a square.
 //!
-//! It stands in for the town of the paper on exact from-region visibility: detailed houses shoulder to
-//! shoulder along curved streets, where only a few can be seen at once.
+//! The town stands in for the town of the paper on exact from-region visibility. Its detailed houses stand
+//! wall to wall along curved streets, where few houses are visible at once.
 
 use super::limits::Limits;
 use super::mesh::{Cylinder, Mesh, Parts, Pose};
@@ -12,22 +13,36 @@ use crate::source::SceneSource;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+/// Seed of the recipe's random numbers. Another seed gives another town.
 const SEED: u64 = 3;
 
+/// Radius of the market square around the origin, in metres.
 const SQUARE_RADIUS: f64 = 28.0;
+/// Distance from one ring of houses to the next, in metres.
 const RING_STEP: f64 = 26.0;
-/// The two rows of a ring stand back to back; how far their middle lines are from the inner edge of the ring.
+/// Distances of the centre lines of a ring's two rows of houses from the inner edge of the ring, in metres.
+/// The rows stand back to back.
 const ROWS: [f64; 2] = [6.0, 16.5];
+/// Half of the width of a radial lane, in metres.
 const LANE_HALF_WIDTH: f64 = 1.75;
 
-/// Triangles of the outermost ring, a little rounded up, and how they grow.
+/// Linear coefficient of the upper estimate of the town's triangles: this number per ring.
 const TRIANGLES_PER_RING: u64 = 45_000;
+/// Quadratic coefficient of the upper estimate of the town's triangles: this number per square of the number
+/// of rings.
 const TRIANGLES_PER_RING_SQUARED: u64 = 15_000;
+/// Number of rings at which the estimate of triangles stops growing. The estimate is then far above the
+/// permitted maximum, and its arithmetic cannot overflow.
 const MOST_RINGS: u32 = 1_000;
 
-/// The town with a number of rings of houses.
+/// Makes the town with `rings` rings of houses.
 ///
 /// 3 rings are 698 objects with 190,400 triangles; 8 rings are 1,027,034 triangles.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Recipe`] when `rings` is 0 or the scene would have more triangles than recipes may
+/// make.
 pub fn town(rings: u32) -> Result<SceneSource, SourceError> {
     let limits = Limits::new(format!("town:{rings}"));
     limits.at_least_one("rings", rings)?;
@@ -47,12 +62,14 @@ pub fn town(rings: u32) -> Result<SceneSource, SourceError> {
     Ok(scene("town", 0.1, parts, &ROUTES))
 }
 
-/// The radius at which a ring of houses begins.
+/// Returns the inner radius of a ring of houses, in metres. With the number of rings as `ring` it is the
+/// outer radius of the last ring.
 fn ring_radius(ring: u32) -> f64 {
     SQUARE_RADIUS + RING_STEP * f64::from(ring)
 }
 
-/// Houses side by side all around one row of a ring, leaving out the radial lanes.
+/// Adds the houses of one row of a ring, side by side around the circle, except where radial lanes cross the
+/// row. `ring` counts from the square outwards; `row` is 0 (inner) or 1 (outer).
 fn row_of_houses(random: &mut Random, ring: u32, row: usize, parts: &mut Parts) {
     let radius = ring_radius(ring) + ROWS[row];
     let lanes = f64::from(6 + ring);
@@ -61,7 +78,7 @@ fn row_of_houses(random: &mut Random, ring: u32, row: usize, parts: &mut Parts) 
     while angle < TAU - 0.02 {
         let width = random.between(4.5, 8.0);
         let middle = angle + width / radius / 2.0;
-        // Where between two lanes the house is, as a part of their distance.
+        // Position of the house between two lanes, as a fraction from 0 to 1 of their spacing.
         let phase = (middle * lanes / TAU).fract();
         let from_lane = phase.min(1.0 - phase) * lane_spacing;
         if from_lane < LANE_HALF_WIDTH + width / 2.0 {
@@ -78,9 +95,12 @@ fn row_of_houses(random: &mut Random, ring: u32, row: usize, parts: &mut Parts) 
     }
 }
 
-/// A house on its middle: a plain ground floor, one or two jettied storeys of timber framing, a gabled roof.
+/// Makes a house with the centre of its plan at the origin: a plain ground floor, one or two jettied storeys
+/// of timber framing, and a gabled roof. `width` is along x and `ground_depth` along y, in metres; the front
+/// faces -y.
 fn house(random: &mut Random, width: f64, ground_depth: f64) -> Mesh {
-    /// How much deeper each storey is than the one below it.
+    /// Growth of the depth from one storey to the next, in metres; half of it overhangs at the front and half
+    /// at the back.
     const JETTY: f64 = 0.6;
     let ground_height = random.between(2.4, 3.0);
     let storey_height = random.between(2.3, 2.8);
@@ -105,10 +125,15 @@ fn house(random: &mut Random, width: f64, ground_depth: f64) -> Mesh {
     mesh
 }
 
-/// Posts, two rails and the windows between the posts, on the front (`side` -1) or back of a storey.
+/// Adds the timber of one wall of a storey: posts, two rails, and the windows between the posts. The wall is
+/// at y = `side` * `half_depth` with `side` -1 (front) or 1 (back), and reaches from height `foot` to `top`,
+/// in metres.
 fn timber_front(mesh: &mut Mesh, width: f64, [foot, top]: [f64; 2], side: f64, half_depth: f64) {
+    /// Intended distance between posts, in metres.
     const BAY: f64 = 1.1;
+    /// Minimum number of bays between posts.
     const FEWEST_BAYS: usize = 3;
+    /// Height of a rail, in metres.
     const RAIL: f64 = 0.2;
     let y = side * half_depth;
     let half_width = width / 2.0;
@@ -121,7 +146,7 @@ fn timber_front(mesh: &mut Mesh, width: f64, [foot, top]: [f64; 2], side: f64, h
     for (low, high) in [(foot, foot + RAIL), (top - RAIL, top)] {
         mesh.cuboid([-half_width, y - 0.06, low], [half_width, y + 0.06, high]);
     }
-    // Set back a little into the wall.
+    // Panes are centred 4 cm inside the wall's outer face.
     let pane = y - 0.04 * side;
     for bay in 0..bays {
         let x = along(bay as f64 + 0.5);
@@ -129,8 +154,11 @@ fn timber_front(mesh: &mut Mesh, width: f64, [foot, top]: [f64; 2], side: f64, h
     }
 }
 
-/// A gabled roof whose ridge runs from front to back, and a chimney.
+/// Adds a gabled roof whose ridge runs along y, and a chimney. `half_width` and `half_depth` are half the
+/// sizes of the walls below, `z` is the height of the eaves and `rise` that of the ridge above the eaves, in
+/// metres.
 fn house_roof(mesh: &mut Mesh, half_width: f64, half_depth: f64, z: f64, rise: f64) {
+    /// Overhang of the roof beyond the walls, in metres.
     const EAVES: f64 = 0.4;
     let (x, y) = (half_width + EAVES, half_depth + EAVES);
     let front_left = DVec3::new(-x, -y, z);
@@ -146,12 +174,17 @@ fn house_roof(mesh: &mut Mesh, half_width: f64, half_depth: f64, z: f64, rise: f
     mesh.cuboid([x - 0.3, -0.3, z], [x + 0.3, 0.3, z + rise + 0.7]);
 }
 
-/// Nave, tower, spire and buttresses.
+/// Makes the church at the centre of the square: nave, tower, spire and buttresses.
 fn church() -> Mesh {
+    /// Height of the nave's eaves, in metres.
     const EAVES: f64 = 11.0;
+    /// Height of the nave's ridge, in metres.
     const RIDGE: f64 = 19.0;
+    /// Height of the tower without its spire, in metres.
     const TOWER_TOP: f64 = 28.0;
+    /// Coordinate y of the nave's southern end, in metres.
     const SOUTH: f64 = -14.0;
+    /// Coordinate y of the nave's northern end, in metres.
     const NORTH: f64 = 12.0;
     let mut mesh = Mesh::from_cuboid([-6.0, SOUTH, 0.0], [6.0, NORTH, EAVES]);
     mesh.cuboid([-4.5, -23.0, 0.0], [4.5, SOUTH, TOWER_TOP]);
@@ -181,7 +214,7 @@ fn church() -> Mesh {
     mesh
 }
 
-/// A polygon of wall with a tower at every corner and three gates.
+/// Adds the town wall: a regular polygon with a tower at every corner and three open sides as gates.
 fn town_wall(rings: u32, parts: &mut Parts) {
     const GATES: u32 = 3;
     let radius = ring_radius(rings) + 4.0;
@@ -189,7 +222,7 @@ fn town_wall(rings: u32, parts: &mut Parts) {
     let corner = |i: u32| DVec2::from_angle(TAU * f64::from(i) / f64::from(corners)) * radius;
     for i in 0..corners {
         let (from, to) = (corner(i), corner(i + 1));
-        // A gate is a side that is left open.
+        // A side with a gate stays open.
         if i % (corners / GATES) != 0 {
             let along = to - from;
             let pose = Pose::turned(along.to_angle(), from.extend(0.0));
@@ -199,9 +232,12 @@ fn town_wall(rings: u32, parts: &mut Parts) {
     }
 }
 
-/// A stretch of wall along x with merlons on its outer edge.
+/// Makes one side of the town wall along x, from the origin to `length` metres, with merlons on its outer
+/// edge.
 fn wall_side(length: f64) -> Mesh {
+    /// Half of the wall's thickness, in metres.
     const HALF_THICKNESS: f64 = 0.8;
+    /// Height of the wall without its merlons, in metres.
     const WALK: f64 = 6.0;
     let mut mesh = Mesh::from_cuboid([0.0, -HALF_THICKNESS, 0.0], [length, HALF_THICKNESS, WALK]);
     for merlon in 0..(length / 2.0) as u32 {
@@ -211,6 +247,7 @@ fn wall_side(length: f64) -> Mesh {
     mesh
 }
 
+/// Makes a round tower with a conical roof around `centre` on the plan.
 fn wall_tower(centre: DVec2) -> Mesh {
     let part = |bottom, top, bottom_radius, top_radius| Cylinder {
         centre,
@@ -226,7 +263,7 @@ fn wall_tower(centre: DVec2) -> Mesh {
     mesh
 }
 
-/// Level ground to some way outside the wall, in square tiles.
+/// Adds level ground at z = 0 in 16 by 16 square tiles, one object each, to 30 m outside the town wall.
 fn ground(rings: u32, parts: &mut Parts) {
     const TILES: u32 = 16;
     let half = ring_radius(rings) + 4.0 + 30.0;
@@ -242,6 +279,7 @@ fn ground(rings: u32, parts: &mut Parts) {
     }
 }
 
+/// Camera walks of the recipe, for the sample size of three rings.
 const ROUTES: [Route; 3] = [
     Route {
         name: "gate to market square",

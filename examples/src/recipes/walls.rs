@@ -1,11 +1,12 @@
-//! Walls along an axis with doors and windows cut out, as cuboids.
+//! Walls along the x or y axis with rectangular doors and windows, built as cuboids.
 //!
-//! The wall is cut into upright strips at the edges of its openings; a strip that an opening covers keeps
-//! what is below and above it.
+//! A wall is cut into upright strips at the left and right edges of its openings. A strip that crosses an
+//! opening keeps the parts below and above the opening.
 
 use super::mesh::Mesh;
 
-/// A rectangular hole: metres along the wall from its start, and metres above its foot.
+/// Rectangular hole in a wall: `from` and `to` are metres along the wall from its start; `sill` and `head`
+/// are the lower and upper edges in metres above the wall's foot.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Opening {
     pub(crate) from: f64,
@@ -20,23 +21,26 @@ impl Opening {
     }
 }
 
-/// A wall of some thickness centred on a line along the x or the y axis.
+/// Wall of some thickness, centred on a line along the x or the y axis. All lengths are metres.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Wall {
-    /// One end; openings are measured from the smaller end.
+    /// One end (x, y) of the wall's centre line. Openings are measured from the end with the smaller
+    /// coordinate.
     pub(crate) from: [f64; 2],
-    /// The other end.
+    /// Other end (x, y) of the wall's centre line.
     pub(crate) to: [f64; 2],
     pub(crate) foot: f64,
     pub(crate) top: f64,
     pub(crate) thickness: f64,
 }
 
-/// Cuts thinner than this are rounding, not wall.
+/// Minimum length and height of a part of a wall, in metres. Thinner parts come from rounding and are left
+/// out.
 const THINNEST: f64 = 1e-6;
 
 impl Wall {
-    /// The wall with its openings, which may not overlap one another.
+    /// Makes the cuboids of the wall with its openings cut out. Openings must not overlap one another;
+    /// openings one above the other are permitted.
     pub(crate) fn build(&self, openings: &[Opening]) -> Mesh {
         let mut mesh = Mesh::new();
         let height = self.top - self.foot;
@@ -57,11 +61,13 @@ impl Wall {
         mesh
     }
 
+    /// Returns the length of the wall's centre line, in metres.
     fn length(&self) -> f64 {
         (self.to[0] - self.from[0]).abs().max((self.to[1] - self.from[1]).abs())
     }
 
-    /// The places along the wall where a strip begins or ends.
+    /// Returns the sorted distances from the wall's start, in metres, at which strips begin and end. Equal
+    /// distances appear once.
     fn cuts(&self, openings: &[Opening]) -> Vec<f64> {
         let mut cuts = vec![0.0, self.length()];
         cuts.extend(openings.iter().flat_map(|o| [o.from, o.to]));
@@ -70,6 +76,8 @@ impl Wall {
         cuts
     }
 
+    /// Adds the cuboid of the wall that spans `along` from the wall's start and `upwards` from its foot, in
+    /// metres. Adds no cuboid thinner than [`THINNEST`].
     fn piece(&self, mesh: &mut Mesh, along: [f64; 2], upwards: [f64; 2]) {
         if along[1] - along[0] < THINNEST || upwards[1] - upwards[0] < THINNEST {
             return;
@@ -96,7 +104,7 @@ mod tests {
         assert_eq!(wall.build(&[]).triangles.len(), 12);
         let door = Opening::new(1.0, 2.0, 0.0, 2.1);
         let window = Opening::new(3.0, 4.0, 0.9, 2.1);
-        // Three full strips, one lintel, one sill and one lintel.
+        // Cuboids: three full-height strips, the lintel of the door, and the sill and lintel of the window.
         assert_eq!(wall.build(&[door, window]).triangles.len(), 6 * 12);
     }
 }

@@ -1,8 +1,8 @@
-//! The trade of speed for accuracy: every culler with every setting of its dial over a scene, each a
-//! [`Point`]: what it costs, what it leaves to be drawn, and what it gets wrong.
+//! Trade of speed for accuracy: every culler at every setting of its dial on a scene is a [`Point`] with its
+//! time, the triangles that it leaves to draw, and its errors.
 //!
-//! [`sweep`](mod@sweep) measures the points, [`pareto`] finds those that no other beats, [`output`] prints
-//! them, and [`plot`] draws them.
+//! [`sweep`](mod@sweep) measures the points, [`pareto`] finds the points that no other point dominates,
+//! [`output`] prints points, and [`plot`] draws them.
 
 pub mod output;
 pub mod pareto;

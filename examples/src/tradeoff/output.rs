@@ -1,4 +1,4 @@
-//! Points as CSV for programs and as a table for people.
+//! Output of points as CSV for programs and as a table for people.
 
 use super::pareto::best;
 use super::point::Point;
@@ -6,7 +6,7 @@ use comfy_table::{CellAlignment, Table, presets};
 use std::io::Write;
 use visibility_core::Accuracy;
 
-/// All points, a line each, with a heading.
+/// Writes all points as CSV, a line per point below a line of column names.
 pub fn csv(out: impl Write, points: &[Point]) -> csv::Result<()> {
     let mut writer = csv::Writer::from_writer(out);
     points.iter().try_for_each(|point| writer.serialize(point))?;
@@ -14,8 +14,9 @@ pub fn csv(out: impl Write, points: &[Point]) -> csv::Result<()> {
     Ok(())
 }
 
-/// The point with the least time to cull and draw of those that hid nothing visible, and promise so if a
-/// promise is `needed`.
+/// Returns the point with the least time to cull and draw, among the points that hid no visible object. With
+/// `needed`, only cullers that promise to be exact or conservative are considered. `None` if no point
+/// qualifies.
 pub fn best_sound(points: &[Point], needed: bool) -> Option<&Point> {
     let safe = [Accuracy::Exact, Accuracy::Conservative].map(Accuracy::name);
     let promises = |point: &&Point| !needed || safe.contains(&point.accuracy);
@@ -23,7 +24,7 @@ pub fn best_sound(points: &[Point], needed: bool) -> Option<&Point> {
     sound.min_by(|a, b| a.total_us().total_cmp(&b.total_us()))
 }
 
-/// The Pareto-best points of one scene.
+/// Formats the Pareto-optimal points of one scene as a table.
 pub fn table(points: &[Point]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
@@ -60,7 +61,7 @@ pub fn table(points: &[Point]) -> Table {
     table
 }
 
-/// What the columns mean.
+/// Explanation of the table's columns.
 pub const LEGEND: &str = "\
 Listed are the points that no other beats in time, triangles drawn and wrong pixels at once.
 us a frame: median time to cull a frame, one thread; reported, visible: objects a frame, by the culler and in truth

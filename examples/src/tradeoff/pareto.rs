@@ -1,14 +1,15 @@
-//! The points that no other point beats.
+//! Pareto-optimal points: the points that no other point dominates.
 
 use super::point::Point;
 
-/// What counts as better when points are compared: all smaller or equal, and one smaller.
+/// Returns the costs that are compared: time per frame, triangles drawn, wrong pixels. A point dominates
+/// another if all its costs are less or equal and one is less.
 fn costs(point: &Point) -> [f64; 3] {
     [point.frame_us, point.triangles, point.wrong_pixels_percent]
 }
 
-/// Indices of the points of one scene that no other is better than in time, triangles drawn and wrong pixels
-/// at once, by ascending time.
+/// Returns the indices of the points of one scene that no other point dominates in time, triangles drawn and
+/// wrong pixels, by ascending time. Points with equal costs do not dominate each other.
 pub fn best(points: &[Point]) -> Vec<usize> {
     let beaten = |point: &Point| {
         let mine = costs(point);
@@ -23,6 +24,7 @@ pub fn best(points: &[Point]) -> Vec<usize> {
 mod tests {
     use super::*;
 
+    /// Makes a point with the given time in microseconds, triangles drawn, and percentage of wrong pixels.
     fn point(frame_us: f64, triangles: f64, wrong: f64) -> Point {
         Point {
             scene: String::new(),

@@ -10,15 +10,19 @@ use std::path::Path;
 const SIZE: (u32, u32) = (960, 600);
 const FONT: (&str, u32) = ("sans-serif", 14);
 
-/// What stands on the vertical axis.
+/// Quantity on the vertical axis: its label, and its value for a point.
 struct Quantity {
     name: &'static str,
     of: fn(&Point) -> f64,
-    /// Values below are drawn at this height: a logarithmic axis has no zero.
+    /// Minimum value at which a point is drawn, since a logarithmic axis has no zero.
     floor: f64,
 }
 
-/// Writes `SCENE-overdraw.svg` and `SCENE-wrong-pixels.svg` to a folder.
+/// Writes `SCENE-overdraw.svg` and `SCENE-wrong-pixels.svg` to a folder, with the points of one scene.
+///
+/// # Errors
+///
+/// Returns the error of the plotting library when a file cannot be written.
 pub fn plots(folder: &Path, scene: &str, points: &[Point]) -> Result<(), Box<dyn Error>> {
     let overdraw = Quantity { name: "triangles drawn for each visible one", of: Point::overdraw, floor: 1.0 };
     let wrong = Quantity {
@@ -57,8 +61,8 @@ fn plot(path: &Path, scene: &str, points: &[Point], quantity: &Quantity) -> Resu
         let style = if on_front { color.filled() } else { color.stroke_width(1) };
         chart.draw_series([Circle::new(at, if on_front { 5 } else { 3 }, style)])?;
         if on_front {
-            // Labels on the right half are written to the left of their point, so that they stay within the
-            // picture.
+            // A label in the right half is written to the left of its point, so that the label stays within
+            // the picture.
             let right = (at.0 / times.0).ln() > 0.5 * (times.1 / times.0).ln();
             let (anchor, gap) = if right { (HPos::Right, -8) } else { (HPos::Left, 8) };
             let style = FONT.into_font().color(&color).pos(Pos::new(anchor, VPos::Center));
@@ -81,7 +85,8 @@ fn plot(path: &Path, scene: &str, points: &[Point], quantity: &Quantity) -> Resu
     Ok(())
 }
 
-/// A range of a logarithmic axis that leaves some space around the values.
+/// Returns a range of a logarithmic axis that contains the positive finite values, with a margin on both
+/// sides; 0.1 to 10 without such values.
 fn around(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (least, most) = values
         .filter(|value| value.is_finite() && *value > 0.0)

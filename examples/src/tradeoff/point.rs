@@ -1,46 +1,49 @@
-//! One point of the trade.
+//! Measured point of the trade: a culler's costs and errors on a scene.
 
 use serde::Serialize;
 use visibility_measure::DrawCost;
 
-/// One culler with one setting on one scene. Counts are means over the frames.
+/// Costs and errors of one culler with one setting on one scene. Counts are means per frame unless said
+/// otherwise.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Point {
-    /// The scene.
+    /// Name of the scene.
     pub scene: String,
-    /// The culler as `walkthrough --cullers` takes it.
+    /// Culler with its setting, as `walkthrough --cullers` takes it.
     pub culler: String,
-    /// What it promises.
+    /// Name of the accuracy that the culler promises.
     pub accuracy: &'static str,
     /// Median time to cull a frame, in microseconds.
     pub frame_us: f64,
-    /// 99th percentile of that.
+    /// 99th percentile of the time to cull a frame, in microseconds.
     pub p99_us: f64,
-    /// Objects reported.
+    /// Number of objects that the culler reports.
     pub objects: f64,
-    /// Objects of which a pixel shows.
+    /// Number of objects with at least one visible pixel.
     pub visible_objects: f64,
-    /// Triangles of the reported objects: what is drawn.
+    /// Number of triangles of the reported objects, which would be drawn.
     pub triangles: f64,
-    /// Triangles of which a pixel shows.
+    /// Number of triangles with at least one visible pixel.
     pub visible_triangles: f64,
-    /// Visible objects that were hidden, of all frames together.
+    /// Number of visible objects that the culler hid, summed over all frames.
     pub false_hidden: u64,
-    /// Share of the picture that is wrong when only the reported objects are drawn, in percent.
+    /// Percentage of pixels that are wrong when only the reported objects are drawn.
     pub wrong_pixels_percent: f64,
-    /// Memory that the culler holds besides the scene, in bytes.
+    /// Memory in bytes that the culler's precomputed structures take, besides the scene.
     pub memory_bytes: usize,
-    /// Time to make the culler ready for the scene, in milliseconds.
+    /// Time in milliseconds to make the culler ready for the scene.
     pub preparation_ms: f64,
 }
 
 impl Point {
-    /// Time to cull a frame and to draw what is reported, by [`DrawCost`]'s default.
+    /// Returns the time in microseconds to cull a frame and to draw the reported objects, by the default
+    /// [`DrawCost`].
     pub fn total_us(&self) -> f64 {
         self.frame_us + DrawCost::default().of(self.objects, self.triangles)
     }
 
-    /// How many times more triangles are drawn than show.
+    /// Returns the number of triangles drawn per visible triangle. With fewer than one visible triangle per
+    /// frame, that number counts as one.
     pub fn overdraw(&self) -> f64 {
         self.triangles / self.visible_triangles.max(1.0)
     }

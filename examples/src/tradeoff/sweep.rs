@@ -1,4 +1,4 @@
-//! Measures every culler with every setting of its dial, and some pipelines of several stages.
+//! Sweep over every culler at every setting of its dial, and over some pipelines of several stages.
 
 use super::point::Point;
 use crate::walkthrough::cullers::{CullerError, parse};
@@ -6,39 +6,43 @@ use crate::walkthrough::{World, judge, run_for};
 use std::time::Duration;
 use visibility_measure::MeasureError;
 
-/// How long to measure.
+/// Duration and extent of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effort {
-    /// Frames of each scene, spread evenly over its walks.
+    /// Number of frames of each scene, spread evenly over its walks.
     pub frames: usize,
-    /// Time that each point is measured for at least, after one walk that is not.
+    /// Minimum time for which each point is measured, after one pass over the frames that is not measured.
     pub measure: Duration,
-    /// Cullers that take longer for one walk are given up.
+    /// Maximum time for one pass over the frames. A culler that takes longer is given up.
     pub patience: Duration,
 }
 
 impl Effort {
-    /// For results that are kept.
+    /// Effort for results that are kept.
     pub const FULL: Self =
         Self { frames: 40, measure: Duration::from_millis(400), patience: Duration::from_secs(60) };
-    /// For a look.
+    /// Effort for a first look.
     pub const QUICK: Self =
         Self { frames: 6, measure: Duration::from_millis(20), patience: Duration::from_millis(500) };
 }
 
-/// What became of a scene's entries.
+/// Results of the entries on a scene.
 #[derive(Debug, Default)]
 pub struct Sweep {
-    /// The points measured.
+    /// Points measured, in the order of the entries.
     pub points: Vec<Point>,
-    /// The entries that do not go with the scene, and why.
+    /// Entries that do not suit the scene, each with the reason.
     pub left_out: Vec<(String, String)>,
-    /// The entries that take longer a frame than the effort allows.
+    /// Entries whose first pass over the frames takes longer than [`Effort::patience`].
     pub too_slow: Vec<String>,
 }
 
-/// Measures the entries on a world. `progress` is told what comes next. What cullers share of the world's
-/// [preparations](World::prepared) counts for each in full.
+/// Measures the entries on a world. `progress` is called with the name of each task before it begins. A
+/// [preparation](World::prepared) that several cullers share counts in full for each of these cullers.
+///
+/// # Errors
+///
+/// Returns [`MeasureError`] when the item buffer cannot draw the world.
 pub fn sweep(
     world: &World,
     entries: &[String],
@@ -52,8 +56,8 @@ pub fn sweep(
         let (parsed, cost) = world.prepared.cost_of(|| parse(entry, world));
         let pipeline = match parsed {
             Ok(mut made) => made.remove(0).1,
-            // A stage of a pipeline that this build does not know is as absent as one that does not suit the
-            // scene.
+            // An entry with a stage that this build does not know is left out like an entry that does not
+            // suit the scene.
             Err(error @ (CullerError::Unsuited { .. } | CullerError::Unknown { .. })) => {
                 done.left_out
                     .push((entry.clone(), error.to_string().lines().next().unwrap_or_default().to_owned()));

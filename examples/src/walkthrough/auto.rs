@@ -1,5 +1,5 @@
-//! The choice made easy: tries every culler that goes with a world on a few of its views, and says which to
-//! take and why.
+//! Automatic choice of a culler: tries every culler that suits a world on a few of its views, and advises the
+//! fastest with the measured reason.
 
 use super::{World, cullers};
 use std::fmt;
@@ -7,32 +7,35 @@ use std::time::Instant;
 use visibility_core::View;
 use visibility_measure::{Advisor, CullerTrial, DrawCost, MeasureError, SceneFacts};
 
-/// Views that are probed, spread evenly over the walks.
+/// Maximum number of views that are probed, spread evenly over the walks.
 const VIEWS: usize = 12;
 
-/// Which culler, and the measured reason.
+/// Advised culler with the measurements behind the advice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Advice {
-    /// The culler, as `--cullers` takes it.
+    /// Culler with its setting, as `--cullers` takes it.
     pub entry: String,
-    /// What the probes found of the scene.
+    /// Facts about the scene that the probes found.
     pub facts: SceneFacts,
-    /// What it did.
+    /// Measurements of the advised culler.
     pub chosen: CullerTrial,
-    /// What culling by the frustum alone did.
+    /// Measurements of frustum culling alone.
     pub frustum: CullerTrial,
-    /// What an answer without error and without cost would take.
+    /// Time in microseconds per view to draw exactly the visible objects, without any time to cull.
     pub least_us: f64,
-    /// How many cullers were tried.
+    /// Number of cullers that were tried.
     pub tried: usize,
     /// Whether the scene has cells.
     pub cells: bool,
 }
 
-/// Tries those of some cullers that promise to hide nothing visible.
+/// Tries the given cullers and advises the one with the least time to cull and draw, among those that promise
+/// to hide no visible object and kept the promise. The first entry should be `frustum`, with which the advice
+/// is compared; cullers that do not suit the scene are skipped.
 ///
 /// # Errors
-/// [`MeasureError`], if the scene has too many triangles to number.
+///
+/// Returns [`MeasureError`] when the scene has too many triangles to number.
 pub fn advise(world: &World, entries: &[String]) -> Result<Advice, MeasureError> {
     let step = world.views.len().div_ceil(VIEWS).max(1);
     let views: Vec<View> = world.views.iter().step_by(step).cloned().collect();
@@ -42,7 +45,7 @@ pub fn advise(world: &World, entries: &[String]) -> Result<Advice, MeasureError>
     let mut best: Option<(String, CullerTrial)> = None;
     let (mut frustum, mut tried) = (CullerTrial::default(), 0);
     for entry in entries {
-        // Those that do not go with the scene say so when they are made.
+        // A culler that does not suit the scene is an error here.
         let Ok(mut made) = cullers::parse(entry, world) else { continue };
         let limit = best.as_ref().map_or(f64::INFINITY, |(_, trial)| trial.total_us);
         tried += 1;
@@ -59,10 +62,12 @@ pub fn advise(world: &World, entries: &[String]) -> Result<Advice, MeasureError>
     Ok(Advice { entry, facts, chosen, frustum, least_us, tried, cells: world.source.cells.is_some() })
 }
 
-/// A list of cullers with `auto` replaced by what is advised, and the advice if it was asked for.
+/// Returns a list of cullers with each `auto` replaced by the advised culler, and the advice; `None` as the
+/// advice if the list has no `auto`.
 ///
 /// # Errors
-/// As for [`advise`].
+///
+/// Returns the errors of [`advise`].
 pub fn resolve(list: &str, world: &World) -> Result<(String, Option<Advice>), MeasureError> {
     if !list.split(',').any(|entry| entry.trim() == "auto") {
         return Ok((list.to_owned(), None));

@@ -1,18 +1,18 @@
-//! A picture in memory: pixels, lines, discs and small text, saved as PNG.
+//! Picture in memory with pixels, lines, discs and small text, saved as PNG.
 
 use font8x8::legacy::BASIC_LEGACY;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::Path;
 
-/// Red, green, blue.
+/// Color as red, green and blue, 0 to 255 each.
 pub type Color = [u8; 3];
 
-/// A picture.
+/// Picture of RGB pixels. Coordinates are pixels from the upper left corner, x to the right and y down.
 pub struct Canvas {
-    /// Pixels across.
+    /// Width in pixels.
     pub width: u32,
-    /// Pixels down.
+    /// Height in pixels.
     pub height: u32,
     pixels: Vec<Color>,
 }
@@ -21,19 +21,19 @@ pub struct Canvas {
 pub const LETTER: i64 = 8;
 
 impl Canvas {
-    /// A picture of one color.
+    /// Creates a picture filled with one color.
     pub fn new(width: u32, height: u32, color: Color) -> Self {
         Self { width, height, pixels: vec![color; width as usize * height as usize] }
     }
 
-    /// Colors a pixel; outside the picture, nothing happens.
+    /// Sets the color of a pixel. Pixels outside the picture are ignored.
     pub fn set(&mut self, x: i64, y: i64, color: Color) {
         if (0..i64::from(self.width)).contains(&x) && (0..i64::from(self.height)).contains(&y) {
             self.pixels[y as usize * self.width as usize + x as usize] = color;
         }
     }
 
-    /// A line, two pixels wide.
+    /// Draws a line two pixels wide, clipped to the picture.
     pub fn line(&mut self, from: [f64; 2], to: [f64; 2], color: Color) {
         let Some((from, to)) = self.clip(from, to) else { return };
         let steps = (to[0] - from[0]).abs().max((to[1] - from[1]).abs()).ceil().max(1.0);
@@ -47,7 +47,8 @@ impl Canvas {
         }
     }
 
-    /// The part of a segment within the picture (Liang and Barsky's test): a line may end kilometres outside.
+    /// Returns the part of a segment inside the picture, by the test of Liang and Barsky; `None` if the
+    /// segment is outside. Clipping bounds the work for lines that end far outside.
     fn clip(&self, from: [f64; 2], to: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
         let (mut enter, mut leave) = (0.0f64, 1.0f64);
         for (axis, size) in [(0, self.width), (1, self.height)] {
@@ -66,7 +67,7 @@ impl Canvas {
         (enter <= leave).then(|| (at(enter), at(leave)))
     }
 
-    /// A filled disc, or with `hollow`, a ring.
+    /// Draws a filled disc, or with `hollow` a ring 2.5 pixels thick. `center` and `radius` are pixels.
     pub fn disc(&mut self, center: [f64; 2], radius: f64, hollow: bool, color: Color) {
         let reach = radius.ceil() as i64 + 1;
         let (cx, cy) = (center[0].floor() as i64, center[1].floor() as i64);
@@ -80,7 +81,7 @@ impl Canvas {
         }
     }
 
-    /// A filled rectangle.
+    /// Fills a rectangle whose upper left pixel is (`x`, `y`). Parts outside the picture are ignored.
     pub fn rectangle(&mut self, x: i64, y: i64, width: i64, height: i64, color: Color) {
         for y in y..y + height {
             for x in x..x + width {
@@ -89,7 +90,8 @@ impl Canvas {
         }
     }
 
-    /// A line of ASCII text with its upper left corner at a point; other characters become question marks.
+    /// Draws a line of text with its upper left corner at (`x`, `y`). Characters other than ASCII become
+    /// question marks.
     pub fn text(&mut self, x: i64, y: i64, text: &str, color: Color) {
         for (position, letter) in text.chars().enumerate() {
             let glyph = BASIC_LEGACY.get(letter as usize).unwrap_or(&BASIC_LEGACY['?' as usize]);
@@ -103,7 +105,7 @@ impl Canvas {
         }
     }
 
-    /// Writes the picture as PNG.
+    /// Writes the picture as a PNG file.
     pub fn save(&self, path: &Path) -> io::Result<()> {
         let mut encoder = png::Encoder::new(BufWriter::new(File::create(path)?), self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);

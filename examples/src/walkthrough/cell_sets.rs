@@ -1,4 +1,4 @@
-//! The potentially visible sets of a scene's cells.
+//! Potentially visible sets of a scene's cells.
 
 use super::World;
 use super::world::objects_in_cells;
@@ -14,19 +14,21 @@ use visibility_core::{
 };
 use visibility_portals::{CellBaker, CellMatrix, ObjectBaker, ObjectOutcome, Settings};
 
-/// What the targets of a set are.
+/// Kind of the targets in a potentially visible set.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Detail {
-    /// All objects in the cells that a cell sees.
+    /// Cells: a viewcell shows all objects in the cells that it sees.
     Cells,
-    /// Those of them that lines through portals reach.
+    /// Objects: a viewcell shows only the objects that lines through portals reach.
     Objects,
 }
 
-/// The sets of a world's cells.
+/// Returns the potentially visible sets of a world's cells. The sets are baked on the first call and shared
+/// with later calls for the same world, origin and detail.
 ///
 /// # Errors
-/// Says why the world has no cells or why they cannot be baked.
+///
+/// Returns a message that says why the world has no cells or why the cells cannot be baked.
 pub fn sets_of(world: &World, origin: Origin, detail: Detail) -> Result<Arc<ScenePvs>, String> {
     world.prepared.get(&format!("sets of {detail:?}, cells {origin:?}"), || {
         if origin == Origin::Given {
@@ -44,10 +46,11 @@ pub fn sets_of(world: &World, origin: Origin, detail: Detail) -> Result<Arc<Scen
     })
 }
 
-/// Bakes the sets of cells, on all threads, and makes them ready for a scene.
+/// Bakes the potentially visible sets of cells and binds them to a scene.
 ///
 /// # Errors
-/// Cells that cannot be baked.
+///
+/// Returns a message when the cells cannot be baked.
 pub fn bake(
     scene: &Scene,
     graph: &CellGraph,
@@ -72,24 +75,26 @@ pub fn bake(
     Ok(ScenePvs::new(scene, pvs, viewcells.clone(), pairs))
 }
 
-/// How cells are baked, whatever their size.
+/// Returns bake settings with a clearance that is proportional to the size of the cells.
 pub fn settings(viewcells: &Viewcells) -> Settings {
     Settings { clearance: clearance(viewcells), ..Settings::default() }
 }
 
-/// Which cells see which.
+/// Bakes the cell-to-cell visibility.
 ///
 /// # Errors
-/// Cells that cannot be baked.
+///
+/// Returns a message when the cells cannot be baked.
 pub fn matrix(graph: &CellGraph, settings: Settings) -> Result<CellMatrix, String> {
     let baker = CellBaker::new(graph, settings).map_err(|error| error.to_string())?;
     Ok(Bake::new(baker).run().matrix)
 }
 
-/// Which objects are seen from which cells.
+/// Bakes which objects are visible from which cells. `matrix` must be the cell-to-cell visibility of `graph`.
 ///
 /// # Errors
-/// Cells that cannot be baked.
+///
+/// Returns a message when the cells cannot be baked.
 pub fn objects(
     scene: &Scene,
     graph: &CellGraph,

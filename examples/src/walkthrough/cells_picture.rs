@@ -1,6 +1,5 @@
-//! What is seen through portals, as a plan of the storey that the eye is on: the cells seen, the windows that
-//! portals leave, and through them lines of sight from the eye, one that stabs all portals on the way for
-//! each cell seen.
+//! Picture of portal culling: a plan of the storey that the eye is on, with the cells seen, the part of each
+//! portal that is visible, and for each cell seen a view ray from the eye that stabs all portals on the way.
 
 use super::canvas::{Canvas, Color, LETTER};
 use super::map_picture::Map;
@@ -11,23 +10,32 @@ use visibility_core::{Culler, VisibleSet, cells::CellId, geometry::Plane, pvs::V
 use visibility_measure::MeasureError;
 
 const PAPER: Color = [250, 250, 247];
+/// Color of cells that are not seen.
 const CELL: Color = [232, 232, 230];
 const SEEN: Color = [255, 243, 196];
+/// Color of the cell that contains the eye.
 const BEGINS: Color = [255, 226, 138];
 const WALL: Color = [120, 120, 120];
 const PORTAL: Color = [150, 190, 235];
+/// Color of the part of a portal that is visible from the eye.
 const WINDOW: Color = [206, 66, 20];
+/// Color of the eye and the stabbing lines.
 const LINE: Color = [32, 84, 190];
 const VISIBLE: Color = [74, 152, 96];
 const FALSE_VISIBLE: Color = [228, 160, 50];
 const CULLED: Color = [190, 192, 196];
 const INK: Color = [40, 40, 40];
+/// Height of the legend, in pixels.
 const LEGEND: u32 = 84;
-/// An object that covers more than this share of the plan is floor or ceiling.
+/// Fraction of the map's area above which an object counts as floor or ceiling and is not drawn.
 const GROUND: f64 = 0.02;
 
-/// Draws a frame, or says why there is nothing to draw: the scene has no cells, or the frame was not culled
-/// by portals.
+/// Draws a frame. `exact` are the visible objects of the frame by ascending index. The inner `Err` is the
+/// reason why there is no picture: the scene has no cells, or the frame was not culled by portals.
+///
+/// # Errors
+///
+/// Returns [`MeasureError`] when the item buffer cannot draw the plan.
 pub fn draw(
     world: &World,
     trial: &Trial,
@@ -67,7 +75,7 @@ pub fn draw(
     let on_storey = |object: u32| {
         let bounds = world.source.objects.get(object as usize).and_then(|object| object.bounds());
         let (at, up) = (eye.dot(map.up), map.up);
-        // What reaches to within an arm's length of the eye's height or lies below it on the same floor.
+        // Objects that span part of the range from 1.7 m below to 0.5 m above the eye are on its storey.
         bounds.is_some_and(|(low, high)| {
             let (a, b) = (low.as_dvec3().dot(up), high.as_dvec3().dot(up));
             a.min(b) < at + 0.5 && a.max(b) > at - 1.7
@@ -98,7 +106,8 @@ pub fn draw(
     for (_, cell, corners) in culler.eye().windows() {
         let corners: Vec<DVec3> = corners.collect();
         let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
-        // On to where the cell ends, at most: that is as far as the line is known to go.
+        // The line is drawn as far as the box of the cell reaches, since it is known to be free only inside
+        // the cell.
         let beyond = leave(&cells.viewcells.cells()[cell.index()], eye, middle);
         canvas.line(map.place(eye), map.place(beyond), LINE);
     }
@@ -110,7 +119,8 @@ pub fn draw(
     Ok(Ok(canvas))
 }
 
-/// Where a cell is at the height of the eye, on the plan.
+/// Returns the horizontal section of a cell at the height of the eye, as a convex polygon in pixels of the
+/// map. Empty when the cell does not reach that height.
 fn footprint(map: &Map, cell: &Viewcell, eye: DVec3) -> Vec<[f64; 2]> {
     let height = eye.dot(map.up);
     let (a, b) = (cell.min.dot(map.up), cell.max.dot(map.up));
@@ -128,6 +138,7 @@ fn footprint(map: &Map, cell: &Viewcell, eye: DVec3) -> Vec<[f64; 2]> {
     outline.into_iter().map(|p| map.place(p)).collect()
 }
 
+/// Clips a convex polygon to the inner half-space of a plane, where the signed distance is not negative.
 fn cut(outline: &[DVec3], plane: &Plane) -> Vec<DVec3> {
     let mut out = Vec::new();
     for (i, &a) in outline.iter().enumerate() {
@@ -143,7 +154,7 @@ fn cut(outline: &[DVec3], plane: &Plane) -> Vec<DVec3> {
     out
 }
 
-/// Fills a convex outline, down to the legend.
+/// Fills a convex polygon, given in pixels with either winding, above the row `bottom`.
 fn fill(canvas: &mut Canvas, outline: &[[f64; 2]], bottom: u32, color: Color) {
     let bounds = |axis: usize, most: f64| {
         let low = outline.iter().fold(most, |low, p| low.min(p[axis])).max(0.0);
@@ -166,7 +177,8 @@ fn fill(canvas: &mut Canvas, outline: &[[f64; 2]], bottom: u32, color: Color) {
     }
 }
 
-/// The longest side of a polygon as it is seen from above, thick.
+/// Draws the longest of the segments between two corners of a polygon as a thick line: a vertical portal as
+/// seen from above. Corners are in world space.
 fn thick(canvas: &mut Canvas, map: &Map, corners: impl Iterator<Item = DVec3>, color: Color) {
     let corners: Vec<[f64; 2]> = corners.map(|corner| map.place(corner)).collect();
     let pairs = corners.iter().flat_map(|a| corners.iter().map(move |b| (*a, *b)));
@@ -177,7 +189,8 @@ fn thick(canvas: &mut Canvas, map: &Map, corners: impl Iterator<Item = DVec3>, c
     }
 }
 
-/// Where the line from the eye through a point leaves the box of a viewcell.
+/// Returns the point where the ray from the eye through a point leaves the bounding box of a viewcell, but no
+/// point nearer than `through`. World space.
 fn leave(cell: &Viewcell, eye: DVec3, through: DVec3) -> DVec3 {
     let along = through - eye;
     let ends = [0, 1, 2].into_iter().filter(|&axis| along[axis] != 0.0).map(|axis| {

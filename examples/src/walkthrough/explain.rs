@@ -1,10 +1,11 @@
-//! Why one object is drawn or not, frame by frame.
+//! Explanation, frame by frame, of why one object is drawn or not.
 
 use super::World;
 use std::fmt::Write;
 use visibility_core::{Pipeline, VisibleSet};
 
-/// The object that a person means: an index, or a name, of which the first object that has it.
+/// Returns the index of the object that a person names: by its index, or by its name, of which the first
+/// object counts. A number below the number of objects is always an index. `None` if there is no such object.
 pub fn find(world: &World, wanted: &str) -> Option<u32> {
     let by_name = || world.source.objects.iter().position(|object| object.name == wanted);
     let place =
@@ -12,7 +13,8 @@ pub fn find(world: &World, wanted: &str) -> Option<u32> {
     u32::try_from(place).ok()
 }
 
-/// What became of an object along the walk, a line for each run of frames with the same fate.
+/// Returns the fate of an object along the walks, a line of text for each run of frames with the same fate:
+/// visible, or the stage that removed it. `object` is an index.
 pub fn explain(world: &World, pipeline: &mut Pipeline, object: u32) -> String {
     pipeline.set_explaining(true);
     let id = world.scene.ids().nth(object as usize);

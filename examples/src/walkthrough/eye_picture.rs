@@ -1,4 +1,4 @@
-//! What the eye sees, coloured by object.
+//! Picture of the objects that the eye sees, each in its own color.
 
 use super::World;
 use super::canvas::{Canvas, Color};
@@ -9,17 +9,21 @@ use visibility_measure::{ItemBuffer, MeasureError, NONE};
 const SKY: Color = [198, 215, 232];
 const MARK: [f32; 3] = [1.0, 0.1, 0.1];
 
-/// What a picture from the eye shows.
+/// Selection of the objects in a picture from the eye.
 #[derive(Clone, Copy, Default)]
 pub struct Shown<'a> {
-    /// These objects only, ascending; without, all.
+    /// Indices, ascending, of the only objects that are drawn. `None` draws all objects.
     pub only: Option<&'a [u32]>,
-    /// This object in red.
+    /// Index of an object that is drawn in red.
     pub marked: Option<u32>,
 }
 
-/// Draws what a view sees: each object in a color of its own, faces shaded by their direction so that shapes
-/// can be made out.
+/// Draws the objects that a view sees. Each object has its own color, and faces are shaded by their direction
+/// so that shapes are recognizable.
+///
+/// # Errors
+///
+/// Returns [`MeasureError`] when the item buffer cannot draw the world.
 pub fn draw(world: &World, view: &View, shown: Shown<'_>) -> Result<Canvas, MeasureError> {
     let (width, height) = world.size;
     let mut buffer = ItemBuffer::new(width, height)?;
@@ -42,12 +46,13 @@ pub fn draw(world: &World, view: &View, shown: Shown<'_>) -> Result<Canvas, Meas
     Ok(canvas)
 }
 
-/// A color that tells an object from its neighbours: hues a golden section of the circle apart, two
-/// brightnesses.
+/// Returns a color, as fractions from 0 to 1, that differs from those of objects with neighbouring indices:
+/// consecutive hues are a golden section of the circle apart, at two brightnesses.
 fn own_color(object: usize) -> [f32; 3] {
     let hue = (object as f64 * 0.618_033_988_75).fract() as f32 * 6.0;
     let strength = if object.is_multiple_of(2) { 0.55 } else { 0.35 };
-    // How far a hue is from red, green and blue, as in any textbook's conversion.
+    // The distance of the hue from red, green and blue determines each channel, as in the usual conversion
+    // from HSV.
     [0.0, 2.0, 4.0].map(|primary| {
         let distance = (hue - primary).rem_euclid(6.0);
         let level = ((distance - 3.0).abs() - 1.0).clamp(0.0, 1.0);

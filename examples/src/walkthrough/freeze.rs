@@ -1,4 +1,4 @@
-//! Culling frozen at one frame while the drawing camera goes on: what the culled frame really holds.
+//! Culling frozen at one frame while the camera moves on, to show the objects that the culled frame contains.
 
 use super::World;
 use super::canvas::Canvas;
@@ -6,8 +6,12 @@ use super::eye_picture::{self, Shown};
 use visibility_core::{Pipeline, Pose, View, VisibleSet};
 use visibility_measure::MeasureError;
 
-/// Pictures of what is left of a frame after culling: from a bird's place behind and above its camera, and
-/// from the next few cameras of the walk. Each with the words for its file name.
+/// Draws the objects left of a frame after culling: from a point behind and above the frame's camera, and
+/// from up to three later cameras of the same walk. Each picture comes with the text for its file name.
+///
+/// # Errors
+///
+/// Returns [`MeasureError`] when the item buffer cannot draw the world.
 pub fn draw(
     world: &World,
     pipeline: &mut Pipeline,
@@ -18,8 +22,8 @@ pub fn draw(
     pipeline.freeze();
     let mut pictures = Vec::new();
     let mut draw = |what: String, view: &View| -> Result<(), MeasureError> {
-        // The engine's own loop: cull for the camera at hand, draw what is in the set. The pipeline keeps to
-        // the frozen view.
+        // As in an engine's loop, each camera culls and draws the visible set. The frozen pipeline ignores
+        // the camera and culls for the frozen view.
         pipeline.cull(&world.scene, view, &mut visible);
         let mut drawn: Vec<u32> = visible.iter(&world.scene).map(|id| id.index() as u32).collect();
         drawn.sort_unstable();
@@ -38,7 +42,8 @@ pub fn draw(
     Ok(pictures)
 }
 
-/// A camera behind and above another, far enough back to see a good part of its frustum.
+/// Returns a view from behind and above a camera, far enough back to show a good part of its frustum. `None`
+/// for a scene without finite points, or when no such view can be made.
 fn bird(world: &World, pose: Pose) -> Option<View> {
     let (low, high) = world.source.bounds()?;
     let reach = f64::from((high - low).length()) * 0.35;

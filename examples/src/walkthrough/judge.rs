@@ -1,49 +1,53 @@
-//! Holds what the cullers reported against the exact answer, frame by frame.
+//! Judge of the cullers: compares the objects that each culler reported with the exact answer, frame by
+//! frame.
 
 use super::{Trial, World};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use visibility_measure::{Comparison, ItemBuffer, MeasureError};
 
-/// How right one pipeline was on a walk, summed over its frames.
+/// Errors of one pipeline, summed over all frames.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// Visible objects that were hidden: a lower bound, since an item buffer samples.
+    /// Number of visible objects that were hidden: a lower bound, since an item buffer samples visibility.
     pub false_hidden: u64,
-    /// Objects that were hidden and show only in pixels that show a reported object alike: no errors.
+    /// Number of hidden objects whose every visible pixel shows a reported object at equal depth. Such ties
+    /// do not count as errors.
     pub tied_hidden: u64,
-    /// Objects that were reported and do not show: an upper bound.
+    /// Number of reported objects without a visible pixel: an upper bound, since an item buffer samples
+    /// visibility.
     pub false_visible: u64,
-    /// Triangles of the reported objects: what would be drawn.
+    /// Number of triangles of the reported objects, which would be drawn.
     pub reported_triangles: u64,
-    /// Triangles of the objects that do not show, and hidden triangles of visible ones.
+    /// Number of triangles of reported objects without a visible pixel, including those of objects that are
+    /// partly visible.
     pub false_visible_triangles: u64,
-    /// Pixels that are not what they should be when only the reported objects are drawn.
+    /// Number of pixels that are wrong when only the reported objects are drawn.
     pub wrong_pixels: u64,
-    /// For each frame, the visible objects that were hidden.
+    /// Indices of the visible objects that were hidden, for each frame, ascending.
     pub hidden: Vec<Vec<u32>>,
 }
 
-/// The exact answer of a walk, and how right each pipeline was.
+/// Exact answer of all frames, and the verdict on each pipeline.
 pub struct Judgement {
-    /// Visible objects of each frame, by index; of objects that tie for all their pixels, the one that the
-    /// image shows.
+    /// Indices of the visible objects of each frame, ascending. Of objects that tie in all their pixels,
+    /// only the object that the picture shows is listed.
     pub exact: Vec<Vec<u32>>,
-    /// Triangles with a pixel, all frames together.
+    /// Number of triangles with at least one visible pixel, summed over all frames.
     pub visible_triangles: u64,
-    /// One for each trial, in their order.
+    /// Verdicts, one per trial, in the order of the trials.
     pub verdicts: Vec<Verdict>,
 }
 
 impl Judgement {
-    /// Visible objects a frame, on average.
+    /// Returns the mean number of visible objects per frame.
     pub fn mean_exact(&self) -> f64 {
         let sum: usize = self.exact.iter().map(Vec::len).sum();
         sum as f64 / self.exact.len().max(1) as f64
     }
 }
 
-/// One frame judged.
+/// Result of judging one frame: the exact answer, and the comparison of each trial with it.
 struct Judged {
     frame: usize,
     exact: Vec<u32>,
@@ -51,8 +55,13 @@ struct Judged {
     comparisons: Vec<Comparison>,
 }
 
-/// Draws every frame into an item buffer, on all processors, and compares. `progress` is called after each
-/// frame.
+/// Draws every frame into an item buffer, on as many threads as the machine has, and compares the trials with
+/// the pictures. `progress` is called after each frame, from any thread.
+///
+/// # Errors
+///
+/// Returns [`MeasureError`] when the item buffer cannot have the world's size or the world has too many
+/// triangles.
 pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Result<Judgement, MeasureError> {
     let next = AtomicUsize::new(0);
     let worker = || -> Result<Vec<Judged>, MeasureError> {
@@ -62,7 +71,8 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
             let frame = next.fetch_add(1, Ordering::Relaxed);
             let Some(view) = world.views.get(frame) else { return Ok(judged) };
             let seen = buffer.draw(view, world.origin(), world.items())?;
-            // What the image shows: of objects that tie, one, or walls in one plane would count twice.
+            // Of objects that tie, only the object in the picture counts; otherwise coplanar walls would
+            // count twice.
             let shown = seen.objects().iter().filter(|object| object.visible_triangles > 0);
             let exact = shown.map(|object| object.key);
             let comparisons = trials.iter().map(|trial| {

@@ -1,4 +1,5 @@
-//! The scene from above: what was culled, what is visible, what was reported for nothing, and what was lost.
+//! Map of the scene from above: objects culled, visible, reported without being visible, and hidden although
+//! visible.
 
 use super::canvas::{Canvas, Color, LETTER};
 use super::judge::Judgement;
@@ -16,27 +17,31 @@ const SIGHT: Color = [32, 84, 190];
 const WALK: Color = [120, 120, 200];
 const INK: Color = [40, 40, 40];
 
-/// The longer side of the map, in pixels.
+/// Longer side of the map, in pixels.
 const SIDE: f64 = 1200.0;
-/// Around the map, so that walks outside the scene show.
+/// Margin around the map as a fraction of the longer side, so that walks outside the scene are shown.
 const MARGIN: f64 = 0.04;
-/// An object that covers more than this share of the map is ground.
+/// Fraction of the map's area above which an object counts as ground and is drawn pale.
 const GROUND: f64 = 0.05;
-/// Height of the strip with the legend.
+/// Height of the legend below the map, in pixels.
 const LEGEND: u32 = 64;
 
-/// Which frame of which trial a map shows.
+/// Frame and trial that a map shows.
 #[derive(Clone, Copy)]
 pub struct Shown {
-    /// The frame.
+    /// Index of the frame.
     pub frame: usize,
-    /// The trial, by its place.
+    /// Index of the trial.
     pub trial: usize,
-    /// An object to be ringed.
+    /// Index of an object that gets a ring around it.
     pub marked: Option<u32>,
 }
 
-/// Draws a frame of a trial.
+/// Draws the map of one frame of a trial, with the legend below it.
+///
+/// # Errors
+///
+/// Returns [`MeasureError`] when the item buffer cannot draw the map.
 pub fn draw(
     world: &World,
     trials: &[Trial],
@@ -90,6 +95,7 @@ pub fn draw(
     Ok(canvas)
 }
 
+/// Draws the legend below row `top`. `counts` are the numbers of visible, reported and lost objects.
 fn legend(canvas: &mut Canvas, top: u32, world: &World, trial: &Trial, frame: usize, counts: [usize; 3]) {
     let top = i64::from(top) + 8;
     let [exact, reported, lost] = counts;
@@ -116,21 +122,22 @@ fn legend(canvas: &mut Canvas, top: u32, world: &World, trial: &Trial, frame: us
     }
 }
 
-/// Where world coordinates are on the map.
+/// Mapping from world space to pixels of the map, which is a parallel projection along the up axis.
 pub(super) struct Map {
     center: DVec3,
-    /// World axis that points right on the map, and the one that points up on it.
+    /// World axes that point right, up the picture (`ahead`), and towards the viewer (`up`).
     pub(super) right: DVec3,
     pub(super) ahead: DVec3,
     pub(super) up: DVec3,
     pixels_per_metre: f64,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Length of the map's diagonal, in metres.
+    /// Length of the diagonal of the area shown, in metres.
     extent: f64,
 }
 
 impl Map {
+    /// Creates the map of the whole scene and all camera positions.
     fn new(world: &World) -> Self {
         let (low, high) = world.source.bounds().unwrap_or((Vec3::ZERO, Vec3::ONE));
         let (mut low, mut high) = (low.as_dvec3(), high.as_dvec3());
@@ -140,7 +147,7 @@ impl Map {
         Self::of(world, low, high)
     }
 
-    /// Of a part of the world.
+    /// Creates the map of the box between two corners in world space, with a margin.
     pub(super) fn of(world: &World, low: DVec3, high: DVec3) -> Self {
         let up = world.source.up.as_dvec3();
         let right = if up.x.abs() > 0.5 { DVec3::Y } else { DVec3::X };
@@ -149,7 +156,7 @@ impl Map {
         let across = right.abs().dot(size).max(1e-3);
         let along = ahead.abs().dot(size).max(1e-3);
         let pixels_per_metre = SIDE * (1.0 - 2.0 * MARGIN) / across.max(along);
-        // A very long and narrow scene still gets a strip that can be looked at.
+        // Even a long and narrow scene gets a strip at least 200 pixels wide.
         let pixels =
             |metres: f64| (metres * pixels_per_metre + SIDE * 2.0 * MARGIN).clamp(200.0, SIDE) as u32;
         Self {
@@ -164,6 +171,8 @@ impl Map {
         }
     }
 
+    /// Returns the position on the map of a point in world space: pixels from the upper left corner, x to the
+    /// right and y down.
     pub(super) fn place(&self, p: DVec3) -> [f64; 2] {
         let offset = (p - self.center) * self.pixels_per_metre;
         [
@@ -172,10 +181,11 @@ impl Map {
         ]
     }
 
-    /// Paints the footprints of objects, those for which `shown` is true of the object and its share of the
-    /// map, small ones over large ones: a chair shows on its floor, and under its roof.
+    /// Paints the footprints of the objects for which `shown` is true, smaller footprints over larger ones: a
+    /// chair is painted over its floor, although a roof is above both. `shown` receives the index of the
+    /// object and the area of its bounds as a fraction of the map's area; `color` receives the index.
     ///
-    /// Done with the item buffer, seen from above, in which the height of each object is its rank by size.
+    /// An item buffer draws the flattened objects from above, each at a height equal to its rank by size.
     pub(super) fn paint(
         &self,
         canvas: &mut Canvas,
@@ -219,7 +229,7 @@ impl Map {
             DVec3::ZERO,
             flat.iter().map(|(object, triangles)| (*object, triangles.as_slice())),
         )?;
-        // A dark rim where two objects meet keeps neighbours of one color apart.
+        // A dark rim where two objects meet separates neighbours of one color.
         let object_at = |x: u32, y: u32| {
             (buffer.items()[(y * self.width + x) as usize] != NONE).then(|| buffer.object_at(x, y)).flatten()
         };
@@ -231,7 +241,7 @@ impl Map {
                     .into_iter()
                     .any(|(x, y)| object_at(x, y) != Some(place));
                 let color = color(object);
-                // Grounds are pale, or they would outshine what stands on them.
+                // Ground is pale, so that the objects on it stand out.
                 let color =
                     if areas[place] > GROUND * whole { color.map(|level| level / 2 + 127) } else { color };
                 let color = if rim { color.map(|level| level / 5 * 4) } else { color };

@@ -1,8 +1,9 @@
-//! The main job: walk a camera through a scene, cull every frame, and say how fast and how right the answers
-//! were.
+//! Walk of a camera through a scene, with every frame culled by each culler, timed and judged. Used by the
+//! program `walkthrough`.
 //!
-//! [`trial`] runs the cullers and keeps what they report, [`judge`](mod@judge) holds that against the exact
-//! answer, [`output`] prints it, and [`eye_picture`], [`map_picture`] and [`cells_picture`] draw it.
+//! [`trial`] runs the cullers and keeps the objects that they report, [`judge`](mod@judge) compares these
+//! with the exact answer, [`output`] prints the results, and [`eye_picture`], [`map_picture`] and
+//! [`cells_picture`] draw them.
 
 pub mod auto;
 pub mod canvas;

@@ -1,4 +1,4 @@
-//! Results as a table for people, and as JSON lines and a dump of answers for programs.
+//! Output of results as a table for people, and as JSON lines and lists of reported objects for programs.
 
 use super::judge::Judgement;
 use super::{Trial, World};
@@ -6,7 +6,7 @@ use comfy_table::{CellAlignment, Table, presets};
 use serde::Serialize;
 use std::io::{self, Write};
 
-/// A row per culler.
+/// Formats the results as a table with a row per culler.
 pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
     let frames = world.views.len() as f64;
     let mut table = Table::new();
@@ -42,7 +42,7 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
     table
 }
 
-/// What the columns of the table mean.
+/// Explanation of the table's columns.
 pub const LEGEND: &str = "\
 reported, visible: objects a frame, by the culler and in truth (an item buffer that draws every triangle)
 us a frame, p99: median and 99th percentile of the time to cull one frame, one thread
@@ -68,7 +68,12 @@ struct Line<'a> {
     mean_wrong_pixels: f64,
 }
 
-/// One line a culler. `false_hidden`, `tied_hidden` and `false_visible` are summed over all frames.
+/// Writes one line of JSON per culler. `false_hidden`, `tied_hidden` and `false_visible` are summed over all
+/// frames, the other counts are means per frame.
+///
+/// # Errors
+///
+/// Returns the error of the writer.
 pub fn json(out: &mut impl Write, world: &World, trials: &[Trial], judgement: &Judgement) -> io::Result<()> {
     for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
         let line = Line {
@@ -92,7 +97,12 @@ pub fn json(out: &mut impl Write, world: &World, trials: &[Trial], judgement: &J
     Ok(())
 }
 
-/// A line per frame and culler: `frame culler id id id ...`, ids in the order of the scene's objects.
+/// Writes a line `frame culler id id id ...` per frame and culler; the ids are indices of the reported
+/// objects, ascending.
+///
+/// # Errors
+///
+/// Returns the error of the writer.
 pub fn dump(out: &mut impl Write, trials: &[Trial]) -> io::Result<()> {
     for frame in 0..trials.first().map_or(0, |trial| trial.reported.len()) {
         for trial in trials {

@@ -1,15 +1,15 @@
-//! What cullers need made of a world before they can be: trees, tessellations, baked sets. Made once, however
-//! many cullers ask.
+//! Cache of the data that cullers need precomputed from a world: trees, tessellations, baked sets. Each item
+//! is made once, however many cullers ask for it.
 
 use std::any::Any;
 use std::mem;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Tells how many bytes are allocated.
+/// Function that returns the number of bytes that the program has allocated.
 type Memory = fn() -> usize;
 
-/// What was made so far, by name.
+/// Precomputed data of a world, by name.
 #[derive(Default)]
 pub struct Prepared {
     memory: Option<Memory>,
@@ -20,32 +20,36 @@ struct Made {
     name: String,
     value: Arc<dyn Any + Send + Sync>,
     cost: Cost,
-    /// It was asked for again since costs were last told.
+    /// Whether the item was asked for again since [`Prepared::take_reused`] was last called.
     reused: bool,
 }
 
-/// What it took to make something, and to keep it.
+/// Time and memory that an item took to make and keeps.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Cost {
-    /// The time.
+    /// Wall-clock time.
     pub time: Duration,
-    /// The memory; 0 if it is not measured.
+    /// Memory in bytes that remained allocated; 0 if memory is not measured.
     pub bytes: usize,
 }
 
 impl Prepared {
-    /// Measures memory too.
+    /// Creates an empty cache that measures memory with the given function. The default cache measures only
+    /// time.
     pub fn measuring(memory: Memory) -> Self {
         Self { memory: Some(memory), made: Mutex::default() }
     }
 
-    /// What goes by a name, made unless it is there.
+    /// Returns the item with this name, and makes it first if there is none. `make` must not call `get`,
+    /// which would deadlock.
     ///
     /// # Errors
-    /// Those of `make`.
+    ///
+    /// Returns the error of `make`; no item is stored then.
     ///
     /// # Panics
-    /// If the name stands for something of another type.
+    ///
+    /// Panics if the item with this name has another type than `T`.
     pub fn get<T: Send + Sync + 'static>(
         &self,
         name: &str,
@@ -65,8 +69,8 @@ impl Prepared {
         Ok(value.downcast().expect("a name stands for one type"))
     }
 
-    /// Runs what may ask for preparations, and tells what that cost: what was there already counts as if it
-    /// had been made for it.
+    /// Runs `ask` and returns its result with its cost. An item that `ask` got from the cache counts in full,
+    /// as if it had been made for this call.
     pub fn cost_of<R>(&self, ask: impl FnOnce() -> R) -> (R, Cost) {
         self.take_reused();
         let (answer, mut cost) = self.measure(ask);
@@ -77,12 +81,13 @@ impl Prepared {
         (answer, cost)
     }
 
-    /// The costs of what was reused since the last call.
+    /// Returns the costs of the items reused since the last call, and forgets that they were reused.
     fn take_reused(&self) -> Vec<Cost> {
         let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
         made.iter_mut().filter_map(|made| mem::take(&mut made.reused).then_some(made.cost)).collect()
     }
 
+    /// Runs a function and returns its result with the time it took and the memory that it left allocated.
     fn measure<R>(&self, run: impl FnOnce() -> R) -> (R, Cost) {
         let bytes = || self.memory.map_or(0, |memory| memory());
         let (start, before) = (Instant::now(), bytes());

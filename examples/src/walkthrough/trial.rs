@@ -1,48 +1,51 @@
-//! Runs one pipeline over all frames: how long each took, and what it reported.
+//! Trial of one pipeline over all frames: the time of each frame, and the objects reported.
 
 use super::World;
 use std::time::{Duration, Instant};
 use visibility_core::{Accuracy, Pipeline, VisibleSet};
 
-/// What a pipeline did on a walk.
+/// Results of a pipeline on the frames of a world.
 pub struct Trial {
-    /// The name it was asked for by.
+    /// Name of the pipeline, as the user asked for it.
     pub name: String,
-    /// What it promises.
+    /// Accuracy that the pipeline promises.
     pub accuracy: Accuracy,
-    /// The objects that it reported, by index, ascending, for each frame.
+    /// Indices of the reported objects for each frame, ascending.
     pub reported: Vec<Vec<u32>>,
-    /// Microseconds a frame, of every frame of every pass, ascending.
+    /// Time of each frame of each timed pass, in microseconds, ascending.
     pub micros: Vec<f64>,
 }
 
 impl Trial {
-    /// Time that a share of all frames stayed within: 0.5 is the median.
+    /// Returns the time in microseconds that a fraction `share` of all frames did not exceed: 0.5 gives the
+    /// median. 0 without frames.
     pub fn quantile(&self, share: f64) -> f64 {
         let last = self.micros.len().saturating_sub(1) as f64;
         self.micros.get((share * last).round() as usize).copied().unwrap_or(0.0)
     }
 
-    /// Objects reported a frame, on average.
+    /// Returns the mean number of reported objects per frame.
     pub fn mean_visible(&self) -> f64 {
         let sum: usize = self.reported.iter().map(Vec::len).sum();
         sum as f64 / self.reported.len().max(1) as f64
     }
 }
 
-/// The walk is repeated until this much time has been measured, so that the p99 of a fast culler is not that
-/// of a few interrupts.
+/// Minimum time over which [`run`] repeats the frames, so that the 99th percentile of a fast culler is not
+/// determined by a few interrupts.
 const MEASURE: Duration = Duration::from_millis(300);
-/// But no more often than this.
+/// Maximum number of timed passes over the frames.
 const PASSES: usize = 200;
 
-/// Walks once to see what is reported and to warm up, then several times against the clock. Each pass begins
-/// anew, as after a camera cut, so all of them do the same work.
+/// Runs a pipeline over all frames once, which records the reported objects and warms the caches, and then
+/// several times against the clock. Each timed pass begins with a reset pipeline, as after a camera cut, so
+/// all timed passes do equal work.
 pub fn run(name: String, pipeline: Pipeline, world: &World) -> Trial {
     run_for(MEASURE, Duration::MAX, name, pipeline, world).expect("there is no end to the patience")
 }
 
-/// The same, with the time to measure for; `None` if the first walk takes longer than `patience`.
+/// Like [`run`], with the minimum time to measure. Returns `None` if the first pass over the frames takes
+/// longer than `patience`.
 pub fn run_for(
     measure: Duration,
     patience: Duration,

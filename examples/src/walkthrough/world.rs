@@ -1,4 +1,4 @@
-//! A scene source made into what cullers work on: a [`Scene`], and a [`View`] for every frame.
+//! World to cull: a scene source converted to a [`Scene`], with a [`View`] for every frame.
 
 use super::prepared::Prepared;
 use crate::source::SourceCells;
@@ -9,25 +9,30 @@ use visibility_core::{
     view::ViewError,
 };
 
-/// A scene ready to be walked through.
+/// Scene and views that cullers work on, with the source that they came from.
 pub struct World {
-    /// Where it came from: names, triangles, axes.
+    /// Source of the scene: names, triangles and axes.
     pub source: SceneSource,
-    /// The culler's scene. Object `i` of the source has index `i`.
+    /// Scene for the cullers. Object `i` of the source has index `i`.
     pub scene: Scene,
-    /// The views of all frames, all walks one after another.
+    /// Views of all frames, walk after walk.
     pub views: Vec<View>,
-    /// The pose behind each view, and which walk it is on, for pictures.
+    /// Camera pose of each frame and the index of its walk, for pictures. Empty where nothing is drawn.
     pub poses: Vec<(Pose, usize)>,
-    /// Width and height of the picture that the views are for.
+    /// Width and height in pixels of the picture that the views are for.
     pub size: (u32, u32),
-    /// What cullers need made of it.
+    /// Cache of the data that cullers precompute from the world.
     pub prepared: Prepared,
 }
 
 impl World {
-    /// Fills a scene and makes a view of every key of the walks, or of `count` frames spread evenly over
-    /// them.
+    /// Creates a world with a view for every key of the walks, or for `count` frames spread evenly over the
+    /// walks. `size` is the width and height of the picture in pixels.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`WorldError::NoFrames`] when there are no frames, and [`WorldError::View`] when the camera of
+    /// a frame cannot be used.
     pub fn new(source: SceneSource, size: (u32, u32), count: Option<usize>) -> Result<Self, WorldError> {
         let keys = source.walks.iter().map(|walk| walk.keys.len()).sum();
         let frames = frames(&source.walks, count.unwrap_or(keys));
@@ -50,11 +55,12 @@ impl World {
         Ok(Self::with_views(source, DVec3::ZERO, views, poses, size))
     }
 
-    /// The same with views made elsewhere, and an origin that the objects are relative to; `poses` may be
-    /// empty where nothing is drawn.
+    /// Creates a world with given views. Objects of the source are relative to `origin`, while cells and
+    /// views are in world space. `poses` may be empty where nothing is drawn.
     ///
     /// # Panics
-    /// If the origin is not finite, or the cells are not those of their graph.
+    ///
+    /// Panics if `origin` is not finite, or the source's cells do not match their graph.
     pub fn with_views(
         mut source: SceneSource,
         origin: DVec3,
@@ -78,45 +84,50 @@ impl World {
         for (id, object) in ids.into_iter().zip(&source.objects) {
             scene.set_triangles(id, object.triangles.as_slice()).expect("the object was just inserted");
         }
-        // Scenes are drawn with both faces, and files are not to be trusted with the order of corners.
+        // Occluders are two-sided: scenes are drawn with both faces, and files may have any winding.
         scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
         Self { source, scene, views, poses, size, prepared: Prepared::default() }
     }
 
-    /// The objects as the item buffer takes them: index and triangles, in order.
+    /// Returns the objects in the form that the item buffer takes: index and triangles, by ascending index.
     pub fn items(&self) -> impl Iterator<Item = (u32, &[[glam::Vec3; 3]])> + Clone {
         (0..).zip(self.source.objects.iter().map(|object| object.triangles.as_slice()))
     }
 
-    /// The cells and portals that the scene comes with, and the objects in each cell.
+    /// Returns the cells and portals that the scene brings, with the objects in each cell.
     ///
     /// # Errors
-    /// Says so if there are none.
+    ///
+    /// Returns a message if the scene has no cells.
     pub fn cells(&self) -> Result<&SourceCells, String> {
         self.source.cells.as_ref().ok_or_else(|| "this scene has no cells and portals".to_owned())
     }
 
-    /// The same, with cells for doorways where they are known: what is looked through from one point.
+    /// Returns the cells and portals for culling from a point: those with a cell per doorway where doorways
+    /// are known, otherwise those of [`cells`](Self::cells).
     ///
     /// # Errors
-    /// Says so if there are none.
+    ///
+    /// Returns a message if the scene has no cells.
     pub fn cells_to_look_through(&self) -> Result<&SourceCells, String> {
         self.cells().map(|cells| cells.with_doorways.as_deref().unwrap_or(cells))
     }
 
-    /// The point that everything is relative to.
+    /// Returns the world-space point that the scene's coordinates are relative to.
     pub fn origin(&self) -> DVec3 {
         self.scene.origin()
     }
 }
 
-/// Each object with every cell that its box meets, touching included: a wall between two rooms is in both.
+/// Returns all pairs of a cell and an object whose bounds meet the cell, touching included: a wall between
+/// two rooms is in both. Pairs are grouped by object. The cost is the number of objects times the number of
+/// cells.
 pub fn objects_in_cells(scene: &Scene, ids: &[ObjectId], viewcells: &Viewcells) -> Vec<(CellId, ObjectId)> {
     let mut pairs = Vec::new();
     for &id in ids {
         let Ok(bounds) = scene.bounds(id) else { continue };
         let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
-        // Cells are made from coordinates of more digits than boxes have.
+        // Cells are made from coordinates of f64, while bounds have been rounded to f32.
         let slack = 1e-6 * min.abs().max(max.abs()).max_element();
         let (middle, half) = ((min + max) * 0.5, (max - min) * 0.5 + slack);
         for (number, cell) in (0..).zip(viewcells.cells()) {
@@ -131,8 +142,8 @@ pub fn objects_in_cells(scene: &Scene, ids: &[ObjectId], viewcells: &Viewcells) 
     pairs
 }
 
-/// Of objects in cells, grouped by object, those pairs in which the object reaches as far into the cell as
-/// the source says; all pairs of an object that reaches so far into none.
+/// Filters pairs that are grouped by object: keeps the pairs in which the object reaches at least
+/// [`SourceCells::depth`] into the cell. If an object has no such pair, all its pairs are kept.
 fn deep_enough(
     scene: &Scene,
     cells: &SourceCells,
@@ -154,19 +165,19 @@ fn deep_enough(
         .collect()
 }
 
-/// Why a scene cannot be walked through.
+/// Reason why a world cannot be created.
 #[derive(Debug)]
 pub enum WorldError {
-    /// The scene has no camera walk, or no frames were asked for.
+    /// No frames: the scene has no camera walk, or zero frames were asked for.
     NoFrames,
-    /// A frame's camera cannot be used.
+    /// Camera of a frame that cannot be used.
     View {
-        /// Which frame.
+        /// Index of the frame.
         frame: usize,
-        /// What is wrong with it.
+        /// Reason why the view is invalid.
         error: ViewError,
     },
-    /// The scene cannot be had.
+    /// Source that could not be made or read.
     Source(SourceError),
 }
 

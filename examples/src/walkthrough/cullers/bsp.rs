@@ -1,4 +1,4 @@
-//! Object space: BSP trees, occlusion trees, shadow frusta, large occluders.
+//! Entries of the object-space cullers: BSP trees, occlusion trees, shadow frusta, large occluders.
 
 use super::known::{Known, no_dial};
 use crate::walkthrough::World;
@@ -58,16 +58,18 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
+/// Returns the BSP tree of the world's triangles, built on the first call.
 fn tree_of(world: &World) -> Result<Arc<SceneTree>, String> {
     let make = || SceneTree::new(&world.scene).map_err(|error| error.to_string());
     world.prepared.get("a BSP tree", make)
 }
 
+/// Returns the world's large occluders, found on the first call.
 fn occluders_of(world: &World) -> Result<Arc<Occluders>, String> {
     world.prepared.get("large occluders", || Ok(Occluders::new(&world.scene)))
 }
 
-/// The dial as a whole number of at least one.
+/// Reads the dial as a whole number of at least one. Without a dial the number is `unset`.
 fn number(dial: Option<&str>, unset: usize) -> Result<usize, String> {
     let Some(dial) = dial else { return Ok(unset) };
     dial.parse().ok().filter(|&n| n > 0).ok_or_else(|| format!("`{dial}` is no number of one or more"))

@@ -1,4 +1,4 @@
-//! Hierarchical occlusion maps: the dial is the opacity threshold.
+//! Entries of the hierarchical occlusion maps, whose dial is the opacity threshold.
 
 use super::known::{Known, Made};
 use visibility_hzb::{DepthEstimate, Hom, HomCuller};
@@ -25,6 +25,8 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
+/// Makes a culler with a map of 512 x 288 pixels. The dial is an opacity threshold from 0 to 1; without a
+/// dial the threshold is 1.
 fn made(dial: Option<&str>, estimate: DepthEstimate) -> Made {
     let refused = |dial: &str| format!("its dial is an opacity threshold from 0 to 1, not `{dial}`");
     let threshold = match dial {

@@ -1,5 +1,5 @@
-//! The hierarchical z-buffer: dials for its resolution, for the coverage of pixels, and for the triangles
-//! that it draws a frame.
+//! Entries of the hierarchical z-buffer, with dials for its resolution, its rule of pixel coverage, and the
+//! triangles that it draws per frame.
 
 use super::known::{Known, Made};
 use crate::picture_size::parse_size;
@@ -45,6 +45,7 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
+/// Makes a map whose dial is its size, such as `256x144`; without a dial 512 x 288 pixels.
 fn map(dial: Option<&str>) -> Result<Hzb, String> {
     let [width, height] = dial.map_or(Ok([512, 288]), parse_size)?;
     Hzb::new(width, height).map_err(|error| error.to_string())

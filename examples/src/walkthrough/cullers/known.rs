@@ -1,25 +1,26 @@
-//! An entry in the tables of cullers.
+//! Entry in the tables of cullers.
 
 use crate::walkthrough::World;
 use visibility_core::Culler;
 
-/// A culler that can be asked for by name.
+/// Culler that can be asked for by name on the command line.
 pub struct Known {
-    /// The name, without its dial.
+    /// Name of the culler, without a dial.
     pub name: &'static str,
-    /// What it is, and what its dial means if it has one.
+    /// Description of the culler and of its dial, for help texts.
     pub what: &'static str,
-    /// Settings of the dial that are worth comparing, from the most accurate to the fastest; empty if there
-    /// is no dial.
+    /// Settings of the dial that are worth comparing, from the most accurate to the fastest. Empty if the
+    /// culler has no dial.
     pub dials: &'static [&'static str],
-    /// Makes one for a world, with the dial's setting: what stands after the colon in `name:dial`.
+    /// Function that makes the culler for a world. `dial` is the text after the colon in `name:dial`, `None`
+    /// without a colon.
     pub(super) make: fn(dial: Option<&str>, world: &World) -> Made,
 }
 
-/// A culler, or why it does not go with the dial or the scene.
+/// Culler, or the reason why it does not suit the dial or the scene.
 pub(super) type Made = Result<Box<dyn Culler + Send>, String>;
 
-/// For cullers without a dial.
+/// Returns an error if a dial is given, for cullers that have none.
 pub(super) fn no_dial(dial: Option<&str>) -> Result<(), String> {
     dial.map_or(Ok(()), |dial| Err(format!("it has no dial to set to `{dial}`")))
 }

@@ -1,6 +1,5 @@
-//! Cullers by the names that programs take on the command line. Each family of cullers has a file of its own
-//! here, with a table of its names; a culler that needs something made from the scene first makes it when it
-//! is asked for.
+//! Cullers by the names that programs take on the command line. Each family of cullers has a file here with a
+//! table of its entries. Data that a culler needs from the scene is made when the culler is first asked for.
 
 mod bsp;
 mod hom;
@@ -15,16 +14,17 @@ pub use known::Known;
 use super::World;
 use visibility_core::{FrustumCuller, Pipeline};
 
-/// All cullers that can be asked for, besides `frustum`, which every pipeline begins with.
+/// Returns the entries of all cullers except `frustum`, with which every pipeline begins.
 pub fn known() -> impl Iterator<Item = &'static Known> {
     [hom::KNOWN, hzb::KNOWN, bsp::KNOWN, portals::KNOWN, pvs::KNOWN, plp::KNOWN].into_iter().flatten()
 }
 
-/// Pipelines of two and three stages that are worth comparing; those whose stages do not go with a scene are
-/// left out there.
+/// Pipelines of two and three stages that are worth comparing. A pipeline with a stage that does not suit the
+/// scene is left out for that scene.
 const PIPELINES: &[&str] = &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb"];
 
-/// What is worth comparing: each culler at each setting of its dial, then the pipelines.
+/// Returns all entries that are worth comparing: `frustum`, each culler at each setting of its dial, then the
+/// pipelines.
 pub fn entries() -> Vec<String> {
     let mut entries = vec!["frustum".to_owned()];
     for culler in known() {
@@ -37,9 +37,13 @@ pub fn entries() -> Vec<String> {
     entries
 }
 
-/// Pipelines from a list such as `frustum,a,a+b:10%`: separated by commas; `a+b` runs `b` after `a`, and
-/// `b:10%` sets the dial of `b`. Every one but `frustum` itself runs after the frustum. Yields each entry
-/// with its pipeline.
+/// Makes pipelines from a list of entries separated by commas, such as `frustum,a,a+b:10%`. The entry `a+b`
+/// runs `b` after `a`, and `b:10%` sets the dial of `b`. Every pipeline begins with the frustum. Each entry
+/// is returned with its pipeline; spaces in entries are removed.
+///
+/// # Errors
+///
+/// Returns the first [`CullerError`] of any entry.
 pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Pipeline)>, CullerError> {
     list.split(',')
         .map(|entry| {
@@ -50,6 +54,7 @@ pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Pipeline)>, Culle
         .collect()
 }
 
+/// Makes the pipeline of one entry without spaces.
 fn pipeline(entry: &str, world: &World) -> Result<Pipeline, CullerError> {
     let mut pipeline = Pipeline::new().with(FrustumCuller::new());
     for stage in entry.split('+').filter(|&stage| stage != "frustum") {
@@ -64,19 +69,19 @@ fn pipeline(entry: &str, world: &World) -> Result<Pipeline, CullerError> {
     Ok(pipeline)
 }
 
-/// Why a culler cannot be had.
+/// Reason why a culler cannot be made.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CullerError {
-    /// A name that is not among the [`known`].
+    /// Name that is not among the [`known`] cullers.
     Unknown {
-        /// The name.
+        /// Name as it was asked for.
         name: String,
     },
-    /// The culler does not go with its dial's setting or with the scene.
+    /// Culler that does not suit the setting of its dial or the scene.
     Unsuited {
-        /// The culler as it was asked for.
+        /// Culler with its dial, as it was asked for.
         culler: String,
-        /// What is wrong.
+        /// Explanation for a person.
         why: String,
     },
 }

@@ -1,5 +1,5 @@
-//! Prioritized-layered projection, its conservative form, and the order by distance that they are measured
-//! against.
+//! Entries of prioritized-layered projection, of its conservative form, and of the order by distance that
+//! serves as their baseline.
 
 use super::known::Known;
 use crate::walkthrough::World;
@@ -13,11 +13,11 @@ use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
 };
 
-/// Cells for the conservative form: finer than those for a budget alone, since only what lies wholly behind
-/// something is hidden.
+/// Fineness of the octree for the conservative form. Its cells are smaller than those for a budget alone,
+/// since only a cell that is entirely occluded hides its objects.
 pub const FINE: Fineness = Fineness { vertices: 64, halvings: 8 };
 
-/// Budgets worth comparing.
+/// Budgets that are worth comparing, as percentages of all triangles.
 const SHARES: &[&str] = &["10%", "5%", "2%", "1%"];
 
 pub(super) const KNOWN: &[Known] = &[
@@ -57,8 +57,8 @@ pub(super) const KNOWN: &[Known] = &[
         what: "a share of all triangles as plp (cplp:1%), then all that a z-buffer of 512x288 of them does not hide",
         dials: SHARES,
         make: |dial, world| {
-            // A tenth of the tests of front to back, for hardly more triangles: `plp --conservative` shows
-            // both.
+            // With 1 % the culler makes a tenth of the tests of front to back, for hardly more triangles:
+            // `plp --conservative` shows both.
             let budget = budget(dial.or(Some("1%")), world)?;
             let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
             let fine = || Ok(OctreeTessellation::with_fineness(&world.scene, FINE));
@@ -77,11 +77,13 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
+/// Returns the world's octree of default fineness, built on the first call.
 fn octree_of(world: &World) -> Result<Arc<OctreeTessellation>, String> {
     world.prepared.get("an octree", || Ok(OctreeTessellation::new(&world.scene)))
 }
 
-/// An order first, and then occluders in that order.
+/// Culler of two stages: projection sorts the objects by priority, and an occlusion culler takes its
+/// occluders in that order.
 struct Selected {
     order: PlpCuller<Arc<OctreeTessellation>>,
     occlusion: OcclusionCuller<Hzb>,
@@ -102,7 +104,8 @@ impl Culler for Selected {
     }
 }
 
-/// A share of all triangles, from a dial such as `10%`; without one, a tenth.
+/// Returns a budget in triangles from a dial such as `10%` of all triangles. Without a dial the budget is 10
+/// %. Returns an error unless the percentage is from 0 to 100.
 fn budget(dial: Option<&str>, world: &World) -> Result<Budget, String> {
     let dial = dial.unwrap_or("10%");
     let share = dial.strip_suffix('%').and_then(|number| number.trim().parse::<f64>().ok());
@@ -111,7 +114,8 @@ fn budget(dial: Option<&str>, world: &World) -> Result<Budget, String> {
     Ok(Budget::Cost((world.source.triangle_count() as f64 * share / 100.0) as u64))
 }
 
-/// Keeps the nearest objects that a budget buys.
+/// Culler that keeps the nearest objects, by the centre of their bounds, until the next object would exceed a
+/// budget of triangles.
 struct Centroid {
     budget: u64,
     order: Vec<(f64, ObjectId)>,

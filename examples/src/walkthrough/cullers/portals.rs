@@ -1,4 +1,4 @@
-//! Cells and portals.
+//! Entry of the portal culler.
 
 use super::known::Known;
 use crate::source::tolerance;
@@ -13,7 +13,12 @@ pub(super) const KNOWN: &[Known] = &[Known {
     make: |dial, world| Ok(Box::new(portals(dial, world)?) as Box<dyn Culler + Send>),
 }];
 
-/// The portal culler of a world, with its dial's setting.
+/// Makes the portal culler of a world. The dial is `polygon` or `rectangle`, the shape to which each portal
+/// narrows the view; without a dial it is `polygon`.
+///
+/// # Errors
+///
+/// Returns a message when the dial is unknown, or the world has no cells or unusable ones.
 pub fn portals(dial: Option<&str>, world: &World) -> Result<PortalCuller, String> {
     let narrowing = match dial {
         None | Some("polygon") => Narrowing::Polygon,

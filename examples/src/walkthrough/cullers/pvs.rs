@@ -1,4 +1,4 @@
-//! Potentially visible sets of cells, baked when they are first asked for.
+//! Entry of the potentially visible sets of cells, which are baked when they are first asked for.
 
 use super::known::{Known, Made};
 use crate::pvs::built::Origin;
