@@ -1,4 +1,4 @@
-//! Leaves the C runtime out, which would bring an entry point and a libc of its own.
+//! Build script that leaves out the C runtime, which would bring an entry point and a libc.
 
 fn main() {
     for argument in ["-nostartfiles", "-static", "-no-pie", "-nostdlib"] {

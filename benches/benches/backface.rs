@@ -1,8 +1,8 @@
-//! Backface culling: 64 cones a call, beside the frustum culler's 64 boxes, in one run. Throughput is per
-//! cluster.
+//! Benchmark of backface culling beside frustum culling: 64 cones or 64 boxes per kernel call, in one run.
+//! Throughput is in clusters per second.
 //!
-//! The kernels are not public, so both are measured as their cullers run them, on a scene whose blocks all
-//! have to be tested; the cones also in a row, as [`Cones`] tests them, and in a tree.
+//! The kernels are not public, so both are measured through their cullers, on a scene whose blocks must all
+//! be tested. The cones are also measured as an array, as [`Cones`] tests them, and as a tree.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -11,10 +11,11 @@ use visibility_core::backface::{BackfaceCuller, ConeTree, Cones, NormalCone};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, view::Eye};
 
-/// A block of 64 at a time of clusters like those of meshes: patches of a cap, a metre wide.
+/// Makes `count` clusters like those of meshes, as bounds and normal cone: patches about a metre wide with
+/// random orientation.
 fn clusters(count: usize) -> Vec<(Aabb, NormalCone)> {
     let mut random = Random(1);
-    // Fitting is slow; each of a few hundred patches is used again and again.
+    // Fitting a cone is slow, so 256 patches are repeated.
     let patches: Vec<(Aabb, NormalCone)> = (0..256)
         .map(|_| {
             let (place, axis) = (random.point(-90.0, 90.0), random.point(-1.0, 1.0).normalize_or(Vec3::Z));
@@ -54,7 +55,7 @@ fn backface(c: &mut Criterion) {
         });
 
         let mut alike: Vec<NormalCone> = clusters.iter().map(|(_, cone)| *cone).collect();
-        // In the order that clusters of a mesh have: neighbours alike.
+        // Sorting puts similar cones beside each other, as in the clusters of a mesh.
         alike.sort_by(|a, b| format!("{a:?}").cmp(&format!("{b:?}")));
         let tree = ConeTree::new(&alike);
         group.bench_function(BenchmarkId::from_parameter("tree of cones"), |b| {
@@ -64,7 +65,8 @@ fn backface(c: &mut Criterion) {
         });
 
         let mut scene = Scene::new();
-        // All boxes reach through the middle, so that each block crosses planes of the view.
+        // The boxes are small and lie in a cube around the target, so blocks of boxes cross planes of the
+        // view.
         let ids = scene.insert_batch(clusters.iter().map(|(bounds, _)| *bounds));
         let mut culler = BackfaceCuller::new();
         for (&id, (_, cone)) in ids.iter().zip(&clusters) {
@@ -87,7 +89,7 @@ fn backface(c: &mut Criterion) {
             });
         });
 
-        // The same number of boxes, every block of which crosses planes of every view.
+        // As many boxes as clusters; every block of boxes crosses planes of every view.
         let mut scene = Scene::new();
         scene.insert_batch((0..count).map(|i| {
             let x = i as f32 / count as f32;

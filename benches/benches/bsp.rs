@@ -1,5 +1,5 @@
-//! BSP trees: building, walking in order of depth, objects that come and go, merging of solids, and a whole
-//! frame of the exact culling.
+//! Benchmark of BSP trees: construction, traversal in depth order, insertion and removal of objects, merging
+//! of solids, and whole frames of the object-space cullers.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -11,7 +11,7 @@ use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet, scene::Triangle, view::Eye,
 };
 
-/// The twelve triangles of a box, turned about its upright axis.
+/// Returns the twelve triangles of a box with half extents `half`, rotated about z by `turn` radians.
 fn block(center: DVec3, half: DVec3, turn: f64) -> Vec<[DVec3; 3]> {
     let turn = DQuat::from_rotation_z(turn);
     let corner = |i: usize| {
@@ -26,7 +26,7 @@ fn block(center: DVec3, half: DVec3, turn: f64) -> Vec<[DVec3; 3]> {
         .collect()
 }
 
-/// A town of houses on streets, each turned a little: object after object, its triangles.
+/// Makes a town of houses on streets, each rotated by a small angle. Returns the triangles of each house.
 fn town(houses: usize) -> Vec<Vec<[DVec3; 3]>> {
     let mut random = Random(5);
     let side = (houses as f64).sqrt().ceil() as usize;
@@ -40,6 +40,7 @@ fn town(houses: usize) -> Vec<Vec<[DVec3; 3]>> {
         .collect()
 }
 
+/// Builds the tree of a town; the owner of a fragment is the index of its house.
 fn tree(town: &[Vec<[DVec3; 3]>]) -> BspTree {
     let polygons = (0..).zip(town).flat_map(|(owner, house)| house.iter().map(move |t| (owner, t)));
     BspTree::build(polygons).expect("houses do not cross")
@@ -56,7 +57,7 @@ fn build(c: &mut Criterion) {
     group.finish();
 }
 
-/// Every fragment of a tree, from eyes all over it.
+/// Measures the front-to-back traversal of every fragment of a tree, from random eyes within its bounds.
 fn order(c: &mut Criterion) {
     let mut group = c.benchmark_group("bsp/order");
     group.measurement_time(Duration::from_secs(3));
@@ -80,7 +81,7 @@ fn order(c: &mut Criterion) {
     group.finish();
 }
 
-/// A box of twelve triangles that leaves and enters somewhere else.
+/// Measures the removal of a box of twelve triangles and its insertion at a random position.
 fn insertion(c: &mut Criterion) {
     let mut group = c.benchmark_group("bsp/move a box");
     for houses in [100, 1000, 5000] {
@@ -98,7 +99,7 @@ fn insertion(c: &mut Criterion) {
     group.finish();
 }
 
-/// A ball of many faces, and the same beside it.
+/// Makes a closed triangle mesh of a unit sphere with about `faces` triangles.
 fn ball(faces: usize, center: DVec3) -> Vec<[DVec3; 3]> {
     let n = ((faces / 2) as f64).sqrt() as usize;
     let at = |i: usize, j: usize| {

@@ -1,5 +1,5 @@
-//! Frustum culling: every contender on 100 thousand and a million boxes, in random order and sorted, at 11 %
-//! and 1 % in view.
+//! Benchmark of frustum culling: every contender on 100 thousand and a million boxes, in random and in sorted
+//! order, with 11 % and 1 % of the boxes in view.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::{hint::black_box, time::Duration};
@@ -19,7 +19,8 @@ fn frustum(c: &mut Criterion) {
                 for contender in &mut contenders::all(&boxes, &views) {
                     let mut frame = 0;
                     group.bench_function(BenchmarkId::from_parameter(contender.name()), |b| {
-                        // Here, so that what the command line filters out costs nothing.
+                        // The check is here, so that benchmarks that the command line filters out cost
+                        // nothing.
                         verify(contender.as_mut(), &boxes, &views);
                         b.iter(|| {
                             frame = (frame + 1) % FRAMES;

@@ -1,11 +1,10 @@
-//! How the time to build each structure grows with its input, for input that is harder than it looks: boxes
-//! that all coincide, that are nested in one another, that lie side by side in one plane, and that are
-//! scattered.
+//! Growth of the construction time of each structure with the size of its input, for difficult inputs: boxes
+//! that coincide, are nested, lie side by side in one plane, or are scattered.
 //!
-//! `cargo bench --bench growth` prints, for 2,000, 4,000, ... 32,000 boxes, milliseconds and how many times
-//! longer the last doubling took: about 2 for what is linear, 4 for what is quadratic. A series ends after
-//! the first build that takes more than two seconds. A word after `--` keeps the lines whose structure or
-//! input contains it: `cargo bench --bench growth -- occluders`.
+//! `cargo bench --bench growth` prints, for 2,000, 4,000, ... 32,000 boxes, the time in milliseconds and its
+//! ratio to the time before the last doubling: about 2 for linear, 4 for quadratic growth. A series ends
+//! after the first build that takes more than two seconds. A word after `--` selects the lines whose
+//! structure or input contains it: `cargo bench --bench growth -- occluders`.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -20,18 +19,21 @@ use visibility_hzb::{OccluderCriteria, OccluderDatabase};
 use visibility_plp::{DelaunayTessellation, OctreeTessellation};
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
 
-/// The first number of boxes, and how often it is doubled.
+/// Number of boxes of the first build of a series.
 const FIRST: usize = 2000;
+/// Number of times that the number of boxes is doubled.
 const DOUBLINGS: usize = 4;
-/// Seconds after which a series ends.
+/// Time of one build, in seconds, after which a series ends.
 const ENOUGH: f64 = 2.0;
 
+/// Name of an input, and the function that makes a given number of boxes of it.
 type Input = (&'static str, fn(usize) -> Vec<Aabb>);
 
+/// Table of the inputs.
 const INPUTS: &[Input] = &[
     ("coincident", |count| vec![Aabb::from_arrays([0.0; 3], [1.0, 2.0, 3.0]); count]),
     ("nested", |count| {
-        // Powers of two give sizes that are all different and all exact.
+        // Sizes that are multiples of a power of two are exact and all different.
         (0..count).map(|i| Vec3::splat(1.0 + i as f32 / 1024.0)).map(|half| Aabb::new(-half, half)).collect()
     }),
     ("abutting slabs", |count| {
@@ -41,7 +43,7 @@ const INPUTS: &[Input] = &[
         (0..count).map(|i| Aabb::from_arrays([i as f32, 0.0, 0.0], [(i + count) as f32, 8.0, 0.5])).collect()
     }),
     ("crossing slabs", |count| {
-        // Half of them along x, half along y, in one plane: their sides make a grid.
+        // Half of the slabs along x, half along y, in one plane: their sides form a grid.
         let half = count as f32 / 2.0;
         (0..count)
             .map(|i| {
@@ -53,7 +55,7 @@ const INPUTS: &[Input] = &[
             .collect()
     }),
     ("tiles", |count| {
-        // Apart from one another, all in one plane.
+        // Separate tiles, all in one plane.
         let side = (count as f64).sqrt().ceil() as usize;
         let at = |i: usize| Vec3::new((i % side) as f32, (i / side) as f32, 0.0);
         (0..count).map(|i| Aabb::new(at(i), at(i) + Vec3::new(0.75, 0.75, 0.5))).collect()
@@ -65,12 +67,13 @@ const INPUTS: &[Input] = &[
     }),
 ];
 
+/// Returns the twelve triangles of a box.
 fn triangles(bounds: &Aabb) -> Vec<Triangle> {
     let corners = bounds.corners();
     OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect()
 }
 
-/// A scene of solid boxes, each an occluder with a mesh.
+/// Makes a scene of solid boxes, each an occluder with a mesh.
 fn scene(boxes: &[Aabb]) -> Scene {
     let mut scene = Scene::new();
     let ids = scene.insert_batch(boxes.iter().map(|&b| Object { occluder: true, ..Object::new(b) }));
@@ -81,12 +84,12 @@ fn scene(boxes: &[Aabb]) -> Scene {
     scene
 }
 
-/// The boxes as one mesh.
+/// Returns the triangles of all boxes as one mesh.
 fn mesh(boxes: &[Aabb]) -> Vec<Triangle> {
     boxes.iter().flat_map(triangles).collect()
 }
 
-/// Seconds that something takes. What is made is dropped afterwards.
+/// Returns the wall-clock time of `make` in seconds. Dropping its result is not measured.
 fn timed<T>(make: impl FnOnce() -> T) -> f64 {
     let start = Instant::now();
     let made = black_box(make());
@@ -95,9 +98,10 @@ fn timed<T>(make: impl FnOnce() -> T) -> f64 {
     seconds
 }
 
+/// Name of a structure, and the function that builds it from boxes and returns the time in seconds.
 type Structure = (&'static str, fn(&[Aabb]) -> f64);
 
-/// Each structure, and how long it takes to build it; what it is built from is made before the clock starts.
+/// Table of the structures. Input is prepared before the clock starts.
 const STRUCTURES: &[Structure] = &[
     ("scene", |boxes| timed(|| Scene::new().insert_batch(boxes.iter().copied()))),
     ("occluder mesh", |boxes| {
@@ -158,7 +162,7 @@ const STRUCTURES: &[Structure] = &[
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
-    // Without `--bench`, which `cargo bench` adds, it is a test: that everything runs.
+    // Without `--bench`, which `cargo bench` adds, the program runs as a test with small inputs.
     let brief = !std::env::args().any(|word| word == "--bench");
     let (first, doublings) = if brief { (64, 0) } else { (FIRST, DOUBLINGS) };
     for &(structure, build) in STRUCTURES {

@@ -1,5 +1,5 @@
-//! Hierarchical occlusion maps: bringing the pyramid up to date, the overlap test by outcome and size, and a
-//! frame of a made-up town beside the z-buffer's.
+//! Benchmark of hierarchical occlusion maps: updating the pyramid, the overlap test by outcome and size, and
+//! a frame of a synthetic town, beside the z-buffer.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -15,19 +15,21 @@ use visibility_hzb::{DepthEstimate, Hom, HomCuller, Hzb, HzbCuller};
 const ESTIMATES: [DepthEstimate; 3] =
     [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground];
 
-/// 90 degrees wide, so that at a distance of 960 m a metre is a pixel of 1920.
+/// Returns a view along x with a horizontal field of view of 90 degrees: at a distance of 960 m, one metre is
+/// one pixel of a picture 1920 pixels wide.
 fn view() -> View {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let fov_y = 2.0 * (9.0f64 / 16.0).atan();
     View::perspective(pose, fov_y, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book")
 }
 
+/// Makes an occluder of a box, in metres.
 fn wall(low: [f32; 3], high: [f32; 3]) -> OccluderMesh {
     OccluderMesh::cuboid(&Aabb::from_arrays(low, high)).expect("a box")
 }
 
-/// A frame of one occluder, small or as large as the picture: all of it is drawing that, and counting above
-/// it.
+/// Measures a frame with one occluder, small or as large as the picture. The time is that of drawing the
+/// occluder and updating the pyramid.
 fn pyramid(c: &mut Criterion) {
     let mut group = c.benchmark_group("hom/pyramid");
     let small = wall([500.0, -10.0, -10.0], [501.0, 10.0, 10.0]);
@@ -52,7 +54,8 @@ fn pyramid(c: &mut Criterion) {
     group.finish();
 }
 
-/// Cubes of some pixels before a wall, behind it, and behind a wall riddled with holes.
+/// Measures the test of cubes of a given size in pixels: in front of a wall, behind it, and behind a wall
+/// with narrow gaps.
 fn overlap(c: &mut Criterion) {
     let mut group = c.benchmark_group("hom/test a box");
     group.throughput(Throughput::Elements(256)).measurement_time(Duration::from_secs(2));
@@ -91,8 +94,8 @@ fn overlap(c: &mut Criterion) {
     group.finish();
 }
 
-/// A town of 2,500 houses and 20,000 things among them, seen from a street: the whole frame through the
-/// pipeline.
+/// Measures a frame through the whole pipeline: a town of 2,500 houses with 20,000 small objects among them,
+/// seen from a street.
 fn frame(c: &mut Criterion) {
     let mut random = Random(3);
     let mut scene = Scene::new();

@@ -1,5 +1,5 @@
-//! The hierarchical z-buffer: drawing boxes and triangles by size, bringing the pyramid up to date, testing
-//! boxes by size and outcome, and whole frames of a made-up town and of built-in scenes.
+//! Benchmark of the hierarchical z-buffer: drawing boxes and triangles by size, updating the pyramid, testing
+//! boxes by size and outcome, and whole frames of a synthetic town and of built-in scenes.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -14,21 +14,22 @@ use visibility_examples::built_in;
 use visibility_examples::walkthrough::World;
 use visibility_hzb::{Hzb, HzbCuller};
 
-/// 90 degrees wide, so that at a distance of 960 m a metre is a pixel of 1920.
+/// Returns a view along x with a horizontal field of view of 90 degrees: at a distance of 960 m, one metre is
+/// one pixel of a picture 1920 pixels wide.
 fn view() -> View {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let fov_y = 2.0 * (9.0f64 / 16.0).atan();
     View::perspective(pose, fov_y, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book")
 }
 
-/// A cube that is some pixels wide, anywhere in view.
+/// Makes a cube that is `pixels` pixels wide, at a random position in view.
 fn cube(random: &mut Random, pixels: f32) -> Aabb {
     let middle = Vec3::new(960.0, random.within(-700.0, 700.0), random.within(-350.0, 350.0));
     Aabb::new(middle - 0.5 * pixels, middle + 0.5 * pixels)
 }
 
-/// Cubes that do not hide each other entirely, drawn into an empty buffer; and the same with each set of
-/// instructions.
+/// Measures drawing 64 cubes, which do not hide each other entirely, into an empty buffer, with each
+/// instruction set.
 fn raster(c: &mut Criterion) {
     let mut group = c.benchmark_group("hzb/raster 64 boxes");
     group.throughput(Throughput::Elements(64)).measurement_time(Duration::from_secs(2));
@@ -52,7 +53,7 @@ fn raster(c: &mut Criterion) {
     group.finish();
 }
 
-/// A wavy sheet of 2,048 triangles, of which each is some pixels wide, drawn into an empty buffer.
+/// Measures drawing a wavy sheet of 2,048 triangles, each of a given width in pixels, into an empty buffer.
 fn triangles(c: &mut Criterion) {
     let mut group = c.benchmark_group("hzb/raster 2048 triangles");
     group.throughput(Throughput::Elements(2048)).measurement_time(Duration::from_secs(2));
@@ -84,7 +85,7 @@ fn triangles(c: &mut Criterion) {
     group.finish();
 }
 
-/// The built-in city and office as the walkthrough culls them, one frame of a walk after another.
+/// Measures frames of the walks through the built-in city and office, one frame after another.
 fn walks(c: &mut Criterion) {
     let mut group = c.benchmark_group("hzb/frame of a walk");
     for name in ["plpcity", "office"] {
@@ -101,7 +102,7 @@ fn walks(c: &mut Criterion) {
     group.finish();
 }
 
-/// What a frame costs before anything is drawn, and each flush.
+/// Measures beginning a frame, and updating the pyramid of an empty buffer.
 fn pyramid(c: &mut Criterion) {
     let mut group = c.benchmark_group("hzb/pyramid");
     for size in [[512, 288], [1920, 1080]] {
@@ -115,7 +116,7 @@ fn pyramid(c: &mut Criterion) {
     group.finish();
 }
 
-/// Boxes before and behind a wall with a gap in it.
+/// Measures the test of boxes in front of and behind a wall with a gap, by size in pixels.
 fn queries(c: &mut Criterion) {
     let mut hzb = Hzb::new(1920, 1080).expect("a size in range");
     hzb.begin(&view(), DVec3::ZERO);
@@ -146,8 +147,8 @@ fn queries(c: &mut Criterion) {
     group.finish();
 }
 
-/// A town of 2,500 houses and 20,000 things among them, seen from a street: the whole frame through the
-/// pipeline.
+/// Measures a frame through the whole pipeline: a town of 2,500 houses with 20,000 small objects among them,
+/// seen from a street.
 fn frame(c: &mut Criterion) {
     let mut random = Random(3);
     let mut scene = Scene::new();

@@ -1,5 +1,5 @@
-//! Moving 1 %, 10 % and all of the objects each frame, with and without `maintain`, and what culling costs
-//! afterwards.
+//! Benchmark of moving 1 %, 10 % and all of the objects each frame, with and without `maintain`, and of
+//! culling afterwards.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -8,7 +8,7 @@ use visibility_benches::moving::{BUDGET, DRIFT, Movers};
 use visibility_benches::workload::{FRAMES, Order, Share, boxes, views};
 use visibility_core::{FrustumCuller, Pipeline, Scene, VisibleSet};
 
-/// With what budget `maintain` is called each frame; `None` for never.
+/// Budgets, in blocks, with which `maintain` is called each frame; `None` never calls it.
 const BUDGETS: [(&str, Option<usize>); 3] =
     [("alone", None), ("with maintain(256)", Some(BUDGET)), ("with maintain of all", Some(usize::MAX))];
 
@@ -54,7 +54,7 @@ fn moving(c: &mut Criterion) {
     }
 }
 
-/// Moves the movers on. Only what is done to the scene counts.
+/// Advances all movers by one frame, and returns the time of the updates of the scene alone.
 fn frame(scene: &mut Scene, movers: &mut Movers, budget: Option<usize>) -> Duration {
     let moved = movers.step();
     let start = Instant::now();

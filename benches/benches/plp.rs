@@ -1,4 +1,4 @@
-//! Prioritized-layered projection: cutting a scene into cells, and a frame by budget.
+//! Benchmark of prioritized-layered projection: tessellation of a scene, and frames by budget.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, View, VisibleSet};
 use visibility_plp::{Budget, DelaunayTessellation, OctreeTessellation, PlpCuller, Solidity, Tessellation};
 
-/// Streets of hollow boxes of many triangles: `side` by `side` of them.
+/// Makes `side` by `side` hollow boxes on streets, each of 600 triangles that are objects of their own.
 fn town(side: usize) -> Scene {
     let mut scene = Scene::new();
     for house in 0..side * side {

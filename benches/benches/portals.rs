@@ -1,5 +1,5 @@
-//! Portals each frame: by the number of portals that lines of sight cross, with either narrowing, and a
-//! thousand doors.
+//! Benchmark of portal culling: frames by the number of portals that the view crosses, with both kinds of
+//! narrowing, and opening and closing a thousand doors.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -13,8 +13,8 @@ use visibility_core::{
 };
 use visibility_portals::{Narrowing, PortalEye, SceneCells};
 
-/// Rooms of 4 m in a row along x, with a door 1 m wide and 2 m high in the middle of each wall, and ten boxes
-/// in each.
+/// Makes rooms 4 m long in a row along x, with a door 1 m wide and 2 m high in the middle of each wall and
+/// ten boxes in each room.
 fn row(rooms: u32) -> (SceneCells, Scene) {
     let room = |i: u32| DVec3::new(f64::from(i) * 4.0, 0.0, 0.0);
     let door = |x: f64| {

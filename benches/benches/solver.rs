@@ -1,5 +1,5 @@
-//! Linear programs by dimension and size, ours beside `microlp`, and stabbing lines by the length of the
-//! sequence.
+//! Benchmark of linear programs by dimension and size, beside `microlp`, and of stabbing lines by the number
+//! of portals.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use microlp::{ComparisonOp, OptimizationDirection, Problem};
@@ -12,13 +12,14 @@ use visibility_portals::antipenumbra;
 use visibility_portals::lp::{HalfSpace, Solver};
 use visibility_portals::stabbing::Stabber;
 
+/// Bound on the absolute value of every variable of a linear program.
 const BOUND: f64 = 100.0;
 
-/// As many programs of half-spaces with random normals as are solved in turn, so that none is known by heart.
+/// Number of different programs that are solved in turn, so that branch prediction cannot learn one program.
 const PROGRAMS: usize = 64;
 
-/// Planes within 10 of the origin, turned towards it or, one of a few, away from it: about half of the
-/// programs have no solution.
+/// Makes linear programs of `count` random half-spaces in D dimensions. Boundaries are within 10 of the
+/// origin; most half-spaces contain the origin, a few do not, so about half of the programs have no solution.
 fn programs<const D: usize>(count: usize, random: &mut Random) -> Vec<Vec<HalfSpace<D>>> {
     let away = 0.7 / count as f32;
     let mut half = || HalfSpace {
@@ -28,6 +29,7 @@ fn programs<const D: usize>(count: usize, random: &mut Random) -> Vec<Vec<HalfSp
     (0..PROGRAMS).map(|_| (0..count).map(|_| half()).collect()).collect()
 }
 
+/// Solves a program with `microlp` and returns the maximum of the objective, or NaN without a solution.
 fn by_microlp<const D: usize>(rows: &[HalfSpace<D>], objective: [f64; D]) -> f64 {
     let mut problem = Problem::new(OptimizationDirection::Maximize);
     let variables = objective.map(|o| problem.add_var(o, (-BOUND, BOUND)));
@@ -65,7 +67,7 @@ fn dimension<const D: usize>(c: &mut Criterion) {
     group.finish();
 }
 
-/// Doors along a winding way.
+/// Measures stabbing lines through doors along a winding path, in the plane and in space.
 fn stabbing(c: &mut Criterion) {
     let mut group = c.benchmark_group("stabbing");
     group.measurement_time(Duration::from_secs(2)).warm_up_time(Duration::from_secs(1));

@@ -1,30 +1,31 @@
-//! Whether a contender's answer can be used: every box that is surely within all planes of the view must be
-//! in it.
+//! Check of a contender's answer: every box that is surely inside all planes of the view must be in the
+//! answer, and no box that is surely outside one.
 
 use crate::contenders::Contender;
 use treeculler::{Frustum, Vec3};
 use visibility_core::{Aabb, View, glam::DVec3};
 
-/// Distances below this, in metres, are left to rounding: contenders work in `f32`, on coordinates up to 500.
+/// Distance from a plane in metres within which an answer may be either, since contenders compute in f32 with
+/// coordinates up to 500 m.
 const TOLERANCE: f64 = 1e-2;
 
-/// What is wrong with an answer, and what it counts.
+/// Errors of an answer, and its counts.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Verdict {
-    /// Boxes reported.
+    /// Number of boxes reported.
     pub reported: usize,
-    /// Boxes that no plane of the view excludes.
+    /// Number of boxes that no plane of the view excludes.
     pub exact: usize,
-    /// Boxes that are surely in view of all planes and are not reported.
+    /// Number of boxes that are surely inside all planes of the view and not reported.
     pub lost: usize,
-    /// Boxes that are surely outside a plane and are reported.
+    /// Number of boxes that are surely outside a plane of the view and reported.
     pub extra: usize,
 }
 
-/// Holds the indices that a contender reported against the planes of the view in `f64`.
+/// Compares the indices that a contender reported with the planes of the view in f64.
 ///
-/// treeculler also drops boxes beyond the bounds of the frustum's own corners, rightly so: with `corners`,
-/// those are not counted as lost.
+/// treeculler also culls boxes beyond the bounds of the frustum's corners, which is correct. With `corners`,
+/// such boxes are not counted as lost.
 pub fn check(boxes: &[Aabb], view: &View, reported: &[u32], corners: bool) -> Verdict {
     let planes = view.planes(DVec3::ZERO);
     let mut marked = vec![false; boxes.len()];
@@ -48,10 +49,12 @@ pub fn check(boxes: &[Aabb], view: &View, reported: &[u32], corners: bool) -> Ve
     verdict
 }
 
-/// Checks a contender in a few frames. Returns how many boxes it reports in one of them, on average.
+/// Checks a contender in every fifth frame. Returns the mean number of boxes that it reports per frame, or
+/// `None` for a contender that does not cull.
 ///
 /// # Panics
-/// Where it loses a box or reports one too many.
+///
+/// Panics if the contender loses a box or reports one that is surely out of view.
 pub fn verify(contender: &mut dyn Contender, boxes: &[Aabb], views: &[View]) -> Option<usize> {
     let (mut sum, mut frames) = (0, 0);
     for frame in (0..views.len()).step_by(5) {
@@ -70,6 +73,7 @@ pub fn verify(contender: &mut dyn Contender, boxes: &[Aabb], views: &[View]) -> 
     Some(sum / frames)
 }
 
+/// Returns the minimum and maximum corner of the box around the frustum's eight corners, in world space.
 fn hull_of_corners(view: &View) -> [DVec3; 2] {
     let points = Frustum::from_modelview_projection(view.clip_from(DVec3::ZERO).to_cols_array_2d()).points;
     let point = |p: &Vec3<f64>| DVec3::new(p.x, p.y, p.z);

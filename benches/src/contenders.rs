@@ -1,8 +1,9 @@
-//! Those who cull: ours, the plain loop that one writes without a library, and the other crates.
+//! Contenders of the frustum benchmark: this library, the plain loop that engines begin with, and other
+//! crates.
 //!
-//! Each holds the boxes and the frustum of every frame in its own types, made beforehand, and writes what is
-//! visible to a buffer that it keeps. Each is used as its documentation recommends; where there were several
-//! ways, the fastest in our measurements was taken.
+//! Each contender holds the boxes and the frustum of every frame in its own types, made in advance, and
+//! writes the visible boxes to a buffer that it keeps. Each is used as its documentation recommends; of
+//! several ways, the fastest in our measurements is used.
 
 use bvh::aabb::{Bounded, IntersectsAabb};
 use bvh::bounding_hierarchy::BHShape;
@@ -15,24 +16,27 @@ use visibility_core::{
     simd::Simd,
 };
 
-/// One way to cull.
+/// Way to cull boxes by a frustum.
 pub trait Contender {
-    /// Its name in tables.
+    /// Returns the contender's name in tables.
     fn name(&self) -> String;
 
-    /// Finds the boxes in view in a frame. Returns something that depends on all of the answer.
+    /// Culls all boxes by the view with the index `frame`. Returns a number that depends on the whole answer,
+    /// so that the compiler cannot skip work.
     fn cull(&mut self, frame: usize) -> usize;
 
-    /// The indices of what the last call found; `None` from one that does not cull.
+    /// Returns the indices of the boxes that the last call of [`cull`](Self::cull) found visible, in any
+    /// order. `None` from a contender that does not cull.
     fn visible(&self) -> Option<Vec<u32>>;
 
-    /// Whether it also drops what lies beyond the bounds of the frustum's corners.
+    /// Returns true if the contender also culls boxes beyond the bounds of the frustum's corners.
     fn uses_corners(&self) -> bool {
         false
     }
 }
 
-/// All contenders for these boxes and frames. The first is the plain loop, against which the others are held.
+/// Makes all contenders for these boxes and views. The first is the plain loop, with which the others are
+/// compared.
 pub fn all(boxes: &[Aabb], views: &[View]) -> Vec<Box<dyn Contender>> {
     let mut all: Vec<Box<dyn Contender>> = vec![
         Box::new(Plain::<false>::new(boxes, views)),
@@ -47,15 +51,16 @@ pub fn all(boxes: &[Aabb], views: &[View]) -> Vec<Box<dyn Contender>> {
     all
 }
 
-/// Ours alone: on each instruction set, and at last the widest with the visible ids written to a list, as the
-/// others do.
+/// Makes this library's contenders: one per instruction set, and last the widest instruction set with the
+/// visible ids written to a list, as the other crates do.
 pub fn ours(boxes: &[Aabb], views: &[View]) -> Vec<Box<dyn Contender>> {
     let each = Simd::available().map(|simd| Ours::new(boxes, views, simd, false));
     let last = Ours::new(boxes, views, Simd::best(), true);
     each.chain([last]).map(|ours| Box::new(ours) as Box<dyn Contender>).collect()
 }
 
-/// A plane as a loop in `f32` wants it.
+/// Plane in f32 for a loop over centres and half extents: unit normal, absolute values of the normal's
+/// components, and offset.
 #[derive(Clone, Copy, Debug)]
 struct Plane {
     normal: Vec3,
@@ -63,8 +68,10 @@ struct Plane {
     offset: f32,
 }
 
+/// Planes of a frustum.
 type Planes = [Plane; 6];
 
+/// Returns the six planes of a view, rounded to f32.
 fn planes(view: &View) -> Planes {
     let planes = view.planes(DVec3::ZERO);
     core::array::from_fn(|i| {
@@ -74,9 +81,9 @@ fn planes(view: &View) -> Planes {
     })
 }
 
-/// The loop over centres and half extents with glam that engines begin with. `EARLY` leaves at the first
-/// plane that excludes a box, which pays where neighbours share their fate; otherwise all six are tested
-/// without a branch.
+/// Loop over centres and half extents with glam, as engines begin with. With `EARLY` a box is left at the
+/// first plane that excludes it, which pays where neighbours have equal answers; otherwise all six planes are
+/// tested without a branch.
 struct Plain<const EARLY: bool> {
     boxes: Vec<(Vec3, Vec3)>,
     frames: Vec<Planes>,
@@ -121,7 +128,8 @@ impl<const EARLY: bool> Contender for Plain<EARLY> {
     }
 }
 
-/// treeculler: one box at a time. `COHERENT` remembers for each box which plane excluded it last.
+/// Contender treeculler, which tests one box at a time. With `COHERENT` it remembers for each box the plane
+/// that last excluded it.
 struct TreeCuller<const COHERENT: bool> {
     boxes: Vec<treeculler::AABB<f32>>,
     last: Vec<u8>,
@@ -179,14 +187,14 @@ impl<const COHERENT: bool> Contender for TreeCuller<COHERENT> {
     }
 }
 
-/// Whether no plane excludes a box: the predicate that is handed to the hierarchies.
+/// Tests whether no plane excludes a box. False if a comparison involves NaN.
 #[inline(always)]
 fn in_view(planes: &Planes, min: Vec3, max: Vec3) -> bool {
     let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
     planes.iter().all(|p| p.normal.dot(center) + p.size.dot(half) + p.offset >= 0.0)
 }
 
-/// The hierarchy of parry3d, by its binned builder (PLOC takes longer to build and culls no faster).
+/// Contender parry3d: its hierarchy from the binned builder (PLOC takes longer to build and culls no faster).
 struct Parry {
     tree: parry3d::partitioning::Bvh,
     frames: Vec<Planes>,
@@ -204,7 +212,7 @@ impl Parry {
     }
 }
 
-/// A box in the type of parry3d.
+/// Converts a box to the type of parry3d.
 pub fn parry_aabb(b: &Aabb) -> parry3d::bounding_volume::Aabb {
     parry3d::bounding_volume::Aabb::new(b.min.to_array().into(), b.max.to_array().into())
 }
@@ -234,7 +242,7 @@ impl Contender for Parry {
     }
 }
 
-/// A box as the `bvh` crate builds from.
+/// Box in the form from which the `bvh` crate builds.
 #[derive(Clone, Debug)]
 pub struct Shape {
     bounds: bvh::aabb::Aabb<f32, 3>,
@@ -243,7 +251,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The box with this number.
+    /// Creates a shape with the given box and index.
     pub fn new(b: &Aabb, index: u32) -> Self {
         let corner = |v: Vec3| Point3::from(v.to_array());
         Self { bounds: bvh::aabb::Aabb::with_bounds(corner(b.min), corner(b.max)), index, node: 0 }
@@ -266,6 +274,7 @@ impl BHShape<f32, 3> for Shape {
     }
 }
 
+/// Planes of a frustum as a query of the `bvh` crate.
 struct Query(Planes);
 
 impl IntersectsAabb<f32, 3> for Query {
@@ -274,7 +283,7 @@ impl IntersectsAabb<f32, 3> for Query {
     }
 }
 
-/// The hierarchy of the `bvh` crate, whose iterator needs no memory of its own.
+/// Contender `bvh`: its hierarchy, walked by the iterator that allocates no memory.
 struct BvhCrate {
     shapes: Vec<Shape>,
     tree: bvh::bvh::Bvh<f32, 3>,
@@ -311,7 +320,8 @@ impl Contender for BvhCrate {
     }
 }
 
-/// Reads all boxes once and culls nothing: what memory alone costs those who look at every box.
+/// Contender that reads all boxes once and culls nothing: the memory bandwidth that a test of every box needs
+/// at least.
 struct ReadAll {
     numbers: Vec<u32>,
 }
@@ -329,7 +339,7 @@ impl Contender for ReadAll {
     }
 
     fn cull(&mut self, _: usize) -> usize {
-        // Integers, because their sum may be reordered into as many SIMD columns as the compiler likes.
+        // Sums of integers may be reordered, so the compiler can use any number of SIMD lanes.
         self.numbers.iter().fold(0u32, |sum, &x| sum.wrapping_add(x)) as usize
     }
 
@@ -338,7 +348,7 @@ impl Contender for ReadAll {
     }
 }
 
-/// Ours, as a caller meets it: the whole pipeline with its one stage.
+/// This library as a caller uses it: a whole pipeline with a single stage.
 struct Ours {
     scene: Scene,
     views: Vec<View>,
@@ -377,7 +387,7 @@ impl Contender for Ours {
         let stats = self.pipeline.cull(&self.scene, &self.views[frame], &mut self.set);
         if self.listing {
             self.list.clear();
-            // Iterating from within, which lets a chain of iterators run as plain loops.
+            // Internal iteration lets a chain of iterators run as plain loops.
             let list = &mut self.list;
             self.set.iter(&self.scene).for_each(|id| list.push(id.index() as u32));
         }

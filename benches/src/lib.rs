@@ -1,11 +1,11 @@
-//! What the benchmarks of the visibility crates share: the [workload], and the [contenders] that cull it.
+//! Library of the benchmarks of the visibility crates: the [workload], and the [contenders] that cull it.
 //!
 //! - `cargo bench -p visibility-benches` runs criterion on frustum culling, moving objects and construction.
 //! - `cargo run --release -p visibility-benches --bin report` measures all contenders in turns in one run and
 //!   prints the tables of `RESULTS.md`. Times drift on a shared machine, ratios within one run much less.
 //!
-//! Before anything is timed, each contender's answer is held against the planes of the view in `f64`
-//! ([`check`]): a time means little if boxes are lost.
+//! Before a contender is timed, its answer is compared with the planes of the view in f64 ([`check`]): a time
+//! means little if boxes are lost.
 
 pub mod check;
 pub mod contenders;

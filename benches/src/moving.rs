@@ -1,19 +1,20 @@
-//! Objects on the move: a part of the boxes, chosen at random, each drifting its own way.
+//! Moving objects: a random subset of the boxes, each moving along its own direction.
 
 use crate::workload::{REACH, Random};
 use glam::Vec3;
 use visibility_core::{Aabb, ObjectId};
 
-/// Frames before culling is compared with culling after a rebuild: a second of play.
+/// Number of frames of movement after which culling is compared with culling a rebuilt scene: one second of
+/// play.
 pub const DRIFT: usize = 60;
 
-/// After so many frames of movement culling is looked at again.
+/// Numbers of frames of movement after which culling is measured in the long run.
 pub const LONG: [usize; 6] = [0, 60, 250, 500, 750, 1000];
 
-/// The budget for `Scene::maintain` that its users are likely to begin with, in blocks.
+/// Budget in blocks per call of `Scene::maintain` that users are likely to begin with.
 pub const BUDGET: usize = 256;
 
-/// Some of the boxes and how far each goes in a frame. Everything else stands still, as in most worlds.
+/// Boxes of which some move by a fixed step per frame, and the others stand still, as in most worlds.
 #[derive(Clone, Debug)]
 pub struct Movers {
     boxes: Vec<Aabb>,
@@ -22,10 +23,11 @@ pub struct Movers {
 }
 
 impl Movers {
-    /// Steps are up to this long on each axis, in metres: at 60 frames a second, a car in town.
+    /// Maximum step per frame on each axis, in metres: about the speed of a car in town at 60 frames per
+    /// second.
     const STEP: f32 = 0.25;
 
-    /// Lets `count` of the boxes move. `ids` are those that a scene gave to all of them, in order.
+    /// Selects `count` random boxes to move. `ids` are the scene's ids of all boxes, by the index of the box.
     pub fn new(boxes: Vec<Aabb>, ids: &[ObjectId], count: usize) -> Self {
         let mut random = Random(2);
         let chosen = random.choose(count, boxes.len());
@@ -36,12 +38,13 @@ impl Movers {
         }
     }
 
-    /// Where all boxes are now.
+    /// Returns the present bounds of all boxes, by index.
     pub fn boxes(&self) -> &[Aabb] {
         &self.boxes
     }
 
-    /// Moves each mover by its step, or back into the cube. Returns which they are and where.
+    /// Moves each mover by its step. A step that would leave the cube is reversed. Returns the ids and new
+    /// bounds of all movers.
     pub fn step(&mut self) -> &[(ObjectId, Aabb)] {
         for ((id, b), step) in self.moved.iter_mut().zip(&mut self.steps) {
             let center = b.center() + *step;

@@ -1,9 +1,9 @@
-//! Boxes and cameras: small boxes spread evenly through a cube, seen by a camera that turns a little each
-//! frame.
+//! Boxes and cameras of the benchmarks: small boxes evenly distributed in a cube, seen by a camera that turns
+//! a little each frame.
 //!
-//! An even spread is the hard case for frustum culling: no empty space to skip, and every plane cuts the
-//! crowd. The camera turns, because on a still view a processor learns the branches of a short walk by heart,
-//! which no game would see.
+//! An even distribution is the hard case for frustum culling: there is no empty space to skip, and every
+//! plane intersects many boxes. The camera turns because with a still view the branch predictor would learn a
+//! short traversal by heart, which never happens in a game.
 
 use glam::{DMat4, DVec3, Vec3};
 use visibility_core::{Aabb, View, view::Depth};
@@ -11,16 +11,17 @@ use visibility_core::{Aabb, View, view::Depth};
 /// Half the side of the cube that the boxes fill, in metres.
 pub const REACH: f32 = 500.0;
 
-/// Frames of one turn of the camera.
+/// Number of frames in one swing of the camera.
 pub const FRAMES: usize = 16;
 
-/// SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014): the same boxes
-/// on every machine.
+/// Random number generator SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number
+/// Generators", 2014), which makes equal boxes on every machine. The field is the state; every seed is
+/// permitted.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
 impl Random {
-    /// 64 random bits.
+    /// Draws 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -28,17 +29,17 @@ impl Random {
         z ^ z >> 31
     }
 
-    /// A number from `low` to `high`.
+    /// Draws a number in [low, high), up to rounding.
     pub fn within(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * (self.bits() >> 40) as f32 / (1u64 << 24) as f32
     }
 
-    /// A point whose coordinates are each from `low` to `high`.
+    /// Draws a point with each coordinate in [low, high), up to rounding.
     pub fn point(&mut self, low: f32, high: f32) -> Vec3 {
         Vec3::new(self.within(low, high), self.within(low, high), self.within(low, high))
     }
 
-    /// `count` different numbers below `limit`, in random order.
+    /// Draws `count` different numbers below `limit`, in random order. `count` must not exceed `limit`.
     pub fn choose(&mut self, count: usize, limit: usize) -> Vec<u32> {
         let mut all: Vec<u32> = (0..limit as u32).collect();
         for i in 0..count {
@@ -50,20 +51,20 @@ impl Random {
     }
 }
 
-/// The order in which the boxes are given to the contenders.
+/// Order in which the boxes are given to the contenders.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Order {
-    /// As they come.
+    /// Random order.
     Random,
-    /// Along a space-filling curve: what those who loop over all boxes can do to please the branch predictor.
+    /// Order along a space-filling curve, which helps the branch prediction of loops over all boxes.
     Sorted,
 }
 
 impl Order {
-    /// Both.
+    /// Both orders.
     pub const ALL: [Self; 2] = [Self::Random, Self::Sorted];
 
-    /// A word for tables.
+    /// Returns the name of the order in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Random => "random",
@@ -72,7 +73,7 @@ impl Order {
     }
 }
 
-/// `count` boxes of 0.5 to 3 m in a cube of a kilometre.
+/// Makes `count` boxes with sides of 0.5 to 3 m, with their centres in a cube of a kilometre.
 pub fn boxes(count: usize, order: Order) -> Vec<Aabb> {
     let mut random = Random(1);
     let mut boxes: Vec<Aabb> = (0..count)
@@ -87,7 +88,7 @@ pub fn boxes(count: usize, order: Order) -> Vec<Aabb> {
     boxes
 }
 
-/// The place of a point on the Morton curve through the cube.
+/// Returns the Morton code of a point on a grid of 1024 cells per side of the cube.
 fn morton(point: Vec3) -> u64 {
     let cell = ((point + REACH) / (2.0 * REACH) * 1024.0).to_array().map(|x| x as u64);
     (0..10).fold(0, |place, bit| {
@@ -95,20 +96,20 @@ fn morton(point: Vec3) -> u64 {
     })
 }
 
-/// How much of the cube the camera sees.
+/// Share of the boxes that the camera sees.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Share {
-    /// Some 11 %: the far plane lies beyond the cube.
+    /// About 11 %: the far plane lies beyond the cube.
     Eleven,
-    /// Some 1 %: a draw distance of 233 m.
+    /// About 1 %: a draw distance of 233 m.
     One,
 }
 
 impl Share {
-    /// Both.
+    /// Both shares.
     pub const ALL: [Self; 2] = [Self::Eleven, Self::One];
 
-    /// A word for tables.
+    /// Returns the name of the share in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Eleven => "11 %",
@@ -116,6 +117,7 @@ impl Share {
         }
     }
 
+    /// Returns the distance of the far plane, in metres.
     fn far(self) -> f64 {
         match self {
             Self::Eleven => 2000.0,
@@ -124,9 +126,10 @@ impl Share {
     }
 }
 
-/// A camera in the middle of the cube, 60 degrees high and 16:9 wide, swinging by 10 degrees to either side;
-/// it is back where it began after [`FRAMES`] frames. All six planes are finite and the clip space is that of
-/// OpenGL, because treeculler knows no other.
+/// Makes the [`FRAMES`] views of one swing of a camera near the centre of the cube: it turns by 10 degrees to
+/// either side and returns to its start. The vertical field of view is 60 degrees and the aspect ratio 16:9.
+/// All six planes are finite and the clip space is that of OpenGL, because treeculler supports only such
+/// views.
 pub fn views(share: Share) -> Vec<View> {
     let view = |frame: usize| {
         let phase = core::f64::consts::TAU * frame as f64 / FRAMES as f64;
@@ -138,6 +141,8 @@ pub fn views(share: Share) -> Vec<View> {
     (0..FRAMES).map(|frame| view(frame).expect("a camera by the book")).collect()
 }
 
+/// Returns the clip matrix of the camera, in OpenGL's convention, with its near plane at 0.1 m and its far
+/// plane at `far` metres.
 fn clip_from_world(eye: DVec3, forward: DVec3, far: f64) -> DMat4 {
     let near = 0.1;
     let z = -forward.normalize();

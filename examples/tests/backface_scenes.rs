@@ -1,8 +1,8 @@
-//! Backface culling on the stored scenes: no triangle whose front is seen is in a culled cluster; and what is
-//! culled of the car.
+//! Tests of backface culling on the stored scenes: no triangle whose front is visible is in a culled cluster,
+//! and enough of the car is culled.
 //!
-//! `BACKFACE_EYES=1000000 cargo test --release -p visibility-examples --test backface_scenes` takes the
-//! million eyes.
+//! `BACKFACE_EYES=1000000 cargo test --release -p visibility-examples --test backface_scenes` tries a million
+//! eyes per scene.
 
 mod shared_scenes;
 
@@ -12,10 +12,11 @@ use visibility_core::backface::{Cluster, Cones, Facing, NormalCone, cluster_mesh
 use visibility_core::{scene::Triangle, view::Eye};
 use visibility_testing::Random;
 
-/// Eyes of one scene unless the environment says otherwise.
+/// Number of eyes per scene unless the environment variable `BACKFACE_EYES` gives another number.
 const EYES: usize = 400;
 
-/// Gives equal vertices one index.
+/// Merges bit-identical vertices. Returns the distinct positions, and the triangles as indices into the
+/// positions.
 fn weld(triangles: &[Triangle]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut numbers = HashMap::new();
     let mut positions = Vec::new();
@@ -29,11 +30,13 @@ fn weld(triangles: &[Triangle]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (positions, indices)
 }
 
-/// The clusters of a scene, with the planes of their triangles for a quick judgement.
+/// Clusters of a scene with their triangles, cones and planes, and the minimum and maximum corner of the
+/// scene.
 struct Judge {
     clusters: Vec<(Cluster, Vec<Triangle>)>,
     cones: Cones,
-    /// By cluster, unit normals and offsets as structure of arrays.
+    /// Plane of each triangle of each cluster as structure of arrays: x, y and z of the unit normals, then
+    /// offsets.
     planes: Vec<[Vec<f64>; 4]>,
     bounds: [DVec3; 2],
 }
@@ -57,7 +60,8 @@ impl Judge {
         Self { clusters, cones, planes, bounds: [low.as_dvec3(), high.as_dvec3()] }
     }
 
-    /// An eye in or around the scene: half of them inside the box, half up to four sizes away.
+    /// Returns a random eye: with even chance inside the scene's box, or up to four half-sizes of the box
+    /// away from its centre.
     fn eye(&self, rng: &mut Random) -> DVec3 {
         let [low, high] = self.bounds;
         let (center, half) = ((low + high) * 0.5, (high - low) * 0.5);
@@ -68,8 +72,9 @@ impl Judge {
         }
     }
 
-    /// How many triangles are culled for an eye, and how many triangles of culled clusters `facing` does not
-    /// find back.
+    /// Adds to `culled` the number of triangles in culled clusters for an eye, and asserts that [`facing`]
+    /// finds no front-facing triangle among these. `masks` is overwritten: bit i % 64 of word i / 64 stands
+    /// for cluster i, 1 for culled.
     fn check(&self, eye: DVec3, masks: &mut [u64], culled: &mut u64) {
         self.cones.back_facing(&Eye::Point(eye), masks);
         for (i, (cluster, triangles)) in self.clusters.iter().enumerate() {
@@ -77,7 +82,7 @@ impl Judge {
                 continue;
             }
             *culled += triangles.len() as u64;
-            // What is clearly back by its rounded plane needs no better test.
+            // A cluster that is clearly behind its rounded planes needs no exact test.
             let [x, y, z, d] = &self.planes[i];
             let mut worst = f64::NEG_INFINITY;
             for j in 0..x.len() {
@@ -99,9 +104,9 @@ impl Judge {
     }
 }
 
-/// Planes of triangles in `f64`; those without area have none, and are behind everything. With coordinates of
-/// hundreds of metres a distance is off by less than 1e-9 m, but for slivers, which are given a distance that
-/// is not clear.
+/// Computes the planes of triangles in f64: x, y and z of the unit normals, then offsets, in one list each.
+/// With coordinates of hundreds of metres a distance is wrong by less than 1e-9 m. Slivers and degenerate
+/// triangles get the zero plane, whose distance 0 forces the exact test.
 fn planes(triangles: &[Triangle]) -> [Vec<f64>; 4] {
     let mut planes = [vec![], vec![], vec![], vec![]];
     for t in triangles {
@@ -119,6 +124,7 @@ fn planes(triangles: &[Triangle]) -> [Vec<f64>; 4] {
     planes
 }
 
+/// Returns the number of eyes per scene.
 fn eyes() -> usize {
     std::env::var("BACKFACE_EYES").ok().and_then(|n| n.parse().ok()).unwrap_or(EYES)
 }
@@ -144,8 +150,9 @@ fn no_front_is_culled_on_any_scene() {
     }
 }
 
-/// The share of the triangles in culled clusters, and of those that the triangle test finds back, for eyes at
-/// a distance in radii (or within).
+/// Returns the fraction of triangles in culled clusters, then the fraction of triangles that the test of
+/// single triangles finds back-facing, over 24 random eyes. The eyes are `radii` times half the diagonal of
+/// `bounds` from its centre.
 fn shares(clusters: &[(NormalCone, Vec<Triangle>)], bounds: [DVec3; 2], radii: f64) -> [f64; 2] {
     let [low, high] = bounds;
     let (center, radius) = ((low + high) * 0.5, (high - low).length() * 0.5);
@@ -172,7 +179,7 @@ fn shares(clusters: &[(NormalCone, Vec<Triangle>)], bounds: [DVec3; 2], radii: f
 fn a_fifth_of_the_car_is_culled_at_least() {
     let judge = Judge::new("car");
     let parts: Vec<_> = judge.clusters.iter().map(|(c, t)| (c.cone, t.clone())).collect();
-    // The car as one mesh, whose clusters may take like triangles from several parts.
+    // The car as one mesh, whose clusters may contain triangles from several parts.
     let all: Vec<Triangle> = parts.iter().flat_map(|(_, t)| t.iter().copied()).collect();
     let (positions, indices) = weld(&all);
     let whole: Vec<_> = cluster_mesh(&positions, &indices)

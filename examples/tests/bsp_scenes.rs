@@ -1,5 +1,6 @@
-//! BSP trees of whole scenes: how they build, and that Naylor's exact culling reports what an item buffer of
-//! 2560 x 1440 sees, and otherwise only what can be seen where it says.
+//! Tests of BSP trees of whole scenes: the trees are built in bounded size, and Naylor's exact culling
+//! reports every object that an item buffer of 2560 x 1440 sees, and otherwise only objects that are visible
+//! at their witness.
 #![allow(missing_docs)]
 
 mod shared_scenes;
@@ -13,9 +14,11 @@ use visibility_examples::walkthrough::World;
 use visibility_examples::{SceneSource, built_in};
 use visibility_measure::{Comparison, ItemBuffer};
 
+/// Size of the item buffer, in pixels.
 const JUDGE: (u32, u32) = (2560, 1440);
 
-/// The picture, magnified so that nothing but the place of a witness is left of it.
+/// Returns a view zoomed in on a witness of visibility: the witness is at the centre, and its width fills 0.3
+/// of half the picture.
 fn close_up(view: &View, world: &World, witness: Witness) -> View {
     let scale = 0.3 / witness.width;
     let shift = DVec3::new(-witness.x * scale, -witness.y * scale, 0.0);
@@ -24,21 +27,23 @@ fn close_up(view: &View, world: &World, witness: Witness) -> View {
     View::from_clip_from_world(matrix, view.depth()).unwrap().relative_to(world.origin()).unwrap()
 }
 
-/// Why an object is reported that has no pixel.
+/// Counts of the reasons why an object is reported that has no pixel in the item buffer.
 #[derive(Default, Debug, PartialEq)]
 struct Reasons {
-    /// Of all triangles of the scene, it is the nearest somewhere between the pixels.
+    /// Number of objects that are the nearest of all objects at a position between the pixels.
     between_pixels: usize,
-    /// It is the nearest but for what is not opaque.
+    /// Number of objects that are the nearest once non-opaque objects are left out.
     behind_glass: usize,
-    /// It lies in one plane with what the item buffer shows.
+    /// Number of objects that tie in depth with the object that the item buffer shows.
     in_one_plane: usize,
-    /// It has no triangle, or a broken one.
+    /// Number of objects without a witness: they have no triangle, or an invalid one.
     unknown: usize,
-    /// None of these.
+    /// Number of objects with none of these reasons. Each such object is an error of the culler.
     wrong: usize,
 }
 
+/// Finds the reason why the object `id` is reported although the item buffer does not show it, and counts the
+/// reason in `reasons`.
 fn explain(
     world: &World,
     view: &View,
@@ -68,8 +73,8 @@ fn explain(
     }
 }
 
-/// Whether the nearest opaque surface on the line of sight through the witness is no nearer than the
-/// object's, up to the rounding of the scene's single precision.
+/// Tests whether the object is, on the view ray through the witness, no farther than the nearest opaque
+/// surface of another object, up to the rounding of the scene's f32 coordinates.
 fn is_tied(world: &World, view: &View, id: ObjectId, witness: Witness) -> bool {
     let inverse = view.clip_from(world.origin()).inverse();
     let [near, far] = [0.9, 0.1].map(|depth| inverse.project_point3(DVec3::new(witness.x, witness.y, depth)));
@@ -95,6 +100,8 @@ fn is_tied(world: &World, view: &View, id: ObjectId, witness: Witness) -> bool {
     own.is_finite() && own <= least + 1e-5 * own.max(1.0)
 }
 
+/// Compares exact culling with the item buffer in up to `frames` frames of a scene, and fails on a false
+/// hidden object or an unexplained reported object.
 fn check(source: SceneSource, frames: usize) {
     let keys = source.walks.iter().map(|walk| walk.keys.len()).sum();
     let world = World::new(source, JUDGE, Some(frames.min(keys))).unwrap();

@@ -1,8 +1,8 @@
-//! Potentially visible sets of cells never miss an object that an item buffer sees from random eyes in the
-//! cells.
+//! Tests that potentially visible sets of cells never miss an object that an item buffer sees from random
+//! eyes in the cells.
 //!
-//! `cargo test --release --test cell_scenes -- --ignored --nocapture` does it with 1,000 eyes in the largest
-//! office.
+//! `cargo test --release --test cell_scenes -- --ignored --nocapture` repeats the test with 1,000 eyes in the
+//! largest office.
 #![allow(missing_docs)]
 
 mod shared_scenes;
@@ -17,7 +17,8 @@ use visibility_examples::pvs::stabs::Random;
 use visibility_examples::walkthrough::cell_sets::{Detail, matrix, objects, sets_of, settings};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
 
-/// Views from random places in random cells, in random directions, but not from within walls or furniture.
+/// Makes `count` views from random positions in random cells in random directions. Positions inside `solids`
+/// (minimum and maximum corner) are avoided.
 fn random_views(viewcells: &Viewcells, solids: &[[DVec3; 2]], count: usize, seed: u64) -> Vec<View> {
     let solid = |p: DVec3| solids.iter().any(|[min, max]| min.cmple(p).all() && p.cmple(*max).all());
     let mut random = Random(seed);
@@ -32,14 +33,14 @@ fn random_views(viewcells: &Viewcells, solids: &[[DVec3; 2]], count: usize, seed
         let direction = random.direction();
         let up = if direction.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
         let pose = Pose::look_at(eye, eye + direction, up);
-        // A near plane at 1 cm would cut openings into walls that an eye is close to.
+        // A near plane at 1 cm would cut openings into walls close to the eye.
         views.push(View::perspective(pose, 1.6, 16.0 / 9.0, 1e-5, f64::INFINITY).unwrap());
     }
     views
 }
 
-/// Runs cullers from random eyes and holds them against an item buffer; the mean number of objects that each
-/// reports.
+/// Runs the cullers in `list` from `eyes` random eyes, and fails if the item buffer sees an object that a
+/// culler hid. Returns the mean number of objects that each culler reports.
 fn check(mut world: World, viewcells: &Viewcells, list: &str, eyes: usize) -> Vec<f64> {
     world.views = random_views(viewcells, &boxes(&world.source), eyes, 11);
     let trials: Vec<_> = cullers::parse(list, &world)
@@ -66,13 +67,14 @@ fn check(mut world: World, viewcells: &Viewcells, list: &str, eyes: usize) -> Ve
     trials.iter().map(visibility_examples::walkthrough::Trial::mean_visible).collect()
 }
 
+/// Checks the cells and objects of an office with `eyes` random eyes, and that finer sets cull more.
 fn check_office(sizes: &str, eyes: usize) {
     let world = World::new(built_in(&format!("office:{sizes}")).unwrap(), (1280, 720), Some(1)).unwrap();
     let viewcells = world.source.cells.as_ref().unwrap().viewcells.clone();
     let means = check(world, &viewcells, "frustum,pvs:cells,pvs,pvs:walls,pvs:bsp", eyes);
     let [frustum, cells, objects, walls, polygons] = means[..] else { panic!("{means:?}") };
     assert!(objects < cells && cells < 0.8 * frustum, "{means:?}");
-    // Cells from geometry know furniture and windows, and are smaller.
+    // Cells made from geometry are smaller and take furniture and windows into account.
     assert!(walls < 1.2 * objects && polygons < 1.2 * objects, "{means:?}");
 }
 
@@ -115,7 +117,7 @@ fn objects_are_those_of_seen_cells_and_fewer() {
         all.sort_unstable();
         all.dedup();
         assert!(row.iter().all(|object| all.binary_search(object).is_ok()));
-        // What is in the cell itself is seen.
+        // The objects in the cell itself are visible.
         assert!(graph.objects_in(cell).iter().all(|id| row.binary_search(&(id.index() as u32)).is_ok()));
         by_cells += all.len();
     }
@@ -137,7 +139,8 @@ fn sets_are_baked_once_and_compose() {
     assert!(cullers::parse("pvs", &outdoors).is_err() && cullers::parse("pvs:soon", &world).is_err());
 }
 
-/// On the walks, through portals: never too little, and at most 1.3 times what shows.
+/// Checks portal culling on the walks of an office: no false hidden object, and at most 1.3 times as many
+/// objects reported as visible. `frames` is the number of frames, `None` for every key.
 fn check_walks(sizes: &str, frames: Option<usize>) {
     let world = World::new(built_in(&format!("office:{sizes}")).unwrap(), (640, 360), frames).unwrap();
     let pipelines = cullers::parse("portals,portals:rectangle,pvs+portals", &world).unwrap();

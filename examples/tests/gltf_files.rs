@@ -1,4 +1,4 @@
-//! glTF: good files become the right triangles, and hostile ones become errors.
+//! Tests of the glTF loader: valid files give the right triangles, and hostile files give errors.
 
 use glam::Vec3;
 use proptest::prelude::*;
@@ -7,7 +7,8 @@ use std::path::Path;
 use visibility_examples::gltf_file::parse;
 use visibility_examples::{SceneSource, SourceError};
 
-/// Four corners of a unit square in z = 0, then the indices 0 1 2 3 as u16.
+/// Returns the buffer of the test document: four corners of the unit square in z = 0 as f32, then the indices
+/// 0 1 2 3 as u16.
 fn square_bytes() -> Vec<u8> {
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0_f32]];
     let mut bytes: Vec<u8> = corners.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
@@ -15,7 +16,8 @@ fn square_bytes() -> Vec<u8> {
     bytes
 }
 
-/// A document with the square as a strip, moved to x = 10 by a parent and scaled by two by its node.
+/// Returns a valid document with the square as a triangle strip, scaled by two by its node and translated to
+/// x = 10 by the parent node.
 fn square() -> Value {
     json!({
         "asset": {"version": "2.0"},
@@ -38,6 +40,7 @@ fn square() -> Value {
     })
 }
 
+/// Packs a document and its binary chunk into the bytes of a GLB file.
 fn glb(document: &Value, data: &[u8]) -> Vec<u8> {
     let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
@@ -56,11 +59,13 @@ fn glb(document: &Value, data: &[u8]) -> Vec<u8> {
     bytes
 }
 
+/// Parses a document as a GLB file whose binary chunk is the square's buffer.
 fn read(document: &Value) -> Result<SceneSource, SourceError> {
     parse(&glb(document, &square_bytes()), Path::new("test.glb"))
 }
 
-/// The square with the value at a JSON pointer replaced.
+/// Returns the square's document with the value at a JSON pointer replaced. Panics if the pointer's parent
+/// does not exist.
 fn with(pointer: &str, value: Value) -> Value {
     let mut document = square();
     let (parent, key) = pointer.rsplit_once('/').expect("a pointer");
@@ -72,6 +77,7 @@ fn with(pointer: &str, value: Value) -> Value {
     document
 }
 
+/// Returns a point in z = 0.
 fn p(x: f32, y: f32) -> Vec3 {
     Vec3::new(x, y, 0.0)
 }
@@ -90,7 +96,7 @@ fn nodes_place_strips_fans_and_lists() {
     assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(6)), 2);
     assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(4)), 1);
     assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(1)), 0);
-    // Without indices the vertices are taken in order.
+    // Without indices, the vertices are taken in order.
     let bare = json!({"attributes": {"POSITION": 0}, "mode": 5});
     assert_eq!(triangles("/meshes/0/primitives/0", bare), 2);
     // Two nodes with one mesh are two objects.
@@ -98,7 +104,7 @@ fn nodes_place_strips_fans_and_lists() {
     let mut document = with("/nodes", twice);
     document["scenes"] = json!([{"nodes": [0, 1]}]);
     assert_eq!(read(&document).expect("instances").objects.len(), 2);
-    // Without scenes, the nodes that are nobody's children are the roots.
+    // Without scenes, the nodes without a parent are the roots.
     let mut document = square();
     let members = document.as_object_mut().expect("an object");
     members.remove("scene");
@@ -139,7 +145,7 @@ fn buffers_come_from_data_uris_and_files_beside() {
     assert_eq!(beside.triangle_count(), 2);
     assert_eq!(beside.name, "square");
 
-    // Sixty zero bytes.
+    // Eighty digits give sixty zero bytes.
     let zeros = format!("data:application/octet-stream;base64,{}", "A".repeat(80));
     assert_eq!(read(&zeros).expect("a data URI").triangle_count(), 2);
 
@@ -227,7 +233,7 @@ fn deep_hierarchies_do_not_overflow_the_stack() {
 
 #[test]
 fn many_copies_of_a_large_mesh_are_refused_early() {
-    // Twenty thousand nodes that each read the same sixty thousand vertices: 1.2 thousand million in all.
+    // Twenty thousand nodes that each read sixty thousand vertices are 1.2e9 vertices in total.
     let vertices = 60_000;
     let mut document = square();
     document["buffers"] = json!([{"byteLength": vertices * 12}]);
@@ -272,7 +278,7 @@ proptest! {
     fn changed_numbers_are_read_or_refused(
         digits in proptest::collection::vec((any::<prop::sample::Index>(), b'0'..=b'9'), 1..6),
     ) {
-        // Only digits change, so that the JSON stays well-formed and the checks behind it are reached.
+        // Only digits change, so that the JSON stays well-formed and the loader's own checks are reached.
         let mut text = square().to_string().into_bytes();
         let places: Vec<_> = (0..text.len()).filter(|&i| text[i].is_ascii_digit()).collect();
         for (at, digit) in digits {

@@ -1,6 +1,5 @@
-//! Hierarchical occlusion maps on every scene: with a threshold of 1, by any depth estimate and at any
-//! resolution, nothing is hidden that an item buffer of 2560 x 1440 sees; and lower thresholds only ever hide
-//! more.
+//! Tests of hierarchical occlusion maps on every scene: with a threshold of 1, no object that an item buffer
+//! of 2560 x 1440 sees is hidden, at any depth estimate and resolution. Lower thresholds hide only more.
 #![allow(missing_docs)]
 
 mod shared_scenes;
@@ -13,10 +12,12 @@ use visibility_examples::walkthrough::{Trial, World, judge};
 use visibility_examples::{SceneSource, built_in};
 use visibility_hzb::{DepthEstimate, Hom, Hzb};
 
+/// Size of the item buffer, in pixels.
 const JUDGE: (u32, u32) = (2560, 1440);
 
+/// Culls all frames of a world with a map, with all opaque triangles as occluders. The trial has no times.
 fn trial(name: &str, world: &World, map: impl OcclusionMap + Send + 'static, selection: Selection) -> Trial {
-    // Every opaque triangle: the more is drawn, the more could go wrong.
+    // The budget admits every opaque triangle: more occluders give more chances of an error.
     let culler = OcclusionCuller::new(map).with_selection(selection).with_budget(10_000_000);
     let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
     let mut visible = VisibleSet::new();
@@ -30,6 +31,7 @@ fn trial(name: &str, world: &World, map: impl OcclusionMap + Send + 'static, sel
     Trial { name: name.to_owned(), accuracy: pipeline.accuracy(), reported, micros: Vec::new() }
 }
 
+/// Checks a scene in `frames` frames.
 fn check(source: SceneSource, frames: usize) {
     let world = World::new(source, JUDGE, Some(frames)).unwrap();
     let hom = |size: [usize; 2], estimate| Hom::new(size[0], size[1]).unwrap().with_depth_estimate(estimate);
@@ -51,7 +53,8 @@ fn check(source: SceneSource, frames: usize) {
     }
     println!();
 
-    // What the maps leave, the z-buffer of the same size leaves or hides: they know no more than it does.
+    // A z-buffer of equal size hides at least the objects that the maps hide, since the maps contain no more
+    // information than the z-buffer.
     let z_buffer = trial("hzb", &world, Hzb::new(large[0], large[1]).unwrap(), by_angle);
     let mut before = &conservative[1].reported;
     for (frame, left) in before.iter().enumerate() {

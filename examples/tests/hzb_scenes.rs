@@ -1,5 +1,5 @@
-//! The hierarchical z-buffer on every scene: nothing that an item buffer of 2560 x 1440 sees is hidden, at
-//! any resolution of the map.
+//! Tests of the hierarchical z-buffer on every scene: no object that an item buffer of 2560 x 1440 sees is
+//! hidden, at any resolution of the z-buffer.
 #![allow(missing_docs)]
 
 mod shared_scenes;
@@ -13,15 +13,18 @@ use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{SceneSource, built_in};
 use visibility_hzb::Hzb;
 
+/// Size of the item buffer, in pixels.
 const JUDGE: (u32, u32) = (2560, 1440);
 
+/// Culls all frames of a world with a z-buffer of the given size, with all opaque triangles as occluders.
 fn trial(name: &str, world: &World, size: [usize; 2], selection: Selection) -> Trial {
     let map = Hzb::new(size[0], size[1]).unwrap();
-    // Every opaque triangle: the more is drawn, the more could go wrong.
+    // The budget admits every opaque triangle: more occluders give more chances of an error.
     let culler = OcclusionCuller::new(map).with_selection(selection).with_budget(10_000_000);
     run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
 }
 
+/// Checks a scene in `frames` frames.
 fn check(source: SceneSource, frames: usize) {
     let mut world = World::new(source, JUDGE, Some(frames)).unwrap();
     let preparation = Preparation { two_sided: true, ..Preparation::default() };

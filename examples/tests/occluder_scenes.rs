@@ -1,5 +1,5 @@
-//! The cullers with large occluders on every scene: nothing that an item buffer of 2560 x 1440 sees is
-//! hidden, and enough of what it does not see is.
+//! Tests of the large-occluder cullers on every scene: no object that an item buffer of 2560 x 1440 sees is
+//! hidden, and enough of the other objects are.
 #![allow(missing_docs)]
 
 mod shared_scenes;
@@ -13,14 +13,16 @@ use visibility_core::{Culler, FrustumCuller, OcclusionCuller, Pipeline};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{SceneSource, built_in};
 
+/// Size of the item buffer, in pixels.
 const JUDGE: (u32, u32) = (2560, 1440);
 
+/// Culls all frames of a world with a culler behind the frustum.
 fn trial(name: &str, world: &World, culler: impl Culler + Send + 'static) -> Trial {
     run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
 }
 
-/// Runs all of them; how much of what could be culled beyond the frustum the occlusion tree with 64 polygons
-/// culls.
+/// Runs all large-occluder cullers in `frames` frames and fails on a false hidden object. Returns the
+/// fraction of the occluded objects in the frustum that the occlusion tree with 64 polygons culls.
 fn check(source: SceneSource, frames: usize) -> f64 {
     let world = World::new(source, JUDGE, Some(frames)).unwrap();
     let occluders = Arc::new(Occluders::new(&world.scene));
@@ -28,7 +30,7 @@ fn check(source: SceneSource, frames: usize) -> f64 {
     let trials = [
         run("frustum".to_owned(), Pipeline::new().with(FrustumCuller::new()), &world),
         trial("tree", &world, OcclusionTreeCuller::new(occluders.clone())),
-        // The more is used, the more could go wrong.
+        // More polygons give more chances of an error.
         trial("tree of 1000", &world, OcclusionTreeCuller::new(occluders.clone()).with_polygons(1000)),
         trial("tree of meshes", &world, OcclusionCuller::new(OcclusionTree::new().with_polygons(300))),
         trial("frusta", &world, ShadowFrustaCuller::new(frusta.into())),
@@ -55,7 +57,7 @@ fn nothing_visible_is_hidden_in_built_in_scenes() {
     }
 }
 
-/// Checks the reference scenes, each with that many frames.
+/// Checks reference scenes by name, in `frames` frames each.
 fn check_stored(names: &[&str], frames: usize) {
     for name in names {
         println!("{name}: {:.3} of what can be culled", check(scene(name), frames));

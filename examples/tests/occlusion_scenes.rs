@@ -1,5 +1,5 @@
-//! The occlusion driver with the plain map on every scene: nothing visible is hidden, whatever hierarchy
-//! drives it.
+//! Tests of the occlusion driver with a plain occlusion map on every scene: no visible object is hidden,
+//! whatever hierarchy the driver walks.
 #![allow(missing_docs)]
 
 mod shared_scenes;
@@ -14,10 +14,13 @@ use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{SceneSource, built_in};
 use visibility_testing::{Octree, PlainMap};
 
-/// Pixels of the map. Coarse, so that the plain map stays quick; the judge looks much closer.
+/// Size of the occlusion map, in pixels. It is coarse so that the plain map stays fast; the item buffer is
+/// much finer.
 const MAP: (usize, usize) = (96, 54);
+/// Size of the item buffer, in pixels.
 const JUDGE: (u32, u32) = (640, 360);
 
+/// Culls all frames of a world with the occlusion driver over a hierarchy.
 fn trial<H: BoxHierarchy + Send + 'static>(
     name: &str,
     world: &World,
@@ -31,8 +34,9 @@ fn trial<H: BoxHierarchy + Send + 'static>(
     run(name.to_owned(), pipeline, world)
 }
 
+/// Checks a scene in nine frames. Two hierarchies must give equal answers.
 fn check(source: SceneSource) {
-    // A few frames of each walk; the maps of all trials are filled anew in each.
+    // Few frames, since the maps of all trials are filled anew in each frame.
     let world = World::new(source, JUDGE, Some(9)).unwrap();
     let made = world.scene.ids().filter(|&id| world.scene.has_mesh(id)).count();
     let octree = || Octree::new(&world.scene, 7);

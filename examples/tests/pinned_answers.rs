@@ -1,6 +1,6 @@
-//! The answers of every culler with every setting of its dial on every built-in scene, held against a table:
-//! rearranging code must not change any of them. `PINNED_ANSWERS=write cargo test -p visibility-examples
-//! --test pinned_answers` writes the table anew.
+//! Test that pins the answers of every culler at every setting of its dial on every built-in scene to a
+//! table: refactoring must not change an answer. `PINNED_ANSWERS=write cargo test -p visibility-examples
+//! --test pinned_answers` rewrites the table.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -15,14 +15,16 @@ use visibility_examples::walkthrough::World;
 use visibility_examples::walkthrough::cullers::{CullerError, entries, parse};
 
 const SCENES: [&str; 5] = ["plpcity:1,1", "london:5,5", "town:1", "forest:60,40", "office:1,8"];
+/// Number of frames of each scene.
 const FRAMES: usize = 6;
 
-/// FNV-1a over 32-bit numbers.
+/// FNV-1a hash of a sequence of u32.
 struct Hash(u64);
 
 impl Hash {
     const EMPTY: Self = Self(0xcbf2_9ce4_8422_2325);
 
+    /// Appends the four little-endian bytes of a number to the hashed sequence.
     fn add(&mut self, number: u32) {
         for byte in number.to_le_bytes() {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
@@ -30,8 +32,9 @@ impl Hash {
     }
 }
 
-/// A line of the table: the scene, the culler, the number of objects in the sets of all frames, the hash of
-/// the sets, and the hash of the orders in which the sets are iterated.
+/// Culls all frames of a world and returns a line of the table: the scene, the culler, the number of reported
+/// objects over all frames, the hash of the sorted visible sets, and the hash of the sets in the order of
+/// iteration.
 fn line(scene: &str, culler: &str, mut pipeline: Pipeline, world: &World) -> String {
     let mut visible = VisibleSet::new();
     let (mut count, mut sets, mut orders) = (0, Hash::EMPTY, Hash::EMPTY);

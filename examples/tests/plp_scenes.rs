@@ -1,5 +1,5 @@
-//! Conservative projection on every scene: nothing that an item buffer of 2560 x 1440 sees is hidden. And the
-//! paper's table in small.
+//! Tests of prioritized-layered projection on every scene: the conservative form hides no object that an item
+//! buffer of 2560 x 1440 sees, and the plain form repeats the result of its paper in small.
 #![allow(missing_docs)]
 
 mod shared_scenes;
@@ -11,9 +11,10 @@ use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{SceneSource, built_in};
 use visibility_plp::{OctreeTessellation, Solidity};
 
+/// Size of the item buffer, in pixels.
 const JUDGE: (u32, u32) = (2560, 1440);
 
-/// Walks through a scene, in frames spread evenly over it or in all of them.
+/// Checks a scene in `frames` frames spread evenly over its walks, or at every key if `frames` is `None`.
 fn check(source: SceneSource, frames: Option<usize>) {
     let world = World::new(source, JUDGE, frames).unwrap();
     let list = "frustum,cplp,cplp:10%,cplp:0%,hzb-plp:2%";
@@ -32,6 +33,7 @@ fn check(source: SceneSource, frames: Option<usize>) {
     println!();
 }
 
+/// Checks reference scenes by name.
 fn check_stored(names: &[&str], frames: Option<usize>) {
     names.iter().for_each(|name| check(scene(name), frames));
 }
@@ -49,7 +51,7 @@ fn nothing_visible_is_hidden_in_reference_scenes() {
     check_stored(&["clinic", "denhaag", "oa_dm2"], Some(2));
 }
 
-/// Whole walks through everything: minutes, in release.
+/// Complete walks through all scenes, which take minutes in release.
 #[test]
 #[ignore = "minutes"]
 fn nothing_visible_is_hidden_on_whole_walks() {

@@ -1,9 +1,10 @@
-//! No line that passes through portals passes between cells that are called hidden from each other: on
-//! made-up maps, and along lines planted through chains of portals that leave next to no room.
+//! Tests of cell-to-cell visibility with lines: no line through portals connects two cells that are called
+//! hidden from each other, on random maps and along lines planted through chains of portals with minimal
+//! clearance.
 //!
-//! `cargo test --release --test pvs_lines -- --ignored` does the same on the maps in `../shared/portals` (or
-//! in the directory that `VISIBILITY_MAPS` names), with as many lines as `VISIBILITY_LINES` says, and takes
-//! minutes.
+//! `cargo test --release --test pvs_lines -- --ignored` repeats the tests on the maps in `../shared/portals`
+//! (or in the directory in the environment variable `VISIBILITY_MAPS`), with the number of lines in
+//! `VISIBILITY_LINES`, and takes minutes.
 
 use std::path::PathBuf;
 use visibility_core::glam::{DQuat, DVec3};
@@ -16,12 +17,15 @@ use visibility_examples::pvs::stabs::{Random, Verdict, directed_lines, goes_thro
 use visibility_examples::pvs::{bake, read};
 use visibility_portals::{CellMatrix, Settings};
 
+/// Settings with the test in Pluecker space and without a limit of steps.
 const EXACT: Settings = Settings { clearance: 1e-6, steps_per_cell: u64::MAX, exact: true };
 
+/// Bakes a map with default settings on one thread.
 fn visible(graph: &CellGraph) -> CellMatrix {
     visible_by(graph, Settings::default())
 }
 
+/// Bakes a map with the given settings on one thread. The result must be complete and symmetric.
 fn visible_by(graph: &CellGraph, settings: Settings) -> CellMatrix {
     let outcome = bake(graph, settings, 1, |_| {}).unwrap().outcome;
     assert!(outcome.complete && outcome.fallbacks.is_empty() && outcome.matrix.is_symmetric());
@@ -34,17 +38,17 @@ fn no_random_line_passes_between_hidden_cells() {
     for seed in 0..6 {
         let graph = rooms(6, 2, seed);
         graph.validate(1e-9).unwrap();
-        // With the test in Pluecker space nothing is seen that is not without it.
+        // The test in Pluecker space shows only pairs that are shown without it.
         let (matrix, loose) = (visible_by(&graph, EXACT), visible(&graph));
         for a in (0..72).map(CellId) {
             assert!(matrix.seen_from(a).all(|b| loose.sees(a, b)));
         }
-        // Much is hidden, or there would be nothing to get wrong.
+        // Many pairs are hidden, so errors have a chance to show.
         assert!(matrix.mean_visible() < 50.0, "{}", matrix.mean_visible());
         let verdict = random_lines(&graph, &matrix, 50_000, 1e-6, seed);
         sum.pairs += verdict.pairs;
         sum.false_hidden += verdict.false_hidden;
-        // Lines from everywhere to everywhere that is hidden.
+        // Directed lines aim from each cell at every cell hidden from it.
         let all = CellMatrix::from_bytes(72, &[0xff; 72 * 9]).unwrap();
         let verdict = directed_lines(&graph, &matrix, &all, 20, 1e-6, seed);
         sum.false_hidden += verdict.false_hidden;
@@ -53,7 +57,8 @@ fn no_random_line_passes_between_hidden_cells() {
     assert_eq!(sum.false_hidden, 0, "{sum:?}");
 }
 
-/// How many of so many planted chains are broken, and how many could be planted.
+/// Plants `chains` chains of portals and returns how many of them have a cell that is wrongly called hidden
+/// from another, then how many chains could be planted.
 fn broken(chains: u64, seed: u64) -> (u64, u64) {
     let mut random = Random(seed);
     let (mut broken, mut good) = (0, 0);
@@ -73,7 +78,8 @@ fn broken(chains: u64, seed: u64) -> (u64, u64) {
         let is_hidden = |matrix: CellMatrix| {
             cells.clone().any(|a| cells.clone().any(|b| !matrix.sees(CellId(a), CellId(b))))
         };
-        // With the test in Pluecker space less is seen; what it calls hidden by mistake is called so with it.
+        // The test in Pluecker space shows the fewest pairs, so it contains every error of the settings
+        // without it.
         broken += u64::from(is_hidden(visible_by(&chain.graph, EXACT)));
     }
     (broken, good)
@@ -111,8 +117,8 @@ fn real_maps() {
     for path in maps {
         let graph = read(&path).unwrap().graph;
         let matrix = visible(&graph);
-        // With the test in Pluecker space less is seen: what is hidden by mistake, is with it. And threads
-        // change nothing.
+        // The test in Pluecker space shows the fewest pairs, so it contains every error of the other
+        // settings. The number of threads must not matter.
         let [exact, by_two] = [1, 2].map(|threads| bake(&graph, EXACT, threads, |_| {}).unwrap().outcome);
         assert_eq!(exact, by_two, "{}", path.display());
         let cells = (0..graph.cell_count() as u32).map(CellId);
@@ -152,7 +158,8 @@ fn stored_sets_say_what_the_matrix_says() {
     let graph = rooms(12, 2, 3);
     let matrix = visible(&graph);
     let stored = matrix.to_pvs(&graph).unwrap();
-    // The matrix has a bit for each pair; most rows are much like those of the next room.
+    // The matrix has a bit for each pair; the stored set is smaller because neighbouring rooms have similar
+    // rows.
     assert!(stored.as_bytes().len() < matrix.to_bytes().len(), "{}", stored.as_bytes().len());
     let loaded = visibility_core::pvs::Pvs::from_bytes(stored.as_bytes()).unwrap();
     for (a, b) in (0..289).flat_map(|a| (0..289).map(move |b| (a, b))) {
@@ -160,7 +167,7 @@ fn stored_sets_say_what_the_matrix_says() {
     }
 }
 
-/// Whoever makes the answer looser or tighter should know it.
+/// Pinned counts of visible pairs, so that a change of the answers is noticed.
 #[test]
 fn the_answers_are_what_they_were() {
     let counts = [0, 1, 2, 3].map(|seed| visible(&rooms(8, 2, seed)).count());

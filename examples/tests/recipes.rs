@@ -1,4 +1,4 @@
-//! Recipes: the counts and positions that they are known by, and their walks beside the stored ones.
+//! Tests of the recipes: pinned counts and positions, and walks that follow the stored ones.
 
 mod shared_scenes;
 
@@ -7,6 +7,7 @@ use shared_scenes::stored;
 use visibility_examples::recipes::{forest, london, office, plpcity, town};
 use visibility_examples::{SceneSource, Walk, built_in, description::Description};
 
+/// Returns the number of objects and the number of triangles.
 fn counts(scene: &SceneSource) -> (usize, usize) {
     (scene.objects.len(), scene.triangle_count())
 }
@@ -43,7 +44,7 @@ fn larger_sizes_have_their_counts() {
 
 #[test]
 fn every_size_that_is_refused_is_refused_before_it_is_made() {
-    // The estimates that bound the sizes must not fall short of what is made.
+    // The estimates by which sizes are refused must not be below the actual number of triangles.
     for (spec, at_most) in [
         ("plpcity:4,1", 4 * 58_056),
         ("london:9,9", 81 * 250),
@@ -58,7 +59,7 @@ fn every_size_that_is_refused_is_refused_before_it_is_made() {
 
 #[test]
 fn positions_are_pinned() {
-    // Scene, object, triangle, its second vertex.
+    // Scene, object index, triangle index, and the expected second vertex in metres.
     let pinned = [
         ("plpcity", 792, 52, [22.11301, 58.18973, 4.4]),
         ("plpcity", 1584, 36, [113.41132, 32.14983, 0.0]),
@@ -81,8 +82,8 @@ fn positions_are_pinned() {
 
 #[test]
 fn the_sums_of_all_coordinates_are_pinned() {
-    // Weights from 1 to 7 in turn, so that exchanged coordinates show too. A piece of furniture that is moved
-    // by a centimetre changes a sum by tens; the last bits of all sines together do not reach one.
+    // Weights from 1 to 7 in turn reveal exchanged coordinates. Moving one piece of furniture by a centimetre
+    // changes a sum by tens; rounding errors of all sines together change it by less than one.
     let sums: [(&str, f64); 5] = [
         ("plpcity", 329062664.0),
         ("london", 419011144.9),
@@ -104,7 +105,8 @@ fn the_sums_of_all_coordinates_are_pinned() {
 fn office_cells_and_portals_fit_together() {
     let office = office(3, 9).expect("in bounds");
     assert_eq!(office.cells.len(), 3 * (2 + 2 * 9));
-    // Stairs to corridors, between floors, a door a room, and a doorway at the rooms 4 and 8 of each side.
+    // Portals: stairs to corridors, stairs between floors, one door per room, and a doorway at the rooms 4
+    // and 8 of each side.
     assert_eq!(office.portals.len(), 3 + 2 + 3 * 18 + 3 * 4);
     for portal in &office.portals {
         for cell in portal.cells.map(|cell| &office.cells[cell]) {
@@ -143,8 +145,9 @@ fn office_cells_and_portals_are_the_stored_ones() {
     }
 }
 
-/// How far a walk is from the stored one: of its eyes the farthest, of its targets the third farthest, since
-/// where a route turns back a hair decides whether the look goes along it or straight on.
+/// Returns the greatest distance of the walk's eyes from those of the stored walk, and the third greatest
+/// distance of the targets, in metres. Two targets are ignored because, where a route turns back, a hair
+/// decides whether the camera looks along the route or straight on.
 fn distance(walk: &Walk, stored: &Walk) -> (f64, f64) {
     let distances = |pick: fn(&visibility_examples::CameraKey) -> DVec3| {
         let pairs = walk.keys.iter().zip(&stored.keys);

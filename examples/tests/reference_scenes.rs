@@ -1,5 +1,5 @@
-//! The exact answer and the frustum culler on the reference scenes, which lie beside the checkout where they
-//! are present.
+//! Tests of the exact answer and the frustum culler on the reference scenes, where these lie beside the
+//! checkout.
 
 mod shared_scenes;
 
@@ -8,11 +8,13 @@ use visibility_examples::description::Description;
 use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{SceneSource, built_in};
 
+/// Loads the description of a reference scene by the stem of its file.
 fn description(name: &str) -> Description {
     Description::load(&stored(&format!("{name}.json"))).unwrap()
 }
 
-/// Walks each of a scene's reference walks at 640x360 and compares the means with the stored counts.
+/// Runs each reference walk of a scene at 640x360, and compares the mean numbers of visible objects and of
+/// objects in the frustum with the stored counts.
 fn check(mut source: SceneSource, description: &Description) {
     source.walks = description.walks.clone();
     source.near = description.near.unwrap_or(source.near);
@@ -37,7 +39,8 @@ fn check(mut source: SceneSource, description: &Description) {
         assert_eq!(world.views.len() as f64, frames, "{name}, {walk}: every key is a frame");
         assert!((judgement.mean_exact() / expected - 1.0).abs() <= 0.02, "{name}, {walk}");
         assert_eq!(judgement.verdicts[0].false_hidden, 0, "{name}, {walk}");
-        // The reference counts triangles in view, from keys that were not yet rounded to millimetres.
+        // The stored counts are of triangles in the frustum, from keys before they were rounded to
+        // millimetres.
         assert!(trials[0].mean_visible() >= 0.99 * in_frustum, "{name}, {walk}: less than the frustum holds");
     }
     assert!(!description.reference.is_empty(), "{}: there is something to compare with", source.name);

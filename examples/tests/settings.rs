@@ -1,6 +1,6 @@
-//! Every culler, baker and tessellation at the limits of its settings: nothing, one, all that the type holds,
-//! negative, not a number. Each must be refused with an error, or be made and show a few frames, without a
-//! panic and without memory for what is not there.
+//! Tests of every culler, baker and tessellation at the limits of its settings: zero, one, the type's
+//! maximum, negative, NaN. Each setting must be refused with an error or cull a few frames, without a panic
+//! and without excessive memory.
 
 use peak_alloc::PeakAlloc;
 use std::sync::Arc;
@@ -32,23 +32,29 @@ use visibility_portals::{CellBaker, PortalCuller, PortalEye, SceneCells, Setting
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
-/// More than this is absurd for the scenes here, whatever the setting.
+/// Maximum memory of a test in megabytes. More would be absurd for these small scenes, whatever the setting.
 const MOST_MEGABYTES: f32 = 1500.0;
 
+/// Counts to try, among them those whose product with a small size overflows.
 const COUNTS: [usize; 9] =
     [0, 1, 2, 1 << 31, u32::MAX as usize, 1 << 62, 1 << 63, 1_537_228_672_809_129_302, usize::MAX];
+/// Lengths, shares and tolerances to try.
 const LENGTHS: [f64; 11] =
     [0.0, -0.0, 5e-324, 1e-300, -1.0, 1e30, 1e300, f64::MAX, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
 
+/// Makes the world of a built-in scene with two frames.
 fn world(name: &str) -> World {
     World::new(built_in(name).unwrap(), (64, 36), Some(2)).unwrap()
 }
 
-/// Two frames in perspective, one parallel view, one of which nothing is in view, and the first again.
+/// Culls two perspective frames, a parallel view, a view of empty space, and the first frame again, with a
+/// culler behind the frustum. `what` names the setting in messages.
 fn show(what: &str, world: &World, culler: impl Culler + Send + 'static) {
     run(what, world, &mut Pipeline::new().with(FrustumCuller::new()).with(culler));
 }
 
+/// Culls two perspective frames, a parallel view, a view of empty space, and the first frame again before and
+/// after a reset. Then checks the memory.
 fn run(what: &str, world: &World, pipeline: &mut Pipeline) {
     let pose = Pose::look_at(DVec3::splat(50.0), DVec3::ZERO, DVec3::Z);
     let parallel = View::orthographic(pose, Window::centered(100.0, 60.0), 0.1, 500.0).unwrap();
@@ -63,6 +69,7 @@ fn run(what: &str, world: &World, pipeline: &mut Pipeline) {
     check_memory(what);
 }
 
+/// Fails if the test program has allocated more than [`MOST_MEGABYTES`] at any time.
 fn check_memory(what: &str) {
     let peak = MEMORY.peak_usage_as_mb();
     assert!(peak < MOST_MEGABYTES, "{what}: {peak} MB");
@@ -141,13 +148,13 @@ fn object_space() {
         let frusta = ShadowFrusta::new(&empty, Occluders::new(&empty), regions, 8);
         show("regions of nothing", &world, ShadowFrustaCuller::new(frusta.into()));
     }
-    // More regions than can be: of a scene of one box, since each costs a while.
+    // More regions than can exist, in a scene of one box because each region takes time.
     let mut small = Scene::new();
     small.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
     assert!(ShadowFrusta::new(&small, Occluders::new(&small), usize::MAX, usize::MAX).regions() <= 1 << 16);
 }
 
-/// A device that never answers.
+/// Device for hardware occlusion queries that never answers.
 struct Silent;
 
 impl QueryDevice for Silent {
@@ -242,7 +249,7 @@ fn budgets() {
         for halvings in [0, 1, 10, 11, 32, u32::MAX] {
             let fineness = Fineness { vertices, halvings };
             let what = format!("{fineness:?}");
-            // As fine as it gets, of little.
+            // The finest tessellation, of a scene with few objects.
             let mut scene = Scene::new();
             scene.insert_batch((0..4).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
             assert!(OctreeTessellation::with_fineness(&scene, fineness).memory() > 0);

@@ -1,4 +1,4 @@
-//! The stored scenes load with their facts, when they lie beside the checkout.
+//! Tests that the stored scenes load with the right facts, where the scenes lie beside the checkout.
 
 mod shared_scenes;
 
@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use shared_scenes::{scene, stored};
 use visibility_examples::{cars5, description::Description, frames, load, load_walks, vscn};
 
-/// File stem, objects, triangles, up axis.
+/// Expected facts: file stem, number of objects, number of triangles, up axis.
 const SCENES: [(&str, usize, usize, Vec3); 6] = [
     ("clinic", 2_830, 191_972, Vec3::Y),
     ("clinic_mep", 5_822, 840_327, Vec3::Y),
@@ -33,7 +33,7 @@ fn stored_scenes_load_with_their_facts() {
             let stored = DVec3::from_array(stored.expect("bounds"));
             assert!(made.as_dvec3().distance(stored) < 2e-3, "{name}: {made} {stored}");
         }
-        // Every walk with a reference has a count for each of its keys.
+        // Every reference walk has a count for each of its keys.
         for (walk, reference) in scene.walks.iter().zip(&facts.reference) {
             assert_eq!(walk.name, reference.walk);
             assert_eq!(walk.keys.len(), reference.objects_in_frustum.len());
@@ -66,7 +66,7 @@ fn five_cars_stand_in_a_row() {
     let cars = cars5(&path).expect("five cars");
     assert_eq!(cars.objects.len(), 5 * 433);
     assert_eq!(cars.triangle_count(), 729_580);
-    // The middle car stands where the file puts it, and the last is turned clockwise as seen from above.
+    // The middle car is not moved, and the last car is rotated clockwise as seen from above.
     let one = load(&path).expect("one car");
     assert_eq!(cars.objects[2 * 433].triangles, one.objects[0].triangles);
     let from = one.objects[0].triangles[0][0];

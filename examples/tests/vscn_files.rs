@@ -1,10 +1,12 @@
-//! VSCN: what is written is read again, and hostile bytes are errors that say where.
+//! Tests of VSCN files: written files are read back bit by bit, and hostile bytes give errors with their
+//! position.
 
 use glam::Vec3;
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 use visibility_examples::{SceneSource, SourceError, SourceObject, load, vscn};
 
+/// Makes a scene of opaque objects from their triangles.
 fn scene(objects: Vec<Vec<[Vec3; 3]>>) -> SceneSource {
     SceneSource {
         name: "test".into(),
@@ -16,17 +18,20 @@ fn scene(objects: Vec<Vec<[Vec3; 3]>>) -> SceneSource {
     }
 }
 
+/// Parses the bytes of a VSCN file.
 fn parse(bytes: &[u8]) -> Result<Vec<Vec<[Vec3; 3]>>, SourceError> {
     vscn::parse(bytes, Path::new("test.vscn"))
 }
 
+/// Returns the bytes of a file with three objects of 2, 0 and 1 triangles, with a NaN and an infinity among
+/// the coordinates.
 fn small() -> Vec<u8> {
     let triangle = [Vec3::X, Vec3::Y, Vec3::new(f32::NAN, f32::INFINITY, -0.0)];
     let objects = vec![vec![triangle; 2], Vec::new(), vec![triangle]];
     vscn::write(&scene(objects)).expect("few triangles")
 }
 
-/// A folder of this test run's own.
+/// Creates the folder `name` for test files, in the build's folder for temporary files, and returns its path.
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::create_dir_all(&folder).expect("a folder for test files");
@@ -68,7 +73,7 @@ fn lying_headers_are_explained() {
         (with(4, u32::MAX), "byte 4: 4294967295 objects are claimed"),
         (with(4, 2), "byte 88: 40 bytes follow the last object"),
         (with(8, u32::MAX), "byte 8: object 0 claims 4294967295"),
-        // 36 times this wraps to 8 in 32 bits.
+        // 36 times this count wraps to 8 in 32 bits.
         (with(8, 0x71C7_1C72), "byte 8: object 0 claims 1908874354"),
         (longer, "byte 128: 1 bytes follow"),
     ];

@@ -1,15 +1,16 @@
-//! Any changes to an interrupted bake, its checksum made right again: refused with a reason, or gone on with
-//! to an end.
+//! Fuzz target: an interrupted bake with arbitrary changes and a repaired checksum is refused with a reason,
+//! or resumes and runs to its end.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use visibility_core::{cells::{CellGraph, CellId}, geometry::ConvexPolygon, glam::DVec3};
 use visibility_core::bake::Bake;
 use visibility_core::{CellGraph, CellId, ConvexPolygon, glam::DVec3};
+use visibility_core::bake::Bake;
 use visibility_fuzz::mend;
 use visibility_portals::{CellBaker, Settings};
 
-/// Rooms in a row, with doors to the left and to the right in turn.
+/// Makes nine rooms in a row, with doors alternately to the left and to the right.
 fn rooms() -> CellGraph {
     let door = |room: u32| {
         let (x, y) = (f64::from(room + 1) * 4.0, f64::from(room % 3));
@@ -30,7 +31,8 @@ fuzz_target!(|bytes: &[u8]| {
         bake.advance();
     }
     let mut saved = bake.save();
-    // A place, and what it is to be; past the end, another length.
+    // Each change is an offset and eight new bytes; an offset near or past the end changes the length
+    // instead.
     for change in changes.chunks_exact(10) {
         let place = usize::from(u16::from_le_bytes([change[0], change[1]])) % (saved.len() + 2);
         match saved.get_mut(place..place + 8) {

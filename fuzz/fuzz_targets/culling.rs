@@ -1,5 +1,5 @@
-//! Any bytes as a scene and its cameras, culled by every culler there is: no panic, and one that promises to
-//! hide nothing visible hides nothing that an exact ray sees.
+//! Fuzz target: arbitrary bytes as a scene with cameras, culled by one of all cullers. No culler may panic,
+//! and a culler that promises to hide no visible object hides nothing that an exact ray sees.
 #![no_main]
 
 #[path = "../../examples/tests/extremes/oracle.rs"]
@@ -12,17 +12,19 @@ use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{SceneSource, SourceObject};
 use visibility_testing::{Random, cameras};
 
-/// Takes numbers off the front of the bytes.
+/// Reader of numbers from the front of a slice of bytes.
 struct Bytes<'a>(&'a [u8]);
 
 impl Bytes<'_> {
+    /// Reads a byte; `None` at the end.
     fn byte(&mut self) -> Option<u8> {
         let (&first, rest) = self.0.split_first()?;
         self.0 = rest;
         Some(first)
     }
 
-    /// A number of any bits, or a small one, so that some scenes have something in view.
+    /// Reads a number of arbitrary bits, or (for most first bytes) a small number, so that some scenes have
+    /// objects in view. `None` at the end.
     fn number(&mut self) -> Option<f32> {
         Some(match self.byte()? {
             0 => f32::from_le_bytes([self.byte()?, self.byte()?, self.byte()?, self.byte()?]),
@@ -30,6 +32,7 @@ impl Bytes<'_> {
         })
     }
 
+    /// Reads N numbers; `None` if the bytes end before.
     fn numbers<const N: usize>(&mut self) -> Option<[f32; N]> {
         let mut numbers = [0.0; N];
         for number in &mut numbers {
@@ -94,12 +97,12 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
-/// Whether the near plane lies before the eye, as a view asks of its matrix.
+/// Tests whether the near plane is in front of the eye, which a view requires of its matrix.
 fn is_of_a_camera(view: &View) -> bool {
     let clip = view.clip_from(view.origin());
     let near: DVec4 =
         cameras::clip_planes(view.depth())[4].iter().map(|&(row, sign)| clip.row(row) * sign).sum();
-    // A near plane without a direction leaves nothing in view, or everything.
+    // A near plane without a direction leaves nothing or everything in view.
     if near.truncate().abs().max_element() == 0.0 {
         return false;
     }

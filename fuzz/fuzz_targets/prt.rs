@@ -1,4 +1,5 @@
-//! Any text as a map of cells and portals: refused with the line, or baked to a symmetric answer.
+//! Fuzz target: arbitrary text as a map of cells and portals is refused with the line, or baked to a
+//! symmetric matrix.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,5 @@
-//! Any bytes as a baked set: refused with a reason, or usable to the last row.
+//! Fuzz target: arbitrary bytes as a baked potentially visible set are refused with a reason, or readable to
+//! the last row.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -12,6 +13,7 @@ fuzz_target!(|bytes: &[u8]| {
     ask(mended);
 });
 
+/// Reads a set from bytes and, if it is accepted, compares single queries with whole rows.
 fn ask(bytes: Vec<u8>) {
     let Ok(pvs) = Pvs::from_bytes(bytes) else { return };
     if pvs.target_count() > 1 << 20 {

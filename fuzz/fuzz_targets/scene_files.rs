@@ -1,5 +1,5 @@
-//! Any bytes as each of the files that the programs read: scenes, their descriptions, occlusion queries and
-//! answers.
+//! Fuzz target: arbitrary bytes as each kind of file that the programs read: scenes, descriptions, occlusion
+//! queries and answers.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,5 +1,5 @@
-//! A stored tessellation with any of its bytes changed, the checksum mended: refused with a reason, or
-//! projected from to the end.
+//! Fuzz target: a stored tessellation with arbitrary changes and a repaired checksum is refused with a
+//! reason, or projected to the end.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -9,7 +9,7 @@ use visibility_core::{Aabb, FrustumCuller, Object, Pipeline, Pose, Scene, View, 
 use visibility_fuzz::mend;
 use visibility_plp::{Budget, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Tessellation};
 
-/// A small scene, and what is stored of it.
+/// Small scene, and the stored bytes of its octree and of its tetrahedra.
 static STORED: LazyLock<(Scene, [Vec<u8>; 2])> = LazyLock::new(|| {
     let mut scene = Scene::new();
     for i in 0..60u32 {
@@ -30,7 +30,7 @@ fuzz_target!(|bytes: &[u8]| {
     let Some((&which, mut edits)) = bytes.split_first() else { return };
     let which = usize::from(which & 1);
     let mut stored = stored[which].clone();
-    // Each edit is a place and what is put there.
+    // Each edit is an offset of two bytes and a new byte.
     while let [low, high, value, rest @ ..] = edits {
         let place = usize::from(u16::from_le_bytes([*low, *high])) % stored.len();
         stored[place] = *value;
@@ -47,6 +47,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
+/// Projects two frames of the scene with a tessellation.
 fn project(scene: &Scene, cells: impl Tessellation + Send + Sync + 'static) {
     let mut pipeline = Pipeline::new()
         .with(FrustumCuller::new())

@@ -1,8 +1,8 @@
-//! What the fuzz targets share.
+//! Library of the fuzz targets.
 
-/// Makes length and checksum right in the header that baked sets, tessellations and interrupted bakes have in
-/// common: no input has them so by chance, and what lies behind them is to be reached too. Bytes shorter than
-/// a header stay as they are.
+/// Repairs the length and the checksum in the header that baked sets, tessellations and interrupted bakes
+/// share. No fuzzed input has both right by chance, so the code behind the checksum would never be reached.
+/// Fewer than 40 bytes, the size of a header, are left unchanged.
 pub fn mend(bytes: &mut [u8]) {
     if bytes.len() < 40 {
         return;

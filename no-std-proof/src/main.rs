@@ -1,5 +1,5 @@
-//! Culls a small scene on bare Linux, without the standard library or libc, and exits with 0 if the answer is
-//! right.
+//! Program that culls two small scenes on bare Linux, without the standard library or libc, and exits with 0
+//! if the answers are right.
 #![no_std]
 #![no_main]
 
@@ -11,14 +11,16 @@ use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
-// Linked, so that they too must do without.
+// Linked, so that these crates are also proven to need no standard library.
 use {visibility_bsp as _, visibility_measure as _, visibility_plp as _, visibility_portals as _};
 
+/// Returns true if frustum culling and the z-buffer give the expected answers.
 fn the_answer_is_right() -> bool {
     frustum() && z_buffer().unwrap_or(false)
 }
 
-/// A wall, and a box behind it.
+/// Culls a scene of a wall and a box behind the wall with the z-buffer. Returns whether only the wall is
+/// visible; `None` if a step failed.
 fn z_buffer() -> Option<bool> {
     let mut scene = Scene::new();
     let bounds = Aabb::from_arrays([5.0, -4.0, -4.0], [5.5, 4.0, 4.0]);
@@ -35,7 +37,8 @@ fn z_buffer() -> Option<bool> {
     Some(visible.iter(&scene).eq([wall]))
 }
 
-/// A row of a thousand boxes along x; the camera stands at box 500 and looks along the row as far as box 600.
+/// Culls a row of a thousand boxes along x. The camera is at box 500 and looks along the row up to a far
+/// plane at box 600. Returns whether exactly the boxes 500 to 600 are visible.
 fn frustum() -> bool {
     let mut scene = Scene::new();
     let boxes = (0..1000).map(|i| Aabb::from_arrays([i as f32, -0.25, -0.25], [i as f32 + 0.5, 0.25, 0.25]));

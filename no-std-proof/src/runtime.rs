@@ -1,12 +1,12 @@
-//! What the standard library and the C runtime would bring: an entry point, an allocator, memory functions, a
-//! panic handler.
+//! Runtime that replaces the standard library and the C runtime: an entry point, an allocator, memory
+//! functions and a panic handler.
 
 use core::alloc::{GlobalAlloc, Layout};
 use core::arch::{asm, global_asm};
 use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicUsize, Ordering};
 
-// The kernel enters with the stack as it likes; the ABI wants it aligned.
+// The kernel leaves the stack pointer aligned differently from what the ABI requires of a function.
 #[cfg(target_arch = "x86_64")]
 global_asm!(".globl _start", "_start:", "and rsp, -16", "call {main}", "ud2", main = sym start);
 
@@ -14,7 +14,7 @@ extern "C" fn start() -> ! {
     exit(if crate::the_answer_is_right() { 0 } else { 1 })
 }
 
-/// Linux system call 60.
+/// Ends the process with an exit code, by Linux system call 60.
 #[cfg(target_arch = "x86_64")]
 fn exit(code: i32) -> ! {
     // SAFETY: this system call takes a number and does not return.
@@ -26,9 +26,10 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
     exit(101)
 }
 
+/// Size of the allocator's memory, in bytes.
 const HEAP: usize = 16 << 20;
 
-/// Hands out memory from one block and never takes any back.
+/// Allocator that takes blocks from one array and never frees any. Returns null when the array is full.
 struct Bump {
     memory: UnsafeCell<[u8; HEAP]>,
     used: AtomicUsize,
@@ -61,11 +62,14 @@ unsafe impl GlobalAlloc for Bump {
 #[global_allocator]
 static ALLOCATOR: Bump = Bump { memory: UnsafeCell::new([0; HEAP]), used: AtomicUsize::new(0) };
 
-// The compiler calls these by name. They are written with volatile or string instructions, or it would see
-// through their loops and call them from within themselves.
+// The compiler calls the following functions by name. They use volatile reads or string instructions, because
+// the compiler would recognize plain loops and replace them by calls of these very functions.
 
+/// Copies `count` bytes between two regions that do not overlap, and returns `to`.
+///
 /// # Safety
-/// As the C function.
+///
+/// As for C's `memcpy`: both pointers must be valid for `count` bytes.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn memcpy(to: *mut u8, from: *const u8, count: usize) -> *mut u8 {
     // SAFETY: copies `count` bytes upwards, as the caller asks.
@@ -73,8 +77,11 @@ unsafe extern "C" fn memcpy(to: *mut u8, from: *const u8, count: usize) -> *mut 
     to
 }
 
+/// Copies `count` bytes between two regions that may overlap, and returns `to`.
+///
 /// # Safety
-/// As the C function.
+///
+/// As for C's `memmove`: both pointers must be valid for `count` bytes.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn memmove(to: *mut u8, from: *const u8, count: usize) -> *mut u8 {
     if (to as usize).wrapping_sub(from as usize) >= count {
@@ -91,8 +98,11 @@ unsafe extern "C" fn memmove(to: *mut u8, from: *const u8, count: usize) -> *mut
     to
 }
 
+/// Sets `count` bytes to the low byte of `value`, and returns `to`.
+///
 /// # Safety
-/// As the C function.
+///
+/// As for C's `memset`: the pointer must be valid for `count` bytes.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn memset(to: *mut u8, value: i32, count: usize) -> *mut u8 {
     // SAFETY: writes `count` bytes upwards, as the caller asks.
@@ -100,8 +110,11 @@ unsafe extern "C" fn memset(to: *mut u8, value: i32, count: usize) -> *mut u8 {
     to
 }
 
+/// Compares `count` bytes: negative, zero or positive as `a` is less than, equal to or greater than `b`.
+///
 /// # Safety
-/// As the C function.
+///
+/// As for C's `memcmp`: both pointers must be valid for `count` bytes.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn memcmp(a: *const u8, b: *const u8, count: usize) -> i32 {
     for i in 0..count {
@@ -114,15 +127,18 @@ unsafe extern "C" fn memcmp(a: *const u8, b: *const u8, count: usize) -> i32 {
     0
 }
 
+/// Compares `count` bytes; zero if and only if they are equal.
+///
 /// # Safety
-/// As the C function; zero for equal bytes is all that it promises.
+///
+/// As for C's `bcmp`: both pointers must be valid for `count` bytes.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn bcmp(a: *const u8, b: *const u8, count: usize) -> i32 {
     // SAFETY: as the caller grants.
     unsafe { memcmp(a, b, count) }
 }
 
-// The prebuilt alloc refers to these, but nothing unwinds here.
+// The prebuilt `alloc` refers to these two functions, but nothing unwinds here.
 #[unsafe(no_mangle)]
 extern "C" fn rust_eh_personality() {}
 

@@ -1,13 +1,16 @@
-//! Groups of modules that need each other in a circle, so that none of them can be read or changed alone.
+//! Cycles of modules: groups of modules that need each other, so that none of them can be read or changed
+//! alone.
 
 use crate::module_tree::ModuleTree;
 use std::path::Path;
 
-/// The groups of a crate, each as the names of its files below the crate's `src` and the files that they need
-/// in the group.
+/// Returns the groups of modules of a crate that need each other. Each group is a list of texts, one per
+/// module: its file below the crate's `src` and the files of the group that it needs. `root` is the crate's
+/// root file.
 ///
 /// # Errors
-/// The first file that cannot be read or parsed, and why.
+///
+/// Returns the first file that cannot be read or parsed, and why.
 pub(crate) fn cycles(root: &Path) -> Result<Vec<Vec<String>>, String> {
     let tree = ModuleTree::read(root)?;
     let needs: Vec<Vec<usize>> = (0..tree.modules.len()).map(|module| tree.needs(module)).collect();
@@ -30,7 +33,8 @@ pub(crate) fn cycles(root: &Path) -> Result<Vec<Vec<String>>, String> {
     Ok(circles(&needs).into_iter().map(describe).collect())
 }
 
-/// The strongly connected components of more than one node, each sorted: nodes that reach each other.
+/// Returns the strongly connected components with more than one node: the nodes that reach each other.
+/// `needs[i]` are the successors of node i. Each component is sorted. The cost is nodes times edges.
 fn circles(needs: &[Vec<usize>]) -> Vec<Vec<usize>> {
     let reached: Vec<Vec<bool>> = (0..needs.len())
         .map(|start| {

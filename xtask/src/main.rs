@@ -1,4 +1,5 @@
-//! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- cycles`, `-- width`.
+//! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- cycles` and `cargo run -p
+//! xtask -- width`.
 
 mod cycles;
 mod module_tree;
@@ -6,7 +7,7 @@ mod module_tree;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// The longest comment line, as rustfmt's `max_width` is the longest line of code.
+/// Maximum length of a comment line in characters, equal to rustfmt's `max_width` for code.
 const WIDTH: usize = 110;
 
 fn main() -> ExitCode {
@@ -30,7 +31,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// The crates of the workspace: folders with a manifest and a `src`.
+/// Returns the crates of the workspace, sorted: the folders directly below `root` that have a manifest and a
+/// `src`.
 fn crates(root: &Path) -> Result<Vec<PathBuf>, String> {
     let entries = std::fs::read_dir(root).map_err(|error| format!("{}: {error}", root.display()))?;
     let mut folders: Vec<PathBuf> = entries
@@ -41,7 +43,7 @@ fn crates(root: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(folders)
 }
 
-/// Prints each group of modules that need each other. How many groups there are.
+/// Prints each group of modules that need each other, and returns the number of groups.
 fn check_cycles(root: &Path) -> Result<usize, String> {
     let mut count = 0;
     for folder in crates(root)? {
@@ -60,7 +62,7 @@ fn check_cycles(root: &Path) -> Result<usize, String> {
     Ok(count)
 }
 
-/// Prints each comment line that is wider than the code may be. How many there are.
+/// Prints each comment line that is longer than [`WIDTH`], and returns the number of such lines.
 fn check_width(root: &Path) -> Result<usize, String> {
     let (mut count, mut folders) = (0, crates(root)?);
     while let Some(folder) = folders.pop() {

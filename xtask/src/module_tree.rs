@@ -1,29 +1,29 @@
-//! The modules of a crate as its source files declare them: what each defines, what it imports, and where a
-//! path leads.
+//! Module tree of a crate, as its source files declare it: what each module defines, what it imports, and the
+//! module to which a path leads.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 use syn::{Attribute, Item, UseTree, Visibility};
 
-/// One source file.
+/// Module in a source file of its own. Modules are referred to by their index in the tree.
 pub(crate) struct Module {
-    /// The path of the file.
+    /// Path of the source file.
     pub(crate) file: PathBuf,
     parent: Option<usize>,
     children: HashMap<String, usize>,
     definitions: Vec<String>,
-    /// Names that `use` brings in, each with its path.
+    /// Names that `use` declarations introduce, each with the path of its item.
     imports: HashMap<String, Vec<String>>,
-    /// Paths of `use ...::*`.
+    /// Paths of the `use ...::*` declarations, without the `*`.
     globs: Vec<Vec<String>>,
-    /// Paths that the module's own code mentions, tests and re-exports left out.
+    /// Paths that the module's own code mentions, without tests and re-exports.
     mentions: Vec<Vec<String>>,
 }
 
-/// The modules of a crate, the root first.
+/// Modules of a crate.
 pub(crate) struct ModuleTree {
-    /// The modules.
+    /// All modules; the root is at index 0.
     pub(crate) modules: Vec<Module>,
 }
 
@@ -31,7 +31,8 @@ impl ModuleTree {
     /// Reads a crate from its root file.
     ///
     /// # Errors
-    /// The first file that cannot be read or parsed, and why.
+    ///
+    /// Returns the first file that cannot be read or parsed, and why.
     pub(crate) fn read(root: &Path) -> Result<Self, String> {
         let mut tree = Self { modules: Vec::new() };
         let folder = root.parent().unwrap_or(Path::new("."));
@@ -39,7 +40,8 @@ impl ModuleTree {
         Ok(tree)
     }
 
-    /// Reads a file whose child modules are in `folder`. Returns its index.
+    /// Reads a source file whose child modules are in `folder`, and recursively its children. Returns the
+    /// module's index.
     fn add(&mut self, file: PathBuf, folder: &Path, parent: Option<usize>) -> Result<usize, String> {
         let text = std::fs::read_to_string(&file).map_err(|error| format!("{}: {error}", file.display()))?;
         let parsed = syn::parse_file(&text).map_err(|error| format!("{}: {error}", file.display()))?;
@@ -72,7 +74,8 @@ impl ModuleTree {
         Ok(index)
     }
 
-    /// The module that defines what a path in a module leads to; `None` if that is not in this crate.
+    /// Returns the module that defines the item to which a path in a module leads. `None` if the item is not
+    /// in this crate, or if more than 32 imports must be followed.
     fn resolve(&self, module: usize, path: &[String], depth: u32) -> Option<usize> {
         let (first, rest) = path.split_first()?;
         let here = &self.modules[module];
@@ -88,7 +91,8 @@ impl ModuleTree {
         }
     }
 
-    /// The same for what is named within a module.
+    /// Like [`resolve`](Self::resolve), for a path whose first name is looked up within `module`. An empty
+    /// path leads to the module itself.
     fn descend(&self, module: usize, path: &[String], depth: u32) -> Option<usize> {
         let Some((first, rest)) = path.split_first() else { return Some(module) };
         let here = &self.modules[module];
@@ -111,7 +115,8 @@ impl ModuleTree {
         })
     }
 
-    /// The modules that a module's own code needs, itself left out.
+    /// Returns the indices, ascending, of the modules that a module's own code needs, without the module
+    /// itself.
     pub(crate) fn needs(&self, module: usize) -> Vec<usize> {
         let mentions = &self.modules[module].mentions;
         let mut found: Vec<usize> = mentions
@@ -126,12 +131,14 @@ impl ModuleTree {
 }
 
 impl Module {
+    /// Tests whether the module has a child module, import or definition of this name.
     fn names(&self, name: &str) -> bool {
         self.children.contains_key(name)
             || self.imports.contains_key(name)
             || self.definitions.iter().any(|defined| defined == name)
     }
 
+    /// Records the name that an item defines, and the paths that it imports or mentions.
     fn take_in(&mut self, item: &Item) {
         let name = match item {
             Item::Const(item) => Some(&item.ident),
@@ -154,7 +161,8 @@ impl Module {
         }
     }
 
-    /// Takes in what a `use` names. A private one counts as a mention; a re-export needs nothing by itself.
+    /// Records the names that a `use` declaration introduces. `path` is the prefix so far, restored on
+    /// return. The path of a private `use` counts as a mention; a re-export needs no module by itself.
     fn import(&mut self, tree: &UseTree, path: &mut Vec<String>, is_private: bool) {
         let mut bring_in = |alias: String, mut path: Vec<String>, name: String| {
             if name != "self" {
@@ -191,7 +199,7 @@ impl Module {
     }
 }
 
-/// Collects the paths that code mentions.
+/// Visitor that collects the paths that code mentions.
 struct Mentions<'a>(&'a mut Vec<Vec<String>>);
 
 impl<'ast> Visit<'ast> for Mentions<'_> {
@@ -211,7 +219,7 @@ impl<'ast> Visit<'ast> for Mentions<'_> {
     fn visit_attribute(&mut self, _: &'ast Attribute) {}
 }
 
-/// Whether an item is compiled for tests alone.
+/// Tests whether an item is compiled only for tests.
 fn is_test(item: &Item) -> bool {
     let attributes = match item {
         Item::Fn(item) => &item.attrs,

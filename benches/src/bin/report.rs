@@ -1,9 +1,9 @@
-//! Measures everything in one run, contenders in turns, and prints the tables of `RESULTS.md`:
-//! `cargo run --release -p visibility-benches --bin report > benches/RESULTS.md`.
+//! Program `report`: measures every benchmark in one run, with the contenders in turns, and prints the tables
+//! of `RESULTS.md`: `cargo run --release -p visibility-benches --bin report > benches/RESULTS.md`.
 //!
-//! Numbers are ratios of medians. Each round measures every contender once, in an order of its own, so that
-//! what else the machine does hits all alike, and nobody always follows the one that leaves the caches in the
-//! worst state.
+//! Numbers are ratios of medians. Each round measures every contender once, in a random order of the round.
+//! So disturbances from other processes hit all contenders alike, and no contender always follows the one
+//! that leaves the caches in the worst state.
 
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
 use std::hint::black_box;
@@ -14,8 +14,11 @@ use visibility_benches::moving::{BUDGET, DRIFT, LONG, Movers};
 use visibility_benches::workload::{FRAMES, Order, Random, Share, boxes, views};
 use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Scene, VisibleSet};
 
+/// Numbers of boxes, with their names in tables.
 const SIZES: [(usize, &str); 2] = [(100_000, "100 thousand"), (1_000_000, "1 million")];
+/// Number of rounds in which each contender is measured.
 const ROUNDS: usize = 9;
+/// Time for which frames run before they are measured, so that caches and branch predictors settle.
 const WARM_UP: Duration = Duration::from_millis(20);
 
 fn main() {
@@ -37,6 +40,7 @@ fn main() {
     }
 }
 
+/// Ratio that the library should reach: at least `wanted` if `at_least`, otherwise at most `wanted`.
 struct Target {
     what: String,
     wanted: f64,
@@ -44,7 +48,8 @@ struct Target {
     at_least: bool,
 }
 
-/// Every contender on every view and order, as a multiple of ours.
+/// Prints the time of every contender for every view and order as a multiple of this library's time, and
+/// appends the targets.
 fn frustum(count: usize, size: &str, targets: &mut Vec<Target>) {
     let mut names = Vec::new();
     let mut columns = Vec::new();
@@ -58,7 +63,7 @@ fn frustum(count: usize, size: &str, targets: &mut Vec<Target>) {
             visible.dedup();
             names = all.iter().map(|c| c.name()).collect();
             let seconds = in_turns(&mut all, ROUNDS, |contender| {
-                // A frame follows others like it: let caches and branch predictors settle first.
+                // Unmeasured frames let caches and branch predictors settle first.
                 let start = Instant::now();
                 for frame in 0..FRAMES {
                     contender.cull(frame);
@@ -75,7 +80,7 @@ fn frustum(count: usize, size: &str, targets: &mut Vec<Target>) {
             columns.push((share, order, seconds, visible));
         }
     }
-    // The last but one is ours on the widest instructions, without a list: the unit.
+    // The unit is the last but one contender: this library on the widest instructions, without a list of ids.
     let unit = names.len() - 2;
     println!("## Frustum culling of {size} boxes\n");
     println!(
@@ -122,7 +127,8 @@ fn frustum(count: usize, size: &str, targets: &mut Vec<Target>) {
     }
 }
 
-/// Building, as a multiple of one sort. Returns the seconds of sorting a million keys.
+/// Prints construction times as multiples of one sort, and appends the targets. Returns the time in seconds
+/// to sort a million keys.
 fn construction(targets: &mut Vec<Target>) -> f64 {
     let mut columns = Vec::new();
     let names = [
@@ -166,7 +172,8 @@ fn construction(targets: &mut Vec<Target>) -> f64 {
     large[0]
 }
 
-/// Moving, as a multiple of one sort, and what it does to culling.
+/// Prints the times to move objects as multiples of one sort, and the effect on culling, and appends the
+/// targets. `sort_before` is the time in seconds to sort a million keys, for comparison.
 fn moving(sort_before: f64, targets: &mut Vec<Target>) {
     println!("## Moving\n");
     println!(
@@ -207,7 +214,8 @@ fn moving(sort_before: f64, targets: &mut Vec<Target>) {
     println!();
 }
 
-/// Seconds per frame, and culling times relative to a rebuilt scene.
+/// Times of moving objects, in seconds per frame, by operation. `culling` is the time to cull a scene never
+/// maintained, maintained with a budget, and maintained without limit, each relative to a rebuilt scene.
 struct Drift {
     sort: f64,
     set_bounds: f64,
@@ -217,6 +225,7 @@ struct Drift {
     culling: [f64; 3],
 }
 
+/// Measures moving `percent` percent of `count` objects over many frames.
 fn drift(count: usize, percent: usize) -> Drift {
     let boxes = boxes(count, Order::Random);
     let mut scenes = [Scene::new(), Scene::new(), Scene::new()];
@@ -242,7 +251,7 @@ fn drift(count: usize, percent: usize) -> Drift {
         note(2, timed(|| some.maintain(BUDGET)));
         set_bounds(all);
         note(3, timed(|| all.maintain(usize::MAX)));
-        // These take longest and vary least.
+        // These operations take longest and vary least, so one frame in twelve suffices.
         if frame % 12 == 0 {
             note(0, sort(&keys));
             let [one, other] = &mut trees;
@@ -277,8 +286,8 @@ fn drift(count: usize, percent: usize) -> Drift {
     Drift { sort, set_bounds, some, all, parry: insert.min(refit), culling }
 }
 
-/// Everything moves for a long time: what `maintain` takes, and what culling takes, as a multiple of a
-/// rebuilt scene.
+/// Prints the times of `maintain` and of culling while all objects move for a long time, as multiples of
+/// those of a rebuilt scene, and appends the targets.
 fn moving_for_long(targets: &mut Vec<Target>) {
     println!("## Moving for long\n");
     println!(
@@ -307,7 +316,7 @@ fn moving_for_long(targets: &mut Vec<Target>) {
             if frame % 10 == 0 {
                 let mut rebuilt = scene.clone();
                 rebuilt.rebuild();
-                // The second one finds its memory warm.
+                // A second rebuild is measured because its memory is already in the cache.
                 times[2].push(timed(|| rebuilt.rebuild()).as_secs_f64());
             }
         }
@@ -335,11 +344,13 @@ fn moving_for_long(targets: &mut Vec<Target>) {
     targets.push(Target { what, wanted: 0.1, measured: worst[1], at_least: false });
 }
 
+/// Returns `count` random keys to sort.
 fn keys(count: usize) -> Vec<u64> {
     let mut random = Random(3);
     (0..count).map(|_| random.bits()).collect()
 }
 
+/// Measures sorting a copy of the keys.
 fn sort(keys: &[u64]) -> Duration {
     let mut keys = keys.to_vec();
     let time = timed(|| keys.sort_unstable());
@@ -347,6 +358,7 @@ fn sort(keys: &[u64]) -> Duration {
     time
 }
 
+/// Measures building a scene from boxes.
 fn build(boxes: &[Aabb]) -> Duration {
     let mut scene = Scene::new();
     let time = timed(|| scene.insert_batch(boxes.iter().copied()));
@@ -354,7 +366,7 @@ fn build(boxes: &[Aabb]) -> Duration {
     time
 }
 
-/// How long it takes, without dropping the result.
+/// Returns the wall-clock time of a function. Dropping its result is not measured.
 fn timed<T>(what: impl FnOnce() -> T) -> Duration {
     let start = Instant::now();
     let result = black_box(what());
@@ -363,7 +375,8 @@ fn timed<T>(what: impl FnOnce() -> T) -> Duration {
     time
 }
 
-/// Measures each of them once a round, in shuffled order; medians, in seconds.
+/// Measures each contender once per round, in a random order, and returns the median time of each contender
+/// in seconds.
 fn in_turns<T>(them: &mut [T], rounds: usize, mut measure: impl FnMut(&mut T) -> Duration) -> Vec<f64> {
     let count = them.len();
     let mut times = vec![Vec::with_capacity(rounds); count];
@@ -377,12 +390,13 @@ fn in_turns<T>(them: &mut [T], rounds: usize, mut measure: impl FnMut(&mut T) ->
     times.into_iter().map(median).collect()
 }
 
+/// Returns the median; of an even number of times the upper one. Panics without times.
 fn median(mut times: Vec<f64>) -> f64 {
     times.sort_by(f64::total_cmp);
     times[times.len() / 2]
 }
 
-/// Two or three digits are all that such a measurement holds.
+/// Formats a ratio with two or three digits, which is the precision of such a measurement.
 fn short(x: f64) -> String {
     match x {
         x if x >= 10.0 => format!("{x:.0}"),
@@ -391,7 +405,7 @@ fn short(x: f64) -> String {
     }
 }
 
-/// The processor's name, where the system tells.
+/// Returns the name of the processor if the system tells it, otherwise the name of its architecture.
 fn cpu() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let field = |name: &str| {

@@ -1,4 +1,5 @@
-//! What an exact culler must hide: objects of which each triangle is behind one of another.
+//! Objects that an exact culler must hide: objects of which each triangle is occluded by a single triangle of
+//! another object.
 
 use crate::oracle::{NARROWEST, sight_line};
 use visibility_bsp::BspTree;
@@ -6,12 +7,13 @@ use visibility_core::View;
 use visibility_core::glam::{DMat4, DVec2, DVec3};
 use visibility_examples::walkthrough::World;
 
-/// Whether an object is hidden beyond any doubt, with none of what leaves an exact culler free to show it:
-/// each of its triangles is behind one of another object, by more than such a culler may miss.
+/// Tests whether an exact culler must hide an object: each of its triangles is behind one triangle of another
+/// object, with a margin greater than the width that an exact culler may miss. `object` is an index. False
+/// whenever rounding leaves a doubt.
 pub(crate) fn surely_hidden(world: &World, view: &View, object: usize) -> bool {
     let (objects, origin) = (&world.source.objects, world.origin());
     let (clip, near) = (view.clip_from(origin), view.planes(origin).as_slice()[4].plane);
-    // What is broken is never hidden, and hides nothing.
+    // Objects with an invalid triangle are never hidden by exact cullers and hide nothing.
     let corners = |object: usize| objects[object].triangles.iter().map(|t| t.map(|p| p.as_dvec3()));
     let is_whole = |object: usize| corners(object).len() > 0 && corners(object).all(|t| BspTree::accepts(&t));
     let behind_one = |triangle: [DVec3; 3]| {
@@ -28,8 +30,8 @@ pub(crate) fn surely_hidden(world: &World, view: &View, object: usize) -> bool {
         && width(&clip, corners(object).flatten()) > 10.0 * NARROWEST
 }
 
-/// The width of points in the picture, across the longest line through two of them, in halves of it; `NAN`
-/// unless all are before the eye.
+/// Returns the width of projected points across the line through two far-apart points, in NDC (the picture is
+/// 2 wide). NaN if a point is not in front of the eye or all points coincide.
 fn width(clip: &DMat4, points: impl Iterator<Item = DVec3> + Clone) -> f64 {
     let places = points.map(|p| in_picture(clip, p));
     let farthest = |from: DVec2| {
@@ -49,13 +51,14 @@ fn width(clip: &DMat4, points: impl Iterator<Item = DVec3> + Clone) -> f64 {
     })
 }
 
+/// Projects a point to NDC; NaN unless the point is in front of the eye.
 fn in_picture(clip: &DMat4, p: DVec3) -> DVec2 {
     let at = *clip * p.extend(1.0);
     if at.w > 0.0 { at.truncate().truncate() / at.w } else { DVec2::NAN }
 }
 
-/// How far a point is inside of a triangle in the picture, in halves of it; not a positive number unless all
-/// of them are before the eye.
+/// Returns the distance in NDC by which a projected point is inside a projected triangle, negative outside.
+/// NaN unless all four points are in front of the eye.
 fn inside_by(clip: &DMat4, point: DVec3, corners: [DVec3; 3]) -> f64 {
     let (at, [a, b, c]) = (in_picture(clip, point), corners.map(|p| in_picture(clip, p)));
     let turn = (b - a).perp_dot(c - a).signum();

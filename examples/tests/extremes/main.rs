@@ -1,10 +1,10 @@
-//! Every culler at the extremes of its input: coordinates from 1e-30 to 1e30, eyes in the worst places,
-//! polygons that are none, cameras that see almost nothing or almost everything. No panic, no hang, and what
-//! promises to be conservative hides nothing that an exact ray sees.
+//! Tests of every culler at the extremes of its input: coordinates from 1e-30 to 1e30, eyes on vertices,
+//! edges and planes, degenerate polygons, cameras with tiny and huge fields of view. No culler may panic or
+//! hang, and a culler that promises to be conservative hides nothing that an exact ray sees.
 //!
-//! Cullers are taken from the table that `walkthrough` takes them from, so a new one is tested as soon as it
-//! can be asked for. `EXTREMES_CASES` sets how many random worlds are tried, 60 by default;
-//! `EXTREMES_CULLERS=naylor,bsp` tries only cullers whose names begin so.
+//! The cullers come from the table of `walkthrough`, so a new culler is tested as soon as it is in that
+//! table. `EXTREMES_CASES` sets the number of random worlds, 60 by default; `EXTREMES_CULLERS=naylor,bsp`
+//! selects the cullers whose names begin with one of these words.
 
 mod exact;
 mod maze;
@@ -18,7 +18,8 @@ use visibility_core::{Accuracy, FrustumCuller, Pipeline, View, VisibleSet};
 use visibility_examples::walkthrough::cullers::{self, parse};
 use visibility_testing::Random;
 
-/// All cullers at each setting of their dials, one at a time.
+/// Returns all cullers at each setting of their dials, without pipelines of several stages. The environment
+/// variable `EXTREMES_CULLERS` filters them by prefix.
 fn entries() -> Vec<String> {
     let all = cullers::entries().into_iter().filter(|entry| !entry.contains('+'));
     match std::env::var("EXTREMES_CULLERS") {
@@ -27,17 +28,18 @@ fn entries() -> Vec<String> {
     }
 }
 
-/// Whether a culler looks through portals.
+/// Tests whether a culler needs cells and portals.
 fn is_of_rooms(entry: &str) -> bool {
     entry.starts_with("portals") || entry.starts_with("pvs")
 }
 
-/// How many random worlds to try.
+/// Returns the number of random worlds to try: that of `EXTREMES_CASES`, or else `unless_set`.
 fn cases(unless_set: u64) -> u64 {
     std::env::var("EXTREMES_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(unless_set)
 }
 
-/// By object, whether a view shows it.
+/// Culls a view, and returns for each object, by index, whether it is reported visible. `visible` is
+/// overwritten.
 fn shown(world: &World, pipeline: &mut Pipeline, view: &View, visible: &mut VisibleSet) -> Vec<bool> {
     pipeline.cull(&world.scene, view, visible);
     let mut shown = vec![false; world.source.objects.len()];
@@ -45,20 +47,23 @@ fn shown(world: &World, pipeline: &mut Pipeline, view: &View, visible: &mut Visi
     shown
 }
 
-/// What a culler did over several worlds.
+/// Counts of what a culler did over several worlds. `hidden` counts hidden objects over all views, and `rays`
+/// the rays shot at them.
 #[derive(Default, Debug)]
 struct Tally {
     worlds: usize,
     hidden: usize,
     rays: usize,
-    /// Hidden beyond doubt, where the culler is exact.
+    /// Number of objects that an exact culler had to hide, each found hidden.
     surely: usize,
 }
 
-/// Culls every view of a world and shoots rays at what was hidden.
+/// Culls every view of a world with a culler, shoots rays at the hidden objects, and fails if a ray reaches
+/// one or if an exact culler shows an object that is surely hidden. Counts are added to `tally`. A culler
+/// that does not suit the world is skipped.
 fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tally) {
     let world: &World = &case.world;
-    // A culler that does not go with the world says so.
+    // A culler that does not suit the world is an error here.
     let Ok(mut made) = parse(entry, world) else { return };
     let mut pipeline = made.remove(0).1;
     tally.worlds += 1;
@@ -74,7 +79,8 @@ fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tal
         if !accuracy.never_hides() {
             continue;
         }
-        // Where rounding blurs the picture, what is exact says nothing.
+        // Where the culler shows the same as the frustum alone, rounding may blur the picture, and exactness
+        // promises nothing.
         if accuracy == Accuracy::Exact && shown(world, &mut frustum, view, &mut visible) != seen {
             for index in (0..seen.len()).filter(|&index| exact::surely_hidden(world, view, index)) {
                 tally.surely += 1;
@@ -98,7 +104,8 @@ fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tal
     }
 }
 
-/// Shows random worlds to cullers, each of which must hide something in them.
+/// Checks cullers on the random worlds of the seeds below `count`. Each culler that suits a world must hide
+/// something in some world.
 fn try_worlds(entries: &[String], make: fn(&mut Random) -> strategies::Case, count: u64) {
     let mut tallies: Vec<Tally> = entries.iter().map(|_| Tally::default()).collect();
     for seed in 0..count {
@@ -126,7 +133,7 @@ fn random_worlds_at_the_extremes() {
 #[test]
 fn rooms_at_the_extremes() {
     let mut entries = entries();
-    // Cells made of the walls instead of those that are given.
+    // Cells made from the walls, in addition to the cells that the world brings.
     entries.extend(["pvs:walls", "pvs:bsp"].map(String::from));
     try_worlds(&entries, strategies::rooms, cases(150));
 }
@@ -140,7 +147,7 @@ fn scenes_of_nothing_of_one_object_and_of_many_in_one_point() {
     }
 }
 
-/// A million, as the scene's bounds make no difference to any of them.
+/// A million coinciding objects, which no hierarchy can separate.
 #[test]
 #[ignore = "minutes, in the release profile"]
 fn a_million_objects_in_one_point() {

@@ -1,5 +1,5 @@
-//! Rooms in a row, a storey or a block, joined by holes in walls without thickness: worlds for what looks
-//! through portals.
+//! Random mazes for portal culling: rooms in a row, a storey or a block, joined by holes in walls without
+//! thickness.
 
 use super::strategies::{cuboid, soup};
 use glam::{DVec3, Vec3};
@@ -11,13 +11,13 @@ use visibility_examples::SourceObject;
 use visibility_examples::source::SourceCells;
 use visibility_testing::Random;
 
-/// Walls with what stands between them, and the holes in them.
+/// Maze of rooms with the objects in it.
 pub(crate) struct Maze {
-    /// The walls come first: a wall that is spoiled would be a hole that is no portal.
+    /// Walls first, then furniture. The first `walls` objects must not be spoiled: a missing wall would be a
+    /// hole without a portal.
     pub(crate) objects: Vec<SourceObject>,
     pub(crate) walls: usize,
-    /// The smallest and largest corner of each room, and the corners of each hole, counter-clockwise as seen
-    /// from the second of the rooms that it joins; stretched as objects are.
+    /// Minimum and maximum corner of each room, in the coordinates of the objects.
     pub(crate) rooms: Vec<[Vec3; 2]>,
     pub(crate) holes: Vec<([Vec3; 4], [usize; 2])>,
 }
@@ -70,7 +70,7 @@ impl Maze {
         for _ in 0..5 + rng.below(20) {
             let [low, high] = maze.rooms[rng.below(maze.rooms.len())].map(|p| p.as_dvec3());
             let middle = low + (high - low) * (rng.vector(0.5) + 0.5);
-            // Within the room, more or less: some stand in walls.
+            // Furniture is centred in a room; some pieces reach into walls.
             let triangles = match rng.below(4) {
                 0 => soup(rng)
                     .into_iter()
@@ -84,10 +84,12 @@ impl Maze {
         maze
     }
 
-    /// A rectangle between two rooms, or on the outside: a wall, a wall with a hole in it, or nothing at all.
+    /// Adds the rectangle between two rooms, or between a room and the outside: a wall, a wall with a hole,
+    /// or only a hole. `axis` is the rectangle's normal, `low` and `high` are its corners, and `joined` the
+    /// two rooms, `None` at the outside, where no hole is made.
     fn face(&mut self, rng: &mut Random, axis: usize, [low, high]: [DVec3; 2], joined: Option<[usize; 2]>) {
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-        // In this order counter-clockwise as seen from farther along the axis.
+        // The corners are counter-clockwise as seen from larger coordinates along the axis.
         let corners = |low: DVec3, high: DVec3| {
             [[low, low], [high, low], [high, high], [low, high]].map(|[of_u, of_v]| {
                 let mut p = low;
@@ -104,7 +106,7 @@ impl Maze {
                     for side in [u, v] {
                         let size = high[side] - low[side];
                         let width = size * rng.pick(&[0.001, 0.1, 0.3, 0.6, 1.0]);
-                        // Sometimes flush with a corner of the room.
+                        // Some holes are flush with a corner of the room.
                         let from = rng.pick(&[0.0, rng.clone().unit(), 0.5, 1.0]) * (size - width);
                         hole[0][side] = low[side] + from;
                         hole[1][side] =
@@ -130,8 +132,8 @@ impl Maze {
         }
     }
 
-    /// The rooms and holes as cells and portals of a world with an origin; `None` where they are too small
-    /// for coordinates there.
+    /// Returns the rooms and holes as cells and portals in a world with the given origin. `None` when a hole
+    /// is too small for the precision of coordinates there.
     pub(crate) fn cells(&self, origin: DVec3) -> Option<SourceCells> {
         let place = |p: Vec3| p.as_dvec3() + origin;
         let holes = self

@@ -1,7 +1,7 @@
-//! What is the same world to the eye must be the same to a culler: scaled by a power of two, turned by a
-//! right angle, mirrored, or with its objects in another order. The picture does not change by a bit, since
-//! each new coordinate and each new element of the matrix is exact; so answers may differ only where sums are
-//! rounded in another order, or where a culler's own choices hang on the order of objects.
+//! Metamorphic tests: a culler must answer equally for worlds that look equal, scaled by a power of two,
+//! rotated by a right angle, mirrored, or with the objects in another order. Each new coordinate and matrix
+//! element is exact, so the picture does not change by a bit. Answers may differ only where sums are rounded
+//! in another order, or where a culler's choices depend on the order of the objects.
 
 use crate::strategies::{Case, World, random, world};
 use crate::{cases, entries, parse, shown};
@@ -15,10 +15,10 @@ use visibility_core::{
 use visibility_examples::source::SourceCells;
 use visibility_testing::Random;
 
-/// A change of the world that leaves every picture as it is.
+/// Change of a world that leaves every picture unchanged. With `shuffle` the objects get a random order.
 struct Change {
     name: &'static str,
-    /// A power of two times a signed permutation of the axes.
+    /// Linear map of the world: a power of two times a signed permutation of the axes.
     map: DMat3,
     shuffle: bool,
 }
@@ -36,22 +36,23 @@ fn changes() -> Vec<Change> {
     ]
 }
 
-/// Of a hundred answers, how many may be others.
+/// Returns the percentage of answers that may differ after a change.
 fn allowed(change: &Change, entry: &str, accuracy: Accuracy) -> u64 {
     let scaled = change.map.determinant().abs() != 1.0;
     match accuracy {
-        // No sum is rounded otherwise.
+        // Scaling by a power of two changes no rounding.
         _ if scaled => 0,
-        // The fast path decides by boxes and planes alone, and knows no order.
+        // Frustum culling decides by boxes and planes alone, so order and rounding of other sums do not
+        // matter.
         _ if entry == "frustum" => 0,
-        // A budget spent on one of two equals is not spent on the other.
+        // An approximate culler may spend its budget on the other of two equal objects.
         Accuracy::Approximate => 8,
-        // Of equal occluders the budget takes one; all else is rounding.
+        // The budget takes one of several equal occluders; other differences come from rounding.
         _ => 3,
     }
 }
 
-/// The changed world; `order[i]` is the old number of its object `i`.
+/// Returns the changed world with its origin at zero, and for each new object index the old index.
 fn changed(old: &World, change: &Change, rng: &mut Random) -> (World, Vec<usize>) {
     let mut order: Vec<usize> = (0..old.source.objects.len()).collect();
     if change.shuffle {
@@ -70,7 +71,7 @@ fn changed(old: &World, change: &Change, rng: &mut Random) -> (World, Vec<usize>
     (world(objects, cells, DVec3::ZERO, views.collect()), order)
 }
 
-/// Cells and portals where the change takes them.
+/// Returns the cells and portals after the change, relative to the new origin at zero.
 fn changed_cells(old: &SourceCells, change: &Change, origin: DVec3) -> SourceCells {
     let place = |p: DVec3| change.map * (p - origin);
     let portals = old.graph.portals().iter().map(|portal| {
@@ -91,7 +92,8 @@ fn changed_cells(old: &SourceCells, change: &Change, origin: DVec3) -> SourceCel
     }
 }
 
-/// Coordinates that no change brings to the ends of `f32`, in a world that is where its coordinates say.
+/// Returns the world of a case relative to an origin at zero. `None` if a nonzero coordinate is outside 1e-15
+/// to 1e15 in magnitude or not finite, since a change could then overflow or underflow.
 fn plain(case: Case) -> Option<World> {
     let points = || case.world.source.objects.iter().flat_map(|o| &o.triangles).flatten();
     let sizes = points().flat_map(|p| p.to_array()).filter(|&x| x != 0.0).map(f32::abs);
@@ -102,7 +104,8 @@ fn plain(case: Case) -> Option<World> {
     Some(changed(&case.world, &identity, &mut Random(0)).0)
 }
 
-/// What a culler promises, and which objects each view shows; `None` if it does not suit the world.
+/// Returns the accuracy that a culler promises and, for each view and object, whether it reports the object.
+/// `None` if the culler does not suit the world.
 fn answers(entry: &str, world: &World) -> Option<(Accuracy, Vec<Vec<bool>>)> {
     let mut pipeline = parse(entry, world).ok()?.remove(0).1;
     let mut visible = VisibleSet::new();
@@ -113,7 +116,7 @@ fn answers(entry: &str, world: &World) -> Option<(Accuracy, Vec<Vec<bool>>)> {
 #[test]
 fn what_looks_the_same_is_culled_the_same() {
     let entries = entries();
-    // How many answers differ, of how many, and how many of a hundred may.
+    // By change and culler: differing answers, all answers, and the percentage that may differ.
     let mut differing: BTreeMap<(&str, &str), [u64; 3]> = BTreeMap::new();
     let mut tried = 0;
     for world in (0..).map(|seed| random(&mut Random(seed))).filter_map(plain).take(cases(20) as usize) {

@@ -1,4 +1,5 @@
-//! Rays in `f64` with bounds on their own rounding: a point counts as seen only if that is beyond doubt.
+//! Oracle of visibility by rays in f64 with bounds on their own rounding: a point counts as visible only
+//! beyond doubt.
 
 use visibility_core::glam::{DVec2, DVec3, Vec3};
 use visibility_core::{Accuracy, View, pvs::Viewcell, view::Eye};
@@ -6,13 +7,16 @@ use visibility_examples::source::{SourceCells, clearance, tolerance};
 use visibility_examples::walkthrough::World;
 use visibility_testing::Random;
 
-/// Points tried on each object.
+/// Number of random points tried on each object.
 const POINTS: usize = 6;
 
-/// A random point of an object to which an unobstructed segment runs from the eye, inside the view, beyond
-/// any doubt of rounding. For exact cullers, which may miss what is narrower than they say (of the one that
-/// there is, a ten-millionth of half the picture), the same must be true of a disc about the point. The
-/// segment is one that the rooms let pass. `rays` counts the segments that were in view.
+/// Searches a point of an object that is visible beyond any doubt of rounding: an unobstructed segment runs
+/// to it from the eye, inside the view. `None` if no random point is.
+///
+/// For an exact culler, which may miss narrow gaps (one that promises exactness misses at most a
+/// ten-millionth of half the picture), a disc around the point must be visible, too. The segment must be one
+/// that `rooms` do not allow a culler to miss. `object` is an index; `rays` is increased by the number of
+/// segments in view. The point is relative to the scene's origin.
 pub(crate) fn seen_point(
     world: &World,
     view: &View,
@@ -65,14 +69,16 @@ pub(crate) fn seen_point(
     None
 }
 
-/// The radius of that disc, in halves of the picture.
+/// Radius in NDC of the disc that must be visible for exact cullers: twice the width that they may miss.
 pub(crate) const NARROWEST: f64 = 2e-7;
 
-/// Relative error of a sum of a few products, with much to spare.
+/// Relative error bound of a sum of a few products, with a large margin over the few ulps that such a sum can
+/// lose.
 const ROUNDING: f64 = 1e-11;
 
-/// Points of a triangle around one of it, given by two of its weights, at a distance from it in the picture;
-/// `None` unless all of them are on the triangle.
+/// Returns eight points of the triangle `a`, `b`, `c` on a circle in the picture around one of its points.
+/// The point has the weights `u` of `b` and `v` of `c`, and `radius` is in NDC. `None` unless all eight
+/// points are on the triangle.
 fn disc(
     view: &View,
     origin: DVec3,
@@ -83,7 +89,7 @@ fn disc(
     let place = |u: f64, v: f64| a * (1.0 - u - v) + b * u + c * v;
     let clip = view.clip_from(origin);
     let at = clip * place(u, v).extend(1.0);
-    // How the place in the picture changes with the two weights.
+    // Derivatives of the NDC position by the two weights.
     let [along, across] = [b - a, c - a].map(|side| {
         let d = clip * side.extend(0.0);
         (d.truncate().truncate() * at.w - at.truncate().truncate() * d.w) / (at.w * at.w)
@@ -101,7 +107,8 @@ fn disc(
     Some(points)
 }
 
-/// Inside all clip planes by more than rounding.
+/// Tests whether a point is inside all clip planes by more than the rounding error. The point is relative to
+/// `origin`.
 fn surely_in_view(view: &View, origin: DVec3, point: DVec3) -> bool {
     view.planes(origin).as_slice().iter().all(|plane| {
         let (n, d) = (plane.plane.normal, plane.plane.offset);
@@ -110,8 +117,9 @@ fn surely_in_view(view: &View, origin: DVec3, point: DVec3) -> bool {
     })
 }
 
-/// From the point towards the eye, or against parallel lines of sight, until it has surely left the view:
-/// what lies before the near plane hides nothing.
+/// Returns the segment to a point from the near end of its view ray, where the ray has surely left the view;
+/// surfaces in front of the near plane hide nothing. In a parallel view the ray runs against the view
+/// direction. `None` if the segment is not finite. Coordinates are relative to `origin`.
 pub(crate) fn sight_line(view: &View, origin: DVec3, point: DVec3) -> Option<Segment> {
     let (to_eye, size, most) = match view.eye(origin) {
         Eye::Point(eye) => (eye - point, eye.abs() + point.abs(), 1.0),
@@ -127,8 +135,9 @@ pub(crate) fn sight_line(view: &View, origin: DVec3, point: DVec3) -> Option<Seg
     from.is_finite().then_some(Segment { from, to: point })
 }
 
-/// What cullers that look through portals are allowed: not to know a room's outside from its inside within a
-/// tolerance; and, where sets are baked, not to count lines that pass an edge of a portal too closely.
+/// Segments that a portal culler may legitimately miss: those from an eye outside all rooms but within a
+/// tolerance of one, and, for baked sets, those that pass a portal edge within the clearance. The default
+/// allows none.
 #[derive(Default)]
 pub(crate) struct Rooms {
     rooms: Vec<Viewcell>,
@@ -150,8 +159,8 @@ impl Rooms {
         }
     }
 
-    /// Whether a culler may not know of the segment, which is relative to the origin; false only if that is
-    /// certain.
+    /// Tests whether a culler may miss the segment, which is relative to `origin`. False only if the culler
+    /// certainly may not.
     fn may_hide(&self, segment: &Segment, origin: DVec3) -> bool {
         let segment = Segment { from: segment.from + origin, to: segment.to + origin };
         let size = segment.from.abs().max(segment.to.abs()).max_element();
@@ -174,7 +183,7 @@ pub(crate) struct Segment {
 }
 
 impl Segment {
-    /// Whether the segment passes through the triangle; true only if that is certain.
+    /// Tests whether the segment passes through a triangle. True only if it certainly does.
     pub(crate) fn surely_meets(&self, [a, b, c]: [DVec3; 3]) -> bool {
         let edges = [(a, b), (b, c), (c, a)].map(|(a, b)| side(self.from, self.to, a, b));
         let ends = [self.from, self.to].map(|p| side(a, b, c, p));
@@ -183,12 +192,12 @@ impl Segment {
             && matches!(ends, [Some(one), Some(other)] if one != other)
     }
 
-    /// The least distance of two segments.
+    /// Returns the least distance of two segments, up to rounding. NaN if a coordinate is NaN.
     fn distance(&self, other: &Self) -> f64 {
         let (u, v, w) = (self.to - self.from, other.to - other.from, self.from - other.from);
         let [uu, uv, vv, uw, vw] = [u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w)];
-        // The nearest point on this one to the other's line, then on the other, then back again, each kept
-        // between the ends.
+        // The nearest point on one line, then the nearest point to it on the other line, then back again,
+        // each clamped to its segment.
         let within = |x: f64| if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) };
         let on_this = within((uv * vw - vv * uw) / (uu * vv - uv * uv));
         let on_other = within((vw + uv * on_this) / vv);
@@ -196,19 +205,20 @@ impl Segment {
         (w + u * on_this - v * on_other).length()
     }
 
-    /// Whether the segment may meet the triangle; false only if that is certain.
+    /// Tests whether the segment may meet a triangle. False only if it certainly does not; a triangle with a
+    /// non-finite vertex may meet any segment.
     fn may_meet(&self, triangle: &[Vec3; 3]) -> bool {
         let corners = triangle.map(|p| p.as_dvec3());
         if corners.iter().any(|p| !p.is_finite()) {
-            // It blocks nothing that could be computed, but what an engine draws of it is anyone's guess.
+            // What an engine draws of a non-finite triangle is undefined, so it may block the segment.
             return true;
         }
-        // Beyond one of the six sides of the segment's box.
+        // The triangle is entirely on the outer side of one face of the segment's box.
         let (low, high) = (self.from.min(self.to), self.from.max(self.to));
         if (0..3).any(|i| corners.iter().all(|p| p[i] < low[i]) || corners.iter().all(|p| p[i] > high[i])) {
             return false;
         }
-        // The segment's line passes the edges on different sides.
+        // The segment's line passes two edges on different sides.
         let signs = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| side(self.from, self.to, corners[i], corners[j]));
         if signs.contains(&Some(1)) && signs.contains(&Some(-1)) {
             return false;
@@ -220,11 +230,12 @@ impl Segment {
     }
 }
 
-/// The sign of the volume of four points; `None` where rounding might have made it.
+/// Returns the sign, 1 or -1, of the volume of the tetrahedron of four points. `None` where rounding might
+/// determine the sign.
 fn side(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> Option<i32> {
     let (u, v, w) = (b - a, c - a, d - a);
     let magnitude = a.abs();
-    // The differences carry an error of a rounding of their operands.
+    // Each difference carries the rounding error of its operands.
     let (su, sv, sw) = (b.abs() + magnitude, c.abs() + magnitude, d.abs() + magnitude);
     let volume = u.dot(v.cross(w));
     let terms =

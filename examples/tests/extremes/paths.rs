@@ -1,5 +1,5 @@
-//! Wide and narrow instructions give the same answers at the extremes too. Only bounds tests and the two maps
-//! have more than one form.
+//! Tests that all instruction sets give equal answers at the extremes. Only bounds tests and the two
+//! occlusion maps have more than one implementation.
 
 use crate::shown;
 use crate::strategies::{World, random};
@@ -7,7 +7,8 @@ use visibility_core::{Culler, FrustumCuller, Pipeline, VisibleSet, simd::Simd};
 use visibility_hzb::{Hom, HomCuller, Hzb, HzbCuller};
 use visibility_testing::Random;
 
-/// The sets of all views, one after another.
+/// Returns for each view and object whether `culler`, behind the frustum culler `after`, reports the object,
+/// view after view.
 fn answers(world: &World, culler: impl Culler + Send + 'static, after: FrustumCuller) -> Vec<bool> {
     let mut pipeline = Pipeline::new().with(after).with(culler);
     let mut visible = VisibleSet::new();

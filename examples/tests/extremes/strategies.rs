@@ -1,4 +1,4 @@
-//! Worlds at the extremes: what every culler is tried on.
+//! Random worlds at the extremes of coordinates, cameras and counts, on which every culler is tried.
 
 use crate::maze::Maze;
 use glam::{DMat4, DVec3, DVec4, Vec3};
@@ -9,19 +9,20 @@ use visibility_examples::{SceneSource, SourceObject};
 use visibility_testing::Random;
 use visibility_testing::cameras::{DEPTHS, projection};
 
-/// A world, and what is extreme about it.
+/// World with a description of what is extreme about it, for messages.
 pub(crate) struct Case {
     pub(crate) what: String,
     pub(crate) world: World,
 }
 
-/// Objects are made around the origin with a size of about one, spoiled, and then stretched to their scale.
+/// Makes a random world. Objects are made around the origin with a size of about one, stretched to a random
+/// scale, and spoiled.
 pub(crate) fn random(rng: &mut Random) -> Case {
     let kind = rng.below(6);
     if kind == 5 { rooms(rng) } else { loose(rng, kind) }
 }
 
-/// Objects anywhere.
+/// Makes a world of objects anywhere. `kind` from 0 to 4 selects their shapes.
 fn loose(rng: &mut Random, kind: usize) -> Case {
     let mut objects = Vec::new();
     let count = 1 + rng.below(40);
@@ -40,7 +41,7 @@ fn loose(rng: &mut Random, kind: usize) -> Case {
         };
         objects.push(SourceObject::new(format!("object {number}"), triangles));
     }
-    // Copies of others: everything coincides.
+    // Copies of other objects, whose triangles all coincide with the originals.
     for _ in 0..rng.below(4) {
         let copy = objects[rng.below(objects.len())].clone();
         objects.push(copy);
@@ -61,7 +62,7 @@ fn loose(rng: &mut Random, kind: usize) -> Case {
     Case { what, world: world(objects, None, origin, views) }
 }
 
-/// Objects in rooms that come as cells and portals.
+/// Makes a world of objects in rooms that are given as cells and portals.
 pub(crate) fn rooms(rng: &mut Random) -> Case {
     let mut maze = Maze::random(rng);
     let mut what = format!("{} rooms, {} holes", maze.rooms.len(), maze.holes.len());
@@ -76,14 +77,15 @@ pub(crate) fn rooms(rng: &mut Random) -> Case {
     Case { what, world: world(maze.objects, cells, origin, views) }
 }
 
-/// The whole world far away, as planets are, by the origin in `f64`.
+/// Draws the origin of the world in f64: zero, or up to 1e8 away in each coordinate, as on planets. Appends
+/// it to the description `what`.
 fn origin(rng: &mut Random, what: &mut String) -> DVec3 {
     let origin = if rng.one_in(3) { rng.vector(1e8) } else { DVec3::ZERO };
     *what += &format!(", origin {origin}");
     origin
 }
 
-/// A world of objects and views, and of cells where there are some.
+/// Makes a world of objects relative to `origin`, world-space views, and optionally cells in world space.
 pub(crate) fn world(
     objects: Vec<SourceObject>,
     cells: Option<SourceCells>,
@@ -95,8 +97,11 @@ pub(crate) fn world(
     World::with_views(source, origin, views, Vec::new(), (64, 36))
 }
 
+/// Triangles of one object.
 pub(crate) type Triangles = Vec<[Vec3; 3]>;
 
+/// Makes up to eight triangles around a random centre, some of them degenerate, slivers, coplanar with
+/// others, or the reverse of others.
 pub(crate) fn soup(rng: &mut Random) -> Triangles {
     let centre = rng.vector(4.0);
     let mut triangles = Triangles::new();
@@ -104,15 +109,15 @@ pub(crate) fn soup(rng: &mut Random) -> Triangles {
         let mut corner = || (centre + rng.vector(1.0)).as_vec3();
         let (a, b, c) = (corner(), corner(), corner());
         triangles.push(match rng.below(8) {
-            // No area: a point, an edge, three points in a row.
+            // No area: a point, an edge, three collinear points.
             0 => [a, a, a],
             1 => [a, b, b],
             2 => [a, b, a + (b - a) * 0.5],
             // A sliver.
             3 => [a, b, a + (b - a) * 0.5 + Vec3::splat(1e-6)],
-            // Nearly in the plane of the one before.
+            // Nearly coplanar with the first triangle.
             4 if !triangles.is_empty() => triangles[0].map(|p| p + Vec3::new(0.0, 0.0, 1e-6)),
-            // The other side of the one before.
+            // The reverse of the triangle before.
             5 if !triangles.is_empty() => {
                 let [a, b, c] = triangles[triangles.len() - 1];
                 [a, c, b]
@@ -123,6 +128,7 @@ pub(crate) fn soup(rng: &mut Random) -> Triangles {
     triangles
 }
 
+/// Makes the closed surface of an axis-aligned box with half extents `half`, degenerate where one is 0.
 pub(crate) fn cuboid(centre: DVec3, half: DVec3) -> Triangles {
     let (low, high) = ((centre - half).as_vec3(), (centre + half).as_vec3());
     let corner = |i: usize| {
@@ -137,46 +143,50 @@ pub(crate) fn cuboid(centre: DVec3, half: DVec3) -> Triangles {
     faces.into_iter().flat_map(two).map(|t| t.map(corner)).collect()
 }
 
-/// A unit cube of a grid: its faces, edges and corners are those of its neighbours.
+/// Makes a unit cube of an integer grid, whose faces, edges and corners coincide with those of neighbours.
 fn grid_cube(rng: &mut Random) -> Triangles {
     let mut at = || f64::from(rng.between(-3, 3));
     let centre = DVec3::new(at(), at(), at());
     cuboid(centre, DVec3::splat(0.5))
 }
 
-/// A large thin wall in an axis-aligned plane, often without any thickness.
+/// Makes a large thin wall in an axis-aligned plane; half of the walls have no thickness.
 fn wall(rng: &mut Random) -> Triangles {
     let mut half = DVec3::splat(rng.range(1.0, 6.0));
     half[rng.below(3)] = if rng.one_in(2) { 0.0 } else { 1e-3 };
     cuboid(rng.vector(4.0).round(), half)
 }
 
+/// Draws a power of ten from 1e-30 to 1e30.
 fn power(rng: &mut Random) -> f64 {
     10f64.powi(rng.between(-30, 30))
 }
 
-/// A scale of the world, which eyes are placed by too, and how far it is moved before that.
+/// Draws a scale for each axis, and an offset in unscaled coordinates that is added before scaling. Eyes are
+/// placed by the same scale. Appends both to the description `what`.
 fn stretch(rng: &mut Random, what: &mut String) -> (DVec3, DVec3) {
     let scale = match rng.below(4) {
         0 => DVec3::ONE,
         1 => DVec3::splat(power(rng)),
-        // Axes differ, within what keeps most volumes within the range of numbers.
+        // The axes differ by factors that keep most volumes within the range of f32.
         2 => DVec3::new(power(rng), power(rng), power(rng)).powf(0.3),
         _ => DVec3::splat(power(rng).powf(0.3)),
     };
-    // Far from the origin, where coordinates are coarse.
+    // Far from the origin, coordinates are coarse.
     let far = if rng.one_in(4) { rng.vector(1e4) } else { DVec3::ZERO };
     *what += &format!(", scale {:e} {:e} {:e}, moved by {far}", scale.x, scale.y, scale.z);
     (scale, far)
 }
 
+/// Moves points by `offset` and then scales them.
 fn place(points: &mut [Vec3], scale: DVec3, offset: DVec3) {
     for point in points {
         *point = ((point.as_dvec3() + offset) * scale).as_vec3();
     }
 }
 
-/// Puts values that are no places into a few coordinates.
+/// In a third of the worlds, overwrites a few coordinates by NaN, infinities, zeros, denormals and huge
+/// numbers.
 fn spoil(rng: &mut Random, objects: &mut [SourceObject], what: &mut String) {
     if !rng.one_in(3) {
         return;
@@ -203,7 +213,8 @@ fn spoil(rng: &mut Random, objects: &mut [SourceObject], what: &mut String) {
     }
 }
 
-/// An eye somewhere, or in one of the worst places: a vertex, an edge, a plane, inside an object.
+/// Makes a view from a random eye, often on a vertex, an edge or a plane of an object, or inside one. `reach`
+/// is the greatest distance of other eyes from objects, in units of `scale`.
 fn view(rng: &mut Random, objects: &[SourceObject], reach: f64, scale: DVec3, origin: DVec3) -> View {
     let mut corners = || {
         let object = &objects[rng.below(objects.len())];
@@ -236,7 +247,7 @@ fn view(rng: &mut Random, objects: &[SourceObject], reach: f64, scale: DVec3, or
         1 => by_matrix(rng, &pose, size),
         _ => View::perspective(pose, degrees.to_radians(), rng.pick(&[0.1, 1.0, 1.78]), near, far),
     };
-    // What is no camera is refused, as other tests say; then any will do.
+    // A refused camera is tested elsewhere; here an ordinary camera replaces it.
     made.unwrap_or_else(|_| {
         View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0)
             .expect("an ordinary camera")
@@ -254,26 +265,28 @@ fn by_matrix(rng: &mut Random, pose: &Pose, size: f64) -> Result<View, visibilit
     );
     let lens = projection(depth, [-1.0, 1.0, -0.6, 0.6], 1.0, 1e4, false);
     let matrix = lens * DMat4::from_scale(DVec3::splat(100.0 / size)) * rotation;
-    // The eye is where the matrix is relative to, so that nothing is lost far from the origin.
+    // The matrix is relative to the eye, so that no precision is lost far from the origin.
     View::from_clip_from_world(matrix.to_cols_array(), depth)?.relative_to(pose.eye)
 }
 
-/// Objects that are all the same point.
+/// Makes a world of `count` objects that are all one point.
 pub(crate) fn crowd(count: usize) -> Case {
     let point = |_: usize| SourceObject::new("point", vec![[Vec3::X * 5.0; 3]]);
     case(format!("{count} in one point"), (0..count).map(point).collect())
 }
 
+/// Makes a case of objects seen by two equal ordinary cameras.
 fn case(what: String, objects: Vec<SourceObject>) -> Case {
     Case { what, world: world(objects, None, DVec3::ZERO, straight_ahead()) }
 }
 
+/// Returns two equal ordinary views along x from the origin.
 fn straight_ahead() -> Vec<View> {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     vec![View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).expect("an ordinary camera"); 2]
 }
 
-/// Scenes of nothing, of one object, and of very many in one point.
+/// Makes worlds with no object, one object, objects without triangles, and very many coinciding objects.
 pub(crate) fn degenerate_counts() -> Vec<Case> {
     let one = SourceObject::new("one", cuboid(DVec3::new(5.0, 0.0, 0.0), DVec3::ONE));
     let empty = SourceObject::new("without triangles", Vec::new());
