@@ -5,8 +5,6 @@
 use libfuzzer_sys::fuzz_target;
 use visibility_core::{cells::{CellGraph, CellId}, geometry::ConvexPolygon, glam::DVec3};
 use visibility_core::bake::Bake;
-use visibility_core::{CellGraph, CellId, ConvexPolygon, glam::DVec3};
-use visibility_core::bake::Bake;
 use visibility_fuzz::mend;
 use visibility_portals::{CellBaker, Settings};
 

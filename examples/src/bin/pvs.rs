@@ -28,7 +28,7 @@ struct Arguments {
     json: bool,
 
     /// File to write the visible sets to, compressed and with a checksum, in the format of
-    /// `visibility_core::Pvs`.
+    /// `visibility_core::pvs::Pvs`.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 

@@ -254,7 +254,7 @@ fn view(rng: &mut Random, objects: &[SourceObject], reach: f64, scale: DVec3, or
     })
 }
 
-/// By a matrix, in any convention of depth.
+/// Makes a view from a clip matrix with a random depth convention. Its near plane is at `size` / 100.
 fn by_matrix(rng: &mut Random, pose: &Pose, size: f64) -> Result<View, visibility_core::view::ViewError> {
     let depth = rng.pick(&DEPTHS);
     let rotation = DMat4::from_cols(
