@@ -40,7 +40,8 @@ impl Settings {
     }
 }
 
-/// Why a baker cannot be made.
+/// Why [`CellBaker`](crate::CellBaker) or [`ObjectBaker`](crate::ObjectBaker) cannot be made: unsuitable
+/// settings, graph or matrix.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum BakeError {
@@ -60,7 +61,8 @@ pub enum BakeError {
         /// Number of portals of the graph.
         portals: usize,
     },
-    /// The cell matrix and the graph have different numbers of cells.
+    /// The cell matrix and the graph given to [`ObjectBaker`](crate::ObjectBaker) have different numbers of
+    /// cells.
     Cells {
         /// Number of cells of the graph.
         graph: usize,

@@ -18,14 +18,14 @@ use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
 /// [`Settings::steps_per_cell`](crate::Settings::steps_per_cell) there.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fallback {
-    /// The cell looked from.
+    /// The viewcell: the cell from which the search stopped early.
     pub cell: CellId,
-    /// Number of the cell's portals whose search stopped at the limit. All cells not yet proven hidden
-    /// behind these portals count as visible.
+    /// Number of the cell's portals whose search stopped at the limit. All cells behind these portals that
+    /// are not yet proven hidden count as visible.
     pub portals: u32,
 }
 
-/// Result of a bake of cell-to-cell visibility.
+/// Result of a bake of cell-to-cell visibility: the matrix of visible pairs, and how complete the search was.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Outcome {
     /// Cell-to-cell visibility. Conservative and symmetric; each cell sees itself.
@@ -71,14 +71,15 @@ pub struct CellBaker {
     /// Candidate matrix: in the row of directed portal a, bit b is set while a line through a may later pass
     /// directed portal b. See [`Known::rows`].
     rows: Vec<u64>,
-    /// Number of 64-bit words in a row of `rows`.
+    /// Number of 64-bit words in a row of `rows`, which has one bit per directed portal.
     stride: usize,
     /// Visible cells: in the row of cell a, bit b is set once cell b is known to be seen from cell a. See
     /// [`Known::seen`].
     seen: Vec<u64>,
-    /// Number of 64-bit words in a row of `seen`.
+    /// Number of 64-bit words in a row of `seen`, which has one bit per cell.
     cell_stride: usize,
-    /// Number of set bits in each row of `rows`, by index of the directed portal.
+    /// Number of candidates of each directed portal, by portal index: the number of set bits in its row of
+    /// `rows`.
     counts: Vec<u32>,
     steps: Vec<u64>,
     /// Number of portals whose search reached the limit of steps, by index of the cell that they lead from.
@@ -149,7 +150,7 @@ impl CellBaker {
         }
     }
 
-    /// Recomputes `counts` from `rows`.
+    /// Recomputes `counts`, the number of set bits in each row of `rows`.
     fn count(&mut self) {
         for (row, count) in self.rows.chunks_exact(self.stride.max(1)).zip(&mut self.counts) {
             *count = row.iter().map(|word| word.count_ones()).sum();
@@ -284,8 +285,8 @@ impl Baker for CellBaker {
 }
 
 /// Sets in `row` the bits of the directed portals that can follow directed portal `source`, by plane tests
-/// and through cells that can be reached. `stamps` has one entry per cell; on entry none equals `source`, and
-/// visited cells are marked with `source`.
+/// and through cells that can be reached. `stamps` has one entry per cell, and no entry may equal `source` on
+/// entry; the entries of visited cells are set to `source`.
 fn candidates(portals: &DirectedPortals, source: u32, stamps: &mut [u32], row: &mut [u64]) {
     let portal = &portals.all[source as usize];
     let mut queue = alloc::vec![portal.to];

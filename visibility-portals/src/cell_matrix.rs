@@ -23,7 +23,7 @@ use visibility_core::{
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct CellMatrix {
     cells: usize,
-    /// Number of 64-bit words in a row of `words`.
+    /// Number of 64-bit words in a row of `words`: `ceil(cells / 64)`.
     stride: usize,
     words: Vec<u64>,
 }
@@ -54,7 +54,8 @@ impl CellMatrix {
         Some(matrix)
     }
 
-    /// Returns the matrix in the `.vismat` format. Empty without cells.
+    /// Returns the matrix in the `.vismat` format: row by row, each of `ceil(cells / 8)` bytes, least
+    /// significant bit first. Empty without cells.
     pub fn to_bytes(&self) -> Vec<u8> {
         let row = self.cells.div_ceil(8);
         let rows = self.words.chunks_exact(self.stride.max(1));

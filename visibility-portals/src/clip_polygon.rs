@@ -6,7 +6,7 @@ use core::ops::Range;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
-/// Maximum vertex count of a polygon to be clipped. A polygon with more is returned whole, which is
+/// Maximum vertex count of a polygon to be clipped. A polygon with more vertices is returned whole, which is
 /// conservative.
 const MOST_VERTICES: usize = 120;
 

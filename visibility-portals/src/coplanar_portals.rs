@@ -63,7 +63,8 @@ pub(crate) fn lie_side_by_side(a: &[DVec3], b: &[DVec3], normal: DVec3, clearanc
 }
 
 /// Returns the least-squares plane through `count` points, with unit normal; distances are measured along the
-/// unit vector `along`. `None` if the normal is not finite (points on one line).
+/// unit vector `along`, to which the plane must not be parallel. `None` if the normal is not finite, for
+/// instance for points on one line.
 fn fitted(points: impl Iterator<Item = DVec3> + Clone, count: f64, along: DVec3) -> Option<Plane> {
     let u = along.any_orthonormal_vector();
     let v = along.cross(u);

@@ -23,13 +23,13 @@ const NOISE: f64 = 8.0 * f64::EPSILON;
 /// Distances that decide which points count as touching, all in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Margins {
-    /// Distance by which portals are shrunk on all sides.
+    /// Distance by which portals are shrunk on all sides, less than the clearance.
     pub(crate) inset: f64,
     /// A point less than this distance in front of a plane counts as on the plane.
     pub(crate) side: f64,
     /// Clipping keeps points up to this distance outside a plane.
     pub(crate) keep: f64,
-    /// Vertices no farther apart than this become one.
+    /// Neighbouring vertices no farther apart than this become one.
     pub(crate) merge: f64,
     /// Absolute bound on the rounding of a product of a unit vector and a position.
     pub(crate) noise: f64,
@@ -58,12 +58,12 @@ pub(crate) struct DirectedPortal {
     pub(crate) plane: Plane,
     /// Centre of a ball that contains all shrunk vertices.
     pub(crate) center: DVec3,
-    /// Radius of that ball, in world units.
+    /// Radius of the ball around `center` that contains all shrunk vertices, in world units.
     pub(crate) radius: f64,
-    /// First of its shrunk vertices, an index into [`DirectedPortals::vertices`]. The vertices run
+    /// First of the portal's shrunk vertices, an index into [`DirectedPortals::vertices`]. The vertices run
     /// counter-clockwise around the normal.
     pub(crate) start: u32,
-    /// End of the range of its shrunk vertices, exclusive.
+    /// End of the range of the portal's shrunk vertices in [`DirectedPortals::vertices`], exclusive.
     pub(crate) end: u32,
     /// Index of the cell that the portal leads from.
     pub(crate) from: u32,
@@ -176,7 +176,7 @@ impl DirectedPortals {
         core::iter::once(cells).chain(ends).chain(vertices)
     }
 
-    /// Returns the shrunk vertices of a portal, counter-clockwise around its normal.
+    /// Returns the shrunk vertices of a portal in world space, counter-clockwise around the portal's normal.
     pub(crate) fn vertices_of(&self, portal: &DirectedPortal) -> &[DVec3] {
         &self.vertices[portal.start as usize..portal.end as usize]
     }

@@ -23,7 +23,7 @@ use visibility_core::{
 /// Maximum number of vertices of a portal in a file, as in the compilers that write these files.
 pub const MAX_VERTICES: usize = 64;
 
-/// Content of a portal file.
+/// Content of a portal file: cells, portals and leaves.
 #[derive(Clone, PartialEq, Debug)]
 pub struct PortalFile {
     /// The graph of cells and portals, in the unit of the map.
@@ -37,11 +37,11 @@ pub struct PortalFile {
 #[derive(Clone, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum PrtError {
-    /// The content of a line is malformed.
+    /// A line is malformed.
     Line {
         /// Number of the line, from 1.
         line: usize,
-        /// Description of the problem.
+        /// Description of the problem with the line, in English.
         problem: String,
     },
     /// The vertices of a portal do not form a convex polygon.
@@ -53,14 +53,14 @@ pub enum PrtError {
         /// Why the vertices do not form a polygon.
         error: PolygonError,
     },
-    /// The file ends too early.
+    /// The file ends before all announced lines were read.
     Truncated {
         /// Number of lines of the file.
         lines: usize,
-        /// Description of the line that is missing.
+        /// Description of the line that is missing, in English.
         expected: &'static str,
     },
-    /// The cells and portals do not form a graph.
+    /// The cells and portals do not form a graph, for instance because a portal leads to an unknown cell.
     Graph {
         /// Number of the portal's line, from 1. The last line of the header if the error concerns no single
         /// portal. Too small by the number of empty lines above the portal, if there are any.

@@ -20,7 +20,7 @@ use alloc::vec::Vec;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{DVec2, DVec3};
 
-/// A convex polygon, with the direction in which lines pass it.
+/// A convex polygon in world space, and whether lines pass it along or against its normal.
 #[derive(Clone, Copy)]
 pub(crate) struct Facing<'a> {
     /// Vertices in world space, counter-clockwise around the normal.

@@ -160,8 +160,9 @@ fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
     );
 }
 
-/// Triangles of integers around the third axis, then rotated and moved without any rounding. At these
-/// positions the linear program in `f64` reports contradictions that do not exist.
+/// No line is excluded far from the origin, for triangles of integers around the third axis that are rotated
+/// and moved without any rounding. At these positions the linear program in `f64` reports contradictions that
+/// do not exist.
 #[test]
 fn far_from_the_origin_nothing_with_a_line_is_excluded() {
     let (mut random, mut lines) = (Random(3), 0);

@@ -37,7 +37,7 @@ fn row(rooms: u32) -> (SceneCells, Scene, Vec<ObjectId>) {
     (cells, scene, ids)
 }
 
-/// Returns a view from the first room along the row, with an infinite far plane.
+/// Returns a view from the first room along the row of rooms, with an infinite far plane.
 fn along() -> View {
     let pose = Pose::look_at(DVec3::new(0.5, 2.0, 1.0), DVec3::new(9.0, 2.0, 1.0), DVec3::Z);
     View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()

@@ -11,9 +11,9 @@ pub enum Passage {
     /// Both cells of the portal can be seen from each other.
     #[default]
     BothWays,
-    /// Along the portal's normal: only from its first cell into its second.
+    /// Only the portal's second cell can be seen from its first cell: along the portal's normal.
     Forward,
-    /// Against the portal's normal: only from its second cell into its first.
+    /// Only the portal's first cell can be seen from its second cell: against the portal's normal.
     Backward,
 }
 
@@ -30,7 +30,7 @@ pub(super) struct Doors {
 }
 
 impl Doors {
-    /// Returns the state of `portals` portals, all open in both directions.
+    /// Returns the state of a graph with `portals` portals, all open in both directions.
     pub(super) fn new(portals: usize) -> Self {
         Self { flags: alloc::vec![FORWARD | BACKWARD; portals] }
     }

@@ -17,7 +17,7 @@ pub struct MirrorId(pub u32);
 pub(super) struct Mirror {
     pub(super) outline: Outline,
     pub(super) vertices: Vec<DVec3>,
-    /// Index of the next mirror of the same cell, or `NONE`.
+    /// Index of the next mirror in the list of the cell's mirrors, or `NONE` at the end.
     pub(super) next: u32,
     /// Whether the mirror reflects. A covered mirror (`false`) never yields a reflection.
     pub(super) uncovered: bool,

@@ -47,7 +47,8 @@ use visibility_core::{
 #[derive(Clone, Debug)]
 pub struct PortalEye {
     narrowing: Narrowing,
-    /// Maximum number of portals inspected in one walk.
+    /// Maximum number of portals inspected in one walk. A walk that needs more is abandoned, and all objects
+    /// stay visible.
     steps: u64,
     walk: PortalWalk,
     start_cells: StartCells,
@@ -180,8 +181,8 @@ impl PortalEye {
         result
     }
 
-    /// Records in `stats` why the frame removes no object, and returns counters with all objects of `visible`
-    /// counted as visible.
+    /// Records in `stats` the reason `why` the frame removes no object. Returns counters in which all objects
+    /// of `visible` count as visible.
     fn fall_back(&mut self, why: NotCulled, scene: &Scene, visible: &VisibleSet) -> CullStats {
         self.stats.fallback = Some(why);
         CullStats { visible: visible.count(scene) as u64, ..CullStats::default() }

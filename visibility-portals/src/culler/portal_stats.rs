@@ -6,7 +6,8 @@ pub enum NotCulled {
     /// Some lines of sight begin outside all cells: part of the near plane or of a clip plane lies in a wall
     /// or beyond the building.
     OutsideCells,
-    /// The walk reached its limit of [steps](super::PortalEye::with_step_limit).
+    /// The walk through portals reached its limit of inspected portals,
+    /// [`PortalEye::with_step_limit`](super::PortalEye::with_step_limit).
     Steps,
     /// The position of the eye, or the direction of parallel lines of sight, cannot be computed in `f64`.
     View,
@@ -29,7 +30,7 @@ pub struct PortalStats {
     pub starts: u32,
     /// Number of portals inspected, counted once for each path from which the portal was inspected.
     pub portals: u64,
-    /// Number of portals that a line of sight may pass, counted once for each path.
+    /// Number of inspected portals that a line of sight may pass, counted once for each path.
     pub crossed: u64,
     /// Number of paths from the eye to cells. Paths of reflections are not counted.
     pub paths: u64,
@@ -38,7 +39,7 @@ pub struct PortalStats {
     pub widened: u64,
     /// Number of tests of an object's bounds against the window of a path.
     pub tests: u64,
-    /// Number of reflections made.
+    /// Number of reflections in mirrors made this frame.
     pub reflections: u32,
     /// Number of seen mirrors without a reflection: beyond the [limits](super::PortalEye::with_reflections),
     /// or with no reflected view that can be computed.

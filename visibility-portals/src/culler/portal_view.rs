@@ -32,7 +32,7 @@ pub(super) struct PortalView {
     /// The planes at which lines of sight end, anchor-relative: the far plane, if it is finite, and the clip
     /// planes.
     pub(super) ends: SmallVec<[WindowPlane; 11]>,
-    /// Rows of the clip matrix for x, y and w, for anchor-relative points.
+    /// Rows of the clip matrix for clip-space x, y and w, to be applied to anchor-relative points.
     pub(super) rows: [ClipRow; 3],
 }
 
@@ -114,12 +114,13 @@ impl PortalView {
     }
 }
 
-/// The direction in which the lines of sight of a view cross the plane of a polygon.
+/// The direction in which the lines of sight of a view cross the plane of a polygon, relative to the
+/// polygon's normal.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Crossing {
-    /// Along the polygon's normal.
+    /// The lines of sight cross the plane along the polygon's normal.
     Along,
-    /// Against the polygon's normal.
+    /// The lines of sight cross the plane against the polygon's normal.
     Against,
     /// Undecided: the eye is so near the plane, or the lines of sight are so nearly parallel to the plane,
     /// that rounding can hide the direction.

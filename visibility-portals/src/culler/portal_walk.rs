@@ -45,17 +45,17 @@ pub(super) struct PortalPath {
     pub(super) cell: CellId,
     /// Index of the path without its last portal, or `NONE` for a path that starts at the eye.
     pub(super) parent: u32,
-    /// The portal crossed last. Meaningless if `parent` is `NONE`.
+    /// The portal crossed last on this path. Meaningless if `parent` is `NONE`.
     pub(super) portal: PortalId,
-    /// Index of the previously found path to the same cell, or `NONE`.
+    /// Index of the path to the same cell that was found before this path, or `NONE`.
     next: u32,
-    /// The bounds of the view into this cell along this path.
+    /// The planes and screen bounds of the view into this cell along this path.
     pub(super) window: Window,
     /// Range in `PortalWalk::corners` of the visible part of the portal. Empty if `parent` is `NONE`.
     pub(super) corners: Range<u32>,
 }
 
-/// The bounds of the lines of sight that pass a chain of portals.
+/// The planes and screen bounds that contain all lines of sight through a chain of portals.
 #[derive(Clone, Debug)]
 pub(super) struct Window {
     /// Range of the bounding planes in `PortalWalk::sides`. Empty if the lines are unbounded.
@@ -77,7 +77,7 @@ pub(super) struct SeenMirror {
     pub(super) window: Window,
 }
 
-/// Scratch memory and result of a walk.
+/// Scratch memory of the walk through portals, and its result: the paths, their windows and the mirrors met.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PortalWalk {
     /// Stamp of the graph whose cells and portals index `heads`, `counts`, `wide` and `passed`. `None`
@@ -103,8 +103,8 @@ pub(super) struct PortalWalk {
     stack: Vec<(u32, u32)>,
     /// Cells that are still to be entered through the whole view.
     waiting: Vec<CellId>,
-    /// Corners of the portal that is being clipped, anchor-relative. `clipped` is the output buffer of a
-    /// clip.
+    /// Corners of the portal that is being clipped, anchor-relative. The next field, `clipped`, receives the
+    /// result of each clip.
     polygon: Vec<Corner>,
     clipped: Vec<Corner>,
     /// Union of the PVS rows of the starting cells: bit i % 64 of word i / 64 is set if the walk may enter
@@ -112,7 +112,7 @@ pub(super) struct PortalWalk {
     allowed: Vec<u64>,
     /// Stamp of the PVS that `allowed` was read from. `None` without a PVS.
     allowed_pvs: Option<Stamp>,
-    /// The viewcells whose PVS rows `allowed` unites.
+    /// The viewcells whose PVS rows are united in `allowed`.
     allowed_for: Vec<ViewcellId>,
     /// Scratch memory for one row of the PVS.
     row: Vec<u64>,

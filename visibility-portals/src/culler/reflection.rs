@@ -27,19 +27,19 @@ pub struct Reflection {
 }
 
 impl Reflection {
-    /// Returns the mirror.
+    /// Returns the id of the mirror that is reflected in.
     pub fn mirror(&self) -> MirrorId {
         self.mirror
     }
 
     /// Returns the index in [`PortalEye::reflections`](super::portal_eye::PortalEye::reflections) of the
-    /// reflection in which this mirror is seen. `None` if the mirror is seen directly.
+    /// reflection in which this mirror is seen. `None` if the eye sees the mirror directly.
     pub fn parent(&self) -> Option<usize> {
         self.parent
     }
 
-    /// Returns the number of mirrors along the lines of sight of this reflection: 1 if the mirror is seen
-    /// directly, one more than its parent's depth otherwise.
+    /// Returns the number of mirrors along the lines of sight of this reflection: 1 if the eye sees the
+    /// mirror directly, one more than the parent's depth otherwise.
     pub fn depth(&self) -> u32 {
         self.depth
     }
@@ -51,7 +51,7 @@ impl Reflection {
         &self.view
     }
 
-    /// Returns the objects to draw in the reflected view. Conservative.
+    /// Returns the objects to draw in the reflected view. Conservative: undecided objects are contained.
     pub fn visible(&self) -> &VisibleSet {
         &self.visible
     }
@@ -79,7 +79,7 @@ impl Reflections {
         Self { all, count: 0, walk: PortalWalk::default(), seen, sides, most: 8, deepest: 2 }
     }
 
-    /// Returns an empty value with the limits of `self`.
+    /// Returns a value without reflections and with the limits of `self`.
     pub(super) fn anew(&self) -> Self {
         Self { most: self.most, deepest: self.deepest, ..Self::new() }
     }

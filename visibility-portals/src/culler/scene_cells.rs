@@ -139,7 +139,7 @@ impl SceneCells {
         self.stamp
     }
 
-    /// Returns the graph of cells and portals.
+    /// Returns the graph of cells and portals, in world space.
     pub fn graph(&self) -> &CellGraph {
         &self.graph
     }

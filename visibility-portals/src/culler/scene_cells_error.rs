@@ -8,14 +8,14 @@ use visibility_core::cells::{CellId, PortalId};
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum SceneCellsError {
-    /// The number of viewcells differs from the number of cells of the graph.
+    /// The number of viewcells given to `SceneCells::new` differs from the number of cells of the graph.
     Viewcells {
         /// Number of cells of the graph.
         cells: usize,
-        /// Number of viewcells.
+        /// Number of viewcells given.
         viewcells: usize,
     },
-    /// The tolerance, given here, is negative, infinite or NaN.
+    /// The tolerance, which is the value here, is negative, infinite or NaN.
     Tolerance(f64),
     /// The targets of the PVS are not cells, or its number of viewcells or of targets differs from the number
     /// of cells of the graph.

@@ -117,21 +117,21 @@ pub(super) struct Corner {
     pub(super) edge: Edge,
 }
 
-/// The source of an edge of a clipped portal.
+/// The source of an edge of a clipped portal: the portal's own edge, or the plane that cut it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Edge {
-    /// An edge of the portal itself: from the vertex of this index to the next vertex.
+    /// An edge of the portal itself: from the portal vertex of this index to the next vertex.
     Own(u32),
-    /// A plane of the window: its index in `PortalWalk::sides`.
+    /// A plane of the window cut the portal here. The value is the plane's index in `PortalWalk::sides`.
     Window(u32),
-    /// The far plane, or a clip plane.
+    /// The far plane or a clip plane of the view cut the portal here.
     End,
 }
 
 /// Clips a convex polygon with anchor-relative `corners` to the inner side of `side`, and replaces `out` by
 /// the result. New corners on the plane take `edge` as the source of their edge. `error` bounds the distance
-/// between the corners and the exact polygon; the rounding of clipping is added to it. Returns `false` if the
-/// polygon is certainly outside, so that nothing is left.
+/// between the corners and the exact polygon, in world units; the rounding of clipping is added to `error`.
+/// Returns `false` if the polygon is certainly outside, so that nothing is left.
 ///
 /// Let an exact point `x` of the polygon be inside the exact half-space, so that `n . x + o >= -margin`. The
 /// polygon that `corners` span has a point `y` within `error` of `x`, for which `n . y + o >= -(margin +

@@ -19,7 +19,7 @@ use visibility_core::{
     pvs::Viewcells,
 };
 
-/// Rule that decides which regions are solid. Solid regions do not become cells.
+/// Rule that decides which regions of the BSP tree are solid. Solid regions do not become cells.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Solid<'a> {
     /// No region is solid. The inside of a wall becomes a cell that no camera enters.
@@ -75,7 +75,7 @@ const CANDIDATES: usize = 12;
 #[derive(Clone, Debug)]
 struct Fragment {
     vertices: Vec<DVec3>,
-    /// Index of its plane in the list of distinct planes.
+    /// Index of the fragment's plane in the list of distinct planes.
     plane: u32,
     area: f64,
 }
@@ -165,7 +165,8 @@ pub fn from_polygons(
     Ok(Subdivision { graph, viewcells: kept().map(|leaf| leaf.body.clone()).collect(), outside })
 }
 
-/// The settings converted to lengths, areas and counts, in world units.
+/// The [`PolygonSettings`] converted to absolute lengths and areas in world units, and the maximum number of
+/// leaves.
 struct Limits {
     lengths: Lengths,
     share: f64,

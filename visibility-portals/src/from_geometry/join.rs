@@ -8,7 +8,7 @@ use super::subtract::area;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Maximum fraction of a hull's area that may be opaque.
+/// Maximum fraction, of the area of a hull that replaces pieces, that the pieces may leave uncovered.
 const WASTE: f64 = 0.1;
 
 /// Maximum number of pieces to merge in pairs. With more pieces, only the hull of all pieces is tried.

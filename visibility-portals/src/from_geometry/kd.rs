@@ -14,7 +14,7 @@ use visibility_core::{
     pvs::Viewcell,
 };
 
-/// Settings of [`from_walls`], in world units.
+/// Settings of [`from_walls`]. Lengths are in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct WallSettings {
     /// Coordinates along one axis that differ by no more than this become one. 0 merges equal coordinates
@@ -29,7 +29,7 @@ pub struct WallSettings {
     pub least_area: Option<f64>,
     /// Distance by which the outermost cells extend beyond the walls.
     pub margin: f64,
-    /// Maximum number of cells. Splitting stops there.
+    /// Maximum number of cells. Splitting stops there. Limited to `CellGraph::LIMIT`.
     pub most_cells: usize,
 }
 
@@ -339,7 +339,8 @@ impl Tree<'_> {
         }
     }
 
-    /// Returns the parts of `rectangle`, perpendicular to `axis`, that no wall covers.
+    /// Returns the parts of `rectangle`, perpendicular to `axis`, that no wall covers. The whole rectangle if
+    /// no wall overlaps it, empty if walls cover it.
     fn open(&self, axis: usize, rectangle: &Box3) -> Vec<Box3> {
         let (mut open, mut next) = (alloc::vec![*rectangle], Vec::new());
         for wall in self.walls {
@@ -354,7 +355,7 @@ impl Tree<'_> {
     }
 }
 
-/// Tests whether `wall` contains `region`; touching boundaries count as contained.
+/// Tests whether the box `wall` contains the box `region`; touching boundaries count as contained.
 fn fills(wall: &Box3, region: &Box3) -> bool {
     wall.min.cmple(region.min).all() && region.max.cmple(wall.max).all()
 }

@@ -23,7 +23,7 @@ pub(super) enum Child {
     Leaf(u32),
 }
 
-/// A node of the tree, with the plane that splits its region.
+/// An inner node of the BSP tree, with the plane that splits its region.
 #[derive(Clone, Debug)]
 pub(super) struct Node {
     pub(super) plane: Plane,
@@ -60,7 +60,7 @@ fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     points.iter().fold(empty, |(min, max), &p| (min.min(p), max.max(p)))
 }
 
-/// A BSP tree of the box from `min` to `max`, in world space.
+/// A BSP tree that divides the box from `min` to `max`, in world space.
 #[derive(Clone, Debug)]
 pub(super) struct Bsp {
     pub(super) nodes: Vec<Node>,
@@ -69,7 +69,7 @@ pub(super) struct Bsp {
     pub(super) max: DVec3,
 }
 
-/// A leaf: its volume, and the opaque area on its boundary.
+/// A leaf of the BSP tree: its volume, and the opaque area on its boundary.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
     pub(super) body: Viewcell,
@@ -99,7 +99,8 @@ pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Le
     polygon
 }
 
-/// Clips a convex polygon to the inner side of a plane, in place. Empty if nothing is left.
+/// Clips a convex polygon in place to the inner side of a plane; points on the plane are kept. Empty if
+/// nothing is left.
 pub(super) fn cut(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &Lengths) {
     let mut inner = Vec::new();
     clip_into(polygon, plane, lengths.merge, &mut inner);
@@ -125,7 +126,7 @@ impl Bsp {
         polygon
     }
 
-    /// Returns the leaves, by leaf index, and the portals between them.
+    /// Returns the leaves of the tree, by leaf index, and the portals between leaves.
     pub(super) fn portals(&self, lengths: &Lengths) -> (Vec<Leaf>, Vec<LeafPortal>) {
         let empty = Viewcell { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY, planes: Vec::new() };
         let leaf = Leaf { body: empty, outside: false, fronts: 0.0, backs: 0.0 };

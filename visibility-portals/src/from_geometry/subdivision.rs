@@ -8,14 +8,14 @@ use visibility_core::{
     pvs::{Viewcell, Viewcells},
 };
 
-/// Cells, the portals between them, and the volumes of the cells.
+/// The result of dividing space: cells, the portals between them, and the volumes of the cells.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Subdivision {
     /// The graph of cells and portals.
     pub graph: CellGraph,
     /// Volumes of the cells, in world space; viewcell `i` is the volume of cell `i`.
     pub viewcells: Vec<Viewcell>,
-    /// Cells that touch the boundary of the divided region, ascending.
+    /// Cells that touch the boundary of the divided region, in ascending order.
     pub outside: Vec<CellId>,
 }
 
@@ -32,7 +32,7 @@ impl Subdivision {
     }
 }
 
-/// Why geometry cannot be divided into cells.
+/// Why `from_walls`, `from_polygons` or `floor_plan` fails.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum GeometryError {
@@ -54,7 +54,7 @@ pub enum GeometryError {
         /// Value of the setting.
         value: f64,
     },
-    /// The cells and portals do not fit into a graph.
+    /// The number of cells or portals exceeds the limits of a graph.
     Graph(CellGraphError),
 }
 

@@ -8,12 +8,13 @@ use visibility_core::glam::DVec3;
 /// Distances below which differences are ignored, in world units. All are fractions of one tolerance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lengths {
-    /// A polygon whose vertices are all within this distance of a plane lies in the plane.
+    /// Tolerance of coplanarity: a polygon whose vertices are all within this distance of a plane lies in
+    /// the plane.
     pub(super) plane: f64,
     /// Opaque polygons are widened by this distance, so that two polygons that share an edge leave no gap. A
     /// corner is cut off where it would extend more than 1.42 times as far.
     pub(super) widen: f64,
-    /// A piece no wider than this is no portal.
+    /// Minimum width: an open piece no wider than this does not become a portal.
     pub(super) sliver: f64,
     /// Points no farther apart than this become one, and points no farther from a plane are on it. About a
     /// thousand times the rounding of the coordinates.
@@ -99,7 +100,8 @@ pub(super) fn subtract(
     covered
 }
 
-/// Returns the area of a polygon projected along a unit normal. 0 for an empty polygon.
+/// Returns the area of a polygon projected along a unit normal, in square world units, for vertices in
+/// clockwise or counter-clockwise order. 0 for an empty polygon.
 pub(super) fn area(polygon: &[DVec3], normal: DVec3) -> f64 {
     let sum = polygon
         .windows(2)

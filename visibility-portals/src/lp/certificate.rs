@@ -112,10 +112,11 @@ struct Elimination<const K: usize> {
     /// LU factors in place: multipliers below the diagonal, the upper triangle from the diagonal on. Matrix
     /// rows and columns are in pivoting order.
     m: [[f64; MOST]; K],
-    /// Coordinate index of each matrix row; `row` holds the constraint index of each matrix column.
+    /// By matrix row: the coordinate of the normals that the row holds, after pivoting. The next field,
+    /// `row`, is the index of the constraint in each matrix column.
     coordinate: [usize; K],
     row: [usize; MOST],
-    /// By matrix column: the factor that the constraint's normal was scaled by.
+    /// By matrix column: the factor that made the greatest coefficient of the constraint's normal 1.
     scale: [f64; MOST],
     count: usize,
     rank: usize,

@@ -15,7 +15,7 @@ pub(crate) use seidel::{BOX, Levels, Stop};
 
 use visibility_core::geometry::DoubleDouble;
 
-/// The points `x` with `normal . x + offset >= 0`, in `D` dimensions.
+/// The half-space of the points `x` with `normal . x + offset >= 0`, in `D` dimensions.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct HalfSpace<const D: usize> {
     /// Normal that points into the half-space; of any length.
@@ -57,7 +57,7 @@ impl Certificate {
     }
 }
 
-/// Whether half-spaces have a point in common.
+/// Answer to whether half-spaces have a point in common.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Feasible<const D: usize> {
     /// A point that certainly satisfies every half-space.
@@ -68,10 +68,11 @@ pub enum Feasible<const D: usize> {
     Maybe,
 }
 
-/// The point of an intersection of half-spaces at which an objective is greatest.
+/// Answer to a maximization: the point of an intersection of half-spaces at which an objective is greatest.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Greatest<const D: usize> {
-    /// The point, up to rounding: it may lie outside half-spaces by about 1e-12 of its size.
+    /// The maximizing point, up to rounding: it may lie outside half-spaces by about 1e-12 of its greatest
+    /// coordinate.
     At([f64; D]),
     /// The half-spaces have certainly no common point in the box.
     Infeasible(Certificate),
@@ -107,7 +108,7 @@ pub struct Solver<const D: usize> {
 const TRIES: [(f64, u64); 5] = [(1e-9, 0), (0.0, 0), (1e-7, 1), (1e-10, 2), (0.0, 3)];
 
 impl<const D: usize> Solver<D> {
-    /// Returns a solver that has no memory allocated.
+    /// Returns a solver without allocated memory.
     pub fn new() -> Self {
         Self::default()
     }
@@ -162,8 +163,8 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    /// Returns the certificate that the half-spaces in the solver's last conflict contradict each other.
-    /// `None` if no proof is found.
+    /// Returns a certificate that the half-spaces of the last conflict that `levels` found contradict each
+    /// other within the box of coordinates up to `bound`. `None` if no proof is found.
     fn certificate(&self, constraints: &[HalfSpace<D>], bound: f64) -> Option<Certificate> {
         let mut rows = [Row { normal: [DoubleDouble::ZERO; D], error: 0.0, least: -bound }; MOST];
         let conflict = self.levels.conflict();

@@ -16,7 +16,7 @@
 
 use alloc::vec::Vec;
 
-/// Maximum number of variables.
+/// Maximum number of variables of a program.
 pub(crate) const DIMENSIONS: usize = 6;
 
 /// First tag of the bounds of the box. The upper bound of variable k has the tag `BOX + 2 k`, the lower bound
@@ -27,7 +27,8 @@ pub(crate) const BOX: u32 = u32::MAX - 2 * DIMENSIONS as u32;
 /// constraint's greatest coefficient. No proof depends on this value.
 const TOLERANCE: f64 = 1e-12;
 
-/// Coefficients of size 1 that cancel to no more than this become zero.
+/// Threshold below which a coefficient counts as zero, after rows have been scaled to a greatest coefficient
+/// of 1.
 const NOTHING: f64 = 1e-13;
 
 /// Limit on the rows inspected, per row of the program and summed over all dimensions. In random order the
@@ -47,7 +48,7 @@ pub(crate) enum Stop {
 /// greatest coefficient is 1 in absolute value, or all are zero.
 type Rows<const N: usize> = Vec<([f64; N], u32)>;
 
-/// Scratch memory of the programs of all dimensions.
+/// Scratch memory of Seidel's algorithm: the rows of the programs of all dimensions, and the last conflict.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Levels {
     rows1: Rows<2>,
@@ -63,7 +64,7 @@ pub(crate) struct Levels {
     conflict: [u32; DIMENSIONS + 1],
     conflicting: usize,
     steps: u64,
-    /// By variable: the bound on its absolute value.
+    /// By index of the variable: the bound on the variable's absolute value.
     bounds: [f64; DIMENSIONS],
     /// Seed of the random order of the rows.
     pub(crate) seed: u64,
@@ -125,7 +126,8 @@ impl Levels {
     }
 }
 
-/// Returns the tags of the upper and of the lower bound of a variable.
+/// Returns the tags of the upper and of the lower bound of variable number `variable`: `BOX + 2 k` and `BOX +
+/// 2 k + 1`.
 fn sides(variable: usize) -> [u32; 2] {
     [BOX + 2 * variable as u32, BOX + 2 * variable as u32 + 1]
 }
@@ -148,7 +150,7 @@ fn normalised<const N: usize>(mut row: [f64; N]) -> [f64; N] {
     row
 }
 
-/// Returns `array` without element `k`.
+/// Returns `array` without the element at index `k`; `M` must be `N - 1`.
 fn without<T: Copy + Default, const N: usize, const M: usize>(array: &[T; N], k: usize) -> [T; M] {
     let mut out = [T::default(); M];
     out[..k].copy_from_slice(&array[..k]);

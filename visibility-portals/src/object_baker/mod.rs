@@ -28,7 +28,8 @@ use visibility_core::{
     pvs::{Pvs, PvsError, PvsTargets},
 };
 
-/// Result of a bake of cell-to-object visibility. Conservative.
+/// Result of a bake of cell-to-object visibility: the objects seen from each cell, and how complete the
+/// search was. Conservative.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct ObjectOutcome {
     /// By index of the cell looked from: the [indices](ObjectId::index) of the objects seen from the cell,
@@ -39,7 +40,7 @@ pub struct ObjectOutcome {
     pub fallbacks: Vec<CellId>,
     /// By index of the cell looked from: the number of portal chains inspected.
     pub steps: Vec<u64>,
-    /// Whether the search from every cell was carried out.
+    /// Whether the search from every cell was carried out. `false` if the bake was finished early.
     pub complete: bool,
 }
 
@@ -91,17 +92,17 @@ pub struct ObjectBaker<'a> {
     portals: DirectedPortals,
     targets: Targets,
     settings: Settings,
-    /// Result by cell index. `None` for a cell whose search was not carried out.
+    /// By cell index: the objects seen from the cell. `None` for a cell whose search was not carried out.
     done: Vec<Option<SeenObjects>>,
 }
 
-/// The objects seen from one cell.
+/// The objects seen from one cell, and the cost of the search.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct SeenObjects {
     /// Object indices, ascending. Empty if `gave_up`.
     row: Vec<u32>,
     steps: u64,
-    /// Whether the search reached the limit of steps.
+    /// Whether the search from this cell reached the limit of steps.
     gave_up: bool,
 }
 
@@ -154,8 +155,8 @@ impl Baker for ObjectBaker<'_> {
         steps
     }
 
-    /// Builds the rows. For a cell whose search was not carried out or gave up, all objects in all cells that
-    /// it sees count as visible.
+    /// Builds the rows of the outcome. For a cell whose search was not carried out or gave up, all objects in
+    /// all cells that it sees count as visible.
     fn finish(self, waiting: &[u32]) -> ObjectOutcome {
         let cells = self.done.len();
         let (mut rows, mut steps, mut fallbacks) = (Vec::with_capacity(cells), Vec::new(), Vec::new());

@@ -21,7 +21,7 @@ pub(super) struct Targets {
     /// By target: centre and half extents of the object's box in world space. NaN if the object has no valid
     /// box.
     boxes: Vec<(DVec3, DVec3)>,
-    /// By target: the object's [index](ObjectId::index).
+    /// By target (object number within the bake): the object's [index](ObjectId::index) in the scene.
     index: Vec<u32>,
     /// CSR offsets: by cell index, the position in `of_cell` of the cell's first target; one more entry
     /// marks the end of the last cell.
@@ -65,12 +65,12 @@ impl Targets {
         boxes.map(f64::to_bits).chain(lists)
     }
 
-    /// Returns the targets in a cell.
+    /// Returns the targets (object numbers within the bake) in the cell of index `cell`.
     fn of(&self, cell: u32) -> &[u32] {
         &self.of_cell[self.first[cell as usize] as usize..self.first[cell as usize + 1] as usize]
     }
 
-    /// Returns the object indices of all targets in some cells, ascending, each once.
+    /// Returns the scene indices of all objects in `cells`, ascending, each once.
     pub(super) fn in_cells(&self, cells: impl Iterator<Item = CellId>) -> Vec<u32> {
         let mut all: Vec<u32> =
             cells.flat_map(|cell| self.of(cell.0)).map(|&target| self.index[target as usize]).collect();
@@ -109,7 +109,7 @@ struct Link {
     points: usize,
 }
 
-/// Scratch memory of the search.
+/// Scratch memory of the search for the objects seen from a cell.
 #[derive(Default)]
 pub struct Chains {
     seen: Vec<bool>,
@@ -130,7 +130,7 @@ struct Search<'a> {
     matrix: &'a CellMatrix,
     targets: &'a Targets,
     from: CellId,
-    /// Index of the first directed portal of the chains.
+    /// Index of the first directed portal, with which all chains of the search begin.
     first: u32,
     /// Number of 64-bit words in a bitset over the directed portals.
     words: usize,
@@ -361,7 +361,7 @@ fn ahead(search: &Search, portal: u32) -> Plane {
     Plane::new(plane.normal, plane.offset + search.portals.margins.keep)
 }
 
-/// Tests whether a directed portal lies entirely outside one of the planes.
+/// Tests whether all vertices of a directed portal are outside one of the planes. `false` without planes.
 fn is_beyond(search: &Search, portal: u32, planes: &[Plane]) -> bool {
     let directed = &search.portals.all[portal as usize];
     planes.iter().any(|plane| {

@@ -11,7 +11,7 @@ use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
 impl Scratch {
-    /// Begins the chain with portal `source`. All candidates may be reached from it.
+    /// Begins the chain with portal `source`. All candidates of the source may be reached from it.
     pub(crate) fn enter_source(&mut self, known: &Known, source: u32) {
         let portal = &known.portals.all[source as usize];
         self.points.extend_from_slice(known.portals.vertices_of(portal));
@@ -121,8 +121,8 @@ impl Scratch {
         self.push(cell, number, source, pass, planes, set, points);
     }
 
-    /// Tests whether the set at offset `set` in `sets`, the row at offset `row` in `rows`, and `goals` have a
-    /// candidate in common.
+    /// Tests whether three bitsets over the candidates have a bit in common: the set at offset `set` in
+    /// `sets`, the row at offset `row` in `rows`, and `goals`.
     fn leads_to_goal(&self, set: usize, row: usize) -> bool {
         let sets = self.sets[set..].iter().zip(self.row_words(row)).zip(&self.goals);
         sets.into_iter().any(|((a, b), c)| a & b & c != 0)
@@ -145,8 +145,8 @@ impl Scratch {
     }
 
     /// Returns the part of the source and the part of candidate `child` between which lines can pass the last
-    /// portal of the chain, as ranges of `points`. `None` if either part is empty. Appends to `points` in
-    /// both cases.
+    /// portal of the chain, as ranges of `points`. `None` if either part is empty. Clipped polygons are
+    /// appended to `points`, also if the result is `None`.
     fn narrow(
         &mut self,
         known: &Known,
@@ -197,8 +197,9 @@ impl Scratch {
         }
     }
 
-    /// Appends to `sets` the candidates of the set at offset `from` and the row at offset `row` that can be
-    /// reached from `cell` and are not outside any of `planes`.
+    /// Appends to `sets` the bitset of the candidates that are in the set at offset `from` in `sets` and in
+    /// the row at offset `row` in `rows`, can be reached from `cell` by a flood fill through cells, and are
+    /// not outside any of `planes`.
     fn flood_again(&mut self, known: &Known, from: usize, row: usize, cell: u32, planes: Range<usize>) {
         let set = self.sets.len();
         self.sets.resize(set + self.words, 0);
@@ -243,8 +244,8 @@ impl Scratch {
     }
 }
 
-/// Tests whether a portal lies entirely outside one of the planes. `ball` is the centre and the radius of a
-/// ball that contains the portal.
+/// Tests whether all vertices of a portal are outside one of the planes. `ball` is the centre and the radius
+/// of a ball that contains the portal. `false` without planes.
 fn outside(known: &Known, planes: &[Plane], ball: (DVec3, f64), portal: u32) -> bool {
     // The least distance over all planes decides nearly always. Without branches the loop handles several
     // planes at once.

@@ -29,7 +29,7 @@ pub(crate) fn portal_flow(known: &Known, source: u32, limit: u64, scratch: &mut 
     found
 }
 
-/// Adds all remaining goal cells to `found` as seen without proof.
+/// Adds the cells of all remaining goals to `found`, as seen without proof, and sets `gave_up`.
 fn give_up(scratch: &mut Scratch, mut found: Found) -> Found {
     let mut cells: Vec<u32> = Vec::new();
     for (i, &word) in scratch.goals.iter().enumerate() {

@@ -19,10 +19,10 @@ pub(crate) struct Known<'a> {
     pub(crate) exact: Option<f64>,
 }
 
-/// Result of one flow.
+/// Result of the flow from one source portal.
 #[derive(Default)]
 pub struct Found {
-    /// Directed portals, among the candidates of the source, that no line through the source reaches.
+    /// Candidate portals (by directed portal index) that no line through the source reaches.
     pub(crate) hidden: Vec<u32>,
     /// Cells that are newly found to be seen, each with `true` if a line proves that the cell is seen,
     /// `false` if the cell could not be excluded.

@@ -9,37 +9,42 @@ use core::ops::Range;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
-/// Scratch memory, reused by one flow after another. A candidate is named by its position in `candidates`.
+/// Scratch memory of the search through one portal, the source; reused by one search after another. A
+/// candidate is a portal that may be seen through the source, named by its position in `candidates`.
 #[derive(Default)]
 pub struct Scratch {
     /// Indices of the directed portals that may be seen through the source, ascending.
     pub(crate) candidates: Vec<u32>,
     pub(crate) count: usize,
-    /// Number of 64-bit words in a bitset over the candidates.
+    /// Number of 64-bit words in a bitset with one bit per candidate portal.
     pub(crate) words: usize,
-    /// By candidate: centre and radius of a ball that contains the portal, in world space.
+    /// By candidate portal: centre and radius of a ball that contains the portal, in world space.
     pub(crate) balls: Vec<(DVec3, f64)>,
-    /// By candidate: index of the cell that the portal leads to.
+    /// By candidate portal: index of the cell that the portal leads to.
     pub(crate) to: Vec<u32>,
-    /// By candidate: whether the plane of the source may intersect the portal, so that the portal must be
-    /// clipped to it.
+    /// By candidate portal: whether the plane of the source may intersect the portal, so that the portal
+    /// must be clipped to it.
     pub(crate) cut: Vec<bool>,
-    /// By cell: the half-open range of the candidates that lead from the cell.
+    /// By cell index: the half-open range of the candidate portals that lead from the cell. (0, 0) if there
+    /// are none.
     pub(crate) of_cell: Vec<(u32, u32)>,
-    /// By candidate: offset of the candidate's row in `rows`, or `NO_ROW` if the row has not been made yet.
+    /// By candidate portal: offset of the candidate's row in `rows`, or `NO_ROW` if the row has not been
+    /// made yet.
     row_of: Vec<u32>,
     /// Rows of [`Known::rows`] compressed to the bits of the candidates. Each row is made on first use.
     pub(crate) rows: Vec<u64>,
     /// The words of the source's full row that have candidates: the index of the word, the bits of the
     /// candidates, and the number of candidates in earlier words.
     mask: Vec<(u32, u64, u32)>,
-    /// Bitset of the candidates that lead to cells not yet known to be seen.
+    /// Bitset over the candidate portals: a bit is set if the portal leads to a cell not yet known to be
+    /// seen.
     pub(crate) goals: Vec<u64>,
-    /// Bitset of the candidates that are seen or could not be excluded.
+    /// Bitset over the candidate portals: a bit is set once the portal is seen or could not be excluded.
     pub(crate) reached: Vec<u64>,
     pub(crate) points: Vec<DVec3>,
     pub(crate) planes: Vec<Plane>,
-    /// Bitsets over the candidates, one for each frame of the chain. `Frame::set` is the offset of a bitset.
+    /// Stack of bitsets over the candidate portals, one for each frame of the chain. `Frame::set` is the
+    /// offset of a bitset.
     pub(crate) sets: Vec<u64>,
     pub(crate) frames: Vec<Frame>,
     /// By cell: number of the flood fill that last visited the cell, compared with `stamp`.
@@ -49,14 +54,14 @@ pub struct Scratch {
     pub(crate) pluecker: Pluecker,
     /// Sets of portals that the most recent certificates of this flow exclude, at most 32.
     pub(crate) refuted: Vec<Refuted>,
-    /// Index in `refuted` of the entry to be replaced next.
+    /// Index in `refuted` of the oldest entry, which is replaced next.
     pub(crate) oldest: usize,
 }
 
-/// A portal of the current chain.
+/// A portal of the current chain, and the lists' state when it was pushed.
 #[derive(Clone, Debug)]
 pub(crate) struct Frame {
-    /// Index of the directed portal.
+    /// Index of the directed portal in `DirectedPortals::all`.
     pub(crate) portal: u32,
     /// Index of the cell behind the portal.
     pub(crate) cell: u32,
@@ -66,11 +71,12 @@ pub(crate) struct Frame {
     pub(crate) pass: Range<usize>,
     /// The planes that bound everything that the lines reach beyond this portal, a range of `planes`.
     pub(crate) planes: Range<usize>,
-    /// Offset in `sets` of the bitset of the candidates that can be reached from here.
+    /// Offset in `sets` of the bitset of the candidate portals that lines through this portal can still
+    /// reach.
     pub(crate) set: usize,
-    /// The next candidate to inspect.
+    /// The next candidate portal to inspect, a position in `Scratch::candidates`.
     pub(crate) next: u32,
-    /// Length of `points` before this frame was pushed.
+    /// Length of `Scratch::points` before this frame was pushed, restored when the frame is popped.
     pub(crate) points: usize,
 }
 
@@ -137,7 +143,7 @@ impl Scratch {
         self.oldest = 0;
     }
 
-    /// Returns the offset in `rows` of a candidate's row, and makes the row on first use.
+    /// Returns the offset in `rows` of the row of a candidate portal, and makes the row on first use.
     pub(crate) fn row(&mut self, known: &Known, candidate: usize) -> usize {
         if self.row_of[candidate] == NO_ROW {
             self.row_of[candidate] = self.rows.len() as u32;

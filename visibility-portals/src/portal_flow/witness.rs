@@ -8,7 +8,7 @@ use crate::stabbing::pluecker::Polytope;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
-/// Maximum number of certificates that a flow keeps for testing later chains.
+/// Maximum number of certificates that the search from one portal keeps for testing later chains.
 const REMEMBERED: usize = 32;
 
 impl Scratch {

@@ -18,18 +18,18 @@ use alloc::vec::Vec;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec2;
 
-/// Scratch memory of the linear program.
+/// Scratch memory for finding a line through segments of a floor plan by a linear program in two variables.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FloorPlan {
     levels: Levels,
     rows: Vec<([f64; 2], f64)>,
 }
 
-/// Distances inside all half-spaces at which a line is searched, in order, relative to the size of the
-/// coefficients.
+/// Distances at which a line is searched, in order: how far inside each half-space of the program it must be,
+/// as a fraction of the half-space's greatest coefficient.
 const INSIDE: [f64; 4] = [1e-2, 1e-4, 1e-6, 0.0];
 
-/// Bound on the absolute value of both variables of the program.
+/// Bound on the absolute value of both variables of the program. Certificates do not depend on it.
 const FAR: f64 = 1e6;
 
 impl FloorPlan {

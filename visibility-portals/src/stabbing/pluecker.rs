@@ -53,7 +53,7 @@ pub(crate) struct Edge {
     /// Displacement, in world units, that moves the edge into the portal.
     pub(crate) shift: DVec3,
     /// Whether the edge bounds the portal. `false` for an edge without length, and for an edge on whose
-    /// outer side other vertices lie by rounding.
+    /// outer side another vertex lies by more than the inset.
     pub(crate) bounds: bool,
 }
 
@@ -64,14 +64,15 @@ impl Edge {
     }
 }
 
-/// A portal of a sequence.
+/// A portal of a sequence of portals that a line shall pass.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Opening<'a> {
-    /// Its edges, counter-clockwise around the direction in which lines pass; clockwise if `against`.
+    /// Edges of the portal, counter-clockwise around the direction in which lines pass; clockwise if
+    /// `against`.
     pub(crate) edges: &'a [Edge],
     /// Whether the `edges` run clockwise around the direction in which lines pass.
     pub(crate) against: bool,
-    /// Unit normal of its plane, in the direction in which lines pass.
+    /// Unit normal of the portal's plane, in the direction in which lines pass.
     pub(crate) normal: DVec3,
 }
 
@@ -103,11 +104,11 @@ pub(crate) fn edges_of(
     }
 }
 
-/// Scratch memory of the test.
+/// Scratch memory of the test whether any line passes a sequence of portals, and the result of the last test.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pluecker {
     levels: Levels,
-    /// Half-spaces of the edges in five coordinates: normal and offset.
+    /// Half-spaces of the edges in the five coordinates of the program, each as normal and offset.
     rows: Vec<([f64; 5], f64)>,
     /// By row: index of the opening, index of the edge in the opening, and index of the edge among the edges
     /// of all openings.
@@ -125,12 +126,12 @@ pub(crate) struct Pluecker {
 /// certificates do not depend on it.
 const FAR: f64 = 1e6;
 
-/// Whether the half-spaces of the edges have a common point.
+/// Answer to whether the half-spaces of all edges of a sequence have a common point in Pluecker space.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Polytope {
-    /// They have certainly none: no line passes all openings.
+    /// The half-spaces certainly have no common point: no line passes all openings.
     Empty(Certificate),
-    /// They have one, or it is undecided.
+    /// The half-spaces have a common point, or the test is undecided.
     Open,
 }
 
@@ -250,7 +251,7 @@ impl Pluecker {
     }
 }
 
-/// A vector of double-double numbers.
+/// A three-dimensional vector of double-double numbers.
 type Long = [DoubleDouble; 3];
 
 fn difference(a: DVec3, b: DVec3) -> Long {

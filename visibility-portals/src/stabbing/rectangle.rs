@@ -5,13 +5,14 @@ use visibility_core::glam::{DVec2, DVec3};
 /// An opening in a wall perpendicular to an axis, in world space.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Rectangle {
-    /// Minimum corner.
+    /// Corner with the least coordinates, in world space.
     pub min: DVec3,
-    /// Maximum corner; equal to `min` along `axis`.
+    /// Corner with the greatest coordinates, in world space; equal to `min` along `axis`.
     pub max: DVec3,
     /// The axis perpendicular to the wall: 0 for x, 1 for y, 2 for z.
     pub axis: usize,
-    /// Whether lines pass towards greater coordinates along `axis`.
+    /// Direction in which lines pass: `true` towards greater coordinates along `axis`, `false` towards
+    /// lesser.
     pub forward: bool,
 }
 

@@ -26,11 +26,12 @@ pub struct Stabber {
     plan: FloorPlan,
     pluecker: Pluecker,
     edges: Vec<Edge>,
-    /// By polygon: the end of its edges in `edges`, exclusive, and its unit normal.
+    /// By polygon of the sequence: the end of the polygon's edges in `edges`, exclusive, and the polygon's
+    /// unit normal.
     ends: Vec<(usize, DVec3)>,
     /// Rectangles projected along an axis, each as a left and a right end.
     seen: Vec<[DVec2; 2]>,
-    /// By segment in `seen`: the index of its rectangle.
+    /// By segment in `seen`: the index of the rectangle that was projected to the segment.
     of: Vec<u32>,
     corners: Vec<[DVec3; 4]>,
 }
@@ -154,8 +155,8 @@ impl Stabber {
     }
 }
 
-/// Distances inside all half-spaces at which a line is searched, in order, relative to the size of the
-/// coefficients.
+/// Distances at which a line is searched, in order: how far inside each half-space of the program it must be,
+/// as a fraction of the half-space's greatest coefficient.
 const INSIDE: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 
 #[cfg(test)]

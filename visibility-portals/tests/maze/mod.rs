@@ -17,7 +17,7 @@ use visibility_core::{
 use visibility_portals::{MirrorId, Passage, SceneCells};
 use visibility_testing::Random;
 
-/// A convex polygon in a wall: its corners in the two grid coordinates that follow the wall's axis
+/// A convex polygon in a wall: its corners in grid space, in the two coordinates that follow the wall's axis
 /// cyclically, counter-clockwise.
 #[derive(Clone, Debug)]
 pub struct Opening {
@@ -55,7 +55,8 @@ pub struct Maze {
     pub targets: Vec<DVec3>,
     /// Points on mirrors, in world space.
     pub mirror_targets: Vec<DVec3>,
-    /// By portal: whether it can be seen through now, forward and backward.
+    /// By portal index: whether the portal can be seen through now, along its normal (first) and against its
+    /// normal (second).
     pub passes: Vec<[bool; 2]>,
 }
 
@@ -322,7 +323,7 @@ impl Maze {
     }
 }
 
-/// Returns a random point of a polygon, very near to one of its edges.
+/// Returns a random point inside a polygon, very near to one of its edges.
 fn rim(random: &mut Random, polygon: &[DVec3]) -> DVec3 {
     let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
     let i = random.below(polygon.len());
