@@ -53,8 +53,8 @@ pub enum BakeError {
         /// coordinate.
         least: f64,
     },
-    /// The graph has more than 65,536 cells or more than 65,536 portals. The matrix of ordered pairs of
-    /// directed portals, one bit each, would take more than 2 GiB.
+    /// The graph has more than 65,536 cells or more than 65,536 portals. With more portals, the candidate
+    /// matrix of ordered pairs of directed portals, one bit each, would take more than 2 GiB.
     TooLarge {
         /// Number of cells of the graph.
         cells: usize,

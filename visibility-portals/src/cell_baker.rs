@@ -35,7 +35,7 @@ pub struct Outcome {
     /// Number of portal chains inspected, by index of the cell looked from.
     pub steps: Vec<u64>,
     /// Number of portal chains that only the test in Pluecker space excluded. 0 unless
-    /// [`Settings::exact`](crate::Settings::exact).
+    /// [`Settings::exact`](crate::Settings::exact) is `true`.
     pub rejected: u64,
     /// Whether the search from every portal was carried out. `false` after an early finish: cells behind
     /// unsearched portals then count as visible unless already proven hidden.

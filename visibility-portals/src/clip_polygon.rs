@@ -24,8 +24,8 @@ pub(crate) enum Clip {
 ///
 /// A result that is smaller than the input is appended to `points`. Of its vertices, neighbours no farther
 /// apart than `merge` (in the unit of the coordinates) become one. A result of fewer than three vertices is
-/// discarded and reported as `Clip::Nothing`. A polygon whose vertices are NaN is reported as `Clip::Part` or
-/// `Clip::Nothing`.
+/// discarded and reported as `Clip::Nothing`. A polygon of NaN vertices, or with more than `MOST_VERTICES`
+/// vertices, is reported as `Clip::All`.
 pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane, merge: f64) -> Clip {
     let count = polygon.len();
     if count > MOST_VERTICES {

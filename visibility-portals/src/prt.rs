@@ -29,7 +29,8 @@ pub struct PortalFile {
     /// The graph of cells and portals, in the unit of the map.
     pub graph: CellGraph,
     /// Cell of each leaf, by leaf index; leaves are a finer division of the map. `None` for a leaf that the
-    /// file puts in no cell. Empty for `PRT1`, where leaves are cells.
+    /// file puts in no cell. Empty for `PRT1`, where leaves are cells. For `PRT2` the list ends with the last
+    /// leaf that is in a cell.
     pub cell_of_leaf: Vec<Option<CellId>>,
 }
 
@@ -63,7 +64,7 @@ pub enum PrtError {
     /// The cells and portals do not form a graph, for instance because a portal leads to an unknown cell.
     Graph {
         /// Number of the portal's line, from 1. The last line of the header if the error concerns no single
-        /// portal. Too small by the number of empty lines above the portal, if there are any.
+        /// portal. Empty lines between the header and the portal are not counted.
         line: usize,
         /// Why the cells and portals do not form a graph.
         error: CellGraphError,

@@ -9,7 +9,7 @@ use visibility_portals::from_geometry::{
 use visibility_testing::Random;
 
 /// Returns axis-aligned boxes of a house: walls of zero or more thickness with gaps for doors and windows, a
-/// floor and a ceiling slab, and a few loose blocks. In metres.
+/// floor and a ceiling slab, and a few loose blocks. Each box is its minimum and maximum corner.
 fn house(random: &mut Random) -> Vec<[DVec3; 2]> {
     let mut boxes = Vec::new();
     let mut add = |min: [f64; 3], max: [f64; 3]| boxes.push([DVec3::from(min), DVec3::from(max)]);

@@ -248,7 +248,7 @@ impl PortalEye {
     /// Returns, for debug drawing, the part of each portal that was seen through in the last frame, once for
     /// each path through the portal. Each entry is the portal, the cell behind it, and the corners of the
     /// visible part in world space, in order around the portal. After a [fallback](PortalStats::fallback) the
-    /// entries are incomplete.
+    /// entries are incomplete, or there are none.
     pub fn windows(&self) -> impl Iterator<Item = (PortalId, CellId, impl Iterator<Item = DVec3> + '_)> + '_ {
         let paths = self.walk.paths.iter().filter(|path| path.parent != NONE);
         paths.map(|path| {

@@ -35,7 +35,7 @@ pub struct WallSettings {
 
 impl Default for WallSettings {
     /// Returns settings for coordinates in metres: a tolerance of 0.1 mm, a margin of 1 m, a least share of
-    /// 0.3, no least area, at most 32,768 cells.
+    /// 0.3, a least area of 1/32 of the largest wall face, at most 32,768 cells.
     fn default() -> Self {
         Self { tolerance: 1e-4, least_share: 0.3, least_area: None, margin: 1.0, most_cells: 1 << 15 }
     }
@@ -287,8 +287,8 @@ impl Tree<'_> {
         best
     }
 
-    /// Returns the open parts of the rectangles that pairs of cells share, each with the two cells: first the
-    /// cell at lower coordinates, into which the polygon's normal does not point.
+    /// Returns the open parts of the rectangles that pairs of cells share, each with the two cells. The
+    /// polygon's normal points from the first cell, at lower coordinates, into the second.
     fn portals(&self, root: &Box3) -> Vec<(ConvexPolygon, [CellId; 2])> {
         let mut shared = Vec::new();
         let mut regions = alloc::vec![(0, *root)];

@@ -5,7 +5,8 @@ use alloc::vec::Vec;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
-/// Distances below which differences are ignored, in world units. All are fractions of one tolerance.
+/// Distances below which differences are ignored, in world units. `merge` depends on the size of the
+/// coordinates, the others on the tolerance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lengths {
     /// Tolerance of coplanarity: a polygon whose vertices are all within this distance of a plane lies in
@@ -39,7 +40,7 @@ impl Lengths {
 }
 
 /// Replaces `out` by planes perpendicular to the plane of `cover`, whose common inner side is the convex
-/// polygon `cover` widened by `by`. `normal` is the unit normal of the polygon's plane, in either
+/// polygon `cover` widened by `by` world units. `normal` is the unit normal of the polygon's plane, in either
 /// orientation.
 pub(super) fn around(cover: &[DVec3], normal: DVec3, by: f64, out: &mut Vec<Plane>) {
     out.clear();

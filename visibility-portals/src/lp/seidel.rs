@@ -77,9 +77,9 @@ impl Levels {
         &self.conflict[..self.conflicting]
     }
 
-    /// Records a conflict and returns [`Stop::Conflict`]. The conflict is made of `rows`, the tags of
-    /// contradicting rows in dimension `dimension`, and of the constraints in whose planes that program lies,
-    /// up to dimension `top`.
+    /// Records a conflict and returns [`Stop::Conflict`]. The conflict consists of `rows`, the tags of
+    /// contradicting rows of the program of dimension `dimension`, and of the constraints in whose planes
+    /// this program lies, one for each higher dimension up to `top`.
     fn conflict_of(&mut self, rows: &[u32], dimension: usize, top: usize) -> Stop {
         let above = top - dimension;
         self.conflict[..above].copy_from_slice(&self.tight[dimension + 1..=top]);

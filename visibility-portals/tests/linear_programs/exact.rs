@@ -16,13 +16,13 @@ impl Exact {
     }
 }
 
-/// The dictionary: each basic variable, and in the last row the objective, is a constant plus a linear
-/// combination of the nonbasic variables, all over one denominator.
+/// The simplex dictionary: each basic variable, and in the last row the objective, is a constant plus a
+/// linear combination of the nonbasic variables. All coefficients are integers over one common denominator.
 struct Dictionary {
     rows: Vec<Vec<i128>>,
     denominator: i128,
-    /// Variable of each row; `others` holds the variable of each column, not counting the column of
-    /// constants.
+    /// By row: the index of its basic variable. The next field, `others`, holds the index of the nonbasic
+    /// variable of each column, not counting the column of constants.
     basic: Vec<usize>,
     others: Vec<usize>,
 }
