@@ -93,7 +93,8 @@ impl CellBaker {
     /// to the number of portal pairs at worst.
     ///
     /// # Errors
-    /// [`BakeError::TooLarge`] or [`BakeError::Clearance`].
+    /// [`BakeError::TooLarge`] for more than 65,536 cells or portals. [`BakeError::Clearance`] for a
+    /// clearance that is not positive, not finite, or too small for the coordinates.
     pub fn new(graph: &CellGraph, settings: Settings) -> Result<Self, BakeError> {
         let cells = graph.cell_count();
         let portals = prepare(graph, &settings)?;

@@ -67,7 +67,7 @@ impl CellMatrix {
         self.cells
     }
 
-    /// Tests whether cell `from` sees cell `to`. `false` if the matrix has no cell of either index.
+    /// Tests whether cell `from` sees cell `to`. `false` if `from` or `to` is not a cell of the matrix.
     pub fn sees(&self, from: CellId, to: CellId) -> bool {
         let known = from.index() < self.cells && to.index() < self.cells;
         known && self.words[from.index() * self.stride + to.index() / 64] >> (to.index() % 64) & 1 != 0

@@ -68,8 +68,8 @@ pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane
     Clip::Part(start)
 }
 
-/// Appends vertex `p` to the polygon that begins at `points[start]`, unless the squared distance to its last
-/// vertex is at most `near`.
+/// Appends vertex `p` to the polygon whose vertices are `points[start..]`, unless the squared distance of `p`
+/// to its last vertex is at most `near`.
 fn push_apart(points: &mut Vec<DVec3>, start: usize, p: DVec3, near: f64) {
     if points.len() == start || (points[points.len() - 1] - p).length_squared() > near {
         points.push(p);

@@ -29,8 +29,8 @@ pub struct PortalFile {
     /// The graph of cells and portals, in the unit of the map.
     pub graph: CellGraph,
     /// Cell of each leaf, by leaf index; leaves are a finer division of the map. `None` for a leaf that the
-    /// file puts in no cell. Empty for `PRT1`, where leaves are cells. For `PRT2` the list ends with the last
-    /// leaf that is in a cell.
+    /// file puts in no cell. Empty for `PRT1`, where leaves are cells. For `PRT2` the list ends with the
+    /// last leaf that is in a cell.
     pub cell_of_leaf: Vec<Option<CellId>>,
 }
 

@@ -8,7 +8,7 @@ use visibility_core::cells::PortalId;
 /// those of `Portal::cells`; the portal's normal points from the first into the second.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]
 pub enum Passage {
-    /// Both cells of the portal can be seen from each other.
+    /// Both directions: each cell of the portal can be seen from the other cell.
     #[default]
     BothWays,
     /// Only the portal's second cell can be seen from its first cell: along the portal's normal.

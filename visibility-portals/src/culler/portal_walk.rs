@@ -89,7 +89,7 @@ pub(super) struct PortalWalk {
     /// this list.
     pub(super) corners: Vec<DVec3>,
     pub(super) mirrors: Vec<SeenMirror>,
-    /// By cell index: index in `paths` of the path found last, or `NONE`.
+    /// By cell index: index in `paths` of the path to the cell that was found last, or `NONE`.
     heads: Vec<u32>,
     /// By cell index: number of paths to the cell.
     counts: Vec<u32>,

@@ -159,7 +159,7 @@ impl SceneCells {
     /// Opens or closes a portal, like a door. Constant time, no allocation.
     ///
     /// # Errors
-    /// [`SceneCellsError::UnknownPortal`].
+    /// [`SceneCellsError::UnknownPortal`] if the graph has no such portal.
     pub fn set_open(&mut self, portal: PortalId, open: bool) -> Result<(), SceneCellsError> {
         let known = self.doors.set_open(portal, open);
         self.changed(known, portal)
@@ -174,7 +174,7 @@ impl SceneCells {
     /// closed. Constant time, no allocation.
     ///
     /// # Errors
-    /// [`SceneCellsError::UnknownPortal`].
+    /// [`SceneCellsError::UnknownPortal`] if the graph has no such portal.
     pub fn set_passage(&mut self, portal: PortalId, passage: Passage) -> Result<(), SceneCellsError> {
         let known = self.doors.set_passage(portal, passage);
         self.changed(known, portal)
@@ -206,7 +206,7 @@ impl SceneCells {
     /// mirror is uncovered. Constant time, no allocation.
     ///
     /// # Errors
-    /// [`SceneCellsError::UnknownMirror`].
+    /// [`SceneCellsError::UnknownMirror`] if no such mirror was added.
     pub fn set_mirror(&mut self, mirror: MirrorId, uncovered: bool) -> Result<(), SceneCellsError> {
         let found = self.mirrors.get_mut(mirror.0 as usize).ok_or(SceneCellsError::UnknownMirror(mirror))?;
         found.uncovered = uncovered;
@@ -288,8 +288,9 @@ impl SceneCells {
     }
 
     /// Tests whether cell `from` may see cell `to` with all portals open: by the PVS if there is one,
-    /// otherwise by whether any chain of portals joins the two cells. `true` where undecided; `false` if the
-    /// graph has no cell of either index. Without a PVS, inspects each portal at most once and allocates.
+    /// otherwise by whether any chain of portals joins the two cells. `true` where undecided; `false` if
+    /// `from` or `to` is not a cell of the graph. Without a PVS, inspects each portal at most once and
+    /// allocates.
     pub fn can_see(&self, from: CellId, to: CellId) -> bool {
         match &self.pvs {
             Some(pvs) => pvs.sees(from.into(), to.0),
@@ -299,7 +300,8 @@ impl SceneCells {
 
     /// Tests whether cell `from` may see cell `to` through the portals that are open now: a chain of open
     /// portals must join the two cells, through cells that `from` can see. Conservative; never `true` where
-    /// [`can_see`](Self::can_see) is `false`. Inspects each portal at most once; allocates.
+    /// [`can_see`](Self::can_see) is `false`, and so `false` if `from` or `to` is not a cell of the graph.
+    /// Inspects each portal at most once; allocates.
     pub fn can_see_now(&self, from: CellId, to: CellId) -> bool {
         self.can_see(from, to) && self.joined(from, to, |portal, forward| self.doors.passes(portal, forward))
     }
