@@ -4,7 +4,8 @@ use crate::directed_portals::DirectedPortals;
 use core::fmt;
 use visibility_core::cells::CellGraph;
 
-/// Settings of [`CellBaker`](crate::CellBaker) and [`ObjectBaker`](crate::ObjectBaker).
+/// Settings of [`CellBaker`](crate::CellBaker) and [`ObjectBaker`](crate::ObjectBaker): the clearance of
+/// lines, the limit of steps, and the tests used.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Settings {
     /// Distance, in world units, that a line of sight must keep from all portal edges to count: a cell is

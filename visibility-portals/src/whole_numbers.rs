@@ -2,7 +2,8 @@
 
 use visibility_core::glam::DVec3;
 
-/// A vector of integers. Sums and products are exact while coordinates are at most 2^126 in absolute value.
+/// A vector of integers. Sums and products are exact while no coordinate or intermediate result exceeds 2^126
+/// in absolute value.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Whole(pub(crate) [i128; 3]);
 
