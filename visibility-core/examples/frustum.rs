@@ -1,4 +1,4 @@
-//! Frustum culling of a million boxes, and what a frame of it costs: `cargo run --release -p visibility-core
+//! Frustum culling of a million boxes with the time per frame: `cargo run --release -p visibility-core
 //! --example frustum`.
 
 use std::time::Instant;

@@ -1,5 +1,5 @@
-//! Backface culling against exact arithmetic: no triangle whose front an eye sees is ever in a culled
-//! cluster.
+//! Tests of backface culling against exact arithmetic: no culled cluster contains a triangle whose front
+//! faces an eye.
 
 use visibility_core::backface::{
     BackfaceCuller, ConeTree, Cones, Facing, MeshError, NormalCone, cluster_mesh, facing,
@@ -9,7 +9,7 @@ use visibility_core::{Aabb, Culler, Scene, View, VisibleSet, scene::Triangle, si
 use visibility_testing::cameras::{Camera, power_of_two, random_camera};
 use visibility_testing::{FNV_START, Random, fnv, sign_of_sum};
 
-/// A number as an exact sum.
+/// A real number as an exact, unevaluated sum of floats. Empty stands for 0.
 type Sum = Vec<f64>;
 
 fn product(a: &Sum, b: &Sum) -> Sum {
@@ -20,7 +20,7 @@ fn product(a: &Sum, b: &Sum) -> Sum {
             sum.extend([high, x.mul_add(y, -high)]);
         }
     }
-    // Kept short: zeros say nothing.
+    // Zero terms do not change the sum; dropping them keeps sums short.
     sum.retain(|&x| x != 0.0);
     sum
 }
@@ -33,7 +33,8 @@ fn plus(a: &Sum, b: &Sum) -> Sum {
     [a.as_slice(), b].concat()
 }
 
-/// The sign of `(b - a) x (c - a) . towards`, exactly; positive where the front is seen.
+/// Returns the exact sign of `(b - a) x (c - a) . towards`: positive where the triangle's front is seen, 0
+/// edge-on.
 fn side_of([a, b, c]: [DVec3; 3], towards: [Sum; 3]) -> i32 {
     let difference = |x: DVec3, i: usize| vec![x[i], -a[i]];
     let mut terms = Vec::new();
@@ -41,14 +42,14 @@ fn side_of([a, b, c]: [DVec3; 3], towards: [Sum; 3]) -> i32 {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         let one = product(&difference(b, j), &difference(c, k));
         let two = product(&difference(b, k), &difference(c, j));
-        // A component may have 16 terms, with the eye's 64.
+        // A component may have 16 terms; with an eye from `exact_eye`, 64.
         let component = compress(plus(&one, &minus(&two)));
         terms.extend(component.iter().flat_map(|&x| along.iter().map(move |&y| (x, y))));
     }
     sign_of_sum(terms)
 }
 
-/// The same sum without overlap.
+/// Returns a sum of equal value whose terms do not overlap, so that it is short.
 fn compress(terms: Sum) -> Sum {
     let mut expansion = Sum::new();
     for mut q in terms {
@@ -76,7 +77,8 @@ fn exact_side(triangle: &Triangle, eye: &Eye) -> i32 {
     )
 }
 
-/// What is said of one triangle must be true.
+/// Asserts that the answer for one triangle agrees with the exact sign, positive for a front. Edge-on (0)
+/// agrees with every answer, and an undecided answer with every sign.
 fn check(said: Facing, exact: i32) {
     match said {
         Facing::Front => assert!(exact >= 0),
@@ -85,7 +87,7 @@ fn check(said: Facing, exact: i32) {
     }
 }
 
-/// A vector of about `scale` times two to a power in the range.
+/// Returns a random vector with components up to `scale` times 2 to a random power from `least` to `most`.
 fn far_vector(rng: &mut Random, scale: f64, least: i32, most: i32) -> DVec3 {
     let size = scale * power_of_two(rng.between(least, most));
     rng.vector(size)
@@ -95,8 +97,8 @@ fn point(rng: &mut Random, size: f64) -> Vec3 {
     rng.vector(size).as_vec3()
 }
 
-/// A patch of a bent sheet at a place and scale, in the manner of what people build: its normals lie on an
-/// arc or a cap.
+/// Returns the 40 triangles of a bent sheet of size `scale` around `place`, similar to modelled surfaces: the
+/// normals lie on an arc or a cap.
 fn patch(rng: &mut Random, scale: f64, place: DVec3) -> Vec<Triangle> {
     let bend = [rng.range(-2.0, 2.0), rng.range(-2.0, 2.0) * f64::from(u8::from(rng.one_in(2)))];
     let frame = DMat3::from_cols(rng.vector(1.0), rng.vector(1.0), rng.vector(1.0));
@@ -109,7 +111,8 @@ fn patch(rng: &mut Random, scale: f64, place: DVec3) -> Vec<Triangle> {
     corners.flat_map(|i| [[i, i + 1, i + 7], [i, i + 7, i + 6]]).map(|t| t.map(at)).collect()
 }
 
-/// Eyes near a patch and far away, and some within a hair of planes, where only margins help.
+/// Returns eyes near a patch, far away, at infinity (directions), and on the planes of its triangles up to
+/// rounding, where only error margins keep answers right.
 fn eyes(rng: &mut Random, triangles: &[Triangle], scale: f64, count: usize) -> Vec<Eye> {
     let center = triangles[0][0].as_dvec3();
     (0..count)
@@ -118,7 +121,7 @@ fn eyes(rng: &mut Random, triangles: &[Triangle], scale: f64, count: usize) -> V
             1 => Eye::Point(center + far_vector(rng, scale, 0, 12)),
             2 => Eye::Direction(rng.vector(1.0).normalize()),
             _ => {
-                // On the plane of a triangle but for rounding.
+                // On the plane of a triangle, up to rounding.
                 let [a, b, c] = rng.pick(triangles).map(|p| p.as_dvec3());
                 let (s, t) = (rng.range(-9.0, 9.0) / 3.0, rng.range(-9.0, 9.0) / 7.0);
                 Eye::Point(a + (b - a) * s + (c - a) * t)
@@ -173,7 +176,8 @@ fn no_front_is_in_a_cluster_that_is_said_to_be_back() {
     assert!(said_so.iter().all(|&n| n > 3000), "{said_so:?}");
 }
 
-/// Eyes between one that is decided and one that is not, as near to the limit as `f64` tells.
+/// Returns pairs of eyes on both sides of limits between a cone's answers, found by bisection to about the
+/// precision of `f64`.
 fn at_the_limit(rng: &mut Random, cone: &NormalCone, scale: f64, place: DVec3) -> Vec<Eye> {
     let mut found = Vec::new();
     for _ in 0..4 {
@@ -191,8 +195,8 @@ fn at_the_limit(rng: &mut Random, cone: &NormalCone, scale: f64, place: DVec3) -
     found
 }
 
-/// Two slopes of a roof whose ridge goes through `at`, with the eye on the plane of the first, straight down
-/// its slope: there the cone has the least to spare.
+/// Returns two triangles, slopes of a roof whose ridge passes through `at`. The eye is in the plane of the
+/// first slope, in the direction of steepest descent, where the cone's answer has the smallest margin.
 fn roof(rng: &mut Random, at: DVec3, eye: DVec3, size: f64) -> [Triangle; 2] {
     let down = (eye - at).normalize();
     let ridge = down.any_orthonormal_vector();
@@ -214,8 +218,8 @@ fn eyes_that_cross_the_plane_of_a_slope_are_told_apart_in_time() {
     let mut told = 0;
     for round in 0..6000 {
         let scale = power_of_two(rng.between(-30, 30));
-        // Far from the origin, where f32 is coarse; or with the eye so far that it does not matter where the
-        // apex is.
+        // In turn: far from the origin, where f32 is coarse; with an eye so far away that the apex does not
+        // matter; and with directions.
         let (place, far) = [(20, 4), (8, 24), (0, 4)][round % 3];
         let at = far_vector(&mut rng, scale, -4, place);
         let eye = at + far_vector(&mut rng, scale, -2, far);
@@ -224,7 +228,7 @@ fn eyes_that_cross_the_plane_of_a_slope_are_told_apart_in_time() {
         let [a, b, c] = slopes[0].map(|p| p.as_dvec3());
         let out = (b - a).cross(c - a).normalize_or_zero() * (eye - at).length() * 0.04;
         let along = |p: DVec3| if round % 3 == 2 { Eye::Direction(at - p) } else { Eye::Point(p) };
-        // From behind the plane towards it, to the last eye that is told to see backs only.
+        // Bisects for the last eye, coming from behind the plane, for which the cone answers `Back`.
         let (mut back, mut other) = (eye - out, eye + out);
         if cone.facing(&along(back)) != Facing::Back {
             continue;
@@ -250,7 +254,7 @@ fn cones_over_cones_and_of_viewcells_are_right() {
     for _ in 0..400 {
         let scale = power_of_two(rng.between(-20, 20));
         let one = patch(&mut rng, scale, DVec3::ZERO);
-        // Cut into strips, then put together again.
+        // Cones of strips of the patch, and the cone that contains these.
         let cones: Vec<NormalCone> = one.chunks(10).map(NormalCone::from_triangles).collect();
         let all = NormalCone::from_cones(&cones);
         let twice = NormalCone::from_cones([&all]);
@@ -364,14 +368,15 @@ fn every_path_says_the_same_of_a_hundred_thousand_cones() {
     assert_eq!(hash, PINNED, "the same answers on every platform");
 }
 
-/// Of what the kernel answers, by way of fits that use nothing but basic arithmetic and square roots.
+/// Expected hash of the kernel's answers on every platform. The cones are fitted with basic arithmetic and
+/// square roots only, which IEEE 754 fixes to the last bit.
 const PINNED: u64 = 0x74f6_5c25_0d1e_5809;
 
 #[test]
 fn a_tree_decides_what_its_cones_do() {
     let mut rng = Random(6);
     for count in [0u32, 1, 63, 64, 65, 700, 5000] {
-        // Neighbours face alike, as clusters in order do.
+        // Neighbours in the list face similar directions, as sorted clusters do.
         let sphere: Vec<NormalCone> = (0..count)
             .map(|i| {
                 let turn = f64::from(i) / f64::from(count) * core::f64::consts::TAU;
@@ -437,7 +442,8 @@ fn hostile_triangles_neither_panic_nor_lie() {
     assert_eq!(with([Vec3::NAN, Vec3::ONE, Vec3::ZERO]), Facing::Undecided);
     assert_eq!(with([Vec3::INFINITY, Vec3::ONE, Vec3::ZERO]), Facing::Undecided);
     assert_eq!(with([Vec3::ZERO, Vec3::Y, Vec3::X]), Facing::Undecided, "all directions");
-    // So thin that nobody knows its normal: seen from the front, it must not be culled.
+    // So thin that the computed normal is unreliable. Its front faces the eye, so the triangle must not be
+    // culled.
     let thin = [Vec3::ZERO, Vec3::new(1.0, 1.0, 1.0), Vec3::new(1e10, 1e10, 1e10_f32.next_up())];
     assert_ne!(exact_side(&thin, &Eye::Point(DVec3::X)), 0);
     let cone = NormalCone::from_triangles(&[thin]);
@@ -484,8 +490,8 @@ fn clear_cases_are_decided_at_all_scales() {
             })
             .collect();
         let cone = NormalCone::from_triangles(&sheet);
-        // A hundredth of a degree from edge-on is a thousand times what rounding does at this distance from
-        // the origin; the least ellipse is a tenth of a degree.
+        // A hundredth of a degree from edge-on is a thousand times the rounding error at this distance from
+        // the origin; the smallest ellipse spans a tenth of a degree.
         for (height, expected) in [(0.2, Facing::Front), (-0.2, Facing::Back)] {
             let eye = place + DVec3::new(5.0 * scale, 50.0 * scale, height * scale);
             assert_eq!(cone.facing(&Eye::Point(eye)), expected, "2^{exponent}");
@@ -493,8 +499,8 @@ fn clear_cases_are_decided_at_all_scales() {
     }
 }
 
-/// The point that a camera's matrix sees from, exactly, in homogeneous coordinates relative to the camera's
-/// origin: its minors.
+/// Returns the exact eye of a camera's clip matrix, in homogeneous coordinates relative to the camera's
+/// origin: the 3x3 minors of the rows x, y and w.
 fn exact_eye(camera: &Camera) -> [Sum; 4] {
     let m = |row: usize, column: usize| vec![camera.matrix[4 * column + row]];
     let minor = |columns: [usize; 3], sign: f64| {
@@ -523,7 +529,7 @@ fn any_camera_hides_only_what_its_matrix_sees_from_behind() {
         let exponents = [rng.between(-8, 8); 3];
         let (mut camera, _) = random_camera(&mut rng, exponents);
         if rng.one_in(3) {
-            // Rows that nearly depend on each other: the eye is hard to find.
+            // Nearly dependent rows, which make the eye ill-conditioned.
             let (x, y, off) =
                 (rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), power_of_two(rng.between(-46, -20)));
             for column in 0..4 {

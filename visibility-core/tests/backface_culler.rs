@@ -1,5 +1,5 @@
-//! The backface culler in a scene that changes: what has changed since its cone was built counts as visible,
-//! and nothing whose front is seen is hidden.
+//! Tests of the backface culler in scenes that change: an object that changed after its cone was built counts
+//! as visible, and no object with a visible front is hidden.
 
 use visibility_core::backface::{BackfaceCuller, Facing, NormalCone, facing};
 use visibility_core::glam::{DVec3, Vec3};
@@ -33,7 +33,8 @@ fn view_from(eye: DVec3) -> View {
     View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()
 }
 
-/// A scene with triangles, changed at random, held against each triangle by itself.
+/// Tests a scene with triangles under random changes: the culler may hide an object only if no triangle of
+/// the object, tested by itself, faces the eye.
 #[test]
 fn a_scene_under_random_changes_hides_backs_only() {
     let mut rng = Random(1);
@@ -55,14 +56,14 @@ fn a_scene_under_random_changes_hides_backs_only() {
             match rng.below(3) {
                 0 => scene.remove(objects.swap_remove(which).0).unwrap(),
                 1 => {
-                    // A new shape in a new place.
+                    // A new triangle at a new place.
                     let (id, old) = &mut objects[which];
                     *old = triangle(&mut rng);
                     scene.set_bounds(*id, Aabb::from_points(*old)).unwrap();
                     scene.set_triangles(*id, [*old]).unwrap();
                 }
                 _ => {
-                    // Turned round where it is.
+                    // The triangle with opposite winding, at the same place.
                     let (id, old) = &mut objects[which];
                     old.swap(1, 2);
                     scene.set_triangles(*id, [*old]).unwrap();
@@ -128,13 +129,13 @@ fn a_moved_object_is_visible_until_it_is_set_again() {
     culler.set(&scene, one, cone).unwrap();
     assert_eq!(culler.cone(&scene, one), Some(cone));
     assert_eq!(seen(&mut culler, &scene), [false, false, true]);
-    // An id that is used again is another object.
+    // A new object that reuses the index of the removed one.
     scene.remove(two).unwrap();
     let four = scene.insert(Aabb::from_points(floor));
     assert_eq!(four.index(), two.index());
     assert!(cull(&mut culler, &scene, &below).contains(&scene, four));
     assert!(culler.set(&scene, two, cone).is_err());
-    // Triangles left behind by their bounds say nothing.
+    // Triangles outside of the object's bounds are outdated, so the object counts as visible.
     scene.set_triangles(four, [floor]).unwrap();
     culler.sync(&scene);
     assert!(!cull(&mut culler, &scene, &below).contains(&scene, four));
@@ -167,8 +168,8 @@ fn two_sided_and_never_culled_objects_are_kept() {
     assert_eq!(seen(&mut culler, &scene), [false, false, true]);
 }
 
-/// Two scenes whose objects have the same ids, of which each turns its front to where the other turns its
-/// back.
+/// Returns two scenes whose objects have equal ids but opposite winding, the object's id, and a view of
+/// either side.
 fn opposite_scenes() -> ([Scene; 2], ObjectId, [View; 2]) {
     let up: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let down: Triangle = [Vec3::ZERO, Vec3::Y, Vec3::X];
@@ -184,7 +185,7 @@ fn opposite_scenes() -> ([Scene; 2], ObjectId, [View; 2]) {
 
 #[test]
 fn cones_of_one_scene_hide_nothing_in_another() {
-    // In either order: revisions of the scene that was made later are greater.
+    // In both orders: the scene made later has the greater revisions.
     for order in [[0, 1], [1, 0]] {
         let (scenes, id, views) = opposite_scenes();
         let [a, b] = order.map(|i| &scenes[i]);
@@ -201,8 +202,8 @@ fn cones_of_one_scene_hide_nothing_in_another() {
     }
 }
 
-/// The block of a leaf is found right for a layout of its scene, which does not change while the culler is
-/// with another.
+/// Tests that the culler rebuilds its blocks of cones when it returns to a scene. That scene's layout has not
+/// changed while the culler was used with another scene.
 #[test]
 fn blocks_of_a_scene_are_made_anew_after_another() {
     let ([mut a, _], id, [front, back]) = opposite_scenes();
@@ -210,7 +211,7 @@ fn blocks_of_a_scene_are_made_anew_after_another() {
     let mut culler = BackfaceCuller::new();
     culler.sync(&a);
     assert!(!cull(&mut culler, &a, &back).contains(&a, id));
-    // Turned round meanwhile.
+    // The winding is reversed while the culler is used with the other scene.
     culler.sync(&b);
     a.set_triangles(id, [[Vec3::ZERO, Vec3::Y, Vec3::X]]).unwrap();
     assert!(cull(&mut culler, &a, &back).contains(&a, id));
@@ -225,7 +226,8 @@ fn two_sided_objects_stay_so_while_the_culler_is_with_another_scene() {
     let mut a = Scene::new();
     let gone = insert(&mut a, up);
     a.remove(gone).unwrap();
-    // The index of what was removed, in the other scene still that of the first object.
+    // In the first scene the index is reused after a removal; in the other it is still that of the first
+    // object.
     let leaf = insert(&mut a, up);
     let mut b = Scene::new();
     let other = insert(&mut b, up);

@@ -1,5 +1,5 @@
-//! No object is left out whose shadow falls into a view: checked by segments from points of the view to the
-//! light, which know nothing of planes, hulls and silhouettes.
+//! Tests that no object whose shadow falls into a view is culled. The oracle shoots segments from points of
+//! the view to the light and shares nothing with the culler's planes, hulls and silhouettes.
 
 use visibility_core::glam::{DMat4, DQuat, DVec3};
 use visibility_core::{
@@ -14,7 +14,7 @@ use visibility_testing::cameras::{
     Camera, DEPTHS, power_of_two, projection, random_camera, random_projection,
 };
 
-/// A view by its parts, so that points in it can be made without asking it.
+/// A view by its parameters, from which points in view are computed without the crate's code.
 #[derive(Clone, Copy, Debug)]
 struct Eye {
     turn: DQuat,
@@ -51,7 +51,8 @@ impl Eye {
         View::from_clip_from_world(matrix, self.depth).unwrap()
     }
 
-    /// The point at a place in the window, from 0 to 1 each, and a distance.
+    /// Returns the world point at `x` and `y`, fractions of the window from 0 to 1, and view depth `z` in
+    /// metres.
     fn point(&self, x: f64, y: f64, z: f64) -> DVec3 {
         let [left, right, bottom, top] = self.window;
         let widen = if self.parallel { 1.0 } else { z };
@@ -59,7 +60,8 @@ impl Eye {
         self.turn.inverse() * p + self.place
     }
 
-    /// A point in view, often on its edges; 1e-9 inside, for what rounding does to the matrix.
+    /// Returns a random world point in view, often at its edges, but inside by a relative 1e-9 for the
+    /// rounding of the clip matrix.
     fn sample(&self, rng: &mut Random) -> DVec3 {
         let mut place = || match rng.below(4) {
             0 => 1e-9,
@@ -89,7 +91,7 @@ fn random_light(rng: &mut Random, eye: &Eye) -> Light {
         }
         _ => {
             let toward_light = match rng.below(3) {
-                // In a plane of the view, as nearly as can be.
+                // In a plane of the view, up to rounding.
                 0 => eye.point(0.0, rng.unit(), eye.far) - eye.point(0.0, rng.unit(), eye.near),
                 1 => eye.turn.inverse() * rng.pick(&[DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_Z]),
                 _ => rng.vector(1.0),
@@ -99,8 +101,7 @@ fn random_light(rng: &mut Random, eye: &Eye) -> Light {
     }
 }
 
-/// The vector from a point to where its light comes from, or far along the way there; `None` if it is not
-/// lit.
+/// Returns the vector from `p` to the light, or 10 km towards a directional light. `None` if `p` is not lit.
 fn ray(light: &Light, p: DVec3) -> Option<DVec3> {
     match *light {
         Light::Directional { toward_light } => Some(toward_light.normalize() * 1e4),
@@ -114,27 +115,29 @@ fn ray(light: &Light, p: DVec3) -> Option<DVec3> {
     }
 }
 
-/// Segments to the light from 10,000 points in view that are lit, or fewer if hardly any are.
+/// Returns at most 10,000 pairs of a lit point in view that is `wanted` and the vector from this point to the
+/// light. Fewer if 100,000 samples do not yield that many.
 fn rays(rng: &mut Random, eye: &Eye, light: &Light, wanted: impl Fn(DVec3) -> bool) -> Vec<(DVec3, DVec3)> {
     let points = (0..100_000).map(|_| eye.sample(rng)).filter(|&p| wanted(p));
     points.filter_map(|p| Some((p, ray(light, p)?))).take(10_000).collect()
 }
 
-/// Whether the segment from `p` along `ray` surely meets a box: slabs (Kay and Kajiya, "Ray Tracing Complex
-/// Scenes", 1986).
+/// Returns whether the segment from `p` to `p + ray` meets the closed box, by the slab method (Kay and
+/// Kajiya, "Ray Tracing Complex Scenes", 1986).
 fn hits(min: DVec3, max: DVec3, p: DVec3, ray: DVec3) -> bool {
     let (mut enter, mut leave) = (0.0f64, 1.0f64);
     for axis in 0..3 {
         let inverse = 1.0 / ray[axis];
         let (a, b) = ((min[axis] - p[axis]) * inverse, (max[axis] - p[axis]) * inverse);
-        // NaN, where a flat ray runs along a side, is ignored by these; such a ray is inside or on the slab.
+        // `max` and `min` ignore NaN, which occurs where a ray runs along a side; the ray is then inside or
+        // on the slab.
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));
     }
     enter <= leave
 }
 
-/// `count` boxes of many sizes about the origin, shrunk by nothing: those of the scene, and as tested.
+/// Returns `count` random boxes of many sizes within `spread` metres of the origin.
 fn crowd(rng: &mut Random, count: usize, spread: f64) -> Vec<Aabb> {
     let mut boxes = Vec::new();
     for _ in 0..count {
@@ -158,7 +161,8 @@ struct Shadows {
     rays: usize,
 }
 
-/// Culls and shoots: every box hit must have been kept. Counts what was kept and what was hit.
+/// Asserts that every box hit by a ray is among the casters. Returns how many boxes were kept and how many
+/// were hit.
 fn shoot(
     boxes: &[Aabb],
     scene: &Scene,
@@ -169,7 +173,7 @@ fn shoot(
 ) -> Shadows {
     let mut sum = Shadows { kept: 0, needed: 0, all: boxes.len(), rays: rays.len() };
     for (bounds, &id) in boxes.iter().zip(ids) {
-        // Shrunk by more than rays are rounded.
+        // The box is shrunk by more than the rounding of rays.
         let slack = (bounds.min.abs().max(bounds.max.abs()).as_dvec3() + 1e3) * 1e-12;
         let (min, max) = (bounds.min.as_dvec3() + slack, bounds.max.as_dvec3() - slack);
         let hit = rays.iter().find(|&&(p, ray)| hits(min, max, p, ray));
@@ -181,7 +185,8 @@ fn shoot(
     sum
 }
 
-/// The check that the issue asks for: 10,000 points of each view, all kinds of views and lights.
+/// Tests 72 random views with all kinds of lights: no box that blocks one of up to 10,000 rays per view is
+/// culled.
 #[test]
 fn no_blocker_of_ten_thousand_rays_is_left_out() {
     let mut rng = Random(1);
@@ -212,8 +217,8 @@ fn no_blocker_of_ten_thousand_rays_is_left_out() {
     }
 }
 
-/// What is kept is little more than what is needed, in a scene as games have it: a plain full of houses, a
-/// camera that looks along it.
+/// Tests tightness in a scene typical of games, a plain full of houses with a camera looking along it: at
+/// most a third of the kept objects casts no shadow into the view.
 #[test]
 fn in_a_town_at_most_a_third_of_what_is_kept_is_not_needed() {
     let mut rng = Random(2);
@@ -264,8 +269,8 @@ fn in_a_town_at_most_a_third_of_what_is_kept_is_not_needed() {
     }
 }
 
-/// Points, lights and blockers with so few bits that a blocker's corner is on the segment exactly, from
-/// points exactly in view.
+/// Tests boxes with a corner exactly on a segment from a point of the view to the light. Points, lights and
+/// corners have so few bits that all of this is exact.
 #[test]
 fn corners_exactly_on_segments_from_the_edges_of_the_view_are_kept() {
     let mut rng = Random(3);
@@ -278,7 +283,7 @@ fn corners_exactly_on_segments_from_the_edges_of_the_view_are_kept() {
         let Ok(view) = View::from_clip_from_world(camera.matrix, depth) else { continue };
         let inverse = DMat4::from_cols_array(&camera.matrix).inverse();
         let infinite = case % 2 == 0;
-        // A direction with one decimal digit or a place.
+        // A direction or a position with one decimal digit.
         let light = grid(match rng.below(4) {
             0 => rng.vector(0.0) + rng.pick(&[DVec3::X, DVec3::NEG_Y, DVec3::Z]),
             1 => inverse.project_point3(rng.vector(0.9)).clamp_length_max(500.0),
@@ -293,7 +298,7 @@ fn corners_exactly_on_segments_from_the_edges_of_the_view_are_kept() {
             let (x, y, z) = (place(), place(), rng.range(0.001, 0.999));
             let p = grid(inverse.project_point3(DVec3::new(x, y, z)));
             if p.is_nan() || p.abs().max_element() > 1e4 || !camera.sees(p) {
-                // Or anything at all, for what there is to cull.
+                // Any other box, so that there is something to cull.
                 let min = rng.vector(30.0).as_vec3();
                 boxes.push(Aabb::new(min, min + rng.vector(1.0).abs().as_vec3()));
                 continue;
@@ -334,8 +339,8 @@ fn corners_exactly_on_segments_from_the_edges_of_the_view_are_kept() {
     assert!(checked > 20_000 && culled > 10_000, "too easy: {checked} {culled}");
 }
 
-/// A light along an axis and blockers far along it: in the planes through the silhouette, that axis cancels,
-/// and what rounding leaves of it counts at these distances.
+/// Tests a light along an axis with blockers far along that axis. In the planes through the silhouette the
+/// axis component cancels, and its rounding error is significant at these distances.
 #[test]
 fn blockers_are_kept_however_far_along_an_axis_they_are() {
     let mut rng = Random(4);
@@ -357,8 +362,7 @@ fn blockers_are_kept_however_far_along_an_axis_they_are() {
             if !p.is_finite() || !camera.sees(p.as_dvec3()) {
                 continue;
             }
-            // Far enough for the light to come from beyond it: rounding the far end moves it along the ray
-            // only.
+            // So far that the light is beyond the box: rounding the far end moves it along the ray only.
             let mut q = p;
             q[axis] += (toward_light[axis] * power_of_two(rng.between(20, 60))) as f32;
             boxes.push(Aabb::new(q, q));
@@ -375,9 +379,9 @@ fn blockers_are_kept_however_far_along_an_axis_they_are() {
     assert!(checked > 5_000, "too easy: {checked}");
 }
 
-/// The origin is exactly in an edge of the view and the light exactly along one or both of the planes that
-/// meet there; blockers are exactly on the way. All numbers are small integers and powers of two, and what
-/// rounding makes of the planes counts in the end.
+/// Tests lights that run exactly along one or two planes of the view. The origin is exactly on an edge of the
+/// view, where the planes meet, and blockers are exactly between the origin and the light. All numbers are
+/// small integers and powers of two, so only the rounding of the planes matters.
 #[test]
 fn blockers_are_kept_where_the_light_runs_along_planes_of_the_view() {
     let mut rng = Random(8);
@@ -401,15 +405,15 @@ fn blockers_are_kept_where_the_light_runs_along_planes_of_the_view() {
             continue;
         };
         assert!(camera.sees(DVec3::ZERO));
-        // Now and then only a thin wedge of it: planes that are nearly opposite, whose sum cancels almost
-        // wholly.
+        // Sometimes a thin wedge of it: two nearly opposite planes, whose sum cancels almost completely.
         let thin = integers(&mut rng, 1000) * 67108864.0 + integers(&mut rng, 1000);
         let wedge = [thin, integers(&mut rng, 3) - thin].map(|normal| Plane::new(normal, 0.0));
         let view = match view.with_clip_planes(&wedge) {
             Ok(clipped) if rng.one_in(2) => clipped,
             _ => view,
         };
-        // Wherever they are, reach is what rounding is multiplied by: near ones alone, and with far ones.
+        // Rounding errors grow with the distance of blockers, so near blockers are tested alone and with far
+        // ones.
         let most = rng.pick(&[0, 20, 60]);
         let ways = (-10..=most).map(|exponent| (toward_light * power_of_two(exponent)).as_vec3());
         let boxes: Vec<Aabb> = ways.map(|q| Aabb::new(q, q)).collect();
@@ -432,8 +436,8 @@ fn blockers_are_kept_where_the_light_runs_along_planes_of_the_view() {
     assert!(checked > 100_000, "too easy: {checked}");
 }
 
-/// Planes through the light, parallel to those of the view, where that has no end: otherwise a lamp behind it
-/// would keep all.
+/// Tests a lamp behind a view with an infinite far plane: casters are limited by planes through the lamp
+/// parallel to those of the view. Without these planes every object would be kept.
 #[test]
 fn a_lamp_behind_a_view_without_end_has_casters_in_a_cone() {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
@@ -444,13 +448,13 @@ fn a_lamp_behind_a_view_without_end_has_casters_in_a_cone() {
     let ids =
         scene.insert_batch([at(-10.0, 0.0), at(-10.0, 5.0), at(-10.0, 6.0), at(-10.0, -9.0), at(-22.0, 0.0)]);
     let casters = cull(&scene, &view, CasterCuller::new(lamp).unwrap());
-    // At 10 m from the lamp the cone is 5.46 m wide.
+    // At 10 m from the lamp, the cone is 5.46 m wide.
     let kept: Vec<bool> = ids.iter().map(|&id| casters.contains(&scene, id)).collect();
     assert_eq!(kept, [true, true, false, false, false]);
 }
 
-/// The same view in scenes and views with origins of their own, and on all instructions, has the same
-/// casters.
+/// Tests that a view has the same casters whatever the origins of scene and view are, and with all SIMD
+/// instruction sets.
 #[test]
 fn casters_are_the_same_on_all_instructions_and_wherever_the_origins_are() {
     let mut rng = Random(7);
@@ -472,7 +476,8 @@ fn casters_are_the_same_on_all_instructions_and_wherever_the_origins_are() {
         for simd in Simd::available() {
             assert_eq!(find(&scene, &view, culler.clone().with_simd(simd)), here);
         }
-        // All moved by whole numbers, of which `f64` loses a little: none that is hit here may be lost there.
+        // Everything is moved by whole metres, which rounds a little in `f64`; no box hit before the move may
+        // be culled after.
         let away = rng.vector(1e6).round();
         scene.set_origin(away).unwrap();
         let moved = match light {
@@ -489,7 +494,8 @@ fn casters_are_the_same_on_all_instructions_and_wherever_the_origins_are() {
     assert!(kept > 1000, "too easy: {kept}");
 }
 
-/// Only shadows on what is in the box of receivers matter, and no blocker of those is left out.
+/// Tests culling with a box of receivers: only shadows on receivers count, and every blocker of these is
+/// kept.
 #[test]
 fn receivers_leave_fewer_casters_and_no_blocker_out() {
     let mut rng = Random(5);
@@ -541,8 +547,8 @@ fn the_range_of_a_light_is_a_ball_and_its_cone_a_cone() {
     assert_eq!(kept(spot(0.5)), [true, false, false, false]);
     assert_eq!(kept(spot(1.1)), [true, false, true, false]);
     assert_eq!(kept(spot(1.6)), [true, false, true, true]);
-    // Lit points at just the range, in numbers that are exact: what is there may be its own shadow's only
-    // blocker.
+    // Lit points exactly at the light's range, in exact numbers. An object at such a point may be the only
+    // blocker of its own shadow.
     let mut scene = Scene::new();
     let touching =
         [[3.0, 4.0, 12.0], [13.0, 0.0, 0.0], [12.0, -4.0, 3.0], [0.0, 5.0, -12.0], [-4.0, -3.0, -12.0]];
@@ -578,7 +584,7 @@ fn bad_lights_are_refused_and_the_one_before_stays() {
     ));
 }
 
-/// Any bits at all: nothing panics, and what is always visible stays.
+/// Tests lights and views of arbitrary bit patterns: nothing panics, and objects that are never culled stay.
 #[test]
 fn hostile_lights_and_views_do_no_harm() {
     let mut rng = Random(6);
@@ -617,7 +623,7 @@ fn hostile_lights_and_views_do_no_harm() {
         culled += 5 - casters.count(&scene);
     }
     assert!(culled > 1000, "too easy: {culled}");
-    // Nothing to cull at all.
+    // An empty scene.
     let culler = CasterCuller::new(Light::Directional { toward_light: DVec3::Z }).unwrap();
     let view = View::from_clip_from_world(DMat4::IDENTITY, Depth::ZeroToOne).unwrap();
     assert_eq!(cull(&Scene::new(), &view, culler).count(&Scene::new()), 0);

@@ -1,4 +1,5 @@
-//! Which stage removed an object, and culling for one view while drawing another.
+//! Tests of a pipeline's diagnostics: which stage removed an object, and culling for one view while drawing
+//! another.
 #![allow(missing_docs)]
 
 use visibility_core::glam::DVec3;
@@ -15,7 +16,7 @@ fn cube(x: f32, y: f32) -> Aabb {
     Aabb::from_arrays([x - 0.5, y - 0.5, -0.5], [x + 0.5, y + 0.5, 0.5])
 }
 
-/// Removes the objects with an odd index.
+/// A culler that removes the objects with an odd index.
 struct Odd;
 
 impl Culler for Odd {
@@ -51,7 +52,7 @@ fn each_object_is_explained_by_the_stage_that_removed_it() {
     let explained = [ahead, odd, behind, layered, always].map(|id| pipeline.explain(id).to_string());
     assert_eq!(explained, ["visible", "removed by odd", "removed by frustum", "on other layers", "visible"]);
 
-    // Another object under the same index is not the one that was explained.
+    // A new object with the same index has no explanation.
     scene.remove(ahead).unwrap();
     let other = scene.insert(cube(10.0, 0.0));
     assert_eq!(other.index(), ahead.index());

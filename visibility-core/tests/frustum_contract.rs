@@ -1,5 +1,5 @@
-//! Contract 1 for the frustum culler: nothing that touches the view is ever hidden, at any magnitude of
-//! coordinates and in any convention, and what is clear of it by more than rounding can reach is.
+//! Contract tests of the frustum culler, at any magnitude of coordinates and in any depth convention: no box
+//! that touches the view is hidden, and a box clear of the view by more than the rounding error is hidden.
 
 use proptest::prelude::{ProptestConfig, any};
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
@@ -17,7 +17,7 @@ fn cull(scene: &Scene, view: &View) -> VisibleSet {
     visible
 }
 
-/// The view of a camera, if it is one: its matrix may be singular or, in `f32`, overflow.
+/// Returns the view of a test camera, or `None` if its matrix is singular or overflows in `f32`.
 fn view_of(camera: &Camera) -> Option<View> {
     View::from_clip_from_world(camera.matrix, camera.depth).ok()?.relative_to(camera.origin).ok()
 }
@@ -29,7 +29,8 @@ fn scene_of(camera: &Camera, boxes: &[Aabb]) -> (Scene, Vec<ObjectId>) {
     (scene, ids)
 }
 
-/// Culls boxes aimed at the boundary. Returns how many touch the view exactly and how many the culler hid.
+/// Culls boxes near the boundary of the view and asserts that none that exactly touches the view is hidden.
+/// Returns the number of boxes that touch the view and the number of boxes hidden.
 fn check_boxes(
     rng: &mut Random,
     camera: &Camera,
@@ -57,13 +58,14 @@ fn check_boxes(
     (touching, hidden)
 }
 
-/// Boxes that touch planes of the view with a corner, and boxes around points near those planes.
+/// Checks boxes that touch planes of the view with a corner, and boxes around points near those planes.
+/// Returns the counts of `check_boxes`.
 fn check_camera(rng: &mut Random, camera: &Camera, base: &DMat4, exponents: [i32; 3]) -> (usize, usize) {
     let (mut boxes, mut inner) = (Vec::new(), Vec::new());
     for _ in 0..96 {
         let Some((p, n, _)) = aimed_point(rng, camera, base, exponents) else { continue };
         if rng.one_in(8) {
-            // No corner need be in view where a point is.
+            // The point is in view, but perhaps no corner of the box is.
             let size: [f32; 3] = exponents.map(|e| power_of_two((e + rng.between(-5, 9)).min(126)) as f32);
             let min: [f32; 3] = core::array::from_fn(|i| p[i] - size[i] * rng.unit() as f32);
             let bounds = Aabb::from_arrays(min, core::array::from_fn(|i| p[i] + size[i] * rng.unit() as f32));
@@ -78,7 +80,8 @@ fn check_camera(rng: &mut Random, camera: &Camera, base: &DMat4, exponents: [i32
     check_boxes(rng, camera, &boxes, &inner)
 }
 
-/// Runs many cameras, the same ones each time, and makes sure that they have put the culler to the test.
+/// Checks `cases` random cameras, the same ones in each run, and asserts that enough boxes touched the view
+/// and enough were hidden.
 fn check_cameras(
     cases: u32,
     exponents: impl Fn(&mut Random) -> [i32; 3],
@@ -117,7 +120,7 @@ fn what_touches_the_view_is_visible_with_another_scale_on_each_axis() {
     check_cameras(600, |rng| core::array::from_fn(|_| rng.between(-100, 100)), |_, _| {});
 }
 
-/// Where coordinates, normals and products are below the least normal number of `f32`.
+/// Tests coordinates, normals and products below the smallest normal number of `f32`.
 #[test]
 fn what_touches_the_view_is_visible_where_numbers_are_denormal() {
     check_cameras(600, |rng| core::array::from_fn(|_| rng.between(-148, -100)), |_, _| {});
@@ -129,7 +132,7 @@ fn what_touches_the_view_is_visible_where_numbers_are_huge() {
     check_cameras(300, |rng| core::array::from_fn(|_| rng.between(100, 119)), |_, _| {});
 }
 
-/// Scene and camera have origins of their own, far away, whose difference `f64` may have to round.
+/// Tests scenes and cameras with far-away origins, whose difference may round in `f64`.
 #[test]
 fn what_touches_the_view_is_visible_far_from_the_origin_of_the_world() {
     check_cameras(
@@ -143,8 +146,9 @@ fn what_touches_the_view_is_visible_far_from_the_origin_of_the_world() {
     );
 }
 
-/// An eye at the origin of the scene, but far from that of the matrix: all that is large cancels, and what
-/// rounding makes of it stays. Elements of the matrix are rounded to multiples of `unit`.
+/// Returns a camera, and its projection without rotation, whose eye is at the origin of the scene but far
+/// from the origin of its matrix: the large terms cancel, and their rounding errors remain. Matrix elements
+/// are rounded to multiples of `unit`.
 fn cancelling_camera(rng: &mut Random, distance: f64, unit: f64) -> (Camera, DMat4) {
     let depth = rng.pick(&DEPTHS);
     let (turn, eye) = (rng.vector(3.0), rng.vector(distance));
@@ -179,21 +183,21 @@ fn what_touches_the_view_is_visible_where_origins_cancel() {
     assert!(touching > 1000, "too easy: {touching}");
 }
 
-/// Multiplying a clip matrix by a number changes nothing of what is in view, even if products fall below what
-/// `f64` can hold.
+/// Tests that scaling a clip matrix by a power of two does not change which boxes are hidden, even if
+/// products of elements underflow in `f64`.
 #[test]
 fn clip_matrices_of_any_magnitude_show_the_same() {
     let mut rng = Random(7);
     let mut touching = 0;
     for _ in 0..300 {
-        // Few bits, so that all are still there at the lower end of `f64`.
+        // Elements with few bits, so that none is lost at the lower end of the range of `f64`.
         let (camera, base) = cancelling_camera(&mut rng, 4.0, power_of_two(-16));
         let exponents = [rng.between(-8, 4); 3];
         let boxes = boxes_near_planes(&mut rng, &camera, &base, exponents);
         let in_view: Vec<bool> = boxes.iter().map(|bounds| camera.sees_a_corner(bounds)).collect();
         let (scene, ids) = scene_of(&camera, &boxes);
         for exponent in [-1050, -1030, -1000, -500, 0, 500, 900] {
-            // In two steps: the power itself may be beyond `f64`.
+            // In two steps, since the power itself may be outside the range of `f64`.
             let half = power_of_two(exponent / 2);
             let scaled = Camera { matrix: camera.matrix.map(|x| x * half * half), ..camera.clone() };
             let Some(view) = view_of(&scaled) else { continue };
@@ -242,7 +246,7 @@ fn boxes_that_bound_nothing_are_always_visible() {
         let exponents = [rng.between(-30, 30); 3];
         let (camera, _) = random_camera(&mut rng, exponents);
         let Some(view) = view_of(&camera) else { continue };
-        // With and without a tree of others beside them.
+        // Without and with other objects, which give the hierarchy more levels.
         let others = (0..rng.below(3) * 100).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3]));
         let (scene, ids) = scene_of(&camera, &boxes.iter().copied().chain(others).collect::<Vec<_>>());
         let visible = cull(&scene, &view);
@@ -252,10 +256,10 @@ fn boxes_that_bound_nothing_are_always_visible() {
     }
 }
 
-/// Moves a point out of a plane until it is `target` error bounds clear of it; `None` if rounding it to `f32`
-/// undoes that.
+/// Returns a point box moved out of the plane with normal `n` until it is `target` error bounds outside.
+/// `None` if rounding to `f32` undoes the move.
 fn clear_point(rng: &mut Random, camera: &Camera, p: [f32; 3], n: DVec3, target: f64) -> Option<Aabb> {
-    // The axis on which the least relative change leads away.
+    // The axis along which the smallest relative change moves the point out.
     let axis =
         (0..3).max_by(|&a, &b| (n[a] * f64::from(p[a])).abs().total_cmp(&(n[b] * f64::from(p[b])).abs()));
     let axis = axis.unwrap();
@@ -273,13 +277,14 @@ fn clear_point(rng: &mut Random, camera: &Camera, p: [f32; 3], n: DVec3, target:
     None
 }
 
-/// The other half of contract 1: it must decide. Each view has boxes of all scales in the same blocks of 64.
+/// Tests that culling decides: boxes outside of a plane by at least sixteen error bounds are hidden. Boxes of
+/// all scales share blocks of 64.
 #[test]
 fn boxes_clear_of_a_plane_by_sixteen_error_bounds_are_hidden() {
     let mut rng = Random(11);
     let (mut total, mut close) = (0, 0);
     for case in 0..600 {
-        // Scales from 1e-15 to 1e15: the same for all of a view, or another for each box and an eye in the
+        // Scales from 1e-15 to 1e15: one for all boxes of a view, or one for each box with the eye at the
         // origin.
         let wild = case % 2 == 0;
         let exponent = rng.between(-50, 50);
@@ -300,7 +305,7 @@ fn boxes_clear_of_a_plane_by_sixteen_error_bounds_are_hidden() {
         let mut boxes = Vec::new();
         for _ in 0..100 {
             if wild {
-                // Side planes go through the origin, so multiples of a point on one are on it too.
+                // Side planes pass through the origin, so multiples of a point on a side plane are on it too.
                 let plane = &clip_planes(depth)[rng.below(4)];
                 let (n, _) = camera.coefficients(plane);
                 let n = n.normalize();
@@ -311,7 +316,7 @@ fn boxes_clear_of_a_plane_by_sixteen_error_bounds_are_hidden() {
                 boxes.extend(clear_point(&mut rng, &camera, p, n, 16.0));
             }
         }
-        // Others of wildly other scales in the same blocks.
+        // Boxes of very different scales in the same blocks.
         let count = boxes.len();
         for _ in 0..60 {
             let size = power_of_two(rng.between(-120, 120));

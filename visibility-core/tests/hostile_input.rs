@@ -1,4 +1,4 @@
-//! Contract 5: no panic on any input, finite or not. Bad input is an error, or an object that is never
+//! Tests that no input panics, finite or not: invalid input gives an error, or an object that is never
 //! culled.
 
 use visibility_core::glam::DVec3;
@@ -10,7 +10,8 @@ use visibility_core::{
 use visibility_testing::Random;
 use visibility_testing::cameras::DEPTHS;
 
-/// Any bits, but often those of numbers that make trouble.
+/// Returns an `f64` of random bits, often one of the special values: zeros, extremes, denormals, infinity,
+/// NaN.
 fn any64(rng: &mut Random) -> f64 {
     let special =
         [0.0, -0.0, 1.0, f64::MAX, f64::MIN, f64::MIN_POSITIVE, 5e-324, f64::INFINITY, f64::NAN, 1e-310];
@@ -161,7 +162,7 @@ fn errors_say_what_and_where() {
     assert_eq!(scene.set_cost(id, 3), Err(SceneError::UnknownObject(id)));
 }
 
-/// An id from one scene shown to another, larger or smaller one.
+/// Tests that ids of one scene, used with a smaller or larger scene, cause no panic.
 #[test]
 fn ids_of_another_scene_cause_no_panic() {
     let unit = Aabb::from_arrays([0.0; 3], [1.0; 3]);

@@ -1,13 +1,13 @@
-//! Occluders and points against the clip planes of a view, held against exact arithmetic within a few ulps of
-//! the planes.
+//! Tests of occluders and points against the clip planes of a view, compared with exact arithmetic within a
+//! few ulps of the planes.
 
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3, Mat3A, Vec3, Vec3A};
 use visibility_core::{Aabb, OccluderMesh, Pose, View};
 use visibility_testing::{Random, sign_of_sum};
 
-/// Exact sign of the plane's value at a corner of a mesh that `transform` places. Products of two f32 are
-/// exact in f64.
+/// Returns the exact sign of the plane's value at the mesh corner `corner` after `transform`: positive
+/// inside, 0 on the plane. Products of two `f32` numbers are exact in `f64`.
 fn sign_at(plane: &Plane, transform: &Affine3A, corner: Vec3) -> i32 {
     let columns = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
     let mut terms = vec![(plane.offset, 1.0)];

@@ -1,4 +1,4 @@
-//! Many views of one scene: clip planes, cube faces, eyes united, cullers on threads.
+//! Tests with many views of one scene: clip planes, cube map faces, unions of two eyes, cullers on threads.
 
 use std::collections::BTreeSet;
 use visibility_core::glam::{DVec3, Vec3};
@@ -16,7 +16,7 @@ fn random_box(rng: &mut Random, spread: f64) -> Aabb {
     Aabb::new(min, min + rng.vector(3.0).abs().as_vec3())
 }
 
-/// Boxes on random layers, some never culled.
+/// Returns a scene of random boxes within `spread` metres, on random layers; some are never culled.
 fn random_scene(rng: &mut Random, count: usize, spread: f64) -> Scene {
     let mut scene = Scene::new();
     let objects: Vec<Object> = (0..count)
@@ -56,8 +56,8 @@ fn ids(scene: &Scene, set: &VisibleSet) -> BTreeSet<ObjectId> {
     ids
 }
 
-/// Whether a box has a point inside all planes of the list that are tested, and whether it is beyond one of
-/// them by much.
+/// Returns whether a corner of the box is inside all planes, and whether the whole box is outside one plane
+/// by more than a millimetre. `origin` is the point that the planes are relative to.
 fn against(planes: &[Plane], origin: DVec3, bounds: &Aabb) -> (bool, bool) {
     let at = |plane: &Plane, p: Vec3| {
         plane.normal.normalize().dot(p.as_dvec3() - origin) + plane.offset / plane.normal.length()
@@ -131,8 +131,8 @@ fn bad_clip_planes_are_refused_by_number() {
     }
 }
 
-/// Neighbours share their planes, so a point between two faces is in both, wherever eye and scene have their
-/// origins.
+/// Tests that neighbouring cube faces share their planes: every point around the eye is in at least one face,
+/// and points between faces in several, wherever eye and scene have their origins.
 #[test]
 fn cube_faces_see_all_around_without_a_gap() {
     let mut rng = Random(2);
@@ -148,7 +148,8 @@ fn cube_faces_see_all_around_without_a_gap() {
         scene.set_origin(eye + away).unwrap();
         let mut boxes = Vec::new();
         for _ in 0..300 {
-            // Points in general, and on edges and corners between faces: two or three coordinates alike.
+            // Random points, and points on edges and corners between faces, with two or three equal
+            // coordinates.
             let size = power_of_two(rng.between(0, 9));
             let mut p = rng.vector(size);
             if rng.one_in(2) {
@@ -177,8 +178,8 @@ fn cube_faces_see_all_around_without_a_gap() {
     );
 }
 
-/// The table of the OpenGL specification: from the major axis, which way texture coordinates grow on each
-/// face.
+/// Tests the orientation of cube faces against the table of the OpenGL specification: for each major axis,
+/// the directions in which the texture coordinates grow.
 #[test]
 fn cube_faces_are_oriented_as_gpus_sample_them() {
     let faces = View::cube_faces(DVec3::ZERO, 0.1, 10.0).unwrap();
@@ -196,7 +197,7 @@ fn cube_faces_are_oriented_as_gpus_sample_them() {
             _ => (-r.x, -r.y),
         };
         let clip = faces[face].clip_from(DVec3::ZERO) * r.extend(1.0);
-        // Rows of the picture count from the top, where clip-space y is 1.
+        // Rows of the picture count from the top, where clip-space y is w.
         let (s, t) = (sc / r[axis].abs(), tc / r[axis].abs());
         assert!((clip.x / clip.w - s).abs() < 1e-12 && (clip.y / clip.w + t).abs() < 1e-12, "{r} on {face}");
         assert!(clip.w > 0.0);
@@ -237,7 +238,7 @@ fn a_union_holds_what_either_set_holds() {
         both.union(&scene, &b);
         both.finish(&scene);
         assert_eq!(both.newly_visible().collect::<BTreeSet<_>>(), expected);
-        // And cullers go on from it.
+        // Cullers can continue from a union.
         let view = random_view(&mut rng).with_layers(u32::MAX);
         FrustumCuller::new().cull(&scene, &view, &mut both);
         let in_view = ids(&scene, &cull(&scene, &view));
@@ -261,13 +262,14 @@ fn a_union_with_a_set_of_another_layout_holds_everything_on_the_layers_of_either
         both.union(&scene, other);
         assert!(both.contains(&scene, first) && !both.contains(&scene, others[1]));
     }
-    // A set that was never culled, beside another scene.
+    // A set that was never filled holds everything, so its union with another set does too.
     let mut both = VisibleSet::new();
     both.union(&scene, &new);
     assert_eq!(both.count(&scene), 3);
 }
 
-/// A culler a view, each with its own layers, planes and light; all at once on threads and one after another.
+/// Tests that eight cullers on threads find the same sets as one after another, each with layers, clip planes
+/// and a light of its own.
 #[test]
 fn eight_cullers_on_threads_find_what_they_find_alone() {
     let mut rng = Random(6);

@@ -1,24 +1,25 @@
-//! Objects that move for long: culling stays about as cheap as after a rebuild. Judged by the counters of
-//! culling, which are the same on every machine.
+//! Tests of long motion: with maintenance, culling costs about as much as after a rebuild. Cost is measured
+//! by culling counters, which are the same on every machine.
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_testing::Random;
 
-/// Half the side of the cube in which everything moves.
+/// Half the side of the cube in which everything moves, in metres.
 const REACH: f32 = 100.0;
 const COUNT: usize = 20_000;
-/// Of some 313 blocks, so many are looked at each frame.
+/// Budget of maintenance per frame, in blocks; the scene has about 313.
 const BUDGET: usize = 64;
 
-/// How objects move.
+/// How the objects of a test move.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Motion {
-    /// Another way every frame.
+    /// Each object takes a new random direction in every frame.
     Walk,
-    /// The same way, until a wall is met: in the end, neighbours of the first frame are anywhere.
+    /// Each object keeps its direction until it bounces off a wall of the cube. In the end, objects that
+    /// started as neighbours are anywhere.
     Bounce,
-    /// After one of a few leaders, which bounce.
+    /// Each object follows one of a few leaders, which bounce off the walls.
     Swarm,
 }
 
@@ -31,7 +32,7 @@ struct World {
     leaders: Vec<(Vec3, Vec3)>,
 }
 
-/// A step of up to `size` on each axis.
+/// Returns a random displacement of up to `size` metres on each axis.
 fn random_step(rng: &mut Random, size: f64) -> Vec3 {
     rng.vector(size).as_vec3()
 }
@@ -60,7 +61,7 @@ impl World {
         }
     }
 
-    /// Moves everything on, and returns all of it.
+    /// Advances all objects by one frame and returns their new bounds.
     fn step(&mut self) -> Vec<(ObjectId, Aabb)> {
         for (at, speed) in &mut self.leaders {
             *speed = bounced(*at, *speed);
@@ -84,7 +85,7 @@ impl World {
     }
 }
 
-/// Nodes and tests that culling takes, over a few views, and what is in view.
+/// Returns the numbers of visited nodes, of tests and of visible objects, summed over several views.
 fn cost(scene: &Scene) -> [f64; 3] {
     let mut sum = [0.0; 3];
     let mut pipeline = Pipeline::new().with(FrustumCuller::new());
@@ -142,7 +143,8 @@ fn culling_stays_cheap_in_swarms() {
     check(Motion::Swarm, 1000);
 }
 
-/// Where little moves, little is done, and in the end nothing.
+/// Tests that repeated maintenance without motion empties the queue, after which nothing is left to do, and
+/// that it lowers the cost of culling.
 #[test]
 fn maintaining_comes_to_an_end() {
     let mut scene = Scene::new();
@@ -162,7 +164,7 @@ fn maintaining_comes_to_an_end() {
     assert!(tidy[0] < 0.8 * loose[0] && tidy[2] == loose[2], "{tidy:?} instead of {loose:?}");
 }
 
-/// Objects scattered over blocks of their own are brought together again.
+/// Tests that nodes left sparse by removals are merged.
 #[test]
 fn sparse_blocks_are_merged() {
     let mut scene = Scene::new();
@@ -180,7 +182,8 @@ fn sparse_blocks_are_merged() {
     assert!(nodes < 1.5 * fresh, "{nodes} nodes instead of {fresh}");
 }
 
-/// Batches in which objects occur twice, cross the world, lose their bounds and get them back.
+/// Tests batches in which objects occur twice, cross the world, get non-finite bounds and finite ones again:
+/// the result is that of the moves in order.
 #[test]
 fn batches_of_moves_count_in_their_order() {
     for size in [1, 30, 800, 5000] {

@@ -1,5 +1,5 @@
-//! Contract 5: no allocation per frame once warm; and how many bytes an object takes. Counted by an allocator
-//! of our own.
+//! Tests that frames allocate nothing once warm, and how many bytes an object takes. Allocations are counted
+//! by a global allocator of this file.
 
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
@@ -27,10 +27,10 @@ fn view(frame: usize) -> View {
     View::perspective(pose, 1.0, 1.6, 0.1, f64::INFINITY).unwrap()
 }
 
-/// A world in which the same walk is repeated: objects step to and fro, some of them across the world.
+/// A world in which a sequence of moves is repeated: objects step to and fro, some of them across the world.
 struct World {
     scene: Scene,
-    /// The moves of each frame of the walk.
+    /// New bounds of the moved objects, for each frame of the sequence.
     walk: Vec<Vec<(ObjectId, Aabb)>>,
     frames: usize,
     drawn: usize,
@@ -52,7 +52,7 @@ impl World {
                 let home = homes[number];
                 moves.push((ids[number], Aabb::new(home.min + step, home.max + step)));
             }
-            // A crowd that is here in one frame and there in the next.
+            // A tenth of the objects teleports together every fourth frame.
             for &id in ids[..count / 10].iter().filter(|_| teleports && frame % 4 == 0) {
                 let place = frame as f32 * 10.0 + id.index() as f32 * 1e-3;
                 moves.push((id, Aabb::from_arrays([place, -place, 0.0], [place + 1.0, 1.0 - place, 1.0])));
@@ -102,7 +102,8 @@ fn frames_that_tell_of_changes_and_sort_allocate_nothing_once_warm() {
     check_frames(false, true, true, 100);
 }
 
-/// What grows slowly must not grow for long.
+/// Tests that buffers which grow slowly are allocated once: a scene with few moves per frame allocates
+/// nothing after the first frames.
 #[test]
 fn frames_with_few_moves_allocate_nothing_after_a_second() {
     let mut world = World::new(20_000, 5, false);
@@ -118,13 +119,15 @@ fn frames_with_few_moves_allocate_nothing_after_a_second() {
     }
 }
 
-/// Teleports split and free blocks: once there are as many as the world needs at its worst, no more are made.
+/// Tests teleports, which split and free nodes: once the greatest number of nodes has been reached, no more
+/// are allocated.
 #[test]
 fn frames_with_teleports_allocate_nothing_once_warm() {
     check_frames(true, true, false, 1000);
 }
 
-/// Two eyes, their union, and the casters of three lights with receivers, in a scene that moves.
+/// Tests two eyes, the union of their sets, and the casters of three lights with receivers, in a moving
+/// scene.
 #[test]
 fn many_views_allocate_nothing_once_warm() {
     let mut world = World::new(20_000, 100, false);
@@ -163,7 +166,7 @@ fn many_views_allocate_nothing_once_warm() {
     assert!(world.drawn > 0 && world.appeared > 0);
 }
 
-/// Hides what is far behind the nearest occluder, and allocates nothing itself.
+/// An occlusion map that hides boxes far behind the nearest occluder, and allocates nothing itself.
 struct Curtain {
     nearest: f32,
 }
@@ -192,7 +195,7 @@ impl OcclusionMap for Curtain {
     }
 }
 
-/// Each selection of occluders, over the scene's own hierarchy and another.
+/// Tests every selection of occluders, over the scene's own hierarchy and another.
 #[test]
 fn occlusion_allocates_nothing_once_warm() {
     let mut world = World::new(5_000, 50, false);
@@ -238,7 +241,7 @@ fn an_object_takes_at_most_64_bytes() {
         let live = (LIVE.get() - before) as usize;
         assert!(scene.memory() <= 64 * boxes.len(), "{state}: {} bytes", scene.memory());
         assert!(live <= 64 * boxes.len(), "{state}: {live} bytes held");
-        // What is reported is what is held, but for some spare capacity.
+        // The reported memory is the allocated memory, except for some spare capacity.
         assert!((live * 99 / 100..=live).contains(&scene.memory()), "{state}: {} of {live}", scene.memory());
         scene.rebuild();
     }

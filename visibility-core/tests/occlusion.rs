@@ -1,4 +1,5 @@
-//! The occlusion driver over the plain map: what it hides, what it must not, and what it costs.
+//! Tests of the occlusion driver over a plain depth map: what it must hide, what it must not hide, and its
+//! cost.
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
@@ -20,7 +21,7 @@ fn along_x() -> View {
     view_from(DVec3::ZERO, DVec3::X)
 }
 
-/// A wall across the view at x = 10, and boxes before it, behind it, and beside it.
+/// A scene with a wall across the view at x = 10, and boxes before, behind and beside the wall.
 struct Street {
     scene: Scene,
     wall: ObjectId,
@@ -154,8 +155,8 @@ fn every_hierarchy_gives_the_same_answer() {
         let culler = OcclusionCuller::over(PlainMap::new(96, 60), Octree::new(&scene, 6));
         let mut foreign =
             Pipeline::new().with(FrustumCuller::new()).with(culler.with_selection(Selection::Interleaved));
-        // The order of adding differs, and with it which hidden objects are found; what is visible must be in
-        // all.
+        // Occluders are added in different orders, so different hidden objects are found; visible objects
+        // must be in every result.
         let foreign = visible(&mut foreign, &scene, &view);
         assert!(own.iter().all(|id| greene.contains(id) && foreign.contains(id)));
     }
@@ -173,7 +174,7 @@ fn objects_that_a_hierarchy_does_not_list_are_visible() {
 
 #[test]
 fn a_hidden_node_is_not_looked_into() {
-    // Thousands of objects behind the wall, in a heap far from everything else.
+    // Thousands of objects behind the wall, far from everything else.
     let Street { mut scene, .. } = street();
     let heap = (0..20_000).map(|i| {
         let min =
@@ -197,7 +198,8 @@ fn a_budget_of_nothing_hides_nothing() {
     assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503, "the wall has 12 triangles");
 }
 
-/// Two walls side by side with a box behind each, and a budget for one: the set's order says which.
+/// Tests two walls with a box behind each and a budget of one occluder: the set's order decides which wall is
+/// drawn.
 #[test]
 fn occluders_are_taken_in_the_order_of_the_set() {
     let mut scene = Scene::new();
@@ -256,10 +258,10 @@ fn an_open_mesh_hides_only_from_its_front_unless_two_sided() {
     }
 }
 
-/// A graphics card whose answers take some frames: a plain map behind a queue.
+/// A simulated GPU whose query answers arrive some frames late: a plain depth map and a queue of answers.
 struct SimulatedCard {
     map: PlainMap,
-    /// What the engine draws by itself.
+    /// Occluders that the engine draws itself at the start of each frame.
     own: Vec<OccluderMesh>,
     latency: u32,
     frame: u32,
@@ -298,7 +300,7 @@ impl QueryDevice for SimulatedCard {
             }
             !due
         });
-        // Called once a frame, before anything is drawn.
+        // The driver asks for answers once per frame, before it draws anything.
         self.frame += 1;
         self.map.begin(&self.view, DVec3::ZERO);
         self.own.iter().for_each(|mesh| self.map.add(mesh, &Affine3A::IDENTITY));
@@ -309,8 +311,8 @@ impl QueryDevice for SimulatedCard {
     }
 }
 
-/// Culls by queries alone, each frame from the given eye. How many objects each frame reports, and whether
-/// any lacked one of V.
+/// Culls one frame from each eye by late queries alone. Returns, for each frame, the number of objects
+/// reported and whether a visible object was missing.
 fn by_queries(latency: u32, late: LateAnswers, eyes: &[DVec3]) -> Vec<(usize, bool)> {
     let Street { scene, .. } = street();
     let mut culler = OcclusionCuller::new(HardwareQueries::new(SimulatedCard::new(latency), late));
@@ -356,13 +358,15 @@ fn answers_about_other_occluders_do_not_count() {
         if selection != Selection::Interleaved {
             assert_eq!(still, Some(3), "{selection:?}");
         }
-        // The wall opens between two frames; every answer that is known or under way is about the shut one.
+        // The wall stops being an occluder between two frames; all known and pending answers are about the
+        // old state.
         scene.set_occluder(wall, false).unwrap();
         assert!((0..20).all(|_| frame(&scene) == 503), "{selection:?}");
     }
 }
 
-/// The engine draws its occluders itself: nothing that the map is given tells the scenes apart.
+/// Tests a change of scene where the engine draws its occluders itself, so that the occluders given to the
+/// map do not reveal the change: answers about the old scene must not be used.
 #[test]
 fn answers_about_another_scene_do_not_count() {
     let Street { mut scene, wall, .. } = street();
@@ -436,7 +440,7 @@ fn a_device_that_loses_queries_is_asked_again() {
 #[test]
 fn what_a_clip_plane_cuts_hides_nothing() {
     let Street { scene, .. } = street();
-    // Section planes: one through the wall, one that leaves it whole.
+    // Clip planes: one that cuts the wall, one that does not touch it.
     let section = |z: f64| along_x().with_clip_planes(&[Plane::new(DVec3::NEG_Z, z)]).unwrap();
     for selection in SELECTIONS {
         assert_eq!(visible(&mut pipeline(selection), &scene, &section(0.0)).len(), 503, "{selection:?}: cut");
@@ -493,7 +497,7 @@ fn an_object_with_the_index_of_one_that_is_gone_is_not_taken_for_it() {
     assert!(visible(&mut pipeline, &scene, &along_x()).contains(&other));
 }
 
-/// An octree that still lists an object that is gone, behind the wall.
+/// An octree that still lists a removed object, behind the wall.
 struct Stale(Octree, ObjectId);
 
 impl BoxHierarchy for Stale {

@@ -1,4 +1,4 @@
-//! The bounds of [`ViewProjection`] against arithmetic of twice the precision, which shares nothing with it.
+//! Tests of the error bounds of [`ViewProjection`] against arithmetic of twice the precision.
 
 use visibility_core::glam::{DMat4, DVec3, DVec4};
 use visibility_core::view::{ClipRow, ViewProjection};
@@ -9,8 +9,8 @@ use visibility_core::{
 use visibility_testing::Random;
 use visibility_testing::cameras::DEPTHS;
 
-/// A number as an unevaluated sum of two, good to some 100 bits: Dekker, "A Floating-Point Technique for
-/// Extending the Available Precision", 1971.
+/// A number as an unevaluated sum of two floats, precise to about 100 bits (Dekker, "A Floating-Point
+/// Technique for Extending the Available Precision", 1971).
 #[derive(Clone, Copy, Debug)]
 struct Twice(f64, f64);
 
@@ -42,8 +42,8 @@ impl Twice {
     }
 }
 
-/// The exact value of a row of the clip matrix, given as a sum of rows times a factor, at a point relative to
-/// `origin`.
+/// Returns the value of a sum of clip matrix rows, times `factor`, at `point`, which is relative to `origin`:
+/// in double precision of `f64`, as the reference for error bounds.
 fn exact(rows: &[DVec4], factor: f64, view: &View, origin: DVec3, point: DVec3) -> Twice {
     let mut value = Twice(0.0, 0.0);
     for row in rows {
@@ -57,7 +57,8 @@ fn exact(rows: &[DVec4], factor: f64, view: &View, origin: DVec3, point: DVec3) 
     value.times(Twice(factor, 0.0))
 }
 
-/// A view of any matrix with an eye within some metres of `near`, and the matrix.
+/// Returns a view with a random clip matrix whose eye is within some metres of `near`, and that matrix.
+/// `None` if the matrix is singular or the view is parallel.
 fn random_view(random: &mut Random, near: DVec3, origin: DVec3) -> Option<(View, DMat4)> {
     let vector = |random: &mut Random| DVec3::from_array([(); 3].map(|()| random.fine_unit() * 2.0 - 1.0));
     let eye = near + vector(random);
@@ -72,7 +73,8 @@ fn random_view(random: &mut Random, near: DVec3, origin: DVec3) -> Option<(View,
     matches!(view.eye(origin), Eye::Point(_)).then_some((view, matrix))
 }
 
-/// All rows of a projection, each with the rows of the matrix that it is the sum of, and a factor.
+/// Returns every row of a projection, with the rows of the clip matrix that it is a sum of and the factor by
+/// which that sum is scaled.
 fn rows(projection: &ViewProjection, view: &View, m: &DMat4) -> Vec<(ClipRow, Vec<DVec4>, f64)> {
     let [x, y, z, w] = [0, 1, 2, 3].map(|i| m.row(i));
     let near = match view.depth() {
@@ -81,7 +83,7 @@ fn rows(projection: &ViewProjection, view: &View, m: &DMat4) -> Vec<(ClipRow, Ve
         Depth::Reversed | Depth::ReversedInfinite => vec![w, -z],
     };
     let [columns, lines] = projection.pixels(1270.0, 718.0);
-    // Rows come with a power of two as a factor, the near plane's with one of its own.
+    // Rows are scaled by a common power of two, and the near plane's row by one of its own.
     let factor = |row: ClipRow, of: DVec4| {
         let axis = (0..3).max_by(|&a, &b| of[a].abs().total_cmp(&of[b].abs())).unwrap();
         2f64.powi((row.linear[axis] / of[axis]).log2().round() as i32)
@@ -106,8 +108,8 @@ fn rows_are_within_their_error_of_the_exact_value() {
         let scale = |random: &mut Random| 10f64.powi((random.fine_unit() * 12.0) as i32 - 3);
         let vector =
             |random: &mut Random| DVec3::from_array([(); 3].map(|()| random.fine_unit() * 2.0 - 1.0));
-        // Far from the view's origin the constant rounds, far from the scene's the anchor does, and far from
-        // the eye the products do.
+        // Far from the view's origin the constant rounds, far from the scene's origin the anchor does, and
+        // far from the eye the products do.
         let (local, view_origin, origin, reach) = match case % 4 {
             0 => (vector(&mut random) * scale(&mut random), DVec3::ZERO, DVec3::ZERO, 0.0),
             1 => {
@@ -139,12 +141,12 @@ fn the_eye_is_within_its_error_of_the_exact_one() {
     let (mut found, mut off) = (0, 0);
     for case in 0..4000 {
         let most = if case % 2 == 0 { 9_000_000.0 } else { 90.0 };
-        // Where only the difference of origins rounds, and where it is nothing.
+        // With a difference of origins that rounds, and with none.
         let far = if case % 4 == 1 { 1e9 } else { 0.0 };
         let [view_origin, origin] =
             [(); 2].map(|()| DVec3::from_array([(); 3].map(|()| random.fine_unit() * far)));
         let mut whole = |most: f64| ((random.fine_unit() * 2.0 - 1.0) * most).round();
-        // Rows and an eye of whole numbers, so that the matrix is exactly that of this eye.
+        // Rows and an eye of whole numbers, so that the matrix has exactly this eye.
         let eye = DVec3::new(whole(most), whole(most), whole(most));
         let rows = [(); 4].map(|()| DVec3::new(whole(1e6), whole(1e6), whole(1e6)));
         let mut rows = rows.map(|row| row.extend(-row.dot(eye)));
@@ -175,7 +177,7 @@ fn the_direction_of_a_parallel_view_is_within_its_error_of_the_exact_one() {
     let mut off = 0;
     for _ in 0..4000 {
         let mut whole = || ((random.fine_unit() * 2.0 - 1.0) * 1e5).round();
-        // Exact cross product of whole numbers, and a depth row that grows along it.
+        // The exact cross product of whole numbers, and a depth row that grows along it.
         let [a, b] = [(); 2].map(|()| DVec3::new(whole(), whole(), whole()));
         let along = a.cross(b);
         if along == DVec3::ZERO {
@@ -186,7 +188,7 @@ fn the_direction_of_a_parallel_view_is_within_its_error_of_the_exact_one() {
         let Ok(view) = View::from_clip_from_world(matrix, Depth::ZeroToOne) else { continue };
         let projection = ViewProjection::new(&view, DVec3::ZERO);
         let Eye::Direction(found) = projection.eye() else { panic!("a parallel view has no eye") };
-        // The sine of the angle between the two, from a product that is exact but for its last rounding.
+        // The sine of the angle between the two directions; the product is exact but for its last rounding.
         let distance = found.cross(along / along.length()).length();
         let error = projection.eye_error();
         assert!(distance <= error && error < 1e-6, "{distance:e} off, {error:e} allowed");
@@ -208,7 +210,7 @@ fn orientation_is_that_of_a_triangle_that_turns_its_back() {
         let Eye::Point(eye) = projection.eye() else { continue };
         let [a, b, c] = [(); 3].map(|()| vector(&mut random) * 9.0);
         let normal = (b - a).cross(c - a);
-        // Clip x, y and w have the determinant's sign also behind the eye.
+        // The determinant of clip-space x, y and w keeps its sign behind the eye.
         if normal.dot(a - eye).abs() < 1e-6 {
             continue;
         }

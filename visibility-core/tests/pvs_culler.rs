@@ -1,4 +1,5 @@
-//! Viewcells are found as by looking at each; the culler hides what a viewcell does not see, and only that.
+//! Tests of the PVS culler: the viewcell of an eye is found as by testing every viewcell, and an object is
+//! hidden if and only if the viewcell does not see it.
 
 use visibility_core::glam::DVec3;
 use visibility_core::{
@@ -40,8 +41,8 @@ fn viewcells_are_found_as_by_looking_at_each() {
     }
 }
 
-/// Two viewcells on either side of a plane of whole numbers, given in two lengths, far from the origin;
-/// points beside it by fractions that are exact.
+/// Tests points beside the plane between two viewcells, by exact fractions. The plane has whole coefficients,
+/// of different length in the two viewcells, and is far from the origin.
 #[test]
 fn a_point_is_in_the_viewcells_that_it_is_exactly_in() {
     let mut state = 7;
@@ -55,7 +56,7 @@ fn a_point_is_in_the_viewcells_that_it_is_exactly_in() {
         if normal == [0; 3] {
             continue;
         }
-        // In the plane by whole numbers of sixteenths, and off it by those of 2^-20.
+        // Along the plane by multiples of 1/16, and off the plane by multiples of 2^-20.
         let across: [i64; 3] = core::array::from_fn(|i| {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
             normal[j] * r[k] - normal[k] * r[j]
@@ -80,8 +81,8 @@ fn a_point_is_in_the_viewcells_that_it_is_exactly_in() {
     println!("{close} too close to tell");
 }
 
-/// Ten objects in a row in front of two rooms; the first room sees the even ones, the second all but the
-/// last.
+/// Returns a scene with ten objects in a row in front of two rooms, the objects, and the rooms' PVS and
+/// viewcells. The first room sees the objects with even index, the second all but the last.
 fn world() -> (Scene, Vec<ObjectId>, Pvs, Viewcells) {
     let mut scene = Scene::new();
     scene.set_origin(DVec3::new(1e6, 0.0, 0.0)).unwrap();
@@ -111,22 +112,22 @@ fn what_a_viewcell_does_not_see_is_hidden_and_only_that() {
     let pairs = ids.iter().copied().zip(0..).filter(|(_, target)| *target != 5);
     let shared = ScenePvs::new(&scene, pvs, viewcells, pairs);
     let mut culler = PvsCuller::new(&shared);
-    // Object 5 was given no target, so nobody can say that it is hidden.
+    // Object 5 was given no target, so it cannot be hidden.
     assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 4, 5, 6, 8]);
     assert_eq!(culler.viewcell(), Some(ViewcellId(0)));
     assert_eq!(seen(&mut culler, &scene, &ids, 7.0), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
-    // Outside of all viewcells, everything is seen.
+    // Outside of all viewcells, everything is visible.
     assert_eq!(seen(&mut culler, &scene, &ids, 12.0).len(), 10);
     assert_eq!(culler.viewcell(), None);
     assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 4, 5, 6, 8]);
-    // What has moved is no longer where the sets think.
+    // The PVS is no longer valid for an object that has moved, which is visible.
     scene.set_bounds(ids[3], Aabb::from_arrays([22.0, 0.0, 0.0], [23.0, 1.0, 1.0])).unwrap();
     assert_eq!(seen(&mut culler, &scene, &ids, 2.0), [0, 2, 3, 4, 5, 6, 8]);
-    // What is new has no set, also under a number that was used before.
+    // A new object is not in the PVS, even if it reuses an index.
     scene.remove(ids[1]).unwrap();
     let new = scene.insert(Aabb::from_arrays([20.0, 1.0, 0.0], [21.0, 1.5, 1.0]));
     assert_eq!(seen(&mut culler, &scene, &[new], 2.0), [0]);
-    // Another scene: nothing is known of it.
+    // The PVS says nothing of another scene.
     let (other, ids, ..) = world();
     assert_eq!(seen(&mut culler, &other, &ids, 2.0).len(), 10);
 }
@@ -134,13 +135,15 @@ fn what_a_viewcell_does_not_see_is_hidden_and_only_that() {
 #[test]
 fn objects_in_several_cells_are_seen_where_any_of_them_is() {
     let (scene, ids, pvs, viewcells) = world();
-    // Targets that the sets do not know hide nothing either.
+    // Objects with a target that the PVS does not contain are not hidden.
     let pairs = [(ids[0], 1), (ids[0], 3), (ids[1], 1), (ids[1], 2), (ids[2], 1), (ids[2], 77)];
     let shared = ScenePvs::new(&scene, pvs, viewcells, pairs);
     assert_eq!(seen(&mut PvsCuller::new(&shared), &scene, &ids[..3], 2.0), [1, 2]);
 }
 
-/// The rooms meet at x = 5; the near plane is 0.1 m before the eye, which looks along x.
+/// Tests an eye whose near plane reaches into the next viewcell: objects that the next viewcell sees are
+/// visible too. The rooms meet at x = 5, and the near plane is 0.1 m in front of the eye, which looks along
+/// x.
 #[test]
 fn where_the_near_plane_reaches_the_next_viewcell_what_that_sees_is_seen_too() {
     let (scene, ids, pvs, viewcells) = world();
@@ -152,7 +155,8 @@ fn where_the_near_plane_reaches_the_next_viewcell_what_that_sees_is_seen_too() {
     assert_eq!(seen(&mut culler, &scene, &ids, 4.85), [0, 2, 4, 6, 8]);
 }
 
-/// The rooms end at y = 15. The near plane is 0.16 m to either side of the middle, 0.1 m before the eye.
+/// Tests a near plane that reaches out of all viewcells: everything is visible. The rooms end at y = 15, and
+/// the near plane extends 0.16 m to either side, 0.1 m in front of the eye.
 #[test]
 fn a_near_plane_that_reaches_out_of_all_viewcells_sees_everything() {
     use visibility_core::Culler;
@@ -179,7 +183,7 @@ fn an_eye_that_a_clip_plane_cuts_away_sees_everything() {
     let mut culler = PvsCuller::new(&shared);
     let eye = DVec3::new(1e6 + 2.0, 5.0, 0.5);
     let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 2.0, 2.0, 0.1, 1e3).unwrap();
-    // Relative to the eye: from 6 m on, or from behind it.
+    // Clip planes relative to the eye: 6 m ahead, or 1 m behind.
     for (start, expected) in [(6.0, 10), (-1.0, 5)] {
         let view = view.with_clip_planes(&[Plane::through(DVec3::X * start, DVec3::X)]).unwrap();
         let mut visible = VisibleSet::new();
@@ -189,9 +193,9 @@ fn an_eye_that_a_clip_plane_cuts_away_sees_everything() {
     }
 }
 
-/// A near plane as of a mirror or of water (Lengyel, "Oblique View Frustum Depth Projection and Clipping",
-/// 2005). It is turned so far that lines of sight at the left never meet it, and those beside them begin far
-/// away, in the next room.
+/// Tests an oblique near plane, as for a mirror or for water (Lengyel, "Oblique View Frustum Depth Projection
+/// and Clipping", 2005). View rays at the left never meet this plane, and those beside them begin far away,
+/// in the next room: everything is visible.
 #[test]
 fn an_oblique_near_plane_that_not_all_lines_of_sight_meet_sees_everything() {
     use visibility_core::glam::{DMat4, DVec4};

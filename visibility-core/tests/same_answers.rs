@@ -1,5 +1,5 @@
-//! Contract 3, the same clip matrix gives the same answer with any instructions and on any platform; and that
-//! answers depend on where things are relative to each other, not on where the world has its origin.
+//! Tests that the same clip matrix gives the same result with all SIMD instruction sets and on all platforms,
+//! and that results depend only on relative positions, not on the origin of the world.
 
 use visibility_core::glam::DVec3;
 use visibility_core::{
@@ -8,10 +8,10 @@ use visibility_core::{
 use visibility_testing::cameras::{Camera, box_behind, clip_planes, power_of_two, random_camera};
 use visibility_testing::{FNV_START, Random, fnv};
 
-/// Clip matrices as an engine would pass them, column-major; written out, since trigonometry differs between
-/// platforms.
+/// Clip matrices as an engine would pass them, column-major, with their depth conventions. Literal, since
+/// trigonometric functions differ between platforms.
 const MATRICES: [([f32; 16], Depth); 3] = [
-    // Perspective from (3, -4, 2), turned on all axes, reversed infinite depth.
+    // Perspective from (3, -4, 2), rotated about all axes, with reversed infinite depth.
     (
         [
             0.8137977,
@@ -33,7 +33,7 @@ const MATRICES: [([f32; 16], Depth); 3] = [
         ],
         Depth::ReversedInfinite,
     ),
-    // Parallel, OpenGL's depth.
+    // Orthographic, with the depth of OpenGL.
     (
         [
             0.011, 0.002, -0.0013, 0.0, -0.0021, 0.0107, 0.0007, 0.0, 0.0009, -0.0011, 0.0024, 0.0, 0.125,
@@ -41,7 +41,7 @@ const MATRICES: [([f32; 16], Depth); 3] = [
         ],
         Depth::NegativeOneToOne,
     ),
-    // Perspective through a window beside the line of sight, Direct3D's depth.
+    // Perspective, off-centre, with the depth of Direct3D.
     (
         [1.3, 0.05, 0.12, 0.12, -0.4, 0.9, 0.97, 0.97, -0.03, 1.7, -0.25, -0.25, 12.0, -7.5, 38.5, 39.0],
         Depth::ZeroToOne,
@@ -55,7 +55,7 @@ fn cull_with(simd: Simd, scene: &Scene, view: &View) -> VisibleSet {
     visible
 }
 
-/// Boxes of a kind: evenly spread, of all scales, of any bits, flat or degenerate.
+/// Returns a random box. `kind` selects: evenly spread, of all scales, of arbitrary bits, flat or degenerate.
 fn random_box(rng: &mut Random, kind: usize) -> Aabb {
     match kind {
         0 => {
@@ -73,7 +73,7 @@ fn random_box(rng: &mut Random, kind: usize) -> Aabb {
             if rng.one_in(8) {
                 return Aabb::from_arrays(a, b);
             }
-            // Most of them the right way round, or they would not be tested at all.
+            // Mostly with min <= max, because inverted boxes are never tested.
             Aabb::from_arrays(
                 core::array::from_fn(|i| a[i].min(b[i])),
                 core::array::from_fn(|i| a[i].max(b[i])),
@@ -130,8 +130,8 @@ fn all_instruction_sets_give_the_same_set_on_a_million_boxes() {
     assert!(decided >= 24, "too easy: {decided}");
 }
 
-/// A box whose deciding corner is as far outside a plane of the camera as rounding in `f32` reaches, so that
-/// it is in or out of the set by the last bit of the kernel's arithmetic.
+/// Returns a box whose deciding corner is outside of a plane of the camera by about the rounding error of
+/// `f32`, so that the last bit of the kernel's arithmetic decides whether the box is hidden.
 fn box_at_the_limit(rng: &mut Random, camera: &Camera) -> Aabb {
     let plane = rng.pick(&[0, 1, 2, 3, 4]);
     let (n, d) = camera.coefficients(&clip_planes(camera.depth)[plane]);
@@ -161,10 +161,10 @@ fn the_answers_are_those_of_every_other_platform() {
         let view = View::from_clip_from_world(matrix, depth).unwrap();
         let mut visible = VisibleSet::new();
         Pipeline::new().with(FrustumCuller::new()).cull(&scene, &view, &mut visible);
-        // By id, so that the order of the hierarchy does not count here,
+        // Hashes membership by id, which does not depend on the order of the hierarchy,
         let answers: Vec<u8> = ids.iter().map(|&id| visible.contains(&scene, id).into()).collect();
         hash = fnv(hash, &answers);
-        // and then in the order in which they are drawn, so that it does.
+        // and then the ids in drawing order, which does.
         for id in visible.iter(&scene) {
             hash = fnv(hash, &(id.index() as u32).to_le_bytes());
         }
@@ -176,7 +176,8 @@ fn the_answers_are_those_of_every_other_platform() {
     );
 }
 
-/// On this grid, differences of coordinates up to 10^7 m are exact in `f64`.
+/// Spacing of test coordinates in metres, 2^-20: coordinates up to 10^7 m on this grid have exact differences
+/// in `f64`.
 const GRID: f64 = 1.0 / 1048576.0;
 
 #[test]
@@ -212,7 +213,7 @@ fn objects_a_few_metres_from_a_far_eye_are_visible() {
             let eye = rng.vector(1.0).normalize() * distance;
             let forward = rng.vector(1.0).normalize();
             let pose = Pose::look_at(eye, eye + forward * (distance + 1.0), DVec3::Z);
-            // The scene has its origin within a few kilometres, as it must in `f32`.
+            // The scene's origin is within a few kilometres of the eye, as `f32` bounds require.
             let mut scene = Scene::new();
             scene.set_origin(eye + rng.vector(3000.0)).unwrap();
             let target = eye + pose.forward * rng.range(2.0, 9.0);
@@ -222,7 +223,7 @@ fn objects_a_few_metres_from_a_far_eye_are_visible() {
             let view = View::perspective(pose, 0.8, 1.5, 0.5, f64::INFINITY).unwrap();
             let visible = cull_with(Simd::best(), &scene, &view);
             assert!(visible.contains(&scene, ahead), "{target} is ahead of {eye}");
-            // At 10^12 m a coordinate in `f64` is good to a tenth of a millimetre still.
+            // At 10^12 m an `f64` coordinate is still precise to a tenth of a millimetre.
             assert!(!visible.contains(&scene, behind), "{target} mirrored is behind {eye}");
         }
     }

@@ -1,4 +1,4 @@
-//! Random changes to a scene, compared with a model of it that is a plain map.
+//! Tests of random changes to a scene, compared with a hash map as the model.
 
 use std::collections::{HashMap, HashSet};
 use visibility_core::glam::DVec3;
@@ -13,22 +13,22 @@ struct Model {
     rng: Random,
     scene: Scene,
     objects: HashMap<ObjectId, Object>,
-    /// The keys of `objects`, to choose from.
+    /// The keys of `objects`, to pick from at random.
     ids: Vec<ObjectId>,
     stale: Vec<ObjectId>,
-    /// A revision, and what was changed since.
+    /// A revision of the scene; `changed` holds the objects that have changed since.
     revision: u64,
     changed: HashSet<ObjectId>,
-    /// How much was found to be listed, culled and certain, to make sure that the test was one.
+    /// Number of objects found in change lists, to make sure that the test covered such lists.
     listed: usize,
     hidden: usize,
-    /// Without boxes so large or so far from the rest that the bounds of whole blocks are nowhere out of
+    /// Whether to leave out boxes so large or so far away that they would keep the bounds of whole blocks in
     /// view.
     calm: bool,
 }
 
 fn same_object(a: &Object, b: &Object) -> bool {
-    // By bits, since a NaN is not equal to itself.
+    // Compared by bits, since NaN is not equal to itself.
     let bits = |o: &Object| [o.bounds.min, o.bounds.max].map(|v| v.to_array().map(f32::to_bits));
     bits(a) == bits(b) && Object { bounds: Aabb::EMPTY, ..*a } == Object { bounds: Aabb::EMPTY, ..*b }
 }
@@ -119,7 +119,7 @@ impl Model {
                 let gone = self.ids.split_off(kept);
                 self.scene.remove_batch(&gone).unwrap();
                 gone.into_iter().for_each(|id| self.removed(id));
-                // One that is unknown, or there twice, spoils the batch, and nothing has happened.
+                // An unknown or repeated id makes the batch fail as a whole, without any change.
                 if let (Some(&stale), Some(&valid)) = (self.stale.last(), self.ids.last()) {
                     let unknown = Err(SceneError::UnknownObject(stale));
                     assert_eq!(self.scene.remove_batch(&[valid, stale]), unknown);
@@ -130,7 +130,7 @@ impl Model {
                 }
             }
             8..20 => {
-                // Small moves, many at a time, as in a frame.
+                // Many small moves at once, as in a frame.
                 let count = 1 + self.rng.below(20);
                 let size = self.rng.pick(&[0.01, 1.0, 30.0]);
                 let mut moved = Vec::new();
@@ -227,7 +227,7 @@ impl Model {
         assert_eq!(self.scene.changes_since(self.scene.revision() + 1), Changes::Everything);
     }
 
-    /// Culling compared with every object by itself.
+    /// Compares the visible set of a random camera with a test of every object by itself.
     fn check_culling(&mut self) {
         let exponents = [self.rng.between(2, 9); 3];
         let (camera, _) = random_camera(&mut self.rng, exponents);
@@ -286,11 +286,11 @@ fn a_scene_of_three_levels_equals_its_model() {
         let objects: Vec<Object> = (0..9000).map(|_| model.random_object()).collect();
         let ids = model.scene.insert_batch(objects.iter().copied());
         ids.into_iter().zip(objects).for_each(|(id, object)| model.added(id, object));
-        // The log is not expected to list so many.
+        // The batch is larger than the log, so its changes are not compared.
         model.revision = model.scene.revision();
         model.changed.clear();
         model.run(3000, 150);
-        // Down to nothing, which frees nodes on all levels.
+        // Removes all objects, which frees nodes on all levels.
         while !model.ids.is_empty() {
             let kept = model.ids.len() - model.ids.len().min(500);
             for id in model.ids.split_off(kept) {
@@ -305,7 +305,8 @@ fn a_scene_of_three_levels_equals_its_model() {
     }
 }
 
-/// A scene that was moved as a whole, or changed more than the log holds, says so.
+/// Tests that a scene reports `Changes::Everything` after its origin was moved, or after more changes than
+/// its log holds.
 #[test]
 fn too_many_changes_are_everything() {
     let mut scene = Scene::new();

@@ -1,8 +1,8 @@
-//! Where lines of sight begin, held against lines of sight followed by whole numbers.
+//! Tests of where view rays begin, against rays followed in exact integer arithmetic.
 //!
-//! The rows of a camera, its eye and its clip planes are whole numbers, so that the first point of each line
-//! of sight in the view is a fraction of whole numbers, found without rounding and with nothing of the crate
-//! but the names of the depth conventions.
+//! The camera's rows, eye and clip planes are whole numbers, so the first point of each view ray in the view
+//! is a fraction of whole numbers. It is found without rounding and without any code of the crate except the
+//! names of the depth conventions.
 
 use visibility_core::glam::{DMat4, DVec3, DVec4};
 use visibility_core::{View, geometry::Plane, view::Depth};
@@ -23,14 +23,15 @@ fn to_f64(a: Whole) -> DVec3 {
     DVec3::from_array(a.map(|x| x as f64))
 }
 
-/// Inside is where `normal . (p - eye) + constant >= 0`.
+/// A half-space of whole numbers: the points `p` with `normal . (p - eye) + constant >= 0`.
 #[derive(Clone, Copy, Debug)]
 struct Row {
     normal: Whole,
     constant: i128,
 }
 
-/// A camera of whole numbers. In a parallel one the eye is some point, and `w` is constant.
+/// A camera with whole-number coefficients. For a parallel camera, `eye` is an arbitrary point and `w` is
+/// constant.
 #[derive(Clone, Debug)]
 struct Camera {
     eye: Whole,
@@ -40,11 +41,12 @@ struct Camera {
     near: Row,
     clips: Vec<Row>,
     depth: Depth,
-    /// The rows are multiplied by this power of two.
+    /// Power of two by which all rows of the clip matrix are multiplied.
     scale: f64,
 }
 
-/// A line of sight through the picture at `(a, b) / 8`: its direction and a point on it times `whole`.
+/// The view ray through NDC point `(a, b) / 8`: its direction, and a point on it relative to the eye, times
+/// `whole`.
 struct Line {
     direction: Whole,
     start: Whole,
@@ -70,14 +72,14 @@ impl Camera {
         let off = |rng: &mut Random| if parallel { i128::from(rng.between(-20, 20)) } else { 0 };
         let (x, y) = (row(x.normal, off(rng)), row(y.normal, off(rng)));
         let near = match rng.below(4) {
-            // By the book: parallel to the picture.
+            // An ordinary near plane, parallel to the picture.
             0 | 1 if !parallel => {
                 let times = i128::from(rng.between(1, 9));
                 row(w.normal.map(|n| n * times), -i128::from(rng.between(1, 60)))
             }
-            // Oblique, as for mirrors; the eye may be on either side.
+            // An oblique near plane, as for mirrors; the eye may be on either side.
             2 => row(random_whole(rng, 20), i128::from(rng.between(-20, 2))),
-            // As for mirrors, and nearly by the book.
+            // Nearly parallel to the picture, but slightly oblique.
             _ => {
                 let turn = random_whole(rng, 3);
                 let normal = core::array::from_fn(|i| 9 * w.normal[i] + turn[i]);
@@ -90,7 +92,7 @@ impl Camera {
             let grazed = camera.line(rng.pick(&[-8, 8]), rng.pick(&[-8, 8]));
             let clip = match (rng.below(4), grazed) {
                 (0, _) => row(random_whole(rng, 20), i128::from(rng.between(-30, 30))),
-                // Leaves an edge of the picture on the near plane, and little else.
+                // Keeps an edge of the picture on the near plane, and little else.
                 (1, _) => {
                     let (side, sign) = (rng.pick(&[camera.x, camera.y]), rng.pick(&[-1, 1]));
                     let (more, most) = (i128::from(rng.between(1, 5)), i128::from(rng.between(1, 5)));
@@ -100,11 +102,11 @@ impl Camera {
                     });
                     row(normal, sum(side.constant, camera.w.constant, camera.near.constant))
                 }
-                // Before the eye, or across a parallel view, by less than rounding can tell; a corner of the
-                // picture meets it far away.
+                // In front of the eye, or across a parallel view, by less than the rounding error; a corner
+                // of the picture meets the plane far away.
                 (2, Some(line)) if far_off == 0 => {
                     let (across, turn) = (cross(line.direction, random_whole(rng, 9)), random_whole(rng, 3));
-                    // As long as `f64` holds.
+                    // As large as `f64` holds exactly.
                     let most = across.iter().fold(1, |most: i128, n| most.max(n.abs()));
                     let times = (1i128 << 51) / most;
                     row(core::array::from_fn(|i| across[i] * times + turn[i]), -1)
@@ -128,7 +130,7 @@ impl Camera {
             normal: core::array::from_fn(|i| a.normal[i] + times * b.normal[i]),
             constant: a.constant + times * b.constant,
         };
-        // The row of depth that makes the near plane this one. The far plane is as it comes.
+        // The depth row that gives this near plane. The far plane follows from it and is arbitrary.
         let z = match self.depth {
             Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => plus(self.near, self.w, -1),
             Depth::ZeroToOne | Depth::ZeroToOneInfinite => self.near,
@@ -150,15 +152,16 @@ impl Camera {
         view.with_clip_planes(&clips).ok()
     }
 
-    /// The line of sight through `(a, b) / 8` of the picture, from -1 to 1.
+    /// Returns the view ray through NDC point `(a, b) / 8`, with `a` and `b` from -8 to 8. `None` if the ray
+    /// is not defined.
     fn line(&self, a: i128, b: i128) -> Option<Line> {
         let (x, y, w) = (self.x.normal, self.y.normal, self.w.normal);
         if self.is_parallel() {
-            // Along the edge of the sides, in the sense in which the near plane is crossed inwards.
+            // Along the edge of the sides, in the sense that crosses the near plane inwards.
             let along = cross(x, y);
             let inwards = dot(along, self.near.normal).signum();
             let square = dot(along, along);
-            // 8 (x . p + cx) = a w: the point of that in the plane across the line.
+            // 8 (x . p + cx) = a w: the point with this property in the plane perpendicular to the ray.
             let (u, v) =
                 (a * self.w.constant - 8 * self.x.constant, b * self.w.constant - 8 * self.y.constant);
             let (p, q) = (cross(y, along), cross(along, x));
@@ -179,11 +182,11 @@ impl Camera {
         })
     }
 
-    /// The first point of a line of sight that is inside of the near plane and all clip planes, relative to
-    /// the eye; none if there is no such point, or if a parallel one is inside from infinity on.
+    /// Returns the first point of a view ray that is inside the near plane and all clip planes, relative to
+    /// the eye. `None` if there is no such point, or if a parallel ray is inside from infinity on.
     fn first(&self, line: &Line) -> Option<DVec3> {
-        // Along the line at t, a plane is at (whole * constant + normal . start) / whole + t (normal .
-        // direction).
+        // At parameter t of the ray, the value of a plane is (whole * constant + normal . start) / whole + t
+        // (normal . direction).
         let mut first = if self.is_parallel() { None } else { Some((0, 1)) };
         let mut last: Option<(i128, i128)> = None;
         let later = |a: (i128, i128), b: (i128, i128)| a.0 * b.1 > b.0 * a.1;
@@ -212,7 +215,8 @@ impl Camera {
         Some(to_f64(line.start) / line.whole as f64 + to_f64(line.direction) * t)
     }
 
-    /// Whether all four edges of the view meet the near plane, and that is before the eye.
+    /// Returns whether the view is ordinary: no clip planes, and all four edges of the view meet the near
+    /// plane in front of the eye.
     fn is_by_the_book(&self) -> bool {
         self.clips.is_empty()
             && (self.is_parallel() || self.near.constant < 0)
@@ -222,8 +226,8 @@ impl Camera {
     }
 }
 
-/// The distance of a point from a triangle, by the region that the point projects to (Ericson, "Real-Time
-/// Collision Detection", 2005, 5.1.5).
+/// Returns the distance of `p` from a triangle, by the region of the triangle that `p` projects to (Ericson,
+/// "Real-Time Collision Detection", 2005, 5.1.5).
 fn distance_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let to_segment = |a: DVec3, b: DVec3| {
         let square = (b - a).length_squared();
@@ -259,7 +263,7 @@ fn lines_of_sight_begin_in_the_polygons() {
         let anchor = to_f64(core::array::from_fn(|i| camera.eye[i] + shift[i]));
         let mut polygons: Vec<(Vec<DVec3>, f64)> = Vec::new();
         if !view.for_each_sight_start(anchor, |corners, error| polygons.push((corners.to_vec(), error))) {
-            // Numbers this small leave no doubt.
+            // Numbers this small leave nothing undecided in an ordinary view.
             assert!(!camera.is_by_the_book(), "{trial}: {camera:?}");
             untold += 1;
             continue;
@@ -274,7 +278,7 @@ fn lines_of_sight_begin_in_the_polygons() {
             };
             let Some(first) = camera.line(a, b).and_then(|line| camera.first(&line)) else { continue };
             let first = first - to_f64(shift);
-            // What the oracle itself rounds, in fractions and distances.
+            // Rounding error of the oracle itself, in fractions and distances.
             let own = 16.0 * f64::EPSILON * (first.length() + to_f64(shift).length());
             let off = polygons
                 .iter()

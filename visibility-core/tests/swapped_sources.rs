@@ -1,5 +1,5 @@
-//! Whatever is swapped, mixed, cloned, reverted or dropped under the cullers of this crate, they answer as
-//! fresh ones.
+//! Tests that cullers of this crate give the results of fresh cullers after their scenes and shared data were
+//! swapped, mixed, cloned, reverted or dropped.
 
 use std::sync::Arc;
 use visibility_core::glam::DVec3;
@@ -62,7 +62,7 @@ impl Swapped for Backface {
     }
 }
 
-/// Random sets of eight viewcells, whose targets are the objects by their indices.
+/// A PVS culler over eight random viewcells, whose targets are objects by index.
 struct Sets;
 
 impl Swapped for Sets {
@@ -91,7 +91,8 @@ impl Swapped for Sets {
     }
 }
 
-/// The driver over a plain map; what it must not hide is what all occluders together leave.
+/// The occlusion driver over a plain depth map. Objects that remain with all occluders drawn must not be
+/// hidden.
 struct Occlusion {
     selection: Selection,
     budget: usize,
@@ -124,7 +125,7 @@ impl Swapped for Occlusion {
     }
 }
 
-/// An octree that lists nothing of a scene that has changed since it was built, or of another.
+/// An octree that lists nothing for another scene, or once its scene has changed.
 #[derive(Clone)]
 struct DatedOctree(Arc<Octree>, SceneCursor);
 

@@ -1,4 +1,5 @@
-//! What a [`VisibleSet`] holds, says and forgets, and how cullers compose.
+//! Tests of [`VisibleSet`]: its content, its changes between frames, its order, and the composition of
+//! cullers.
 
 use std::collections::HashSet;
 use visibility_core::glam::DVec3;
@@ -17,7 +18,7 @@ fn random_box(rng: &mut Random) -> Aabb {
     at(p.x, p.y, p.z)
 }
 
-/// From the origin towards `target`.
+/// Returns a perspective view from the origin of the world towards `target`, without far plane.
 fn looking_at(target: DVec3) -> View {
     View::perspective(Pose::look_at(DVec3::ZERO, target, DVec3::Z), 0.9, 1.3, 0.1, f64::INFINITY).unwrap()
 }
@@ -33,7 +34,7 @@ fn set_of(ids: impl Iterator<Item = ObjectId>) -> HashSet<ObjectId> {
     set
 }
 
-/// The set, after a check that all ways to read it agree.
+/// Returns the objects of the set, after asserting that all ways to read the set agree.
 fn read(scene: &Scene, visible: &VisibleSet) -> HashSet<ObjectId> {
     let set = set_of(visible.iter(scene));
     assert_eq!(set.len(), visible.count(scene));
@@ -43,7 +44,8 @@ fn read(scene: &Scene, visible: &VisibleSet) -> HashSet<ObjectId> {
     set
 }
 
-/// Hides by index, without looking at the view.
+/// A culler that removes the objects whose index is a multiple of the first field, and claims the accuracy of
+/// the second field.
 struct Every(usize, Accuracy);
 
 impl Culler for Every {
@@ -87,7 +89,7 @@ fn a_view_shows_what_shares_a_layer_with_it() {
                 .filter(|&(id, layers)| layers & mask != 0 && all.contains(id))
                 .map(|(&id, _)| id)
                 .collect();
-            // An object on no layer at all is in no view, so that `all` lacks it, as it should.
+            // An object on no layer is in no view, and `all` does not contain it either.
             assert_eq!(read(&scene, &visible), expected, "layers {mask:#x}");
             assert_eq!(stats.visible, expected.len() as u64);
 
@@ -109,7 +111,8 @@ fn a_view_of_no_layer_shows_nothing() {
     assert_eq!(read(&scene, &visible).len(), 0);
 }
 
-/// By the counters: what is out of view costs nothing, and what is in view entirely is not tested box by box.
+/// Tests the cost of culling by counters: objects out of view cost nothing, and objects entirely in view are
+/// not tested one by one.
 #[test]
 fn cost_follows_what_is_seen() {
     let mut scene = Scene::new();
@@ -125,7 +128,7 @@ fn cost_follows_what_is_seen() {
     let all = View::perspective(eye, 0.9, 1.3, 0.1, f64::INFINITY).unwrap();
     let all = frustum().cull(&scene, &all, &mut visible);
     assert_eq!((all.nodes, all.visible, visible.count(&scene)), (1, 262_144, 262_144));
-    // A thin pencil of some hundred objects.
+    // A narrow frustum with some hundred objects.
     let narrow =
         View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 0.05, 1.0, 0.1, f64::INFINITY);
     let pencil = frustum().cull(&scene, &narrow.unwrap(), &mut visible);
@@ -149,7 +152,8 @@ fn layers_can_change_between_frames() {
     assert_eq!(visible.count(&scene), 200);
 }
 
-/// Layers that change after culling change the next frame's set; until then all ways to read this one agree.
+/// Tests that a change of layers after culling affects the next frame's set, and that until then all ways to
+/// read the set agree.
 #[test]
 fn a_set_whose_objects_change_layers_still_agrees_with_itself() {
     let mut scene = Scene::new();
@@ -186,7 +190,7 @@ fn what_is_never_culled_or_unbounded_survives_every_culler() {
     let stats = pipeline.cull(&scene, &looking_at(DVec3::X), &mut visible);
     assert_eq!(read(&scene, &visible), set_of(always.iter().copied()));
     assert_eq!(stats.visible, 200);
-    // And may be culled again when that is taken back.
+    // The objects can be culled again when the flag is reset.
     for &id in &always {
         scene.set_never_cull(id, false).unwrap();
         scene.set_bounds(id, behind).unwrap();
@@ -195,7 +199,8 @@ fn what_is_never_culled_or_unbounded_survives_every_culler() {
     assert_eq!(visible.count(&scene), 0);
 }
 
-/// Whatever gives an object another place makes a set of before count as holding everything on its layers.
+/// Tests that every change which gives an object another slot makes older sets count as holding everything on
+/// their layers.
 #[test]
 fn a_set_of_another_layout_holds_everything_on_its_layers() {
     type Change = fn(&mut Scene, &[ObjectId]);
@@ -251,7 +256,7 @@ fn maintenance_that_moves_objects_makes_sets_stale() {
     for _ in 0..60 {
         let mut scene = Scene::new();
         let ids = scene.insert_batch((0..500).map(|_| random_box(&mut rng)));
-        // Blocks of which little is left are dissolved.
+        // Blocks with few objects left are merged.
         let (gone, ids) = ids.split_at(rng.below(500));
         scene.remove_batch(gone).unwrap();
         let view = looking_at(rng.vector(1.0));
@@ -279,13 +284,13 @@ fn a_turning_camera_is_told_what_appears_and_what_vanishes() {
     for frame in 0..240 {
         let angle = f64::from(frame) * 0.05;
         let target = DVec3::new(angle.cos(), angle.sin(), 0.0);
-        // Objects come and go between frames; the indices of those that go are used again at once.
+        // Objects are removed and inserted between frames; the indices of removed ones are reused at once.
         for _ in 0..rng.below(40) {
             let gone = ids.swap_remove(rng.below(ids.len()));
             scene.remove(gone).unwrap();
             removed_while_visible += usize::from(before.contains(&gone));
             if !rng.one_in(3) {
-                // Often where it can be seen, so that an index is visible in both frames, for two objects.
+                // Often in view, so that an index is visible in both frames, but for two different objects.
                 let p = if rng.one_in(2) { (target * 30.0).as_vec3() } else { rng.vector(100.0).as_vec3() };
                 ids.push(scene.insert(at(p.x, p.y, p.z)));
                 reused_while_visible +=
@@ -366,12 +371,12 @@ fn retained_sorted_and_counted_sets_agree() {
         let mut in_order: Vec<_> = expected.iter().copied().collect();
         in_order.sort_by_key(|&id| (key(id), id));
         assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), in_order);
-        // What a later stage removes goes from the order too.
+        // Objects removed by a later stage disappear from the order too.
         visible.retain(&scene, |id, _| id.index() % 2 == 0);
         in_order.retain(|&id| never(id) || id.index() % 2 == 0);
         assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), in_order);
         read(&scene, &visible);
-        // The next frame starts without.
+        // The next frame starts without an order.
         frustum().cull(&scene, &looking_at(DVec3::Y), &mut visible);
         assert_eq!(read(&scene, &visible), before);
     }
@@ -419,8 +424,7 @@ fn cullers_in_a_pipeline_intersect() {
 #[test]
 fn the_accuracy_of_two_cullers_is_what_their_intersection_promises() {
     use Accuracy::*;
-    // By what each word promises: whether it never hides what is visible, and whether it never shows what is
-    // hidden.
+    // The two guarantees of each accuracy: never hides visible objects, never shows hidden ones.
     let promises = |a| match a {
         Exact => (true, true),
         Conservative => (true, false),
@@ -431,8 +435,8 @@ fn the_accuracy_of_two_cullers_is_what_their_intersection_promises() {
     for a in all {
         assert_eq!((a.never_hides(), a.never_shows()), promises(a));
         for b in all {
-            // Sets over four objects, of which two are visible. Each result that a's and b's promises allow,
-            // intersected: the promise of both is what holds in every case.
+            // Sets over four objects, two of them visible. All sets that the accuracies of a and b allow are
+            // intersected; the accuracy of the sequence must hold for every intersection.
             const V: u8 = 0b0011;
             let allowed = |accuracy, set: u8| {
                 let (never_hides, never_shows) = promises(accuracy);
@@ -449,8 +453,7 @@ fn the_accuracy_of_two_cullers_is_what_their_intersection_promises() {
     assert_eq!(Pipeline::new().accuracy(), Conservative);
 }
 
-/// A set goes from scene to scene, as when a level is loaded. (Scenes of the same history and size cannot be
-/// told apart.)
+/// Tests a set that is used with another scene, as when a level is loaded: it holds everything of that scene.
 #[test]
 fn a_set_of_another_scene_causes_no_panic_and_hides_nothing() {
     let mut rng = Random(8);
@@ -486,7 +489,7 @@ fn a_set_is_cut_down_to_a_list_and_keeps_its_order() {
     assert_eq!(kept, [always, ids[4000], ids[12], ids[4998], ids[0]]);
     assert_eq!(visible.count(&scene), 5);
     assert!(!visible.contains(&scene, ids[7]) && !visible.contains(&scene, ids[14]));
-    // Again, on a set that has been cut already.
+    // Once more, on a set from which objects have been removed.
     visible.keep_in_order(&scene, &[ids[0], always, ids[14]]);
     assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), [always, ids[0]]);
     visible.keep_in_order(&scene, &[]);

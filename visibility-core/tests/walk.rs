@@ -1,4 +1,5 @@
-//! The walk from outside: a frustum culler written against the public interface alone answers as core's own.
+//! Tests of the walk from outside: a frustum culler written against the public interface gives the results of
+//! core's own.
 
 use visibility_core::glam::DVec3;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy, Walk};
@@ -8,7 +9,7 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
-/// Frustum culling over any hierarchy.
+/// A frustum culler over any hierarchy.
 struct Frustum<H>(H);
 
 impl<H: BoxHierarchy> Frustum<H> {
@@ -56,7 +57,8 @@ impl<H: BoxHierarchy> Culler for Frustum<H> {
     }
 }
 
-/// Lists more children a node than a block has lanes: a hundred objects each, under one node.
+/// A hierarchy whose nodes have more children than a block has lanes: a root with nodes of a hundred objects
+/// each.
 struct Hundreds(Vec<ObjectId>);
 
 impl BoxHierarchy for Hundreds {
@@ -103,7 +105,7 @@ fn a_culler_outside_core_does_as_much_as_the_one_inside() {
     let [mut own, mut outside] = [VisibleSet::new(), VisibleSet::new()];
     let mut inside = Pipeline::new().with(FrustumCuller::new());
     let mut copy = Pipeline::new().with(Frustum(SceneHierarchy));
-    // Twice in a row, so that the second walks the set that the first has left.
+    // Twice in a row, so that the second culler walks the set that the first has left.
     let mut twice = Pipeline::new().with(Frustum(SceneHierarchy)).with(Frustum(SceneHierarchy));
     for view in views() {
         let stats = inside.cull(&scene, &view, &mut own);
@@ -120,7 +122,7 @@ fn another_hierarchy_gives_the_same_set() {
     let (scene, ids) = scene();
     let [mut own, mut outside] = [VisibleSet::new(), VisibleSet::new()];
     let mut inside = Pipeline::new().with(FrustumCuller::new());
-    // What the hierarchy does not list stays.
+    // Objects that the hierarchy does not list stay.
     let listed = ids[..8950].to_vec();
     let mut other = Pipeline::new().with(Frustum(Hundreds(listed)));
     let mut after = Pipeline::new().with(FrustumCuller::new()).with(Frustum(Hundreds(ids.clone())));

@@ -145,8 +145,9 @@ impl View {
         &self.clip_planes[..self.clip_count]
     }
 
-    /// Returns the view's clip planes alone, without the planes of the clip matrix, for points relative to
-    /// `origin`, a point of the world. Slots are numbered from 0 here.
+    /// Returns the [`clip_planes`](Self::clip_planes) alone, without the planes of the clip matrix, for
+    /// points relative to `origin`, a point of the world. Normals have unit length, and each plane has
+    /// its error bound.
     pub fn clip_planes_from(&self, origin: DVec3) -> ViewPlanes {
         let mut planes = ViewPlanes::NONE;
         for (slot, &plane) in (0..).zip(self.clip_planes()) {
