@@ -1,13 +1,13 @@
-//! The sizes that a buffer can have.
+//! Limits on the size of a buffer, and the error of a size beyond them.
 
 use core::fmt;
 
-/// The fewest pixels that a buffer can have on a side.
+/// Minimum width and minimum height of a buffer, in pixels.
 pub const MIN_SIDE: usize = 16;
-/// The most pixels that a buffer can have on a side.
+/// Maximum width and maximum height of a buffer, in pixels.
 pub const MAX_SIDE: usize = 4096;
 
-/// The error of a buffer size out of range: a side is not between [`MIN_SIDE`] and [`MAX_SIDE`].
+/// Error of a buffer size whose width or height is not in [`MIN_SIDE`]`..=`[`MAX_SIDE`].
 ///
 /// ```
 /// use visibility_hzb::{Hzb, SizeError};
@@ -15,9 +15,9 @@ pub const MAX_SIDE: usize = 4096;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct SizeError {
-    /// Columns asked for.
+    /// Requested width in pixels.
     pub width: usize,
-    /// Rows asked for.
+    /// Requested height in pixels.
     pub height: usize,
 }
 

@@ -1,6 +1,6 @@
-//! Which pixels count as covered by an occluder.
+//! The rule of which pixels an occluder covers.
 
-/// When a pixel counts as covered.
+/// Rule of which pixels an occluder covers. A covered pixel hides objects behind the occluder.
 ///
 /// ```
 /// use visibility_core::{Accuracy, OcclusionMap};
@@ -10,10 +10,12 @@
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum Coverage {
-    /// A pixel is covered if all of its square is, up to the corners: conservative at any resolution.
+    /// A pixel is covered only if the occluder covers its whole square, corners included. The map is
+    /// conservative at any resolution.
     #[default]
     Conservative,
-    /// A pixel is covered if its centre is, as in graphics hardware. Gaps narrower than a pixel may close, so
-    /// that visible objects may be hidden: the map is approximate. At low resolutions it hides somewhat more.
+    /// A pixel is covered if the occluder covers its centre, as in graphics hardware. Gaps narrower than a
+    /// pixel may close and hide visible objects, so the map is approximate. It culls somewhat more at low
+    /// resolutions.
     Sampled,
 }

@@ -1,12 +1,13 @@
-//! Points on the screen in double-double arithmetic, for tests of bounds on rounding.
+//! Homogeneous screen coordinates in double-double arithmetic, for tests of the error bounds of the `f64` and
+//! `f32` code.
 
 use crate::setup::screen_projection::ScreenProjection;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{Affine3A, DVec4};
 
-/// `x`, `y` and `w` of a point `p` as [`ScreenProjection`](crate::setup::screen_projection::ScreenProjection)
-/// has them, for a picture of the given size in pixels. `rows` are the first, second and fourth of the clip
-/// matrix.
+/// Returns `x`, `y` (pixel coordinates times `w`) and `w` of a point `p` of the scene, as
+/// [`ScreenProjection`](crate::setup::screen_projection::ScreenProjection) defines them, for a picture of the
+/// given width and height in pixels. `rows` are the first, second and fourth row of the clip matrix.
 pub(crate) fn on_screen(rows: [DVec4; 3], p: [f64; 3], [width, height]: [f64; 2]) -> [DoubleDouble; 3] {
     let [x, y, w] = rows.map(|row| {
         (0..3).fold(DoubleDouble::from(row.w), |sum, i| sum.plus(DoubleDouble::product(row[i], p[i])))
@@ -15,8 +16,9 @@ pub(crate) fn on_screen(rows: [DVec4; 3], p: [f64; 3], [width, height]: [f64; 2]
     [half(w.plus(x), width), half(w.plus(y.negated()), height), w]
 }
 
-/// The values of the rows of `projection`, as they are, at a transformed point: `x`, `y`, `w`, `n` and the
-/// distance beyond the near plane.
+/// Returns the values of the five rows of `projection` at the point `p` of an object, transformed by
+/// `transform` without rounding: `x`, `y`, `w`, `n` and the distance beyond the near plane. The coefficients
+/// of the rows are taken as exact.
 pub(crate) fn exact_values(
     projection: &ScreenProjection,
     transform: &Affine3A,

@@ -64,7 +64,8 @@
 //! - `std` (default) finds out at run time which vector instructions the processor has.
 //! - `libm` stands in for `std` in the few functions that core needs.
 #![no_std]
-// Loops over lanes by index compile to vector instructions. Negated comparisons say what becomes of NaN.
+// Index loops over lanes compile to vector instructions. Negated comparisons make the treatment of NaN
+// explicit.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
@@ -92,8 +93,10 @@ pub use coverage::Coverage;
 pub use hom::{DepthEstimate, Hom, OccluderCriteria, OccluderDatabase};
 pub use hzb::Hzb;
 
-/// A culler that draws a scene's occluders into a z-buffer, front to back, and drops objects that these hide.
-/// It belongs behind a frustum culler.
+/// Occlusion culler over a hierarchical z-buffer ([`Hzb`]), to be run after a frustum culler. It draws a
+/// scene's occluders roughly from front to back and removes from the visible set the objects whose bounding
+/// boxes they certainly hide. Undecided objects stay visible. With [`Coverage::Sampled`] it is approximate
+/// instead.
 ///
 /// ```
 /// use visibility_core::{occlusion::Selection, Culler};
@@ -103,7 +106,10 @@ pub use hzb::Hzb;
 /// ```
 pub type HzbCuller = visibility_core::OcclusionCuller<Hzb>;
 
-/// The same with occlusion maps.
+/// Occlusion culler over hierarchical occlusion maps ([`Hom`]), to be run after a frustum culler. It draws a
+/// scene's occluders and removes from the visible set the objects that they hide. Conservative by default.
+/// With an opacity threshold below 1 it also removes objects that are visible only through small holes, and
+/// is approximate.
 ///
 /// ```
 /// use visibility_core::{Accuracy, Culler};

@@ -1,25 +1,26 @@
-//! Depth planes of an occluder: the planes of its faces, which bound its depth key in a pixel more tightly
-//! than one number for a tile does.
+//! Depth planes of an occluder: the planes of its faces as linear functions on the screen. They bound the
+//! occluder's depth key in a pixel from below, more tightly than one number for the whole tile.
 
 use super::tile_layout::SIDE;
 use crate::query::box_face_planes::{BoxFacePlanes, LANES};
 use crate::setup::screen_shape::ScreenShape;
 
-/// Up to three planes. The depth key of the occluder is at least the least of them, wherever it covers a
-/// pixel.
+/// Up to three depth planes of one occluder. Wherever the occluder covers a pixel, its depth key (greater is
+/// nearer) is at least the least value of the planes there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DepthPlanes {
-    /// Slope along tile columns, slope along tile rows, constant, as in [`ScreenShape::planes`].
+    /// Coefficients `[a, b, c]` of each plane, as in [`ScreenShape::planes`]: `a * column + b * row + c` is
+    /// the least depth key in the tile at that tile column and row. The first `count` are valid.
     planes: [[f32; 3]; 3],
-    /// Number of planes. With 0, nothing is known.
+    /// Number of valid planes, 0 to 3. With 0 planes the depth key is not bounded.
     count: usize,
 }
 
 impl DepthPlanes {
-    /// No planes.
+    /// No planes: the depth key is not bounded, and nothing is hidden.
     pub(crate) const NONE: Self = Self { planes: [[0.0; 3]; 3], count: 0 };
 
-    /// The planes of a shape; none if it has more than three.
+    /// Copies the depth planes of `shape`. Returns no planes if the shape has more than three.
     #[inline(always)]
     pub(crate) fn of(shape: &ScreenShape) -> Self {
         let [p, q, r, ..] = shape.planes;
@@ -27,29 +28,34 @@ impl DepthPlanes {
         Self { planes: [p, q, r], count: if shape.plane_count <= 3 { shape.plane_count } else { 0 } }
     }
 
-    /// The least value in a rectangle (left, right, top, bottom in pixels of the buffer); negative infinity
-    /// if there is no plane.
+    /// Returns the least value of the planes in a rectangle: a lower bound on the occluder's depth key there.
+    /// The rectangle is given as left, right, top and bottom in pixels of the buffer. Returns negative
+    /// infinity if there are no planes.
     ///
-    /// In `f64`, where rounding is far below what [`ScreenShape::add_depth_plane`] has lowered the planes by.
+    /// Computed in `f64`, where rounding is far below the amount by which [`ScreenShape::add_depth_plane`]
+    /// has lowered the planes.
     #[inline(always)]
     pub(crate) fn least(&self, [left, right, top, bottom]: [f64; 4]) -> f64 {
         const SHARE: f64 = 1.0 / SIDE as f64;
         let mut least = if self.count > 0 { f64::INFINITY } else { f64::NEG_INFINITY };
         for &[a, b, c] in &self.planes[..self.count] {
             let [a, b, c] = [f64::from(a), f64::from(b), f64::from(c)];
-            // The constant of a plane is its value at the farthest corner of tile 0: the right border where
-            // it falls to the right, the lower border where it falls downwards.
+            // The constant of a plane is its value at the farthest corner of tile 0. That corner is on the
+            // right border of the tile if the plane falls to the right, and on the lower border if it falls
+            // downwards.
             let x = if a < 0.0 { right * SHARE - 1.0 } else { left * SHARE };
             let y = if b < 0.0 { bottom * SHARE - 1.0 } else { top * SHARE };
             let value = a * x + b * y + c;
-            // NaN becomes the least.
+            // The comparison is false for NaN, so a NaN value is not skipped.
             least = if value >= least { least } else { value };
         }
         least
     }
 
-    /// Whether, in all of a rectangle, the planes are above one and the same upper bound of a box. Rounding
-    /// is far below what either was moved by, as in [`least`](Self::least).
+    /// Returns whether the occluder is strictly nearer than a box in a rectangle (left, right, top, bottom in
+    /// pixels of the buffer): whether some face of the box bounds the box's depth key by a plane that is
+    /// below all depth planes in the whole rectangle. False if there are no planes. Rounding is far below the
+    /// amounts by which both kinds of planes were moved, as in [`least`](Self::least).
     #[inline(always)]
     pub(crate) fn is_before(&self, sides: [f64; 4], box_planes: &BoxFacePlanes) -> bool {
         const SHARE: f64 = 1.0 / SIDE as f64;
@@ -69,7 +75,9 @@ impl DepthPlanes {
         any
     }
 
-    /// Whether the least value in a rectangle is above `depth_key`. NaN hides nothing.
+    /// Returns whether [`least`](Self::least) in a rectangle (left, right, top, bottom in pixels of the
+    /// buffer) is strictly greater than `depth_key`. False if there are no planes, if the values are equal or
+    /// if one is NaN.
     #[inline(always)]
     pub(crate) fn hides(&self, sides: [f64; 4], depth_key: f32) -> bool {
         self.least(sides) > f64::from(depth_key)

@@ -1,33 +1,35 @@
-//! The pyramid above the tiles: each texel holds the least depth key of the four below it, up to a single
-//! texel (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993; Cohen-Or, Chrysanthou, Silva and
-//! Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.1).
+//! The pyramid above the tiles: each texel holds the least depth key of the four texels below it, up to a
+//! single texel (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993; Cohen-Or, Chrysanthou,
+//! Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.1).
 
 use super::tile_layout::{LINES, Rectangle, SIDE, mask};
 use super::tiles::{Tiles, UNCHANGED, join};
 use alloc::vec::Vec;
 
-/// One level.
+/// One level of the pyramid, half as wide and half as high as the next finer one, rounded up.
 #[derive(Clone, Debug)]
 struct Level {
-    /// Columns of texels.
+    /// Number of texel columns.
     columns: usize,
-    /// Rows of texels.
+    /// Number of texel rows.
     rows: usize,
-    /// Least depth key of each texel, row by row.
+    /// Least depth key of all pixels under each texel, row by row from the top. Negative infinity if a pixel
+    /// is not covered.
     least: Vec<f32>,
 }
 
-/// All levels above the tiles. May be older than the tiles: then it hides less.
+/// Levels of least depth keys above the tiles. A pyramid that is older than the tiles culls less and stays
+/// conservative, since depth keys only grow during a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pyramid {
-    /// Finest first.
+    /// Levels above the tiles, finest first, down to one texel.
     levels: Vec<Level>,
-    /// Scratch of [`update`](Self::update): dirty column range of each row of the finer level.
+    /// Scratch of [`update`](Self::update): half-open dirty column range of each row of the finer level.
     changed: Vec<[usize; 2]>,
 }
 
 impl Pyramid {
-    /// A pyramid of empty texels.
+    /// Creates the levels above `tiles`, with all texels at negative infinity.
     pub(crate) fn new(tiles: &Tiles) -> Self {
         let mut levels = Vec::new();
         let (mut columns, mut rows) = (tiles.columns, tiles.rows);
@@ -38,24 +40,26 @@ impl Pyramid {
         Self { levels, changed: alloc::vec![UNCHANGED; tiles.rows] }
     }
 
-    /// Empties all texels.
+    /// Sets all texels to negative infinity, so that no box is hidden.
     pub(crate) fn clear(&mut self) {
         for level in &mut self.levels {
             level.least.fill(f32::NEG_INFINITY);
         }
     }
 
-    /// The number of levels.
+    /// Returns the number of levels above the tiles.
     pub(crate) fn height(&self) -> usize {
         self.levels.len()
     }
 
-    /// Columns, rows and texels of a level, 0 being the finest. `None` beyond the last.
+    /// Returns the columns, rows and texels (row by row) of a level. Level 0 is the first above the tiles.
+    /// `None` beyond the last level.
     pub(crate) fn level(&self, level: usize) -> Option<(usize, usize, &[f32])> {
         self.levels.get(level).map(|level| (level.columns, level.rows, &level.least[..]))
     }
 
-    /// Brings all levels up to date with the dirty ranges of the tiles, and empties these.
+    /// Recomputes all texels above the dirty tiles of `tiles` and resets the dirty ranges. The cost is
+    /// proportional to the number of texels within the dirty ranges.
     pub(crate) fn update(&mut self, tiles: &mut Tiles) {
         let [mut first_row, mut end_row] = core::mem::replace(&mut tiles.changed_rows, UNCHANGED);
         if first_row >= end_row {
@@ -68,7 +72,7 @@ impl Pyramid {
         for level in &mut self.levels {
             let (first, end) = (first_row / 2, end_row.div_ceil(2));
             for row in first..end {
-                // The last of an odd number of rows is its own partner.
+                // With an odd number of rows, the last row is paired with itself.
                 let (upper, lower) = (2 * row, (2 * row + 1).min(rows - 1));
                 let mut changed = UNCHANGED;
                 for row in [upper, lower] {
@@ -86,8 +90,8 @@ impl Pyramid {
                         out,
                     );
                 }
-                // The element belonged to a finer row that has been read already; row 0 is read before it is
-                // written.
+                // Element `row` held the range of a finer row that has been read already: rows `2 * row` and
+                // above are read before element `row` is written.
                 self.changed[row] = if changed[0] < changed[1] { changed } else { UNCHANGED };
             }
             (first_row, end_row) = (first, end);
@@ -96,8 +100,9 @@ impl Pyramid {
         }
     }
 
-    /// Whether a rectangle is hidden by the texels that it meets on the first level where these are at most
-    /// two by two.
+    /// Returns whether a rectangle of pixels is hidden by one level of the pyramid: whether the texels that
+    /// the rectangle meets, at most 2 x 2, have least depth keys strictly greater than `depth_key`. False
+    /// means undecided. The level is chosen by the size of the rectangle, so the cost is constant.
     #[inline(always)]
     pub(crate) fn hides_coarsely(&self, tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
         let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize - 1) / SIDE];
@@ -117,10 +122,11 @@ impl Pyramid {
         least > depth_key
     }
 
-    /// Whether all pixels of a rectangle hold a depth key above `depth_key`.
+    /// Returns whether all pixels of a rectangle hold a depth key strictly greater than `depth_key`.
     ///
-    /// Starts on the level where the rectangle meets two or three texels along its longer side, and goes down
-    /// only where a texel does not decide.
+    /// A rectangle that meets at most four tiles a side is tested tile by tile. For a larger one the test
+    /// starts on the level where the rectangle meets two or three texels along its longer side, and descends
+    /// only below texels that do not decide.
     #[inline(always)]
     pub(crate) fn hides(&self, tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
         let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize - 1) / SIDE];
@@ -129,7 +135,7 @@ impl Pyramid {
         if size <= 3 {
             return hidden_tiles(tiles, rectangle, [x0, x1, y0, y1], depth_key);
         }
-        // The greatest shift that leaves at least two texels on the longer side.
+        // The coarsest level on which the longer side still meets at least two texels.
         let level = ((usize::BITS - size.leading_zeros()) as usize - 1).min(self.levels.len());
         let walk = Walk { pyramid: self, tiles, rectangle, limits: [x0, x1, y0, y1], depth_key };
         for y in y0 >> level..=y1 >> level {
@@ -143,7 +149,8 @@ impl Pyramid {
     }
 }
 
-/// Fills a range of texels of a row from the two rows below it.
+/// Writes texels `first..end` of one row `out` of a level. Each becomes the minimum of two texels of the
+/// finer row `above` and two of the finer row `below`.
 fn halve(above: &[f32], below: &[f32], [first, end]: [usize; 2], out: &mut [f32]) {
     let ((pairs_above, rest_above), (pairs_below, rest_below)) =
         (above.as_chunks::<2>(), below.as_chunks::<2>());
@@ -154,7 +161,7 @@ fn halve(above: &[f32], below: &[f32], [first, end]: [usize; 2], out: &mut [f32]
     {
         *out = least(least(a[0], a[1]), least(b[0], b[1]));
     }
-    // The last of an odd number of columns has no partner.
+    // With an odd number of finer columns, the last texel has only one finer texel in each row.
     if let (true, Some(out), [a], [b]) = (last > end, out.last_mut(), rest_above, rest_below) {
         *out = least(*a, *b);
     }
@@ -165,9 +172,9 @@ fn least(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Whether all pixels of a rectangle within the given tiles (first and last column, first and last row) hold
-/// a depth key above `depth_key`. Looks at each tile. Masks differ from tile to tile only at the ends of rows
-/// and columns.
+/// Returns whether all pixels of a rectangle hold a depth key strictly greater than `depth_key`. `x0..=x1`
+/// and `y0..=y1` are the columns and rows of all tiles that the rectangle meets. Each tile is tested. The
+/// pixel mask of a tile depends only on whether the tile is the first or last of its row or column.
 #[inline(always)]
 fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 4], depth_key: f32) -> bool {
     let ([left, right], [top, bottom]) = (rectangle.columns, rectangle.lines);
@@ -192,18 +199,22 @@ fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 
     true
 }
 
-/// The descent of [`Pyramid::hides`].
+/// Arguments of the recursive descent of [`Pyramid::hides`].
 struct Walk<'a> {
     pyramid: &'a Pyramid,
     tiles: &'a Tiles,
+    /// The tested rectangle, in pixels.
     rectangle: &'a Rectangle,
-    /// First and last column and first and last row of tiles.
+    /// First and last column, first and last row of the tiles that the rectangle meets, all inclusive.
     limits: [usize; 4],
+    /// Upper bound on the depth keys of the tested box (greater is nearer).
     depth_key: f32,
 }
 
 impl Walk<'_> {
-    /// Whether the part of the rectangle within a texel is hidden; level 0 is that of tiles.
+    /// Returns whether all pixels of the rectangle within the texel at column `x`, row `y` of a level hold a
+    /// greater depth key than the box. Level 0 is the tiles, level `i` is `levels[i - 1]`. False beyond the
+    /// last level.
     fn hides(&self, level: usize, x: usize, y: usize) -> bool {
         if level == 0 {
             let tile = y * self.tiles.columns + x;
@@ -230,7 +241,8 @@ mod tests {
     use super::*;
     use visibility_testing::Random;
 
-    /// SplitMix64.
+    /// Returns a random half-open range of pixels within `0..size`, never empty. Half of the ranges are at
+    /// most 12 pixels long.
     fn range(random: &mut Random, size: usize) -> [u32; 2] {
         let (a, b) = (random.below(size), random.below(size));
         let end = if random.below(2) == 0 { a.max(b) } else { (a.min(b) + random.below(12)).min(size - 1) };

@@ -1,34 +1,38 @@
-//! Pixel masks of tiles, from where each row of pixels begins and ends.
+//! Pixel masks of tiles, made from the columns at which each row of pixels begins and ends.
 
 use super::tile_layout::SIDE;
 use crate::lanes::WIDTH;
 
-/// 1.5 times 2^23. A number below 2^22 in size, added to it, leaves the nearest integer in the low bits.
+/// 1.5 times 2^23. Adding it to an `f32` of magnitude below 2^22 leaves the nearest integer in the low bits
+/// of the sum.
 const WHOLE: f32 = 12_582_912.0;
 
-/// The lane numbers.
+/// Lane indices 0 to 15 as `f32`.
 pub(crate) const STEPS: [f32; WIDTH] =
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
-/// Spans of the eight rows of pixels of a row of tiles, twice in a row: masks of two tiles are made at once,
-/// which fills the lanes.
+/// Spans of a shape in the eight rows of pixels of one row of tiles. Each span is stored twice, so that the
+/// masks of two tiles are made at once, which fills the vector lanes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RowSpans {
-    /// The column at which each row of pixels begins, plus 0.5 for rounding.
+    /// Column at which the span of each row of pixels begins, in pixels of the buffer, plus 0.5 for rounding.
+    /// Elements 8 to 15 repeat elements 0 to 7.
     low: [f32; 2 * SIDE],
-    /// The column at which it ends, less 0.5.
+    /// Column at which the span of each row of pixels ends, in pixels of the buffer, less 0.5. Elements 8 to
+    /// 15 repeat elements 0 to 7.
     high: [f32; 2 * SIDE],
-    /// Masks of [`WIDTH`] tiles, a byte for each row of pixels. Those that [`make_masks`](Self::make_masks)
-    /// has not made are stale.
+    /// Pixel masks of [`WIDTH`] tiles, one byte for each row of pixels, bit i for column i of the tile. Masks
+    /// that [`make_masks`](Self::make_masks) has not written for the current spans are stale.
     pub(crate) masks: [[u8; SIDE]; WIDTH],
 }
 
 impl RowSpans {
-    /// Empty spans.
+    /// Empty spans and empty masks.
     pub(crate) const NONE: Self =
         Self { low: [0.0; 2 * SIDE], high: [0.0; 2 * SIDE], masks: [[0; SIDE]; WIDTH] };
 
-    /// Sets where each row begins and ends.
+    /// Replaces the spans: `low` and `high` are the columns at which each of the eight rows of pixels begins
+    /// and ends, in pixels of the buffer and not rounded to whole pixels.
     #[inline(always)]
     pub(crate) fn set(&mut self, [low, high]: &[[f32; SIDE]; 2]) {
         for i in 0..SIDE {
@@ -39,11 +43,11 @@ impl RowSpans {
         }
     }
 
-    /// Makes the masks of the tiles `first` and `second` columns after `column`. If both are the same, that
-    /// tile.
+    /// Writes the masks of the tiles `first` and `second` tile columns after tile column `column` into
+    /// `masks[first]` and `masks[second]`. `first` and `second` may be equal.
     ///
-    /// Rounds to pixels as whole tiles are found in `shape_fill.rs`: taking the first column of a tile off a
-    /// bound within it is exact.
+    /// The spans are rounded to pixels as for tiles that `shape_fill.rs` finds covered entirely, since
+    /// subtracting the tile's first column from a bound within the tile is exact.
     #[inline(always)]
     pub(crate) fn make_masks(&mut self, column: usize, first: usize, second: usize) {
         let start = (column * SIDE) as f32;

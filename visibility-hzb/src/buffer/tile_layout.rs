@@ -1,27 +1,31 @@
-//! The layout of tiles: 8 x 8 pixels, one bit of a `u64` each, row by row from the upper left.
+//! The layout of tiles: 8 x 8 pixels. The pixel at column `x` and row `y` of a tile, from the upper left, is
+//! bit `8 * y + x` of a `u64`.
 
-/// Pixels along the side of a tile.
+/// Width and height of a tile, in pixels.
 pub(crate) const SIDE: usize = 8;
 
-/// Tiles that may be read beyond the end of any row.
+/// Number of extra elements at the end of each per-tile array. Loops that start at any tile may read a whole
+/// group of [`WIDTH`](crate::lanes::WIDTH) tiles.
 pub(crate) const PADDING: usize = crate::lanes::WIDTH;
 
-/// Depth key of an empty pixel or tile: farther than any occluder.
+/// Depth key of an uncovered pixel or of a tile with an uncovered pixel: farther than any occluder.
 pub(crate) const EMPTY_DEPTH: f32 = f32::NEG_INFINITY;
 
-/// A rectangle of pixels; never empty.
+/// A rectangle of whole pixels of the buffer, never empty.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rectangle {
-    /// Column range, half-open.
+    /// Column range in pixels, half-open.
     pub(crate) columns: [u32; 2],
-    /// Row range, half-open.
+    /// Row range in pixels, half-open. Row 0 is at the top.
     pub(crate) lines: [u32; 2],
 }
 
-/// A one for each row of a tile. Times a byte, it repeats that byte in all rows.
+/// A `u64` whose eight bytes are 1, one byte for each row of a tile. Multiplying by a byte repeats that byte
+/// in all rows.
 pub(crate) const LINES: u64 = 0x0101_0101_0101_0101;
 
-/// The pixels of the tile at column `x` and row `y` of tiles that a rectangle meets.
+/// Returns the mask of the pixels that a rectangle meets in the tile at tile column `x` and tile row `y`. The
+/// pixel at column `u` and row `v` of the tile is bit `8 * v + u`. 0 if the rectangle does not meet the tile.
 #[inline(always)]
 pub(crate) fn mask(rectangle: &Rectangle, x: usize, y: usize) -> u64 {
     let (left, right) = within(rectangle.columns, x);
@@ -31,14 +35,15 @@ pub(crate) fn mask(rectangle: &Rectangle, x: usize, y: usize) -> u64 {
     (byte * LINES) & lines
 }
 
-/// The part of a range of pixels that lies in a tile, counted from the first pixel of the tile.
+/// Returns the part of a half-open pixel range within the tile of index `tile` along one axis, as first and
+/// end pixel from 0 to 8 relative to the tile. First and end are equal if the range does not meet the tile.
 #[inline(always)]
 fn within([first, end]: [u32; 2], tile: usize) -> (i32, i32) {
     let start = (tile * SIDE) as i32;
     ((first as i32 - start).clamp(0, 8), (end as i32 - start).clamp(0, 8))
 }
 
-/// The first `lines` rows of a tile; none if negative, all from 8 on.
+/// Returns the mask of the first `lines` rows of a tile: no pixels for 0 or less, all pixels for 8 or more.
 #[inline(always)]
 pub(crate) fn below(lines: i32) -> u64 {
     if lines >= 8 { u64::MAX } else { (1 << (8 * lines.max(0))) - 1 }

@@ -1,8 +1,8 @@
-//! The buffer: tiles of 8 x 8 pixels that hold which pixels are covered, and how far away at most, in a few
-//! layers.
+//! The buffer: tiles of 8 x 8 pixels. A tile stores in a few layers which of its pixels are covered and how
+//! far away the covering occluders are at most.
 //!
 //! A tile has one depth key for all its pixels and up to [`LAYERS`] disjoint sets of pixels with a greater
-//! key each. That takes a fraction of the memory of a z-buffer and is as tight in practice, since one
+//! key each. That takes a fraction of the memory of a z-buffer. It is as tight in practice, since one
 //! occluder mostly has one depth range in a tile. The idea is that of Andersson, Hasselgren and
 //! Akenine-Möller, "Masked Depth Culling for Graphics Hardware", 2015, with more layers, which are disjoint.
 
@@ -14,51 +14,56 @@ use crate::rounding::down;
 use crate::setup::screen_shape::ScreenShape;
 use alloc::vec::Vec;
 
-/// The most layers of a tile.
+/// Maximum number of layers of a tile.
 pub(crate) const LAYERS: usize = 4;
 
-/// The layers of one tile: disjoint sets of pixels, each with a lower bound on its depth keys.
+/// Layers of one tile: disjoint sets of covered pixels, each with a lower bound on its depth keys (greater is
+/// nearer).
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Layers {
-    /// The pixels of each layer, a bit each.
+    /// Pixels of each layer: bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
     masks: [u64; LAYERS],
-    /// The lower bound of each layer.
+    /// Lower bound on the depth keys of each layer's pixels.
     depth_key: [f32; LAYERS],
-    /// Index into [`Tiles::depth_planes`] of the planes that bound the layer more tightly; 0 for none.
+    /// Index into [`Tiles::depth_planes`] of planes that bound each layer's depth keys more tightly. 0 means
+    /// no planes.
     depth_planes: [u32; LAYERS],
 }
 
-/// The tiles, row by row from the top.
+/// Coverage and depth of all tiles of the buffer. Arrays hold one element for each tile, row by row from the
+/// top.
 #[derive(Clone, Debug)]
 pub(crate) struct Tiles {
-    /// Columns of tiles.
+    /// Number of tile columns.
     pub(crate) columns: usize,
-    /// Rows of tiles.
+    /// Number of tile rows.
     pub(crate) rows: usize,
-    /// Lower bound on the depth keys of all pixels of each tile, [`EMPTY_DEPTH`] if one is not covered.
-    /// Followed by padding.
+    /// Lower bound on the depth keys of all 64 pixels of each tile. [`EMPTY_DEPTH`] if a pixel is not
+    /// covered. Followed by [`PADDING`] unused elements.
     pub(crate) tile_min: Vec<f32>,
-    /// Index into `depth_planes` of an occluder that covers the whole tile; 0 for none. Not always the
-    /// nearest one. Followed by padding.
+    /// Index into `depth_planes` of the planes of an occluder that covers the whole tile, for each tile. 0
+    /// means no such planes. The occluder is not always the nearest one. Followed by [`PADDING`] unused
+    /// elements.
     pub(crate) planes_id: Vec<u32>,
-    /// Depth planes of the occluders of this frame. The first is [`DepthPlanes::NONE`].
+    /// Depth planes of the occluders drawn since the last [`clear`](Self::clear). Element 0 is
+    /// [`DepthPlanes::NONE`].
     depth_planes: Vec<DepthPlanes>,
-    /// Number of layers of each tile.
+    /// Number of valid layers of each tile, 0 to [`LAYERS`].
     counts: Vec<u8>,
-    /// The layers of each tile. Those beyond the count are stale.
+    /// Layers of each tile. Layers at or beyond the tile's count are stale.
     layers: Vec<Layers>,
-    /// Dirty column range of each row of tiles, half-open: where `tile_min` has changed since the last
-    /// update of the pyramid.
+    /// Half-open range of dirty tile columns of each row of tiles: tiles whose `tile_min` has changed since
+    /// the last update of the pyramid. [`UNCHANGED`] if there are none.
     pub(crate) changed: Vec<[usize; 2]>,
-    /// Range of the rows whose column range is not empty, half-open.
+    /// Half-open range of the rows of tiles that have dirty columns. [`UNCHANGED`] if there are none.
     pub(crate) changed_rows: [usize; 2],
-    /// Scratch of the row of tiles that is being filled.
+    /// Scratch for the pixel masks of the row of tiles that is being filled.
     pub(crate) spans: RowSpans,
 }
 
 impl Tiles {
-    /// An empty buffer of so many pixels, rounded up to whole tiles.
+    /// Creates an empty buffer of `width` by `height` pixels, rounded up to whole tiles.
     pub(crate) fn new(width: usize, height: usize) -> Self {
         let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
         let layers = Layers { masks: [0; LAYERS], depth_key: [0.0; LAYERS], depth_planes: [0; LAYERS] };
@@ -76,7 +81,7 @@ impl Tiles {
         }
     }
 
-    /// Empties the buffer.
+    /// Marks all pixels as uncovered, and removes all depth planes and dirty ranges.
     pub(crate) fn clear(&mut self) {
         self.tile_min.fill(EMPTY_DEPTH);
         self.counts.fill(0);
@@ -86,14 +91,15 @@ impl Tiles {
         self.changed_rows = UNCHANGED;
     }
 
-    /// Marks a half-open range of columns of a row of tiles as dirty.
+    /// Adds the tile columns of the half-open range `columns` to the dirty range of row `row` of tiles.
     #[inline(always)]
     pub(crate) fn note(&mut self, row: usize, columns: [usize; 2]) {
         self.changed[row] = join(self.changed[row], columns);
         self.changed_rows = join(self.changed_rows, [row, row + 1]);
     }
 
-    /// Sets the lower bound of a whole tile.
+    /// Sets `tile_min` of a tile to `depth_key` and marks the tile as dirty. `tile` is the tile's index, row
+    /// by row.
     #[inline(always)]
     fn raise(&mut self, tile: usize, depth_key: f32) {
         self.tile_min[tile] = depth_key;
@@ -101,16 +107,20 @@ impl Tiles {
         self.note(row, [column, column + 1]);
     }
 
-    /// Stores the depth planes of a shape. Returns their index, which is valid until [`clear`](Self::clear).
+    /// Appends the depth planes of a shape. Returns their index into `depth_planes`, at least 1 and valid
+    /// until [`clear`](Self::clear).
     #[inline(always)]
     pub(crate) fn add_depth_planes(&mut self, shape: &ScreenShape) -> u32 {
         self.depth_planes.push(DepthPlanes::of(shape));
         (self.depth_planes.len() - 1) as u32
     }
 
-    /// Those of some pixels where a box may be seen. All of them lie within `sides` (left, right, top, bottom
-    /// in pixels of the buffer). There the box has no depth key above `depth_key`, and satisfies
-    /// `box_planes`.
+    /// Returns the subset of the mask `pixels` in which the occluders of one tile do not certainly hide a
+    /// box. 0 means that all of `pixels` hide the box. Depth keys that are equal hide nothing.
+    ///
+    /// The caller guarantees that all of `pixels` lie within `sides` (left, right, top, bottom in pixels of
+    /// the buffer), and that in these pixels the box has no depth key above `depth_key` and satisfies the
+    /// bounds of `box_planes`.
     #[inline(always)]
     pub(crate) fn undecided(
         &self,
@@ -141,12 +151,13 @@ impl Tiles {
         left
     }
 
-    /// Covers some pixels of a tile by an occluder whose depth keys there are at least `depth_key`, and at
-    /// least those of its depth planes if `planes_id` is not 0. NaN covers nothing.
+    /// Covers the pixels `mask` of a tile by an occluder whose depth keys there are at least `depth_key`, and
+    /// at least the least value of the depth planes at index `planes_id` if that is not 0. In each pixel the
+    /// greatest key wins. Does nothing if `depth_key` is NaN or not above the tile's `tile_min`.
     #[inline(always)]
     pub(crate) fn cover(&mut self, tile: usize, mask: u64, depth_key: f32, planes_id: u32) {
         let tile_min = self.tile_min[tile];
-        // Written so that NaN covers nothing.
+        // The negated comparison makes a NaN depth key cover no pixel.
         if mask == 0 || !(depth_key > tile_min) {
             return;
         }
@@ -165,7 +176,7 @@ impl Tiles {
             self.counts[tile] = 1;
             return;
         }
-        // Pixels of layers that are at least as near stay with these.
+        // Pixels of layers whose depth key is at least as great stay in those layers.
         let (mut new, mut taken) = (mask, 0);
         for i in 0..count.min(LAYERS) {
             taken |= layers.masks[i];
@@ -176,7 +187,7 @@ impl Tiles {
         if new == 0 {
             return;
         }
-        // From front to back, most occluders fill pixels that nothing has covered yet.
+        // Occluders are added roughly from front to back, so most fill pixels that are not covered yet.
         if new & taken == 0 && new | taken != u64::MAX && count < LAYERS {
             layers.masks[count] = new;
             layers.depth_key[count] = depth_key;
@@ -184,7 +195,7 @@ impl Tiles {
             self.counts[tile] = count as u8 + 1;
             return;
         }
-        // Layers behind the whole tile are dropped, and pixels of farther layers go over to the new one.
+        // Layers behind `tile_min` are dropped. Pixels of farther layers move to the new layer.
         let mut all = [(0, 0.0, 0); LAYERS + 1];
         let mut raised = tile_min;
         let mut kept = 0;
@@ -204,7 +215,7 @@ impl Tiles {
             for &(_, depth_key, _) in &all[..kept] {
                 raised = if depth_key < raised { depth_key } else { raised };
             }
-            // A layer no nearer than the whole tile is of use only for its depth planes.
+            // A layer no nearer than `tile_min` is useful only for its depth planes.
             let mut left = 0;
             for i in 0..kept {
                 if all[i].1 > raised || all[i].2 != 0 {
@@ -226,13 +237,16 @@ impl Tiles {
         }
     }
 
-    /// Whether all of the given pixels of a tile hold a depth key above `depth_key`.
+    /// Returns whether all pixels of `mask` in a tile hold a depth key strictly greater than `depth_key`, by
+    /// `tile_min` and layers. True for an empty mask.
     #[inline(always)]
     pub(crate) fn hides(&self, tile: usize, mask: u64, depth_key: f32) -> bool {
         self.tile_min[tile] > depth_key || self.hides_partly(tile, mask, depth_key)
     }
 
-    /// The same by layers alone, for tiles whose `tile_min` is known not to be above `depth_key`.
+    /// Returns whether all pixels of `mask` in a tile belong to layers with a depth key strictly greater than
+    /// `depth_key`. The caller has already found that the tile's `tile_min` is not greater. True for an empty
+    /// mask.
     #[inline(always)]
     pub(crate) fn hides_partly(&self, tile: usize, mask: u64, depth_key: f32) -> bool {
         let (layers, count) = (&self.layers[tile], u32::from(self.counts[tile]));
@@ -244,7 +258,8 @@ impl Tiles {
         mask & !((nearer[0] | nearer[1]) | (nearer[2] | nearer[3])) == 0
     }
 
-    /// The pixels of a tile that are covered.
+    /// Returns the mask of the covered pixels of a tile: bit `8 * y + x` for the pixel at column `x` and row
+    /// `y`.
     #[inline(always)]
     pub(crate) fn covered(&self, tile: usize) -> u64 {
         if self.tile_min[tile] > EMPTY_DEPTH {
@@ -258,7 +273,8 @@ impl Tiles {
         covered
     }
 
-    /// Lower bound on the depth keys of the covered pixels of a tile; infinity if none is covered.
+    /// Returns a lower bound on the depth keys of the covered pixels of a tile. Positive infinity if no pixel
+    /// is covered.
     #[inline(always)]
     pub(crate) fn farthest(&self, tile: usize) -> f32 {
         if self.tile_min[tile] > EMPTY_DEPTH {
@@ -272,15 +288,16 @@ impl Tiles {
         farthest
     }
 
-    /// The depth key of the pixel in the middle of a rectangle, as [`pixel`](Self::pixel) gives it.
+    /// Returns the depth key of the pixel at the centre of a rectangle, as [`pixel`](Self::pixel) does.
     #[inline(always)]
     pub(crate) fn pixel_around(&self, rectangle: &Rectangle) -> f32 {
         let [x, y] = [rectangle.columns, rectangle.lines].map(|[first, end]| ((first + end) / 2) as usize);
         self.pixel(x, y)
     }
 
-    /// The greatest lower bound known on the depth key of a pixel, by layers and by depth planes;
-    /// [`EMPTY_DEPTH`] where nothing covers it.
+    /// Returns the greatest known lower bound on the depth key of the pixel at `column` and `row` of the
+    /// buffer, by `tile_min`, layers and depth planes. [`EMPTY_DEPTH`] if the pixel is not covered. The pixel
+    /// must lie in the buffer.
     pub(crate) fn pixel_closely(&self, column: usize, row: usize) -> f32 {
         let tile = row / SIDE * self.columns + column / SIDE;
         let bit = (row % SIDE) * SIDE + column % SIDE;
@@ -300,7 +317,8 @@ impl Tiles {
         depth_key
     }
 
-    /// The lower bound on the depth key of a pixel by layers; [`EMPTY_DEPTH`] where nothing covers it.
+    /// Returns a lower bound on the depth key of the pixel at `column` and `row` of the buffer, by `tile_min`
+    /// and layers alone. [`EMPTY_DEPTH`] if the pixel is not covered. The pixel must lie in the buffer.
     #[inline(always)]
     pub(crate) fn pixel(&self, column: usize, row: usize) -> f32 {
         let tile = row / SIDE * self.columns + column / SIDE;
@@ -314,8 +332,9 @@ impl Tiles {
     }
 }
 
-/// Merges two of one layer too many, those whose merging gives away least: difference of depth keys times
-/// pixels. Returns the number of layers left.
+/// Merges two of `LAYERS + 1` layers (pixel mask, depth key, index of depth planes) into one with the lesser
+/// key. The pair is chosen for the least loss: difference of the depth keys times the number of pixels of the
+/// nearer layer. Returns the number of remaining layers, [`LAYERS`].
 #[cold]
 fn merge(layers: &mut [(u64, f32, u32); LAYERS + 1]) -> usize {
     let mut best = (f32::INFINITY, 0, 1);
@@ -335,10 +354,10 @@ fn merge(layers: &mut [(u64, f32, u32); LAYERS + 1]) -> usize {
     LAYERS
 }
 
-/// The empty range of columns or rows.
+/// Empty half-open range of columns or rows, neutral in [`join`].
 pub(crate) const UNCHANGED: [usize; 2] = [usize::MAX, 0];
 
-/// The least range that contains two ranges.
+/// Returns the smallest half-open range that contains the ranges `a` and `b`.
 #[inline(always)]
 pub(crate) fn join(a: [usize; 2], b: [usize; 2]) -> [usize; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]

@@ -1,14 +1,15 @@
-//! The depth behind which opaque pixels hide.
+//! Depth estimates of occlusion maps: the depth behind which opaque pixels hide a box.
 //!
 //! These are the three estimates of Zhang, Manocha, Hudson and Hoff ("Visibility Culling using Hierarchical
-//! Occlusion Maps", 1997), in depth keys. Each bounds, for every covered pixel, the depth key of what covers
-//! it from below. So each is conservative on its own.
+//! Occlusion Maps", 1997), in depth keys (greater is nearer). Each estimate is, for every covered pixel, a
+//! lower bound on the depth key of an occluder that covers the pixel. So each is conservative on its own.
 //!
-//! The first two go by the boxes around occluders, at their farthest points. An occluder whose rectangle is
-//! hidden pixel by pixel behind nearer ones moves no boundary. That is sound: of all occluders that cover a
-//! pixel, take the one whose nearest point is nearest. It cannot be hidden there, since what would hide it
-//! covers the pixel too and reaches nearer still. So for every covered pixel, at least one occluder that
-//! covers it has moved the boundary.
+//! [`DepthEstimate::Plane`] and [`DepthEstimate::Buffer`] use the farthest points of the boxes around
+//! occluders. An occluder whose screen rectangle is hidden pixel by pixel behind nearer occluders does not
+//! change these estimates. That is sound: of all occluders that cover a pixel, take the one whose nearest
+//! point is nearest. It cannot be hidden in that pixel, since an occluder that hides it there covers the
+//! pixel too and reaches nearer still. So for every covered pixel, at least one occluder that covers the
+//! pixel has been taken into the estimate.
 
 use super::opacity_pyramid::OpacityPyramid;
 use super::tile_range::TileRange;
@@ -17,7 +18,8 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::all_above;
 use alloc::vec::Vec;
 
-/// How the depth of occluders is kept.
+/// How the depth of occluders is estimated. A box is hidden where covered pixels are certainly nearer by this
+/// estimate.
 ///
 /// ```
 /// use visibility_hzb::{DepthEstimate, Hom};
@@ -27,32 +29,37 @@ use alloc::vec::Vec;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum DepthEstimate {
-    /// One plane behind all occluders that show. The cheapest. Hides no box that is nearer than the farthest
-    /// of them.
+    /// One plane behind all occluders that are not hidden by nearer ones. A box is hidden only if the box is
+    /// farther than the farthest point of all these occluders. The cheapest estimate.
     Plane,
-    /// The depth-estimation buffer: for each 8 x 8 pixels, the farthest depth of the occluders whose
-    /// rectangles meet them.
+    /// Depth-estimation buffer: for each tile of 8 x 8 pixels, the depth of the farthest point of all
+    /// occluders whose screen rectangles meet the tile.
     Buffer,
-    /// The no-background z-buffer: the z-buffer that occluders were drawn into, pixel by pixel where a tile
-    /// does not decide. Pixels that nothing covers say nothing. The tightest.
+    /// No-background z-buffer: the depth at which occluders were drawn, for each tile and, where a tile does
+    /// not decide, for each pixel. Uncovered pixels are ignored. The tightest estimate.
     #[default]
     NoBackground,
 }
 
-/// The depth behind which opaque pixels hide.
+/// Lower bounds on the depth keys (greater is nearer) of the occluders drawn in a frame, by one of three
+/// estimates. A box with a lesser depth key lies behind these occluders.
 #[derive(Clone, Debug)]
 pub(crate) struct DepthBoundary {
+    /// Estimate that is in use.
     pub(crate) estimate: DepthEstimate,
-    /// Columns of tiles.
+    /// Number of tile columns.
     columns: usize,
-    /// Lower bound on the depth keys of all occluders; infinity if there are none.
+    /// Bound of [`DepthEstimate::Plane`]: at most the depth key of any point of an occluder. Positive
+    /// infinity if there are no occluders.
     plane: f32,
-    /// The same for each tile, row by row.
+    /// Bound of each tile, row by row, for [`DepthEstimate::Buffer`] and [`DepthEstimate::NoBackground`].
+    /// Positive infinity if no occluder meets the tile.
     cells: Vec<f32>,
 }
 
 impl DepthBoundary {
-    /// A boundary before all occluders.
+    /// Creates a boundary without occluders, for a buffer with the tiles of `tiles`, with the default
+    /// estimate.
     pub(crate) fn new(tiles: &Tiles) -> Self {
         Self {
             estimate: DepthEstimate::default(),
@@ -62,21 +69,23 @@ impl DepthBoundary {
         }
     }
 
-    /// Forgets all occluders.
+    /// Removes all occluders: all bounds become positive infinity.
     pub(crate) fn clear(&mut self) {
         self.plane = f32::INFINITY;
         self.cells.fill(f32::INFINITY);
     }
 
-    /// Changes the estimate. Hides nothing until [`clear`](Self::clear).
+    /// Changes the estimate and sets all bounds to negative infinity. Until the next [`clear`](Self::clear),
+    /// `Plane` and `Buffer` hide nothing; `NoBackground` hides what the drawn pixels hide.
     pub(crate) fn set(&mut self, estimate: DepthEstimate) {
         self.estimate = estimate;
         self.plane = f32::NEG_INFINITY;
         self.cells.fill(f32::NEG_INFINITY);
     }
 
-    /// Takes in an occluder whose pixels lie in `region` and whose depth keys are at least `depth_key`. NaN
-    /// stands for an occluder of which nothing is known.
+    /// Lowers the bounds of `Plane` and `Buffer` for an occluder whose pixels lie in the tiles `region` and
+    /// whose depth keys are at least `depth_key`. A NaN key counts as negative infinity. Does nothing for
+    /// `NoBackground`.
     pub(crate) fn move_behind(&mut self, region: &TileRange, depth_key: f32) {
         let depth_key = if depth_key.is_nan() { f32::NEG_INFINITY } else { depth_key };
         match self.estimate {
@@ -93,7 +102,8 @@ impl DepthBoundary {
         }
     }
 
-    /// Takes in what has been drawn into some tiles. Only [`DepthEstimate::NoBackground`] needs it.
+    /// Recomputes the bounds of the tiles `region` from the tiles' drawn depths, for
+    /// [`DepthEstimate::NoBackground`]. Does nothing for the other estimates.
     #[inline(always)]
     pub(crate) fn update(&mut self, tiles: &Tiles, region: &TileRange) {
         if self.estimate != DepthEstimate::NoBackground {
@@ -107,7 +117,9 @@ impl DepthBoundary {
         }
     }
 
-    /// Whether everything that covers pixels of a rectangle has a depth key above `depth_key`.
+    /// Returns whether the occluders that cover pixels of a rectangle are all certainly nearer than a box
+    /// whose depth keys are at most `depth_key`: whether their bounds are strictly greater. Uncovered pixels
+    /// are ignored, so coverage must be tested apart.
     #[inline(always)]
     pub(crate) fn is_before(
         &self,
@@ -142,7 +154,7 @@ impl DepthBoundary {
     }
 }
 
-/// Takes in what has been drawn into some tiles, in opacity and depth.
+/// Updates the opacity pyramid and the depth estimate from the pixels drawn in the tiles `region`.
 #[inline(always)]
 pub(crate) fn update_maps(
     opacity: &mut OpacityPyramid,

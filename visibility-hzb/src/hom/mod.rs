@@ -1,4 +1,4 @@
-//! Hierarchical occlusion maps, and the database of objects worth drawing into them.
+//! Hierarchical occlusion maps, and the database of occluders that are worth drawing into them.
 
 pub(crate) mod depth_estimate;
 mod occluder_database;

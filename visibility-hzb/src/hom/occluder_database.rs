@@ -1,10 +1,10 @@
-//! The occluder database: which objects of a scene are worth drawing as occluders, found once when it is
-//! loaded.
+//! The occluder database: the objects of a scene that are worth drawing as occluders, found once when the
+//! scene is loaded.
 //!
-//! By the three criteria of Zhang, Manocha, Hudson and Hoff ("Visibility Culling using Hierarchical Occlusion
-//! Maps", 1997). Small objects hide little. Objects close to a larger occluder, as a clock on a wall, hide
-//! little that it does not. Objects of many triangles cost much to draw. Leaving out an occluder is always
-//! safe, so none of this needs to be exact.
+//! Objects are chosen by the three criteria of Zhang, Manocha, Hudson and Hoff ("Visibility Culling using
+//! Hierarchical Occlusion Maps", 1997). Small objects hide little. Objects close to a larger occluder, such
+//! as a clock on a wall, hide little that the larger one does not. Objects of many triangles cost much to
+//! draw. Leaving out an occluder is always conservative, so none of these criteria needs to be exact.
 
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
@@ -14,7 +14,7 @@ use visibility_core::{
     walk::{BoxHierarchy, Child, SceneHierarchy},
 };
 
-/// Which objects an [`OccluderDatabase`] leaves out.
+/// Criteria by which an [`OccluderDatabase`] leaves out objects.
 ///
 /// ```
 /// use visibility_hzb::OccluderCriteria;
@@ -23,27 +23,29 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct OccluderCriteria {
-    /// Side of a square, in units of the scene. Objects whose area, seen along each of the three axes, is
-    /// smaller than this square are too small.
+    /// Minimum size in metres: the side of a square. An object is left out if the area that it shows along
+    /// the x, y and z axis is less than that of the square for every axis. 0 leaves out none but objects of
+    /// NaN area.
     pub least_size: f32,
-    /// The most triangles that an occluder may have.
+    /// Maximum number of triangles of an occluder. An object with more is left out.
     pub most_triangles: usize,
-    /// Objects are redundant if at least this share of them is backed by larger occluders: of lines through
-    /// the object along the axes, the share that meets a larger occluder no farther away than an eighth of
-    /// the object's longest side. Above 1, no object is redundant.
+    /// Fraction, 0 to 1, of an object that larger occluders must back for the object to be left out as
+    /// redundant. It is measured by lines through the object along the three axes, as the fraction of lines
+    /// that meet a larger occluder at most an eighth of the object's longest side away. Above 1, no object is
+    /// redundant.
     pub redundancy: f32,
 }
 
 impl Default for OccluderCriteria {
-    /// A quarter of a unit, 1024 triangles, three quarters.
+    /// Returns a minimum size of 0.25 m, at most 1024 triangles, and a redundancy of 0.75.
     fn default() -> Self {
         Self { least_size: 0.25, most_triangles: 1024, redundancy: 0.75 }
     }
 }
 
-/// The objects of a scene that are worth drawing as occluders.
+/// Objects of a scene that are worth drawing as occluders, and the flagged occluders that are not.
 ///
-/// It is a list of ids: objects that are moved, added or removed later do not change it.
+/// The database stores ids. Objects that are moved, added or removed later do not change it.
 ///
 /// ```
 /// use visibility_core::{glam::Affine3A, Aabb, Object, OccluderMesh, Scene};
@@ -64,28 +66,29 @@ impl Default for OccluderCriteria {
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct OccluderDatabase {
-    /// Objects worth drawing, ascending.
+    /// Accepted occluders, in ascending order of id.
     occluders: Vec<ObjectId>,
-    /// Occluders that were left out.
+    /// Rejected objects that are flagged as occluders and have a mesh, in no particular order.
     others: Vec<ObjectId>,
-    /// How many of these are too small.
+    /// Number of objects in `others` that were rejected as too small.
     small: usize,
-    /// How many of these have too many triangles.
+    /// Number of objects in `others` that were rejected for too many triangles.
     complex: usize,
-    /// How many of these are redundant.
+    /// Number of objects in `others` that were rejected because larger occluders back them.
     redundant: usize,
 }
 
-/// Lines along each axis are cast through a grid of this many points by this many.
+/// Side of the grid of test lines through an object: `GRID * GRID` lines along each axis.
 const GRID: usize = 4;
-/// The most occluders that are looked at for backing one object, and the most of these, the largest, that
-/// lines are cast at.
+/// Limits on the occluders that are examined for backing one object. The search for nearby occluders stops
+/// once it has found the first number; lines are tested against the largest of these, at most the second
+/// number.
 const NEIGHBOURS: [usize; 2] = [1024, 32];
 
 impl OccluderDatabase {
-    /// Sorts all objects that are flagged as occluders and have a mesh. Takes about a microsecond for each
-    /// triangle near other occluders: for loading time. Where thousands of occluders lie within one another,
-    /// each is near all, and the time grows with the square of their number.
+    /// Classifies all objects of `scene` that are flagged as occluders and have a mesh. Takes about a
+    /// microsecond for each triangle near other occluders, so it belongs into loading time. Where thousands
+    /// of occluders lie within one another, the time grows with the square of their number.
     pub fn new(scene: &Scene, criteria: &OccluderCriteria) -> Self {
         let mut new = Self::default();
         let mut sized = Vec::new();
@@ -96,7 +99,7 @@ impl OccluderDatabase {
                 continue;
             };
             let area = area(scene, id);
-            // NaN counts as small.
+            // The negated comparison rejects objects of NaN area.
             if !(area >= criteria.least_size * criteria.least_size) {
                 new.small += 1;
             } else if mesh.triangles().len() > criteria.most_triangles {
@@ -108,7 +111,7 @@ impl OccluderDatabase {
             new.others.push(id);
         }
         sized.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        // Larger ones first, so that of two that back each other the larger stays.
+        // Larger objects are tested first, so that of two objects that back each other the larger one stays.
         let mut rank = alloc::vec![u32::MAX; scene.index_limit()];
         for (place, &(_, id)) in sized.iter().enumerate() {
             if backed_share(scene, id, &rank) >= criteria.redundancy {
@@ -123,37 +126,37 @@ impl OccluderDatabase {
         new
     }
 
-    /// The objects worth drawing, in ascending order.
+    /// Returns the accepted occluders in ascending order of id. Empty if the scene has none.
     pub fn occluders(&self) -> &[ObjectId] {
         &self.occluders
     }
 
-    /// Number of objects left out as too small.
+    /// Returns the number of objects that were left out as too small.
     pub fn small(&self) -> usize {
         self.small
     }
 
-    /// Number of objects left out for their number of triangles.
+    /// Returns the number of objects that were left out for too many triangles.
     pub fn complex(&self) -> usize {
         self.complex
     }
 
-    /// Number of objects left out as backed by larger ones.
+    /// Returns the number of objects that were left out because larger occluders back them.
     pub fn redundant(&self) -> usize {
         self.redundant
     }
 
-    /// Clears the occluder flag of all objects that were left out.
+    /// Clears the occluder flag of all objects of `scene` that were left out.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if one of them is not in the scene, or no longer. Those before it have
-    /// lost their flags then.
+    /// [`SceneError::UnknownObject`] if a left-out object is not, or no longer, in `scene`. Flags that were
+    /// cleared before the error stay cleared.
     pub fn apply(&self, scene: &mut Scene) -> Result<(), SceneError> {
         self.others.iter().try_for_each(|&id| scene.set_occluder(id, false))
     }
 }
 
-/// An occluder's triangles in scene coordinates; none if it has no mesh.
+/// Returns the triangles of an occluder in scene coordinates. Empty if the object has no mesh.
 fn triangles(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [Vec3; 3]> + '_ {
     let placed = scene.occluder(id).into_iter();
     placed.flat_map(|(mesh, transform)| {
@@ -162,8 +165,9 @@ fn triangles(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [Vec3; 3]> + '
     })
 }
 
-/// The largest area that an occluder shows along an axis: of its triangles, at most the face of its bounds. 0
-/// for objects without a mesh.
+/// Returns the largest of the three areas, in square metres, that an occluder shows along the x, y and z
+/// axis: half the summed projections of its triangles for a closed mesh, all of them for an open one, and
+/// never more than the face of its bounds. 0 if the object has no mesh.
 fn area(scene: &Scene, id: ObjectId) -> f32 {
     let (Ok(bounds), Some((mesh, _))) = (scene.bounds(id), scene.occluder(id)) else { return 0.0 };
     let mut shown = Vec3::ZERO;
@@ -175,15 +179,17 @@ fn area(scene: &Scene, id: ObjectId) -> f32 {
     shown.min(faces(&bounds)).max_element()
 }
 
-/// Areas of the faces of a box across each axis.
+/// Returns the areas, in square metres, of the faces of a box across the x, y and z axis.
 fn faces(bounds: &Aabb) -> Vec3 {
     let extent = bounds.max - bounds.min;
     Vec3::new(extent.y * extent.z, extent.z * extent.x, extent.x * extent.y)
 }
 
-/// The share of an object that is backed by larger occluders, those whose `rank` is not `u32::MAX`: of lines
-/// through it along each axis, weighted by the area of its face across that axis. NaN if its bounds have no
-/// area.
+/// Returns the fraction, 0 to 1, of an object that larger occluders back: the fraction of lines through the
+/// object that meet one, averaged over the axes with the areas of its bounds across each axis as weights.
+/// `rank` gives, by object index, the position of an accepted occluder in descending order of area, and
+/// `u32::MAX` for other objects. NaN if the object's bounds have no area; 0 if the object is not in the
+/// scene.
 fn backed_share(scene: &Scene, id: ObjectId, rank: &[u32]) -> f32 {
     let Ok(bounds) = scene.bounds(id) else { return 0.0 };
     let near = (bounds.max - bounds.min).max_element() / 8.0;
@@ -208,7 +214,9 @@ fn backed_share(scene: &Scene, id: ObjectId, rank: &[u32]) -> f32 {
     share / weights.element_sum()
 }
 
-/// The largest of the ranked occluders whose bounds meet a box, without `id` itself.
+/// Returns the largest accepted occluders whose bounds meet the box `reach` (scene coordinates), in
+/// descending order of area, without object `id`. Touching boxes meet. `rank` is as in [`backed_share`]; the
+/// limits are [`NEIGHBOURS`].
 fn neighbours(scene: &Scene, id: ObjectId, reach: &Aabb, rank: &[u32]) -> Vec<ObjectId> {
     let (mut found, mut nodes) = (Vec::new(), Vec::new());
     let mut next = Some(None);
@@ -229,18 +237,19 @@ fn neighbours(scene: &Scene, id: ObjectId, reach: &Aabb, rank: &[u32]) -> Vec<Ob
     found
 }
 
-/// A line along an axis, within a box.
+/// A line in scene coordinates along an axis. Only its part within a box counts.
 struct Line<'a> {
-    /// The two axes across the line, then the one along it.
+    /// Axis indices: the two axes across the line, then the axis along the line.
     axes: [usize; 3],
-    /// Its coordinates on the first two.
+    /// Coordinates of the line on the two axes across it, in metres.
     at: [f32; 2],
-    /// The part of it that lies in this box counts.
+    /// Box that bounds the line along its axis. Only the box's extent on that axis is used.
     reach: &'a Aabb,
 }
 
 impl Line<'_> {
-    /// Whether it meets a triangle.
+    /// Returns whether the line meets the triangle `[a, b, c]` within `reach`. A touched edge or corner
+    /// counts. False if the triangle is parallel to the line.
     fn meets(&self, [a, b, c]: &[Vec3; 3]) -> bool {
         let [u, v, w] = self.axes;
         let turn = |p: &Vec3, q: &Vec3| {

@@ -2,9 +2,9 @@
 //! Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997; Cohen-Or,
 //! Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.2).
 //!
-//! Occluders are drawn by the raster of the z-buffer. A box is hidden if its rectangle is opaque
+//! Occluders are drawn by the raster of the z-buffer. A box is hidden if its screen rectangle is opaque
 //! (`overlap_test.rs`, over the counts of `opacity_pyramid.rs`, with `thresholds.rs`) and the box lies behind
-//! everything that makes it so (`depth_estimate.rs`).
+//! all occluders that cover pixels of the rectangle (`depth_estimate.rs`).
 
 use super::depth_estimate::{DepthBoundary, DepthEstimate};
 use super::opacity_pyramid::OpacityPyramid;
@@ -27,13 +27,14 @@ use visibility_core::{
     simd::Simd,
 };
 
-/// Hierarchical occlusion maps.
+/// Hierarchical occlusion maps: an [`OcclusionMap`] that tests coverage and depth of a box's screen rectangle
+/// apart.
 ///
-/// With a threshold of 1, the default, a texel is opaque only if it is covered without a hole, and nothing
-/// visible is ever hidden. With less, small holes are closed, and objects that are visible only through them
-/// are hidden by mistake.
+/// With an opacity threshold of 1, the default, a texel is opaque only if all its pixels are covered, and
+/// nothing visible is ever hidden. With a lesser threshold small holes count as covered, and objects that are
+/// visible only through them are hidden by mistake.
 ///
-/// Memory is 4 bytes for each pixel, and what [`Hzb`] keeps for convex occluders.
+/// Memory is 4 bytes for each pixel, plus the memory of [`Hzb`] for convex occluders.
 ///
 /// ```
 /// use visibility_core::{
@@ -58,27 +59,28 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Debug)]
 pub struct Hom {
-    /// Draws occluders and projects boxes.
+    /// Z-buffer that draws occluders. Also holds the view's projection, by which boxes are projected.
     raster: Hzb,
-    /// Which pixels are covered, as of the last flush.
+    /// Covered pixels and their counts on all levels, as of the last flush.
     opacity: OpacityPyramid,
-    /// How far away what covers them is at most.
+    /// Lower bounds on the depth keys of the drawn occluders.
     boundary: DepthBoundary,
-    /// Boxes around occluders that wait to be taken into the boundary.
+    /// Boxes around added occluders that are not in `boundary` and `stale` yet.
     queue: BoxQueue,
     /// Tiles that may have changed since the last flush.
     stale: TileRange,
 }
 
 impl Default for Hom {
-    /// 512 x 288 pixels, conservative.
+    /// Creates conservative maps of 512 x 288 pixels.
     fn default() -> Self {
         Self::over(Hzb::default())
     }
 }
 
 impl Hom {
-    /// Empty maps; the finest has `width` columns and `height` rows of pixels.
+    /// Creates empty maps. The finest map has `width` columns and `height` rows of pixels. The maps hide
+    /// nothing until the first [`begin`](OcclusionMap::begin).
     ///
     /// # Errors
     /// [`SizeError`] if a side is not between [`MIN_SIDE`](crate::MIN_SIDE) and
@@ -87,24 +89,26 @@ impl Hom {
         Hzb::new(width, height).map(Self::over)
     }
 
-    /// Maps over an empty z-buffer.
+    /// Creates maps that draw into `raster`, which must be empty.
     fn over(raster: Hzb) -> Self {
         let opacity = OpacityPyramid::new([raster.width(), raster.height()]);
         let boundary = DepthBoundary::new(&raster.tiles);
         Self { raster, opacity, boundary, queue: BoxQueue::EMPTY, stale: TileRange::NONE }
     }
 
-    /// The same maps with another opacity threshold for texels of 8 x 8 pixels, from 0 to 1. NaN and numbers
-    /// above 1 count as 1, negative ones as 0. Coarser texels may have as many uncovered pixels as these,
-    /// finer ones none. Below 1, the maps are approximate. Takes effect at once.
+    /// Sets the opacity threshold of texels of 8 x 8 pixels: the fraction of pixels, 0 to 1, that must be
+    /// covered for the texel to count as opaque. NaN and numbers above 1 count as 1, negative numbers as 0.
+    /// Coarser texels may have as many uncovered pixels as one of 8 x 8, finer texels none. A threshold below
+    /// 1 makes the maps approximate. Takes effect at once.
     pub fn with_threshold(mut self, threshold: f32) -> Self {
         self.opacity.set(Thresholds::from_dial(threshold));
         self
     }
 
-    /// The same maps with another threshold for one [level](Self::levels): 1 for texels of 2 x 2 pixels, 2
-    /// for 4 x 4 and so on. That of level 0, pixels, cannot be changed: a pixel is opaque if it is covered.
-    /// Takes effect at once.
+    /// Sets the opacity threshold, 0 to 1, of one [level](Self::levels): 1 for texels of 2 x 2 pixels, 2 for
+    /// 4 x 4 and so on. Level 0, that of pixels, and levels beyond the last are ignored. NaN and numbers
+    /// above 1 count as 1, negative numbers as 0. A threshold below 1 makes the maps approximate. Takes
+    /// effect at once.
     pub fn with_level_threshold(mut self, level: usize, threshold: f32) -> Self {
         let mut thresholds = self.opacity.thresholds.clone();
         thresholds.set(level, threshold);
@@ -112,74 +116,81 @@ impl Hom {
         self
     }
 
-    /// The same maps with another estimate of the depth of occluders. They hide nothing until the next frame
-    /// begins.
+    /// Sets the estimate of the depth of occluders. Call it between frames: after the call, maps that hold
+    /// occluders may hide less, but nothing visible, until the next [`begin`](OcclusionMap::begin).
     pub fn with_depth_estimate(mut self, estimate: DepthEstimate) -> Self {
         self.boundary.set(estimate);
         self
     }
 
-    /// The same maps with another rule of when a pixel is covered.
+    /// Sets the rule of which pixels occluders added from now on cover. [`Coverage::Sampled`] makes the maps
+    /// approximate.
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { raster: self.raster.with_coverage(coverage), ..self }
     }
 
-    /// The same maps, using the given instructions. Answers do not depend on them; for tests and benchmarks.
+    /// Sets the instruction set of the maps' inner loops. Answers do not depend on it. For tests and
+    /// benchmarks.
     pub fn with_simd(self, simd: Simd) -> Self {
         Self { raster: self.raster.with_simd(simd), ..self }
     }
 
-    /// Columns of pixels of the finest map.
+    /// Returns the width of the finest map in pixels.
     pub fn width(&self) -> usize {
         self.raster.width()
     }
 
-    /// Rows of pixels of the finest map.
+    /// Returns the height of the finest map in pixels.
     pub fn height(&self) -> usize {
         self.raster.height()
     }
 
-    /// The rule of when a pixel is covered.
+    /// Returns the rule of which pixels an occluder covers.
     pub fn coverage(&self) -> Coverage {
         self.raster.coverage()
     }
 
-    /// How the depth of occluders is kept.
+    /// Returns the estimate of the depth of occluders that is in use.
     pub fn depth_estimate(&self) -> DepthEstimate {
         self.boundary.estimate
     }
 
-    /// The opacity threshold of a level; 1 beyond the last.
+    /// Returns the opacity threshold of a level, as a fraction from 0 to 1. Level 0 is the pixels. 1 beyond
+    /// the last level.
     pub fn threshold(&self, level: usize) -> f32 {
         self.opacity.thresholds.get(level)
     }
 
-    /// Number of maps: pixels, texels of 2 x 2 pixels, then each half the size of the one before, down to one
-    /// texel.
+    /// Returns the number of levels. Level 0 is the pixels, level 1 texels of 2 x 2 pixels, and so on, down
+    /// to one texel.
     pub fn levels(&self) -> usize {
         thresholds::TILE + self.opacity.levels.len()
     }
 
-    /// Columns and rows of a map; `None` beyond the last.
+    /// Returns the columns and rows of texels of a level. Level 0 is the pixels. `None` beyond the last
+    /// level.
     pub fn level_size(&self, level: usize) -> Option<[usize; 2]> {
         self.opacity.size(level)
     }
 
-    /// The share of a texel's pixels that is covered, as of the last [`flush`](OcclusionMap::flush); 1 only
-    /// if all are. `None` outside the map and beyond the last.
+    /// Returns the fraction of a texel's pixels that is covered, as of the last
+    /// [`flush`](OcclusionMap::flush): 1 only if all pixels are covered. Level 0 is the pixels. `None` if the
+    /// level, column or row does not exist.
     pub fn opacity(&self, level: usize, column: usize, row: usize) -> Option<f64> {
         let [count, area] = self.opacity.texel(level, column, row)?;
         Some(f64::from(count) / f64::from(area))
     }
 
-    /// Queues the box around an occluder, or a part of one.
+    /// Queues the box around an occluder, or around a part of an occluder. `bounds` is in the occluder's own
+    /// coordinates, `transform` maps to scene coordinates. Processes the queue when it is full.
     fn note(&mut self, bounds: &Aabb, transform: &Affine3A) {
         if self.queue.push(bounds, transform, true) {
             self.note_queue();
         }
     }
 
-    /// Takes the queued boxes into the boundary, marks their tiles as stale, and empties the queue.
+    /// Projects the queued boxes, lowers `boundary` for those that nearer occluders do not hide, adds their
+    /// tiles to `stale`, and empties the queue.
     fn note_queue(&mut self) {
         let count = core::mem::take(&mut self.queue.count);
         if count == 0 {
@@ -206,7 +217,10 @@ impl Hom {
         }
     }
 
-    /// The masks of lanes that are hidden and of lanes that nothing in the maps can hide.
+    /// Tests the boxes whose bit is set in `lanes`. `seen` holds the projected boxes, `boxes` their least x,
+    /// y, z and greatest x, y, z in scene coordinates. Returns the mask of hidden boxes and the mask of boxes
+    /// that no occluder in the maps can hide any part of, which includes improper (inverted or NaN) boxes. A
+    /// bit in neither mask means undecided.
     #[inline(always)]
     fn decide<const N: usize>(
         &self,
@@ -229,7 +243,8 @@ impl Hom {
         (hidden, visible)
     }
 
-    /// Whether a rectangle is opaque, and everything that covers it has a depth key above `depth_key`.
+    /// Returns whether the maps hide a rectangle of pixels at depth keys up to `depth_key`: whether the
+    /// rectangle is opaque and all occluders that cover pixels of it are strictly nearer.
     #[inline(always)]
     fn hides(&self, rectangle: &Rectangle, depth_key: f32) -> bool {
         let plane = self.boundary.estimate == DepthEstimate::Plane;
@@ -264,8 +279,8 @@ impl OcclusionMap for Hom {
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
         self.raster.add(occluder, transform);
-        // One box around the occluder tells which tiles it may change. How far back it reaches, the boxes
-        // around its parts tell more tightly.
+        // One box around the occluder is enough to find the tiles that may change. The boxes around its parts
+        // give a tighter bound on its depth.
         if self.boundary.estimate == DepthEstimate::NoBackground || occluder.parts().is_empty() {
             return self.note(occluder.bounds(), transform);
         }

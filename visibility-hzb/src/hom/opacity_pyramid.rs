@@ -1,10 +1,10 @@
-//! The opacity pyramid: how many pixels of each texel are covered, for texels of one pixel, of 2 x 2, of 4 x
+//! The opacity pyramid: the number of covered pixels of each texel, for texels of one pixel, of 2 x 2, of 4 x
 //! 4, up to the whole picture (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical
 //! Occlusion Maps", 1997: "recursive averaging").
 //!
-//! Texels finer than a tile are the bits of its mask; each coarser texel has a count. A count over an area is
-//! an average without rounding. Pixels of the last tiles that lie outside the picture count neither as
-//! covered nor as part of the area.
+//! Texels finer than a tile are read from the bits of the tile's mask. Each tile and each coarser texel has a
+//! count. A count over an area is an average without rounding. Pixels of the last tiles that lie outside the
+//! picture count neither as covered nor as part of the area.
 
 use super::thresholds::{TILE, Thresholds};
 use super::tile_range::TileRange;
@@ -12,22 +12,24 @@ use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
 use alloc::vec::Vec;
 
-/// One level: that of tiles, or a coarser one.
+/// One level of counts: that of tiles, or a coarser one.
 #[derive(Clone, Debug)]
 pub(crate) struct Level {
-    /// Columns of texels.
+    /// Number of texel columns.
     pub(crate) columns: usize,
-    /// Rows of texels.
+    /// Number of texel rows.
     pub(crate) rows: usize,
-    /// Covered pixels of each texel, row by row.
+    /// Number of covered pixels of each texel, row by row from the top.
     pub(crate) counts: Vec<u32>,
-    /// Number of covered pixels from which a texel is opaque: of texels elsewhere, in the last column, in
-    /// the last row, in both.
+    /// Minimum number of covered pixels of an opaque texel. Texels of the last column and last row have fewer
+    /// pixels, so there are four numbers: for texels in neither, in the last column, in the last row, in
+    /// both.
     need: [u32; 4],
 }
 
 impl Level {
-    /// Covered pixels of a texel, and whether it is opaque.
+    /// Returns the number of covered pixels of the texel at column `x` and row `y`, and whether the texel is
+    /// opaque.
     #[inline(always)]
     pub(crate) fn texel(&self, x: usize, y: usize) -> (u32, bool) {
         let count = self.counts[y * self.columns + x];
@@ -36,21 +38,24 @@ impl Level {
     }
 }
 
-/// The pyramid.
+/// Counts of covered pixels on all levels, and the thresholds from which a texel is opaque.
 #[derive(Clone, Debug)]
 pub(crate) struct OpacityPyramid {
-    /// Columns and rows of the picture in pixels.
+    /// Width and height of the picture in pixels.
     picture: [usize; 2],
-    /// Covered pixels of each tile, a bit each, row by row.
+    /// Mask of the covered pixels of each tile, row by row: bit `8 * y + x` for the pixel at column `x` and
+    /// row `y` of the tile. Pixels outside the picture are 0.
     pub(crate) covered: Vec<u64>,
-    /// Levels from tiles upwards.
+    /// Counts of the level of tiles, then of each coarser level, down to one texel.
     pub(crate) levels: Vec<Level>,
-    /// Of all levels; changed by [`set`](Self::set) only.
+    /// Opacity thresholds of all levels. Changed by [`set`](Self::set) only, which keeps `Level::need`
+    /// consistent.
     pub(crate) thresholds: Thresholds,
 }
 
 impl OpacityPyramid {
-    /// An empty pyramid, with thresholds of 1.
+    /// Creates a pyramid without covered pixels, with thresholds of 1, for a picture of the given width and
+    /// height in pixels.
     pub(crate) fn new(picture: [usize; 2]) -> Self {
         let [mut columns, mut rows] = picture.map(|side| side.div_ceil(SIDE));
         let covered = alloc::vec![0; columns * rows];
@@ -67,7 +72,7 @@ impl OpacityPyramid {
         new
     }
 
-    /// Changes the thresholds.
+    /// Replaces the thresholds of all levels. Counts are kept.
     pub(crate) fn set(&mut self, thresholds: Thresholds) {
         for above in 0..self.levels.len() {
             let last = [self.levels[above].columns - 1, self.levels[above].rows - 1];
@@ -82,7 +87,7 @@ impl OpacityPyramid {
         self.thresholds = thresholds;
     }
 
-    /// Empties the pyramid.
+    /// Marks all pixels as uncovered. Thresholds are kept.
     pub(crate) fn clear(&mut self) {
         self.covered.fill(0);
         for level in &mut self.levels {
@@ -90,7 +95,8 @@ impl OpacityPyramid {
         }
     }
 
-    /// Takes in what has been drawn into a range of tiles, on all levels.
+    /// Recomputes masks and counts, on all levels, of the texels that contain tiles of the inclusive range
+    /// `region`, which must not be empty.
     #[inline(always)]
     pub(crate) fn update(&mut self, tiles: &Tiles, region: &TileRange) {
         let [mut x0, mut x1, mut y0, mut y1] = region.0;
@@ -115,7 +121,7 @@ impl OpacityPyramid {
             for y in y0..=y1 {
                 let out = &mut level.counts[y * level.columns..][x0..=x1];
                 out.fill(0);
-                // The last row of an odd number has no partner.
+                // With an odd number of finer rows, the last row has no partner.
                 for row in 2 * y..finer.rows.min(2 * y + 2) {
                     add_pairs(out, &finer.counts[row * finer.columns..][across.clone()]);
                 }
@@ -124,7 +130,8 @@ impl OpacityPyramid {
         }
     }
 
-    /// Columns and rows of a level, 0 being that of pixels. `None` beyond the last.
+    /// Returns the columns and rows of texels of a level. Level 0 is the pixels. `None` beyond the last
+    /// level.
     pub(crate) fn size(&self, level: usize) -> Option<[usize; 2]> {
         match level.checked_sub(TILE) {
             Some(above) => self.levels.get(above).map(|level| [level.columns, level.rows]),
@@ -132,8 +139,8 @@ impl OpacityPyramid {
         }
     }
 
-    /// Number of covered pixels of a texel, and of all its pixels. `None` outside the picture and beyond the
-    /// last level.
+    /// Returns the number of covered pixels of a texel, and the number of its pixels that lie in the picture.
+    /// Level 0 is the pixels. `None` if the level, column `x` or row `y` does not exist.
     pub(crate) fn texel(&self, level: usize, x: usize, y: usize) -> Option<[u32; 2]> {
         let [columns, rows] = self.size(level)?;
         if x >= columns || y >= rows {
@@ -153,7 +160,9 @@ impl OpacityPyramid {
         Some([count, area])
     }
 
-    /// The covered pixels of a tile, and all pixels of those texels finer than the tile that are opaque.
+    /// Returns the covered pixels of the tile at column `x` and row `y`, together with all pixels of opaque
+    /// texels that are finer than the tile, as a mask. Such a texel may have uncovered pixels if its
+    /// threshold is below 1.
     pub(crate) fn dissolved(&self, x: usize, y: usize) -> u64 {
         let covered = self.covered[y * self.levels[0].columns + x];
         let mut out = covered;
@@ -172,7 +181,8 @@ impl OpacityPyramid {
     }
 }
 
-/// Adds to each number of `out` a pair of numbers of `row`, and to the last the one that is left over.
+/// Adds pairs of finer counts to coarser ones: `out[i] += row[2 * i] + row[2 * i + 1]`. With an odd number of
+/// counts in `row`, the last one is added alone to the last element of `out`.
 #[inline(always)]
 fn add_pairs(out: &mut [u32], row: &[u32]) {
     let (pairs, rest) = row.as_chunks::<2>();
@@ -184,19 +194,22 @@ fn add_pairs(out: &mut [u32], row: &[u32]) {
     }
 }
 
-/// The pixels of the upper left texel of a level within a tile.
+/// Returns the mask of the pixels of a tile's upper left texel on a level finer than tiles: `2^level` pixels
+/// a side.
 fn block(level: usize) -> u64 {
     let row = (1u64 << (1 << level)) - 1;
     (0..1 << level).fold(0, |mask, line| mask | row << (line * SIDE))
 }
 
-/// The pixels of a tile in the last column of tiles that lie in a picture of this width.
+/// Returns the mask of the pixels that lie in a picture of `width` pixels, for a tile of the last column of
+/// tiles.
 fn last_columns(width: usize) -> u64 {
     let wide = (width - 1) % SIDE + 1;
     ((1u64 << wide) - 1) * 0x0101_0101_0101_0101
 }
 
-/// The pixels of a tile in the last row of tiles that lie in a picture of this height.
+/// Returns the mask of the pixels that lie in a picture of `height` pixels, for a tile of the last row of
+/// tiles.
 fn last_lines(height: usize) -> u64 {
     u64::MAX >> (SIDE * (SIDE - 1 - (height - 1) % SIDE))
 }

@@ -1,33 +1,36 @@
-//! The overlap test: whether all of a rectangle is opaque.
+//! The overlap test: whether all of a screen rectangle is opaque.
 //!
-//! It starts on the level where the rectangle meets two or three texels along its longer side, and goes down
-//! only where a texel does not decide. An opaque texel decides for its part, whatever is below it: where all
-//! are opaque, the rectangle is rejected at once (Zhang's conservative rejection). A texel with fewer covered
-//! pixels than the rectangle's part of it needs ends the test the other way (predictive rejection). Nothing
-//! finer could make that part opaque, so prediction changes no answer.
+//! The test starts on the level where the rectangle meets two or three texels along its longer side, and
+//! descends only below texels that do not decide. An opaque texel settles its part of the rectangle, whatever
+//! is below the texel. If all first texels are opaque, the test ends at once (Zhang's conservative
+//! rejection). If a texel has fewer covered pixels than its part of the rectangle needs, the test ends with
+//! "not opaque" (predictive rejection). No finer texel could make that part opaque, so prediction changes no
+//! answer.
 
 use super::opacity_pyramid::OpacityPyramid;
 use super::thresholds::TILE;
 use super::tile_range::TileRange;
 use crate::buffer::tile_layout::{Rectangle, mask};
 
-/// The descent of [`is_opaque`].
+/// Arguments of the recursive descent of [`is_opaque`].
 pub(crate) struct Overlap<'a> {
+    /// Masks, counts and thresholds that are tested.
     opacity: &'a OpacityPyramid,
-    /// The rectangle, in pixels.
+    /// The tested rectangle, in pixels.
     rectangle: &'a Rectangle,
-    /// The tiles that it meets.
+    /// Tiles that the rectangle meets.
     region: TileRange,
-    /// Whether texels that cannot become opaque end the test.
+    /// Whether a texel whose part of the rectangle cannot be opaque ends the test.
     predictive: bool,
 }
 
-/// Whether all of a rectangle is opaque. `predictive` changes speed, never the answer.
+/// Returns whether all of a rectangle of pixels is opaque: whether every pixel is covered or lies in an
+/// opaque texel. `predictive` turns on predictive rejection, which changes speed and never the answer.
 #[inline(always)]
 pub(crate) fn is_opaque(opacity: &OpacityPyramid, rectangle: &Rectangle, predictive: bool) -> bool {
     let region = TileRange::of(rectangle);
     let [x0, x1, y0, y1] = region.0;
-    // The greatest shift that leaves at least two texels on the longer side.
+    // The coarsest level on which the longer side still meets at least two texels.
     let size = (x1 - x0).max(y1 - y0);
     let above = (size.max(1).ilog2() as usize).min(opacity.levels.len() - 1);
     let walk = Overlap { opacity, rectangle, region, predictive };
@@ -42,7 +45,8 @@ pub(crate) fn is_opaque(opacity: &OpacityPyramid, rectangle: &Rectangle, predict
 }
 
 impl Overlap<'_> {
-    /// Whether the part of the rectangle within a texel is opaque; `above` counts levels above that of tiles.
+    /// Returns whether the part of the rectangle within the texel at column `x` and row `y` is opaque.
+    /// `above` counts levels above that of tiles: 0 for tiles.
     fn texel(&self, above: usize, x: usize, y: usize) -> bool {
         let level = &self.opacity.levels[above];
         let (count, opaque) = level.texel(x, y);
@@ -75,7 +79,8 @@ impl Overlap<'_> {
     }
 }
 
-/// How many of the columns, or rows, from `first` to `end` lie within a texel of a level.
+/// Returns how many pixels of the half-open range from `first` to `end` lie within texel `texel` of a level
+/// along one axis. The texel is `2^level` pixels long.
 #[inline(always)]
 fn within([first, end]: [u32; 2], texel: usize, level: usize) -> u32 {
     let (start, stop) = ((texel as u32) << level, (texel as u32 + 1) << level);
@@ -91,14 +96,16 @@ mod tests {
     use std::vec::Vec;
     use visibility_testing::Random;
 
-    /// SplitMix64.
+    /// Returns a random half-open range of pixels within `0..size`, never empty. Half of the ranges are at
+    /// most 4 pixels long.
     fn range(random: &mut Random, size: usize) -> [u32; 2] {
         let (a, b) = (random.below(size) as u32, random.below(size) as u32);
         let far = if random.below(2) == 0 { a.max(b) } else { (a.min(b) + 3).min(size as u32 - 1) };
         [a.min(b), far + 1]
     }
 
-    /// A map with large areas covered and a few holes in it, drawn in two goes; and its pixels.
+    /// Returns a random pyramid with large covered areas and a few holes, updated in two steps, and whether
+    /// each pixel of the picture is covered, row by row.
     fn map(random: &mut Random, [width, height]: [usize; 2]) -> (OpacityPyramid, Vec<bool>) {
         let mut tiles = Tiles::new(width, height);
         let mut opacity = OpacityPyramid::new([width, height]);

@@ -1,40 +1,43 @@
-//! Opacity thresholds: how much of a texel must be covered for all of it to count as covered.
+//! Opacity thresholds: the fraction of a texel's pixels that must be covered for the whole texel to count as
+//! covered.
 //!
-//! Opacities are counted, never averaged: a texel is opaque if the number of its covered pixels is at least
-//! the threshold times the number of its pixels, in integers. With a threshold of 1 that is so if and only if
-//! all four texels below it are opaque, at any size. An average kept in eight bits would call a block of 256
-//! x 256 pixels with a hole of a hundred opaque.
+//! Opacities are counted, never averaged. A texel is opaque if the number of its covered pixels is at least
+//! the threshold times the number of its pixels, in integers. With a threshold of 1 a texel of any size is
+//! opaque if and only if all four texels below it are opaque. An average stored in eight bits would call a
+//! block of 256 x 256 pixels with a hole of a hundred pixels opaque.
 
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer_size::MAX_SIDE;
 
-/// A threshold of 1. Thresholds are kept as multiples of 1 / `ONE`.
+/// Fixed-point representation of a threshold of 1. Thresholds are stored as integer multiples of 1 / `ONE`.
 pub(crate) const ONE: u32 = 1 << 16;
 
-/// Number of levels of the largest map: 4096 pixels, 2048, ... 1.
+/// Number of levels of the largest map: texels of 1, 2, 4, up to [`MAX_SIDE`] pixels a side.
 pub(crate) const LEVELS: usize = MAX_SIDE.ilog2() as usize + 1;
 
-/// The level whose texels are tiles.
+/// Level whose texels are tiles. Level 0 is the pixels.
 pub(crate) const TILE: usize = SIDE.ilog2() as usize;
 
-/// A threshold for each level; level 0 is that of pixels.
+/// An opacity threshold for each level. Level 0 is the pixels.
 #[derive(Clone, Debug)]
 pub(crate) struct Thresholds {
-    /// By level, as a multiple of 1 / [`ONE`].
+    /// Threshold of each level, from 0 to [`ONE`], in units of 1 / [`ONE`].
     fractions: [u32; LEVELS],
-    /// By level, the least threshold of all finer levels.
+    /// For each level, the least threshold of all finer levels, in units of 1 / [`ONE`]. [`ONE`] at level 0.
     loosest: [u32; LEVELS],
 }
 
 impl Thresholds {
-    /// A threshold of 1 on all levels.
+    /// A threshold of 1 on all levels: texels are opaque only if all their pixels are covered.
     pub(crate) const OPAQUE: Self = Self { fractions: [ONE; LEVELS], loosest: [ONE; LEVELS] };
 
-    /// Thresholds for all levels from one dial, the threshold of tiles of 8 x 8 pixels (Zhang, Manocha,
-    /// Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps", 1997, whose finest texel has
-    /// that size on the screen). The number of uncovered pixels that an opaque texel may have is the same on
-    /// all coarser levels, so that holes do not add up: their share is a quarter of that on the level below.
-    /// Texels finer than tiles must be covered entirely.
+    /// Derives the thresholds of all levels from `threshold`, the one for tiles of 8 x 8 pixels, 0 to 1. NaN
+    /// counts as 1. (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using Hierarchical Occlusion Maps",
+    /// 1997, whose finest texel has that size on the screen.)
+    ///
+    /// On all coarser levels an opaque texel may have the same number of uncovered pixels, so that holes do
+    /// not add up. The uncovered fraction therefore shrinks to a quarter from level to level. Texels finer
+    /// than tiles must be covered entirely.
     pub(crate) fn from_dial(threshold: f32) -> Self {
         let mut new = Self::OPAQUE;
         let mut fractions = to_fraction(threshold);
@@ -46,9 +49,10 @@ impl Thresholds {
         new
     }
 
-    /// Sets the threshold of one level. That of pixels, and levels beyond the last, are left as they are.
+    /// Sets the threshold, 0 to 1, of one level. Level 0 and levels beyond the last are ignored. NaN counts
+    /// as 1.
     pub(crate) fn set(&mut self, level: usize, threshold: f32) {
-        // A pixel is covered or not.
+        // A pixel has no partial coverage, so level 0 keeps its threshold of 1.
         if level > 0
             && let Some(fractions) = self.fractions.get_mut(level)
         {
@@ -57,7 +61,7 @@ impl Thresholds {
         }
     }
 
-    /// Brings `loosest` up to date.
+    /// Recomputes `loosest` from `fractions`.
     fn find_loosest(&mut self) {
         let mut least = ONE;
         for level in 0..LEVELS {
@@ -66,32 +70,35 @@ impl Thresholds {
         }
     }
 
-    /// The threshold of a level; 1 beyond the last.
+    /// Returns the threshold of a level as a fraction from 0 to 1. 1 beyond the last level.
     pub(crate) fn get(&self, level: usize) -> f32 {
         self.fractions.get(level).map_or(1.0, |&fractions| fractions as f32 / ONE as f32)
     }
 
-    /// Whether all thresholds are 1.
+    /// Returns whether the thresholds of all levels are 1, which makes the maps conservative.
     pub(crate) fn all_opaque(&self) -> bool {
         self.fractions == [ONE; LEVELS]
     }
 
-    /// Whether texels finer than tiles may be opaque with uncovered pixels.
+    /// Returns whether some level finer than tiles has a threshold below 1, so that its texels may be opaque
+    /// with uncovered pixels.
     pub(crate) fn is_fine(&self) -> bool {
         self.fractions[..TILE] != [ONE; TILE]
     }
 
-    /// Number of covered pixels from which a texel of `area` pixels is opaque; at least 1.
+    /// Returns the minimum number of covered pixels for which a texel of `area` pixels on a level is opaque.
+    /// At least 1.
     #[inline(always)]
     pub(crate) fn need(&self, level: usize, area: u32) -> u32 {
         let fractions = u64::from(self.fractions[level.min(LEVELS - 1)]);
-        // At most 2^24 pixels, and no texel is opaque with nothing in it.
+        // A texel has at most 2^24 pixels, so the product fits. A texel without covered pixels is never
+        // opaque.
         ((u64::from(area) * fractions).div_ceil(u64::from(ONE)) as u32).max(1)
     }
 
-    /// Whether `part` pixels of a texel with `covered` covered ones cannot be opaque, however finely they are
-    /// looked at. They would consist of pixels and texels of finer levels, each covered to at least the
-    /// loosest threshold, and together have at most `covered` covered pixels.
+    /// Returns whether `part` pixels of a texel with `covered` covered pixels certainly cannot be opaque by
+    /// finer levels. If they were, they would consist of pixels and texels of finer levels, each covered at
+    /// least to the loosest threshold of those levels, and together have at most `covered` covered pixels.
     #[inline(always)]
     pub(crate) fn rules_out(&self, level: usize, covered: u32, part: u32) -> bool {
         u64::from(covered) * u64::from(ONE)
@@ -99,10 +106,11 @@ impl Thresholds {
     }
 }
 
-/// A threshold as a multiple of 1 / [`ONE`], rounded up. NaN becomes 1; below 0 becomes 0.
+/// Returns a threshold in units of 1 / [`ONE`], rounded up. NaN and thresholds above 1 become [`ONE`],
+/// negative ones 0.
 fn to_fraction(threshold: f32) -> u32 {
     if threshold < 1.0 {
-        // Casts saturate.
+        // Float-to-integer casts saturate, so a negative threshold becomes 0.
         let fractions = threshold * ONE as f32;
         fractions as u32 + u32::from((fractions as u32 as f32) < fractions)
     } else {
