@@ -1,4 +1,4 @@
-//! The hierarchical z-buffer: occluders are drawn into it, boxes are tested against it.
+//! The hierarchical z-buffer: occluders are drawn into it, and boxes are tested against it.
 
 use crate::buffer::pyramid::Pyramid;
 use crate::buffer::tile_layout::SIDE;
@@ -26,26 +26,27 @@ use visibility_core::{
     simd::Simd,
 };
 
-/// Meshes of at most this many triangles are drawn by their outline if they look convex from the eye: to find
-/// that out costs less than to draw the triangles.
+/// Maximum number of triangles of a mesh that is drawn by its outline if it looks convex from the eye. Up to
+/// this number, finding out whether it looks convex costs less than drawing the triangles.
 const SMALL: usize = 24;
 
-/// Triangles of convex parts that cost as much as one triangle of other meshes, since convex parts are drawn
-/// by their outlines. A box costs as much as two.
+/// Number of triangles of convex parts that cost as much as one triangle of other meshes, since convex parts
+/// are drawn by their outlines. The 12 triangles of a box cost as much as two.
 const OUTLINE: usize = 6;
 
-/// Between flushes, the pyramid is updated once this many occluders were found hidden by tiles but not by the
-/// pyramid: then the update costs less than it saves.
+/// Number of occluders found hidden by tiles but not by the pyramid, after which the pyramid is updated
+/// before the next flush: from then on the update costs less than it saves.
 const MISSED: usize = 32;
 
-/// A hierarchical z-buffer.
+/// A hierarchical z-buffer: an [`OcclusionMap`] of tiles of 8 x 8 pixels with a pyramid of least depth keys
+/// above.
 ///
-/// Its size is independent of that of the picture that is drawn; its shape should be that of the view. Until
-/// the first [`begin`](OcclusionMap::begin) nothing is hidden. Occluders that a
-/// [clip plane](View::with_clip_planes) cuts are not drawn.
+/// The size of the buffer is independent of that of the rendered picture; its aspect ratio should be that of
+/// the view. Until the first [`begin`](OcclusionMap::begin) it hides nothing. Occluders that a [clip
+/// plane](View::with_clip_planes) cuts are not drawn.
 ///
-/// Memory is 4 bytes for each pixel and 48 bytes for each convex occluder that a frame draws, kept from frame
-/// to frame. A frame allocates only if it draws more convex occluders, or a larger mesh, than any frame
+/// Memory is 4 bytes for each pixel and 48 bytes for each convex occluder that a frame draws. It is kept from
+/// frame to frame. A frame allocates only if it draws more convex occluders, or a larger mesh, than any frame
 /// before.
 ///
 /// ```
@@ -67,40 +68,50 @@ const MISSED: usize = 32;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Hzb {
-    /// Columns and rows of pixels.
+    /// Width and height of the buffer in pixels.
     size: [usize; 2],
+    /// Rule of which pixels an occluder covers.
     coverage: Coverage,
+    /// Instruction set of the inner loops.
     pub(crate) simd: Simd,
+    /// Projection of the current view in `f64`, for occluders.
     projection: ScreenProjection,
+    /// Projection of the current view in `f32`, for tested boxes.
     pub(crate) projection32: ScreenProjection32,
+    /// Setup of the current view for bounds by the faces of a tested box.
     faces: FacePlaneSetup,
+    /// Covered pixels and depth keys of all tiles.
     pub(crate) tiles: Tiles,
+    /// Least depth keys on the levels above the tiles. May be older than `tiles`.
     pyramid: Pyramid,
-    /// Memory for one convex mesh.
+    /// Scratch for the set-up of one convex mesh.
     convex_scratch: ConvexScratch,
-    /// The shape that was made last.
+    /// Screen shape of the occluder that was set up last.
     shape: ScreenShape,
-    /// Boxes that wait to be drawn.
+    /// Occluder boxes that are not drawn yet.
     queue: BoxQueue,
+    /// Scratch for the set-up of one mesh that is drawn by its triangles.
     mesh_scratch: MeshScratch,
+    /// Scratch for the coverage of one mesh that is drawn by its triangles.
     contour_tiles: ContourTiles,
-    /// Occluders that tiles hid and the pyramid did not, since its last update.
+    /// Number of occluders that tiles hid and the pyramid did not, since the last update of the pyramid.
     missed: usize,
-    /// Upper bound on all depth keys in the buffer.
+    /// Upper bound on the depth keys (greater is nearer) of all drawn occluders. Negative infinity before the
+    /// first.
     pub(crate) nearest: f32,
-    /// Clip planes of the frame's view, relative to the scene's origin.
+    /// Clip planes of the current view, relative to the scene's origin. Points of positive distance are kept.
     clip_planes: ViewPlanes,
 }
 
 impl Default for Hzb {
-    /// 512 x 288 pixels: enough for small objects, and cheap.
+    /// Creates a buffer of 512 x 288 pixels, which is cheap and fine enough for small objects.
     fn default() -> Self {
         Self::sized(512, 288)
     }
 }
 
 impl Hzb {
-    /// An empty buffer of `width` columns and `height` rows of pixels.
+    /// Creates an empty buffer of `width` by `height` pixels.
     ///
     /// # Errors
     /// [`SizeError`] if a side is not between [`MIN_SIDE`] and [`MAX_SIDE`].
@@ -112,7 +123,8 @@ impl Hzb {
         Ok(Self::sized(width, height))
     }
 
-    /// As [`new`](Self::new), of a size that is known to be in range.
+    /// Creates an empty buffer. The caller guarantees that both sides are between [`MIN_SIDE`] and
+    /// [`MAX_SIDE`].
     fn sized(width: usize, height: usize) -> Self {
         let tiles = Tiles::new(width, height);
         let (pyramid, contour_tiles) = (Pyramid::new(&tiles), ContourTiles::new(&tiles));
@@ -136,37 +148,38 @@ impl Hzb {
         }
     }
 
-    /// The same buffer with another rule of when a pixel is covered.
+    /// Sets the rule of which pixels an occluder covers. Call it between frames: pixels that are already
+    /// drawn are kept. [`Coverage::Sampled`] makes the map approximate.
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { coverage, ..self }
     }
 
-    /// The same buffer, using the given instructions. Answers do not depend on them; for tests and
-    /// benchmarks.
+    /// Sets the instruction set of the inner loops. Answers do not depend on it. For tests and benchmarks.
     pub fn with_simd(self, simd: Simd) -> Self {
         Self { simd, ..self }
     }
 
-    /// Columns of pixels.
+    /// Returns the width of the buffer in pixels.
     pub fn width(&self) -> usize {
         self.size[0]
     }
 
-    /// Rows of pixels.
+    /// Returns the height of the buffer in pixels.
     pub fn height(&self) -> usize {
         self.size[1]
     }
 
-    /// The rule of when a pixel is covered.
+    /// Returns the rule of which pixels an occluder covers.
     pub fn coverage(&self) -> Coverage {
         self.coverage
     }
 
-    /// Lower bound on the depth keys of the occluders that cover a pixel; greater is nearer. Negative
-    /// infinity if none is known to cover it, or if the pixel is outside the buffer.
+    /// Returns a lower bound on the depth key (greater is nearer) of the occluders that cover the pixel at
+    /// `column` and `row`, counted from the upper left. Negative infinity if the pixel is not covered or
+    /// outside the buffer.
     ///
     /// For perspective views the key is `1 / w`: one over the distance along the viewing direction, for a
-    /// clip matrix whose `w` is that distance. The matrix's factor does not matter, up to the power of two
+    /// clip matrix whose `w` is that distance. A factor of the matrix does not matter, up to the power of two
     /// nearest to it. For parallel views the key is clip depth, negated unless depth is reversed.
     pub fn depth_key(&self, column: usize, row: usize) -> f32 {
         if column < self.size[0] && row < self.size[1] {
@@ -176,15 +189,15 @@ impl Hzb {
         }
     }
 
-    /// Number of levels of the pyramid: tiles of 8 x 8 pixels, then each half the size of the one before,
-    /// down to one texel.
+    /// Returns the number of levels of the pyramid. Level 0 has one texel for each tile of 8 x 8 pixels. Each
+    /// further level is half as wide and half as high, rounded up, down to one texel.
     pub fn levels(&self) -> usize {
         self.pyramid.height() + 1
     }
 
-    /// Columns, rows and texels of a level of the pyramid, row by row, as of the last
-    /// [`flush`](OcclusionMap::flush). A texel is the least depth key of its pixels. `None` beyond the last
-    /// level.
+    /// Returns the columns, rows and texels (row by row from the top) of a level of the pyramid, or `None`
+    /// beyond the last level. A texel is the least depth key of its pixels: negative infinity if a pixel is
+    /// not covered. Levels are complete after [`flush`](OcclusionMap::flush).
     pub fn level(&self, level: usize) -> Option<(usize, usize, &[f32])> {
         match level {
             0 => {
@@ -195,48 +208,50 @@ impl Hzb {
         }
     }
 
-    /// All that tests read.
+    /// Borrows the state that a test of boxes reads.
     fn query(&self) -> BoxQuery<'_> {
         let (projection, tiles, pyramid, faces) =
             (&self.projection32, &self.tiles, &self.pyramid, &self.faces);
         BoxQuery { projection, tiles, pyramid, faces, nearest: self.nearest }
     }
 
-    /// Queues a box; draws the queue if it is full.
+    /// Queues a box for drawing. `transform` maps the box's own coordinates to the scene. Draws the queue
+    /// when it is full.
     fn push_box(&mut self, cuboid: &OccluderMesh, transform: &Affine3A) {
         if self.queue.push(cuboid.bounds(), transform, cuboid.is_two_sided()) {
             self.draw_queue();
         }
     }
 
-    /// Whether the box around an occluder may be in view and is not hidden yet.
+    /// Returns whether an occluder may cover pixels that are not covered by nearer occluders yet, judged by
+    /// the axis-aligned box around the occluder. Undecided counts as true.
     fn may_be_around(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
         let around = BoxQueue::around(occluder.bounds(), transform);
         let ([x0, y0, z0], [x1, y1, z1]) = (around.min.to_array(), around.max.to_array());
         self.simd.box_may_be_seen(&self.projection32, &self.tiles, [x0, y0, z0, x1, y1, z1])
     }
 
-    /// Draws an occluder that is no box.
+    /// Draws an occluder that is not a box. `transform` maps its own coordinates to the scene.
     fn draw_occluder(&mut self, mesh: &OccluderMesh, transform: &Affine3A) {
         self.draw_mesh(&OccluderTriangles::of(mesh), mesh.bounds(), transform, mesh.is_convex());
     }
 
-    /// Draws the boxes that wait, and empties the queue.
+    /// Draws the queued boxes that are in view and not hidden by drawn occluders, and empties the queue.
     fn draw_queue(&mut self) {
         let count = core::mem::take(&mut self.queue.count);
         if count == 0 {
             return;
         }
         self.simd.project_boxes(&self.projection32, &self.queue.around, &mut self.queue.projected);
-        // The pyramid may be older than the tiles, which is safe: what it hides is hidden.
+        // A pyramid older than the tiles is conservative: boxes that it hides are hidden.
         let mut seen = self.simd.boxes_not_hidden(&self.pyramid, &self.tiles, &self.queue.projected, count);
         while seen != 0 {
             let i = seen.trailing_zeros() as usize % WIDTH;
             seen &= seen - 1;
             if self.simd.may_be_seen(&self.tiles, &self.queue.projected, i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
-                // The bounds in the queue are those of an axis-aligned box around it, looser unless it is not
-                // transformed.
+                // The queue holds the screen bounds of the axis-aligned box around the transformed box. They
+                // are tight only without a transform.
                 let extent = if transform == Affine3A::IDENTITY {
                     let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
                     self.queue.projected.extent(i, self.size, padded)
@@ -254,7 +269,8 @@ impl Hzb {
         }
     }
 
-    /// Draws a box. `extent` gives its screen bounds if they are known, and it is before the eye.
+    /// Draws a box. `extent` gives its screen bounds if they are known, which implies that the whole box is
+    /// before the eye. `two_sided` tells whether the inner sides of its faces hide too.
     fn draw_box(
         &mut self,
         bounds: &Aabb,
@@ -273,7 +289,8 @@ impl Hzb {
         }
     }
 
-    /// Draws a mesh: by its outline if it is convex or looks so, else by all its triangles.
+    /// Draws a mesh: by its outline if it is `convex` or looks convex from the eye, else by its triangles.
+    /// `bounds` contains all vertices, in the mesh's own coordinates; `transform` maps these to the scene.
     fn draw_mesh(&mut self, mesh: &OccluderTriangles, bounds: &Aabb, transform: &Affine3A, convex: bool) {
         let Some((object, facing)) = project_object(&self.projection, bounds, transform) else { return };
         let (projection, coverage, convex_scratch) =
@@ -315,7 +332,7 @@ impl Hzb {
         }
     }
 
-    /// Fills the shape that was made last into the tiles.
+    /// Fills `shape` into the tiles and raises `nearest` if a tile may have changed.
     fn fill(&mut self) {
         if self.simd.fill_shape(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
             self.nearest = self.shape.ceiling;
@@ -355,7 +372,7 @@ impl OcclusionMap for Hzb {
         if occluder.is_cuboid() {
             return self.push_box(occluder, transform);
         }
-        // Boxes that came before are drawn first: they may hide this one.
+        // Queued boxes are drawn first, since they may hide this occluder.
         self.draw_queue();
         if !self.may_be_around(occluder, transform) {
             return;

@@ -1,19 +1,21 @@
 //! Loops over lanes, written so that compilers turn them into vector instructions.
 
-/// Number of boxes, or of tiles, that are worked on together.
+/// Number of boxes, or of tiles, that are processed together.
 pub(crate) const WIDTH: usize = 16;
 
-/// 1.5 times 2^23. A number below 2^22 in size, added to it, leaves the nearest integer in the low bits.
+/// 1.5 times 2^23. Adding it to an `f32` of magnitude below 2^22 leaves the nearest integer in the low bits
+/// of the sum.
 const WHOLE: f32 = 12_582_912.0;
 
-/// The nearest integer, of numbers below 2^22 in size: much faster than a cast, which must not go wrong on
-/// any number.
+/// Returns the integer nearest to `x`, ties to even. The magnitude of `x` must be below 2^22; else, and for
+/// NaN, the result is meaningless. Much faster than a cast, which must saturate.
 #[inline(always)]
 pub(crate) fn round_to_i32(x: f32) -> i32 {
     (x + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
 }
 
-/// A bit for each byte, which is 0 or 1. The product puts byte `i` into bit `56 + i`.
+/// Returns a mask whose bit i is byte i of `bytes`. Each byte must be 0 or 1. The product moves byte `i` of
+/// eight into bit `56 + i`.
 #[inline(always)]
 pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
     let ([low, high], _) = bytes.as_chunks::<8>() else { return 0 };
@@ -22,7 +24,7 @@ pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
     (low | high << 8) as u32
 }
 
-/// Whether any of the numbers is below a limit. NaN is not.
+/// Returns whether any of `values` is strictly less than `limit`. False for no values; NaN is not less.
 #[inline(always)]
 pub(crate) fn any_below(values: &[f32], limit: f32) -> bool {
     let (chunks, rest) = values.as_chunks::<16>();
@@ -42,7 +44,7 @@ pub(crate) fn any_below(values: &[f32], limit: f32) -> bool {
     any
 }
 
-/// Whether all numbers are above a limit. NaN is not.
+/// Returns whether all of `values` are strictly greater than `limit`. True for no values; NaN is not greater.
 #[inline(always)]
 pub(crate) fn all_above(values: &[f32], limit: f32) -> bool {
     let (chunks, rest) = values.as_chunks::<16>();

@@ -1,6 +1,7 @@
 //! Random numbers for tests, the same on every machine.
 
-/// A generator: each call gives a number between the two that it is given.
+/// Returns a generator of random numbers. Each call returns a number in the half-open range between its two
+/// arguments.
 pub(crate) fn random(seed: u64) -> impl FnMut(f64, f64) -> f64 {
     let mut state = seed;
     move |low, high| {

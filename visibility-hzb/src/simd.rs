@@ -1,10 +1,10 @@
-//! The same safe code compiled for several instruction sets, chosen at run time.
+//! The inner loops of the crate compiled for several instruction sets, one of which is chosen at run time.
 //!
-//! As in `visibility-core`: one body in plain loops, compiled once for the instruction set that the program
-//! is built for and, on x86-64 with `std`, again for AVX2 and AVX-512. Rust neither reorders nor fuses
-//! floating-point operations, so all give the same bits. This is the only module with `unsafe` code: calls of
-//! functions compiled for instructions that the program at large does not assume. Which of them the processor
-//! has is core's to find out ([`Simd`]).
+//! As in `visibility-core`, each function has one body in plain loops. It is compiled for the instruction set
+//! that the program is built for and, on x86-64 with `std`, again for AVX2 and AVX-512. Rust neither reorders
+//! nor fuses floating-point operations, so all versions give the same bits. This is the only module with
+//! `unsafe` code: calls of functions compiled for instructions that the program at large does not assume.
+//! Core finds out which instruction sets the processor has ([`Simd`]).
 
 use crate::buffer::pyramid::Pyramid;
 use crate::buffer::tile_layout::Rectangle;
@@ -27,14 +27,15 @@ use visibility_core::glam::Affine3A;
 use visibility_core::simd::SimdLevel;
 use visibility_core::{Aabb, occlusion::Occlusion64, simd::Simd};
 
-/// Declares the trait [`Kernels`] and implements it for [`Simd`]. Each of its methods runs a function as
-/// compiled for the instructions that the [`Simd`] stands for.
+/// Declares the trait [`Kernels`] and implements it for [`Simd`]. Each method runs the version of a function
+/// that is compiled for the instruction set of the [`Simd`].
 macro_rules! compiled {
     ($(
         $name:ident / $avx2:ident / $avx512:ident = $body:path,
         ($($argument:ident: $type:ty),*) -> $result:ty;
     )*) => {
-        /// The functions that are compiled for each set of instructions.
+        /// Functions that are compiled for each instruction set. Each method has the contract of the function
+        /// of the same name.
         pub(crate) trait Kernels {
             $(
                 #[allow(clippy::too_many_arguments)]

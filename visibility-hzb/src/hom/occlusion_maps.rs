@@ -123,8 +123,8 @@ impl Hom {
         self
     }
 
-    /// Sets the rule of which pixels occluders added from now on cover. [`Coverage::Sampled`] makes the maps
-    /// approximate.
+    /// Sets the rule of which pixels an occluder covers. Call it between frames: pixels that are already
+    /// drawn are kept. [`Coverage::Sampled`] makes the maps approximate.
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { raster: self.raster.with_coverage(coverage), ..self }
     }

@@ -1,85 +1,93 @@
-//! The coverage of one mesh, tile by tile, before it is merged with other meshes: which pixels lie within its
-//! contour and are not met by it, and how far away it is at most.
+//! The coverage of one mesh, tile by tile, before it is merged with other meshes: the pixels that the mesh
+//! covers and a lower bound on its depth keys there.
 //!
-//! Triangles are not filled. All drawn triangles, turned to run the same way round on the screen, wind once
-//! round each point that they cover. So their sum, the contour, winds round a point as often as triangles
-//! cover it (see [`screen_shape`](crate::setup::screen_shape)). A contour edge that crosses a row of pixel
-//! centres changes the winding number of all pixels to its right, and sums along rows give the number
-//! everywhere: work grows with contours and tiles, not with triangles or pixels.
+//! Triangles are not filled. All drawn triangles, turned to run in the same sense on the screen, wind once
+//! round each point that they cover. So the sum of their edges, the contour, winds round a point as often as
+//! triangles cover the point (see [`screen_shape`](crate::setup::screen_shape)). A contour edge that crosses
+//! a row of pixel centres changes the winding number of all pixels to its right. Sums along rows give the
+//! winding number everywhere. Work therefore grows with contours and tiles, not with triangles or pixels.
 
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
 use crate::rounding::lower;
 use alloc::vec::Vec;
 
-/// A corner of a triangle on the screen.
+/// A vertex of a drawn triangle on the screen.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ScreenVertex {
-    /// Column in pixels.
+    /// Column in pixels of the buffer, not rounded to whole pixels.
     pub(crate) x: f64,
-    /// Row in pixels.
+    /// Row in pixels of the buffer, downwards, not rounded to whole pixels.
     pub(crate) y: f64,
-    /// Lower bound on the depth key.
+    /// Lower bound on the depth key (greater is nearer).
     pub(crate) far: f32,
 }
 
-/// What one mesh does to a tile.
+/// Contribution of one mesh to one tile: contour pixels, depth keys and changes of the winding number.
 #[derive(Clone, Copy, Debug)]
 struct ContourTile {
-    /// Pixels that a contour comes near.
+    /// Mask of pixels that a contour comes near, which the mesh does not cover: bit `8 * y + x` for the pixel
+    /// at column `x` and row `y` of the tile.
     contour: u64,
-    /// Least depth key of drawn triangles in each quarter of the tile, in the order of [`QUARTERS`];
-    /// infinity where there is none.
+    /// Least depth key of the drawn triangles that may meet each quarter of the tile, in the order of
+    /// [`QUARTERS`]. Infinity if no triangle does.
     least: [f32; 4],
-    /// Whether any of `steps` is not zero.
+    /// Whether an element of `steps` was changed.
     stepped: bool,
-    /// By column, then row of pixels: how much the winding number changes from the centre of the pixel to
-    /// the left, modulo 256. A pixel whose number comes out as 0 modulo 256 counts as not covered, which
-    /// is safe.
+    /// Changes of the winding number, modulo 256: `steps[x][y]` is the change from the centre of the pixel to
+    /// the left to that of the pixel at column `x` and row `y` of the tile. A winding number of 0 modulo 256
+    /// counts as not covered, which is conservative.
     steps: [[u8; SIDE]; SIDE],
 }
 
-/// A tile that the mesh does not touch.
+/// Tile without contribution of the mesh.
 const EMPTY: ContourTile =
     ContourTile { contour: 0, least: [f32::INFINITY; 4], stepped: false, steps: [[0; SIDE]; SIDE] };
 
-/// Pixels of the quarters of a tile: upper left, upper right, lower left, lower right.
+/// Pixel masks of the quarters of a tile: upper left, upper right, lower left, lower right.
 const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf0f0_f0f0_0000_0000];
 
-/// Pixels along the side of a quarter.
+/// Width and height of a quarter of a tile, in pixels.
 const HALF: usize = SIDE / 2;
 
-/// Triangles whose corners differ in depth key by at most this share of it count as no nearer than the
-/// farthest corner throughout.
+/// Relative difference of depth keys among a triangle's corners up to which the whole triangle gets the depth
+/// key of its farthest corner.
 const FLAT: f32 = 0.001;
 
-/// One [`ContourTile`] for each tile of the buffer; all are empty between meshes.
+/// Scratch for the contribution of one mesh: one [`ContourTile`] for each tile of the buffer, row by row. All
+/// are empty between meshes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContourTiles {
+    /// Contribution to each tile, row by row from the top.
     cells: Vec<ContourTile>,
 }
 
 impl ContourTiles {
+    /// Creates empty contributions for all tiles of a buffer.
     pub(crate) fn new(tiles: &Tiles) -> Self {
         Self { cells: alloc::vec![EMPTY; tiles.columns * tiles.rows] }
     }
 }
 
-/// The raster of one mesh.
+/// Rasterizer of one mesh: collects triangles and contour edges tile by tile, and finally merges the covered
+/// pixels into the buffer.
 pub(crate) struct ContourRaster<'a> {
+    /// Contribution to each tile, row by row from the top.
     cells: &'a mut [ContourTile],
-    /// Columns of tiles.
+    /// Number of tile columns.
     columns: usize,
-    /// Columns and rows of the buffer in pixels.
+    /// Width and height of the buffer in pixels.
     size: [f64; 2],
-    /// Bound on the error of screen coordinates, in pixels.
+    /// Upper bound on the error of screen coordinates, in pixels.
     slack: f64,
-    /// First and last column and first and last row of the tiles that a contour touched.
+    /// First column, last column, first row, last row of the tiles that a contour touched, inclusive. First
+    /// exceeds last before the first contour.
     used: [usize; 4],
 }
 
-/// The units (pixels, or quarters of tiles) that the numbers from `low` to `high` fall into, as a half-open
-/// range clipped to 0..`size`. `None` if it is empty, or if a number is NaN.
+/// Returns the half-open range of the units (pixels, or quarters of tiles) that the interval from `low` to
+/// `high` meets, clipped to `0..size`. May begin a unit early if `low` is a whole number. `None` if the
+/// interval lies outside, or if a limit is NaN.
 #[inline(always)]
 fn range(low: f64, high: f64, size: f64) -> Option<[usize; 2]> {
     // False for NaN.
@@ -90,40 +98,43 @@ fn range(low: f64, high: f64, size: f64) -> Option<[usize; 2]> {
     Some([first.max(0) as usize, (last + 1).min(size as i32) as usize])
 }
 
-/// 1.5 times 2^52. A number below 2^31 in size, added to it, leaves the nearest integer in the low bits: much
-/// faster than a cast, which must not go wrong on any number.
+/// 1.5 times 2^52. Adding it to an `f64` of magnitude below 2^31 leaves the nearest integer in the low 32
+/// bits of the sum. Much faster than a cast, which must saturate.
 const WHOLE: f64 = 6_755_399_441_055_744.0;
 
-/// The nearest integer, of numbers below 2^31 in size.
+/// Returns the integer nearest to `x`, ties to even. The magnitude of `x` must be below 2^31.
 #[inline(always)]
 fn nearest(x: f64) -> i32 {
     (x + WHOLE).to_bits() as i32
 }
 
-/// The greatest integer not above `x`; of whole numbers perhaps the one before. Where that matters, the slack
-/// makes up for it.
+/// Returns the greatest integer not above `x`, or possibly `x - 1` if `x` is a whole number. Callers widen by
+/// the slack, which exceeds that difference where it matters.
 #[inline(always)]
 fn floor(x: f64) -> i32 {
     nearest(x - 0.5)
 }
 
 impl<'a> ContourRaster<'a> {
-    /// A raster into empty tiles, for vertices whose coordinates are off by at most `slack` pixels.
+    /// Starts a mesh on empty `cells` of a buffer with `columns` columns of tiles and a width and height of
+    /// `size` pixels. `slack` is an upper bound on the error of the coordinates of its vertices, in pixels.
     #[inline(always)]
     pub(crate) fn new(cells: &'a mut ContourTiles, columns: usize, size: [f64; 2], slack: f64) -> Self {
         Self { cells: &mut cells.cells, columns, size, slack, used: [usize::MAX, 0, usize::MAX, 0] }
     }
 
-    /// Marks tiles as used.
+    /// Extends the range of used tiles by the columns `x` and rows `y`, each a first and a last tile,
+    /// inclusive.
     #[inline(always)]
     fn touch(&mut self, x: [usize; 2], y: [usize; 2]) {
         let [x0, x1, y0, y1] = self.used;
         self.used = [x0.min(x[0]), x1.max(x[1]), y0.min(y[0]), y1.max(y[1])];
     }
 
-    /// Lowers the least depth key of each quarter of a tile that a triangle, or what the near plane leaves of
-    /// one, may meet. `plane` gives its depth key as a plane in pixel coordinates, lowered by its error; it
-    /// is not called where the corners tell enough.
+    /// Lowers the least depth key of each quarter of a tile that a triangle may meet. `corners` are the three
+    /// corners of the triangle, or the corners of its part beyond the near plane. `plane` returns the
+    /// coefficients `a`, `b`, `c` of its depth key as a plane `a x + b y + c` in pixel coordinates, lowered
+    /// by the error. It is called only where the corners alone are not tight enough.
     #[inline(always)]
     pub(crate) fn deepen(&mut self, corners: &[ScreenVertex], plane: impl FnOnce() -> [f64; 3]) {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -155,7 +166,7 @@ impl<'a> ContourRaster<'a> {
         let sides = Sides::of(corners);
         for band in down[0]..down[1] {
             let (top, bottom) = ((band * HALF) as f64, ((band + 1) * HALF) as f64);
-            // The columns that the triangle can reach in this band of rows.
+            // Columns that the triangle can meet in this band of pixel rows.
             let [left, right] = sides.span(top - slack, bottom + slack);
             let Some(reach) = range((left - slack) * half, (right + slack) * half, limits[0]) else {
                 continue;
@@ -163,13 +174,14 @@ impl<'a> ContourRaster<'a> {
             let row = b * if b < 0.0 { bottom } else { top } + c;
             for column in reach[0]..reach[1] {
                 let worst = lower(a * ((column * HALF) as f64 + ahead) + row);
-                // A NaN plane leaves the farthest corner.
+                // With a NaN plane, the depth key of the farthest corner is used.
                 self.note(column, band, if worst >= floor { worst } else { floor });
             }
         }
     }
 
-    /// Lowers the least depth key of a quarter of a tile; `column` and `band` count quarters.
+    /// Lowers the least depth key of one quarter of a tile. `column` and `band` are the quarter's column and
+    /// row in units of quarters (4 pixels).
     #[inline(always)]
     fn note(&mut self, column: usize, band: usize, depth_key: f32) {
         let cell = &mut self.cells[band / 2 * self.columns + column / 2];
@@ -177,35 +189,35 @@ impl<'a> ContourRaster<'a> {
         *quarter = if depth_key < *quarter { depth_key } else { *quarter };
     }
 
-    /// Draws a contour edge from `a` to `b`, `times` over; a negative number stands for the opposite
-    /// direction. The winding numbers to its right change. If `marked`, the pixels that it comes near are not
-    /// covered.
+    /// Draws a contour edge from `a` to `b` with multiplicity `times`, negative for the opposite direction.
+    /// It changes the winding numbers of the pixels to its right. If `marked`, pixels within the slack of the
+    /// edge are not covered.
     ///
-    /// The column on a row is clamped to the ends of the edge, and otherwise off by at most 11 units of the
-    /// greatest coordinate, which the slack holds several times.
+    /// The edge's column on a row is clamped to the ends of the edge, and otherwise off by at most 11 units
+    /// of round-off of the greatest coordinate. The slack is several times as large.
     #[inline(always)]
     pub(crate) fn contour(&mut self, a: &ScreenVertex, b: &ScreenVertex, times: i8, marked: bool) {
         let slack = self.slack;
         let (times, a, b) = if a.y <= b.y { (times, a, b) } else { (-times, b, a) };
-        // An edge along the border between two rows of pixels comes near both.
+        // An edge along the border between two rows of pixels is near both rows.
         let Some(lines) = range(a.y - slack, b.y + slack, self.size[1]) else { return };
         let (least_x, most_x) = if a.x < b.x { (a.x, b.x) } else { (b.x, a.x) };
         let (first, last) = (least_x - slack, most_x + slack);
         let [width, _] = self.size;
         let to_tile =
             |x: f64| (floor(least(most(x, 0.0), width)).max(0) as usize / SIDE).min(self.columns - 1);
-        // The first centre to the right may be in the next tile.
+        // The first pixel centre to the right may be in the next tile.
         self.touch([to_tile(first), to_tile(last + 1.0)], [lines[0] / SIDE, (lines[1] - 1) / SIDE]);
-        // To the right of the buffer it changes no winding number.
+        // An edge to the right of the buffer changes no winding number.
         if !(first < width) {
             return;
         }
-        // NaN or infinite for a level edge: results are clamped to the ends, and no row of centres lies
-        // between them.
+        // The slope of a level edge is NaN or infinite. Columns are clamped to the ends of the edge, and no
+        // row of centres lies between its ends.
         let slope = (b.x - a.x) / (b.y - a.y);
         let at = |y: f64| {
             let x = a.x + (y - a.y) * slope;
-            // NaN becomes the least.
+            // NaN becomes the least column.
             let x = if x > least_x { x } else { least_x };
             if x < most_x { x } else { most_x }
         };
@@ -214,7 +226,7 @@ impl<'a> ContourRaster<'a> {
             let (row, bit) = (line / SIDE * self.columns, line % SIDE);
             if marked && last >= 0.0 {
                 let (top, bottom) = (y - slack, y + 1.0 + slack);
-                // Where it begins or ends within the row, that end bounds it.
+                // If the edge begins or ends within the row, that end bounds its columns.
                 let p = if top > a.y { at(top) } else { a.x };
                 let q = if bottom < b.y { at(bottom) } else { b.x };
                 let (left, right) = if p < q { (p, q) } else { (q, p) };
@@ -229,8 +241,8 @@ impl<'a> ContourRaster<'a> {
             }
             let centre = y + 0.5;
             if a.y < centre && centre <= b.y {
-                // The first centre to the right of the edge. Whether a centre on the edge counts does not
-                // matter: the edge comes near its pixel.
+                // The first centre to the right of the edge. A centre on the edge may count either way: its
+                // pixel is near the edge.
                 let column = nearest(least(most(at(centre), 0.0), width)) as usize;
                 if let Some(cell) = self.cells[row..row + self.columns].get_mut(column / SIDE) {
                     let step = &mut cell.steps[column % SIDE][bit];
@@ -241,7 +253,8 @@ impl<'a> ContourRaster<'a> {
         }
     }
 
-    /// Merges the covered pixels of the mesh into the tiles, and empties its own.
+    /// Adds the pixels that the mesh covers to the tiles, with the least depth key of their quarter, and
+    /// empties the mesh's contributions.
     #[inline(always)]
     pub(crate) fn merge(self, tiles: &mut Tiles) {
         let [x0, x1, y0, y1] = self.used;
@@ -249,7 +262,7 @@ impl<'a> ContourRaster<'a> {
             return;
         }
         for row in y0..=y1 {
-            // A byte for each row of pixels.
+            // Winding number modulo 256 in the current column, one byte for each row of pixels.
             let mut count = 0u64;
             for column in x0..=x1 {
                 let tile = row * self.columns + column;
@@ -271,7 +284,7 @@ impl<'a> ContourRaster<'a> {
                     continue;
                 }
                 for quarter in 0..4 {
-                    // Where no triangle was noted, only rounding makes the winding number differ from zero.
+                    // In a quarter without triangles, only rounding makes a winding number differ from zero.
                     if parts[quarter] < f32::INFINITY {
                         tiles.cover(tile, covered & QUARTERS[quarter], parts[quarter], 0);
                     }
@@ -281,14 +294,14 @@ impl<'a> ContourRaster<'a> {
     }
 }
 
-/// A one in each byte that is not zero.
+/// Returns 1 in each byte of the result whose byte of `bytes` is not zero, else 0.
 #[inline(always)]
 fn nonzero(bytes: u64) -> u64 {
     const LOW: u64 = 0x7f7f_7f7f_7f7f_7f7f;
     (((bytes & LOW) + LOW) | bytes) >> 7 & 0x0101_0101_0101_0101
 }
 
-/// Adds byte by byte, modulo 256.
+/// Returns the sums of the eight bytes of `a` and `b`, each modulo 256.
 #[inline(always)]
 fn add_bytes(a: u64, b: u64) -> u64 {
     const LOW: u64 = 0x7f7f_7f7f_7f7f_7f7f;
@@ -305,32 +318,39 @@ fn most(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The sides of a convex polygon of up to four corners.
+/// Sides of a convex polygon of up to four corners on the screen.
 struct Sides {
+    /// Sides of the polygon. The first `count` are valid.
     sides: [Side; 4],
+    /// Number of sides, at most 4.
     count: usize,
 }
 
-/// One side, from its upper end to its lower.
+/// One side of a polygon, from its upper end to its lower end, in pixels.
 #[derive(Clone, Copy, Default)]
 struct Side {
+    /// Column and row of the upper end.
     top: [f64; 2],
+    /// Column and row of the lower end.
     bottom: [f64; 2],
+    /// Change of the column from one row to the next. Infinite or NaN for a level side.
     slope: f64,
 }
 
 impl Side {
-    /// The column at a row, clamped to the ends.
+    /// Returns the side's column at row `y`, clamped to the columns of its ends.
     #[inline(always)]
     fn at(&self, y: f64) -> f64 {
         let x = self.top[0] + (y - self.top[1]) * self.slope;
         let (low, high) = (least(self.top[0], self.bottom[0]), most(self.top[0], self.bottom[0]));
-        // NaN becomes the least.
+        // NaN becomes the least column.
         least(most(x, low), high)
     }
 }
 
 impl Sides {
+    /// Returns the sides of the polygon with the given corners in order. Corners beyond the fourth are
+    /// ignored.
     #[inline(always)]
     fn of(corners: &[ScreenVertex]) -> Self {
         let count = corners.len().min(4);
@@ -343,8 +363,8 @@ impl Sides {
         Self { sides, count }
     }
 
-    /// The least and greatest column of the polygon between two rows; least above greatest if it does not
-    /// reach them.
+    /// Returns the least and the greatest column of the polygon between the rows `top` and `bottom`. The
+    /// least is infinity and the greatest negative infinity if the polygon does not reach these rows.
     #[inline(always)]
     fn span(&self, top: f64, bottom: f64) -> [f64; 2] {
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);

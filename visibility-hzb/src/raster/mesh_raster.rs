@@ -1,31 +1,33 @@
 //! Draws meshes of any form, one after the other.
 //!
 //! # The rule
-//! Triangles that certainly face the eye are drawn; of two-sided meshes also those that certainly face away,
-//! as a second mesh. An edge is inner if exactly two drawn triangles share it, in opposite directions. Every
-//! other edge of a drawn triangle is a contour, and so is the cut where the near plane crosses one. A pixel
-//! is covered if the contour winds round its centre and does not come within rounding of the closed pixel.
-//! Its depth key is the least that any drawn triangle of the mesh has in its quarter of the tile. Then it
-//! merges with other meshes: the greatest key wins.
+//! Triangles that certainly face the eye are drawn. Of two-sided meshes, triangles that certainly face away
+//! are drawn too, as a second mesh. An edge is inner if exactly two drawn triangles share it, in opposite
+//! directions. Every other edge of a drawn triangle is a contour, and so is the cut where the near plane
+//! crosses a drawn triangle. A pixel is covered if the contour winds round its centre and does not come
+//! within rounding of the closed pixel. Its depth key is the least that any drawn triangle of the mesh has in
+//! the pixel's quarter of the tile. Then the mesh merges with other meshes: the greatest key wins.
 //!
 //! # Why it is sound
-//! Let no contour meet a pixel, and one point of the pixel be in a drawn triangle. Walk from that point to
-//! any other of the pixel. Where the walk leaves a drawn triangle it crosses an edge, or the cut of the near
-//! plane. That is no contour, so another drawn triangle begins there. So all of the pixel is covered, and by
-//! triangles that meet it, whose depth counts. The contour winds round a centre that it does not come near as
-//! often as drawn triangles cover it ([`ContourRaster`]). Rounding leaves the centre within a fraction of a
-//! pixel of one of them, and then a point of that triangle is in the pixel.
+//! Let no contour meet a pixel, and let one point of the pixel be in a drawn triangle. Walk from that point
+//! to any other point of the pixel. Where the walk leaves a drawn triangle it crosses an edge of the
+//! triangle, or the cut of the near plane. The crossed edge is no contour, so another drawn triangle begins
+//! there. So all of the pixel is covered, by triangles that meet the pixel, and their depths are all taken
+//! into account. The contour winds round a centre that it does not come near as often as drawn triangles
+//! cover the centre ([`ContourRaster`]). Rounding leaves the centre within a fraction of a pixel of a drawn
+//! triangle, and then a point of that triangle is in the pixel.
 //!
 //! # The error bound
-//! Corners beyond the near limit have `x`, `y` and `w` off by at most `e`. So a pixel coordinate `q = x / w`
-//! is off by `(e_x + |q| e_w) / w`, two roundings aside. The *slack* is twice the greatest such bound over
-//! the mesh; 32 units of the greatest coordinate are part of it. A point of a segment is off by no more than
-//! its ends, so contours are widened by the slack, and by `2^-20` of a pixel. Meshes whose slack exceeds a
-//! quarter of a pixel are left out.
+//! Corners beyond the near limit have `x`, `y` and `w` off by at most `e_x`, `e_y` and `e_w`. So a pixel
+//! coordinate `q = x / w` is off by `(e_x + |q| e_w) / w`, two roundings aside. The *slack* is twice the
+//! greatest such bound over the mesh; 32 units of the greatest coordinate are part of it. A point of a
+//! segment is off by no more than the ends of the segment, so contours are widened by the slack, and by
+//! `2^-20` of a pixel. Meshes whose slack exceeds a quarter of a pixel are not drawn.
 //!
 //! Twice the area of a triangle on the screen is a product of differences, each off by the slack at most. So
-//! it is off by twice the slack times the sum of their magnitudes, roundings included. Beyond that, its sign
-//! is that of the determinant of the corners, since each `w` is positive.
+//! the doubled area is off by twice the slack times the sum of the magnitudes of these differences, roundings
+//! included. Beyond that bound, its sign is that of the determinant of the corners, since each `w` is
+//! positive.
 
 use super::contour_raster::{ContourRaster, ContourTiles, ScreenVertex};
 use crate::buffer::tiles::Tiles;
@@ -39,39 +41,41 @@ use crate::vector::{cross, dot, less, point};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 
-/// Memory for one mesh, kept from mesh to mesh.
+/// Scratch for one mesh, kept from mesh to mesh so that a frame does not allocate.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeshScratch {
-    /// By vertex: `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    /// Values of each vertex: `x`, `y`, `w`, `n` and the distance beyond the near plane.
     corners: Vec<[f64; 5]>,
-    /// By vertex, of meaning only beyond the near limit.
+    /// Screen position of each vertex. Meaningless for vertices that are not beyond the near limit.
     screen: Vec<ScreenVertex>,
-    /// By triangle: 1 if it is drawn as a front, -1 as a back, 0 if it is not drawn.
+    /// Side of each triangle that is drawn: 1 for the front, -1 for the back, 0 if the triangle is not drawn.
     facing: Vec<i8>,
 }
 
-/// Added to the slack, in pixels.
+/// Constant part of the slack, in pixels.
 const TINY: f64 = 1.0 / 1048576.0;
 
-/// In meshes most of whose edges join nothing, triangles are left out below this size: the sum of two sides,
-/// in columns and rows of pixels.
+/// Minimum size of drawn triangles in meshes with many open edges: the sum of width and height in pixels of
+/// two sides. Smaller triangles of such meshes are not drawn, since they hide next to nothing.
 const ALONE: f64 = 64.0;
-/// But not in meshes of fewer triangles.
+/// Minimum number of open edges (edges of only one triangle) of a mesh for [`ALONE`] to apply.
 const MANY: usize = 32;
 
-/// Sums of areas on the screen below this share of the sum of their magnitudes count as zero.
+/// Fraction of the sum of magnitudes of triangle areas on the screen. A sum of signed areas of at most this
+/// fraction counts as zero.
 const CANCELS: f64 = 1e-6;
 
-/// Vertices that are worked on together.
+/// Number of vertices that are processed together.
 const LANES: usize = 8;
 
-/// Bounds over all vertices of a mesh beyond the near limit.
+/// Bounds over the vertices of a mesh.
 struct VertexBounds {
-    /// Upper bound on the error of pixel coordinates.
+    /// Upper bound on the error of the pixel coordinates of vertices and cuts beyond the near limit, in
+    /// pixels.
     error: f64,
-    /// Upper bound on the depth keys.
+    /// Upper bound on the depth keys of vertices and cuts beyond the near limit.
     greatest: f64,
-    /// Least distance beyond the near plane, of all vertices.
+    /// Least distance beyond the near plane of all vertices. Without unit; negative before the near plane.
     nearest: f64,
 }
 
@@ -80,7 +84,10 @@ impl VertexBounds {
     const NONE: Self = Self { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
 }
 
-/// Draws a mesh. Returns an upper bound on its depth keys; negative infinity if nothing of it is drawn.
+/// Draws a mesh into `tiles` by the rule at the head of this module. `object` projects the mesh's own
+/// coordinates, and `facing` is the sign of the determinant of triangles that face the eye. `scratch` and
+/// `contour_tiles` are scratch memory. Returns an upper bound on the mesh's depth keys, or negative infinity
+/// if the mesh is not drawn because no triangle certainly shows a side or the errors are too large.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn draw_mesh(
@@ -111,8 +118,8 @@ pub(crate) fn draw_mesh(
     }
     let errors = [object.determinant_error(), object.cross_error(projection.size)];
     let marked = coverage == Coverage::Conservative;
-    // Fronts and backs are drawn as two meshes: no edge between them is inner, and neither makes the other
-    // farther.
+    // Fronts and backs are drawn as two meshes, so that no edge between a front and a back is inner and the
+    // depths of the one do not lower those of the other.
     for side in [1, -1] {
         if sides & side_bit(side) == 0 {
             continue;
@@ -141,8 +148,8 @@ pub(crate) fn draw_mesh(
         for edge in mesh.edges {
             let left = i8::from(drawn[edge.left as usize] == side);
             let right = edge.right.map_or(0, |t| i8::from(drawn[t as usize] == side));
-            // Inner: both triangles are drawn, and run through the edge in opposite directions. Or neither
-            // is.
+            // Equal counts mean that the edge is inner (both triangles are drawn and run through it in
+            // opposite directions) or that neither triangle is drawn.
             if left == right {
                 continue;
             }
@@ -164,13 +171,14 @@ pub(crate) fn draw_mesh(
     up(vertex_bounds.greatest)
 }
 
-/// Bit 0 for fronts (1), bit 1 for backs (-1).
+/// Returns the bit of a side in a mask of sides: bit 0 for fronts (`side` 1), bit 1 for backs (-1).
 #[inline(always)]
 fn side_bit(side: i8) -> u8 {
     if side > 0 { 1 } else { 2 }
 }
 
-/// Computes the corners and screen positions of all vertices, and takes them into the bounds.
+/// Computes the five values and the screen positions of all vertices into `scratch`, and extends
+/// `vertex_bounds` by them. Values of earlier meshes are overwritten.
 #[inline(always)]
 fn project(
     positions: &[Vec3],
@@ -180,7 +188,7 @@ fn project(
     vertex_bounds: &mut VertexBounds,
 ) {
     let MeshScratch { corners, screen, .. } = scratch;
-    // Memory only grows. Elements of earlier meshes are overwritten.
+    // The vectors only grow. Elements of earlier meshes are overwritten.
     if corners.len() < positions.len() {
         corners.resize(positions.len(), [0.0; 5]);
         screen.resize(positions.len(), ScreenVertex::default());
@@ -191,7 +199,7 @@ fn project(
         let count = rest.len().min(LANES);
         let mut p = [[0.0; LANES]; 3];
         for i in 0..LANES {
-            // The last vertex fills the lanes that are left.
+            // The remaining lanes repeat the last vertex.
             let position = &rest[if i < count { i } else { count - 1 }];
             (p[0][i], p[1][i], p[2][i]) =
                 (f64::from(position.x), f64::from(position.y), f64::from(position.z));
@@ -234,28 +242,31 @@ fn project(
     }
 }
 
+/// Returns the greater of two numbers. `b` if one of them is NaN.
 #[inline(always)]
 fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The screen position of a corner, a bound on the error of its coordinates, and an upper bound on its depth
-/// key. The error is infinite for corners at or behind the eye.
+/// Projects a corner, given by `x`, `y`, `w` and `n`. Returns its screen position, an upper bound on the
+/// error of its pixel coordinates in pixels, and an upper bound on its depth key. The error is infinite for a
+/// corner at or behind the eye.
 #[inline(always)]
 fn seen_at([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenVertex, f64, f64) {
     let [ex, ey, ew, en, _] = object.error;
-    // Infinite for corners at or behind the eye, which makes their error infinite.
+    // The reciprocal is infinite for corners at or behind the eye, which makes their error infinite.
     let over = 1.0 / if w > 8.0 * ew { w } else { 0.0 };
     let size = greater(x.abs(), y.abs()) * over;
     let error = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
-    // NaN in the eye itself.
+    // The error is NaN for a corner in the eye itself.
     let error = if error < f64::INFINITY { error } else { f64::INFINITY };
     let depth_key = n * over;
     let margin = 2.0 * (en + depth_key.abs() * ew) * over + 4.0 * f64::EPSILON * depth_key.abs();
     (ScreenVertex { x: x * over, y: y * over, far: lower(depth_key - margin) }, error, depth_key + margin)
 }
 
-/// The screen position of a corner, which is taken into the bounds.
+/// Returns the screen position of a corner, given by its five values, and extends `vertex_bounds` by the
+/// corner.
 #[inline(always)]
 fn on_screen(
     &[x, y, w, n, _]: &[f64; 5],
@@ -268,9 +279,11 @@ fn on_screen(
     corner
 }
 
-/// Decides which triangles are drawn: those that certainly face the eye, or away from it if the mesh is
-/// two-sided, and are not wholly before the near limit. `slack` is given if all corners are beyond that
-/// limit: it bounds the errors of their screen coordinates. Returns the bits of the sides that are drawn.
+/// Decides for each triangle whether it is drawn, and replaces `drawn` by the results: 1 for a triangle that
+/// certainly faces the eye, -1 for one that certainly faces away if the mesh is two-sided, else 0. Triangles
+/// wholly before the near limit are not drawn. `slack` is `Some` if all corners are beyond the near limit,
+/// and bounds the errors of their screen coordinates in pixels. Returns the mask of the sides to draw: bit 0
+/// for fronts, bit 1 for backs.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn choose(
@@ -287,8 +300,8 @@ fn choose(
     let (mut fronts, mut backs) = (false, false);
     let back = if mesh.two_sided { -1 } else { 0 };
     if let Some(slack) = slack {
-        // Where most edges join nothing, as in foliage, triangles stand alone, and small ones would hide next
-        // to nothing. An edge that joins two triangles counts as a side of both.
+        // In a mesh of mostly open edges, such as foliage, triangles stand alone and small ones would hide
+        // next to nothing. An edge that joins two triangles counts as a side of both.
         let open = (2 * mesh.edges.len()).saturating_sub(3 * mesh.triangles.len());
         let smallest = if open >= mesh.triangles.len().max(MANY) { ALONE } else { 0.0 };
         let (mut sum, mut magnitude) = (0.0, 0.0);
@@ -305,7 +318,7 @@ fn choose(
             drawn.push(turn);
         }
         // From outside, a closed mesh shows as much area of backs as of fronts, all of it behind the fronts.
-        // So backs need not be drawn.
+        // So its backs need not be drawn.
         let outside = open == 0 && sum.abs() <= CANCELS * magnitude;
         return u8::from(fronts) | if backs && !outside { 2 } else { 0 };
     }
@@ -322,7 +335,7 @@ fn choose(
     u8::from(fronts) | if backs { 2 } else { 0 }
 }
 
-/// Takes the points where edges cross the near limit into the bounds.
+/// Extends `vertex_bounds` by the points where edges cross the near limit.
 #[inline(always)]
 fn bound_cuts(
     mesh: &OccluderTriangles,
@@ -347,7 +360,7 @@ mod tests {
     use visibility_core::glam::{Affine3A, DVec3};
     use visibility_core::{Pose, View};
 
-    /// Points close to the plane of the eye, where most digits of `w` cancel.
+    /// Points close to the eye's plane, where most digits of `w` cancel.
     #[test]
     fn vertices_are_within_their_errors() {
         let mut random = random(3);

@@ -1,4 +1,5 @@
-//! Fills shapes into tiles: eight rows of tiles set up at once, tiles that are covered entirely in runs.
+//! Fills screen shapes into tiles. Column ranges are set up for eight rows of tiles at once, and tiles that a
+//! shape covers entirely are written in runs.
 
 use crate::buffer::row_spans::STEPS;
 use crate::buffer::tile_layout::{SIDE, below as lines_below};
@@ -6,7 +7,8 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, any_below, bits, round_to_i32};
 use crate::setup::screen_shape::{MAX_PLANES, ScreenShape};
 
-/// Fills a shape. Returns false if no tile that its rectangle meets can be nearer for it.
+/// Fills a shape into the tiles. The greatest depth key wins in each pixel. Returns false, without a change,
+/// if the shape's rectangle meets no tile whose `tile_min` is less than the shape's greatest depth key.
 #[inline(always)]
 pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
     let columns = tiles.columns;
@@ -17,7 +19,7 @@ pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
     if first_row >= end_row || first_column >= end_column {
         return false;
     }
-    // Is the whole rectangle nearer than the shape already?
+    // Skip the shape if all tiles of its rectangle are at least as near already.
     let mut seen = false;
     for row in first_row..end_row {
         seen |= any_below(
@@ -43,16 +45,18 @@ pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
     true
 }
 
-/// The columns of tiles that a shape meets in each of eight rows of tiles.
+/// Ranges of tile columns that a shape meets and covers in each of eight rows of tiles.
 struct Bands {
-    /// First and end columns of tiles that the shape may meet.
+    /// First and end tile column (half-open) of the tiles that the shape may meet, for each row of tiles.
     met: [[i32; SIDE]; 2],
-    /// First and end columns of tiles that it covers entirely; the end is -1 if there are none.
+    /// First and end tile column (half-open) of the tiles that the shape covers entirely, for each row of
+    /// tiles. The end is -1 if there are none.
     covered: [[i32; SIDE]; 2],
 }
 
-/// The columns of eight rows of tiles, from row `first_row` on. Row bounds are monotonic in the row of
-/// pixels, also after rounding, so the first and the last row of pixels of a tile give the extremes.
+/// Computes the column ranges of eight rows of tiles from row `first_row` on. `columns` is the number of tile
+/// columns of the buffer. Row bounds are monotonic in the row of pixels, also after rounding, so the first
+/// and the last row of pixels of a tile give the extremes.
 #[inline(always)]
 fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
     let (mut top, mut bottom) = ([0.0; SIDE], [0.0; SIDE]);
@@ -63,15 +67,15 @@ fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
         top[i] = if y > first { y } else { first };
         bottom[i] = if y + 7.0 < last { y + 7.0 } else { last };
     }
-    // Outer bounds in element 0, inner ones in element 1. Limits as in `spans`, so that a tile does not count
-    // as whole by a rounding.
+    // Element 0 holds outer bounds, element 1 inner bounds. The limits are those of `spans`, so that both
+    // round alike.
     let (left, right) = (shape.columns[0] - 0.25, shape.columns[1] + 0.25);
     let (mut low, mut high) = ([[left; SIDE]; 2], [[right; SIDE]; 2]);
     for line in &shape.left[..shape.lefts] {
         for i in 0..SIDE {
             let (a, b) = (top[i] * line.slope + line.offset, bottom[i] * line.slope + line.offset);
             let (least, most) = if a < b { (a, b) } else { (b, a) };
-            // NaN covers nothing.
+            // The comparisons are written so that a NaN bound covers no pixel.
             low[0][i] = if least <= low[0][i] { low[0][i] } else { least };
             low[1][i] = if most <= low[1][i] { low[1][i] } else { most };
         }
@@ -92,33 +96,37 @@ fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
         bands.met[1][i] = ((end + SIDE as i32 - 1).max(0) / SIDE as i32).min(columns as i32);
         let (first, end) = (first_pixel(low[1][i], limit), end_pixel(high[1][i]));
         bands.covered[0][i] = (first.max(0) + SIDE as i32 - 1) / SIDE as i32;
-        // Rows of tiles in which the shape begins or ends are not covered entirely.
+        // In rows of tiles where the shape begins or ends, no tile is covered entirely.
         let all = (bottom[i] - top[i] >= 7.0) & (first < end);
         bands.covered[1][i] = if all { end.max(0) / SIDE as i32 } else { -1 };
     }
     bands
 }
 
-/// The first row of pixels of each row of tiles.
+/// First pixel row of each of eight rows of tiles, relative to the first of them.
 const EIGHTS: [f32; SIDE] = [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 56.0];
-/// The rows of pixels of a tile.
+/// Rows of pixels of a tile, relative to the tile.
 const ONES: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// The first pixel at or after a bound, at most `limit`, which must be finite. NaN gives `limit`.
+/// Returns the index of the first pixel column at or after the bound `low`, at most about `limit`, which must
+/// be finite. A NaN bound gives `limit`, rounded up.
 #[inline(always)]
 fn first_pixel(low: f32, limit: f32) -> i32 {
     round_to_i32(if low <= limit { low } else { limit } + 0.5)
 }
 
-/// The pixel after the last that ends before a bound; at least -1, which NaN gives.
+/// Returns the end (exclusive) of the pixel columns that lie before the bound `high`: `high` rounded down.
+/// Negative if the bound is below 0 or NaN.
 #[inline(always)]
 fn end_pixel(high: f32) -> i32 {
     round_to_i32(if high >= -1.0 { high } else { -1.0 } - 0.5)
 }
 
-/// The columns at which the eight rows of pixels of a row of tiles begin and end, by row bounds alone.
+/// Returns the columns, in pixels and not rounded, between which the shape covers each of the eight pixel
+/// rows of row `row` of tiles: element 0 holds the left ends, element 1 the right ends. A left end above the
+/// right end means an empty span. The shape's own row range is not considered.
 ///
-/// A quarter of a pixel keeps the limits, which are whole numbers, away from where rounding to whole numbers
+/// The limits are whole numbers. A quarter of a pixel keeps them away from where rounding to whole numbers
 /// could go either way.
 #[inline(always)]
 fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
@@ -143,7 +151,8 @@ fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
     [low, high]
 }
 
-/// Fills one row of tiles, row `i` of the bands.
+/// Fills row `row` of tiles. `i` is the index of that row in `bands`, `planes_id` the index of the shape's
+/// depth planes.
 #[inline(always)]
 fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i: usize, planes_id: u32) {
     let (start, stop) = (bands.met[0][i] as usize, bands.met[1][i] as usize);
@@ -164,7 +173,7 @@ fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i
         let depth_key = depths(shape, &offsets, column);
         let values = &mut tiles.tile_min[base + column..base + column + WIDTH];
         let depth_planes = &mut tiles.planes_id[base + column..base + column + WIDTH];
-        // Tiles beyond the last one of the shape stay as they are.
+        // Tiles at or beyond `stop` keep their values.
         let (limit, first_column) = (stop as f32, column as f32);
         let mut part = [0u8; WIDTH];
         for i in 0..WIDTH {
@@ -178,11 +187,12 @@ fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i
         let mut part = bits(&part);
         if part != 0 {
             tiles.spans.set(&spans(shape, row));
-            // The rows of pixels that the shape reaches.
+            // Mask of the rows of pixels within the shape's row range.
             let start = (row * SIDE) as i32;
             let lines =
                 lines_below(shape.lines[1] as i32 - start) & !lines_below(shape.lines[0] as i32 - start);
-            // Two tiles at a time, all masks before any tile is covered: the latencies overlap.
+            // Masks are made for two tiles at a time, all before any tile is covered, so that the latencies
+            // overlap.
             let mut left = part;
             while left != 0 {
                 let first = left.trailing_zeros() as usize % WIDTH;
@@ -202,8 +212,9 @@ fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i
     }
 }
 
-/// The least depth key of a shape in each of [`WIDTH`] tiles from a column on. `offsets` are the values of
-/// its depth planes in column 0 of this row of tiles.
+/// Returns the least depth key of a shape in each of [`WIDTH`] tiles from tile column `column` on: the least
+/// of its planes, between the shape's `floor` and `ceiling`. `offsets` are the values of the planes in column
+/// 0 of the row of tiles.
 #[inline(always)]
 fn depths(shape: &ScreenShape, offsets: &[f32; MAX_PLANES], column: usize) -> [f32; WIDTH] {
     let mut least = [shape.ceiling; WIDTH];
@@ -212,7 +223,7 @@ fn depths(shape: &ScreenShape, offsets: &[f32; MAX_PLANES], column: usize) -> [f
         let (slope, offset) = (shape.planes[plane][0], offsets[plane]);
         for i in 0..WIDTH {
             let depth_key = (first + STEPS[i]) * slope + offset;
-            // NaN leaves the floor as the bound.
+            // The comparison is false for NaN, so a NaN value is not skipped.
             least[i] = if depth_key >= least[i] { least[i] } else { depth_key };
         }
     }
