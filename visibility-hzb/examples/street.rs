@@ -1,5 +1,6 @@
-//! A walk down a street of a made-up town: how many objects the frustum leaves, how many of them the houses
-//! do not hide, and what the z-buffer has seen.
+//! A walk down a street of a generated town. For each step it prints the number of objects in the frustum,
+//! the number of those that houses do not hide, and the culling time. At the end it prints the z-buffer as
+//! text.
 //!
 //! `cargo run --release -p visibility-hzb --example street`
 
@@ -10,16 +11,21 @@ use visibility_core::{Aabb, Culler, FrustumCuller, Object, OccluderMesh, Pose, S
 use visibility_core::{OcclusionMap, scene::SceneError};
 use visibility_hzb::{Hzb, HzbCuller};
 
-/// Houses that hide, 20 m wide, with streets of 10 m between them.
+/// The town has `2 * BLOCKS` rows and columns of houses.
 const BLOCKS: i32 = 40;
 
+/// Returns the bounds, in metres, of the house at a row and column of the town: 20 m wide, with streets of 10
+/// m between houses.
 fn house(row: i32, column: i32) -> Aabb {
     let corner = Vec3::new(row as f32, column as f32, 0.0) * 30.0;
     let height = 8.0 + (row * 7 + column * 13).rem_euclid(9) as f32 * 3.0;
     Aabb::new(corner + Vec3::new(5.0, 5.0, 0.0), corner + Vec3::new(25.0, 25.0, height))
 }
 
-/// Houses, and twelve small objects around each of them.
+/// Builds the town's scene: houses as occluders, and twelve small objects around each house.
+///
+/// # Errors
+/// Fails if a mesh or transform is refused, which does not happen here.
 fn town() -> Result<Scene, Box<dyn Error>> {
     let mut scene = Scene::new();
     for (row, column) in (-BLOCKS..BLOCKS).flat_map(|row| (-BLOCKS..BLOCKS).map(move |column| (row, column)))
@@ -38,7 +44,8 @@ fn town() -> Result<Scene, Box<dyn Error>> {
     Ok(scene)
 }
 
-/// The depth buffer as letters, nearer ones darker.
+/// Draws all occluders of the scene into a z-buffer and returns the buffer as text of 100 x 28 characters.
+/// Nearer pixels have darker characters.
 fn picture(scene: &Scene, view: &View) -> Result<String, SceneError> {
     let mut hzb = Hzb::default();
     hzb.begin(view, DVec3::ZERO);
@@ -49,7 +56,8 @@ fn picture(scene: &Scene, view: &View) -> Result<String, SceneError> {
     }
     hzb.flush();
     let shade = |column: usize, row: usize| {
-        // One over the distance; negative infinity where no house covers the pixel.
+        // The depth key is one over the distance in metres; negative infinity where no house covers the
+        // pixel.
         match hzb.depth_key(column * hzb.width() / 100, row * hzb.height() / 28) {
             key if key > 1.0 / 20.0 => '#',
             key if key > 1.0 / 60.0 => '+',

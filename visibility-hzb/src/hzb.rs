@@ -96,8 +96,8 @@ pub struct Hzb {
     contour_tiles: ContourTiles,
     /// Number of occluders that tiles hid and the pyramid did not, since the last update of the pyramid.
     missed: usize,
-    /// Upper bound on the depth keys (greater is nearer) of all drawn occluders. Negative infinity before the
-    /// first.
+    /// Upper bound on the depth keys (greater is nearer) of all drawn occluders. Negative infinity before
+    /// the first.
     pub(crate) nearest: f32,
     /// Clip planes of the current view, relative to the scene's origin. Points of positive distance are kept.
     clip_planes: ViewPlanes,

@@ -1,8 +1,8 @@
-//! Contract 2 by clipping: take away from a covered pixel all that triangles cover, no farther than its
-//! depth, and nothing is left.
+//! Contract 2 by clipping: after subtracting from a covered pixel all triangles that are at least as near as
+//! the pixel's depth key, no area of the pixel is left.
 //!
-//! Shares no arithmetic with the rasterizer: triangles are cut in clip space, projected, and subtracted from
-//! the pixel's square as polygons.
+//! The test shares no arithmetic with the rasterizer: triangles are cut in clip space, projected, and
+//! subtracted from the pixel's square as polygons.
 
 mod common;
 
@@ -12,7 +12,9 @@ use visibility_core::{OcclusionMap, View, view::Depth};
 use visibility_hzb::Hzb;
 use visibility_testing::Random;
 
-/// What is left of a polygon where a linear function is not negative.
+/// Returns the part of a convex polygon where the linear function `inside` is not negative. `mix`
+/// interpolates between two corners by a fraction from 0 to 1. Empty if the function is negative at all
+/// corners.
 fn clip<P: Copy>(polygon: &[P], inside: impl Fn(P) -> f64, mix: impl Fn(P, P, f64) -> P) -> Vec<P> {
     let mut kept = Vec::new();
     for (i, &b) in polygon.iter().enumerate() {
@@ -28,11 +30,14 @@ fn clip<P: Copy>(polygon: &[P], inside: impl Fn(P) -> f64, mix: impl Fn(P, P, f6
     kept
 }
 
+/// Returns the signed area of a polygon, in square pixels.
 fn area(polygon: &[DVec2]) -> f64 {
     (0..polygon.len()).map(|i| polygon[i].perp_dot(polygon[(i + 1) % polygon.len()])).sum::<f64>() * 0.5
 }
 
-/// A triangle on the screen: corners in pixels, in order of area, with their nearness.
+/// Projects a triangle and cuts it at the near plane. Returns its corners as column, row (in pixels) and
+/// depth key, ordered so that the signed area is not negative. Empty for the back of a one-sided triangle, or
+/// if the whole triangle is before the near plane.
 fn project(view: &View, size: [usize; 2], Face { corners, one_sided }: &Face) -> Vec<DVec3> {
     let matrix = view.clip_from(DVec3::ZERO);
     let perspective = matrix.row(3).truncate() != DVec3::ZERO;
@@ -54,7 +59,7 @@ fn project(view: &View, size: [usize; 2], Face { corners, one_sided }: &Face) ->
             DVec3::new(x * size[0] as f64, y * size[1] as f64, nearness)
         })
         .collect();
-    // Seen from the front? By the eye itself, not by the screen.
+    // Facing is decided by the position of the eye, not on the screen.
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let front = match view.eye(DVec3::ZERO) {
         visibility_core::view::Eye::Point(eye) => (eye - corners[0]).dot(normal) > 0.0,
@@ -69,7 +74,9 @@ fn project(view: &View, size: [usize; 2], Face { corners, one_sided }: &Face) ->
     screen
 }
 
-/// The parts of a polygon outside a convex one whose corners run in order of area, widened by a hair.
+/// Appends to `out` the parts of the convex polygon `piece` that lie outside `convex`. Corners of `convex`
+/// run in the order of positive area. `convex` is enlarged by 1e-8 pixels, and parts of less than 1e-12
+/// square pixels are dropped.
 fn subtract(piece: Vec<DVec2>, convex: &[DVec2], out: &mut Vec<Vec<DVec2>>) {
     let mut rest = piece;
     for (i, &b) in convex.iter().enumerate() {
@@ -87,6 +94,8 @@ fn subtract(piece: Vec<DVec2>, convex: &[DVec2], out: &mut Vec<Vec<DVec2>>) {
     }
 }
 
+/// Asserts for every covered pixel of `hzb` that occluders at least as near as the pixel's depth key cover
+/// all of its square. Returns the number of covered pixels. `what` names the case in messages.
 fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, what: &str) -> usize {
     let size = [hzb.width(), hzb.height()];
     let screen: Vec<_> =
@@ -113,7 +122,7 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, what: &str) -> usize {
                 {
                     continue;
                 }
-                // Only what is near enough counts.
+                // Only the part of the triangle that is at least as near as the stored depth key counts.
                 let enough = stored - 1e-7 * stored.abs() - 1e-12;
                 let near = clip(triangle, |p| p.z - enough, |a, b, t| a + (b - a) * t);
                 let flat: Vec<DVec2> = near.iter().map(|p| p.truncate()).collect();

@@ -1,6 +1,6 @@
-//! Hierarchical occlusion maps on random views of random occluders: nothing that a ray reaches is hidden at a
-//! threshold of 1, by any depth estimate; one pixel's hole is enough; the answers are the same on all
-//! instructions, and pinned.
+//! Hierarchical occlusion maps on random views of random occluders. At a threshold of 1, no box that a ray
+//! reaches is hidden, by any depth estimate, and a hole of one pixel is enough to keep a box visible. Answers
+//! are equal on all instruction sets and pinned by a hash.
 
 mod common;
 
@@ -14,9 +14,11 @@ use visibility_core::{
 use visibility_hzb::{Coverage, DepthEstimate, Hom, Hzb};
 use visibility_testing::Random;
 
+/// All depth estimates.
 const ESTIMATES: [DepthEstimate; 3] =
     [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground];
 
+/// Draws the occluders into `map`, with an extra flush after the second one.
 fn draw<M: OcclusionMap>(mut map: M, occluders: &[Occluder], view: &View) -> M {
     map.begin(view, DVec3::ZERO);
     for (i, o) in occluders.iter().enumerate() {
@@ -29,7 +31,8 @@ fn draw<M: OcclusionMap>(mut map: M, occluders: &[Occluder], view: &View) -> M {
     map
 }
 
-/// Huge or near-degenerate triangles, on which no ray can be trusted.
+/// Returns a huge, tiny or nearly degenerate triangle, for which the rays of these tests are too imprecise.
+/// `None` if the mesh is refused.
 fn extreme(random: &mut Random) -> Option<Occluder> {
     let scale = [1e-20, 1e-6, 1e3, 1e6, 1e12, 1e30][random.below(6)] as f32;
     let a = random.vec3(-1.0, 1.0) * scale;
@@ -38,6 +41,7 @@ fn extreme(random: &mut Random) -> Option<Occluder> {
     Some(Occluder { mesh: mesh.with_two_sided(random.below(2) == 0), transform: Affine3A::IDENTITY })
 }
 
+/// Returns a random box around a point within 9 m of the origin on each axis.
 fn random_box(random: &mut Random) -> Aabb {
     let middle = random.vec3(-9.0, 9.0);
     let most = if random.below(4) == 0 { 3.0 } else { 0.4 };
@@ -45,6 +49,8 @@ fn random_box(random: &mut Random) -> Aabb {
     Aabb::new(middle - half, middle + half)
 }
 
+/// Tests random boxes on `views` random views: a hidden box must be hidden by the z-buffer too (no-background
+/// estimate), and view rays to points of the box must meet an occluder before.
 fn run(views: u64, seed: u64) {
     let mut random = Random(seed);
     let (mut hidden, mut rays) = ([0u64; 3], 0u64);
@@ -91,8 +97,8 @@ fn run(views: u64, seed: u64) {
                 for p in points(&mut random, bounds) {
                     let clip = matrix * p.extend(1.0);
                     let (x, y) = (clip.x / clip.w, clip.y / clip.w);
-                    // What is not in the picture cannot be seen; nor can what extreme occluders may hide,
-                    // which rays leave out.
+                    // Points outside the picture cannot be seen. Points that extreme occluders may hide are
+                    // skipped, since rays leave out these occluders.
                     if clip.w <= 0.0 || x.abs() > 0.999_999 || y.abs() > 0.999_999 || occluders.len() > plain
                     {
                         continue;
@@ -109,7 +115,7 @@ fn run(views: u64, seed: u64) {
                         "round {round}, {estimate:?}: {bounds:?} seen at {p}: met {met}, own {own}, {view:?}"
                     );
                 }
-                // Those that are in the picture.
+                // Count only boxes of which a ray was cast.
                 *hidden += u64::from(rays > before);
             }
         }
@@ -126,14 +132,14 @@ fn nothing_that_a_ray_reaches_is_hidden_by_any_depth_estimate() {
     run(6_000, 11);
 }
 
-/// Some minutes.
+/// Takes some minutes.
 #[test]
 #[ignore = "the long form of the test above"]
 fn nothing_that_a_ray_reaches_is_hidden_in_a_hundred_thousand_views() {
     run(100_000, 12);
 }
 
-/// A parallel view along x in which a metre is a pixel.
+/// Returns a parallel view along x from the origin in which a pixel is a metre wide.
 fn pixels_as_metres(size: [usize; 2]) -> View {
     let half = size.map(|side| side as f64 / 2.0);
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
@@ -141,10 +147,11 @@ fn pixels_as_metres(size: [usize; 2]) -> View {
     View::orthographic(pose, window, 1.0, 100.0).unwrap()
 }
 
-/// The wall between two pairs of numbers of pixels, from the upper left.
+/// Returns a wall at x from 10 to 11 m that covers the given range of columns and lines, in pixels from the
+/// upper left, in the view of [`pixels_as_metres`]. `None` if a range is empty.
 fn wall(size: [usize; 2], columns: [f32; 2], lines: [f32; 2]) -> Option<OccluderMesh> {
     let half = size.map(|side| side as f32 / 2.0);
-    // Columns run to the right, which is -y for who looks along x with z up.
+    // Columns run to the right, which is -y for an observer who looks along x with z up.
     let (low, high) =
         ([10.0, half[0] - columns[1], half[1] - lines[1]], [11.0, half[0] - columns[0], half[1] - lines[0]]);
     (columns[0] < columns[1] && lines[0] < lines[1])
@@ -163,8 +170,9 @@ fn a_hole_of_one_pixel_in_a_wall_shows_what_is_behind() {
             let [width, height] = size.map(|side| side as f32);
             let (hole_x, hole_y) = (random.below(size[0]), random.below(size[1]));
             let (x, y) = (hole_x as f32, hole_y as f32);
-            // Above, below, to the left and to the right; beyond the picture, so that its border is covered
-            // too, and a little into the hole, so that rounding leaves no other pixel open.
+            // Walls above, below, to the left and to the right of the hole. They extend beyond the picture,
+            // so that its border is covered too, and a little into the hole, so that rounding leaves no other
+            // pixel uncovered.
             let parts = [
                 ([-9.0, width + 9.0], [-9.0, y + 0.125]),
                 ([-9.0, width + 9.0], [y + 0.875, height + 9.0]),
@@ -182,10 +190,10 @@ fn a_hole_of_one_pixel_in_a_wall_shows_what_is_behind() {
             for level in 0..=top {
                 let opacity = hom.opacity(level, hole_x >> level, hole_y >> level).unwrap();
                 assert!(opacity < 1.0, "{size:?}, level {level}: {opacity}");
-                // What an average of eight bits would have made of it.
+                // An average stored in eight bits would have rounded this opacity to 1.
                 rounded_away += u32::from((opacity * 255.0).round() == 255.0);
             }
-            // Of the whole picture, and of some pixels around the hole.
+            // Boxes behind the whole picture, and behind some pixels around the hole.
             let (half_width, half_height) = (width / 2.0, height / 2.0);
             for reach in [1.0, 3.0, 9.0, 40.0, 200.0, 9000.0f32] {
                 let (left, right) = ((x - reach).max(0.0), (x + 1.0 + reach).min(width));
@@ -196,7 +204,7 @@ fn a_hole_of_one_pixel_in_a_wall_shows_what_is_behind() {
                 );
                 assert_ne!(hom.test(&behind), Occlusion::Hidden, "{size:?}, {estimate:?}, {reach}");
             }
-            // Without the hole, all of it is hidden, or the test would prove nothing.
+            // Without the hole, the same boxes are hidden, else the test would prove nothing.
             hom.add(&wall(size, [x - 1.0, x + 2.0], [y - 1.0, y + 2.0]).unwrap(), &Affine3A::IDENTITY);
             hom.flush();
             let all = Aabb::from_arrays(
@@ -220,7 +228,7 @@ fn hidden_is_strictly_behind() {
         let mesh = wall(size, [-9.0, 73.0], [-9.0, 73.0]).unwrap();
         let hom = draw(new, &[Occluder { mesh, transform: Affine3A::IDENTITY }], &view);
         let at = |x: f32| hom.test(&Aabb::from_arrays([x, -3.0, -3.0], [x + 1.0, 3.0, 3.0]));
-        // The wall reaches from 10 to 11; the first two estimates know no more of it than its back.
+        // The wall reaches from 10 to 11 m. The estimates `Plane` and `Buffer` use only its back.
         assert_eq!(at(8.0), Occlusion::Visible);
         assert_ne!(at(10.0), Occlusion::Hidden);
         assert_eq!(at(11.1), Occlusion::Hidden, "{estimate:?}");
@@ -307,7 +315,8 @@ fn the_answers_are_pinned() {
     let mut hidden = 0;
     for round in 0..300 {
         let size = [[96, 54], [200, 120], [333, 77]][round % 3];
-        // Quarters of pixels, so that it does not matter how a rasterizer rounds.
+        // Coordinates are multiples of a quarter pixel, so that the rounding of the rasterizer does not
+        // matter.
         let mut part = |side: usize| {
             let (a, b) = (random.below(4 * side) as f32, random.below(4 * side) as f32);
             [a.min(b) * 0.25 + 0.125, a.max(b) * 0.25 + 0.125]
@@ -332,7 +341,7 @@ fn the_answers_are_pinned() {
             hash = (hash ^ answer).wrapping_mul(0x0100_0000_01b3);
         }
     }
-    // The same on every processor, with every set of instructions. It changes with the rule of what is
-    // hidden.
+    // The hash is the same on every processor, with every instruction set. It changes with the rule of which
+    // boxes are hidden.
     assert_eq!((hidden, hash), (1458, 0xc658_72e4_9d07_8f94), "{hash:#x}");
 }

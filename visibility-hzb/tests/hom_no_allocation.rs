@@ -1,5 +1,5 @@
-//! Contract 5 for hierarchical occlusion maps: no allocation per frame once warm, in the driver with each way
-//! of choosing occluders.
+//! Contract 5 for hierarchical occlusion maps: no allocation per frame once warm, in the driver with each
+//! selection of occluders.
 
 mod common;
 

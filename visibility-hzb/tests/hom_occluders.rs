@@ -1,4 +1,4 @@
-//! Which occluders are drawn: those of the database, and of them the nearest within a budget.
+//! Which occluders are drawn: those that the database accepts, and of these the nearest within a budget.
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
@@ -7,6 +7,7 @@ use visibility_core::{
 };
 use visibility_hzb::{DepthEstimate, Hom, HomCuller, OccluderCriteria, OccluderDatabase};
 
+/// Inserts an occluder with the given mesh in scene coordinates. Returns its id.
 fn add(scene: &mut Scene, mesh: OccluderMesh) -> ObjectId {
     let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
     let mesh = scene.add_mesh(mesh);
@@ -14,6 +15,7 @@ fn add(scene: &mut Scene, mesh: OccluderMesh) -> ObjectId {
     id
 }
 
+/// Inserts a box occluder from corner `low` to corner `high`, in metres. Returns its id.
 fn add_box(scene: &mut Scene, low: [f32; 3], high: [f32; 3]) -> ObjectId {
     add(scene, OccluderMesh::cuboid(&Aabb::from_arrays(low, high)).unwrap())
 }
@@ -23,7 +25,7 @@ fn what_is_small_complex_or_backed_by_a_wall_is_left_out() {
     let mut scene = Scene::new();
     let wall = add_box(&mut scene, [0.0, 0.0, 0.0], [8.0, 0.2, 3.0]);
     let clock = add_box(&mut scene, [4.0, 0.2, 2.0], [4.4, 0.24, 2.4]);
-    // As flat as the clock, but by itself.
+    // As flat as the clock, but with no wall near.
     let sign = add_box(&mut scene, [4.0, 2.0, 2.0], [4.4, 2.04, 2.4]);
     let crate_on_the_floor = add_box(&mut scene, [2.0, 3.0, 0.0], [3.0, 4.0, 1.0]);
     let pole = add_box(&mut scene, [6.0, 5.0, 0.0], [6.01, 5.01, 3.0]);
@@ -91,7 +93,7 @@ fn with_a_small_budget_the_nearest_hide_what_one_plane_can() {
     };
     // A box counts as two triangles.
     assert_eq!(seen(Selection::Nearest, 2), [near, far]);
-    // The far wall fills more of the view; with it, the plane is behind it.
+    // The far wall fills more of the view. Once the far wall is drawn, the depth plane lies behind it.
     assert_eq!(seen(Selection::SolidAngle, 2), [near, thing, far]);
     assert_eq!(seen(Selection::SolidAngle, 4), [near, thing, far]);
     assert_eq!(seen(Selection::Nearest, 1), [near, thing, far]);

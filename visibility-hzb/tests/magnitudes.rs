@@ -1,5 +1,5 @@
-//! Scenes of any size, from 1e-15 to 1e15, with planes of the view up to 1e9 apart: nothing goes wrong, and
-//! what is clear is decided. Clip matrices of any factor.
+//! Scenes of any scale, from 1e-15 to 1e15, with ratios of far to near plane up to 1e9: boxes that are
+//! clearly hidden or clearly visible are decided so. Clip matrices of any factor.
 
 mod common;
 
@@ -9,8 +9,8 @@ use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View, occlusion::O
 use visibility_hzb::{Coverage, Hom, Hzb};
 use visibility_testing::Random;
 
-/// Walls that face an eye at the origin looking along x: a box, a sheet of many triangles, and a sheet of
-/// two.
+/// Returns walls that face an eye at the origin looking along x, at a distance of 5 times `scale` metres: a
+/// box, a sheet of many triangles, and a sheet of two.
 fn walls(scale: f32) -> Vec<OccluderMesh> {
     let at = |i: u32, j: u32, x: f32| Vec3::new(x, i as f32 * 2.0 - 8.0, j as f32 * 2.0 - 8.0) * scale;
     let mut positions = Vec::new();
@@ -66,7 +66,7 @@ fn scenes_of_any_size_are_decided_alike() {
     }
 }
 
-/// The factor of a clip matrix means nothing. A power of two multiplies without rounding, so not even depths
+/// A factor of the clip matrix has no meaning. A power of two multiplies without rounding, so not even depths
 /// change.
 #[test]
 fn a_clip_matrix_times_any_factor_gives_the_same_answers() {

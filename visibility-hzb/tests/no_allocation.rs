@@ -1,4 +1,4 @@
-//! Contract 5: no allocation per frame once warm. Counted by an allocator of our own.
+//! Contract 5: no allocation per frame once warm. A global allocator counts the allocations.
 
 mod common;
 
@@ -46,7 +46,7 @@ fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {
     assert!(first.iter().sum::<usize>() > 100, "something is hidden: {first:?}");
 }
 
-/// Allocations of a culler in 40 views that it has not seen, after 8 others.
+/// Returns the number of allocations of a culler over `map` in 40 new views, after 8 others that warm it up.
 fn allocations_at_new_views(map: impl OcclusionMap + Clone) -> usize {
     let mut random = Random(6);
     let mut scene = Scene::new();

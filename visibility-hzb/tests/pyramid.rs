@@ -1,22 +1,23 @@
-//! The pyramid is brought up to date from what has changed; it must be the one that a new start would give.
+//! The pyramid is updated where tiles have changed. It must equal a pyramid that is computed anew.
 
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View, occlusion::Occlusion};
 use visibility_hzb::Hzb;
 use visibility_testing::Random;
 
-/// A vector between two, coordinate by coordinate.
+/// Returns a random vector, each coordinate between those of `low` and `high`.
 fn within(random: &mut Random, low: [f64; 3], high: [f64; 3]) -> Vec3 {
     DVec3::from_array(std::array::from_fn(|i| random.range(low[i], high[i]))).as_vec3()
 }
 
+/// Returns a view from the origin along x, with a vertical field of view of 1.2 radians.
 fn view() -> View {
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     View::perspective(pose, 1.2, 1.5, 0.1, f64::INFINITY).unwrap()
 }
 
-/// Every texel above the finest level is the least of those below it, bit for bit. Returns how many are
-/// covered.
+/// Asserts that every texel above the finest level is the least of the finer texels below it, bit for bit.
+/// Returns the number of texels without uncovered pixels.
 fn check(hzb: &Hzb) -> usize {
     let mut covered = 0;
     for level in 1..hzb.levels() {
@@ -51,7 +52,7 @@ fn updates_leave_nothing_out() {
                 let half = within(&mut random, [0.1; 3], [3.0, 12.0, 9.0]);
                 let mut mesh = OccluderMesh::cuboid(&Aabb::new(-half, half)).unwrap();
                 if random.range(0.0, 1.0) < 0.5 {
-                    // Without one of its sides, it is drawn otherwise than a box is.
+                    // Without one of its sides, the box is drawn as a mesh.
                     mesh = OccluderMesh::from_indexed(mesh.positions(), &mesh.triangles()[2..]).unwrap();
                 }
                 let turn = Quat::from_rotation_z(random.range(0.0, 6.3) as f32);
@@ -92,7 +93,7 @@ fn what_begins_before_a_wall_is_drawn_though_it_ends_behind_it() {
     hzb.begin(&view, DVec3::ZERO);
     let mut add = |min, max| {
         hzb.add(&OccluderMesh::cuboid(&Aabb::from_arrays(min, max)).unwrap(), &Affine3A::IDENTITY);
-        // So that the pyramid knows of it when the next comes.
+        // Flush, so that the pyramid contains this occluder when the next one is added.
         hzb.flush();
     };
     add([10.0, -20.0, -20.0], [11.0, 20.0, 20.0]);

@@ -1,5 +1,5 @@
-//! Contract 2 by rays: through every sampled point of a covered pixel, its corners first of all, a ray meets
-//! an occluder no farther than the pixel says.
+//! Contract 2 by rays: the view ray through every sampled point of a covered pixel, corners included, meets
+//! an occluder no farther than the pixel's depth key.
 
 mod common;
 
@@ -9,7 +9,8 @@ use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
 use visibility_hzb::Hzb;
 use visibility_testing::Random;
 
-/// Points of a pixel: corners, a hair inside, the middle, and one anywhere.
+/// Returns sample points of a pixel, relative to its upper left corner in pixels: the four corners moved
+/// inwards by 1e-6, the centre, and a random point.
 fn points(random: &mut Random) -> [[f64; 2]; 6] {
     let (low, high) = (1e-6, 1.0 - 1e-6);
     [
@@ -22,6 +23,8 @@ fn points(random: &mut Random) -> [[f64; 2]; 6] {
     ]
 }
 
+/// Asserts that view rays through covered pixels of `hzb` meet one of `occluders` no farther than the pixel's
+/// depth key. Returns the number of rays and the number of covered pixels. `what` names the case in messages.
 fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, what: &str) -> [u64; 2] {
     let size = [hzb.width(), hzb.height()];
     let faces = faces(occluders);
@@ -33,7 +36,7 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
                 continue;
             }
             pixels += 1;
-            // Pixels within an area of their like say little.
+            // Pixels whose neighbours hold the same depth key say little, so only one in eight is tested.
             let lonely = column == 0
                 || row == 0
                 || [(column - 1, row), (column + 1, row), (column, row - 1), (column, row + 1)]
@@ -59,8 +62,8 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
     [samples, pixels]
 }
 
-/// Boxes side by side and end to end, turned as one or not at all: some touch, some overlap a little, and
-/// some leave gaps too narrow for a pixel.
+/// Returns boxes side by side and end to end, with the same transform. Some touch, some overlap a little, and
+/// some leave gaps narrower than a pixel.
 fn room(random: &mut Random) -> Vec<Occluder> {
     let transform = if random.below(2) == 0 { Affine3A::IDENTITY } else { occluder(random).transform };
     let mut low = random.vec3(-2.0, 0.0);
@@ -76,9 +79,9 @@ fn room(random: &mut Random) -> Vec<Occluder> {
         .collect()
 }
 
-/// Sheets of triangles, one behind the other, that are dealt out to meshes: most edges are shared, within
-/// meshes or between them, but some corners are off by a little, some triangles are missing, some are there
-/// twice or thrice, and some run the other way round.
+/// Returns meshes made of triangulated sheets, one behind the other, whose triangles are distributed at
+/// random. Most edges are shared, within a mesh or between meshes. Some corners are moved a little, and some
+/// triangles are missing, repeated or reversed.
 fn sheets(random: &mut Random) -> Vec<Occluder> {
     let transform = if random.below(3) == 0 { occluder(random).transform } else { Affine3A::IDENTITY };
     let mut meshes = vec![Vec::new(); random.below(4) + 1];
@@ -91,7 +94,7 @@ fn sheets(random: &mut Random) -> Vec<Occluder> {
             .map(|k| {
                 let [i, j] = [k % (cells + 1), k / (cells + 1)].map(|k| k as f32 / cells as f32 - 0.5);
                 let up = random.fine_range(-height, height) as f32;
-                // To and fro, so that folds are seen, or flat.
+                // A folded sheet runs to and fro, so that folds are seen; other sheets are nearly flat.
                 let across = if folded { (k % (cells + 1) % 2) as f32 * 4.0 + up - 2.0 } else { i * 5.0 };
                 middle + Vec3::new(across, j * 5.0, if folded { i * 2.0 } else { up })
             })
@@ -133,7 +136,7 @@ fn covered_pixels_are_covered_and_no_farther_than_they_say() {
             occluders = sheets(&mut random);
         } else if random.below(2) == 0 {
             occluders = room(&mut random);
-            // Some edges level and some upright.
+            // Views along an axis, in which some edges are level and some upright.
             if random.below(3) == 0 {
                 let eye = random.vec3(-1.0, 1.0).as_dvec3() - 4.0 * DVec3::X;
                 let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);

@@ -1,12 +1,12 @@
-//! Contract 4 for the z-buffer and occlusion maps: scenes swapped, mixed, cloned, reverted and dropped under
-//! a live culler, against one that has seen no other.
+//! Contract 4 for the z-buffer and occlusion maps: scenes are swapped, mixed, cloned, reverted and dropped
+//! under a live culler, whose answers are compared with those of a culler that has seen no other scene.
 
 use visibility_core::{OcclusionCuller, OcclusionMap, Scene};
 use visibility_hzb::{Hom, Hzb};
 use visibility_testing::Random;
 use visibility_testing::swapped::{Swapped, hold_against_fresh};
 
-/// The driver over a map that `0` makes.
+/// Test subject: the occlusion driver over a map that the function `.0` creates.
 struct Maps<M>(fn() -> M);
 
 impl<M: OcclusionMap> Swapped for Maps<M> {
@@ -22,6 +22,8 @@ impl<M: OcclusionMap> Swapped for Maps<M> {
     fn give(&self, _: &mut Self::Culler, (): &(), _: &Scene) {}
 }
 
+/// Runs the random swaps for four seeds, and asserts that enough objects were hidden for the test to mean
+/// anything.
 fn hold<M: OcclusionMap>(make: fn() -> M) {
     let hidden: usize = (0..4).map(|seed| hold_against_fresh(&Maps(make), seed, 250)).sum();
     assert!(hidden > 250, "{hidden} objects are no test");

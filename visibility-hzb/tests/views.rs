@@ -1,5 +1,5 @@
-//! Random views of random occluders: nothing hidden that a ray reaches, no panic, the same pixels and answers
-//! on all instructions.
+//! Random views of random occluders: no box that a ray reaches is hidden, nothing panics, and pixels and
+//! answers are equal on all instruction sets.
 
 mod common;
 
@@ -13,8 +13,8 @@ use visibility_core::{
 use visibility_hzb::{Coverage, Hzb};
 use visibility_testing::Random;
 
-/// Huge, flat or near-degenerate triangles, which the tests of pixels leave out since no ray can be trusted
-/// on them.
+/// Returns huge, tiny or nearly degenerate triangles, for which the rays of the pixel tests are too
+/// imprecise. `None` if the mesh is refused.
 fn extreme(random: &mut Random) -> Option<Occluder> {
     let scale = [1e-20, 1e-6, 1e3, 1e6, 1e12, 1e30][random.below(6)] as f32;
     let triangles: Vec<_> = (0..random.below(3) + 1)
@@ -27,6 +27,7 @@ fn extreme(random: &mut Random) -> Option<Occluder> {
     Some(Occluder { mesh: mesh.with_two_sided(random.below(2) == 0), transform: Affine3A::IDENTITY })
 }
 
+/// Creates a z-buffer of `size` pixels (width, height) and draws the occluders into it.
 fn draw(occluders: &[Occluder], view: &View, size: [usize; 2], simd: Simd, coverage: Coverage) -> Hzb {
     let mut hzb = Hzb::new(size[0], size[1]).unwrap().with_simd(simd).with_coverage(coverage);
     hzb.begin(view, DVec3::ZERO);
@@ -37,6 +38,8 @@ fn draw(occluders: &[Occluder], view: &View, size: [usize; 2], simd: Simd, cover
     hzb
 }
 
+/// Tests random boxes on `views` random views: instruction sets must agree, and view rays to points of a
+/// hidden box must meet an occluder before the box.
 fn run(views: u64, seed: u64) {
     let mut random = Random(seed);
     let (mut hidden, mut rays) = (0u64, 0u64);
@@ -89,8 +92,8 @@ fn run(views: u64, seed: u64) {
             for p in points(&mut random, bounds) {
                 let clip = matrix * p.extend(1.0);
                 let (x, y) = (clip.x / clip.w, clip.y / clip.w);
-                // What is not in the picture cannot be seen; nor can what extreme occluders may hide, which
-                // rays leave out.
+                // Points outside the picture cannot be seen. Points that extreme occluders may hide are
+                // skipped, since rays leave out these occluders.
                 if clip.w <= 0.0 || x.abs() > 0.999_999 || y.abs() > 0.999_999 || occluders.len() > plain {
                     continue;
                 }
@@ -118,7 +121,7 @@ fn nothing_that_a_ray_reaches_is_hidden() {
     run(4_000, 1);
 }
 
-/// A minute or two.
+/// Takes a minute or two.
 #[test]
 #[ignore = "the long form of the test above"]
 fn nothing_that_a_ray_reaches_is_hidden_in_a_hundred_thousand_views() {

@@ -31,8 +31,8 @@ pub struct OccluderCriteria {
     pub most_triangles: usize,
     /// Fraction, 0 to 1, of an object that larger occluders must back for the object to be left out as
     /// redundant. It is measured by lines through the object along the three axes, as the fraction of lines
-    /// that meet a larger occluder at most an eighth of the object's longest side away. Above 1, no object is
-    /// redundant.
+    /// that meet a larger occluder at most an eighth of the object's longest side away. Above 1, no object
+    /// is redundant.
     pub redundancy: f32,
 }
 

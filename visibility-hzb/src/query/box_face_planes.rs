@@ -1,66 +1,71 @@
 //! The faces of a box as bounds on depth keys, linear on the screen.
 //!
-//! A rectangle around a box claims too much twice: its corners lie beside the box, and all of it counts as
-//! near as the nearest corner. But a box is six half-spaces, and each bounds the depth key `1 / w` of its
-//! points by a function that is linear on the screen (Kay and Kajiya, "Ray Tracing Complex Scenes", 1986, cut
-//! rays by slabs in this way). A half-space with the eye outside bounds it from above, one with the eye
-//! inside from below. Where the least upper bound is below the greatest lower bound, no line of sight meets
-//! the box; elsewhere the box is no nearer than the upper bound. An occluder's depth plane is compared with
-//! each upper bound as a difference of two linear functions, so that a floor seen at a grazing angle hides
-//! what lies below it throughout.
+//! A screen rectangle around a box overestimates the box twice: its corners lie beside the box, and all of it
+//! counts as near as the nearest corner. But a box is six half-spaces, and each bounds the depth key `1 / w`
+//! of its points by a function that is linear on the screen (Kay and Kajiya, "Ray Tracing Complex Scenes",
+//! 1986, cut rays by slabs in this way). A half-space with the eye outside bounds the depth key from above,
+//! one with the eye inside from below. Where the least upper bound is below the greatest lower bound, no view
+//! ray meets the box. Elsewhere the box is no nearer than the upper bound. An occluder's depth plane is
+//! compared with each upper bound as a difference of two linear functions. So a floor seen at a grazing angle
+//! hides what lies below the floor everywhere.
 //!
 //! # The error bound
 //! A point `q`, relative to the anchor, satisfies `w s = M q + e` with `s = (x, y, 1)`, where `e` is at most
-//! a row's constant and its error. With the adjugate `C` of `M` and its determinant `D`,
-//! `w (C s) = D q + C e`. Entries of `M` are off by `3u` of themselves. So those of `C`, two products each,
-//! are off by less than `16u` of the sum `P` of the magnitudes of these products, and `D` by less than `32u`
-//! of the sum of magnitudes of its six products. On the plane `q = t` the depth key is `(C s) / (D t)`. The
-//! numerator is off by less than `64u` of `P s`, taken at the far corner of the picture, with scaling and
-//! evaluation. The denominator is off by less than `2 P e` plus `64u` of `t` times the six products, where
-//! half would do but for its own rounding and that of `t`. Half-spaces whose denominator is not twice as
-//! large as that are left out, which only makes the box larger.
+//! a row's constant and its error. With the adjugate `C` of `M` and its determinant `D`, `w (C s) = D q + C
+//! e`. Entries of `M` are off by `3u` of themselves. So those of `C`, two products each, are off by less than
+//! `16u` of the sum `P` of the magnitudes of these products, and `D` by less than `32u` of the sum of
+//! magnitudes of its six products. On the plane `q = t` the depth key is `(C s) / (D t)`. The numerator is
+//! off by less than `64u` of `P s`, taken at the far corner of the picture, with scaling and evaluation. The
+//! denominator is off by less than `2 P e` plus `64u` of `t` times the six products, where half would do but
+//! for its own rounding and that of `t`. Half-spaces whose denominator is not twice as large as that error
+//! are left out, which only makes the box larger.
 
 use crate::setup::screen_projection::{ScreenProjection, U};
 
-/// The six sides of a box and two lanes that bound nothing: compilers keep eight together. Sides are in the
-/// order greatest x, y, z, least x, y, z.
+/// Number of lanes: the six faces of a box and two lanes that bound nothing, since compilers keep eight lanes
+/// together. Lanes 0 to 2 are the faces of greatest x, y and z, lanes 3 to 5 those of least x, y and z.
 pub(crate) const LANES: usize = 8;
 
-/// The sign of the outward normal of each side, along its axis.
+/// Sign of the outward normal of each face along its axis; 0 in the two unused lanes.
 const SIGNS: [f64; LANES] = [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
 
-/// What the bounds of all boxes of a frame have in common, by side.
+/// Terms of the face bounds that depend only on the view, one lane for each face of a box.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FacePlaneSetup {
-    /// The anchor's coordinate along the side's axis.
+    /// Coordinate of the projection's anchor (the eye) along the face's axis, in scene coordinates.
     anchor: [f64; LANES],
-    /// Per lane, `a`, `b`, `c` of the linear function `a x + b y + c` of a pixel: the dot product of the
-    /// line of sight through the pixel with the inward normal of the face, times the determinant of the
-    /// projection.
+    /// Coefficients `a`, `b`, `c` of a linear function `a x + b y + c` of pixel coordinates, for each face:
+    /// the dot product of the view ray through the pixel with the inward normal of the face, times the
+    /// determinant of the projection.
     along: [[f64; LANES]; 3],
-    /// Bound on the error of that component, anywhere in the picture.
+    /// Upper bound on the absolute error of that linear function anywhere in the picture, for each face.
     error: [f64; LANES],
-    /// Magnitude of the determinant of the rows `x`, `y`, `w`. Zero if nothing is known, and for parallel
-    /// views: then no box is hidden by its faces.
+    /// Magnitude of the determinant of the rows `x`, `y`, `w`. 0 for parallel views and where rounding
+    /// leaves the determinant open: then no box is hidden by its faces.
     pub(crate) scale: f64,
-    /// Bound on the error of denominators, apart from `spread`.
+    /// Part of the upper bound on the error of each face's denominator that does not depend on the box.
     shift: [f64; LANES],
-    /// Bound on the error of denominators for each metre between the anchor and the side.
+    /// Upper bound on the further error of a denominator for each metre between the anchor and the face.
     spread: f64,
 }
 
-/// The bounds of one box. On side `i`, `slope[0][i] x + slope[1][i] y + constant[i]` is an upper bound on its
-/// depth key, minus a lower bound, or neither.
+/// Bounds of one box's depth key by its faces, one lane for each face. In lane `i`, `slope[0][i] x +
+/// slope[1][i] y + constant[i]` with pixel coordinates `x` and `y` is an upper bound on the depth key, the
+/// negative of a lower bound, or unused.
 pub(crate) struct BoxFacePlanes {
+    /// Change of the bound for each pixel to the right and for each pixel downwards.
     slope: [[f64; LANES]; 2],
+    /// Value of the bound at the upper left corner of the picture, error included.
     constant: [f64; LANES],
-    /// Zero for an upper bound, infinity otherwise. Added to a value it takes other lanes out of a minimum.
+    /// 0 in lanes with an upper bound, else infinity. Adding it to the values removes other lanes from a
+    /// minimum.
     upper: [f64; LANES],
-    /// The same for lower bounds.
+    /// 0 in lanes with the negative of a lower bound, else infinity. Adding it to the values removes other
+    /// lanes from a minimum.
     lower: [f64; LANES],
 }
 
-/// The least of all lanes.
+/// Returns the least of all lanes.
 #[inline(always)]
 fn lowest(values: &[f64; LANES]) -> f64 {
     let mut low = [0.0; LANES / 2];
@@ -73,7 +78,7 @@ fn lowest(values: &[f64; LANES]) -> f64 {
     if a < b { a } else { b }
 }
 
-/// The cross product, and the sums of magnitudes of the two products in each component.
+/// Returns the cross product `a x b`, and for each component the sum of the magnitudes of its two products.
 fn products(a: [f64; 3], b: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     let (mut cross, mut sizes) = ([0.0; 3], [0.0; 3]);
     for i in 0..3 {
@@ -85,7 +90,7 @@ fn products(a: [f64; 3], b: [f64; 3]) -> ([f64; 3], [f64; 3]) {
 }
 
 impl FacePlaneSetup {
-    /// The setup of a frame.
+    /// Computes the setup of a view. For a parallel view, `scale` is 0 and no box is hidden by its faces.
     pub(crate) fn new(projection: &ScreenProjection) -> Self {
         let [x, y, w, _] = projection.rows;
         let mut faces = Self::default();
@@ -112,7 +117,7 @@ impl FacePlaneSetup {
                 faces.shift[lane] += 2.0 * size * (row.constant.abs() + row.error);
             }
         }
-        // NaN stays out as well.
+        // The comparisons are false for NaN, which leaves `scale` at 0.
         let sum = determinant.abs() + faces.spread + faces.error.iter().sum::<f64>();
         if determinant.abs() > 0.0 && sum + faces.shift.iter().sum::<f64>() < f64::INFINITY {
             faces.scale = sign * determinant;
@@ -120,7 +125,9 @@ impl FacePlaneSetup {
         faces
     }
 
-    /// The bounds of a box, given by its least x, y, z and greatest x, y, z in scene coordinates.
+    /// Computes the bounds of a box, given by its least x, y, z and greatest x, y, z in scene coordinates. A
+    /// face bounds nothing if its coordinate is NaN, or if its distance from the eye is not certain to at
+    /// least half of itself.
     #[inline(always)]
     pub(crate) fn of_box(&self, [x0, y0, z0, x1, y1, z1]: [f32; 6]) -> BoxFacePlanes {
         let sides = [x1, y1, z1, x0, y0, z0, 0.0, 0.0];
@@ -131,7 +138,7 @@ impl FacePlaneSetup {
             let distance = SIGNS[i] * (f64::from(sides[i]) - self.anchor[i]);
             let size = self.scale * distance.abs();
             let off = self.shift[i] + self.spread * distance.abs();
-            // Written so that NaN bounds nothing.
+            // Written so that a face at a NaN coordinate bounds nothing.
             let known = (size > 2.0 * off) & (size < f64::INFINITY);
             let inside = distance > 0.0;
             let over = 1.0 / (size + if inside { off } else { -off });
@@ -147,8 +154,10 @@ impl FacePlaneSetup {
 }
 
 impl BoxFacePlanes {
-    /// For each side, whether it is an upper bound that is below the plane `a x + b y + c` in all of a
-    /// rectangle (left, right, top, bottom in pixels). The difference of two planes is least at a corner.
+    /// Returns, for each face, whether it bounds the box's depth key from above by a plane that is strictly
+    /// below the plane `a x + b y + c` (pixel coordinates) in a whole rectangle (left, right, top, bottom in
+    /// pixels). False for faces that are not upper bounds. The difference of two planes is least at a corner
+    /// of the rectangle.
     #[inline(always)]
     pub(crate) fn below(&self, [a, b, c]: [f64; 3], [left, right, top, bottom]: [f64; 4]) -> [bool; LANES] {
         let mut below = [false; LANES];
@@ -160,8 +169,10 @@ impl BoxFacePlanes {
         below
     }
 
-    /// The least upper bound and the greatest lower bound over a rectangle (left, right, top, bottom in
-    /// pixels).
+    /// Returns bounds on the box's depth key over a rectangle (left, right, top, bottom in pixels): the least
+    /// of the faces' upper bounds, each at its maximum over the rectangle, and the greatest of their lower
+    /// bounds, each at its minimum. Infinity or negative infinity if no face bounds that side. If the upper
+    /// bound is less than the lower one, no view ray through the rectangle meets the box.
     #[inline(always)]
     pub(crate) fn range(&self, [left, right, top, bottom]: [f64; 4]) -> [f64; 2] {
         let (mut above, mut below) = ([0.0; LANES], [0.0; LANES]);
@@ -184,8 +195,7 @@ mod tests {
     use visibility_core::glam::{DMat3, DVec3};
     use visibility_core::{Pose, View};
 
-    /// Points on the faces themselves satisfy the bounds, also where the eye is almost in the plane of a
-    /// face.
+    /// Exact points on the faces satisfy the bounds, also where the eye is almost in the plane of a face.
     #[test]
     fn bounds_hold_on_the_faces() {
         let mut random = random(5);
@@ -197,8 +207,8 @@ mod tests {
             let target = eye + DVec3::from_array([0; 3].map(|_| random(-1.0, 1.0)));
             let pose = Pose::look_at(eye, target, DVec3::Z);
             let view = View::perspective(pose, random(0.3, 2.0), 1.5, 0.01, f64::INFINITY).unwrap();
-            // From its matrix alone the eye is known the less well, the farther it is from the origin. And
-            // far off the middle of a picture the determinant is the difference of large products.
+            // The farther the eye is from the origin, the less precisely the matrix determines it. Far off
+            // the middle of a picture, the determinant is a difference of large products.
             let mut matrix = view.clip_from(DVec3::ZERO);
             let aside = random(0.0, 1.0).powi(9) * 1e7;
             for axis in 0..4 {
@@ -236,7 +246,7 @@ mod tests {
                     [box_planes.slope[0][lane], box_planes.slope[1][lane], box_planes.constant[lane]];
                 let value =
                     (0..3).fold(DoubleDouble::ZERO, |all, i| all.plus(at[i].times(factors[i].into())));
-                // Depth keys is 1 / w: the bounds times w are compared with 1.
+                // The depth key is 1 / w, so the bounds times w are compared with 1.
                 if box_planes.upper[lane] == 0.0 {
                     above += 1;
                     assert!(value.plus((-1.0).into()).hi >= 0.0, "{lane} {q:?} {sides:?} {value:?}");

@@ -1,5 +1,5 @@
-//! Boxes projected to the screen in `f32`, several at a time: which pixels each can meet and how near it can
-//! be, rounded outwards and nearer.
+//! Boxes projected to the screen in `f32`, several at a time: the pixels that each box can meet, rounded
+//! outwards, and bounds on its depth keys.
 //!
 //! # The error bound
 //! With `u = 2^-24`, a coordinate less the anchor, `d = (p - high) - low`, is off by `2u |d|` and by part of
@@ -7,40 +7,45 @@
 //! and up to three sums rounded once each: `5u` more of the magnitudes, `7u` in all. `16u` of them are
 //! allowed, so it does no harm that the bound itself is computed too low by up to `7u`. A quotient `x / w` of
 //! two such values is off by `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else the lane
-//! is left undecided; then the factor 1.25 covers higher orders. Only `q` inside the picture matters, so
-//! `|q|` is at most its size: a corner outside the picture that is computed to be outside never moves the
-//! clipped rectangle, and one that is computed to be inside is off by no more than that.
+//! is left undecided; then the factor 1.25 covers higher orders. Only a quotient `q` inside the picture
+//! matters, so `|q|` is at most the size of the picture. A corner outside the picture that is computed to be
+//! outside never moves the clipped rectangle, and a corner outside that is computed to be inside is off by no
+//! more than that error.
 
 use crate::buffer::tile_layout::Rectangle;
 use crate::lanes::{WIDTH, round_to_i32};
 use crate::setup::screen_projection::{ScreenProjection, ScreenRow};
 use crate::setup::screen_shape::ScreenExtent;
 
-/// Sixteen times the unit round-off of `f32`.
+/// Sixteen times the unit round-off of `f32`: relative error bound of a row's value.
 const MARGIN: f32 = 8.0 * f32::EPSILON;
 
-/// A [`ScreenRow`] in `f32`.
+/// A [`ScreenRow`] in `f32`: a linear function of points relative to the anchor.
 #[derive(Clone, Copy, Debug, Default)]
 struct ScreenRow32 {
+    /// Change of the value for each metre along x, y and z.
     linear: [f32; 3],
+    /// Value at the anchor.
     constant: f32,
-    /// The part of the error that does not grow with the point: that of the constant and of the anchor, and
-    /// what denormals lose.
+    /// Upper bound on the part of the absolute error that does not grow with the point: errors of the
+    /// constant and of the anchor, and losses to flushed denormals.
     slop: f32,
 }
 
 impl ScreenRow32 {
+    /// Rounds `row` to `f32`. `anchor` is the projection's anchor in scene coordinates.
     fn new(row: &ScreenRow, anchor: [f64; 3]) -> Self {
         let linear = row.linear.map(|a| a as f32);
-        // The anchor in two parts leaves 2^-48 of it. The part that is subtracted last rounds by u of the
-        // first difference, which exceeds d by that part at most: 2^-47 in all.
+        // The anchor in two parts leaves an error of 2^-48 of it. Subtracting the second part rounds by u of
+        // the first difference, which exceeds d by that part at most. That is 2^-47 in all.
         let moved: f64 = (0..3).map(|i| row.linear[i].abs() * anchor[i].abs()).sum();
         let slop = row.error + moved * 1e-14 + row.constant.abs() * f64::from(MARGIN);
         const TINY: f64 = f32::MIN_POSITIVE as f64;
-        // Lost to flushed denormals: coordinates on their way from the anchor, and products.
+        // Losses to flushed denormals, of coordinates relative to the anchor and of products.
         let tiny = TINY * (16.0 + 8.0 * row.linear.iter().map(|a| a.abs()).sum::<f64>());
-        // A denormal coefficient may lose all of itself, times the greatest difference of two coordinates.
-        // The largest coefficient of `w` is about 1, so there is none unless axes differ in scale by 2^126.
+        // A denormal coefficient may be flushed to zero, a loss of the coefficient times the greatest
+        // difference of two coordinates. The largest coefficient of `w` is about 1, so no coefficient is
+        // denormal unless axes differ in scale by 2^126.
         let lost: f64 = row.linear.iter().map(|a| a.abs()).filter(|&a| a < TINY).sum();
         let slop = slop + tiny + lost * 2.0 * f64::from(f32::MAX);
         Self { linear, constant: row.constant as f32, slop: slop as f32 * 1.001 }
@@ -50,19 +55,22 @@ impl ScreenRow32 {
 /// A [`ScreenProjection`] in `f32`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ScreenProjection32 {
-    /// The anchor, rounded.
+    /// Anchor in scene coordinates, rounded to `f32`.
     high: [f32; 3],
-    /// The rest of the anchor.
+    /// Difference between the exact anchor and `high`.
     low: [f32; 3],
-    /// `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    /// Rows of `x`, `y`, `w`, `n` and the distance beyond the near plane.
     rows: [ScreenRow32; 5],
-    /// `width * w - x` and `height * w - y`: negative to the right of the picture and below it.
+    /// Rows of `width * w - x` and `height * w - y`: negative to the right of the picture and below it.
     rest: [ScreenRow32; 2],
+    /// Width and height of the picture in pixels.
     picture: [f32; 2],
+    /// Whether the view is perspective, so that depth keys are `1 / w`.
     perspective: bool,
 }
 
 impl ScreenProjection32 {
+    /// Rounds a projection to `f32`. Its rounding errors become part of the error bounds of the rows.
     pub(crate) fn new(projection: &ScreenProjection) -> Self {
         let anchor = projection.anchor.to_array();
         let high = anchor.map(|a| a as f32);
@@ -86,26 +94,27 @@ impl ScreenProjection32 {
     }
 }
 
-/// Screen bounds of `N` boxes. Boxes that are improper or NaN have bounds of no meaning.
+/// Screen bounds of `N` boxes, one lane for each. Bounds of improper (inverted or NaN) boxes are meaningless.
 #[derive(Clone, Debug)]
 pub(crate) struct ProjectedBoxes<const N: usize> {
-    /// First column, end column, first row and end row of the pixels that a box can meet in the picture.
-    /// Never empty. Of meaning only where `known`.
+    /// First column, end column, first row and end row of the pixels in the picture that each box can meet,
+    /// half-open and never empty. Meaningless unless `known`.
     pub(crate) sides: [[i32; N]; 4],
-    /// Upper bound on the depth keys of a box. Of meaning only where `known`.
+    /// Upper bound on the depth keys (greater is nearer) of each box. Meaningless unless `known`.
     pub(crate) nearest: [f32; N],
-    /// Lower bound on the depth keys of a box. Of meaning only where `known`.
+    /// Lower bound on the depth keys of each box. Meaningless unless `known`.
     pub(crate) farthest: [f32; N],
-    /// Whether the box is certainly outside the picture.
+    /// Whether each box is certainly out of view: beyond a side of the picture, or, for a box at or behind
+    /// the plane of the eye, beyond a side or before the near plane. False means undecided.
     pub(crate) outside: [bool; N],
-    /// Whether the box is certainly before the plane of the eye, so that the other bounds hold.
+    /// Whether each box lies certainly before the plane of the eye, so that its other bounds are valid.
     pub(crate) known: [bool; N],
-    /// Whether the box is certainly within the picture and beyond the near plane.
+    /// Whether each box lies certainly within the picture and beyond the near plane.
     pub(crate) inside: [bool; N],
 }
 
 impl<const N: usize> ProjectedBoxes<N> {
-    /// Boxes of which nothing is known.
+    /// Undecided bounds in all lanes.
     pub(crate) const NONE: Self = Self {
         sides: [[0; N]; 4],
         nearest: [0.0; N],
@@ -115,8 +124,9 @@ impl<const N: usize> ProjectedBoxes<N> {
         inside: [false; N],
     };
 
-    /// The screen bounds of box `i`, if they are known. Where they reach the right or lower border of the
-    /// `picture`, they are extended to that of the `padded` buffer, whose last tiles may exceed the picture.
+    /// Returns the screen bounds of box `i`, or `None` if they are not known. `picture` is the width and
+    /// height of the picture, `padded` that of the buffer of whole tiles, in pixels. Bounds that end at the
+    /// right or lower border of the picture are extended to the border of the buffer.
     #[inline(always)]
     pub(crate) fn extent(&self, i: usize, picture: [usize; 2], padded: [usize; 2]) -> Option<ScreenExtent> {
         let [left, right, top, bottom] = [0, 1, 2, 3].map(|side| self.sides[side][i] as usize);
@@ -126,7 +136,7 @@ impl<const N: usize> ProjectedBoxes<N> {
         self.known[i].then_some(ScreenExtent { columns: [left, right], lines: [top, bottom], depth_keys })
     }
 
-    /// The pixels that box `i` can meet.
+    /// Returns the pixels that box `i` can meet. Meaningless unless the box is `known`.
     #[inline(always)]
     pub(crate) fn rectangle(&self, i: usize) -> Rectangle {
         let [left, right, top, bottom] = &self.sides;
@@ -134,7 +144,7 @@ impl<const N: usize> ProjectedBoxes<N> {
     }
 }
 
-/// As [`project`], for the number of boxes that are worked on together.
+/// Projects [`WIDTH`] boxes, as [`project`] does, and replaces `out` by their screen bounds.
 #[inline(always)]
 pub(crate) fn project_boxes(
     projection: &ScreenProjection32,
@@ -144,24 +154,27 @@ pub(crate) fn project_boxes(
     *out = project(projection, boxes);
 }
 
+/// Returns the lesser of two numbers. `b` if one of them is NaN.
 #[inline(always)]
 fn least(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
+/// Returns the greater of two numbers. `b` if one of them is NaN.
 #[inline(always)]
 fn greatest(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// `v` between 0 and `size`; NaN becomes 0.
+/// Returns `v` clamped to the range from 0 to `size`. NaN becomes 0.
 #[inline(always)]
 fn clamped(v: f32, size: f32) -> f32 {
     least(greatest(v, 0.0), size)
 }
 
-/// The values of a row at the eight corners of each box, and a bound on the error of each. `low` and `high`
-/// are its least and greatest coordinates relative to the anchor.
+/// Returns the values of a row at the eight corners of each box, and an upper bound on their absolute error.
+/// `low` and `high` are the boxes' least and greatest coordinates relative to the anchor. Bits 0, 1 and 2 of
+/// a corner's index select the greatest x, y and z.
 #[inline(always)]
 fn corners<const N: usize>(
     row: &ScreenRow32,
@@ -184,7 +197,8 @@ fn corners<const N: usize>(
     (out, error)
 }
 
-/// An upper bound on `sign` times a row, over each box; `sign` is 1 or -1.
+/// Returns an upper bound, errors included, on `sign` times a row's value over each box. `sign` is 1 or -1.
+/// `low` and `high` are the boxes' least and greatest coordinates relative to the anchor.
 #[inline(always)]
 fn most<const N: usize>(row: &ScreenRow32, low: &[[f32; N]; 3], high: &[[f32; N]; 3], sign: f32) -> [f32; N] {
     let mut out = [0.0; N];
@@ -200,7 +214,8 @@ fn most<const N: usize>(row: &ScreenRow32, low: &[[f32; N]; 3], high: &[[f32; N]
     out
 }
 
-/// Projects boxes, given by their least x, y, z and greatest x, y, z in scene coordinates.
+/// Computes the screen bounds of boxes given by their least x, y, z and greatest x, y, z in scene
+/// coordinates.
 #[inline(always)]
 pub(crate) fn project<const N: usize>(
     projection: &ScreenProjection32,
@@ -268,7 +283,8 @@ pub(crate) fn project<const N: usize>(
             (out.farthest[i], out.nearest[i]) = (a - margin, b + margin);
         }
     }
-    // Boxes through the eye's plane are outside the picture only if all of them is on one side of it.
+    // A box through the eye's plane is outside the picture only if all of it lies beyond one side plane or
+    // before the near plane.
     if any {
         let tests = [
             most(&projection.rows[0], &low, &high, 1.0),
@@ -283,7 +299,7 @@ pub(crate) fn project<const N: usize>(
             }
         }
     }
-    // What the near plane cuts is not seen as a whole.
+    // A box that the near plane cuts is not inside.
     let before = most(&projection.rows[4], &low, &high, -1.0);
     for i in 0..N {
         out.inside[i] &= before[i] < 0.0;
@@ -299,7 +315,7 @@ mod tests {
     use visibility_core::glam::{Affine3A, DVec3};
     use visibility_core::{Aabb, Pose, View};
 
-    /// In `f64`, whose own rounding is far below any bound here.
+    /// Compares with `f64`, whose own rounding is far below any bound here.
     #[test]
     fn rows_are_within_their_error_where_coefficients_are_denormal() {
         let mut random = random(5);
@@ -321,7 +337,7 @@ mod tests {
         assert!(off > 100, "something is lost: {off}");
     }
 
-    /// Boxes far aside and close to the plane of the eye, where most digits of `w` cancel.
+    /// Boxes far to the side and close to the eye's plane, where most digits of `w` cancel.
     #[test]
     fn depth_keys_hold_where_w_cancels() {
         let mut random = random(6);

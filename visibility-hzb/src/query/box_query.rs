@@ -1,9 +1,9 @@
 //! Boxes tested against the buffer, 64 at a time.
 //!
 //! A box is hidden if it is outside the picture, or if every pixel that it can meet holds a strictly greater
-//! depth key than the box can have there. Three tests answer that, each tighter and slower than the one
+//! depth key than the box can have there. Three tests decide that, each tighter and slower than the one
 //! before: up to four texels of the pyramid, all pixels of the rectangle around the box, and the planes of
-//! its faces.
+//! the box's faces.
 
 use super::box_face_planes::FacePlaneSetup;
 use super::box_projection::{ProjectedBoxes, ScreenProjection32, project};
@@ -16,19 +16,25 @@ use visibility_core::occlusion::Occlusion64;
 /// Least x, y, z and greatest x, y, z of 64 boxes, in scene coordinates.
 pub(crate) type Boxes = [[f32; 64]; 6];
 
-/// Everything that a test reads.
+/// State of a z-buffer that a test of boxes reads.
 #[derive(Clone, Copy)]
 pub(crate) struct BoxQuery<'a> {
+    /// Projection of the current view.
     pub(crate) projection: &'a ScreenProjection32,
+    /// Covered pixels and depth keys of all tiles.
     pub(crate) tiles: &'a Tiles,
+    /// Least depth keys on the levels above the tiles.
     pub(crate) pyramid: &'a Pyramid,
+    /// Setup of the current view for the bounds by a box's faces.
     pub(crate) faces: &'a FacePlaneSetup,
-    /// Upper bound on all depth keys in the buffer.
+    /// Upper bound on all depth keys in the buffer (greater is nearer). Negative infinity if the buffer is
+    /// empty.
     pub(crate) nearest: f32,
 }
 
-/// Tests those of 64 boxes whose bit is set in `candidates`. Improper boxes (NaN, or a least coordinate above
-/// the greatest) are visible.
+/// Tests the boxes whose bit is set in `candidates`. Bit i stands for box i. Other boxes are in neither mask
+/// of the result. A box in neither mask is undecided and counts as partly visible. Improper boxes (NaN, or a
+/// least coordinate above the greatest) are visible.
 #[inline(always)]
 pub(crate) fn test_boxes(query: &BoxQuery, boxes: &Boxes, candidates: u64) -> Occlusion64 {
     let mut answer = Occlusion64::default();
@@ -48,7 +54,8 @@ pub(crate) fn test_boxes(query: &BoxQuery, boxes: &Boxes, candidates: u64) -> Oc
     answer
 }
 
-/// As [`test_boxes`], for one box in lane 0.
+/// Tests one box, given by its least x, y, z and greatest x, y, z in scene coordinates, as [`test_boxes`]
+/// does. Bit 0 of the masks is the result.
 #[inline(always)]
 pub(crate) fn test_box(query: &BoxQuery, sides: [f32; 6]) -> Occlusion64 {
     let part = sides.map(|side| [side]);
@@ -57,7 +64,7 @@ pub(crate) fn test_box(query: &BoxQuery, sides: [f32; 6]) -> Occlusion64 {
     Occlusion64 { hidden, visible }
 }
 
-/// A bit for each lane that is true.
+/// Returns a mask whose bit i is lane i. `N` must be at most [`WIDTH`].
 #[inline(always)]
 fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
     let mut bytes = [0; WIDTH];
@@ -67,7 +74,9 @@ fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
     bits(&bytes).into()
 }
 
-/// The masks of lanes that are hidden and of lanes that nothing in the buffer can hide.
+/// Tests the boxes whose bit is set in `lanes`. `boxes` holds their least x, y, z and greatest x, y, z in
+/// scene coordinates. Returns the mask of hidden boxes and the mask of boxes that no occluder in the buffer
+/// can hide any part of. A bit in neither mask means undecided.
 #[inline(always)]
 fn decide<const N: usize>(
     query: &BoxQuery,
@@ -75,7 +84,7 @@ fn decide<const N: usize>(
     lanes: u64,
     boxes: &[[f32; N]; 6],
 ) -> (u64, u64) {
-    // NaN is neither proper nor behind.
+    // The comparisons are false for NaN, so a NaN box is neither proper nor behind.
     let (mut proper, mut behind, mut before) = ([false; N], [false; N], [false; N]);
     for i in 0..N {
         proper[i] =
@@ -88,8 +97,8 @@ fn decide<const N: usize>(
     let visible = (gather(&projected.inside) & gather(&before) | !proper) & lanes & !outside;
     let mut hidden = outside;
     let rest = lanes & !outside & !visible & gather(&projected.known) & gather(&behind);
-    // Most boxes are hidden at the first test: it is done for all of them, without branches, before any
-    // second one.
+    // Most boxes are hidden by the first test. It is done for all of them, without branches, before any
+    // second test.
     let mut left = rest;
     while left != 0 {
         let i = left.trailing_zeros() as usize % N;
@@ -103,8 +112,8 @@ fn decide<const N: usize>(
         let i = left.trailing_zeros() as usize % N;
         left &= left - 1;
         let (rectangle, nearest) = (projected.rectangle(i), projected.nearest[i]);
-        // The pixel in the middle tells most of those that are visible. Where it is no nearer than the
-        // farthest point of the box, no test can hide the box there.
+        // The pixel in the middle decides most visible boxes: if it is no nearer than the farthest point of
+        // the box, no test can hide the box there.
         let behind = query.tiles.pixel_around(&rectangle);
         if !(behind > projected.farthest[i]) {
             continue;

@@ -1,30 +1,31 @@
-//! Occluder boxes that wait to be drawn, so that several are projected together. Most turn out to be hidden
-//! by occluders before them.
+//! A queue of occluder boxes that are to be drawn, so that several are projected together. Most of them turn
+//! out to be hidden by occluders drawn before.
 
 use super::box_projection::ProjectedBoxes;
 use crate::lanes::WIDTH;
 use visibility_core::Aabb;
 use visibility_core::glam::Affine3A;
 
-/// The next boxes in order, at most [`WIDTH`].
+/// Queue of at most [`WIDTH`] occluder boxes, in the order in which they were added.
 #[derive(Clone, Debug)]
 pub(crate) struct BoxQueue {
-    /// Number of boxes that wait. The elements below belong to them, later ones are stale.
+    /// Number of queued boxes. Elements of the arrays at or beyond the count are stale.
     pub(crate) count: usize,
     /// Bounds of each box in its own coordinates.
     pub(crate) bounds: [Aabb; WIDTH],
-    /// From those to scene coordinates.
+    /// Transform of each box from its own coordinates to the scene.
     pub(crate) transforms: [Affine3A; WIDTH],
-    /// Whether the inner sides of its faces hide too.
+    /// Whether the inner sides of each box's faces hide too.
     pub(crate) two_sided: [bool; WIDTH],
-    /// Axis-aligned bounds in scene coordinates: least x, y, z, greatest x, y, z.
+    /// Axis-aligned bounds of each transformed box in scene coordinates: least x, y, z, then greatest x, y,
+    /// z.
     pub(crate) around: [[f32; WIDTH]; 6],
-    /// Screen bounds, once the queue is drawn.
+    /// Screen bounds of `around`. Valid only while the queue is being drawn.
     pub(crate) projected: ProjectedBoxes<WIDTH>,
 }
 
 impl BoxQueue {
-    /// A queue without boxes.
+    /// Queue without boxes.
     pub(crate) const EMPTY: Self = Self {
         count: 0,
         bounds: [Aabb::EMPTY; WIDTH],
@@ -34,12 +35,14 @@ impl BoxQueue {
         projected: ProjectedBoxes::NONE,
     };
 
-    /// Axis-aligned bounds, in scene coordinates, of a transformed box.
+    /// Returns axis-aligned bounds, in scene coordinates, of the box `bounds` transformed by `transform`,
+    /// rounded outwards. Without a transform (identity) these are `bounds`.
     pub(crate) fn around(bounds: &Aabb, transform: &Affine3A) -> Aabb {
         if *transform == Affine3A::IDENTITY { *bounds } else { moved(bounds, transform) }
     }
 
-    /// Adds a box. Returns true if the queue is full: it must be emptied before the next one.
+    /// Appends a box. Returns true if the queue is now full: the caller must empty it before the next call,
+    /// which would overwrite the first box.
     pub(crate) fn push(&mut self, bounds: &Aabb, transform: &Affine3A, two_sided: bool) -> bool {
         let i = self.count % WIDTH;
         self.bounds[i] = *bounds;
@@ -55,8 +58,8 @@ impl BoxQueue {
     }
 }
 
-/// Axis-aligned bounds of a transformed box. Its sums of four terms are off by less than 16 units of the sum
-/// of their magnitudes.
+/// Returns axis-aligned bounds of a transformed box, rounded outwards. The sums of four terms are off by less
+/// than 16 units of round-off of the sum of the terms' magnitudes.
 fn moved(bounds: &Aabb, transform: &Affine3A) -> Aabb {
     let (center, half) = (bounds.center(), bounds.half_extent());
     let m = transform.matrix3.abs();
@@ -74,7 +77,7 @@ mod tests {
     use crate::random::random;
     use visibility_core::glam::Vec3;
 
-    /// In `f64`, whose rounding is far below that of `f32`.
+    /// Compares with `f64`, whose rounding is far below that of `f32`.
     #[test]
     fn transformed_corners_are_within_the_box_around_them() {
         let mut random = random(4);

@@ -1,17 +1,19 @@
-//! Whether a box is hidden, by the planes of its faces: tile by tile, row by row, pixel by pixel.
+//! Tests whether a box is hidden by means of the planes of its faces: tile by tile, then row by row, then
+//! pixel by pixel.
 
 use super::box_face_planes::{BoxFacePlanes, FacePlaneSetup};
 use crate::buffer::tile_layout::{Rectangle, SIDE, mask};
 use crate::buffer::tiles::Tiles;
 use crate::rounding::up;
 
-/// Boxes that meet more tiles than this are left to the rectangle test. Most of them are nodes of a
-/// hierarchy, whose children are tested anyway.
+/// Maximum number of tiles that a tested box may meet. Larger boxes are mostly nodes of a hierarchy, whose
+/// children are tested anyway.
 const MOST: u32 = 64;
 
-/// Whether the tiles hide a box in every pixel of the rectangle around it. `sides` are its least x, y, z and
-/// greatest x, y, z in scene coordinates, `nearest` is an upper bound on its depth keys. The box must be
-/// before the eye. False for parallel views.
+/// Returns whether the tiles hide a box in every pixel of `rectangle`, the rectangle around the box. `sides`
+/// are the box's least x, y, z and greatest x, y, z in scene coordinates. `nearest` is an upper bound on its
+/// depth keys. The caller guarantees that the whole box is before the eye. False for parallel views, and for
+/// boxes that meet more than [`MOST`] tiles.
 #[inline(always)]
 pub(crate) fn faces_hide(
     faces: &FacePlaneSetup,
@@ -30,8 +32,8 @@ pub(crate) fn faces_hide(
     let sees = |tile: usize, pixel: u64, [x, y]: [u32; 2]| {
         undecided(planes, tiles, tile, pixel, [x, x + 1, y, y + 1], nearest) != 0
     };
-    // The pixel nearest to the middle of the box is looked at first in each tile: it finds most boxes that
-    // are seen.
+    // In each tile, the pixel nearest to the middle of the box is tested first: it decides most visible
+    // boxes.
     let middle = [(x0 + x1) / 2, (y0 + y1) / 2];
     for row in y0 / STEP..y0 / STEP + down {
         for column in x0 / STEP..x0 / STEP + across {
@@ -42,7 +44,8 @@ pub(crate) fn faces_hide(
             }
             let (left, top) = (x0.max(column * STEP), y0.max(row * STEP));
             let (right, bottom) = (x1.min((column + 1) * STEP), y1.min((row + 1) * STEP));
-            // The whole tile, then each row of what is left, then each pixel of that.
+            // First the whole tile, then each row of the undecided pixels, then each undecided pixel of the
+            // row.
             let pixels = undecided(planes, tiles, tile, pixels, [left, right, top, bottom], nearest);
             let (x, y) = (middle[0].clamp(left, right - 1), middle[1].clamp(top, bottom - 1));
             let pixel = pixels & 1 << (y % STEP * STEP + x % STEP);
@@ -70,8 +73,9 @@ pub(crate) fn faces_hide(
     true
 }
 
-/// Those of some pixels of a tile, all within `sides` (first and end column, first and end row), where the
-/// box may be and is not hidden.
+/// Returns the subset of the mask `pixels` of a tile in which the box may be and is not certainly hidden. All
+/// of `pixels` must lie within `sides` (first column, end column, first row, end row in pixels of the
+/// buffer). `nearest` is an upper bound on the box's depth keys.
 #[inline(always)]
 fn undecided(
     box_planes: &BoxFacePlanes,
@@ -85,7 +89,7 @@ fn undecided(
     let [most, least] = box_planes.range(sides);
     let nearest = f64::from(nearest);
     let most = if most < nearest { most } else { nearest };
-    // No point in view has a depth key below 0.
+    // Points in view have no depth key below 0 in perspective views.
     let least = if least > 0.0 { least } else { 0.0 };
     let most = up(most);
     if f64::from(most) < least {

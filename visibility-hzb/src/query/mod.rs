@@ -1,4 +1,4 @@
-//! Boxes tested against the buffer.
+//! Tests of boxes against the buffer.
 
 pub(crate) mod box_face_planes;
 pub(crate) mod box_projection;

@@ -26,17 +26,17 @@ pub(crate) struct ScreenVertex {
 /// Contribution of one mesh to one tile: contour pixels, depth keys and changes of the winding number.
 #[derive(Clone, Copy, Debug)]
 struct ContourTile {
-    /// Mask of pixels that a contour comes near, which the mesh does not cover: bit `8 * y + x` for the pixel
-    /// at column `x` and row `y` of the tile.
+    /// Mask of pixels that a contour comes near, which the mesh does not cover: bit `8 * y + x` for the
+    /// pixel at column `x` and row `y` of the tile.
     contour: u64,
     /// Least depth key of the drawn triangles that may meet each quarter of the tile, in the order of
     /// [`QUARTERS`]. Infinity if no triangle does.
     least: [f32; 4],
     /// Whether an element of `steps` was changed.
     stepped: bool,
-    /// Changes of the winding number, modulo 256: `steps[x][y]` is the change from the centre of the pixel to
-    /// the left to that of the pixel at column `x` and row `y` of the tile. A winding number of 0 modulo 256
-    /// counts as not covered, which is conservative.
+    /// Changes of the winding number, modulo 256: `steps[x][y]` is the change from the centre of the pixel
+    /// to the left to that of the pixel at column `x` and row `y` of the tile. A winding number of 0
+    /// modulo 256 counts as not covered, which is conservative.
     steps: [[u8; SIDE]; SIDE],
 }
 

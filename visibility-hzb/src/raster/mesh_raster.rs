@@ -48,7 +48,8 @@ pub(crate) struct MeshScratch {
     corners: Vec<[f64; 5]>,
     /// Screen position of each vertex. Meaningless for vertices that are not beyond the near limit.
     screen: Vec<ScreenVertex>,
-    /// Side of each triangle that is drawn: 1 for the front, -1 for the back, 0 if the triangle is not drawn.
+    /// Side of each triangle that is drawn: 1 for the front, -1 for the back, 0 if the triangle is not
+    /// drawn.
     facing: Vec<i8>,
 }
 

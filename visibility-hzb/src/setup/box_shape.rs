@@ -1,8 +1,8 @@
-//! The screen shape of a box, the commonest occluder, in straight lines of arithmetic.
+//! The screen shape of a box, the commonest occluder, in code without loops over triangles.
 //!
-//! From any point outside a box at most three faces are seen, and which ones determines the outline
-//! (Schmalstieg and Tobler, "Fast Projected Area Computation for Three-Dimensional Bounding Boxes", 1999).
-//! The outlines are in a table that is made when the crate is compiled.
+//! From any point outside a box at most three faces are seen, and the set of seen faces determines the
+//! outline (Schmalstieg and Tobler, "Fast Projected Area Computation for Three-Dimensional Bounding Boxes",
+//! 1999). The outlines are in a table that is built when the crate is compiled.
 
 use super::depth_plane::lower;
 use super::screen_bounds::{extent, pixels};
@@ -13,22 +13,27 @@ use crate::vector::{cross, dot};
 use visibility_core::Aabb;
 use visibility_core::glam::Affine3A;
 
-/// Corners of each face, counter-clockwise from outside: the faces at the least x, greatest x, least y,
-/// greatest y, least z, greatest z. Corners are numbered by bits: 1 for the greatest x, 2 for the greatest y,
-/// 4 for the greatest z.
+/// Corner indices of each face, counter-clockwise from outside. Faces are in the order least x, greatest x,
+/// least y, greatest y, least z, greatest z. Bits 0, 1 and 2 of a corner's index select the greatest x, y and
+/// z.
 const FACES: [[u8; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
-/// Edges between a seen and an unseen face, in the direction in which the seen face has them.
+/// Outline of a box: its edges between a seen and an unseen face, each in the direction in which the seen
+/// face has it.
 #[derive(Clone, Copy)]
 struct Outline {
+    /// Corner indices of the start and end of each edge. The first `count` edges are valid.
     edges: [[u8; 2]; 6],
+    /// Number of edges, 0 to 6.
     count: u8,
 }
 
-/// Outlines by the set of faces that are seen, bit `i` for face `i`. Empty for sets with two opposite faces.
+/// Outline for each set of seen faces, where bit i of the index stands for face i of [`FACES`]. Empty for no
+/// seen face and for sets with two opposite faces.
 static OUTLINES: [Outline; 64] = outlines();
 
+/// Builds [`OUTLINES`].
 const fn outlines() -> [Outline; 64] {
     let mut all = [Outline { edges: [[0; 2]; 6], count: 0 }; 64];
     let mut seen = 0;
@@ -53,7 +58,8 @@ const fn outlines() -> [Outline; 64] {
     all
 }
 
-/// Whether one of the seen faces has the edge from corner `a` to corner `b`.
+/// Returns whether a face in the set `seen` has the directed edge from corner `a` to corner `b`. Bit i of
+/// `seen` stands for face i.
 const fn has_edge(seen: usize, a: u8, b: u8) -> bool {
     let mut face = 0;
     while face < 6 {
@@ -69,8 +75,10 @@ const fn has_edge(seen: usize, a: u8, b: u8) -> bool {
     false
 }
 
-/// Makes the shape of a projected box. `facing` is the sign of the determinant of triangles that face the
-/// eye. `known` gives screen bounds that were found before: then the whole box must be before the eye.
+/// Replaces `shape` by the screen shape of a box with the given bounds in its own coordinates. `object`
+/// projects these coordinates, and `facing` is the sign of the determinant of triangles that face the eye.
+/// `known` gives the screen bounds if they are known; then the caller guarantees that the whole box is before
+/// the eye. The result is [`ShapeResult::TooNear`] if the box may reach the near plane.
 #[inline(always)]
 pub(crate) fn outline_box(
     bounds: &Aabb,
@@ -116,7 +124,7 @@ pub(crate) fn outline_box(
         }
     }
 
-    // Two opposite faces share a normal: the cross product of the two other axes.
+    // Opposite faces share a normal: the cross product of the other two axes.
     let [u, v, t] = steps.map(|s| [s[0], s[1], s[2]]);
     let origin = [base[0], base[1], base[2]];
     let certain = object.determinant_error();
@@ -144,8 +152,8 @@ pub(crate) fn outline_box(
         let plane = if projection.perspective {
             [normal[0] * over, normal[1] * over, normal[2] * over]
         } else {
-            // Cramer's rule: the plane a x + b y + c whose product with w is n at a corner and along both
-            // sides.
+            // Cramer's rule: the plane a x + b y + c whose product with w equals n at a corner and along both
+            // edges of the face.
             let (sn, tn) = match axis {
                 0 => (steps[1][3], steps[2][3]),
                 1 => (steps[2][3], steps[0][3]),
@@ -181,7 +189,9 @@ pub(crate) fn outline_box(
     ShapeResult::Ready
 }
 
-/// Projects a box and makes its shape, as [`outline_box`] does.
+/// Projects a box and replaces `shape` by its screen shape, as [`outline_box`] does. `bounds` are in the
+/// box's own coordinates and `transform` maps them to the scene. `extent` gives the screen bounds if they are
+/// known.
 #[inline(always)]
 pub(crate) fn box_shape(
     bounds: &Aabb,

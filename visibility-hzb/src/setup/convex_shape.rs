@@ -1,8 +1,8 @@
-//! The screen shape of a convex mesh, or of one that looks convex from the eye: one outline, one depth plane
-//! for each triangle.
+//! The screen shape of a convex mesh, or of a mesh that looks convex from the eye: one outline, and one depth
+//! plane for each drawn triangle.
 //!
-//! It is sound for any mesh (see [`screen_shape`](super::screen_shape)). Of one that is not convex it finds
-//! only the pixels that lie within the lines of all contour edges, so such meshes are drawn by
+//! The shape is sound for any mesh (see [`screen_shape`](super::screen_shape)). Of a mesh that is not convex
+//! it contains only the pixels on the inner side of every contour edge's line, so such meshes are drawn by
 //! `mesh_raster.rs`. Unlike boxes, meshes may cross the near plane: triangles are cut there, and the cuts
 //! bound the shape.
 
@@ -16,19 +16,21 @@ use crate::coverage::Coverage;
 use crate::vector::{Point, cross, dot, less, point};
 use alloc::vec::Vec;
 
-/// Memory for one mesh, kept from mesh to mesh.
+/// Scratch for one mesh, kept from mesh to mesh so that a frame does not allocate.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConvexScratch {
-    /// By vertex: `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    /// Values of each vertex: `x`, `y`, `w`, `n` and the distance beyond the near plane.
     corners: Vec<[f64; 5]>,
-    /// By vertex: column, row and depth key.
+    /// Column and row in pixels and depth key of each vertex, without error bounds.
     screen: Vec<[f64; 3]>,
-    /// By triangle, whether it is drawn.
+    /// Whether each triangle is drawn.
     drawn: Vec<bool>,
 }
 
-/// Makes the shape of a mesh. [`ShapeResult::TooNear`] means that it has too many edges or planes, or that it
-/// is neither known to be `convex` nor looks so.
+/// Replaces `shape` by the screen shape of a mesh. `object` projects the mesh's own coordinates, `facing` is
+/// the sign of the determinant of triangles that face the eye, and `convex` tells that the mesh is known to
+/// be convex. The result is [`ShapeResult::TooNear`] if the mesh has too many edges or planes for a shape, or
+/// is neither known to be convex nor looks convex.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn convex_shape(
@@ -52,7 +54,7 @@ pub(crate) fn convex_shape(
     }
     let uncut = nearest > near_limit;
 
-    // Screen bounds, unless the mesh comes too near to the eye.
+    // Screen bounds, unless the mesh comes too close to the plane of the eye.
     let around = if uncut { extent_of(corners, screen, object) } else { None };
     let (columns, lines) = match &around {
         Some(around) => match pixels(around, projection) {
@@ -64,7 +66,7 @@ pub(crate) fn convex_shape(
     };
     let floor = match (&around, projection.perspective) {
         (Some(around), _) => around[4],
-        // The key is 1 / w, and no point has a greater w than the farthest corner.
+        // The depth key is 1 / w, and no point has a greater w than the farthest corner.
         (None, true) => {
             let farthest = corners.iter().fold(0.0, |most: f64, c| most.max(c[2]));
             (1.0 - 4.0 * f64::EPSILON) / (farthest + object.error[2])
@@ -73,7 +75,8 @@ pub(crate) fn convex_shape(
     };
     shape.begin(columns, lines, floor, around.map_or(f64::INFINITY, |around| around[5]));
 
-    // Fronts first. If none faces the eye, the backs of a two-sided mesh, seen from within.
+    // Fronts first. If no triangle faces the eye, the backs of a two-sided mesh are drawn, which is then seen
+    // from within.
     for facing in [facing, -facing] {
         if choose(mesh, corners, drawn, facing, near_limit, object.determinant_error())
             && (convex || looks_convex(mesh, screen, drawn, facing))
@@ -87,14 +90,15 @@ pub(crate) fn convex_shape(
     if convex { ShapeResult::Nothing } else { ShapeResult::TooNear }
 }
 
-/// Whether, from the eye, the drawn triangles show everything within their outline and bulge towards the eye:
-/// then outline and planes lose nothing. It only guesses what pays, so rounding does no harm.
+/// Returns whether, as seen from the eye, the drawn triangles fill their outline and bulge towards the eye,
+/// so that outline and depth planes lose nothing. The answer only chooses the cheaper way to draw, so
+/// rounding does no harm.
 #[inline(always)]
 fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], facing: f64) -> bool {
-    // A tenth of a pixel, and a thousandth of the distance.
+    // Vertices may lie this far beyond an edge's line or before a triangle's plane.
     /// Tolerance across the outline, in pixels.
     const PIXELS: f64 = 0.1;
-    /// Tolerance in depth, as a share of the depth key.
+    /// Tolerance in depth, as a fraction of the depth key.
     const DEPTH: f64 = 1e-3;
     for edge in mesh.edges {
         let left = drawn[edge.left as usize];
@@ -133,8 +137,9 @@ fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], f
     true
 }
 
-/// Marks the triangles that are drawn: those that certainly face the eye and are not wholly before the near
-/// limit. Returns whether there are any.
+/// Decides for each triangle whether it is drawn, and replaces `drawn` by the results. A triangle is drawn if
+/// it certainly faces the eye and is not wholly before the near limit. `certain` is the error bound of its
+/// determinant. Returns whether any triangle is drawn.
 #[inline(always)]
 fn choose(
     mesh: &OccluderTriangles,
@@ -157,7 +162,8 @@ fn choose(
     any
 }
 
-/// Adds the contour edges, the cuts and the depth planes of the drawn triangles to a shape.
+/// Adds to `shape` the contour edges, the near-plane cuts and the depth planes of the drawn triangles.
+/// Returns [`ShapeResult::Ready`], or [`ShapeResult::TooNear`] if the shape has no capacity for all of them.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn outline(
@@ -185,7 +191,7 @@ fn outline(
         let left = drawn[edge.left as usize];
         let right = edge.right.is_some_and(|t| drawn[t as usize]);
         let [a, b] = edge.vertices.map(|i| point(&corners[i as usize]));
-        // An edge wholly before the near plane bounds nothing that is drawn; keeping it loses little.
+        // An edge wholly before the near plane bounds no drawn part. Keeping the edge loses little.
         let room = match (left, right) {
             (true, false) => keep(shape, a, b),
             (false, true) => keep(shape, b, a),
@@ -200,7 +206,7 @@ fn outline(
         if !shape.add_depth_plane(plane(t, object, projection, &[certain, products]), projection.size) {
             return ShapeResult::TooNear;
         }
-        // The cut at the near plane, as an edge of what is left of the triangle.
+        // The cut at the near plane is an edge of the remaining part of the triangle.
         let first = (0..3).find(|&i| t[i][4] > near_limit && t[(i + 1) % 3][4] <= near_limit);
         let second = (0..3).find(|&i| t[i][4] <= near_limit && t[(i + 1) % 3][4] > near_limit);
         if let (Some(i), Some(j)) = (first, second) {

@@ -1,13 +1,13 @@
-//! The depth key of a face as a linear function of pixel coordinates, rounded away from the eye.
+//! The depth key of a face as a linear function of pixel coordinates, rounded towards farther.
 
 use super::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::vector::{cross, dot, less, point};
 
-/// The depth key of a triangle as a plane `a x + b y + c` in pixel coordinates, lowered by its error: three
-/// corners in clip space give it by Cramer's rule. `certain` is
-/// [`determinant_error`](ObjectProjection::determinant_error), `products` is
-/// [`cross_error`](ObjectProjection::cross_error). NaN if the determinant of the corners is not certain to
-/// differ from zero.
+/// Returns the coefficients of a triangle's depth key as a plane `a x + b y + c` in pixel coordinates,
+/// lowered by its error bound. The corners, as [`ObjectProjection::at`] gives them, determine the plane by
+/// Cramer's rule. `certain` is [`determinant_error`](ObjectProjection::determinant_error), `products` is
+/// [`cross_error`](ObjectProjection::cross_error). All coefficients are NaN if the determinant of the corners
+/// is not certain to differ from zero.
 #[inline(always)]
 pub(crate) fn plane(
     [a, b, c]: [&[f64; 5]; 3],
@@ -18,7 +18,7 @@ pub(crate) fn plane(
     let (second, third) = (less(b, a), less(c, a));
     let normal = cross(point(&second), point(&third));
     let height = dot(normal, point(a));
-    // Which way the triangle faces was decided on the screen, where the sign is surer than that of this
+    // The facing of the triangle was decided by its area on the screen, whose sign is surer than that of this
     // determinant.
     let mut plane = [f64::NAN; 3];
     if !(height.abs() > certain) {
@@ -38,11 +38,13 @@ pub(crate) fn plane(
     lower(plane, over, object, projection, certain, products)
 }
 
-/// A depth plane lowered by what rounding may have done to it.
+/// Lowers a depth plane `a x + b y + c` (pixel coordinates) by the bound on its absolute error in the buffer.
+/// `over` is the reciprocal of the determinant by which the plane was divided. `determinant_error` and
+/// `cross_error` bound the errors of that determinant and of cross products.
 ///
-/// It is a numerator over a determinant, and `over` is the reciprocal of that determinant. Over the picture,
-/// the error of the numerator is that of a cross product times `n`, and for parallel views that of `n` times
-/// a product of two coordinates. The relative error of the determinant is that of the quotient.
+/// A coefficient is a numerator over the determinant. Over the picture, the error of the numerator is that of
+/// a cross product times `n`, and for parallel views that of `n` times a product of two coordinates. The
+/// relative error of the determinant is that of the quotient.
 #[inline(always)]
 pub(crate) fn lower(
     [a, b, c]: [f64; 3],

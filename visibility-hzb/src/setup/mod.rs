@@ -1,4 +1,4 @@
-//! Occluders set up for drawing: from the scene to the screen.
+//! Set-up of occluders for drawing: from scene coordinates to screen shapes.
 
 pub(crate) mod box_shape;
 pub(crate) mod convex_shape;

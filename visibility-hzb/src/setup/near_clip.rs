@@ -1,10 +1,10 @@
-//! Cutting triangles and edges at the near plane, in clip space. Corners are as
+//! Clipping of triangles and edges at the near plane, in homogeneous screen coordinates. Corners are as
 //! [`ObjectProjection::at`](super::screen_projection::ObjectProjection::at) gives them: `x`, `y`, `w`, `n`
 //! and the distance beyond the near plane. All cuts are at a distance of `near_limit`.
 
-/// The point where an edge is at `near_limit`, between its two ends, one on each side. It is computed from
-/// the end before the plane whatever the order of the arguments, so that the triangles that share the edge
-/// get the same point.
+/// Returns the point of an edge whose distance beyond the near plane is `near_limit`. The ends `a` and `b`
+/// lie on different sides of that distance. The point is interpolated from the nearer end in both orders of
+/// the arguments, so that all triangles that share the edge get the identical point.
 #[inline(always)]
 pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], near_limit: f64) -> [f64; 5] {
     let (a, b) = if a[4] < b[4] { (a, b) } else { (b, a) };
@@ -16,17 +16,19 @@ pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], near_limit: f64) -> [f64; 5] 
     out
 }
 
-/// The part of a triangle beyond `near_limit`.
+/// The part of a triangle whose distance beyond the near plane exceeds `near_limit`.
 pub(crate) struct ClippedTriangle {
-    /// Its corners in order; the first `count` count. None if the whole triangle is nearer.
+    /// Corners of that part in the order of the triangle. The first `count` are valid.
     pub(crate) corners: [[f64; 5]; 4],
+    /// Number of corners: 3 or 4, or 0 if the whole triangle is nearer than `near_limit`.
     pub(crate) count: usize,
-    /// The cut itself, in the direction of the remaining polygon: from where the triangle's sides leave it
-    /// to where they return. `None` if nothing was cut.
+    /// The cut, directed like the sides of the remaining polygon: from the point where the sides leave it to
+    /// the point where they return. `None` if nothing was cut, or everything.
     pub(crate) edge: Option<[[f64; 5]; 2]>,
 }
 
-/// The part of a triangle beyond `near_limit`.
+/// Clips a triangle to distances beyond the near plane greater than `near_limit`. A corner exactly at
+/// `near_limit` counts as nearer.
 pub(crate) fn clip_triangle(t: [&[f64; 5]; 3], near_limit: f64) -> ClippedTriangle {
     let mut out = ClippedTriangle { corners: [[0.0; 5]; 4], count: 0, edge: None };
     let mut push = |p: [f64; 5]| {

@@ -1,19 +1,23 @@
-//! Triangles and edges of an occluder as set-up and raster take them: those of a mesh, or of a box.
+//! Triangles and edges of an occluder in the form that set-up and raster take: those of a mesh, or of a box.
 
 use visibility_core::glam::Vec3;
 use visibility_core::{OccluderMesh, occlusion::Edge};
 
-/// The vertices, triangles and edges of an occluder, in its own coordinates.
+/// Vertices, triangles and edges of an occluder, in its own coordinates.
 #[derive(Clone, Copy)]
 pub(crate) struct OccluderTriangles<'a> {
+    /// Vertices.
     pub(crate) positions: &'a [Vec3],
+    /// Indices of the three vertices of each triangle, counter-clockwise from the front.
     pub(crate) triangles: &'a [[u32; 3]],
+    /// Edges with the triangles on both sides, by index.
     pub(crate) edges: &'a [Edge],
+    /// Whether the backs of the triangles hide too.
     pub(crate) two_sided: bool,
 }
 
 impl<'a> OccluderTriangles<'a> {
-    /// Those of a mesh.
+    /// Borrows the vertices, triangles and edges of a mesh.
     pub(crate) fn of(mesh: &'a OccluderMesh) -> Self {
         Self {
             positions: mesh.positions(),
@@ -23,19 +27,20 @@ impl<'a> OccluderTriangles<'a> {
         }
     }
 
-    /// Those of a box with the given corners, numbered by bits: 1 for the greatest x, 2 for the greatest y, 4
-    /// for the greatest z.
+    /// Returns the triangles and edges of a box with the given corners. Bits 0, 1 and 2 of a corner's index
+    /// select the greatest x, y and z. `two_sided` tells whether the inner sides of its faces hide too.
     pub(crate) fn of_box(corners: &'a [Vec3; 8], two_sided: bool) -> Self {
         Self { positions: corners, triangles: &BOX_TRIANGLES, edges: &BOX_EDGES, two_sided }
     }
 }
 
-/// Two triangles for each face of a box, counter-clockwise from outside.
+/// Corner indices of two triangles for each face of a box, counter-clockwise from outside.
 const BOX_TRIANGLES: [[u32; 3]; 12] = OccluderMesh::CUBOID;
 
-/// The edges of a box: the twelve of its faces and a diagonal of each face.
+/// Edges of the triangles of a box: its twelve edges and a diagonal of each face.
 static BOX_EDGES: [Edge; 18] = box_edges();
 
+/// Builds [`BOX_EDGES`].
 const fn box_edges() -> [Edge; 18] {
     let mut edges = [Edge { vertices: [0, 0], left: 0, right: None }; 18];
     let (mut count, mut triangle) = (0, 0);
@@ -47,7 +52,7 @@ const fn box_edges() -> [Edge; 18] {
             while other < 12 {
                 let mut i = 0;
                 while i < 3 {
-                    // Each edge once, from the first of its two triangles.
+                    // Each edge is stored once, by the first of its two triangles.
                     if BOX_TRIANGLES[other][i] == b
                         && BOX_TRIANGLES[other][(i + 1) % 3] == a
                         && triangle < other

@@ -1,12 +1,13 @@
-//! Bounds of an occluder on the screen: columns, rows and depth keys of its corners, rounded outwards.
+//! Screen bounds of an occluder: columns, rows and depth keys of its corners, rounded outwards.
 
 use super::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::rounding::FloorCeil;
 use alloc::vec::Vec;
 
-/// Screen bounds of `N` points in clip space: least and greatest column, least and greatest row (in pixels,
-/// not rounded to whole ones), least and greatest depth key, each moved outwards by its error. `None` if a
-/// point is too near to the eye's plane, or behind it, for its quotients to be known.
+/// Returns screen bounds of `N` points given by `x`, `y`, `w` and `n`: least and greatest column, least and
+/// greatest row (in pixels, not rounded to whole pixels), least and greatest depth key, each moved outwards
+/// by its error. `None` if a point is behind the plane of the eye, or too close to it for a bound on its
+/// error.
 #[inline(always)]
 pub(crate) fn extent<const N: usize>(
     x: &[f64; N],
@@ -30,10 +31,11 @@ pub(crate) fn extent<const N: usize>(
     rounded_outwards(low, high, least_w, object)
 }
 
-/// Least and greatest column, row and depth key from their computed values, each moved outwards by its error.
-/// `None` if `least_w`, the least `w` of the points, is not far above its own error.
+/// Returns the least and greatest column, row and depth key, each moved outwards by its error, from the
+/// computed least values `low` and greatest values `high`. `None` if `least_w`, the least `w` of the points,
+/// is not far above its own error.
 ///
-/// A quotient `q = a / w` is off by `(e_a + |q| e_w) / w` to first order, and by two roundings; the factor 2
+/// A quotient `q = a / w` is off by `(e_a + |q| e_w) / w` to first order, and by two roundings. The factor 2
 /// covers the rest, since `w` exceeds `1024 e_w`.
 #[inline(always)]
 fn rounded_outwards(
@@ -56,7 +58,8 @@ fn rounded_outwards(
     Some(out)
 }
 
-/// Column and row ranges of the pixels of the buffer that bounds meet, half-open; `None` if they meet none.
+/// Returns the column range and the row range, half-open, of the pixels of the buffer that screen bounds
+/// meet. `extent` is in the order of [`extent()`]. `None` if the bounds meet no pixel.
 #[inline(always)]
 pub(crate) fn pixels(extent: &[f64; 6], projection: &ScreenProjection) -> Option<([f64; 2], [f64; 2])> {
     let limit =
@@ -66,8 +69,8 @@ pub(crate) fn pixels(extent: &[f64; 6], projection: &ScreenProjection) -> Option
     (columns[0] < columns[1] && lines[0] < lines[1]).then_some((columns, lines))
 }
 
-/// As [`extent`], for any number of corners as [`ObjectProjection::at`] gives them. `screen` becomes their
-/// columns, rows and depth keys, without error bounds.
+/// Returns screen bounds as [`extent()`] does, for any number of corners as [`ObjectProjection::at`] gives
+/// them. Replaces `screen` by the columns, rows and depth keys of the corners, without error bounds.
 #[inline(always)]
 pub(crate) fn extent_of(
     corners: &[[f64; 5]],
@@ -100,8 +103,8 @@ mod tests {
     use visibility_core::glam::{Affine3A, DVec3, Vec3};
     use visibility_core::{Pose, View};
 
-    /// Exact corners of triangles lie within the bounds of computed ones, and are no farther than their depth
-    /// plane.
+    /// Exact corners of triangles lie within the bounds of the computed corners, and no farther than their
+    /// depth plane.
     #[test]
     fn bounds_and_depth_planes_hold_at_exact_corners() {
         let mut random = random(12);

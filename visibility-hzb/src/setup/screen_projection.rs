@@ -1,13 +1,13 @@
-//! Pixel coordinates of points in homogeneous form, with bounds on their rounding.
+//! Pixel coordinates of points in homogeneous form, with bounds on their rounding errors.
 //!
 //! # Coordinates
 //! A point `p` of the scene becomes four numbers, each linear in `p`:
 //! - `x` and `y`: its pixel coordinates times `w`. Columns run to the right, rows downwards, and the first
 //!   pixel lies between 0 and 1.
 //! - `w`: positive before the eye.
-//! - `n`: its *depth key* times `w`. The key falls along every line of sight, so nearer is greater, and is
-//!   linear on the screen wherever `p` runs over a plane. It is `1 / w` for perspective views, where `n` is
-//!   1, and clip depth for parallel ones, negated unless depth is reversed.
+//! - `n`: its *depth key* times `w`. The key falls along every view ray, so nearer is greater, and is linear
+//!   on the screen wherever `p` runs over a plane. The key is `1 / w` for perspective views, where `n` is 1.
+//!   For parallel views it is clip depth, negated unless depth is reversed.
 //!
 //! All points are relative to the *anchor*, which for a perspective view is the eye. So precision does not
 //! depend on where in the scene the camera is. The rows and their bounds are core's ([`ViewProjection`]).
@@ -19,14 +19,15 @@ use visibility_core::{Aabb, View, view::Eye};
 /// Unit round-off of `f64`.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// A [`ClipRow`] with its coefficients in an array, as loops over lanes take them.
+/// A linear function of points relative to the anchor: a [`ClipRow`] with its coefficients in an array, as
+/// loops over lanes need them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ScreenRow {
-    /// Coefficients of a point less the anchor.
+    /// Change of the value for each metre along x, y and z.
     pub(crate) linear: [f64; 3],
-    /// The value at the anchor.
+    /// Value at the anchor.
     pub(crate) constant: f64,
-    /// Bound on the error of the constant, which includes that of the anchor.
+    /// Upper bound on the absolute error of `constant`, the effect of rounding the anchor included.
     pub(crate) error: f64,
 }
 
@@ -36,30 +37,30 @@ impl From<ClipRow> for ScreenRow {
     }
 }
 
-/// A view made ready for one frame.
+/// The projection of one frame's view to pixels, with error bounds.
 #[derive(Clone, Debug)]
 pub(crate) struct ScreenProjection {
-    /// Columns and rows of the buffer in pixels, whole tiles.
+    /// Width and height of the buffer in pixels, a multiple of the tile size.
     pub(crate) size: [f64; 2],
-    /// Columns and rows of the picture in pixels: at most a tile less than `size`.
+    /// Width and height of the picture in pixels: less than a tile below `size`.
     pub(crate) picture: [f64; 2],
-    /// The rows of `x`, `y`, `w` and `n`.
+    /// Rows of `x`, `y`, `w` and `n`.
     pub(crate) rows: [ScreenRow; 4],
-    /// The row of the distance beyond the near plane: positive beyond it, of no unit.
+    /// Row of the distance beyond the near plane: positive beyond it, without unit.
     pub(crate) near: ScreenRow,
-    /// The point that rows take points relative to, in scene coordinates.
+    /// Point in scene coordinates that points are taken relative to: the eye of a perspective view.
     pub(crate) anchor: DVec3,
-    /// The sign of the determinant of three corners (`x`, `y`, `w`) that run counter-clockwise as seen from
-    /// the eye. Zero if it is not known: then nothing is drawn.
+    /// Sign of the determinant of three corners (`x`, `y`, `w`) that run counter-clockwise as seen from the
+    /// eye. 0 if rounding leaves the sign open: then nothing is drawn.
     pub(crate) facing: f64,
     /// Whether the view is perspective, so that `n` is always 1.
     pub(crate) perspective: bool,
-    /// The projection of objects whose transform is the identity, for points of magnitude zero.
+    /// Projection for the identity transform, with error bounds for points at the scene's origin.
     untransformed: ObjectProjection,
 }
 
 impl ScreenProjection {
-    /// No view: nothing is drawn.
+    /// Projection before the first frame: no occluder is drawn.
     pub(crate) const EMPTY: Self = Self {
         size: [0.0; 2],
         picture: [0.0; 2],
@@ -76,7 +77,8 @@ impl ScreenProjection {
         },
     };
 
-    /// The projection of points relative to `origin` to a picture, in a buffer of `size` pixels.
+    /// Computes the projection of points in scene coordinates, relative to `origin`. `picture` is the width
+    /// and height of the picture in pixels, `size` that of the buffer of whole tiles.
     pub(crate) fn new(view: &View, origin: DVec3, picture: [usize; 2], size: [usize; 2]) -> Self {
         let picture = picture.map(|side| side as f64);
         let projection = ViewProjection::new(view, origin);
@@ -85,8 +87,7 @@ impl ScreenProjection {
         let near = projection.near().into();
         let anchor = projection.anchor();
         let perspective = matches!(projection.eye(), Eye::Point(_));
-        // Rows of pixels run downwards, which mirrors what clip space does not; a normal towards the eye
-        // mirrors it back.
+        // Rows of pixels run downwards, which mirrors clip space. A normal towards the eye mirrors it back.
         let facing = projection.orientation();
         let size = size.map(|side| side as f64);
         let untransformed = ObjectProjection::default();
@@ -95,8 +96,9 @@ impl ScreenProjection {
         projection
     }
 
-    /// The rows for points of an object, transformed by `transform`, whose coordinates have at most the
-    /// magnitudes `reach`; and how large and how wrong their values can be.
+    /// Returns the rows and error bounds for points in the coordinates of an object, which `transform` maps
+    /// to the scene. `reach` bounds the magnitudes of the points' x, y and z. The bounds do not hold for
+    /// points beyond.
     #[inline(always)]
     pub(crate) fn project_object(&self, transform: &Affine3A, reach: [f64; 3]) -> ObjectProjection {
         if *transform == Affine3A::IDENTITY && self.untransformed.error[0] > 0.0 {
@@ -122,14 +124,14 @@ impl ScreenProjection {
             }
             object.constant[i] = l[0] * moved[0] + l[1] * moved[1] + l[2] * moved[2] + row.constant;
             object.size[i] = size;
-            // Any term passes at most nine roundings on its way into the sum; its factors bring one more
-            // each.
+            // Each term passes at most nine roundings on its way into the sum. Each factor of a term brings
+            // one more.
             object.error[i] = 16.0 * U * size + row.error + f64::MIN_POSITIVE;
         }
         object
     }
 
-    /// As [`project_object`](Self::project_object), for the identity.
+    /// Does the work of [`project_object`](Self::project_object) for the identity transform.
     #[inline(always)]
     fn project_untransformed(&self, reach: [f64; 3]) -> ObjectProjection {
         let mut object = self.untransformed;
@@ -144,23 +146,23 @@ impl ScreenProjection {
     }
 }
 
-/// The rows of `x`, `y`, `w`, `n` and of the distance beyond the near plane, for points in the coordinates of
-/// one object.
+/// The five rows (`x`, `y`, `w`, `n` and the distance beyond the near plane) for points in the coordinates of
+/// one object, with error bounds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ObjectProjection {
-    /// What one unit along each axis of the object adds to `x`, `y`, `w`, the depth key and the distance
-    /// beyond the near plane.
+    /// Change of the five values for each unit along the object's x, y and z axis: `linear[axis][row]`.
     pub(crate) linear: [[f64; 5]; 3],
     /// Values at the object's own origin.
     pub(crate) constant: [f64; 5],
-    /// Bounds on the magnitudes of the values, and of all terms of their sums.
+    /// Upper bounds on the magnitude of each value, and on the sum of magnitudes of its terms.
     pub(crate) size: [f64; 5],
-    /// Bounds on the rounding errors of the values.
+    /// Upper bounds on the absolute rounding error of each value.
     pub(crate) error: [f64; 5],
 }
 
 impl ObjectProjection {
-    /// The five values at a point of the object.
+    /// Returns the five values at the point `p` in the object's coordinates: `x`, `y`, `w`, `n` and the
+    /// distance beyond the near plane.
     #[inline(always)]
     pub(crate) fn at(&self, p: [f64; 3]) -> [f64; 5] {
         let mut out = [0.0; 5];
@@ -171,28 +173,30 @@ impl ObjectProjection {
         out
     }
 
-    /// The distance beyond the near plane at which geometry is cut. Nothing nearer is drawn. It exceeds the
-    /// error of distances so far that the rounding of cuts does not matter.
+    /// Returns the distance beyond the near plane at which geometry is cut, in units of the near row. Nothing
+    /// nearer is drawn. It is 1024 times the error bound of such distances, so the rounding of cuts does not
+    /// matter.
     #[inline(always)]
     pub(crate) fn near_limit(&self) -> f64 {
         1024.0 * self.error[4]
     }
 
-    /// Bound on the error of the determinant of three points (`x`, `y`, `w`), or of a point and two
-    /// differences of points.
+    /// Returns an upper bound on the absolute error of the determinant of three points (`x`, `y`, `w`), or of
+    /// a point and two differences of points.
     ///
-    /// It is a sum of six products of three values each. Replacing one value by its error, in turn, gives at
-    /// most two products for each value and pair of others, so `2 (e_x S_y S_w + ...)` for each of the three
-    /// points; differences double both. Its own sums round by a few units, which the errors (16u at least)
-    /// exceed. 64 covers all that.
+    /// The determinant is a sum of six products of three values each. Replacing one value by its error, in
+    /// turn, gives at most two products for each value and pair of others, so `2 (e_x S_y S_w + ...)` for
+    /// each of the three points. Differences double both. The sums of the determinant round by a few units,
+    /// which the errors (16u at least) exceed. The factor 64 covers all that.
     #[inline(always)]
     pub(crate) fn determinant_error(&self) -> f64 {
         let ([sx, sy, sw, ..], [ex, ey, ew, ..]) = (self.size, self.error);
         64.0 * (ex * sy * sw + ey * sx * sw + ew * sx * sy)
     }
 
-    /// Bound on the error of a line: the cross product of two points (`x`, `y`, `w`), or of two differences
-    /// of points, times a pixel (`x`, `y`, 1) of a buffer of the given size. Counted as for
+    /// Returns an upper bound on the absolute error of a line at a pixel: the cross product of two points
+    /// (`x`, `y`, `w`), or of two differences of points, times the pixel (`x`, `y`, 1). It holds for all
+    /// pixels of a buffer of the given width and height in pixels. The terms are counted as for
     /// [`determinant_error`](Self::determinant_error).
     #[inline(always)]
     pub(crate) fn cross_error(&self, [width, height]: [f64; 2]) -> f64 {
@@ -201,9 +205,9 @@ impl ObjectProjection {
     }
 }
 
-/// The projection of an occluder with the given bounds, and the sign of the determinant of triangles that
-/// face the eye, which a mirroring transform turns round. `None` if the transform is flat, the view's sense
-/// is unknown, or a value might overflow.
+/// Returns the projection of an occluder with the given bounds in its own coordinates, and the sign of the
+/// determinant of triangles that face the eye, which a mirroring transform reverses. `None` if the transform
+/// is flat, the view's sign is unknown, or a value might overflow: then the occluder is not drawn.
 #[inline(always)]
 pub(crate) fn project_object(
     projection: &ScreenProjection,
@@ -214,7 +218,7 @@ pub(crate) fn project_object(
     let object = projection.project_object(transform, reach);
     let mut finite = projection.facing != 0.0;
     for i in 0..5 {
-        // The factor leaves room for sums of a few values.
+        // The factor leaves room for sums of a few values without overflow.
         finite &= object.size[i] + object.error[i] < f64::MAX / 64.0;
     }
     if *transform == Affine3A::IDENTITY {
@@ -226,8 +230,8 @@ pub(crate) fn project_object(
         a.dot(b.cross(c)),
         a.abs().dot(b.abs().cross(c.abs()).abs() + b.abs().max_element() * c.abs().max_element()),
     );
-    // Six products of three factors, each rounded a few times. A flat transform leaves no inside and outside
-    // to tell apart.
+    // The volume is a sum of six products of three factors, each rounded a few times. A flat transform has no
+    // inside and outside to tell apart.
     let certain = volume.abs() > 32.0 * f64::EPSILON * most;
     (finite && certain).then_some((object, projection.facing * volume.signum()))
 }
@@ -244,6 +248,7 @@ mod tests {
 
     const SIZE: [f64; 2] = [640.0, 360.0];
 
+    /// Returns the cross product `a x b` in double-double arithmetic.
     fn exact_cross(a: [DoubleDouble; 3], b: [DoubleDouble; 3]) -> [DoubleDouble; 3] {
         core::array::from_fn(|i| {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
@@ -251,11 +256,13 @@ mod tests {
         })
     }
 
+    /// Returns the dot product of `a` and `b` in double-double arithmetic.
     fn exact_dot(a: [DoubleDouble; 3], b: [DoubleDouble; 3]) -> DoubleDouble {
         (0..3).fold(DoubleDouble::ZERO, |sum, i| sum.plus(a[i].times(b[i])))
     }
 
-    /// From the origin, where rows have no error of their own, so that nothing else covers for a bound.
+    /// With the eye at the origin, where the rows have no error of their own that could hide too small a
+    /// bound.
     #[test]
     fn values_determinants_and_lines_are_within_their_errors() {
         let mut random = random(8);
@@ -299,7 +306,7 @@ mod tests {
         }
     }
 
-    /// Entries of 22 bits, so that the determinant is zero exactly and not in `f64`.
+    /// Entries have 22 bits, so that the determinant is zero exactly but not when computed in `f64`.
     #[test]
     fn flat_transforms_have_no_front() {
         let mut random = random(9);

@@ -1,41 +1,44 @@
 //! The screen shape of an occluder: half-planes that its covered pixels satisfy, and planes that bound its
-//! depth key.
+//! depth key from below.
 //!
 //! # Why it is sound
-//! Take any set of triangles that all turn the same way round on the screen. Their *contour* is the set of
+//! Take any set of triangles that all run in the same sense on the screen. Their *contour* is the set of
 //! their directed edges that are not cancelled by the opposite edge of another triangle. If a point lies
 //! strictly to the left of the line of every contour edge, each edge sweeps a positive angle about the point.
 //! So the contour winds round the point at least once, and since all triangles wind in the same sense, at
-//! least one of them covers it. The same holds on the sphere of directions about the eye: corners may lie
-//! behind the eye, and where triangles are cut at the near plane, the cuts join the contour. Nothing here
-//! assumes a convex solid; for one, no pixel inside its outline is lost.
+//! least one of them covers the point. The same holds on the sphere of directions about the eye: corners may
+//! lie behind the eye, and where triangles are cut at the near plane, the cuts join the contour. Nothing here
+//! assumes a convex solid. For a convex solid, no pixel inside its outline is lost.
 //!
-//! What covers a point lies on the plane of a drawn triangle. So its depth key is at least the least over all
-//! their planes there, and at least that of the farthest corner. (Durand, "A Multidisciplinary Survey of
-//! Visibility", 2000, chapter 6, on why conservative maps need both parts: coverage rounded inwards, depth
-//! rounded away.)
+//! A triangle that covers a point lies in its own depth plane. So the depth key there is at least the least
+//! value of all drawn triangles' planes, and at least that of the farthest corner. (Durand, "A
+//! Multidisciplinary Survey of Visibility", 2000, chapter 6, on why conservative maps need both parts:
+//! coverage rounded inwards, depth rounded away.)
 //!
 //! # The error bound
 //! Coordinates, edges and planes are computed in `f64` with running bounds
 //! ([`ObjectProjection`](super::screen_projection::ObjectProjection)). Half-planes are moved inwards and
 //! depth planes away by these bounds. [`ScreenShape::add_edge`] and [`ScreenShape::add_depth_plane`] then
-//! round to `f32` and derive what that costs. All that follows compares integers exactly.
+//! round to `f32` and derive the cost of that rounding. All later steps compare integers exactly.
 
 use crate::buffer::tile_layout::SIDE;
 use crate::coverage::Coverage;
 use crate::rounding::{FloorCeil, down, up};
 
-/// A bound on the columns covered in a row of pixels: `x >= slope * row + offset` on the left,
-/// `x <= slope * row + offset` on the right, `row` being that of its upper border. Rounded inwards.
+/// Bound on the columns that a shape covers in a row of pixels: `x >= slope * row + offset` for a bound on
+/// the left, `x <= slope * row + offset` for a bound on the right. `x` is in pixels and `row` is the upper
+/// border of the row. Rounded inwards.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RowBound {
+    /// Change of the bounding column from one row of pixels to the next.
     pub(crate) slope: f32,
+    /// Bounding column at row 0, in pixels.
     pub(crate) offset: f32,
 }
 
 impl RowBound {
-    /// The bound in `f32`. Where a number overflows or is NaN, the offset is `nothing`, which lets no pixel
-    /// through.
+    /// Rounds a bound to `f32`. If a number overflows or is NaN, the slope is 0 and the offset `nothing`: an
+    /// infinity with which no pixel satisfies the bound.
     #[inline(always)]
     fn new(slope: f64, offset: f64, nothing: f32) -> Self {
         let (slope, offset) = (slope as f32, offset as f32);
@@ -47,26 +50,29 @@ impl RowBound {
     }
 }
 
-/// The most bounds from the left, and the most from the right, that a shape can have.
+/// Maximum number of bounds on the left of a shape, and of bounds on the right.
 pub(crate) const MAX_EDGES: usize = 32;
-/// The most depth planes that a shape can have.
+/// Maximum number of depth planes of a shape.
 pub(crate) const MAX_PLANES: usize = 16;
 
 /// An occluder on the screen, ready to be filled into tiles. A pixel is covered if it satisfies all row
 /// bounds and lies within `columns` and `lines`.
 #[derive(Clone, Debug)]
 pub(crate) struct ScreenShape {
-    /// Row bounds from the left; the first `lefts` count.
+    /// Row bounds on the left. The first `lefts` are valid.
     pub(crate) left: [RowBound; MAX_EDGES],
-    /// Row bounds from the right; the first `rights` count.
+    /// Row bounds on the right. The first `rights` are valid.
     pub(crate) right: [RowBound; MAX_EDGES],
+    /// Number of row bounds on the left.
     pub(crate) lefts: usize,
+    /// Number of row bounds on the right.
     pub(crate) rights: usize,
-    /// Depth planes as functions of the column and row of a tile: slope along columns, slope along rows,
-    /// constant. The value is the least depth key in that tile. The first `plane_count` count.
+    /// Depth planes `[a, b, c]`: `a * column + b * row + c` is a lower bound on the depth key of the
+    /// occluder's face in the tile at that tile column and row. The first `plane_count` are valid.
     pub(crate) planes: [[f32; 3]; MAX_PLANES],
+    /// Number of depth planes.
     pub(crate) plane_count: usize,
-    /// Lower bound on the depth keys of the whole shape.
+    /// Lower bound on the depth keys (greater is nearer) of the whole shape.
     pub(crate) floor: f32,
     /// Upper bound on the depth keys of the whole shape.
     pub(crate) ceiling: f32,
@@ -76,14 +82,14 @@ pub(crate) struct ScreenShape {
     pub(crate) lines: [usize; 2],
 }
 
-/// Screen bounds of a box before the eye, rounded outwards.
+/// Screen bounds, rounded outwards, of a box that lies wholly before the eye.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScreenExtent {
     /// Column range in pixels, half-open.
     pub(crate) columns: [usize; 2],
     /// Row range in pixels, half-open.
     pub(crate) lines: [usize; 2],
-    /// Least and greatest depth key.
+    /// Lower bound and upper bound on the depth keys.
     pub(crate) depth_keys: [f32; 2],
 }
 
@@ -91,7 +97,7 @@ pub(crate) struct ScreenExtent {
 const F32: f64 = 4.0 * f32::EPSILON as f64;
 
 impl ScreenShape {
-    /// A shape that covers nothing.
+    /// A shape that covers no pixel.
     pub(crate) const EMPTY: Self = Self {
         left: [RowBound { slope: 0.0, offset: 0.0 }; MAX_EDGES],
         right: [RowBound { slope: 0.0, offset: 0.0 }; MAX_EDGES],
@@ -105,21 +111,22 @@ impl ScreenShape {
         lines: [0; 2],
     };
 
-    /// Resets to a rectangle of pixels, column and row ranges half-open, with bounds on the depth key from
-    /// below and above.
+    /// Resets the shape to a rectangle of pixels without row bounds or depth planes. `columns` and `lines`
+    /// are half-open ranges in pixels. `floor` and `ceiling` are a lower and an upper bound on the depth
+    /// keys, and are rounded outwards.
     #[inline(always)]
     pub(crate) fn begin(&mut self, columns: [f64; 2], lines: [f64; 2], floor: f64, ceiling: f64) {
         self.lefts = 0;
         self.rights = 0;
         self.plane_count = 0;
         self.columns = columns.map(|x| x as f32);
-        // Casts saturate; NaN becomes zero.
+        // Float-to-integer casts saturate, and NaN becomes zero.
         self.lines = lines.map(|y| y as usize);
         self.floor = down(floor);
         self.ceiling = up(ceiling);
     }
 
-    /// Resets to the rectangle and depth bounds of `extent`.
+    /// Resets the shape to the rectangle and depth bounds of `extent`, without row bounds or depth planes.
     #[inline(always)]
     pub(crate) fn begin_within(&mut self, extent: &ScreenExtent) {
         (self.lefts, self.rights, self.plane_count) = (0, 0, 0);
@@ -127,14 +134,15 @@ impl ScreenShape {
         [self.floor, self.ceiling] = extent.depth_keys;
     }
 
-    /// Keeps only pixels all of whose points satisfy `a x + b y + c >= 0`, in pixel coordinates; of sampled
-    /// coverage, pixels whose centre does. `size` is that of the buffer in pixels. Returns false if there is
-    /// no room for one more bound.
+    /// Restricts the shape to pixels all of whose points satisfy `a x + b y + c >= 0` in pixel coordinates.
+    /// With sampled coverage, only the centre of the pixel must satisfy it. `size` is the width and height of
+    /// the buffer in pixels. Returns false, without a change, if the shape has [`MAX_EDGES`] bounds on that
+    /// side.
     ///
-    /// Dividing by `a` gives the bound `x >= s y + t` on the points of a row, where `s = -b / a` and
-    /// `t = -c / a`. The worst point of the row is at its top or bottom. In `f32`, `s`, `t`, the product and
-    /// the sum are each rounded once, so the result is off by at most `4u (|s| H + |t|)`. The offset is moved
-    /// by `8u` of that, and by another `16u (W + 2)` for what rounding to whole pixels adds.
+    /// Dividing by `a` gives the bound `x >= s y + t` on the points of a row, where `s = -b / a` and `t = -c
+    /// / a`. The worst point of the row is at its top or bottom. In `f32`, `s`, `t`, the product and the sum
+    /// are each rounded once, so the result is off by at most `4u (|s| H + |t|)`. The offset is moved by `8u`
+    /// of that, and by another `16u (W + 2)` for the error of rounding to whole pixels.
     #[inline(always)]
     pub(crate) fn add_edge(&mut self, [a, b, c]: [f64; 3], size: [f64; 2], coverage: Coverage) -> bool {
         if a == 0.0 {
@@ -169,7 +177,7 @@ impl ScreenShape {
             if self.rights == MAX_EDGES {
                 return false;
             }
-            // NaN comes here too.
+            // A NaN `a` comes here too, and covers no pixel.
             let worst = if coverage == Coverage::Sampled { 0.5 * s + 0.5 } else { s.min(0.0) };
             self.right[self.rights] = RowBound::new(s, t + worst - slack, f32::NEG_INFINITY);
             self.rights += 1;
@@ -178,8 +186,9 @@ impl ScreenShape {
     }
 
     /// Bounds the depth key from below by the plane `a x + b y + c` in pixel coordinates, which the caller
-    /// has lowered by the error of its coefficients. `size` is that of the buffer in pixels. Returns false if
-    /// there is no room for one more plane.
+    /// has lowered by the error of its coefficients. Where a shape has several planes, the least value is the
+    /// bound. `size` is the width and height of the buffer in pixels. Returns false, without a change, if the
+    /// shape has [`MAX_PLANES`] planes.
     #[inline(always)]
     pub(crate) fn add_depth_plane(&mut self, [a, b, c]: [f64; 3], size: [f64; 2]) -> bool {
         if self.plane_count == MAX_PLANES {
@@ -191,8 +200,9 @@ impl ScreenShape {
     }
 }
 
-/// The least value of the plane `a x + b y + c` (in pixel coordinates) in a tile, as a plane over tile
-/// columns and rows.
+/// Returns a plane over tile columns and rows whose value is, for each tile, at most the least value of the
+/// plane `a x + b y + c` (pixel coordinates) in the tile. `size` is the width and height of the buffer in
+/// pixels.
 ///
 /// In `f32`, three coefficients, two products and two sums are rounded: `4u` of the sum of magnitudes at
 /// most, and `8u` are taken off.
@@ -205,13 +215,14 @@ fn tile_minimum_plane([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
     [(a * side) as f32, (b * side) as f32, (worst - slack) as f32]
 }
 
-/// What the set-up of an occluder as a [`ScreenShape`] came to.
+/// Outcome of setting up an occluder as a [`ScreenShape`].
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum ShapeResult {
     /// The shape is complete.
     Ready,
-    /// The occluder covers no pixel, or rounding leaves open whether it does: it is not drawn.
+    /// The occluder covers no pixel, or rounding leaves open whether it does. It is not drawn.
     Nothing,
-    /// It comes too near to the eye, has too many edges, or does not look convex: it must be drawn as a mesh.
+    /// No shape is possible: the occluder is too close to the eye, has too many edges or planes, or does not
+    /// look convex. It must be drawn as a mesh.
     TooNear,
 }

@@ -1,4 +1,4 @@
-//! What the tests ask a finished map about boxes.
+//! Helpers for tests of boxes against a finished occlusion map.
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
@@ -8,7 +8,8 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
-/// A finished map that answers 64 boxes at once as it answers each of them.
+/// A finished occlusion map whose [`test_64`](OcclusionMap::test_64) asserts that all answers are equal to
+/// those of [`test`](OcclusionMap::test). It ignores `begin`, `add` and `flush`.
 pub struct Checked<M>(pub M);
 
 impl<M: OcclusionMap> OcclusionMap for Checked<M> {
@@ -38,7 +39,7 @@ impl<M: OcclusionMap> OcclusionMap for Checked<M> {
     }
 }
 
-/// A few points of a box that its six faces are made of.
+/// Returns the eight corners of a box and eight random points on its faces.
 pub fn points(random: &mut Random, bounds: &Aabb) -> Vec<DVec3> {
     let mut points: Vec<Vec3> = bounds.corners().into();
     for _ in 0..8 {

@@ -1,5 +1,5 @@
-//! Random occluders and cameras, and rays cast against them with nothing but the view's matrix and plain
-//! vector algebra.
+//! Random occluders and cameras, and rays cast against the occluders. Rays use only the view's matrix and
+//! plain vector algebra, and share no code with the rasterizer.
 #![allow(dead_code, unreachable_pub)] // Each test uses a part.
 
 pub mod boxes;
@@ -11,12 +11,17 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
+/// An occluder mesh and its placement.
 pub struct Occluder {
+    /// Mesh in its own coordinates.
     pub mesh: OccluderMesh,
+    /// Transform from the mesh's coordinates to the scene.
     pub transform: Affine3A,
 }
 
-/// A grid of vertices over a square, moved up and down: open, concave, with some cells missing.
+/// Returns an open, concave mesh: a square grid of `cells` x `cells` quads, 4 m wide, whose vertices are
+/// moved up and down by at most `height` metres. One in `holes` quads is missing; 0 leaves out none. `None`
+/// if the mesh is refused.
 fn grid(random: &mut Random, cells: u32, height: f64, holes: usize) -> Option<OccluderMesh> {
     let side = cells + 1;
     let mut positions = Vec::new();
@@ -38,7 +43,8 @@ fn grid(random: &mut Random, cells: u32, height: f64, holes: usize) -> Option<Oc
     OccluderMesh::from_indexed(&positions, &triangles).ok()
 }
 
-/// A ball with dents: closed, concave.
+/// Returns a closed ball of radius 1.5 m whose vertices are moved inwards by a random fraction of the radius,
+/// at most `dent`. `None` if the mesh is refused.
 fn ball(random: &mut Random, dent: f64) -> Option<OccluderMesh> {
     let (rings, sectors) = (5u32, 8u32);
     let mut positions = vec![Vec3::new(0.0, 0.0, 1.5), Vec3::new(0.0, 0.0, -1.5)];
@@ -65,7 +71,8 @@ fn ball(random: &mut Random, dent: f64) -> Option<OccluderMesh> {
     OccluderMesh::from_indexed(&positions, &triangles).ok()
 }
 
-/// An occluder of any kind, around the middle of the scene.
+/// Returns a random occluder near the scene's origin: box, boxes, grid, ball, loose triangles or wall, some
+/// of them two-sided, mirrored or scaled.
 pub fn occluder(random: &mut Random) -> Occluder {
     let mesh = loop {
         let mesh = match random.below(11) {
@@ -79,7 +86,7 @@ pub fn occluder(random: &mut Random) -> Occluder {
             4 => ball(random, 0.5),
             5 => ball(random, 0.0),
             6 => {
-                // A soup, with slivers.
+                // Loose triangles, some of them slivers.
                 let triangles: Vec<_> = (0..random.below(6) + 1)
                     .map(|_| {
                         let a = random.vec3(-2.0, 2.0);
@@ -90,7 +97,7 @@ pub fn occluder(random: &mut Random) -> Occluder {
                 OccluderMesh::from_triangles(&triangles).ok()
             }
             9 | 10 => {
-                // Boxes, some of which touch, and something that is none.
+                // Boxes, some of which touch, and sometimes a loose triangle.
                 let mut triangles = Vec::new();
                 let mut last = Vec3::ZERO;
                 for _ in 0..random.below(5) + 2 {
@@ -108,7 +115,7 @@ pub fn occluder(random: &mut Random) -> Occluder {
                 OccluderMesh::from_triangles(&triangles).ok()
             }
             7 => {
-                // A wall with a window in it, of two triangles a side.
+                // A flat wall with a window, two triangles for each of its four sides.
                 let p = |x: f32, y: f32| Vec3::new(x, y, 0.0);
                 let positions = [
                     p(-3., -3.),
@@ -155,7 +162,8 @@ pub fn occluder(random: &mut Random) -> Occluder {
     Occluder { mesh, transform }
 }
 
-/// A camera of any kind, in any depth convention, that looks about the middle of the scene.
+/// Returns a random perspective, off-centre or orthographic view towards the scene's origin, in a random
+/// depth convention.
 pub fn view(random: &mut Random) -> View {
     let eye = random.vec3(-9.0, 9.0).as_dvec3();
     let pose = Pose::look_at(eye, random.vec3(-3.0, 3.0).as_dvec3(), random.vec3(-1.0, 1.0).as_dvec3());
@@ -185,7 +193,8 @@ pub fn view(random: &mut Random) -> View {
     convention(&view.unwrap(), random.below(3))
 }
 
-/// The same view in another depth convention.
+/// Returns the same view in another depth convention: -1 to 1 for `which` 0, 0 to 1 for 1, unchanged
+/// (reversed) otherwise.
 pub fn convention(view: &View, which: usize) -> View {
     let m = view.clip_from(view.origin());
     let [x, y, z, w] = [m.row(0), m.row(1), m.row(2), m.row(3)];
@@ -199,13 +208,15 @@ pub fn convention(view: &View, which: usize) -> View {
     View::from_clip_from_world(m, depth).unwrap().relative_to(view.origin()).unwrap()
 }
 
-/// A triangle in the world, as it is drawn.
+/// A triangle in world coordinates as it is drawn.
 pub struct Face {
+    /// Corners, counter-clockwise as seen from the front.
     pub corners: [DVec3; 3],
-    /// Whether only its front hides.
+    /// Whether only the front hides objects.
     pub one_sided: bool,
 }
 
+/// Returns all triangles of some occluders in world coordinates.
 pub fn faces(occluders: &[Occluder]) -> Vec<Face> {
     let mut faces = Vec::new();
     for Occluder { mesh, transform } in occluders {
@@ -228,17 +239,23 @@ pub fn faces(occluders: &[Occluder]) -> Vec<Face> {
     faces
 }
 
-/// A line of sight.
+/// A view ray through a point of the picture, from the near plane on.
 pub struct Ray {
+    /// Point of the ray on the near plane, in world coordinates.
     pub from: DVec3,
+    /// Unit direction away from the eye.
     pub along: DVec3,
+    /// Clip matrix of the view, for world coordinates.
     matrix: DMat4,
+    /// Depth convention of the view.
     depth: Depth,
+    /// Whether the view is perspective.
     perspective: bool,
 }
 
 impl Ray {
-    /// Through a point of the picture, in pixels.
+    /// Returns the view ray through column `x` and row `y` of a picture, in pixels. `size` is the width and
+    /// height of the picture in pixels.
     pub fn new(view: &View, size: [usize; 2], x: f64, y: f64) -> Self {
         let matrix = view.clip_from(DVec3::ZERO);
         let (x, y) = (x / size[0] as f64 * 2.0 - 1.0, 1.0 - y / size[1] as f64 * 2.0);
@@ -257,6 +274,7 @@ impl Ray {
         Self { from, along: (to - from).normalize(), matrix, depth: view.depth(), perspective }
     }
 
+    /// Returns the depth key (greater is nearer) of a point in world coordinates, as the z-buffer defines it.
     pub fn depth_key(&self, p: DVec3) -> f64 {
         let clip = self.matrix * p.extend(1.0);
         match (self.perspective, self.depth.is_reversed()) {
@@ -266,12 +284,14 @@ impl Ray {
         }
     }
 
+    /// Returns whether a point on the ray lies before the near plane.
     pub fn is_before_near(&self, p: DVec3) -> bool {
         (p - self.from).dot(self.along) < 0.0
     }
 
-    /// The greatest nearness of what it meets beyond the near plane. Triangles are a little larger than they
-    /// are, so that no ray slips through between two that share an edge.
+    /// Returns the greatest depth key of all points beyond the near plane in which the ray meets one of
+    /// `faces`. Negative infinity if it meets none. Faces are enlarged by 1e-7 of their size, so that no ray
+    /// slips between two faces that share an edge.
     pub fn nearest(&self, faces: &[Face]) -> f64 {
         let mut best = f64::NEG_INFINITY;
         for Face { corners: [a, b, c], one_sided } in faces {
