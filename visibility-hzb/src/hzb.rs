@@ -84,22 +84,23 @@ pub struct Hzb {
     pub(crate) tiles: Tiles,
     /// Least depth keys on the levels above the tiles. May be older than `tiles`.
     pyramid: Pyramid,
-    /// Scratch for the set-up of one convex mesh.
+    /// Scratch memory for the set-up of one convex mesh.
     convex_scratch: ConvexScratch,
     /// Screen shape of the occluder that was set up last.
     shape: ScreenShape,
     /// Occluder boxes that are not drawn yet.
     queue: BoxQueue,
-    /// Scratch for the set-up of one mesh that is drawn by its triangles.
+    /// Scratch memory for the set-up of one mesh that is drawn by its triangles.
     mesh_scratch: MeshScratch,
-    /// Scratch for the coverage of one mesh that is drawn by its triangles.
+    /// Scratch memory for the coverage of one mesh that is drawn by its triangles.
     contour_tiles: ContourTiles,
     /// Number of occluders that tiles hid and the pyramid did not, since the last update of the pyramid.
     missed: usize,
     /// Upper bound on the depth keys (greater is nearer) of all drawn occluders. Negative infinity before
     /// the first.
     pub(crate) nearest: f32,
-    /// Clip planes of the current view, relative to the scene's origin. Points of positive distance are kept.
+    /// Clip planes of the current view, relative to the scene's origin. An occluder is drawn only if it lies
+    /// certainly on the positive side of all.
     clip_planes: ViewPlanes,
 }
 

@@ -14,11 +14,11 @@ pub(crate) fn round_to_i32(x: f32) -> i32 {
     (x + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
 }
 
-/// Returns a mask whose bit i is byte i of `bytes`. Each byte must be 0 or 1. The product moves byte `i` of
-/// eight into bit `56 + i`.
+/// Returns a mask whose bit i is byte i of `bytes`. Each byte must be 0 or 1.
 #[inline(always)]
 pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
     let ([low, high], _) = bytes.as_chunks::<8>() else { return 0 };
+    // The factor moves the lowest bit of byte i to bit 56 + i of the product.
     let low = u64::from_le_bytes(*low).wrapping_mul(0x0102_0408_1020_4080) >> 56;
     let high = u64::from_le_bytes(*high).wrapping_mul(0x0102_0408_1020_4080) >> 56;
     (low | high << 8) as u32

@@ -1,8 +1,8 @@
 //! Vectors of three `f64` as arrays, with functions that are always inlined. glam's functions are not inlined
 //! into functions compiled for wider instruction sets.
 
-/// Homogeneous screen coordinates `x`, `y` and `w` of a corner, or a difference or cross product of two such
-/// vectors.
+/// Homogeneous screen coordinates `x`, `y` (pixel coordinates times `w`) and `w` of a corner, or a difference
+/// or cross product of two such vectors.
 pub(crate) type Point = [f64; 3];
 
 /// Returns the cross product `a x b`.
@@ -17,14 +17,14 @@ pub(crate) fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Returns the first three of a corner's five values: `x`, `y` and `w`. The others are `n` and the distance
-/// beyond the near plane.
+/// Returns `x`, `y` and `w` of a corner's homogeneous screen coordinates. The fourth and fifth value are `n`
+/// (depth key times `w`) and the distance beyond the near plane.
 #[inline(always)]
 pub(crate) fn point(corner: &[f64; 5]) -> Point {
     [corner[0], corner[1], corner[2]]
 }
 
-/// Returns the difference `a - b` of two corners, in all five values.
+/// Returns the difference `a - b` of the homogeneous screen coordinates of two corners, in all five values.
 #[inline(always)]
 pub(crate) fn less(a: &[f64; 5], b: &[f64; 5]) -> [f64; 5] {
     let mut out = [0.0; 5];

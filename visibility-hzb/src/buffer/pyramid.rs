@@ -6,7 +6,8 @@ use super::tile_layout::{LINES, Rectangle, SIDE, mask};
 use super::tiles::{Tiles, UNCHANGED, join};
 use alloc::vec::Vec;
 
-/// One level of the pyramid, half as wide and half as high as the next finer one, rounded up.
+/// One level of the pyramid of least depth keys, half as wide and half as high as the next finer one, rounded
+/// up.
 #[derive(Clone, Debug)]
 struct Level {
     /// Number of texel columns.
@@ -47,13 +48,13 @@ impl Pyramid {
         }
     }
 
-    /// Returns the number of levels above the tiles.
+    /// Returns the number of levels above the tiles. 0 if the buffer is a single tile.
     pub(crate) fn height(&self) -> usize {
         self.levels.len()
     }
 
-    /// Returns the columns, rows and texels (row by row) of a level. Level 0 is the first above the tiles.
-    /// `None` beyond the last level.
+    /// Returns the columns, the rows and the texels (least depth keys, row by row from the top) of a level.
+    /// Level 0 is the first above the tiles. `None` beyond the last level.
     pub(crate) fn level(&self, level: usize) -> Option<(usize, usize, &[f32])> {
         self.levels.get(level).map(|level| (level.columns, level.rows, &level.least[..]))
     }
@@ -100,9 +101,9 @@ impl Pyramid {
         }
     }
 
-    /// Returns whether a rectangle of pixels is hidden by one level of the pyramid: whether the texels that
-    /// the rectangle meets, at most 2 x 2, have least depth keys strictly greater than `depth_key`. False
-    /// means undecided. The level is chosen by the size of the rectangle, so the cost is constant.
+    /// Returns whether one level of the pyramid hides a rectangle of pixels: whether the texels that the
+    /// rectangle meets, at most 2 x 2, have least depth keys strictly greater (nearer) than `depth_key`.
+    /// False means undecided. The level is chosen by the size of the rectangle, so the cost is constant.
     #[inline(always)]
     pub(crate) fn hides_coarsely(&self, tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
         let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize - 1) / SIDE];
@@ -122,7 +123,7 @@ impl Pyramid {
         least > depth_key
     }
 
-    /// Returns whether all pixels of a rectangle hold a depth key strictly greater than `depth_key`.
+    /// Returns whether all pixels of a rectangle hold a depth key strictly greater (nearer) than `depth_key`.
     ///
     /// A rectangle that meets at most four tiles a side is tested tile by tile. For a larger one the test
     /// starts on the level where the rectangle meets two or three texels along its longer side, and descends
@@ -172,9 +173,9 @@ fn least(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Returns whether all pixels of a rectangle hold a depth key strictly greater than `depth_key`. `x0..=x1`
-/// and `y0..=y1` are the columns and rows of all tiles that the rectangle meets. Each tile is tested. The
-/// pixel mask of a tile depends only on whether the tile is the first or last of its row or column.
+/// Returns whether all pixels of a rectangle hold a depth key strictly greater (nearer) than `depth_key`.
+/// `x0..=x1` and `y0..=y1` are the columns and rows of all tiles that the rectangle meets. Each tile is
+/// tested. The pixel mask of a tile depends only on whether the tile is in the first or last column or row.
 #[inline(always)]
 fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 4], depth_key: f32) -> bool {
     let ([left, right], [top, bottom]) = (rectangle.columns, rectangle.lines);
@@ -212,9 +213,9 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Returns whether all pixels of the rectangle within the texel at column `x`, row `y` of a level hold a
-    /// greater depth key than the box. Level 0 is the tiles, level `i` is `levels[i - 1]`. False beyond the
-    /// last level.
+    /// Returns whether all pixels of the rectangle within one texel hold a greater (nearer) depth key than
+    /// the tested box. Level 0 is the tiles, level `i` is `levels[i - 1]`, and `x` and `y` are the texel's
+    /// column and row. False beyond the last level.
     fn hides(&self, level: usize, x: usize, y: usize) -> bool {
         if level == 0 {
             let tile = y * self.tiles.columns + x;

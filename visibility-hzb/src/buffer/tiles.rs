@@ -24,7 +24,7 @@ pub(crate) const LAYERS: usize = 4;
 pub(crate) struct Layers {
     /// Pixels of each layer: bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
     masks: [u64; LAYERS],
-    /// Lower bound on the depth keys of each layer's pixels.
+    /// Lower bound on the depth keys (greater is nearer) of each layer's pixels.
     depth_key: [f32; LAYERS],
     /// Index into [`Tiles::depth_planes`] of planes that bound each layer's depth keys more tightly. 0 means
     /// no planes.
@@ -91,15 +91,15 @@ impl Tiles {
         self.changed_rows = UNCHANGED;
     }
 
-    /// Adds the tile columns of the half-open range `columns` to the dirty range of row `row` of tiles.
+    /// Extends the dirty range of tile columns of row `row` of tiles by the half-open range `columns`.
     #[inline(always)]
     pub(crate) fn note(&mut self, row: usize, columns: [usize; 2]) {
         self.changed[row] = join(self.changed[row], columns);
         self.changed_rows = join(self.changed_rows, [row, row + 1]);
     }
 
-    /// Sets `tile_min` of a tile to `depth_key` and marks the tile as dirty. `tile` is the tile's index, row
-    /// by row.
+    /// Sets the `tile_min` of the tile with index `tile` (row by row) to `depth_key`, and marks the tile as
+    /// dirty.
     #[inline(always)]
     fn raise(&mut self, tile: usize, depth_key: f32) {
         self.tile_min[tile] = depth_key;
@@ -107,16 +107,17 @@ impl Tiles {
         self.note(row, [column, column + 1]);
     }
 
-    /// Appends the depth planes of a shape. Returns their index into `depth_planes`, at least 1 and valid
-    /// until [`clear`](Self::clear).
+    /// Appends the depth planes of a shape to `depth_planes`. Returns their index, at least 1 and valid until
+    /// [`clear`](Self::clear).
     #[inline(always)]
     pub(crate) fn add_depth_planes(&mut self, shape: &ScreenShape) -> u32 {
         self.depth_planes.push(DepthPlanes::of(shape));
         (self.depth_planes.len() - 1) as u32
     }
 
-    /// Returns the subset of the mask `pixels` in which the occluders of one tile do not certainly hide a
-    /// box. 0 means that all of `pixels` hide the box. Depth keys that are equal hide nothing.
+    /// Returns the subset of the mask `pixels` in which drawn occluders do not certainly hide a box. 0 means
+    /// that the box is hidden in all of `pixels`. Equal depth keys hide nothing. `tile` is the index of the
+    /// tile, row by row, and bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
     ///
     /// The caller guarantees that all of `pixels` lie within `sides` (left, right, top, bottom in pixels of
     /// the buffer), and that in these pixels the box has no depth key above `depth_key` and satisfies the
@@ -151,9 +152,10 @@ impl Tiles {
         left
     }
 
-    /// Covers the pixels `mask` of a tile by an occluder whose depth keys there are at least `depth_key`, and
-    /// at least the least value of the depth planes at index `planes_id` if that is not 0. In each pixel the
-    /// greatest key wins. Does nothing if `depth_key` is NaN or not above the tile's `tile_min`.
+    /// Covers the pixels `mask` of the tile with index `tile` (row by row) by an occluder. Its depth keys
+    /// there are at least `depth_key`, and at least the least value of the depth planes at index `planes_id`
+    /// if that is not 0. In each pixel the greatest (nearest) key wins. Does nothing if `depth_key` is NaN or
+    /// not above the tile's `tile_min`.
     #[inline(always)]
     pub(crate) fn cover(&mut self, tile: usize, mask: u64, depth_key: f32, planes_id: u32) {
         let tile_min = self.tile_min[tile];
@@ -237,16 +239,17 @@ impl Tiles {
         }
     }
 
-    /// Returns whether all pixels of `mask` in a tile hold a depth key strictly greater than `depth_key`, by
-    /// `tile_min` and layers. True for an empty mask.
+    /// Returns whether all pixels of `mask` hold a depth key strictly greater (nearer) than `depth_key`, by
+    /// `tile_min` and layers. `tile` is the index of the tile, row by row, and bit `8 * y + x` of `mask`
+    /// stands for the pixel at column `x` and row `y` of the tile. True for an empty mask.
     #[inline(always)]
     pub(crate) fn hides(&self, tile: usize, mask: u64, depth_key: f32) -> bool {
         self.tile_min[tile] > depth_key || self.hides_partly(tile, mask, depth_key)
     }
 
-    /// Returns whether all pixels of `mask` in a tile belong to layers with a depth key strictly greater than
-    /// `depth_key`. The caller has already found that the tile's `tile_min` is not greater. True for an empty
-    /// mask.
+    /// Returns whether all pixels of `mask` belong to layers with a depth key strictly greater (nearer) than
+    /// `depth_key`. `tile` is the index of the tile, row by row. The caller has already found that its
+    /// `tile_min` is not greater. True for an empty mask.
     #[inline(always)]
     pub(crate) fn hides_partly(&self, tile: usize, mask: u64, depth_key: f32) -> bool {
         let (layers, count) = (&self.layers[tile], u32::from(self.counts[tile]));
@@ -258,8 +261,8 @@ impl Tiles {
         mask & !((nearer[0] | nearer[1]) | (nearer[2] | nearer[3])) == 0
     }
 
-    /// Returns the mask of the covered pixels of a tile: bit `8 * y + x` for the pixel at column `x` and row
-    /// `y`.
+    /// Returns the mask of the covered pixels of the tile with index `tile` (row by row): bit `8 * y + x` for
+    /// the pixel at column `x` and row `y`.
     #[inline(always)]
     pub(crate) fn covered(&self, tile: usize) -> u64 {
         if self.tile_min[tile] > EMPTY_DEPTH {
@@ -273,8 +276,8 @@ impl Tiles {
         covered
     }
 
-    /// Returns a lower bound on the depth keys of the covered pixels of a tile. Positive infinity if no pixel
-    /// is covered.
+    /// Returns a lower bound on the depth keys of the covered pixels of the tile with index `tile` (row by
+    /// row). Positive infinity if no pixel is covered.
     #[inline(always)]
     pub(crate) fn farthest(&self, tile: usize) -> f32 {
         if self.tile_min[tile] > EMPTY_DEPTH {
@@ -288,7 +291,8 @@ impl Tiles {
         farthest
     }
 
-    /// Returns the depth key of the pixel at the centre of a rectangle, as [`pixel`](Self::pixel) does.
+    /// Returns the lower bound on the depth key of the pixel at the centre of a rectangle, as
+    /// [`pixel`](Self::pixel) does. [`EMPTY_DEPTH`] if the pixel is not covered.
     #[inline(always)]
     pub(crate) fn pixel_around(&self, rectangle: &Rectangle) -> f32 {
         let [x, y] = [rectangle.columns, rectangle.lines].map(|[first, end]| ((first + end) / 2) as usize);
@@ -332,9 +336,9 @@ impl Tiles {
     }
 }
 
-/// Merges two of `LAYERS + 1` layers (pixel mask, depth key, index of depth planes) into one with the lesser
-/// key. The pair is chosen for the least loss: difference of the depth keys times the number of pixels of the
-/// nearer layer. Returns the number of remaining layers, [`LAYERS`].
+/// Merges two of `LAYERS + 1` layers (pixel mask, lower bound on the depth keys, index of depth planes) into
+/// one with the lesser bound. The pair is chosen for the least loss: difference of the bounds times the
+/// number of pixels of the nearer layer. Returns the number of remaining layers, [`LAYERS`].
 #[cold]
 fn merge(layers: &mut [(u64, f32, u32); LAYERS + 1]) -> usize {
     let mut best = (f32::INFINITY, 0, 1);

@@ -47,7 +47,7 @@ pub enum DepthEstimate {
 pub(crate) struct DepthBoundary {
     /// Estimate that is in use.
     pub(crate) estimate: DepthEstimate,
-    /// Number of tile columns.
+    /// Number of tile columns of the buffer, the row length of `cells`.
     columns: usize,
     /// Bound of [`DepthEstimate::Plane`]: at most the depth key of any point of an occluder. Positive
     /// infinity if there are no occluders.
@@ -154,7 +154,8 @@ impl DepthBoundary {
     }
 }
 
-/// Updates the opacity pyramid and the depth estimate from the pixels drawn in the tiles `region`.
+/// Updates the opacity pyramid and the depth estimate from the pixels drawn in the tiles of the inclusive
+/// range `region`, which must not be empty.
 #[inline(always)]
 pub(crate) fn update_maps(
     opacity: &mut OpacityPyramid,

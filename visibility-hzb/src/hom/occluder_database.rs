@@ -81,8 +81,8 @@ pub struct OccluderDatabase {
 /// Side of the grid of test lines through an object: `GRID * GRID` lines along each axis.
 const GRID: usize = 4;
 /// Limits on the occluders that are examined for backing one object. The search for nearby occluders stops
-/// once it has found the first number; lines are tested against the largest of these, at most the second
-/// number.
+/// once it has found the first number. Lines are tested against the largest of the found occluders, at most
+/// the second number.
 const NEIGHBOURS: [usize; 2] = [1024, 32];
 
 impl OccluderDatabase {
@@ -215,8 +215,9 @@ fn backed_share(scene: &Scene, id: ObjectId, rank: &[u32]) -> f32 {
 }
 
 /// Returns the largest accepted occluders whose bounds meet the box `reach` (scene coordinates), in
-/// descending order of area, without object `id`. Touching boxes meet. `rank` is as in [`backed_share`]; the
-/// limits are [`NEIGHBOURS`].
+/// descending order of area, without object `id`. Touching boxes meet. `rank` gives, by object index, the
+/// position of an accepted occluder in descending order of area, and `u32::MAX` for other objects.
+/// [`NEIGHBOURS`] limits the search and the result.
 fn neighbours(scene: &Scene, id: ObjectId, reach: &Aabb, rank: &[u32]) -> Vec<ObjectId> {
     let (mut found, mut nodes) = (Vec::new(), Vec::new());
     let mut next = Some(None);

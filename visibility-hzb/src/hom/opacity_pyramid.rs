@@ -29,7 +29,7 @@ pub(crate) struct Level {
 
 impl Level {
     /// Returns the number of covered pixels of the texel at column `x` and row `y`, and whether the texel is
-    /// opaque.
+    /// opaque. The texel must exist.
     #[inline(always)]
     pub(crate) fn texel(&self, x: usize, y: usize) -> (u32, bool) {
         let count = self.counts[y * self.columns + x];
@@ -160,9 +160,10 @@ impl OpacityPyramid {
         Some([count, area])
     }
 
-    /// Returns the covered pixels of the tile at column `x` and row `y`, together with all pixels of opaque
-    /// texels that are finer than the tile, as a mask. Such a texel may have uncovered pixels if its
-    /// threshold is below 1.
+    /// Returns the mask of the covered pixels of the tile at tile column `x` and row `y`, together with all
+    /// pixels of opaque texels that are finer than the tile. Such a texel may have uncovered pixels if the
+    /// threshold of its level is below 1. Bit `8 * v + u` stands for the pixel at column `u` and row `v` of
+    /// the tile.
     pub(crate) fn dissolved(&self, x: usize, y: usize) -> u64 {
         let covered = self.covered[y * self.levels[0].columns + x];
         let mut out = covered;
@@ -194,22 +195,22 @@ fn add_pairs(out: &mut [u32], row: &[u32]) {
     }
 }
 
-/// Returns the mask of the pixels of a tile's upper left texel on a level finer than tiles: `2^level` pixels
-/// a side.
+/// Returns the mask of the pixels in the upper left texel of a tile, for a level finer than tiles: `2^level`
+/// pixels a side. Bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
 fn block(level: usize) -> u64 {
     let row = (1u64 << (1 << level)) - 1;
     (0..1 << level).fold(0, |mask, line| mask | row << (line * SIDE))
 }
 
 /// Returns the mask of the pixels that lie in a picture of `width` pixels, for a tile of the last column of
-/// tiles.
+/// tiles. Bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
 fn last_columns(width: usize) -> u64 {
     let wide = (width - 1) % SIDE + 1;
     ((1u64 << wide) - 1) * 0x0101_0101_0101_0101
 }
 
 /// Returns the mask of the pixels that lie in a picture of `height` pixels, for a tile of the last row of
-/// tiles.
+/// tiles. Bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
 fn last_lines(height: usize) -> u64 {
     u64::MAX >> (SIDE * (SIDE - 1 - (height - 1) % SIDE))
 }

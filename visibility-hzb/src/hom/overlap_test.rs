@@ -45,8 +45,8 @@ pub(crate) fn is_opaque(opacity: &OpacityPyramid, rectangle: &Rectangle, predict
 }
 
 impl Overlap<'_> {
-    /// Returns whether the part of the rectangle within the texel at column `x` and row `y` is opaque.
-    /// `above` counts levels above that of tiles: 0 for tiles.
+    /// Returns whether the part of the rectangle within the texel at column `x` and row `y` of a level is
+    /// opaque. `above` is the number of the level above that of tiles: 0 for tiles.
     fn texel(&self, above: usize, x: usize, y: usize) -> bool {
         let level = &self.opacity.levels[above];
         let (count, opaque) = level.texel(x, y);

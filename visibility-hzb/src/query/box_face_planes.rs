@@ -40,12 +40,14 @@ pub(crate) struct FacePlaneSetup {
     along: [[f64; LANES]; 3],
     /// Upper bound on the absolute error of that linear function anywhere in the picture, for each face.
     error: [f64; LANES],
-    /// Magnitude of the determinant of the rows `x`, `y`, `w`. 0 for parallel views and where rounding
-    /// leaves the determinant open: then no box is hidden by its faces.
+    /// Magnitude of the determinant of the rows `x`, `y`, `w` of the projection. 0 for parallel views and
+    /// where rounding leaves the determinant open: then no box is hidden by its faces.
     pub(crate) scale: f64,
-    /// Part of the upper bound on the error of each face's denominator that does not depend on the box.
+    /// Constant part of the upper bound on the error of each face's denominator. The denominator is `scale`
+    /// times the distance between anchor and face.
     shift: [f64; LANES],
-    /// Upper bound on the further error of a denominator for each metre between the anchor and the face.
+    /// Part of the upper bound on the error of a face's denominator that grows with the distance between
+    /// anchor and face, for each metre of that distance.
     spread: f64,
 }
 

@@ -59,7 +59,8 @@ pub(crate) struct ScreenProjection32 {
     high: [f32; 3],
     /// Difference between the exact anchor and `high`.
     low: [f32; 3],
-    /// Rows of `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    /// Rows of `x` and `y` (pixel coordinates times `w`), `w`, `n` (depth key times `w`) and the distance
+    /// beyond the near plane.
     rows: [ScreenRow32; 5],
     /// Rows of `width * w - x` and `height * w - y`: negative to the right of the picture and below it.
     rest: [ScreenRow32; 2],
@@ -215,7 +216,8 @@ fn most<const N: usize>(row: &ScreenRow32, low: &[[f32; N]; 3], high: &[[f32; N]
 }
 
 /// Computes the screen bounds of boxes given by their least x, y, z and greatest x, y, z in scene
-/// coordinates.
+/// coordinates. Bounds of boxes at or behind the plane of the eye are undecided, except that the box may be
+/// `outside`.
 #[inline(always)]
 pub(crate) fn project<const N: usize>(
     projection: &ScreenProjection32,

@@ -54,8 +54,9 @@ pub(crate) fn test_boxes(query: &BoxQuery, boxes: &Boxes, candidates: u64) -> Oc
     answer
 }
 
-/// Tests one box, given by its least x, y, z and greatest x, y, z in scene coordinates, as [`test_boxes`]
-/// does. Bit 0 of the masks is the result.
+/// Tests one box, given by its least x, y, z and greatest x, y, z in scene coordinates. Bit 0 of the result's
+/// masks tells whether the box is hidden, or visible because no occluder in the buffer can hide any part of
+/// it. 0 in both masks means undecided.
 #[inline(always)]
 pub(crate) fn test_box(query: &BoxQuery, sides: [f32; 6]) -> Occlusion64 {
     let part = sides.map(|side| [side]);

@@ -21,9 +21,9 @@ pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &ProjectedBoxes<N
         && (!seen.known[i] || (!small && rectangle_may_be_seen(tiles, &rectangle, seen.nearest[i])))
 }
 
-/// Returns the mask of the boxes, among the first `count`, that are neither certainly outside the picture nor
-/// hidden by up to four texels of the pyramid. Bit i stands for box i. The pyramid may be older than the
-/// tiles, which is conservative.
+/// Returns the mask of the boxes, among the first `count`, that are neither certainly out of view nor hidden
+/// by up to four texels of the pyramid. Bit i stands for box i. Undecided boxes are set. The pyramid may be
+/// older than the tiles, which is conservative.
 #[inline(always)]
 pub(crate) fn boxes_not_hidden(
     pyramid: &Pyramid,
@@ -39,8 +39,8 @@ pub(crate) fn boxes_not_hidden(
     seen
 }
 
-/// Projects a box, given by its least x, y, z and greatest x, y, z in scene coordinates, and returns whether
-/// it may be seen as [`may_be_seen`] does.
+/// Returns whether a box, given by its least x, y, z and greatest x, y, z in scene coordinates, may be in
+/// view, wider and higher than a pixel, and not hidden by drawn occluders. Undecided counts as true.
 #[inline(always)]
 pub(crate) fn box_may_be_seen(projection: &ScreenProjection32, tiles: &Tiles, sides: [f32; 6]) -> bool {
     let mut boxes = [[0.0; 1]; 6];

@@ -63,7 +63,7 @@ pub(crate) struct ContourTiles {
 }
 
 impl ContourTiles {
-    /// Creates empty contributions for all tiles of a buffer.
+    /// Creates empty contributions of a mesh, one for each of `tiles`.
     pub(crate) fn new(tiles: &Tiles) -> Self {
         Self { cells: alloc::vec![EMPTY; tiles.columns * tiles.rows] }
     }

@@ -44,7 +44,8 @@ use visibility_core::glam::Vec3;
 /// Scratch for one mesh, kept from mesh to mesh so that a frame does not allocate.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeshScratch {
-    /// Values of each vertex: `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    /// Homogeneous screen coordinates of each vertex: `x` and `y` (pixel coordinates times `w`), `w`, `n`
+    /// (depth key times `w`), and the distance beyond the near plane.
     corners: Vec<[f64; 5]>,
     /// Screen position of each vertex. Meaningless for vertices that are not beyond the near limit.
     screen: Vec<ScreenVertex>,
@@ -85,10 +86,11 @@ impl VertexBounds {
     const NONE: Self = Self { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
 }
 
-/// Draws a mesh into `tiles` by the rule at the head of this module. `object` projects the mesh's own
-/// coordinates, and `facing` is the sign of the determinant of triangles that face the eye. `scratch` and
-/// `contour_tiles` are scratch memory. Returns an upper bound on the mesh's depth keys, or negative infinity
-/// if the mesh is not drawn because no triangle certainly shows a side or the errors are too large.
+/// Draws a mesh of any form into `tiles`: the pixels that its contour winds round and does not come near, at
+/// the least depth key of its triangles there. `object` projects the mesh's own coordinates, and `facing` is
+/// the sign of the determinant of triangles that face the eye. `scratch` and `contour_tiles` are scratch
+/// memory. Returns an upper bound on the mesh's depth keys, or negative infinity if the mesh is not drawn
+/// because no triangle certainly shows a side or the errors are too large.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn draw_mesh(
@@ -178,8 +180,9 @@ fn side_bit(side: i8) -> u8 {
     if side > 0 { 1 } else { 2 }
 }
 
-/// Computes the five values and the screen positions of all vertices into `scratch`, and extends
-/// `vertex_bounds` by them. Values of earlier meshes are overwritten.
+/// Computes the homogeneous coordinates and the screen positions of all vertices into `scratch`, and extends
+/// `vertex_bounds` by them. Values of earlier meshes are overwritten. `near_limit` is the distance beyond the
+/// near plane at which geometry is cut.
 #[inline(always)]
 fn project(
     positions: &[Vec3],
@@ -249,9 +252,9 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// Projects a corner, given by `x`, `y`, `w` and `n`. Returns its screen position, an upper bound on the
-/// error of its pixel coordinates in pixels, and an upper bound on its depth key. The error is infinite for a
-/// corner at or behind the eye.
+/// Projects a corner, given by `x` and `y` (pixel coordinates times `w`), `w` and `n` (depth key times `w`).
+/// Returns its screen position, an upper bound on the error of its pixel coordinates in pixels, and an upper
+/// bound on its depth key. The error is infinite for a corner at or behind the eye.
 #[inline(always)]
 fn seen_at([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenVertex, f64, f64) {
     let [ex, ey, ew, en, _] = object.error;
@@ -266,8 +269,8 @@ fn seen_at([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenVertex, 
     (ScreenVertex { x: x * over, y: y * over, far: lower(depth_key - margin) }, error, depth_key + margin)
 }
 
-/// Returns the screen position of a corner, given by its five values, and extends `vertex_bounds` by the
-/// corner.
+/// Returns the screen position of a corner, given by `x`, `y`, `w`, `n` and the distance beyond the near
+/// plane, and extends `vertex_bounds` by the corner.
 #[inline(always)]
 fn on_screen(
     &[x, y, w, n, _]: &[f64; 5],
@@ -282,9 +285,9 @@ fn on_screen(
 
 /// Decides for each triangle whether it is drawn, and replaces `drawn` by the results: 1 for a triangle that
 /// certainly faces the eye, -1 for one that certainly faces away if the mesh is two-sided, else 0. Triangles
-/// wholly before the near limit are not drawn. `slack` is `Some` if all corners are beyond the near limit,
-/// and bounds the errors of their screen coordinates in pixels. Returns the mask of the sides to draw: bit 0
-/// for fronts, bit 1 for backs.
+/// of which no corner is farther beyond the near plane than `near_limit` are not drawn. `slack` is `Some` if
+/// all corners are, and bounds the errors of their screen coordinates in pixels. Returns the mask of the
+/// sides to draw: bit 0 for fronts, bit 1 for backs.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn choose(
@@ -336,7 +339,7 @@ fn choose(
     u8::from(fronts) | if backs { 2 } else { 0 }
 }
 
-/// Extends `vertex_bounds` by the points where edges cross the near limit.
+/// Extends `vertex_bounds` by the points where edges are at a distance of `near_limit` beyond the near plane.
 #[inline(always)]
 fn bound_cuts(
     mesh: &OccluderTriangles,

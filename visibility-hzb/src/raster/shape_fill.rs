@@ -7,8 +7,9 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, any_below, bits, round_to_i32};
 use crate::setup::screen_shape::{MAX_PLANES, ScreenShape};
 
-/// Fills a shape into the tiles. The greatest depth key wins in each pixel. Returns false, without a change,
-/// if the shape's rectangle meets no tile whose `tile_min` is less than the shape's greatest depth key.
+/// Fills a shape into the tiles. The greatest (nearest) depth key wins in each pixel. Returns false, without
+/// a change, if the shape's rectangle meets no tile whose `tile_min` is less than the shape's greatest depth
+/// key.
 #[inline(always)]
 pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
     let columns = tiles.columns;
@@ -108,15 +109,15 @@ const EIGHTS: [f32; SIDE] = [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 56.0];
 /// Rows of pixels of a tile, relative to the tile.
 const ONES: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// Returns the index of the first pixel column at or after the bound `low`, at most about `limit`, which must
-/// be finite. A NaN bound gives `limit`, rounded up.
+/// Returns the bound `low` rounded up to a whole pixel column, or `limit` rounded up if `low` is greater or
+/// NaN. `limit` must be finite.
 #[inline(always)]
 fn first_pixel(low: f32, limit: f32) -> i32 {
     round_to_i32(if low <= limit { low } else { limit } + 0.5)
 }
 
-/// Returns the end (exclusive) of the pixel columns that lie before the bound `high`: `high` rounded down.
-/// Negative if the bound is below 0 or NaN.
+/// Returns the bound `high` rounded down to a whole pixel column: the end, exclusive, of the columns before
+/// it. A bound below 0 or NaN gives a negative number.
 #[inline(always)]
 fn end_pixel(high: f32) -> i32 {
     round_to_i32(if high >= -1.0 { high } else { -1.0 } - 0.5)
@@ -212,9 +213,9 @@ fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i
     }
 }
 
-/// Returns the least depth key of a shape in each of [`WIDTH`] tiles from tile column `column` on: the least
-/// of its planes, between the shape's `floor` and `ceiling`. `offsets` are the values of the planes in column
-/// 0 of the row of tiles.
+/// Returns the least depth key (greater is nearer) of a shape in each of [`WIDTH`] tiles from tile column
+/// `column` on: the least of its depth planes, limited to the range from `floor` to `ceiling`. `offsets` are
+/// the values of the planes in tile column 0 of the same row of tiles.
 #[inline(always)]
 fn depths(shape: &ScreenShape, offsets: &[f32; MAX_PLANES], column: usize) -> [f32; WIDTH] {
     let mut least = [shape.ceiling; WIDTH];

@@ -19,7 +19,8 @@ use alloc::vec::Vec;
 /// Scratch for one mesh, kept from mesh to mesh so that a frame does not allocate.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConvexScratch {
-    /// Values of each vertex: `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    /// Homogeneous screen coordinates of each vertex: `x` and `y` (pixel coordinates times `w`), `w`, `n`
+    /// (depth key times `w`), and the distance beyond the near plane.
     corners: Vec<[f64; 5]>,
     /// Column and row in pixels and depth key of each vertex, without error bounds.
     screen: Vec<[f64; 3]>,
@@ -138,7 +139,8 @@ fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], f
 }
 
 /// Decides for each triangle whether it is drawn, and replaces `drawn` by the results. A triangle is drawn if
-/// it certainly faces the eye and is not wholly before the near limit. `certain` is the error bound of its
+/// it certainly faces the eye and has a corner farther beyond the near plane than `near_limit`. `facing` is
+/// the sign of the determinant of triangles that face the eye, and `certain` bounds the error of a
 /// determinant. Returns whether any triangle is drawn.
 #[inline(always)]
 fn choose(

@@ -2,9 +2,10 @@
 //! [`ObjectProjection::at`](super::screen_projection::ObjectProjection::at) gives them: `x`, `y`, `w`, `n`
 //! and the distance beyond the near plane. All cuts are at a distance of `near_limit`.
 
-/// Returns the point of an edge whose distance beyond the near plane is `near_limit`. The ends `a` and `b`
-/// lie on different sides of that distance. The point is interpolated from the nearer end in both orders of
-/// the arguments, so that all triangles that share the edge get the identical point.
+/// Returns the point of an edge whose distance beyond the near plane is `near_limit`. The ends `a` and `b`,
+/// in homogeneous screen coordinates, lie on different sides of that distance. The point is interpolated from
+/// the nearer end in both orders of the arguments, so that all triangles that share the edge get the
+/// identical point.
 #[inline(always)]
 pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], near_limit: f64) -> [f64; 5] {
     let (a, b) = if a[4] < b[4] { (a, b) } else { (b, a) };
@@ -18,7 +19,8 @@ pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], near_limit: f64) -> [f64; 5] 
 
 /// The part of a triangle whose distance beyond the near plane exceeds `near_limit`.
 pub(crate) struct ClippedTriangle {
-    /// Corners of that part in the order of the triangle. The first `count` are valid.
+    /// Corners of the clipped triangle in its own order, in homogeneous screen coordinates. The first
+    /// `count` are valid.
     pub(crate) corners: [[f64; 5]; 4],
     /// Number of corners: 3 or 4, or 0 if the whole triangle is nearer than `near_limit`.
     pub(crate) count: usize,
@@ -27,7 +29,8 @@ pub(crate) struct ClippedTriangle {
     pub(crate) edge: Option<[[f64; 5]; 2]>,
 }
 
-/// Clips a triangle to distances beyond the near plane greater than `near_limit`. A corner exactly at
+/// Clips a triangle to the part farther beyond the near plane than `near_limit`. Corners are in homogeneous
+/// screen coordinates, whose fifth value is the distance beyond the near plane. A corner exactly at
 /// `near_limit` counts as nearer.
 pub(crate) fn clip_triangle(t: [&[f64; 5]; 3], near_limit: f64) -> ClippedTriangle {
     let mut out = ClippedTriangle { corners: [[0.0; 5]; 4], count: 0, edge: None };

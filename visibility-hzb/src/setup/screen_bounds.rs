@@ -4,10 +4,10 @@ use super::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::rounding::FloorCeil;
 use alloc::vec::Vec;
 
-/// Returns screen bounds of `N` points given by `x`, `y`, `w` and `n`: least and greatest column, least and
-/// greatest row (in pixels, not rounded to whole pixels), least and greatest depth key, each moved outwards
-/// by its error. `None` if a point is behind the plane of the eye, or too close to it for a bound on its
-/// error.
+/// Returns screen bounds of `N` points given by `x` and `y` (pixel coordinates times `w`), `w` and `n` (depth
+/// key times `w`). The bounds are least column, greatest column, least row, greatest row (in pixels, not
+/// rounded to whole pixels), least depth key and greatest depth key, each moved outwards by its error. `None`
+/// if a point is behind the plane of the eye, or too close to it for a bound on its error.
 #[inline(always)]
 pub(crate) fn extent<const N: usize>(
     x: &[f64; N],
@@ -31,12 +31,13 @@ pub(crate) fn extent<const N: usize>(
     rounded_outwards(low, high, least_w, object)
 }
 
-/// Returns the least and greatest column, row and depth key, each moved outwards by its error, from the
-/// computed least values `low` and greatest values `high`. `None` if `least_w`, the least `w` of the points,
-/// is not far above its own error.
+/// Returns screen bounds from computed extremes, each moved outwards by its error: least and greatest column
+/// in pixels, least and greatest row, least and greatest depth key. `low` and `high` hold the extremes of
+/// column, row and depth key. `None` if `least_w`, the least `w` of the points, is at most 1024 times its own
+/// error bound.
 ///
-/// A quotient `q = a / w` is off by `(e_a + |q| e_w) / w` to first order, and by two roundings. The factor 2
-/// covers the rest, since `w` exceeds `1024 e_w`.
+/// A quotient `q = a / w` is off by `(e_a + |q| e_w) / w` to first order, and by two roundings, with absolute
+/// errors `e_a` and `e_w`. The factor 2 covers the rest, since `w` exceeds `1024 e_w`.
 #[inline(always)]
 fn rounded_outwards(
     low: [f64; 3],
@@ -59,7 +60,8 @@ fn rounded_outwards(
 }
 
 /// Returns the column range and the row range, half-open, of the pixels of the buffer that screen bounds
-/// meet. `extent` is in the order of [`extent()`]. `None` if the bounds meet no pixel.
+/// meet. `extent` holds least column, greatest column, least row and greatest row in pixels, then depth keys.
+/// `None` if the bounds meet no pixel.
 #[inline(always)]
 pub(crate) fn pixels(extent: &[f64; 6], projection: &ScreenProjection) -> Option<([f64; 2], [f64; 2])> {
     let limit =
@@ -69,8 +71,10 @@ pub(crate) fn pixels(extent: &[f64; 6], projection: &ScreenProjection) -> Option
     (columns[0] < columns[1] && lines[0] < lines[1]).then_some((columns, lines))
 }
 
-/// Returns screen bounds as [`extent()`] does, for any number of corners as [`ObjectProjection::at`] gives
-/// them. Replaces `screen` by the columns, rows and depth keys of the corners, without error bounds.
+/// Returns screen bounds of any number of corners in homogeneous screen coordinates: least and greatest
+/// column, least and greatest row, least and greatest depth key, as [`extent()`] does. Replaces `screen` by
+/// the column, row and depth key of each corner, without error bounds. `None` if a corner is behind the plane
+/// of the eye, or too close to it.
 #[inline(always)]
 pub(crate) fn extent_of(
     corners: &[[f64; 5]],

@@ -44,7 +44,7 @@ pub(crate) struct ScreenProjection {
     pub(crate) size: [f64; 2],
     /// Width and height of the picture in pixels: less than a tile below `size`.
     pub(crate) picture: [f64; 2],
-    /// Rows of `x`, `y`, `w` and `n`.
+    /// Rows of `x` and `y` (pixel coordinates times `w`), `w`, and `n` (depth key times `w`).
     pub(crate) rows: [ScreenRow; 4],
     /// Row of the distance beyond the near plane: positive beyond it, without unit.
     pub(crate) near: ScreenRow,
@@ -97,8 +97,8 @@ impl ScreenProjection {
     }
 
     /// Returns the rows and error bounds for points in the coordinates of an object, which `transform` maps
-    /// to the scene. `reach` bounds the magnitudes of the points' x, y and z. The bounds do not hold for
-    /// points beyond.
+    /// to the scene. `reach` is the greatest magnitude of the points' x, y and z. The error bounds do not
+    /// hold for points beyond `reach`.
     #[inline(always)]
     pub(crate) fn project_object(&self, transform: &Affine3A, reach: [f64; 3]) -> ObjectProjection {
         if *transform == Affine3A::IDENTITY && self.untransformed.error[0] > 0.0 {
@@ -146,23 +146,26 @@ impl ScreenProjection {
     }
 }
 
-/// The five rows (`x`, `y`, `w`, `n` and the distance beyond the near plane) for points in the coordinates of
-/// one object, with error bounds.
+/// Linear functions of points in the coordinates of one object, with error bounds: the rows of `x` and `y`
+/// (pixel coordinates times `w`), `w`, `n` (depth key times `w`), and the distance beyond the near plane.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ObjectProjection {
-    /// Change of the five values for each unit along the object's x, y and z axis: `linear[axis][row]`.
+    /// Change of the five values `x`, `y`, `w`, `n` and near distance for each unit along the object's x, y
+    /// and z axis: `linear[axis][value]`.
     pub(crate) linear: [[f64; 5]; 3],
-    /// Values at the object's own origin.
+    /// The five values `x`, `y`, `w`, `n` and near distance at the object's own origin.
     pub(crate) constant: [f64; 5],
-    /// Upper bounds on the magnitude of each value, and on the sum of magnitudes of its terms.
+    /// Upper bound on the magnitude of each of the five values, and on the sum of the magnitudes of its
+    /// terms.
     pub(crate) size: [f64; 5],
-    /// Upper bounds on the absolute rounding error of each value.
+    /// Upper bound on the absolute rounding error of each of the five values `x`, `y`, `w`, `n` and near
+    /// distance.
     pub(crate) error: [f64; 5],
 }
 
 impl ObjectProjection {
-    /// Returns the five values at the point `p` in the object's coordinates: `x`, `y`, `w`, `n` and the
-    /// distance beyond the near plane.
+    /// Returns the five values at the point `p` in the object's coordinates: `x` and `y` (pixel coordinates
+    /// times `w`), `w`, `n` (depth key times `w`), and the distance beyond the near plane.
     #[inline(always)]
     pub(crate) fn at(&self, p: [f64; 3]) -> [f64; 5] {
         let mut out = [0.0; 5];
@@ -205,9 +208,10 @@ impl ObjectProjection {
     }
 }
 
-/// Returns the projection of an occluder with the given bounds in its own coordinates, and the sign of the
-/// determinant of triangles that face the eye, which a mirroring transform reverses. `None` if the transform
-/// is flat, the view's sign is unknown, or a value might overflow: then the occluder is not drawn.
+/// Returns the projection of an occluder to homogeneous screen coordinates, and the sign of the determinant
+/// of triangles that face the eye, which a mirroring transform reverses. `bounds` are in the occluder's own
+/// coordinates, which `transform` maps to the scene. `None` if the transform is flat, the view's `facing` is
+/// 0, or a value might overflow: then the occluder is not drawn.
 #[inline(always)]
 pub(crate) fn project_object(
     projection: &ScreenProjection,
