@@ -40,7 +40,8 @@ impl DrawCost {
     }
 }
 
-/// Facts about a scene that the advisor's probes found. Visible counts are means over the views.
+/// Facts about a scene, found by drawing it in software from a few views. Visible counts are means over the
+/// views.
 ///
 /// ```
 /// use visibility_measure::SceneFacts;
@@ -73,7 +74,7 @@ impl fmt::Display for SceneFacts {
     }
 }
 
-/// Measurements of one candidate on the advisor's views.
+/// Measurements of one candidate culler on the advisor's views.
 ///
 /// ```
 /// use visibility_measure::CullerTrial;
@@ -97,7 +98,7 @@ pub struct CullerTrial {
 }
 
 impl CullerTrial {
-    /// Tests whether the candidate hid no object that the probes found visible.
+    /// Tests whether the candidate kept every object that shows in a pixel of the advisor's images.
     pub fn is_sound(&self) -> bool {
         self.false_hidden == 0
     }
@@ -142,13 +143,13 @@ pub struct Advisor<'a> {
     views: &'a [View],
     /// Cost of drawing in the engine at hand.
     draw: DrawCost,
-    /// Facts found by the probes.
+    /// Facts about the scene, found by drawing its views in software.
     facts: SceneFacts,
-    /// Item buffer of each view.
+    /// Item buffer of each view: the reference for the candidates.
     probes: Vec<ItemBuffer>,
 }
 
-/// Columns and rows of a probe image, in pixels.
+/// Columns and rows, in pixels, of the image in which each view is drawn.
 const PROBE: (u32, u32) = (320, 180);
 
 impl<'a> Advisor<'a> {
@@ -182,8 +183,8 @@ impl<'a> Advisor<'a> {
         Ok(Self { scene, views, draw, facts, probes })
     }
 
-    /// Returns the facts that the probes found. All counts of visible objects and triangles are 0 without
-    /// views.
+    /// Returns the facts about the scene that drawing its views has found. All counts of visible objects and
+    /// triangles are 0 without views.
     pub fn facts(&self) -> &SceneFacts {
         &self.facts
     }

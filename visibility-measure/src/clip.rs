@@ -25,20 +25,22 @@ type Polygon = SmallVec<[DVec4; 9]>;
 
 /// Mapping of one view from points in space to one image, with the view's clip planes.
 pub(crate) struct ImageProjection {
-    /// Clip matrix for points relative to `origin`, the origin of the triangles.
+    /// Clip matrix for points in metres relative to the origin of the triangles.
     clip_from_local: DMat4,
-    /// Near plane in clip space: the signed distance is `x` times the clip z plus `y` times the clip w, not
-    /// negative in view.
+    /// Near plane in clip space: the signed distance is `x` times the clip z plus `y` times the clip w, and
+    /// is not negative in view.
     near: DVec2,
-    /// Far plane in clip space, in the form of `near`; the plane w = 0 for an infinite far plane.
+    /// Far plane in clip space: the signed distance is `x` times the clip z plus `y` times the clip w, and
+    /// is not negative in view. The plane w = 0 for an infinite far plane.
     far: DVec2,
-    /// Numerator of the depth key, over w: `x` times the clip z plus the constant `y`.
+    /// Depth key as a function of a clip-space point: (`x` times the clip z plus the constant `y`) over the
+    /// clip w.
     nearness: DVec2,
     /// Whether the view is parallel (w is constant).
     parallel: bool,
     /// Half the image's width and height in pixels.
     half_size: DVec2,
-    /// Clip planes of the view, moved to be relative to the origin of the triangles.
+    /// Clip planes of the view, in metres relative to the origin of the triangles.
     clip_planes: SmallVec<[Plane; 1]>,
 }
 

@@ -30,8 +30,8 @@ pub struct ObjectPixels {
     pub visible_triangles: u32,
     /// Number of pixels that show this object and do not tie with another object.
     pub pixels: u32,
-    /// Number of pixels that this object ties for, whether or not the image shows it there: see
-    /// [ties](crate#ties).
+    /// Number of pixels for which this object ties with other objects (rounding alone decides which of them
+    /// the image shows): see [ties](crate#ties).
     pub tied_pixels: u32,
 }
 
@@ -41,7 +41,8 @@ impl ObjectPixels {
         self.pixels > 0 || self.tied_pixels > 0
     }
 
-    /// Returns the numbers of the object's triangles, half-open.
+    /// Returns the range of the numbers of the object's triangles, half-open. Empty for an object without
+    /// triangles.
     pub fn triangle_range(&self) -> Range<u32> {
         self.first_triangle..self.first_triangle + self.triangles
     }
@@ -61,8 +62,8 @@ pub struct ExactVisibility {
     objects: Vec<ObjectPixels>,
     /// Number of pixels of the image that show each triangle, indexed by triangle number.
     triangle_pixels: Vec<u32>,
-    /// Objects of the tied pixels, sorted by pixel. Within a pixel, the object that the image shows comes
-    /// first.
+    /// Objects of the tied pixels, sorted by pixel. Objects tie for a pixel if rounding alone decides which
+    /// of them the image shows. Within a pixel, the object that the image shows comes first.
     ties: Vec<Tie>,
     /// Number of objects with at least one pixel, alone or in a tie.
     visible_objects: u32,
@@ -70,18 +71,19 @@ pub struct ExactVisibility {
     visible_triangles: u32,
     /// Number of pixels that show a triangle.
     covered_pixels: u32,
-    /// Number of pixels for which several objects tie.
+    /// Number of pixels for which several objects tie, that is, rounding alone decides which of them the
+    /// image shows.
     tied_pixels: u32,
     /// Sum over all pixels of the number of triangles drawn that cover the pixel.
     layers: u64,
 }
 
-/// One object of a pixel for which several objects tie.
+/// One object of a tied pixel, for which rounding alone decides which of several objects the image shows.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 struct Tie {
     /// Index of the pixel, row by row.
     pixel: u32,
-    /// Whether the image shows another object in the pixel.
+    /// Whether the image shows another object of the tie in the pixel.
     is_challenger: bool,
     /// Index of the object, in the order drawn.
     object: u32,
@@ -114,13 +116,14 @@ impl ExactVisibility {
         self.covered_pixels
     }
 
-    /// Returns the number of pixels for which several objects tie: see [ties](crate#ties).
+    /// Returns the number of pixels for which several objects tie, that is, rounding alone decides which of
+    /// them the image shows: see [ties](crate#ties).
     pub fn tied_pixels(&self) -> u32 {
         self.tied_pixels
     }
 
-    /// Returns, for each tied pixel, the indices of the objects that tie for it. The first is the object that
-    /// the image shows there.
+    /// Returns, for each tied pixel, the indices of the objects of which rounding alone decides which the
+    /// image shows. The first is the object that the image shows there.
     pub(crate) fn ties(&self) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone> {
         self.ties.chunk_by(|a, b| a.pixel == b.pixel).map(|tie| tie.iter().map(|one| one.object as usize))
     }
@@ -171,7 +174,8 @@ impl ExactVisibility {
         Some(first_triangle)
     }
 
-    /// Counts the pixels of a finished image by triangle and object. The image's claims must be settled.
+    /// Counts the pixels of a finished image by triangle and object. [`Image::settle_claims`] must have been
+    /// called.
     pub(crate) fn count(&mut self, image: &Image) {
         self.layers = image.layers;
         for &item in &image.items {
@@ -192,8 +196,8 @@ impl ExactVisibility {
         self.visible_objects = self.objects.iter().map(|object| u32::from(object.is_visible())).sum();
     }
 
-    /// Turns the image's claims into ties. A tied pixel no longer counts among the pixels of the object that
-    /// the image shows there, but as a tied pixel of every object of the tie.
+    /// Derives the ties from the image's claims. A tied pixel is removed from the pixels of the object that
+    /// the image shows there, and counted as a tied pixel of every object of the tie.
     fn count_ties(&mut self, image: &Image) {
         let mut ties = core::mem::take(&mut self.ties);
         for claim in &image.claims {

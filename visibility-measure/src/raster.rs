@@ -22,15 +22,16 @@ pub const NONE: u32 = u32::MAX;
 /// distance to the eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is about a millionth.
 const EDGE_TIE: f64 = 1e-6;
 
-/// Maximum mean number of claims per pixel. At this number, claims of triangles that have since been hidden
-/// are dropped. If more than half of the claims remain, no further ties are recorded. Bounds the memory where
-/// thousands of objects coincide.
+/// Maximum mean number of claims per pixel. A claim records a triangle that ties with the triangle that the
+/// pixel shows. At this number, claims of triangles that have since been hidden are dropped. If more than
+/// half of the claims remain, no further claims are recorded. Bounds the memory where thousands of objects
+/// coincide.
 const MAX_CLAIMS: usize = 16;
 
 /// Maximum relative difference of two depth keys that count as equal.
 pub(crate) const DEPTH_TIE: f64 = 1e-10;
 
-/// Corner of a triangle in image coordinates.
+/// Corner of a triangle in image coordinates: columns from the left, rows from the top, and a depth key.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Corner {
     /// Columns from the left side of the image; pixel centres are at half-integers.
@@ -55,7 +56,8 @@ impl Corner {
     }
 }
 
-/// Triangle that ties for a pixel with the triangle that the pixel shows.
+/// Claim of a triangle to a pixel: the triangle ties with the triangle that the pixel shows, since rounding
+/// alone decides which of the two is nearest at the pixel's centre.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Claim {
     /// Index of the pixel: `row * width + column`.
@@ -66,7 +68,7 @@ pub(crate) struct Claim {
     nearness: f64,
 }
 
-/// Image with the nearest triangle so far at each pixel and the triangle's depth key, row by row from the
+/// Image under construction: the nearest triangle so far at each pixel and its depth key, row by row from the
 /// top.
 #[derive(Clone, Debug)]
 pub(crate) struct Image {
@@ -81,14 +83,15 @@ pub(crate) struct Image {
     pub(crate) nearness: Vec<f64>,
     /// Sum over all pixels of the number of triangles drawn that cover the pixel.
     pub(crate) layers: u64,
-    /// Claims so far, in no order. Includes claims that triangles drawn later have hidden, until
+    /// Claims recorded so far, in no order: triangles that tie with the triangle that a pixel shows.
+    /// Includes claims that triangles drawn later have hidden, until
     /// [`settle_claims`](Self::settle_claims).
     pub(crate) claims: Vec<Claim>,
-    /// Whether claims are no longer recorded, since about [`MAX_CLAIMS`] per pixel are held already. Never
-    /// reset.
+    /// Whether new claims are discarded, since about [`MAX_CLAIMS`] per pixel are held already, as where
+    /// thousands of objects coincide.
     claims_full: bool,
-    /// Number of the first triangle of the object that is being drawn. Later triangles of that object make
-    /// no claims against its earlier ones.
+    /// Number of the first triangle of the object that is being drawn. Two triangles of one object never
+    /// tie.
     pub(crate) object_start: u32,
     /// Absolute difference of two depth keys up to which they count as equal. Zero for perspective views,
     /// where only the relative [`DEPTH_TIE`] counts.
@@ -113,7 +116,7 @@ impl Image {
         }
     }
 
-    /// Drops the claims of triangles that are certainly behind the triangle that their pixel now shows.
+    /// Drops each claim whose triangle is certainly behind the triangle that the claim's pixel now shows.
     pub(crate) fn settle_claims(&mut self) {
         let (nearness, least_difference) = (&self.nearness, self.least_difference);
         let holds =
@@ -121,8 +124,8 @@ impl Image {
         self.claims.retain(holds);
     }
 
-    /// Draws triangle number `item`, with finite corners of any size and position, and records its claims.
-    /// Corners in either orientation; a triangle without area draws nothing.
+    /// Draws triangle number `item`, with finite corners of any size and position, and records the pixels for
+    /// which it ties. Corners in either orientation; a triangle without area draws nothing.
     pub(crate) fn fill(&mut self, corners: [Corner; 3], item: u32) {
         let [a, b, c] = corners;
         if self.claims.len() >= MAX_CLAIMS * self.items.len().max(64) && !self.claims_full {
@@ -164,9 +167,9 @@ impl Image {
         }
     }
 
-    /// Records claims of triangle `item` for all centres of a row that come within [`EDGE_TIE`] of the
-    /// triangle, centres inside the triangle included, if the triangle is there at least as near as the
-    /// triangle shown.
+    /// Records that triangle `item` ties for the pixels of a row whose centres lie inside the triangle or
+    /// within [`EDGE_TIE`] of it, where the triangle is at least as near as the triangle shown. `edges` are
+    /// the triangle's edges that may meet the row.
     #[cold]
     #[inline(never)]
     fn claim_row(&mut self, row: usize, edges: &[&Edge], plane: &NearnessPlane, item: u32) {
@@ -188,8 +191,8 @@ impl Image {
         }
     }
 
-    /// Draws the pixels `first..end` of a row where triangle `item` is nearer than the triangle shown, and
-    /// records ties.
+    /// Draws the pixels of columns `first..end` of a row where triangle `item` is nearer than the triangle
+    /// shown, and records the pixels where both are equally near.
     #[inline]
     fn fill_span(&mut self, row: usize, first: usize, end: usize, plane: &NearnessPlane, item: u32) {
         let span = row * self.width + first..row * self.width + end;
@@ -229,7 +232,7 @@ fn as_near_as(nearness: f64, least_difference: f64) -> f64 {
     nearness - (nearness.abs() * DEPTH_TIE + least_difference)
 }
 
-/// Appends a claim. Separate and cold, since ties are rare.
+/// Appends a claim (a triangle that ties for a pixel). Separate and cold, since ties are rare.
 #[cold]
 #[inline(never)]
 fn add_claim(claims: &mut Vec<Claim>, claim: Claim) {

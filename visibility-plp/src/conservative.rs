@@ -67,7 +67,7 @@ pub struct ConservativePlpCuller<S, M> {
     settings: PlpSettings,
     map: M,
     walk: Walk,
-    /// Cells taken from the front in this round that await a test.
+    /// Cells taken from the front (the queue of cells to project) that await an occlusion test.
     waiting: Vec<u32>,
     /// Cells of `waiting` that the map may find hidden, each with its scene-relative box, sorted by cell
     /// number.
@@ -94,9 +94,9 @@ pub struct ConservativeStats {
 }
 
 impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M> {
-    /// Makes a culler over a tessellation with an occlusion map. `budget` limits the objects projected per
-    /// frame before the first map test; the result may be larger. Defaults: [`Solidity::Coverage`], back
-    /// faces count as visible. O(1).
+    /// Makes a culler over a tessellation with an occlusion map. `budget` limits the objects kept per frame
+    /// before the first map test; the result may be larger. Defaults: [`Solidity::Coverage`], back faces
+    /// count as visible. O(1).
     pub fn new(tessellation: S, budget: Budget, map: M) -> Self {
         let settings = PlpSettings { budget, solidity: Solidity::default(), one_sided: false };
         let (walk, waiting, sorted) = (Walk::default(), Vec::new(), Vec::new());
@@ -160,8 +160,8 @@ fn add_occluders<M: OcclusionMap>(map: &mut M, scene: &Scene, projected: &[Objec
 /// Maximum number of cells in a group that is tested by the box around the group.
 const GROUP: usize = 16;
 
-/// Drops the waiting cells that the map finds hidden: their objects are not projected and they do not
-/// propagate to their neighbours. Adds to `stats`; `sorted` is scratch memory.
+/// Drops the cells of `waiting` that the map finds hidden: their objects are not kept, and their neighbours
+/// are not reached through them. Adds to `stats`; `sorted` is scratch memory.
 ///
 /// Cells with close numbers often lie close together. A group of them is tested first by the box around the
 /// group, so that most cells behind a wall share one test per dozen. In a group that is partly visible, cells
@@ -203,12 +203,12 @@ fn shut_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
     }
 }
 
-/// Cells, each with its scene-relative box.
+/// Cells by number, each with its scene-relative box.
 type CellBoxes = [(u32, Aabb)];
 
 /// Splits off the longest run of first cells, at most [`GROUP`], that fill at least a third of the box around
-/// them. Returns the run, the box around it, and the remaining cells. The run has at least one cell unless
-/// `cells` is empty.
+/// them. Returns the run, the box around the run, and the remaining cells. The run has at least one cell
+/// unless `cells` is empty.
 fn split_group(cells: &CellBoxes) -> (&CellBoxes, Aabb, &CellBoxes) {
     let (mut all, mut sum, mut count) = (Aabb::EMPTY, 0.0, 0);
     for (_, bounds) in cells.iter().take(GROUP) {

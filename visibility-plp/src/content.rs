@@ -47,7 +47,7 @@ pub struct Content {
     pub(crate) cover: Vec<[u8; 4]>,
     /// Largest number of objects in a cell.
     pub(crate) max_count: u32,
-    /// Total number of sides (blocks) in all lists.
+    /// Total number of axis sides in the lists of all cells.
     pub(crate) side_count: usize,
     /// [`Scene::index_limit`] of the scene when the cells were filled.
     pub(crate) index_limit: u32,
@@ -123,9 +123,9 @@ impl Content {
         content
     }
 
-    /// Builds content from stored arrays and the scene for which they were made. The arrays are the fields of
-    /// the same names. Objects without a bit in `held` become strays. `Err` names the first inconsistency
-    /// between the arrays, or between the arrays and the scene.
+    /// Builds content from stored arrays and the scene for which they were made. The arrays become the fields
+    /// of the same names. Objects without a bit in `held` become strays, objects in no cell. `Err` names the
+    /// first inconsistency between the arrays, or between the arrays and the scene.
     pub(crate) fn from_arrays(
         scene: &Scene,
         starts: Vec<u32>,
@@ -190,7 +190,8 @@ impl Content {
         Ok(content)
     }
 
-    /// Replaces `strays` by all objects of the scene without a bit in `held`, in ascending order.
+    /// Replaces `strays`, the objects that count as being in no cell, by all objects of the scene without a
+    /// bit in `held`, in ascending order.
     fn find_strays(&mut self, scene: &Scene) {
         let held = &self.held;
         self.strays = scene.ids().filter(|id| !bit(held, id.index())).collect();
@@ -280,14 +281,15 @@ impl Content {
     }
 
     /// Returns the objects of `scene` that changed since the last `sync` or build. [`Changes::Everything`]
-    /// for another scene (also for a clone of the scene), and when the change log no longer reaches back.
+    /// for another scene (also for a clone of the scene), and if the change log no longer reaches back.
     pub(crate) fn changes<'a>(&self, scene: &'a Scene) -> Changes<'a> {
         self.cursor.peek(scene)
     }
 
-    /// Makes all objects that changed since the last call strays and removes strays that have left the scene.
-    /// Returns false if the tessellation should be rebuilt: the changes are unknown (then nothing is
-    /// modified), or more than an eighth of the scene's objects are strays.
+    /// Adds all objects that changed since the last call to the strays (objects in no cell, which count as
+    /// visible), and removes strays that have left the scene. Returns false if the tessellation should be
+    /// rebuilt: the changes are unknown (then nothing is modified), or more than an eighth of the scene's
+    /// objects are strays.
     pub(crate) fn sync(&mut self, scene: &Scene) -> bool {
         let Changes::Objects(changed) = self.changes(scene) else { return false };
         for &id in changed {
@@ -357,8 +359,8 @@ impl Iterator for Primitives<'_> {
     }
 }
 
-/// Returns the class and lean of every object, indexed by object index. Unused indices hold the default class
-/// and unknown lean.
+/// Returns the surface class of every object and the lean of its normal from its axis, indexed by object
+/// index. Unused indices hold the default class and unknown lean.
 fn classes_of(scene: &Scene) -> Vec<(SurfaceClass, Lean)> {
     let openness = openness_by_index(scene);
     let mut classes = alloc::vec![(SurfaceClass::default(), UNKNOWN_LEAN); scene.index_limit()];

@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 /// Number of children of a heap node.
 const CHILDREN: usize = 4;
 
-/// Heap index of a cell that is not in the front.
+/// Value of a cell's heap index while the cell is not in the front.
 const NOWHERE: u32 = u32::MAX;
 
 /// Priority queue of cells by solidity, least first, each cell at most once. Among cells of equal solidity
@@ -17,17 +17,18 @@ const NOWHERE: u32 = u32::MAX;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Front {
     /// Key and cell of each heap node. The parent of node i is node (i - 1) / [`CHILDREN`] and has no
-    /// greater key. The high 32 bits of a key are those of the solidity, the low 32 bits the ticket of
-    /// the push.
+    /// greater key. The high 32 bits of a key are those of the solidity, the low 32 bits the number of
+    /// pushes before.
     heap: Vec<(u64, u32)>,
-    /// Index in `heap` of each cell, or [`NOWHERE`].
+    /// Index in `heap` of each cell, by cell number; [`NOWHERE`] for cells not in the front.
     places: Vec<u32>,
-    /// Number of pushes since the last clear, wrapping. Serves as the next ticket.
+    /// Number of pushes since the last clear, wrapping: the low 32 bits of the next key.
     tickets: u32,
 }
 
 impl Front {
-    /// Reserves capacity for all cells below `cells`, so that no later operation on those cells allocates.
+    /// Reserves capacity for the cells numbered 0 to `cells` (exclusive), so that no later operation on those
+    /// cells allocates.
     pub(crate) fn reserve(&mut self, cells: usize) {
         self.heap.reserve(cells.saturating_sub(self.heap.len()));
         if self.places.len() < cells {
@@ -35,7 +36,7 @@ impl Front {
         }
     }
 
-    /// Removes all cells. Keeps the capacity.
+    /// Removes all cells from the front. Keeps the capacity.
     pub(crate) fn clear(&mut self) {
         for (_, cell) in self.heap.drain(..) {
             self.places[cell as usize] = NOWHERE;
@@ -43,8 +44,8 @@ impl Front {
         self.tickets = 0;
     }
 
-    /// Inserts a cell, or gives a cell of the front a new solidity. The cell goes behind all cells of equal
-    /// solidity. Negative solidity counts as 0, NaN as greater than any number. O(log n).
+    /// Inserts a cell into the front, or gives a cell of the front a new solidity. The cell goes behind all
+    /// cells of equal solidity. Negative solidity counts as 0, NaN as greater than any number. O(log n).
     #[inline]
     pub(crate) fn push(&mut self, solidity: f32, cell: u32) {
         // The bit patterns of floats that are not negative have the order of the floats.
@@ -125,7 +126,7 @@ impl Front {
         self.put(place, entry);
     }
 
-    /// Writes an entry (key and cell) to a heap index and updates the cell's stored index.
+    /// Writes an entry (key and cell) at a heap index and records that index for the cell.
     #[inline]
     fn put(&mut self, place: usize, entry: (u64, u32)) {
         self.heap[place] = entry;

@@ -16,18 +16,19 @@ use crate::normal_bins::BoxFromEye;
 use crate::surface_class::{ANY_SIDE, LEAN_STEPS, Lean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
 
-/// Minimum number of objects in a layer, unless its side has fewer. Visiting a layer costs about as much as
-/// testing 12 objects; smaller layers find more visible objects at small budgets.
+/// Minimum number of objects in a layer (group of similar objects on one side of a cell), unless its side has
+/// fewer. Visiting a layer costs about as much as testing 12 objects; smaller layers find more visible
+/// objects at small budgets.
 const MIN_LAYER: usize = 12;
 
-/// Minimum number of objects in the block of one side. The objects of sides with fewer go to the block of
-/// [`ANY_SIDE`].
+/// Minimum number of objects of a cell that face one axis side. Objects of sides with fewer are stored among
+/// those that face [`ANY_SIDE`].
 const MIN_ON_SIDE: usize = 8;
 
-/// Appends the encoded list of one cell to `bytes` and returns the number of its blocks (sides). `objects`
-/// are the object indices of the cell in any order; they are reordered. `classes` holds the class and lean of
-/// each object, indexed by object index; an index beyond its end counts as the default class with unknown
-/// lean. Appends nothing and returns 0 for a cell without objects.
+/// Appends the encoded list of one cell to `bytes` and returns the number of axis sides in the list.
+/// `objects` are the object indices of the cell in any order; they are reordered. `classes` holds the surface
+/// class and lean of each object, indexed by object index; an index beyond its end counts as the default
+/// class with unknown lean. Appends nothing and returns 0 for a cell without objects.
 pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], classes: &[(SurfaceClass, Lean)]) -> usize {
     let Some(&least) = objects.iter().min() else { return 0 };
     let known = |object: u32| {
@@ -73,13 +74,14 @@ pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], classes: &[(Su
     block_count
 }
 
-/// Maximum difference of [`SurfaceClass::rank`] between objects that share a layer, exclusive: four steps are
-/// a factor of four in area times openness.
+/// Maximum difference of [`SurfaceClass::rank`] between objects that share a layer (group of similar
+/// objects), exclusive: four steps are a factor of four in area times openness.
 const RANK_STEP: u32 = 4;
 
-/// Returns the number of objects in the first layer of `objects`, which are the remaining objects of one side
-/// in order of falling rank. A layer takes objects whose ranks differ by less than [`RANK_STEP`], further
-/// ranks until it has [`MIN_LAYER`] objects, and all objects if fewer than [`MIN_LAYER`] would remain.
+/// Returns the number of objects in the first layer (group of similar objects) of `objects`, which are the
+/// remaining objects of one axis side of a cell in order of falling rank. A layer takes objects whose ranks
+/// differ by less than [`RANK_STEP`], further ranks until it has [`MIN_LAYER`] objects, and all objects if
+/// fewer than [`MIN_LAYER`] would remain.
 fn layer_length(objects: &[u32], rank: impl Fn(u32) -> u32) -> usize {
     let mut length = 0;
     while length < objects.len() && length < MIN_LAYER {
@@ -119,14 +121,14 @@ fn take_number(bytes: &mut &[u8]) -> Option<u32> {
     }
 }
 
-/// Iterator over the object indices of one layer, in ascending order.
+/// Iterator over the object indices of one layer (group of similar objects of a cell), in ascending order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layer<'a> {
     /// Mean class of the layer's objects.
     pub(crate) class: SurfaceClass,
     /// Object index returned last. Before the first object, the least object index in the cell.
     last: u32,
-    /// Encoded differences of the objects not returned yet.
+    /// Encoded differences between successive indices of the objects not returned yet.
     bytes: &'a [u8],
 }
 
@@ -148,16 +150,17 @@ impl Iterator for Layer<'_> {
     }
 }
 
-/// Iterator over the layers of one side of a cell, in order of falling mean area times openness.
+/// Iterator over the layers (groups of similar objects) of one axis side of a cell, in order of falling mean
+/// area times openness.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layers<'a> {
     /// Axis side that the objects face, 0 to 5 (twice the axis, plus one towards negative coordinates), or
     /// [`ANY_SIDE`] for objects without a single normal.
     pub(crate) side: u8,
-    /// Upper bound on how far normals of the side's objects lean from its axis, in [`LEAN_STEPS`]ths;
+    /// Upper bound on how far the normals of the side's objects lean from its axis, in [`LEAN_STEPS`]ths;
     /// [`UNKNOWN_LEAN`] for no bound.
     lean: Lean,
-    /// Least object index in the cell.
+    /// Least object index in the cell, from which each layer's differences start.
     least: u32,
     /// Encoded layers not returned yet.
     bytes: &'a [u8],
@@ -193,17 +196,18 @@ impl<'a> Iterator for Layers<'a> {
     }
 }
 
-/// Iterator over the sides of a cell's list, one block of layers each.
+/// Iterator over the axis sides of a cell's encoded list; each item iterates over the layers of objects that
+/// face that side.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sides<'a> {
-    /// Least object index in the cell.
+    /// Least object index in the cell, from which each layer's differences start.
     least: u32,
-    /// Encoded blocks not returned yet.
+    /// Encoded bytes of the sides not returned yet.
     bytes: &'a [u8],
 }
 
 impl<'a> Sides<'a> {
-    /// Starts at the first side of an encoded list. An empty list has no sides.
+    /// Starts at the first axis side of a cell's encoded list. An empty list has no sides.
     #[inline]
     pub(crate) fn new(list: &'a [u8]) -> Self {
         let mut bytes = list;
@@ -211,16 +215,16 @@ impl<'a> Sides<'a> {
         Self { least, bytes }
     }
 
-    /// Returns the number of bytes of the sides not returned yet.
+    /// Returns the number of bytes of the axis sides not returned yet.
     #[inline]
     pub(crate) fn byte_count(&self) -> usize {
         self.bytes.len()
     }
 
-    /// Returns the layers in one byte range of the list. `from` and `to` are the range's start and end
-    /// (exclusive), counted in bytes before the list's end. The returned iterator faces `side` and has
-    /// unknown lean. No layers if the positions do not fit the list. `self` must not have returned any side
-    /// yet.
+    /// Returns the layers (groups of similar objects) in one byte range of the cell's list. `from` and `to`
+    /// are the range's start and end (exclusive), counted in bytes before the list's end. `side` is the axis
+    /// side that the objects face; the lean of the result is unknown. No layers if the range does not fit the
+    /// list. Call this before taking any side from the iterator.
     #[inline]
     pub(crate) fn layers(&self, side: u8, from: usize, to: usize) -> Layers<'a> {
         let place = |left: usize| self.bytes.len().saturating_sub(left);

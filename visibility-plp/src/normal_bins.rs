@@ -32,9 +32,9 @@ struct NormalBin {
     spread: f32,
 }
 
-/// One object's bin number, then the offset of its triangle's plane along the normal of a flat bin, in steps,
-/// low byte first. The offset is 0 in other bins. Three bytes in one array, so that a look-up misses the
-/// cache at most once.
+/// One object's normal bin and plane offset. The first byte is the bin's number. The other two are the offset
+/// of the triangle's plane along the normal of a flat bin, in steps, low byte first; 0 in other bins. Three
+/// bytes in one array, so that a look-up misses the cache at most once.
 type Mark = [u8; 3];
 
 /// Facing directions of all single-triangle objects of a scene, as of the time of construction.
@@ -142,7 +142,8 @@ impl NormalBins {
         (self.base, self.step) = (least, step);
     }
 
-    /// Returns the bin with a number if the bin is flat; `None` otherwise.
+    /// Returns the bin with a number if the bin is flat, that is, its normals agree up to [`FLAT`]. `None`
+    /// otherwise and for an unknown number.
     fn flat_bin(&self, number: u8) -> Option<&NormalBin> {
         self.bins.get(usize::from(number)).filter(|bin| bin.spread <= FLAT)
     }
@@ -234,7 +235,8 @@ pub(crate) struct BoxFromEye {
 
 impl BoxFromEye {
     #[inline]
-    /// Makes the form relative to `eye` of the box `bounds`. Both are relative to the scene's origin.
+    /// Converts the scene-relative box `bounds` to a box relative to `eye`, which is relative to the scene's
+    /// origin as well.
     pub(crate) fn new(eye: Eye, bounds: &Aabb) -> Self {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (to_eye, half) = match eye {

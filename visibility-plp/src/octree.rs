@@ -71,11 +71,11 @@ pub struct OctreeTessellation {
     pub(crate) grid: Grid,
     /// Settings of the subdivision, kept for `rebuild`.
     pub(crate) fineness: Fineness,
-    /// Morton code of the voxel at each leaf's minimum corner, ascending.
+    /// Morton code of the voxel (cube of one grid step) at each leaf's minimum corner, ascending.
     pub(crate) codes: Vec<u32>,
-    /// Voxel index (x, y, z) of each leaf's minimum corner, then the leaf's side in grid steps.
+    /// Position of each leaf's minimum corner in grid steps (x, y, z), then the leaf's side in grid steps.
     pub(crate) blocks: Vec<[u16; 4]>,
-    /// Adjacency of the leaves: for each leaf its neighbours, encoded by [`link`].
+    /// Adjacency of the leaves: for each leaf its neighbours across faces, encoded by [`link`].
     pub(crate) links: IndexLists,
     /// Leaves with a face on the surface of the cube.
     pub(crate) boundary: Vec<u32>,
@@ -98,15 +98,15 @@ struct Cutter {
     fineness: Fineness,
     /// All nodes; the root is the first.
     nodes: Vec<Node>,
-    /// For each leaf, the Morton code of the voxel at its minimum corner, and its level: the number of
-    /// halvings, 0 for the whole cube.
+    /// For each leaf, the Morton code of the voxel (cube of one grid step) at its minimum corner, and its
+    /// level: the number of halvings, 0 for the whole cube.
     leaves: Vec<(u32, u32)>,
 }
 
 impl Cutter {
     /// Subdivides the node with index `node` recursively and appends its leaves in Morton order. `start` is
-    /// the Morton code of the voxel at the node's minimum corner, and `level` the number of halvings so far.
-    /// `vertices` holds the sorted Morton codes of all vertices in the node.
+    /// the Morton code of the voxel (cube of one grid step) at the node's minimum corner, and `level` the
+    /// number of halvings so far. `vertices` holds the sorted Morton codes of all vertices in the node.
     fn cut(&mut self, node: usize, start: u32, level: u32, vertices: &[u32]) {
         let is_full = self.leaves.len() >= 1 << (LEAF_BITS - 1);
         // Vertices in one voxel would all go to the same child at each split.
@@ -132,14 +132,14 @@ impl Cutter {
 }
 
 impl OctreeTessellation {
-    /// Partitions a scene at the default fineness. Objects whose bounds are not finite become
-    /// [strays](Content::strays).
+    /// Partitions a scene into cubic cells at the default fineness. Objects whose bounds are not finite
+    /// become [strays](Content::strays), which count as visible.
     pub fn new(scene: &Scene) -> Self {
         Self::with_fineness(scene, Fineness::default())
     }
 
-    /// Partitions a scene into the leaves of an octree with the given limits. Objects whose bounds are not
-    /// finite become [strays](Content::strays).
+    /// Partitions a scene into cubic cells, the leaves of an octree with the given limits. Objects whose
+    /// bounds are not finite become [strays](Content::strays), which count as visible.
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
         let (grid, Cutter { nodes, leaves, .. }) = cut(scene, fineness);
         let codes: Vec<u32> = leaves.iter().map(|leaf| leaf.0).collect();
@@ -149,8 +149,8 @@ impl OctreeTessellation {
         Self { grid, fineness, codes, blocks, links, boundary, content }
     }
 
-    /// Partitions a scene anew at the same fineness. Replaces all cells and clears the strays, up to objects
-    /// whose bounds are not finite.
+    /// Partitions a scene anew at the same fineness, replacing all cells. Afterwards only objects whose
+    /// bounds are not finite are strays (in no cell).
     pub fn rebuild(&mut self, scene: &Scene) {
         *self = Self::with_fineness(scene, self.fineness);
     }
@@ -179,7 +179,7 @@ impl OctreeTessellation {
             + self.content.memory()
     }
 
-    /// Returns the voxel index of a cell's minimum corner, and the cell's side in grid steps.
+    /// Returns the position of a cell's minimum corner and the cell's side, both in steps of the grid.
     #[inline]
     fn place(&self, cell: u32) -> ([u32; 3], u32) {
         let [x, y, z, side] = self.blocks[cell as usize].map(u32::from);
@@ -217,8 +217,8 @@ fn cut(scene: &Scene, fineness: Fineness) -> (Grid, Cutter) {
     (grid, cutter)
 }
 
-/// Returns, for each leaf of `Cutter::leaves`, the voxel index of its minimum corner and its side in grid
-/// steps.
+/// Returns, for each leaf of `Cutter::leaves`, the position of its minimum corner (x, y, z) and its side, all
+/// in grid steps.
 fn blocks_of(leaves: &[(u32, u32)]) -> Vec<[u16; 4]> {
     let block = |&(code, level): &(u32, u32)| {
         let [x, y, z] = place_of(code).map(|x| x as u16);
@@ -227,15 +227,15 @@ fn blocks_of(leaves: &[(u32, u32)]) -> Vec<[u16; 4]> {
     leaves.iter().map(block).collect()
 }
 
-/// Returns the grid of a scene's octree and, for each leaf, the voxel index of its minimum corner and its
-/// side in grid steps. The octree is built without object lists.
+/// Returns the grid of a scene's octree and, for each leaf, the position of its minimum corner (x, y, z) and
+/// its side, all in grid steps. The octree is built without object lists.
 pub(crate) fn leaves_of(scene: &Scene, fineness: Fineness) -> (Grid, Vec<[u16; 4]>) {
     let (grid, cutter) = cut(scene, fineness);
     (grid, blocks_of(&cutter.leaves))
 }
 
-/// Number of bits of an encoded neighbour that hold the leaf's number. The octree has at most 2^28 leaves, or
-/// seven more.
+/// Number of low bits of an encoded neighbour that hold the leaf's number. The octree has at most 2^28
+/// leaves, or seven more.
 const LEAF_BITS: u32 = 29;
 
 /// Encodes a neighbour in 32 bits: the number of the neighbouring leaf, the axis (0, 1, 2) along which it
@@ -244,8 +244,8 @@ fn link(leaf: u32, axis: usize, upwards: bool) -> u32 {
     leaf | (axis as u32 * 2 + u32::from(upwards)) << LEAF_BITS
 }
 
-/// Decodes a neighbour encoded by [`link`]: the number of the leaf, the axis (0, 1, 2) along which it lies,
-/// and whether it lies towards greater coordinates.
+/// Decodes a neighbour encoded by [`link`]. Returns the number of the neighbouring leaf, the axis (0, 1, 2)
+/// along which it lies, and whether it lies towards greater coordinates.
 #[inline]
 pub(crate) fn linked(link: u32) -> (u32, usize, bool) {
     let side = link >> LEAF_BITS;
@@ -286,8 +286,8 @@ fn join(codes: &[u32], blocks: &[[u16; 4]]) -> (IndexLists, Vec<u32>) {
     (IndexLists::new(blocks.len(), &pairs), boundary)
 }
 
-/// Returns the smallest node that certainly contains a shape: its index, the voxel index of its minimum
-/// corner, and its side in grid steps. The shape is scene-relative.
+/// Returns the smallest node that certainly contains a scene-relative shape: the node's index, the position
+/// of the node's minimum corner, and the node's side. Position and side are in grid steps.
 fn enclosing(nodes: &[Node], grid: &Grid, shape: &Shape) -> (u32, [u32; 3], u32) {
     let corners = shape.corners();
     let corners = corners.as_slice();
@@ -316,8 +316,8 @@ fn enclosing(nodes: &[Node], grid: &Grid, shape: &Shape) -> (u32, [u32; 3], u32)
     (node, place, side)
 }
 
-/// Assigns every object to all leaves that its shapes meet, and samples the rays that the objects of each
-/// leaf stop. `leaves` is the number of leaves.
+/// Assigns every object to all leaves that its shapes meet. Also samples which share of the rays through each
+/// leaf its objects stop. `leaves` is the number of leaves.
 fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
     let mut pairs = Vec::new();
     let mut cover = alloc::vec![Cover::default(); leaves];

@@ -13,25 +13,25 @@ use alloc::vec::Vec;
 use visibility_core::Scene;
 use visibility_core::glam::{DVec2, Vec2, Vec3};
 
-/// Number of line directions.
+/// Number of directions of the parallel lines along which free distances are measured.
 const DIRECTIONS: usize = 16;
 
-/// Maximum number of lines along each side of the square grid of lines of one direction.
+/// Maximum number of parallel lines along each side of the square grid of lines of one direction.
 const MAX_SIDE: u32 = 2048;
 
 /// Target number of lines of one direction that intersect a triangle, on average over all triangles.
 const LINES_PER_TRIANGLE: f64 = 3.0;
 
-/// Free distance that counts as an openness of 1, as a fraction of the scene's radius. Longer distances count
-/// as 1 too.
+/// Free distance (length from a triangle to the next surface in front) that counts as an openness of 1, as a
+/// fraction of the scene's radius. Longer distances count as 1 too.
 const FAR: f32 = 0.5;
 
 /// Minimum cosine between a triangle's normal and a line direction for which the triangle's free distance is
 /// measured.
 const MIN_MEASURED_COSINE: f32 = 0.2;
 
-/// Minimum cosine between a triangle's normal and a line direction for which the triangle intersects lines at
-/// all.
+/// Minimum cosine between a triangle's normal and a line direction for which the triangle blocks the lines of
+/// that direction.
 const MIN_CUTTING_COSINE: f32 = 1e-3;
 
 /// Distance from a triangle, in line spacings, up to which another surface counts as the same surface.
@@ -120,21 +120,22 @@ fn axes(direction: usize) -> [Vec3; 3] {
     [u, along.cross(u), along]
 }
 
-/// Slope of a triangle's plane over the cross-section of lines along z, in the lines' coordinates.
+/// Slope of a triangle's plane, in coordinates with z along the parallel lines and lengths in line spacings.
 struct Slope {
-    /// Change of z per unit of x.
+    /// Change of the plane's z per unit of x.
     x: f32,
-    /// Change of z per unit of y.
+    /// Change of the plane's z per unit of y.
     y: f32,
-    /// Absolute cosine between the triangle's normal and the lines.
+    /// Absolute cosine between the triangle's normal and the lines, 0 to 1.
     cosine: f32,
     /// Whether the triangle's front faces towards greater z.
     up: bool,
 }
 
 impl Slope {
-    /// Returns the slope of a triangle given in the lines' coordinates. `None` if the cosine between its
-    /// normal and the lines is at most `min_cosine`, or the triangle has no normal.
+    /// Returns the slope of a triangle given in the lines' coordinates (z along the lines, lengths in line
+    /// spacings). `None` if the cosine between its normal and the lines is at most `min_cosine`, or the
+    /// triangle has no normal.
     fn new([a, b, c]: &[Vec3; 3], min_cosine: f32) -> Option<Self> {
         let normal = (*b - *a).cross(*c - *a);
         let cosine = normal.z.abs() / normal.length();
@@ -152,22 +153,23 @@ impl Slope {
 /// number `j * side + i`.
 #[derive(Default)]
 struct Lines {
-    /// Number of lines along each side of the square grid.
+    /// Number of parallel lines along each side of the square grid of lines.
     side: u32,
     /// CSR offsets: the index in `depths` of each line's first intersection, then the end of the last line
     /// and one scratch entry.
     starts: Vec<u32>,
-    /// z of every intersection, line by line; ascending within each line of `long`, otherwise in the order
-    /// of the triangles.
+    /// Depth (z in line spacings) of every intersection, line by line; ascending within each line of `long`,
+    /// otherwise in the order of the triangles.
     depths: Vec<f32>,
     /// Numbers of the lines with more than [`MAX_SCANNED`] intersections.
     long: Vec<u32>,
-    /// Line number and z of every intersection, in the order of the triangles.
+    /// Line number and depth (z in line spacings) of every intersection, in the order of the triangles.
     cuts: Vec<(u32, f32)>,
 }
 
 impl Lines {
-    /// Replaces the intersections of all lines by those with `triangles`, given in the lines' coordinates.
+    /// Replaces the intersections of all lines by those with `triangles`, given in the lines' coordinates (z
+    /// along the lines, lengths in line spacings).
     fn cut(&mut self, triangles: &[[Vec3; 3]]) {
         self.cuts.clear();
         for t in triangles {
@@ -201,7 +203,8 @@ impl Lines {
         }
     }
 
-    /// Appends the intersections of one triangle to `cuts`.
+    /// Appends the intersections of one triangle with the lines to `cuts`. `t` and `slope` are in the lines'
+    /// coordinates (z along the lines, lengths in line spacings).
     fn cut_by(&mut self, t: &[Vec3; 3], slope: &Slope) {
         let (min, max) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
         let end = |x: f32| ((x + 0.5) as u32).min(self.side);
@@ -228,9 +231,9 @@ impl Lines {
         }
     }
 
-    /// Returns the distance in line spacings from a triangle to the next surface on its front side, along the
-    /// line nearest to its centre. Surfaces within [`SAME_SURFACE`] are skipped. Infinite if no surface
-    /// follows.
+    /// Returns the free distance of a triangle in line spacings: the length to the next surface on its front
+    /// side, along the line nearest to its centre. Surfaces within [`SAME_SURFACE`] are skipped. Infinite if
+    /// no surface follows.
     fn free_distance(&self, t: &[Vec3; 3], slope: &Slope) -> f32 {
         let center = (t[0] + t[1] + t[2]) / 3.0;
         let place = |x: f32| (x as u32).min(self.side - 1);
@@ -272,7 +275,8 @@ mod tests {
     use visibility_core::glam::Quat;
     use visibility_core::{Aabb, Object, OccluderMesh};
 
-    /// Inserts the twelve outward-facing triangles of a turned cube, each as an object.
+    /// Inserts the twelve outward-facing triangles of a cube into the scene, each as an object. `half` is
+    /// half the cube's side, `turn` its rotation.
     fn cube(scene: &mut Scene, center: Vec3, half: f32, turn: Quat) {
         let corners = Aabb::new(Vec3::splat(-half), Vec3::splat(half)).corners();
         for triangle in OccluderMesh::CUBOID {

@@ -6,7 +6,7 @@ use visibility_core::glam::DVec3;
 
 /// Tests whether a triangle and a box meet. `center` and `half` are the box's centre and half size; all
 /// coordinates share one space. Conservative: false only if triangle and box are certainly disjoint. True if
-/// they touch and for NaN.
+/// they touch, and for a triangle of NaN corners.
 pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVec3) -> bool {
     let [a, b, c] = triangle.map(|p| p - center);
     // Coordinates come from f32 and the box from a grid in f64. Each subtraction rounds by 2^-53 of its
@@ -45,13 +45,13 @@ pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], center: DVec3, half: DVe
             }
         }
     }
-    // Reached for NaN too, since every comparison above was false.
+    // Reached for a triangle of NaN corners too, since every comparison above was false.
     true
 }
 
-/// Tests whether a shape and a cube meet. `center` and `half` are the cube's centre and half its side.
-/// Conservative: false only if shape and cube are certainly disjoint. True if they touch. A box with NaN
-/// coordinates meets no cube; a triangle with NaN coordinates meets every cube.
+/// Tests whether a shape and a cube meet. `center` and `half` are the cube's centre and half its side, in the
+/// shape's coordinates. Conservative: false only if shape and cube are certainly disjoint. True if they
+/// touch. False for a box with NaN coordinates.
 pub(crate) fn shape_meets_cube(shape: &Shape, center: DVec3, half: f64) -> bool {
     match shape {
         Shape::Triangle(triangle) => triangle_meets_box(triangle, center, DVec3::splat(half)),
@@ -65,8 +65,8 @@ pub(crate) fn shape_meets_cube(shape: &Shape, center: DVec3, half: f64) -> bool 
 }
 
 /// Tests whether a solid box contains a cube, with a distance between their surfaces far above rounding.
-/// `center` and `half` are the cube's centre and half its side. False for triangles, touching surfaces and
-/// NaN.
+/// `center` and `half` are the cube's centre and half its side, in the shape's coordinates. False for
+/// triangles, touching surfaces and NaN.
 pub(crate) fn shape_contains_cube(shape: &Shape, center: DVec3, half: f64) -> bool {
     match shape {
         Shape::Triangle(_) => false,
@@ -81,16 +81,17 @@ pub(crate) fn shape_contains_cube(shape: &Shape, center: DVec3, half: f64) -> bo
 /// side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tetrahedron {
-    /// Vertices of the tetrahedron.
+    /// Vertices of the tetrahedron, in steps of the fine grid.
     corners: [DVec3; 4],
     /// Outward unit normals of the faces; face i is opposite of corner i. Zero for a face without area.
     normals: [DVec3; 4],
-    /// Offset of each face's plane: the product of its normal and any point of the plane.
+    /// Offset of each face's plane in steps of the fine grid: the dot product of its normal and any point of
+    /// the plane.
     offsets: [f64; 4],
 }
 
 impl Tetrahedron {
-    /// Computes the face planes from four corners in any order.
+    /// Computes the face planes from four corners in any order, in steps of the fine grid.
     pub(crate) fn new(corners: [DVec3; 4]) -> Self {
         let (mut normals, mut offsets) = ([DVec3::ZERO; 4], [0.0; 4]);
         for face in 0..4 {
@@ -102,26 +103,26 @@ impl Tetrahedron {
         Self { corners, normals, offsets }
     }
 
-    /// Returns the minimum and maximum corner of the bounding box.
+    /// Returns the minimum and maximum corner of the bounding box, in steps of the fine grid.
     fn ends(&self) -> (DVec3, DVec3) {
         let [a, b, c, d] = self.corners;
         (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)))
     }
 
-    /// Returns the centre of the bounding box.
+    /// Returns the centre of the bounding box, in steps of the fine grid.
     pub(crate) fn center(&self) -> DVec3 {
         let (min, max) = self.ends();
         (min + max) * 0.5
     }
 
-    /// Returns half the size of the bounding box.
+    /// Returns half the size of the bounding box along each axis, in steps of the fine grid.
     pub(crate) fn half(&self) -> DVec3 {
         let (min, max) = self.ends();
         (max - min) * 0.5
     }
 
-    /// Tests whether a point lies inside the tetrahedron, or outside of a face by at most [`HAIR`]. False for
-    /// NaN.
+    /// Tests whether a point, in steps of the fine grid, lies inside the tetrahedron or at most [`HAIR`] (a
+    /// thousandth of a step) outside. False for NaN.
     pub(crate) fn contains(&self, p: DVec3) -> bool {
         self.normals.iter().zip(&self.offsets).all(|(normal, offset)| normal.dot(p) - offset <= HAIR)
     }
@@ -138,8 +139,8 @@ impl Tetrahedron {
     }
 }
 
-/// Tolerance in steps of the fine grid: far above rounding, which is 2^-35 of a step, and far below the size
-/// of any cell.
+/// Tolerance of tests against a tetrahedron, in steps of the fine grid: far above rounding, which is 2^-35 of
+/// a step, and far below the size of any cell.
 const HAIR: f64 = 1e-3;
 
 /// Tests whether a shape and a tetrahedron meet, both in steps of the fine grid. Conservative: false only if
@@ -342,10 +343,10 @@ mod tests {
         }
     }
 
-    /// Flat boxes and triangles in the face between two cells, far from the origin. The cells are so small
-    /// beside that distance that their own size does not bound the rounding of their faces. There f32 has
-    /// numbers so close to a face only if the face is at a round number: every 25 steps from the middle of
-    /// the grid, which is 51/50 as wide as the scene, if the scene's coordinates are integers.
+    /// Walls in the face between two cells, so far from the origin that the face is rounded by more than the
+    /// margin relative to the cell's size: at least one of the two cells meets each wall. f32 has a number
+    /// that close to a face only where the face's coordinate is an integer: every 25 grid steps from the
+    /// middle, since the grid is 51/50 as wide as the scene.
     #[test]
     fn nothing_falls_between_cells_far_away() {
         let mut random = Random(22);

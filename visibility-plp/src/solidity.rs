@@ -5,7 +5,8 @@ use crate::tessellation::{Face, Tessellation};
 use visibility_core::glam::{DVec3, Vec2, Vec3};
 use visibility_core::view::Eye;
 
-/// Estimate of a cell's solidity, which orders the front: the cell with the least solidity is projected next.
+/// Estimate of a cell's solidity, the likelihood that objects in earlier cells hide the cell. The cell with
+/// the least solidity is projected (its objects kept) next.
 ///
 /// ```
 /// use visibility_plp::Solidity;
@@ -40,18 +41,20 @@ pub enum Solidity {
 /// the value open.
 const PENALTY: f32 = 0.05;
 
-/// Solid angle, in steradians, of an object whose priority factor [`worth`] is 1/2: about three pixels
-/// square, at a thousand pixels per radian.
+/// Solid angle, in steradians, of an object whose priority factor [`worth`] is 1/2: about three by three
+/// pixels, at a thousand pixels per radian.
 const HALF_WORTH_ANGLE: f32 = 1e-5;
 
-/// Cell from which a face leads to a neighbour, with its inputs to the neighbour's solidity.
+/// Cell from which a face leads to a neighbour, with the values from which the neighbour's solidity is
+/// computed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct From {
     /// Number of the cell.
     pub(crate) cell: u32,
     /// Unit direction from the eye to the cell's centre.
     pub(crate) direction: DVec3,
-    /// The cell's transmittance, 0 to 1; its solidity with [`Solidity::Count`].
+    /// The cell's transmittance (share of view rays that reach the cell, 0 to 1); its solidity with
+    /// [`Solidity::Count`].
     pub(crate) value: f32,
 }
 
@@ -86,8 +89,8 @@ pub(crate) fn solid_angle_per_area(frustum: &CellFrustum, center: DVec3, silhoue
     }
 }
 
-/// Returns the priority factor of an object that covers the given solid angle in steradians: from 1e-6 for
-/// tiny objects to 1 for large ones. 1 for an infinite angle and for NaN.
+/// Returns the priority factor of an object that covers `angle` steradians: `angle / (angle + 1e-5)`, at
+/// least 1e-6. 1 for an infinite angle and for NaN.
 #[inline]
 pub(crate) fn worth(angle: f32) -> f32 {
     if angle < f32::MAX { (angle / (angle + HALF_WORTH_ANGLE)).max(1e-6) } else { 1.0 }

@@ -4,17 +4,19 @@
 use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, Scene};
 
-/// Class of an object's surface, or mean class of the objects of a layer.
+/// Class of an object's surface by area, facing direction and openness, or mean class of a group of objects
+/// (layer).
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub(crate) struct SurfaceClass {
     /// Area class, on a logarithmic scale of the area in square metres: each class spans a factor of four.
     /// Larger areas have larger classes, NaN the largest (127).
     pub(crate) area: u8,
     /// Axis side that the surface faces most: twice the axis (0, 1, 2), plus one towards negative
-    /// coordinates. [`ANY_SIDE`] for objects without a single normal.
+    /// coordinates. [`ANY_SIDE`] for objects that do not have exactly one triangle.
     pub(crate) side: u8,
-    /// Openness class, on a logarithmic scale of two steps per factor of two: an openness of 1 is
-    /// [`FULLY_OPEN`], 1/2 two less. 0 stands for the least representable openness and all smaller ones.
+    /// Class of the openness (mean free distance in front of the surface, 0 to 1), on a logarithmic scale of
+    /// two steps per factor of two: an openness of 1 is [`FULLY_OPEN`], 1/2 two less. 0 stands for the least
+    /// representable openness and all smaller ones.
     pub(crate) openness: u8,
 }
 
@@ -27,13 +29,13 @@ pub(crate) type Lean = u8;
 /// largest component.
 pub(crate) const LEAN_STEPS: f32 = 14.0;
 
-/// Lean of normals that are not known.
+/// Value of [`Lean`] for objects without a reliable normal: no bound on the direction of their normals.
 pub(crate) const UNKNOWN_LEAN: Lean = 15;
 
-/// Number of axis sides: two for each of x, y and z.
+/// Number of axis sides that a surface can face: two for each of x, y and z.
 pub(crate) const SIDES: usize = 6;
 
-/// Side of objects without a single normal.
+/// Side number of objects that do not have exactly one triangle with a normal.
 pub(crate) const ANY_SIDE: u8 = SIDES as u8;
 
 /// Openness class of an openness of 1, the largest class.
@@ -90,7 +92,8 @@ impl SurfaceClass {
         area_of(self.area)
     }
 
-    /// Returns the least openness of the openness class, greater than 0 and at most 1.
+    /// Returns the least openness (mean free distance in front of the surface, greater than 0, at most 1) of
+    /// the openness class.
     #[inline]
     pub(crate) fn openness(self) -> f32 {
         let halves = u32::from(FULLY_OPEN - self.openness.min(FULLY_OPEN));

@@ -21,7 +21,8 @@ pub(crate) use triangulate::NONE;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Scene};
 
-/// Number of steps of the fine grid, on which the tetrahedra's vertices lie, per step of the octree's grid.
+/// Number of steps of the fine grid, on which the tetrahedra's vertices lie, per step of the octree's grid
+/// along each axis.
 pub(crate) const FINER: i32 = 128;
 
 /// Number of steps of the fine grid along each side of the cube.
@@ -48,12 +49,12 @@ pub(crate) const SIDE: i32 = STEPS as i32 * FINER;
 /// ```
 #[derive(Clone, Debug)]
 pub struct DelaunayTessellation {
-    /// Grid of the octree that supplied the points; fine-grid coordinates are relative to its minimum
-    /// corner.
+    /// Grid of the octree whose leaf centres became vertices. Coordinates on the fine grid are relative to
+    /// its minimum corner.
     pub(crate) grid: Grid,
-    /// Settings of that octree, kept for `rebuild`.
+    /// Settings of the octree whose leaf centres became vertices, kept for `rebuild`.
     pub(crate) fineness: Fineness,
-    /// Vertices of the tetrahedra, on the fine grid. The first eight are the corners of the cube.
+    /// Vertices of the tetrahedra, in steps of the fine grid. The first eight are the corners of the cube.
     pub(crate) points: Vec<Point>,
     /// Corners of each cell, as indices into `points`.
     pub(crate) cells: Vec<[u32; 4]>,
@@ -88,14 +89,14 @@ impl DelaunayTessellation {
     /// tetrahedra.
     pub const FINENESS: Fineness = Fineness { vertices: 2048, halvings: 8 };
 
-    /// Partitions a scene at the default [fineness](Self::FINENESS). Objects whose bounds are not finite
-    /// become [strays](Content::strays).
+    /// Partitions a scene into tetrahedra at the default [fineness](Self::FINENESS). Objects whose bounds are
+    /// not finite become [strays](Content::strays), which count as visible.
     pub fn new(scene: &Scene) -> Self {
         Self::with_fineness(scene, Self::FINENESS)
     }
 
     /// Partitions a scene into tetrahedra, with one vertex in each leaf of the octree of the given fineness.
-    /// Objects whose bounds are not finite become [strays](Content::strays).
+    /// Objects whose bounds are not finite become [strays](Content::strays), which count as visible.
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
         let (grid, blocks) = leaves_of(scene, fineness);
         let points: Vec<Point> = blocks.iter().map(|&block| place(block, 0)).collect();
@@ -110,8 +111,8 @@ impl DelaunayTessellation {
         made
     }
 
-    /// Partitions a scene anew at the same fineness. Replaces all cells and clears the strays, up to objects
-    /// whose bounds are not finite.
+    /// Partitions a scene anew at the same fineness, replacing all cells. Afterwards only objects whose
+    /// bounds are not finite are strays (in no cell).
     pub fn rebuild(&mut self, scene: &Scene) {
         *self = Self::with_fineness(scene, self.fineness);
     }
@@ -133,12 +134,13 @@ impl DelaunayTessellation {
             + self.content.memory()
     }
 
-    /// Returns the corners of a cell in steps of the fine grid.
+    /// Returns the corners of a cell in steps of the fine grid, relative to the grid's minimum corner.
     fn fine(&self, cell: u32) -> [DVec3; 4] {
         self.cells[cell as usize].map(|vertex| DVec3::from_array(self.points[vertex as usize].map(f64::from)))
     }
 
-    /// Converts a point from scene-relative metres to steps of the fine grid.
+    /// Converts a point from metres, relative to the scene's origin, to steps of the fine grid, relative to
+    /// the grid's minimum corner.
     fn to_fine(&self, point: DVec3) -> DVec3 {
         (point - self.grid.min) / self.grid.step * f64::from(FINER)
     }
@@ -174,9 +176,9 @@ impl DelaunayTessellation {
         None
     }
 
-    /// Assigns every object to all cells that it meets: first a cell that contains a corner of the shape,
-    /// then neighbours of cells found, as long as the shape meets them. Also samples the rays that each
-    /// cell's triangles stop.
+    /// Assigns every object to all cells that it meets. For each shape, a cell that contains a corner of the
+    /// shape is found first, then neighbours are added while the shape meets them. Also samples the rays that
+    /// each cell's triangles stop.
     fn fill(&self, scene: &Scene) -> Content {
         let solids: Vec<Tetrahedron> =
             (0..self.cells.len() as u32).map(|cell| Tetrahedron::new(self.fine(cell))).collect();

@@ -11,10 +11,10 @@ use alloc::vec::Vec;
 /// Neighbour number of a face on the surface of the cube.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// Tetrahedra of positive volume that fill the cube.
+/// Tetrahedra of positive volume that fill a cube and share whole faces, on an integer grid.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Mesh {
-    /// Vertices; the first eight are the corners of the cube.
+    /// Vertices, in integer grid coordinates. The first eight are the corners of the cube.
     pub(crate) points: Vec<Point>,
     /// Corners of each cell, as indices into `points`.
     pub(crate) cells: Vec<[u32; 4]>,
@@ -37,7 +37,8 @@ struct Rim {
 const TRIES: u32 = 16;
 
 impl Mesh {
-    /// Makes the cube from the origin to `side` on each axis, split into six tetrahedra around a diagonal.
+    /// Makes the cube from 0 to `side` on each axis, in integer grid coordinates, split into six tetrahedra
+    /// around a diagonal.
     pub(crate) fn cube(side: i32) -> Self {
         let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 != 0 { side } else { 0 });
         let mut mesh = Self { points: (0..8).map(corner).collect(), ..Self::default() };
@@ -61,14 +62,15 @@ impl Mesh {
         mesh
     }
 
-    /// Returns the positions of a cell's corners.
+    /// Returns the integer grid coordinates of a cell's corners, given as indices into `points`.
     fn corners(&self, cell: &[u32; 4]) -> [Point; 4] {
         cell.map(|vertex| self.points[vertex as usize])
     }
 
     /// Inserts one point for each entry of `points`, strictly inside the cube. `nudge(number, attempt)`
-    /// returns the position to try for the point with that number, for attempts 0, 1 and so on. The next
-    /// attempt follows if a tetrahedron would be flat. A point is skipped after [`TRIES`] failed attempts.
+    /// returns the position to try for point `number`, for attempts 0, 1 and so on; the values of `points`
+    /// themselves are not used. The next attempt follows if a tetrahedron would be flat. A point is skipped
+    /// after [`TRIES`] failed attempts.
     pub(crate) fn insert_all(&mut self, points: &[Point], nudge: impl Fn(usize, u32) -> Point) {
         let mut last = 0;
         for number in 0..points.len() {
@@ -129,9 +131,9 @@ impl Mesh {
         None
     }
 
-    /// Inserts a point and returns one of the cells that this makes. `None`, with nothing changed, if a new
-    /// cell would be flat or the point lies outside of the cube. The search begins at the cell `start`, which
-    /// should be near the point.
+    /// Inserts a point and returns the number of one of the new cells around it. `None`, with nothing
+    /// changed, if a new cell would be flat or the point lies outside of the cube. The search begins at the
+    /// cell `start`, which should be near the point.
     fn insert(&mut self, point: Point, start: u32) -> Option<u32> {
         let first = self.find(point, start)?;
         let mut cavity = alloc::vec![first];
@@ -217,9 +219,9 @@ impl Mesh {
         Some(cavity[0])
     }
 
-    /// Returns the face of the kept cell `outer` that it shares with the new cell `cell`: the face opposite
-    /// of the only corner that the new cell lacks. `vertex` is the new point. `None` if all corners are
-    /// shared.
+    /// Returns the face (0 to 3) of the kept cell `outer` that it shares with the new cell, whose corners are
+    /// `cell`: the face opposite of the only corner that the new cell lacks. `vertex` is the new point.
+    /// `None` if all corners are shared.
     fn back(&self, outer: u32, cell: &[u32; 4], vertex: u32) -> Option<usize> {
         let shared = |v: u32| v != vertex && cell.contains(&v);
         self.cells[outer as usize].iter().position(|&v| !shared(v))
@@ -271,7 +273,7 @@ mod tests {
         check(&mesh, side.into(), true);
     }
 
-    /// Closes the gaps after every insertion, with neighbour numbers updated accordingly.
+    /// After every insertion, unused cell indices are closed, and neighbour numbers stay consistent.
     #[test]
     fn gaps_are_closed() {
         let mut random = Random(7);

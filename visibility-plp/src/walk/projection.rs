@@ -6,8 +6,9 @@ use crate::normal_bins::EyeSide;
 use crate::tessellation::Tessellation;
 
 impl Walk {
-    /// Returns how many candidates certainly fit into the remaining budget: 0 for a budget by cost, since
-    /// costs are unknown until each object is read; `usize::MAX` if `unlimited`.
+    /// Returns how many pending candidates (objects awaiting a budget check) certainly fit into the remaining
+    /// budget. 0 for a budget by cost, since costs are unknown until each object is read; `usize::MAX` if
+    /// `unlimited`.
     #[inline]
     fn affordable<T: ?Sized>(&self, frame: &FrameContext<'_, T>, unlimited: bool) -> usize {
         match frame.settings.budget {
@@ -17,8 +18,9 @@ impl Walk {
         }
     }
 
-    /// Appends to `order` the pending candidates that are in the visible set and not proven outside of the
-    /// view or facing away, and charges the budget for each. Clears the pending candidates.
+    /// Checks the pending candidates: appends to `order` each object that is in the visible set and not
+    /// proven outside of the view or facing away, and charges the budget for the object. Clears the
+    /// candidates.
     ///
     /// Stops at the first object whose cost exceeds the remaining budget and returns
     /// [`Projected::OutOfBudget`]. Objects not appended then may become candidates again. With `unlimited`,
@@ -53,8 +55,9 @@ impl Walk {
         Projected::Complete
     }
 
-    /// Removes from `seen` each object of at most [`MAX_TESTED_TRIANGLES`] triangles whose triangles all
-    /// certainly face away from the eye, or all lie outside of one view plane that the object's cell crosses.
+    /// Removes from `seen`, the candidates that are in the visible set, each object of at most
+    /// [`MAX_TESTED_TRIANGLES`] triangles whose triangles all certainly face away from the eye, or all lie
+    /// outside of one view plane that the object's cell crosses. Undecided objects stay.
     fn remove_unseen<T: ?Sized>(&mut self, frame: &FrameContext<'_, T>) {
         // Triangles are copied before any of them is tested, so that cache misses overlap.
         self.tested.clear();
@@ -79,11 +82,13 @@ impl Walk {
         }
     }
 
-    /// Makes candidates of the objects in the next layer of one side of `cell`, then drops the layer from the
-    /// side's range and the side from the cell when no layer is left. `side` is an index into `sides`.
+    /// Makes candidates of the objects in the next layer (group of similar objects) of one axis side of
+    /// `cell`. Then removes the layer from the side's range, and the side from the cell if no layer is left.
+    /// `side` is an index into `Walk::sides`.
     ///
-    /// Settles the candidates when the batch is full or the remaining budget may not cover them. Returns
-    /// [`Projected::OutOfBudget`] if the budget ended among the candidates.
+    /// Checks the candidates against the visible set and the budget when the batch is full or the remaining
+    /// budget may not cover them. Returns [`Projected::OutOfBudget`] if the budget ended among the
+    /// candidates.
     pub(super) fn project<T: Tessellation + ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,

@@ -8,13 +8,14 @@ use crate::surface_class::ANY_SIDE;
 use crate::tessellation::Tessellation;
 use visibility_core::Aabb;
 
-/// Added to a layer's openness (0 to 1) in its priority, since a surface may be visible although another
-/// surface lies close in front.
+/// Added to the openness (0 to 1, mean free distance in front of surfaces) in the priority of a layer of
+/// objects, since a surface may be visible although another surface lies close in front.
 const LEAST_OPENNESS: f32 = 0.02;
 
 impl RemainingLayers {
-    /// Moves this side's range to `layers`, the layers that remain after the current one, and recomputes
-    /// `worth` from their first layer. Returns false if `layers` is empty; `worth` is then 0.
+    /// Moves this side's range of objects to `layers`, the layers that remain after the current one, and
+    /// recomputes the priority `worth` from the first of them. Returns false if `layers` is empty; `worth` is
+    /// then 0.
     #[inline]
     pub(super) fn advance(&mut self, mut layers: Layers<'_>) -> bool {
         self.from = self.to + layers.byte_count() as u32;
@@ -28,7 +29,8 @@ impl RemainingLayers {
 }
 
 impl Walk {
-    /// Opens a cell unless the frame has already opened the cell: see [`open`](Self::open).
+    /// Looks up the sides of a cell's object list unless this frame has already done so: see
+    /// [`open`](Self::open).
     #[inline]
     pub(super) fn open_late<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         if self.cells[cell as usize].end_side == UNOPENED {
@@ -36,10 +38,10 @@ impl Walk {
         }
     }
 
-    /// Appends the sides of a cell's object list to `sides` and stores their range in the cell's state. Does
-    /// nothing if the frame has already opened the cell. If back faces are culled, sides whose triangles all
-    /// certainly face away from the eye are left out. `bounds` is the cell's box, relative to the scene's
-    /// origin.
+    /// Appends the axis sides of a cell's object list to `sides` and stores their range in the cell's state.
+    /// Does nothing if this frame has already done so for the cell. If back faces are culled, sides whose
+    /// triangles all certainly face away from the eye are left out. `bounds` is the cell's box, relative to
+    /// the scene's origin.
     #[inline]
     pub(super) fn open<T: Tessellation + ?Sized>(
         &mut self,
@@ -72,9 +74,9 @@ impl Walk {
         state.end_side = self.sides.len() as u32;
     }
 
-    /// Returns the side of an opened cell whose next layer has the highest priority: an index into `sides`,
-    /// and that priority (`worth`, about 0 to 1). Equal priorities choose the first side. `None` if the cell
-    /// has no layers left.
+    /// Returns the axis side of a cell whose next layer of objects has the highest priority: its index into
+    /// `sides`, and that priority (about 0 to 1). Equal priorities choose the first side. `None` if the cell
+    /// has no layers left. The cell's sides must have been looked up by [`open`](Self::open).
     #[inline]
     pub(super) fn best_side(&self, cell: u32) -> Option<(u32, f32)> {
         let state = &self.cells[cell as usize];

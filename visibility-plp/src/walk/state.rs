@@ -29,9 +29,9 @@ pub enum Budget {
 /// Settings that both cullers share.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlpSettings {
-    /// Limit on the projected objects of each frame.
+    /// Limit on the objects kept per frame without an occlusion test.
     pub(crate) budget: Budget,
-    /// Estimate that orders the cells of the front.
+    /// Estimate of how likely a cell is hidden, which orders the queue of cells.
     pub(crate) solidity: Solidity,
     /// Whether objects whose triangles all certainly face away from the eye are dropped.
     pub(crate) one_sided: bool,
@@ -43,7 +43,7 @@ pub(crate) struct FrameContext<'a, T: ?Sized> {
     pub(crate) tessellation: &'a T,
     /// Scene that is culled.
     pub(crate) scene: &'a Scene,
-    /// Set before culling: only the objects of this set are projected.
+    /// Candidates of the frame: only objects of this set are kept.
     pub(crate) visible: &'a VisibleSet,
     /// Eye and view planes, relative to the scene's origin.
     pub(crate) frustum: CellFrustum,
@@ -71,12 +71,13 @@ impl<T: ?Sized> FrameContext<'_, T> {
     }
 }
 
-/// Result of projecting objects: whether the budget sufficed.
+/// Result of projecting objects, that is, of appending them to the frame's result: whether the budget
+/// sufficed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Projected {
-    /// All requested objects are projected.
+    /// All requested objects were checked and, if visible, appended to the frame's result.
     Complete,
-    /// The budget ran out first; some of the requested objects are not projected.
+    /// The budget ran out first; some of the requested objects were not appended to the frame's result.
     OutOfBudget,
 }
 
@@ -89,20 +90,20 @@ pub(super) struct CellState {
     pub(super) crossed: u16,
     /// With [`Solidity::Coverage`], the transmittance: estimated share of view rays to the cell that no
     /// earlier cell stops, 0 to 1. With [`Solidity::Count`], the cell's solidity. NaN until the cell is
-    /// first put into the front.
+    /// first put into the front, the queue of cells to project.
     pub(super) value: f32,
-    /// First of the cell's sides with layers left, an index into `Walk::sides`.
+    /// First of the cell's axis sides with objects left to project, an index into `Walk::sides`.
     pub(super) first_side: u32,
-    /// End of the cell's range in `Walk::sides`, exclusive. [`UNOPENED`] before the sides are looked up. At
-    /// most `first_side` if no layer is left.
+    /// End of the cell's range in `Walk::sides`, exclusive. [`UNOPENED`] before the cell's sides are looked
+    /// up. At most `first_side` if no objects are left to project.
     pub(super) end_side: u32,
     /// Unit direction from the eye to the cell's centre (the viewing direction for a parallel view). Zero
     /// with [`Solidity::Count`].
     pub(super) direction: Vec3,
     /// Area in square metres of the cell's silhouette along `direction`. 0 with [`Solidity::Count`].
     pub(super) area: f32,
-    /// Priority of the cell's best layer when the cell was reached, about 0 to 1. 1 for a cell without
-    /// objects and with [`Solidity::Count`].
+    /// Highest priority of the cell's groups of objects (layers) when the cell was reached, about 0 to 1. 1
+    /// for a cell without objects and with [`Solidity::Count`].
     pub(super) worth: f32,
     /// Mean solid angle in steradians of one square metre of surface in the cell, from
     /// [`solid_angle_per_area`](crate::solidity::solid_angle_per_area). Infinite for parallel views, 0 with
@@ -110,11 +111,11 @@ pub(super) struct CellState {
     pub(super) solid_angle_per_area: f32,
 }
 
-/// Value of `CellState::end_side` for a cell whose sides have not been looked up in this frame.
+/// Value of `CellState::end_side` for a cell whose axis sides have not been looked up in this frame.
 pub(super) const UNOPENED: u32 = u32::MAX;
 
 impl CellState {
-    /// State of a cell before the walk reaches the cell.
+    /// State of a cell that the frame has not reached.
     pub(super) const UNKNOWN: Self = Self {
         crossed: 0,
         value: f32::NAN,
@@ -127,19 +128,20 @@ impl CellState {
     };
 
     /// Tests whether the eye is in or near the cell: the silhouette's area exceeds 0.9 times the squared
-    /// distance from the eye to the cell's centre. `direction` then says little about the cell's surfaces.
-    /// Also true for parallel views with [`Solidity::Coverage`].
+    /// distance from the eye to the cell's centre. The direction to the cell's centre then says little about
+    /// the cell's surfaces. Also true for parallel views with [`Solidity::Coverage`].
     #[inline]
     pub(super) fn is_around_eye(&self) -> bool {
         self.solid_angle_per_area * self.area > 0.45
     }
 }
 
-/// Layers of one axis side of a cell that are not projected yet: a range of bytes of the cell's list.
+/// Groups of similar objects (layers) on one axis side of a cell that are not projected yet, as a range of
+/// bytes of the cell's encoded list.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RemainingLayers {
-    /// Priority of the first remaining layer, about 0 to 1: estimated share of its surface that is seen if
-    /// the cell is.
+    /// Priority of the first remaining layer, about 0 to 1: the share of its surface that is estimated
+    /// visible if the cell is.
     pub(super) worth: f32,
     /// Mean solid angle in steradians of one square metre of surface that faces this side. Infinite for
     /// parallel views.
@@ -153,7 +155,7 @@ pub(super) struct RemainingLayers {
     pub(super) side: u8,
 }
 
-/// Object waiting to be checked against the visible set and the budget.
+/// Object of a projected cell, waiting to be checked against the visible set and the budget.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     /// Index of the object in the scene.
@@ -169,7 +171,8 @@ impl Candidate {
     pub(super) const NONE: Self = Self { index: 0, eye_side: EyeSide::Unknown, crossed: 0 };
 }
 
-/// Number of candidates that are looked up in the scene together, so that cache misses overlap.
+/// Number of objects of projected cells that are looked up in the scene together, so that cache misses
+/// overlap.
 pub(super) const BATCH: usize = 256;
 
 /// Maximum number of triangles of an object that is tested triangle by triangle for facing away or lying
@@ -190,28 +193,31 @@ pub(crate) struct Walk {
     /// One bit for each cell that is outside of the view or has already propagated to its neighbours. Most
     /// faces lead to such cells and need no further test.
     pub(super) closed: Vec<u64>,
-    /// Priority queue of the cells to project, least solidity first.
+    /// Front of the projection: priority queue of the cells to project next, least solidity (likelihood of
+    /// being hidden) first.
     pub(super) front: Front,
-    /// One bit for each object index, set once the object has been a candidate in this frame.
+    /// One bit for each object index, set once the object has been checked or awaits a check in this frame.
     pub(super) taken: Vec<u64>,
-    /// Ids of the projected objects, highest priority first.
+    /// Ids of the objects kept so far in this frame, highest priority first.
     pub(crate) order: Vec<ObjectId>,
     /// Remaining budget, in objects or in cost.
     pub(super) budget_left: u64,
-    /// Number of cells that were put into the front this frame.
+    /// Number of cells that were put into the front, the queue of cells to project, in this frame.
     pub(crate) reached: u64,
-    /// Number of cells taken from the front that propagated to their neighbours this frame.
+    /// Number of cells taken from the front whose neighbours were put into the front, in this frame.
     pub(crate) projected: u64,
-    /// Scratch list of the exit faces of the cell that propagates to its neighbours.
+    /// Scratch list of the faces through which view rays leave the cell that is being projected.
     pub(super) faces: Vec<Face>,
-    /// Remaining layers of all opened cells, consecutive for each cell.
+    /// Axis sides with objects left to project, of all cells whose lists were looked up in this frame;
+    /// consecutive for each cell.
     pub(super) sides: Vec<RemainingLayers>,
-    /// Pending candidates; only the first `candidate_count` are valid.
+    /// Objects of projected cells that await a check against the visible set and the budget; only the first
+    /// `candidate_count` are valid.
     pub(super) candidates: Vec<Candidate>,
     /// Number of valid entries of `candidates`.
     pub(super) candidate_count: usize,
-    /// For each normal bin, the eye's offset and its tolerance in steps: see
-    /// [`NormalBins::eye_offsets`](crate::normal_bins::NormalBins::eye_offsets).
+    /// For each normal bin, the eye's offset along the bin's normal and the tolerance of that offset, in
+    /// steps: see [`NormalBins::eye_offsets`](crate::normal_bins::NormalBins::eye_offsets).
     pub(super) eye_offsets: Vec<[f64; 2]>,
     /// Scratch list of the candidates that are in the visible set: object, side of its triangle on which the
     /// eye lies, view planes crossed by its cell (one bit each).
@@ -300,21 +306,22 @@ impl Walk {
         self.reserved_for = content.stamp();
     }
 
-    /// Tests whether a cell is outside of the view or has already propagated to its neighbours.
+    /// Tests whether a cell needs no further propagation: it is outside of the view, or its neighbours have
+    /// already been put into the front.
     #[inline]
     pub(super) fn is_closed(&self, cell: u32) -> bool {
         bit(&self.closed, cell as usize)
     }
 
-    /// Tests whether a cell that the frame has reached may have objects left to project. True for a cell that
-    /// is not empty and not opened yet.
+    /// Tests whether a reached cell may have objects left to project. True for a cell with objects whose list
+    /// has not been looked up yet.
     pub(crate) fn has_content(&self, cell: u32) -> bool {
         let state = &self.cells[cell as usize];
         state.first_side < state.end_side
     }
 
-    /// Drops a cell from the frame: its remaining objects are not projected, and it does not propagate to its
-    /// neighbours.
+    /// Drops a reached cell from the frame: its remaining objects are not projected, and its neighbours are
+    /// not put into the front because of it.
     pub(crate) fn shut(&mut self, cell: u32) {
         self.cells[cell as usize].end_side = 0;
         set(&mut self.closed, cell);

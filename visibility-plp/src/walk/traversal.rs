@@ -11,10 +11,10 @@ use crate::tessellation::Tessellation;
 use visibility_core::{Aabb, scene::Changes, view::Eye};
 
 impl Walk {
-    /// Begins a frame: projects the objects that are in no cell (strays and objects changed since the last
-    /// `sync`) and puts the first cells into the front. Returns false, with nothing projected, if the
-    /// tessellation was made from another scene or the scene's change log no longer reaches back to the last
-    /// `sync`.
+    /// Begins a frame: keeps the objects that are in no cell (strays and objects changed since the last
+    /// `sync`) and puts the first cells into the front, the queue of cells to project. Returns false, with no
+    /// object kept, if the tessellation was made from another scene or the scene's change log no longer
+    /// reaches back to the last `sync`.
     pub(crate) fn begin<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>) -> bool {
         let content = frame.tessellation.content();
         self.clear(frame);
@@ -115,9 +115,9 @@ impl Walk {
         }
     }
 
-    /// Inserts a cell into the front, or moves a cell that is already there. `value` is the cell's
-    /// transmittance (0 to 1) with [`Solidity::Coverage`], its solidity with [`Solidity::Count`]. Does
-    /// nothing if the cell already has that value.
+    /// Inserts a cell into the front (the queue of cells to project), or changes its key there. `value` is
+    /// the cell's transmittance (0 to 1) with [`Solidity::Coverage`], its solidity with [`Solidity::Count`].
+    /// Does nothing if the cell already has that value.
     #[inline]
     fn put<T: ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32, value: f32) {
         let state = &mut self.cells[cell as usize];
@@ -133,8 +133,8 @@ impl Walk {
         self.front.push(solidity, cell);
     }
 
-    /// Takes the cell with the least solidity out of the front, skipping cells with nothing left to do.
-    /// `None` if the front is empty.
+    /// Removes and returns the cell with the least solidity from the front (the queue of cells to project),
+    /// skipping cells with nothing left to do. `None` if no such cell is left.
     #[inline]
     pub(crate) fn next(&mut self) -> Option<u32> {
         while let Some(cell) = self.front.pop() {
@@ -146,9 +146,10 @@ impl Walk {
         None
     }
 
-    /// Processes a cell taken from the front. Propagates to the cell's neighbours unless that was done
-    /// before, then projects the cell's layers, best first, while no cell of the front is less solid. A cell
-    /// with layers left returns to the front. Returns [`Projected::OutOfBudget`] if the budget ended.
+    /// Processes a cell taken from the front. Puts the cell's neighbours into the front unless that was done
+    /// before, then projects the cell's layers of objects, highest priority first, while no cell of the front
+    /// is less solid. A cell with layers left returns to the front. Returns [`Projected::OutOfBudget`] if the
+    /// budget ended.
     #[inline]
     pub(crate) fn step<T: Tessellation + ?Sized>(
         &mut self,
@@ -176,13 +177,15 @@ impl Walk {
         Projected::Complete
     }
 
-    /// Returns a cell that was taken from the front to the front, with solidity 0.
+    /// Puts a cell that was taken from the front back into the front, with solidity 0 so that it comes out
+    /// first.
     pub(crate) fn put_back(&mut self, cell: u32) {
         self.front.push(0.0, cell);
     }
 
-    /// Projects all remaining layers of a cell without charging the budget, then propagates to the cell's
-    /// neighbours unless that was done before. Does nothing for a cell that was [`shut`](Self::shut).
+    /// Projects all remaining objects of a cell without charging the budget, then puts the cell's neighbours
+    /// into the front unless that was done before. Does nothing for a cell that was dropped by
+    /// [`shut`](Self::shut).
     pub(crate) fn finish<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         self.open_late(frame, cell);
         while let Some((side, _)) = self.best_side(cell) {
@@ -194,8 +197,8 @@ impl Walk {
         }
     }
 
-    /// Propagates a cell's transmittance, or its solidity, to the neighbours that view rays may enter through
-    /// a face of the cell, and puts those neighbours into the front. Marks the cell as closed.
+    /// Computes the transmittance, or the solidity, of the neighbours that view rays may enter through a face
+    /// of the cell, from the cell's own, and puts those neighbours into the front. Marks the cell as closed.
     #[inline]
     fn pass_on<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         set(&mut self.closed, cell);
