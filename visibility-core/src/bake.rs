@@ -1,10 +1,11 @@
-//! Bakes: long computations over many items, in rounds, that report progress, can be stopped, saved and
-//! resumed, and give the same answer on any number of threads.
+//! Bakes: long computations over many items in rounds, which report progress, can be stopped, saved and
+//! resumed, and give the same result on any number of threads.
 //!
-//! A [`Baker`] is the algorithm: it says what one item comes to, and takes in what was found. A [`Bake`] runs
-//! it. Within a round the items know nothing of one another, so they can be worked on by any number of
-//! threads (feature `rayon`: all threads of the current pool; otherwise one). At the end of the round what
-//! was found is taken in, in a fixed order; so the answer depends on the size of a round, never on threads.
+//! A [`Baker`] is the algorithm: it computes the result of one item and merges results into its state. A
+//! [`Bake`] runs a baker. The items of one round are computed independently of one another, so any number of
+//! threads can share them (feature `rayon`: all threads of the current pool; otherwise one thread). At the
+//! end of each round the results are merged in a fixed order. The outcome therefore depends on the size of a
+//! round, never on the number of threads.
 //!
 //! ```
 //! use visibility_core::bake::{Bake, Baker};
@@ -48,99 +49,108 @@
 use crate::envelope::{EnvelopeError, Format, Reader, Writer};
 use alloc::vec::Vec;
 
-/// Saved bakes. Versions 1 and 2 were forms of cell-to-cell bakes alone.
+/// Envelope format of saved bakes. Versions 1 and 2 held cell-to-cell bakes only and cannot be read.
 const FORMAT: Format = Format { magic: *b"VISIBAKE", version: 3 };
 
-/// How far a bake is.
+/// Progress of a bake.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Progress {
-    /// Items that are done.
+    /// Number of items whose results have been merged.
     pub done: usize,
-    /// All items.
+    /// Number of all items of the bake, done or not.
     pub total: usize,
-    /// Sum of what the items have cost so far, in steps of the baker's own; at most `u64::MAX`.
+    /// Sum of the costs of all merged items, in the baker's own unit of work (see [`Baker::take_in`]).
+    /// Saturates at `u64::MAX`.
     pub steps: u64,
 }
 
-/// An algorithm that a [`Bake`] runs.
+/// An algorithm over numbered items that a [`Bake`] runs in rounds.
 pub trait Baker: Sync {
-    /// Memory for one thread, which serves one item after another. Must not change what is found.
+    /// Scratch memory of one thread, reused for one item after another. Its content must not change the
+    /// result of an item.
     type Scratch: Default;
-    /// What one item comes to.
+    /// Result of one item, before it is merged.
     type Found: Send;
-    /// The answer.
+    /// Final result of the whole bake.
     type Outcome;
 
-    /// The most items of one round. A round of more items keeps more threads busy; its items know less of one
-    /// another.
+    /// Greatest number of items in one round; 0 counts as 1. Larger rounds keep more threads busy, but the
+    /// items of a round cannot use one another's results.
     const ROUND: usize = 48;
-    /// The kind in the [header](crate::envelope) of saved bakes, which tells bakers apart.
+    /// Kind stored in the [header](crate::envelope) of saved bakes, so that a bake saved by one type of baker
+    /// is refused by another type.
     const KIND: u32 = 0;
 
-    /// How many items there are, numbered from 0; less than `u32::MAX`.
+    /// Returns the number of items, which are numbered from 0. Must be less than `u32::MAX` and constant for
+    /// the whole bake.
     fn item_count(&self) -> usize;
 
-    /// How much an item will cost, or another reason to look at it late. Each round takes the waiting items
-    /// of the least rank; of equal ones, those of the least number. Asked anew before each round.
+    /// Returns the priority of an item; lower ranks are worked on first. A good rank is the expected cost of
+    /// the item. Each round takes the waiting items of least rank, and of equal ranks those of least number.
+    /// The rank may change between rounds. The default is the item's number.
     fn rank(&self, item: u32) -> u64 {
         item.into()
     }
 
-    /// Works on one item, by what was known before the round.
+    /// Computes the result of one item from the baker's state before the round. Called from several threads
+    /// at once with feature `rayon`.
     fn work(&self, item: u32, scratch: &mut Self::Scratch) -> Self::Found;
 
-    /// Takes in what an item has come to. Called at the end of a round, in ascending order of ranks. Returns
-    /// what the item has cost, in steps.
+    /// Merges the result of one item into the baker's state. Called at the end of a round for each item of
+    /// the round, in ascending order of rank. Returns the cost of the item in the baker's own unit of work,
+    /// for [`Progress::steps`].
     fn take_in(&mut self, item: u32, found: Self::Found) -> u64;
 
-    /// The answer. `waiting` lists the items that were not worked on, ascending: a conservative baker counts
-    /// as visible all that they might have found.
+    /// Turns the baker's state into the final result. `waiting` lists the items that were not worked on, in
+    /// ascending order. A conservative baker counts everything that those items might have found as visible.
     fn finish(self, waiting: &[u32]) -> Self::Outcome;
 
-    /// A hash of all that decides the answer: input and settings. See
-    /// [`Fingerprint`](crate::envelope::Fingerprint).
+    /// Returns a hash of everything that determines the outcome: the input and the settings, but not the
+    /// progress. See [`Fingerprint`](crate::envelope::Fingerprint).
     fn fingerprint(&self) -> u64;
 
-    /// Writes what was taken in so far, for [`load`](Self::load).
+    /// Appends the merged results so far to `state`, in the form that [`load`](Self::load) reads.
     fn save(&self, state: &mut Writer);
 
-    /// Reads what was [saved](Self::save) by a baker with the same fingerprint, in place of what this one has
-    /// taken in.
+    /// Replaces the merged results of this baker by those that a baker of the same fingerprint has
+    /// [saved](Self::save).
     ///
     /// # Errors
-    /// If the state makes no sense. Bytes may be forged: no number in them is to be trusted.
+    /// [`EnvelopeError`] if the state is inconsistent. The bytes may be forged, so every number must be
+    /// checked before use.
     fn load(&mut self, state: &mut Reader<'_>) -> Result<(), EnvelopeError>;
 }
 
-/// A [`Baker`] at work: moved on by [`advance`](Self::advance) as long as one likes, ended by
-/// [`finish`](Self::finish).
+/// A [`Baker`] in progress: [`advance`](Self::advance) works on one round of items, [`finish`](Self::finish)
+/// ends the bake at any time.
 #[derive(Clone, Debug)]
 pub struct Bake<B> {
     baker: B,
-    /// Items that are still to be worked on, in any order.
+    /// Items that have not been worked on yet, in any order, without duplicates.
     waiting: Vec<u32>,
     steps: u64,
 }
 
 impl<B: Baker> Bake<B> {
-    /// A bake of which nothing is done.
+    /// Starts a bake with all items waiting.
     pub fn new(baker: B) -> Self {
         let waiting = (0..baker.item_count() as u32).collect();
         Self { baker, waiting, steps: 0 }
     }
 
-    /// The algorithm, with what it has taken in.
+    /// Returns the baker with the results merged so far.
     pub fn baker(&self) -> &B {
         &self.baker
     }
 
-    /// How far the bake is.
+    /// Returns the numbers of done and of all items and the cost so far.
     pub fn progress(&self) -> Progress {
         let total = self.baker.item_count();
         Progress { done: total.saturating_sub(self.waiting.len()), total, steps: self.steps }
     }
 
-    /// Works on the items of the next round. `None` when all were done before.
+    /// Works on the next round of items and merges their results. Returns the progress after the round, or
+    /// `None` if no item was waiting.
     pub fn advance(&mut self) -> Option<Progress> {
         if self.waiting.is_empty() {
             return None;
@@ -153,7 +163,8 @@ impl<B: Baker> Bake<B> {
         Some(self.progress())
     }
 
-    /// Takes the items of least rank out of those that wait, ascending by rank.
+    /// Removes the items of least rank, at most [`Baker::ROUND`], from the waiting items and returns them in
+    /// ascending order of rank, then number. Requires at least one waiting item.
     fn next_round(&mut self) -> Vec<u32> {
         let size = B::ROUND.clamp(1, self.waiting.len());
         let key = |&item: &u32| (self.baker.rank(item), item);
@@ -165,19 +176,21 @@ impl<B: Baker> Bake<B> {
         round
     }
 
-    /// Works on all items that are left and gives the answer.
+    /// Works on all waiting items and returns the final result.
     pub fn run(mut self) -> B::Outcome {
         while self.advance().is_some() {}
         self.finish()
     }
 
-    /// Ends the bake, whether or not all items are done.
+    /// Ends the bake and returns the final result. Items that are still waiting are passed to
+    /// [`Baker::finish`].
     pub fn finish(mut self) -> B::Outcome {
         self.waiting.sort_unstable();
         self.baker.finish(&self.waiting)
     }
 
-    /// The state of the bake as bytes in an [envelope](crate::envelope), for [`resume`](Self::resume).
+    /// Returns the state of the bake as bytes in an [envelope](crate::envelope), for
+    /// [`resume`](Self::resume). The bake can go on.
     pub fn save(&self) -> Vec<u8> {
         let mut state = Writer::new(FORMAT, B::KIND, self.baker.fingerprint());
         state.u64(self.steps);
@@ -189,12 +202,12 @@ impl<B: Baker> Bake<B> {
         state.finish()
     }
 
-    /// Goes on with a bake that was [saved](Self::save): gives the same answer as one that was never
-    /// interrupted. `baker` must be as new, from the same input and with the same settings.
+    /// Restores a bake from the bytes of [`save`](Self::save). The resumed bake gives the same outcome as an
+    /// uninterrupted one. `baker` must be newly made from the same input with the same settings.
     ///
     /// # Errors
-    /// [`EnvelopeError`] if the bytes are damaged, or of another baker, of another input or of other
-    /// settings.
+    /// [`EnvelopeError`] if the bytes are damaged or inconsistent, or belong to another baker, another input
+    /// or other settings.
     pub fn resume(mut baker: B, bytes: &[u8]) -> Result<Self, EnvelopeError> {
         let mut state = Reader::new(bytes, FORMAT)?;
         state.expect(B::KIND, baker.fingerprint())?;
@@ -211,16 +224,17 @@ impl<B: Baker> Bake<B> {
     }
 }
 
-/// What each item of a round comes to, in their order.
+/// Returns the results of the items of a round, in the order of `round`, computed on this thread.
 #[cfg(not(feature = "rayon"))]
 fn work_on_all<B: Baker>(baker: &B, round: &[u32]) -> Vec<B::Found> {
     let mut scratch = B::Scratch::default();
     round.iter().map(|&item| baker.work(item, &mut scratch)).collect()
 }
 
-/// What each item of a round comes to, in their order. Each thread takes the next item when it is done with
-/// one, the last of the round first: those are ranked to cost most, and no thread should be left with a long
-/// one at the end.
+/// Returns the results of the items of a round, in the order of `round`, computed on all threads of the
+/// current pool. Each thread takes the next item when its last is done. Items are taken from the end of the
+/// round, where the rank and thus the expected cost is greatest, so that no thread is left with a long item
+/// at the end.
 #[cfg(feature = "rayon")]
 fn work_on_all<B: Baker>(baker: &B, round: &[u32]) -> Vec<B::Found> {
     use core::sync::atomic::{AtomicUsize, Ordering};
@@ -240,9 +254,10 @@ fn work_on_all<B: Baker>(baker: &B, round: &[u32]) -> Vec<B::Found> {
     found.into_iter().map(|(_, found)| found).collect()
 }
 
-/// Calls `fill` with each row of a table and its number, on all threads: `table` is cut into rows of `width`
-/// numbers, at least 1, the last of which may be shorter. `scratch` is memory for one thread, which must not
-/// change what is filled in.
+/// Calls `fill(scratch, row_index, row)` for each row of a table, on all threads of the current pool with
+/// feature `rayon`, otherwise on this thread. `table` is cut into rows of `width` elements (0 counts as 1);
+/// the last row may be shorter. `scratch` is memory reused by one thread, whose content must not change what
+/// is filled in.
 pub fn fill_rows<T: Send, S: Default>(
     table: &mut [T],
     width: usize,

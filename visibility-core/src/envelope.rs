@@ -1,19 +1,21 @@
-//! Stored structures: a header of 40 bytes that says what the bytes are, with a checksum that shows damage.
+//! Envelopes for stored structures: a header of 40 bytes that identifies the content, with a checksum that
+//! detects damage.
 //!
-//! PVS, tessellations and interrupted bakes are stored in envelopes. All numbers are little-endian:
+//! PVS, tessellations and interrupted bakes are stored in envelopes. All numbers are little-endian. Byte
+//! ranges are half-open:
 //!
-//! | bytes | what they hold |
+//! | bytes | content |
 //! |---|---|
-//! | 0 to 8 | magic: eight letters that name the format |
+//! | 0 to 8 | magic: eight ASCII letters that name the format |
 //! | 8 to 12 | version of the format |
-//! | 12 to 16 | kind: which one of the structures of that format |
-//! | 16 to 24 | fingerprint: a hash of what the structure was made from, or what the format puts here |
-//! | 24 to 32 | length of header and content, in bytes |
+//! | 12 to 16 | kind: which structure of that format |
+//! | 16 to 24 | fingerprint: a hash of the input that the structure was made from, or a number that the format defines |
+//! | 24 to 32 | length of header and content together, in bytes |
 //! | 32 to 40 | checksum: FNV-1a, in 64 bits, of all other bytes |
 //! | 40 on | content |
 //!
-//! The checksum finds accidents. It is no protection against forgery: whoever reads the content checks each
-//! number of it.
+//! The checksum detects accidental damage. It does not protect against forgery: code that reads the content
+//! must check each number.
 //!
 //! ```
 //! use visibility_core::envelope::{EnvelopeError, Format, Reader, Writer};
@@ -34,57 +36,60 @@
 use alloc::vec::Vec;
 use core::fmt;
 
-/// Bytes before the content.
+/// Size of an envelope's header, in bytes: the offset of the content.
 pub const HEADER: usize = 40;
 
-/// The name and the version of a stored format.
+/// Name and version of a stored format.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Format {
     /// The first eight bytes of every envelope of this format.
     pub magic: [u8; 8],
-    /// The only version that can be read.
+    /// The only version of the format that can be read.
     pub version: u32,
 }
 
-/// Why stored bytes are refused.
+/// The reason why stored bytes were refused.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum EnvelopeError {
-    /// The bytes begin with another magic, or are fewer than eight.
+    /// The bytes do not begin with the magic of the format, or are fewer than eight.
     Magic {
-        /// The magic of the format asked for.
+        /// The magic of the requested format.
         expected: [u8; 8],
     },
-    /// Another version of the format.
+    /// The header has another version of the format.
     Version {
         /// The version in the header.
         found: u32,
-        /// The version that can be read.
+        /// The only version that can be read.
         expected: u32,
     },
-    /// Another structure of the same format.
+    /// The header has another kind: the envelope holds another structure of the same format.
     Kind {
         /// The kind in the header.
         found: u32,
-        /// The kind asked for.
+        /// The kind requested by the caller.
         expected: u32,
     },
-    /// The structure was made from something else, or from an earlier state of it.
+    /// The fingerprint in the header differs from the requested one: the structure was made from another
+    /// input, or from an earlier state of the input.
     Fingerprint,
-    /// Bytes are missing, or there are too many.
+    /// The number of bytes differs from the length in the header, or is less than a header.
     Length {
-        /// How many bytes there are.
+        /// Number of bytes given, header included.
         found: u64,
-        /// How many the header says, or the least that a header takes.
+        /// Length according to the header, or [`HEADER`] if there are fewer bytes than a header takes.
         expected: u64,
     },
-    /// The bytes are not those that were written.
+    /// The checksum in the header does not match the bytes: they were damaged.
     Checksum,
-    /// The content makes no sense, although the checksum is right: whoever wrote it was wrong.
+    /// The content is inconsistent although the checksum matches: the bytes were forged, or written by faulty
+    /// code.
     Content {
-        /// Where it was noticed: how many bytes, header included, had been read.
+        /// Offset in bytes from the start of the envelope (header included) up to which the content had been
+        /// read when the problem was found.
         place: usize,
-        /// What is wrong.
+        /// Description of the problem, in English.
         problem: &'static str,
     },
 }
@@ -111,85 +116,86 @@ impl fmt::Display for EnvelopeError {
 
 impl core::error::Error for EnvelopeError {}
 
-/// A hash of numbers, FNV-1a (Fowler, Noll and Vo) with 32 bits at a time: tells structures that were made
-/// from different things apart.
+/// An FNV-1a hash (Fowler, Noll and Vo) of a sequence of 32-bit numbers, in 64 bits. Identifies the input
+/// that a structure was made from. Not cryptographic.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fingerprint(u64);
 
 impl Fingerprint {
-    /// The hash of no numbers.
+    /// Returns the hash of an empty sequence.
     #[expect(clippy::new_without_default, reason = "a hash is begun, not defaulted to")]
     pub const fn new() -> Self {
         Self(0xcbf2_9ce4_8422_2325)
     }
 
-    /// The hash with one more number.
+    /// Returns the hash of the sequence with `number` appended.
     #[must_use]
     pub const fn with(self, number: u32) -> Self {
         Self((self.0 ^ number as u64).wrapping_mul(0x0100_0000_01b3))
     }
 
-    /// The hash with one more number, its lower half first.
+    /// Returns the hash of the sequence with the lower and then the upper 32 bits of `number` appended.
     #[must_use]
     pub const fn with_u64(self, number: u64) -> Self {
         self.with(number as u32).with((number >> 32) as u32)
     }
 
-    /// The hash as a number, for [`Writer::new`] and [`Reader::expect`].
+    /// Returns the hash as a number, for [`Writer::new`] and [`Reader::expect`].
     pub const fn value(self) -> u64 {
         self.0
     }
 }
 
-/// The checksum of an envelope: of its header up to the checksum itself, and of its content.
+/// Returns the checksum of a whole envelope: the hash of all its bytes except the checksum field, bytes 32 to
+/// 40. Panics if `bytes` is shorter than [`HEADER`].
 fn checksum(bytes: &[u8]) -> u64 {
     let all = bytes[..32].iter().chain(&bytes[HEADER..]);
     all.fold(Fingerprint::new(), |hash, &byte| hash.with(byte.into())).value()
 }
 
-/// Writes an envelope.
+/// Writes an envelope to memory, number by number.
 #[derive(Clone, Debug)]
 pub struct Writer {
     bytes: Vec<u8>,
 }
 
 impl Writer {
-    /// An envelope without content. What `kind` and `fingerprint` mean is up to the format.
+    /// Starts an envelope with empty content. The format defines the meaning of `kind` and `fingerprint`.
     pub fn new(format: Format, kind: u32, fingerprint: u64) -> Self {
         let mut writer = Self { bytes: format.magic.to_vec() };
         writer.u32s([format.version, kind]);
         writer.u64(fingerprint);
-        // Length and checksum are known at the end.
+        // Length and checksum are filled in by `finish`.
         writer.bytes.resize(HEADER, 0);
         writer
     }
 
-    /// Adds a number of 32 bits.
+    /// Appends a 32-bit number to the content.
     pub fn u32(&mut self, number: u32) {
         self.bytes.extend_from_slice(&number.to_le_bytes());
     }
 
-    /// Adds a number of 64 bits.
+    /// Appends a 64-bit number to the content.
     pub fn u64(&mut self, number: u64) {
         self.bytes.extend_from_slice(&number.to_le_bytes());
     }
 
-    /// Adds numbers of 32 bits. How many there are is not written.
+    /// Appends 32-bit numbers to the content, without their count.
     pub fn u32s(&mut self, numbers: impl IntoIterator<Item = u32>) {
         self.bytes.extend(numbers.into_iter().flat_map(u32::to_le_bytes));
     }
 
-    /// Adds numbers of 64 bits. How many there are is not written.
+    /// Appends 64-bit numbers to the content, without their count.
     pub fn u64s(&mut self, numbers: impl IntoIterator<Item = u64>) {
         self.bytes.extend(numbers.into_iter().flat_map(u64::to_le_bytes));
     }
 
-    /// Adds bytes. How many there are is not written.
+    /// Appends bytes to the content, without their count.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// The envelope, to be stored as it is.
+    /// Fills in length and checksum and returns the bytes of the envelope.
     pub fn finish(mut self) -> Vec<u8> {
         let length = self.bytes.len() as u64;
         self.bytes[24..32].copy_from_slice(&length.to_le_bytes());
@@ -199,7 +205,8 @@ impl Writer {
     }
 }
 
-/// Reads an envelope from its first to its last byte. Memory is taken only for what the bytes really hold.
+/// Reads the content of an envelope from its first byte to its last. Allocates no more memory than the bytes
+/// that are present require, whatever counts the content announces.
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
     all: &'a [u8],
@@ -209,12 +216,13 @@ pub struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Checks magic, version, length and checksum. The content comes next. Takes time in proportion to the
-    /// bytes.
+    /// Checks magic, version, length and checksum, and starts reading at the first byte of the content. Time
+    /// is linear in the number of bytes. Kind and fingerprint are checked by [`expect`](Self::expect).
     ///
     /// # Errors
-    /// [`EnvelopeError::Magic`], [`EnvelopeError::Version`], [`EnvelopeError::Length`] and
-    /// [`EnvelopeError::Checksum`], looked for in this order.
+    /// In this order: [`EnvelopeError::Magic`], [`EnvelopeError::Length`] if there are fewer than [`HEADER`]
+    /// bytes, [`EnvelopeError::Version`], [`EnvelopeError::Length`] if the header announces another length,
+    /// [`EnvelopeError::Checksum`].
     pub fn new(bytes: &'a [u8], format: Format) -> Result<Self, EnvelopeError> {
         if !bytes.starts_with(&format.magic) {
             return Err(EnvelopeError::Magic { expected: format.magic });
@@ -239,20 +247,21 @@ impl<'a> Reader<'a> {
         Ok(reader)
     }
 
-    /// The kind in the header.
+    /// Returns the kind in the header.
     pub fn kind(&self) -> u32 {
         self.kind
     }
 
-    /// The fingerprint in the header.
+    /// Returns the fingerprint in the header.
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
     }
 
-    /// Checks kind and fingerprint.
+    /// Checks that the header has the given kind and fingerprint.
     ///
     /// # Errors
-    /// [`EnvelopeError::Kind`], [`EnvelopeError::Fingerprint`].
+    /// [`EnvelopeError::Kind`] if the kind differs, otherwise [`EnvelopeError::Fingerprint`] if the
+    /// fingerprint differs.
     pub fn expect(&self, kind: u32, fingerprint: u64) -> Result<(), EnvelopeError> {
         if self.kind != kind {
             return Err(EnvelopeError::Kind { found: self.kind, expected: kind });
@@ -263,15 +272,16 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// An error that says what is wrong with the content that was read last.
+    /// Returns an [`EnvelopeError::Content`] with the present read position and a description of the problem,
+    /// for content that the caller finds inconsistent.
     pub fn wrong(&self, problem: &'static str) -> EnvelopeError {
         EnvelopeError::Content { place: self.place, problem }
     }
 
-    /// The next bytes.
+    /// Reads the next `count` bytes of the content.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`] if there are fewer, as for all that reads on.
+    /// [`EnvelopeError::Content`] if fewer than `count` bytes are left; then none is read.
     pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], EnvelopeError> {
         let rest = &self.all[self.place..];
         let taken = rest.get(..count).ok_or_else(|| self.wrong("more is announced than there is"))?;
@@ -279,45 +289,45 @@ impl<'a> Reader<'a> {
         Ok(taken)
     }
 
-    /// The next number of 32 bits.
+    /// Reads the next 32-bit number of the content.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`].
+    /// [`EnvelopeError::Content`] if fewer than four bytes are left; then none is read.
     pub fn u32(&mut self) -> Result<u32, EnvelopeError> {
         Ok(self.bytes(4)?.iter().rev().fold(0, |number, &byte| number << 8 | u32::from(byte)))
     }
 
-    /// The next number of 64 bits.
+    /// Reads the next 64-bit number of the content.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`].
+    /// [`EnvelopeError::Content`] if fewer than eight bytes are left; then the read position is unspecified.
     pub fn u64(&mut self) -> Result<u64, EnvelopeError> {
         let [low, high] = [self.u32()?, self.u32()?];
         Ok(u64::from(low) | u64::from(high) << 32)
     }
 
-    /// The next numbers of 32 bits.
+    /// Reads the next `count` 32-bit numbers of the content.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`] if there are fewer than `count`; then none is read.
+    /// [`EnvelopeError::Content`] if fewer than `count` are left; then none is read.
     pub fn u32s(&mut self, count: usize) -> Result<Vec<u32>, EnvelopeError> {
         let bytes = self.bytes(count.saturating_mul(4))?;
         Ok(bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 
-    /// The next numbers of 64 bits.
+    /// Reads the next `count` 64-bit numbers of the content.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`] if there are fewer than `count`; then none is read.
+    /// [`EnvelopeError::Content`] if fewer than `count` are left; then none is read.
     pub fn u64s(&mut self, count: usize) -> Result<Vec<u64>, EnvelopeError> {
         let bytes = self.bytes(count.saturating_mul(8))?;
         Ok(bytes.chunks_exact(8).map(|b| b.iter().rev().fold(0, |w, &b| w << 8 | u64::from(b))).collect())
     }
 
-    /// Checks that all content was read.
+    /// Checks that all of the content was read.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`] if there is more.
+    /// [`EnvelopeError::Content`] if bytes are left.
     pub fn end(&self) -> Result<(), EnvelopeError> {
         if self.place < self.all.len() {
             Err(self.wrong("the content goes on after its end"))

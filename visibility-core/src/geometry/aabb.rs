@@ -1,13 +1,13 @@
-//! Axis-aligned boxes.
+//! Axis-aligned bounding boxes in `f32`.
 
 use crate::geometry::Containment;
 use glam::{DVec3, Vec3};
 
-/// An axis-aligned box, both corners included, in metres relative to the origin of its scene.
+/// An axis-aligned bounding box with closed sides, in metres relative to the origin of its scene.
 ///
 /// A box with `min > max` on an axis or with a NaN is *improper*: it bounds nothing that can be relied on,
-/// so cullers never hide it. An infinite coordinate is allowed and has its plain meaning here; a
-/// [`Scene`](crate::Scene) treats objects with such bounds as never culled.
+/// and cullers never hide its object. An infinite coordinate is allowed: the box has no end on that side. A
+/// [`Scene`](crate::Scene) never culls objects whose bounds have an infinite coordinate.
 ///
 /// ```
 /// use visibility_core::Aabb;
@@ -17,28 +17,31 @@ use glam::{DVec3, Vec3};
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Aabb {
-    /// The corner with the least coordinates.
+    /// Minimum corner: the least x, y and z of the box, inclusive.
     pub min: Vec3,
-    /// The corner with the greatest coordinates.
+    /// Maximum corner: the greatest x, y and z of the box, inclusive.
     pub max: Vec3,
 }
 
 impl Aabb {
-    /// The neutral element of [`union`](Self::union): bounds nothing, and is improper.
+    /// Empty box, with `min` at infinity and `max` at minus infinity: improper, and the neutral element of
+    /// [`union`](Self::union).
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// A box between two corners, taken as they are.
+    /// Returns the box with the given minimum and maximum corners, unchecked: with `min > max` on an axis or
+    /// a NaN the box is improper.
     pub const fn new(min: Vec3, max: Vec3) -> Self {
         Self { min, max }
     }
 
-    /// As [`new`](Self::new), from arrays, for engines with another version of glam.
+    /// Like [`new`](Self::new), with the corners as `[x, y, z]` arrays for engines that use another version
+    /// of glam.
     pub const fn from_arrays(min: [f32; 3], max: [f32; 3]) -> Self {
         Self::new(Vec3::from_array(min), Vec3::from_array(max))
     }
 
-    /// The smallest box around points. With no point, [`EMPTY`](Self::EMPTY); with a NaN anywhere, a box
-    /// that is improper, so that the object is drawn rather than lost.
+    /// Returns the smallest box around `points`. The result is [`EMPTY`](Self::EMPTY) without points, and an
+    /// improper box of NaN if any coordinate is NaN, so that the object is drawn rather than lost.
     pub fn from_points(points: impl IntoIterator<Item = Vec3>) -> Self {
         let mut bounds = Self::EMPTY;
         for p in points {
@@ -51,7 +54,9 @@ impl Aabb {
         bounds
     }
 
-    /// The smallest `f32` box, relative to `origin`, around a world-space box in `f64`: rounded outwards.
+    /// Converts a world-space `f64` box to an `f32` box relative to `origin` that certainly contains it.
+    /// Every coordinate is rounded to `f32` and then moved outwards by one step, also where the rounding was
+    /// exact. A NaN coordinate stays NaN.
     pub fn from_world(min: DVec3, max: DVec3, origin: DVec3) -> Self {
         // `min - origin` is itself rounded (half a unit in the last place of f64), which the step to the
         // neighbouring f32 covers: that step is at least 2^28 times as wide.
@@ -61,38 +66,42 @@ impl Aabb {
         )
     }
 
-    /// Whether the box bounds something: no NaN, and `min <= max` on each axis.
+    /// Tests whether the box is proper: no coordinate is NaN, and `min <= max` on each axis. A single point
+    /// is proper.
     pub fn is_proper(&self) -> bool {
         self.min.cmple(self.max).all()
     }
 
-    /// Whether the box is proper and all its coordinates are finite.
+    /// Tests whether the box is proper and all its coordinates are finite.
     pub fn is_finite(&self) -> bool {
         self.is_proper() && self.min.is_finite() && self.max.is_finite()
     }
 
-    /// The middle. Halves before it adds, so that it does not overflow for any finite box.
+    /// Returns the centre of the box. Both corners are halved before the addition, so that no finite box
+    /// overflows.
     pub fn center(&self) -> Vec3 {
         self.min * 0.5 + self.max * 0.5
     }
 
-    /// Half the size on each axis; does not overflow for any finite box.
+    /// Returns half the size of the box on each axis, in metres. No finite box overflows.
     pub fn half_extent(&self) -> Vec3 {
         self.max * 0.5 - self.min * 0.5
     }
 
-    /// The smallest box around both. NaN coordinates are ignored.
+    /// Returns the smallest box that contains this box and `other`. The result for NaN coordinates is
+    /// unspecified: NaN, or the coordinate of the other box.
     pub fn union(&self, other: &Self) -> Self {
         Self::new(self.min.min(other.min), self.max.max(other.max))
     }
 
-    /// Whether the point lies in the box, boundary included. False for NaN.
+    /// Tests whether `p` lies in the box or on its boundary. Returns false if `p` or the box has a NaN.
     pub fn contains_point(&self, p: Vec3) -> bool {
         self.min.cmple(p).all() && p.cmple(self.max).all()
     }
 
-    /// Where `other` lies with respect to this box. Exact, since it only compares; `Crossing` when either
-    /// box is improper.
+    /// Classifies the box `other` against this box: `Inside` if contained (shared sides included), `Outside`
+    /// if separated by a gap, otherwise `Crossing`. Touching boxes are `Crossing`. The test only compares
+    /// coordinates and is therefore exact. Returns `Crossing` if either box is improper.
     pub fn classify_aabb(&self, other: &Self) -> Containment {
         if !self.is_proper() || !other.is_proper() {
             return Containment::Crossing;
@@ -106,7 +115,8 @@ impl Aabb {
         Containment::Crossing
     }
 
-    /// The eight corners; bit 0 of the index chooses max x, bit 1 max y, bit 2 max z.
+    /// Returns the eight corners. Corner `i` has the maximum x if bit 0 of `i` is set, the maximum y if bit 1
+    /// is set and the maximum z if bit 2 is set, otherwise the minimum.
     pub fn corners(&self) -> [Vec3; 8] {
         core::array::from_fn(|i| {
             Vec3::new(

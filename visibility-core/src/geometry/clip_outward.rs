@@ -1,18 +1,18 @@
-//! Clipping convex polygons to half-spaces that are enlarged by a margin, so that rounding loses nothing.
+//! Clipping of convex polygons by half-spaces enlarged by a margin, so that rounding cuts no true part off.
 
 use crate::geometry::Plane;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// The corners of a convex polygon in order around it; a single point or an edge counts as one. Sixteen are
-/// held in place.
+/// Corners of a convex polygon in order around its boundary. A single point, or the two ends of an edge, also
+/// count as a polygon. Up to 16 corners are stored inline without allocation.
 pub(crate) type Corners = SmallVec<[DVec3; 16]>;
 
-/// The part of a convex polygon inside a half-space whose boundary is moved by `margin` metres against its
-/// unit normal.
+/// Clips a convex polygon by the half-space of `plane` after its boundary was moved by `margin` metres
+/// against the unit normal, and returns the corners of the remaining part in order.
 ///
-/// A negative margin makes the half-space smaller. Corners on the moved plane are kept; empty if all are
-/// beyond it.
+/// A positive margin enlarges the half-space, a negative margin shrinks it. Corners on the moved boundary are
+/// kept. The result is empty if all corners are outside.
 pub(crate) fn clip_outward(corners: &[DVec3], plane: &Plane, margin: f64) -> Corners {
     let mut kept = Corners::new();
     let height = |at: DVec3| plane.signed_distance(at) + margin;

@@ -5,7 +5,8 @@ use core::fmt;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// A planar convex polygon: portals, occluders, the faces of cells. Up to eight vertices are held in place.
+/// A planar convex polygon in `f64`, for portals, occluders and the faces of cells. Up to eight vertices are
+/// stored inline without allocation. The default polygon is empty.
 ///
 /// ```
 /// use visibility_core::{geometry::{ConvexPolygon, Plane}, glam::DVec3};
@@ -20,31 +21,31 @@ pub struct ConvexPolygon {
     vertices: SmallVec<[DVec3; 8]>,
 }
 
-/// Why vertices do not make a convex polygon.
+/// The reason why a list of vertices is not a convex polygon.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum PolygonError {
-    /// Fewer than three vertices.
+    /// The list has fewer than three vertices.
     TooFewVertices {
-        /// How many there are.
+        /// Number of vertices in the list.
         count: usize,
     },
     /// A coordinate is NaN or infinite.
     NonFinite {
-        /// Index of the first such vertex.
+        /// Index of the first vertex with such a coordinate.
         vertex: usize,
     },
-    /// All vertices lie on one line.
+    /// The polygon has no area, or almost none relative to its size: all vertices lie on one line.
     Degenerate,
-    /// A vertex is off the plane of the others.
+    /// A vertex is farther from the plane of the polygon than [`ConvexPolygon::TOLERANCE`] allows.
     NotPlanar {
         /// Index of the vertex farthest from the plane.
         vertex: usize,
-        /// Its distance from the plane.
+        /// Distance of that vertex from the plane, in metres.
         distance: f64,
     },
-    /// The boundary turns the other way, or around more than once.
+    /// The boundary has a reflex corner or winds around more than once.
     NotConvex {
-        /// Index of a vertex that lies on the outer side of some edge.
+        /// Index of a vertex that lies on the outer side of an edge.
         vertex: usize,
     },
 }
@@ -68,12 +69,16 @@ impl fmt::Display for PolygonError {
 impl core::error::Error for PolygonError {}
 
 impl ConvexPolygon {
-    /// How far a vertex may be off the plane, and a corner turn the wrong way, relative to the polygon's
-    /// size.
+    /// Greatest allowed distance of a vertex from the polygon's plane, and from the inner side of any edge,
+    /// as a fraction of the polygon's size (its greatest extent from the first vertex along an axis).
     pub const TOLERANCE: f64 = 1e-6;
 
-    /// Checks that the vertices, in order around the boundary, are finite, planar and convex up to
-    /// [`TOLERANCE`](Self::TOLERANCE). Collinear and repeated vertices are allowed.
+    /// Makes a polygon of vertices in order around the boundary, clockwise or counter-clockwise. Collinear
+    /// and repeated vertices are allowed. Time is quadratic in the number of vertices.
+    ///
+    /// # Errors
+    /// [`PolygonError`] if there are fewer than three vertices, a vertex is not finite, the polygon has no
+    /// area, or is not planar or not convex up to [`TOLERANCE`](Self::TOLERANCE).
     pub fn new(vertices: impl IntoIterator<Item = DVec3>) -> Result<Self, PolygonError> {
         let polygon = Self { vertices: vertices.into_iter().collect() };
         polygon.validate()?;
@@ -104,8 +109,8 @@ impl ConvexPolygon {
         if off(farthest) > allowed {
             return Err(PolygonError::NotPlanar { vertex: farthest, distance: off(farthest) });
         }
-        // Convex: every vertex lies on the inner side of every edge. Quadratic, and it also refuses
-        // boundaries that go around twice, which local turns alone do not.
+        // Convex: every vertex lies on the inner side of every edge. The quadratic test also refuses
+        // boundaries that wind around twice, which tests of successive corners would accept.
         for i in 0..v.len() {
             let (a, b) = (v[i], v[(i + 1) % v.len()]);
             let Some(inward) = plane.normal.cross(b - a).try_normalize() else { continue };
@@ -116,17 +121,19 @@ impl ConvexPolygon {
         Ok(())
     }
 
-    /// The vertices in order around the boundary; none when the polygon is empty.
+    /// Returns the vertices in order around the boundary. The slice is empty if the polygon is empty.
     pub fn vertices(&self) -> &[DVec3] {
         &self.vertices
     }
 
-    /// Whether clipping has left nothing.
+    /// Tests whether the polygon has fewer than three vertices: the default polygon, or one that was clipped
+    /// away.
     pub fn is_empty(&self) -> bool {
         self.vertices.len() < 3
     }
 
-    /// Half the sum of the cross products of successive edges: the normal (counter-clockwise) times the area.
+    /// Returns the area times the unit normal (the side from which the vertices run counter-clockwise), as
+    /// half the sum of cross products over a triangle fan from the first vertex. Zero for an empty polygon.
     fn area_vector(&self) -> DVec3 {
         let v = &self.vertices;
         let mut sum = DVec3::ZERO;
@@ -136,16 +143,16 @@ impl ConvexPolygon {
         sum * 0.5
     }
 
-    /// The area, in square metres.
+    /// Returns the area in square metres, 0 for an empty polygon.
     pub fn area(&self) -> f64 {
         self.area_vector().length()
     }
 
-    /// The plane of the polygon, its unit normal on the side from which the vertices run counter-clockwise.
-    /// `None` without area.
+    /// Returns the plane of the polygon with a unit normal on the side from which the vertices run
+    /// counter-clockwise. `None` if the polygon is empty or has no area.
     pub fn plane(&self) -> Option<Plane> {
         let normal = self.area_vector().try_normalize()?;
-        // Through the mean of the vertices: each is then about equally near.
+        // The plane goes through the mean of the vertices, so that all are about equally near to it.
         let mut center = DVec3::ZERO;
         for &p in &self.vertices {
             center += p / self.vertices.len() as f64;
@@ -153,9 +160,11 @@ impl ConvexPolygon {
         Some(Plane::through(center, normal))
     }
 
-    /// The part inside the half-space, written to `out` (whose memory is reused); says where the whole lay.
+    /// Writes the part of the polygon inside the half-space to `out`, replacing its vertices and reusing its
+    /// memory. Returns the classification of the whole polygon. `out` is empty if the polygon is `Outside`,
+    /// or if fewer than three vertices remain.
     ///
-    /// Vertices within rounding error of the plane are kept as they are, so that a cut along an existing
+    /// Vertices within the rounding error of the plane are kept unchanged, so that a cut along an existing
     /// edge adds no vertices.
     pub fn clip(&self, plane: &Plane, out: &mut Self) -> Containment {
         out.vertices.clear();
@@ -177,8 +186,8 @@ impl ConvexPolygon {
                 (Containment::Inside, Containment::Outside) | (Containment::Outside, Containment::Inside)
             );
             if crosses {
-                // Always from the inner to the outer end, so that both neighbours of an edge cut it in the
-                // same point.
+                // The cut point is computed from the inner to the outer end, so that the two polygons that
+                // share an edge cut it in the same point.
                 let (inner, outer) = if a_side == Containment::Inside { (a, b) } else { (b, a) };
                 let (di, d_o) = (plane.signed_distance(inner), plane.signed_distance(outer));
                 out.vertices.push(inner + (outer - inner) * (di / (di - d_o)));
@@ -196,7 +205,8 @@ impl ConvexPolygon {
 }
 
 impl Plane {
-    /// Where a convex polygon lies. An empty polygon is `Outside`.
+    /// Classifies a convex polygon against the half-space. A polygon with a vertex within rounding error of
+    /// the boundary is `Crossing`. An empty polygon is `Outside`.
     pub fn classify_polygon(&self, polygon: &ConvexPolygon) -> Containment {
         let (mut inside, mut outside) = (true, true);
         for &v in polygon.vertices() {

@@ -1,15 +1,16 @@
-//! Double-double arithmetic: numbers of 106 bits, for certificates and for tests of margins, where `f64` has
-//! no digits left.
+//! Double-double arithmetic: numbers with 106 significant bits, for certificates and for tests of error
+//! margins that `f64` cannot resolve.
 //!
 //! This work is based on: T. J. Dekker, "A Floating-Point Technique for Extending the Available Precision",
 //! 1971, and M. Joldes, J.-M. Muller and V. Popescu, "Tight and Rigorous Error Bounds for Basic Building
-//! Blocks of DoubleDouble-Word Arithmetic", 2017, who prove that a sum is wrong by at most 3 u^2 and a
-//! product by at most 8 u^2 of its value, u = 2^-53, if nothing underflows or overflows.
+//! Blocks of DoubleDouble-Word Arithmetic", 2017. The latter proves relative error bounds of 3 u^2 for a sum
+//! and 8 u^2 for a product, with u = 2^-53, if nothing underflows or overflows.
 
-/// The number `hi + lo`, where `hi` is that sum rounded to nearest.
+/// The unevaluated sum `hi + lo` of two `f64`, where `hi` is that sum rounded to nearest.
 ///
-/// Sums and products are wrong by at most [`ERROR`](Self::ERROR) of their value, as long as nothing overflows
-/// and no product is below 2^-969 in size (its low part would underflow). Infinities and NaN give NaN.
+/// The relative error of a sum or product is at most [`ERROR`](Self::ERROR), as long as nothing overflows and
+/// no product has a magnitude below 2^-969 (its low part would underflow). An infinite or NaN operand makes
+/// `lo` NaN.
 ///
 /// ```
 /// use visibility_core::geometry::DoubleDouble;
@@ -19,45 +20,47 @@
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct DoubleDouble {
-    /// The number, rounded to `f64`.
+    /// The number rounded to the nearest `f64`.
     pub hi: f64,
-    /// What rounding has lost; at most half a unit in the last place of `hi`.
+    /// Difference of the number and `hi`; its magnitude is at most half a unit in the last place of `hi`.
     pub lo: f64,
 }
 
 impl DoubleDouble {
-    /// Zero.
+    /// The number 0.
     pub const ZERO: Self = Self { hi: 0.0, lo: 0.0 };
 
-    /// How wrong a sum or a product is at most, relative to its value: 16 u^2, where u = 2^-53.
+    /// Upper bound on the relative error of [`plus`](Self::plus) and [`times`](Self::times): 16 u^2 = 2^-102,
+    /// where u = 2^-53.
     pub const ERROR: f64 = 1.0 / (1u128 << 102) as f64;
 
-    /// `a + b`, exactly.
+    /// Returns `a + b` exactly, unless the sum overflows (Knuth's two-sum).
     pub fn sum(a: f64, b: f64) -> Self {
         let hi = a + b;
         let of_b = hi - a;
         Self { hi, lo: (a - (hi - of_b)) + (b - of_b) }
     }
 
-    /// `a - b`, exactly.
+    /// Returns `a - b` exactly, unless the difference overflows.
     pub fn difference(a: f64, b: f64) -> Self {
         Self::sum(a, -b)
     }
 
-    /// `a + b`, exactly, if `a` is not smaller in size than `b`.
+    /// Returns `a + b` exactly, if the magnitude of `a` is at least that of `b` (Dekker's fast two-sum).
     fn sum_ordered(a: f64, b: f64) -> Self {
         let hi = a + b;
         Self { hi, lo: b - (hi - a) }
     }
 
-    /// `a * b`, exactly, unless the product is below 2^-969 in size.
+    /// Returns `a * b` exactly, if the magnitude of the product is 0 or at least 2^-969 and nothing overflows
+    /// (Dekker's product).
     pub fn product(a: f64, b: f64) -> Self {
         let hi = a * b;
         let [(a1, a2), (b1, b2)] = [halves(a), halves(b)];
         Self { hi, lo: ((a1 * b1 - hi) + a1 * b2 + a2 * b1) + a2 * b2 }
     }
 
-    /// The sum, up to [`ERROR`](Self::ERROR) of the greater of the summands.
+    /// Returns the sum with a relative error of at most [`ERROR`](Self::ERROR).
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         let (s, t) = (Self::sum(self.hi, other.hi), Self::sum(self.lo, other.lo));
@@ -65,20 +68,22 @@ impl DoubleDouble {
         Self::sum_ordered(v.hi, t.lo + v.lo)
     }
 
-    /// The number with the other sign, exactly.
+    /// Returns the negated number, exactly.
     #[must_use]
     pub fn negated(self) -> Self {
         Self { hi: -self.hi, lo: -self.lo }
     }
 
-    /// The product, up to [`ERROR`](Self::ERROR) of itself.
+    /// Returns the product with a relative error of at most [`ERROR`](Self::ERROR), if its magnitude is 0 or
+    /// at least 2^-969.
     #[must_use]
     pub fn times(self, other: Self) -> Self {
         let p = Self::product(self.hi, other.hi);
         Self::sum_ordered(p.hi, p.lo + (self.hi * other.lo + self.lo * other.hi))
     }
 
-    /// The number times a power of two, exactly.
+    /// Returns the number times `power`, exactly. `power` must be a power of two, and neither part may
+    /// overflow or underflow.
     #[must_use]
     pub fn scaled(self, power: f64) -> Self {
         Self { hi: self.hi * power, lo: self.lo * power }
@@ -91,7 +96,8 @@ impl From<f64> for DoubleDouble {
     }
 }
 
-/// Two numbers of at most 26 bits whose sum it is (Veltkamp, 1968).
+/// Splits `a` into a high and a low part of at most 26 bits each with `high + low == a` exactly (Veltkamp,
+/// 1968). The parts are NaN if `a` is not finite or greater than about 2^996.
 fn halves(a: f64) -> (f64, f64) {
     let c = a * 134_217_729.0;
     let high = c - (c - a);
@@ -102,7 +108,8 @@ fn halves(a: f64) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    /// In units of 2^-80, so that products of the numbers below are integers.
+    /// Converts a number to an integer in units of 2^-80, so that products of the test's numbers are
+    /// integers. Panics if a part is not a multiple of that unit.
     fn exact(a: DoubleDouble) -> i128 {
         let scaled = |v: f64| {
             let v = v * (1u128 << 80) as f64;

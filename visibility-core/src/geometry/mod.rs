@@ -1,11 +1,12 @@
-//! The shapes that visibility is computed with.
+//! Geometric shapes and their three-way tests.
 //!
-//! Bounds ([`Aabb`], [`Sphere`]) are `f32`, as engines keep them, relative to the origin of their
-//! [`Scene`](crate::Scene). Planes and polygons, which are derived and intersected, are `f64`.
+//! Bounds ([`Aabb`], [`Sphere`]) are `f32`, in metres relative to the origin of their
+//! [`Scene`](crate::Scene), the form in which engines keep bounds. Planes and polygons are results of
+//! computation (intersections, clips) and are `f64`.
 //!
-//! Every test is three-way ([`Containment`]), and says `Crossing` whenever rounding or a non-finite
-//! number leaves the answer open, so that a caller who culls on `Outside` alone never hides anything by
-//! mistake.
+//! Every classification returns a [`Containment`]. The answer is `Crossing` whenever rounding or a non-finite
+//! number leaves the question open, so that a caller who culls on `Outside` alone never hides a visible
+//! object.
 
 mod aabb;
 mod clip_outward;
@@ -23,7 +24,7 @@ pub use plane::Plane;
 pub use side::{PolygonSide, Side, SidePlane, orientation};
 pub use sphere::Sphere;
 
-/// Where a shape lies with respect to a half-space or a volume.
+/// Position of a shape with respect to a closed half-space or volume, decided conservatively.
 ///
 /// ```
 /// use visibility_core::{geometry::{Containment, Plane}, glam::DVec3, Aabb};
@@ -35,10 +36,11 @@ pub use sphere::Sphere;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum Containment {
-    /// Surely inside, boundary included.
+    /// All points of the shape are certainly inside the volume or on its boundary.
     Inside,
-    /// On both sides, or too close to the boundary to tell, or not a number.
+    /// The shape has points on both sides of the boundary, or lies within the rounding error of the boundary,
+    /// or shape or volume has a NaN coordinate. Cullers keep such shapes.
     Crossing,
-    /// Surely outside.
+    /// All points of the shape are certainly outside the volume.
     Outside,
 }

@@ -1,4 +1,4 @@
-//! Oriented planes and their three-way tests.
+//! Oriented planes, and the three-way classification of points, boxes and spheres against them.
 
 use crate::{
     Aabb,
@@ -6,12 +6,14 @@ use crate::{
 };
 use glam::DVec3;
 
-/// Unit round-off of `f64`: half the distance from 1 to the next number.
+/// Unit round-off of `f64`: half the distance from 1 to the next greater number, 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// An oriented plane: the half-space of the points `p` with `normal . p + offset >= 0`.
+/// An oriented plane, which stands for the closed half-space of the points `p` with `normal . p + offset >=
+/// 0`.
 ///
-/// The normal need not have unit length, unless distances are wanted; spheres are tested with any length.
+/// The normal may have any length except where distances in metres are wanted. Classification works with a
+/// normal of any length. A plane with a NaN classifies every shape as `Crossing`.
 ///
 /// ```
 /// use visibility_core::{geometry::Plane, glam::DVec3};
@@ -20,37 +22,40 @@ const U: f64 = f64::EPSILON / 2.0;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Plane {
-    /// Points into the half-space that is kept.
+    /// Normal vector, of any length, pointing into the half-space that is kept.
     pub normal: DVec3,
-    /// Signed distance of the origin, in units of the normal's length.
+    /// Signed distance of the coordinate origin from the plane, positive if the origin is inside the
+    /// half-space, times the length of the normal.
     pub offset: f64,
 }
 
 impl Plane {
-    /// The half-space `normal . p + offset >= 0`.
+    /// Returns the half-space `normal . p + offset >= 0`, unchecked.
     pub const fn new(normal: DVec3, offset: f64) -> Self {
         Self { normal, offset }
     }
 
-    /// The half-space on the side that `normal` points to, bounded by the plane through `point`.
+    /// Returns the half-space whose boundary goes through `point` and whose inside is the side that `normal`
+    /// points to. `normal` may have any length and is kept as given.
     pub fn through(point: DVec3, normal: DVec3) -> Self {
         Self::new(normal, -normal.dot(point))
     }
 
-    /// The plane through three points, with the normal on the side from which they are seen in
-    /// counter-clockwise order, of unit length. `None` if they are collinear or not finite.
+    /// Returns the plane through three points with a unit normal. The normal points to the side from which
+    /// `a`, `b`, `c` run counter-clockwise (right-handed coordinates). `None` if the cross product of two
+    /// edges is zero or not finite: collinear or non-finite points.
     pub fn from_points(a: DVec3, b: DVec3, c: DVec3) -> Option<Self> {
         Some(Self::through(a, (b - a).cross(c - a).try_normalize()?))
     }
 
-    /// The same plane, keeping the other side.
+    /// Returns the opposite half-space: the same boundary with the normal and the offset negated.
     pub fn flipped(&self) -> Self {
         Self::new(-self.normal, -self.offset)
     }
 
-    /// The same half-space with a normal of unit length, or `None` where the normal is zero or not finite,
-    /// or the plane farther than `f64` reaches. Survives any magnitude: the normal is scaled before it is
-    /// squared.
+    /// Returns the same half-space with a unit normal. `None` if the normal is zero or not finite, or if the
+    /// scaled offset overflows `f64`. The normal is scaled before it is squared, so that lengths from 1e-300
+    /// to 1e300 work.
     pub fn normalized(&self) -> Option<Self> {
         let scale = self.normal.abs().max_element();
         if !(scale > 0.0 && scale.is_finite()) {
@@ -62,31 +67,36 @@ impl Plane {
         offset.is_finite().then(|| Self::new(normal / length, offset))
     }
 
-    /// `normal . p + offset`: the distance of `p` when the normal has unit length, positive on the side kept.
+    /// Returns `normal . p + offset`: the signed distance of `p` from the plane times the length of the
+    /// normal, positive inside the half-space. The rounding error is at most
+    /// [`error_bound`](Self::error_bound).
     pub fn signed_distance(&self, p: DVec3) -> f64 {
         self.normal.x * p.x + self.normal.y * p.y + self.normal.z * p.z + self.offset
     }
 
-    /// An upper bound on the rounding error of [`signed_distance`](Self::signed_distance) at a point with
-    /// coordinates of at most the given magnitudes.
+    /// Returns an absolute upper bound on the rounding error of [`signed_distance`](Self::signed_distance),
+    /// in the same unit, for points whose coordinates have absolute values of at most `magnitude` on each
+    /// axis.
     ///
-    /// Three products and three additions in a row: each term is rounded at most four times (once as a
-    /// product, up to three times in sums), so the error is at most `4u / (1 - 4u)` times the sum of the
-    /// terms' magnitudes. 6u also covers the rounding of that sum itself. A product that underflows
-    /// loses at most the least normal number, also where denormals are flushed to zero.
+    /// The distance is three products and three additions in a row. Each term is rounded at most four times
+    /// (once as a product, up to three times in sums), so the error is at most `4u / (1 - 4u)` times the sum
+    /// of the terms' magnitudes, with `u = 2^-53`. The factor 6u also covers the rounding of that sum itself.
+    /// A product that underflows loses at most the least normal number, also where denormals are flushed to
+    /// zero.
     pub fn error_bound(&self, magnitude: DVec3) -> f64 {
         let n = self.normal.abs();
         6.0 * U * (n.x * magnitude.x + n.y * magnitude.y + n.z * magnitude.z + self.offset.abs())
             + 8.0 * f64::MIN_POSITIVE
     }
 
-    /// Where a point lies; `Crossing` within the error bound.
+    /// Classifies a point against the half-space: `Crossing` if its distance from the boundary is within the
+    /// error bound or NaN.
     pub fn classify_point(&self, p: DVec3) -> Containment {
         self.decide(self.signed_distance(p), self.signed_distance(p), self.error_bound(p.abs()))
     }
 
-    /// Where a box lies, from its corners nearest to and farthest along the normal.
-    /// Improper boxes are `Crossing`.
+    /// Classifies a box against the half-space, by the box's corners nearest to and farthest along the
+    /// normal. A box that touches the boundary, and an improper box, are `Crossing`.
     pub fn classify_aabb(&self, bounds: &Aabb) -> Containment {
         if !bounds.is_proper() {
             return Containment::Crossing;
@@ -99,7 +109,8 @@ impl Plane {
         self.decide(self.signed_distance(near), self.signed_distance(far), error)
     }
 
-    /// Where a sphere lies. Improper spheres are `Crossing`.
+    /// Classifies a sphere against the half-space. A sphere that touches the boundary, and an improper
+    /// sphere, are `Crossing`.
     pub fn classify_sphere(&self, sphere: &Sphere) -> Containment {
         if !sphere.is_proper() {
             return Containment::Crossing;
@@ -107,13 +118,13 @@ impl Plane {
         let center = sphere.center.as_dvec3();
         let distance = self.signed_distance(center);
         let reach = self.normal.length() * f64::from(sphere.radius);
-        // The length is rounded a few times, the sums below once more.
+        // The length of the normal is rounded a few times, the sums below once more each.
         let error = self.error_bound(center.abs()) + 8.0 * U * (reach + distance.abs());
         self.decide(distance - reach, distance + reach, error)
     }
 
-    /// The verdict on a range of distances with an error; comparisons with NaN are false, so NaN is
-    /// `Crossing`.
+    /// Classifies a shape whose signed distances span `least` to `greatest`, each computed with an absolute
+    /// error of at most `error`. Comparisons with NaN are false, so NaN gives `Crossing`.
     fn decide(&self, least: f64, greatest: f64, error: f64) -> Containment {
         if greatest < -error {
             Containment::Outside

@@ -1,19 +1,19 @@
-//! On which side of a plane a point or a polygon lies, decided only where rounding leaves no doubt.
+//! Tests on which side of a plane a point or a polygon lies, decided only where rounding leaves no doubt.
 //!
-//! What divides space by planes (BSP trees, occlusion trees, shadow frusta) asks one question over and over:
-//! front, back, or too close to tell. Two forms of it are here. [`SidePlane`] takes the coefficients of a
-//! plane as given and adds a margin that holds for all points of some extent, cut points included.
-//! [`orientation`] takes three points instead, so that the rounding of the plane itself is in the bound
-//! (after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates",
-//! 1997: the filter of its `orient3d`).
+//! Structures that divide space by planes (BSP trees, occlusion trees, shadow frusta) ask one question over
+//! and over: front, back, or too close to tell. This module has two forms of the test. [`SidePlane`] takes
+//! the coefficients of a plane as given and adds a margin that is valid for all points up to a given
+//! magnitude, cut points included. [`orientation`] takes three points instead and includes the rounding of
+//! the plane itself in its bound (after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast
+//! Robust Geometric Predicates", 1997: the filter of its `orient3d`).
 
 use super::Plane;
 use glam::DVec3;
 
-/// Unit round-off of `f64`.
+/// Unit round-off of `f64`, 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Where a point lies with respect to a plane.
+/// Side of an oriented plane on which a point lies.
 ///
 /// ```
 /// use visibility_core::{geometry::{orientation, Side}, glam::DVec3};
@@ -22,16 +22,18 @@ const U: f64 = f64::EPSILON / 2.0;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum Side {
-    /// Surely on the side that the normal points to.
+    /// The point is certainly on the side that the normal points to.
     Front,
-    /// So close to the plane that rounding may have decided the sign, or not a number.
+    /// The point is so close to the plane that rounding may have decided the sign of its distance, or the
+    /// distance is NaN.
     On,
-    /// Surely on the other side.
+    /// The point is certainly on the side that the normal points away from.
     Back,
 }
 
 impl Side {
-    /// The side of a signed distance of which the error is at most `margin`.
+    /// Returns the side for a signed `distance` whose absolute error is at most `margin`, in the same unit.
+    /// `On` if the distance is within the margin, or if either number is NaN.
     #[inline]
     pub fn of(distance: f64, margin: f64) -> Self {
         if distance > margin {
@@ -43,7 +45,8 @@ impl Side {
         }
     }
 
-    /// The side as seen with the plane turned round.
+    /// Returns the side of the same point with respect to the flipped plane: exchanges `Front` and `Back`,
+    /// keeps `On`.
     pub const fn opposite(self) -> Self {
         match self {
             Self::Front => Self::Back,
@@ -53,7 +56,7 @@ impl Side {
     }
 }
 
-/// Where a polygon, or any set of points, lies with respect to a plane.
+/// Side of an oriented plane on which a polygon, or any set of points, lies.
 ///
 /// ```
 /// use visibility_core::{geometry::{Plane, PolygonSide, SidePlane}, glam::DVec3};
@@ -63,19 +66,23 @@ impl Side {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum PolygonSide {
-    /// No point is behind, and at least one is in front.
+    /// At least one point is certainly in front of the plane and none is certainly behind it. Points on the
+    /// plane do not count.
     Front,
-    /// No point is off the plane: the polygon lies in it, or is too thin to tell.
+    /// No point is certainly off the plane: the polygon lies in the plane, is thinner than the margin, has no
+    /// points or only NaN distances.
     On,
-    /// No point is in front, and at least one is behind.
+    /// At least one point is certainly behind the plane and none is certainly in front of it. Points on the
+    /// plane do not count.
     Back,
-    /// Some points are in front and some behind.
+    /// At least one point is certainly in front of the plane and at least one certainly behind it.
     Across,
 }
 
-/// A plane and how far from it a point must be for its side to be sure: wide enough for points that were
-/// themselves computed by [`crossing`](Self::crossing), so that what was cut along a plane is never cut along
-/// it again.
+/// A plane with the margin beyond which the side of a point is certain.
+///
+/// The margin also covers points computed by [`crossing`](Self::crossing), so that a polygon cut along the
+/// plane lies wholly on one side of it and is never cut by the same plane again.
 ///
 /// ```
 /// use visibility_core::{geometry::{Plane, Side, SidePlane}, glam::DVec3};
@@ -87,35 +94,39 @@ pub enum PolygonSide {
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct SidePlane {
-    /// The plane, its normal of any length.
+    /// The plane, with a normal of any length.
     pub plane: Plane,
-    /// Distances, in units of the normal's length, up to this are [`Side::On`].
+    /// Greatest absolute value of [`Plane::signed_distance`] that counts as [`Side::On`], in metres times
+    /// the length of the normal.
     pub margin: f64,
 }
 
 impl SidePlane {
-    /// A plane for points whose coordinates are at most `magnitude` on each axis, in absolute value.
+    /// Returns a plane with a margin valid for points whose coordinates have absolute values of at most
+    /// `magnitude` on each axis. For points beyond `magnitude` a side may be wrong.
     ///
     /// With `E` the [bound](Plane::error_bound) on the error of a signed distance at that magnitude, the
     /// margin is `8 E`:
-    /// - a signed distance is computed with an error of at most `E`;
-    /// - a cut point is `a + (b - a) t` with `t = da / (da - db)`. Errors of `E` in `da` and `db` move it by
-    ///   at most `2 E` along the normal, the rounding of the quotient, the product and the sum of each
-    ///   coordinate by `6 u` of the coordinates, which is `E` once more. So a cut point is found within `4 E`
-    ///   of the plane that it was cut by;
-    /// - the rest, `4 E`, is for a second plane through the same polygon, computed from other vertices of it.
+    /// - A signed distance is computed with an error of at most `E`.
+    /// - A cut point is `a + (b - a) t` with `t = da / (da - db)`. Errors of `E` in `da` and `db` move the
+    ///   point by at most `2 E` along the normal. The rounding of the quotient, the product and the sum moves
+    ///   each coordinate by at most `6 u` of its magnitude, which is `E` once more. So a cut point is found
+    ///   within `4 E` of the plane that it was cut by.
+    /// - The remaining `4 E` is for a second plane through the same polygon, computed from other vertices of
+    ///   the polygon.
     pub fn new(plane: Plane, magnitude: DVec3) -> Self {
         Self { plane, margin: 8.0 * plane.error_bound(magnitude) }
     }
 
-    /// Where a point lies.
+    /// Returns the side of the point `p`; `On` within the margin or for NaN.
     #[inline]
     pub fn side(&self, p: DVec3) -> Side {
         Side::of(self.plane.signed_distance(p), self.margin)
     }
 
-    /// Where a polygon lies; `On` without points. One that reaches no farther than the margin to one side
-    /// goes whole to the other.
+    /// Returns the side of a polygon given by its vertices; `On` without points. A polygon that reaches
+    /// beyond the margin on one side only is wholly on that side, not `Across`. Points with a NaN distance
+    /// are ignored.
     #[inline]
     pub fn side_of_polygon(&self, points: &[DVec3]) -> PolygonSide {
         let (mut least, mut greatest) = (0.0f64, 0.0f64);
@@ -132,36 +143,39 @@ impl SidePlane {
         }
     }
 
-    /// Where the plane cuts the segment between two points that lie on different sides of it: the same point,
-    /// to the last bit, whichever end comes first and whichever way the plane faces, so that two polygons
-    /// that share an edge are cut without a crack.
+    /// Returns the point where the plane cuts the segment from `a` to `b`, which must lie on different sides
+    /// of the plane. The result is the same to the last bit if `a` and `b` are exchanged or the plane is
+    /// flipped, so that two polygons sharing an edge are cut without a crack. The result lies in the box of
+    /// the segment. It is the lexicographically smaller end if both distances are 0.
     #[inline]
     pub fn crossing(&self, a: DVec3, b: DVec3) -> DVec3 {
         let (a, b) = if (a.x, a.y, a.z) <= (b.x, b.y, b.z) { (a, b) } else { (b, a) };
         let (da, db) = (self.plane.signed_distance(a), self.plane.signed_distance(b));
         let point = a + (b - a) * (da / (da - db));
-        // Rounding must not carry it beyond the segment's own box, nor a quotient of two zeros into the
-        // polygon.
+        // Rounding must not move the point out of the segment's box, and a quotient of two zeros must not put
+        // a NaN into the polygon.
         if point.is_nan() { a } else { point.clamp(a.min(b), a.max(b)) }
     }
 }
 
-/// On which side of the plane through `a`, `b` and `c` the point `p` lies; in front is the side from which
-/// the three are seen in counter-clockwise order. `On` where rounding could have decided, which includes
-/// three points (almost) on a line.
+/// Returns the side of the plane through `a`, `b` and `c` on which the point `p` lies. `Front` is the side
+/// from which `a`, `b`, `c` run counter-clockwise (right-handed coordinates). `On` if rounding could have
+/// decided the sign, which includes (almost) collinear `a`, `b`, `c`, and for NaN.
 ///
-/// The determinant of the differences to `p` is a sum of six products of three. Each difference is rounded
-/// once, each product of two differences once and the difference of two such products once, the product with
-/// the third and the two sums once more each: 3 + 1 + 1 + 1 + 2 roundings, `8u` of the sum of magnitudes, of
-/// which `10u` are taken to cover second-order terms and the rounding of the bound itself. Underflow
-/// of a product loses at most the least normal number, times the differences it is multiplied by.
+/// The determinant of the differences to `p` is a sum of six products of three factors. Each difference is
+/// rounded once, each product of two differences once, the difference of two such products once, the product
+/// with the third factor once, and the two sums once each: 3 + 1 + 1 + 1 + 2 roundings, so the absolute error
+/// is at most `8u` times the sum of the terms' magnitudes. The factor used is `10u`, which covers
+/// second-order terms and the rounding of the bound itself. Underflow of a product loses at most the least
+/// normal number, times the differences that the product is multiplied by.
 pub fn orientation(a: DVec3, b: DVec3, c: DVec3, p: DVec3) -> Side {
     let (a, b, c) = (a - p, b - p, c - p);
     let minors = [(b.y * c.z, b.z * c.y), (b.z * c.x, b.x * c.z), (b.x * c.y, b.y * c.x)];
     let [x, y, z] = minors.map(|(s, t)| s - t);
     let [mx, my, mz] = minors.map(|(s, t)| s.abs() + t.abs());
     let (abs, least) = (a.abs(), f64::MIN_POSITIVE);
-    // Counter-clockwise seen from p means that the three turn the other way around the differences.
+    // `a`, `b`, `c` are now relative to `p`. Three points that run counter-clockwise as seen from `p` have a
+    // negative determinant of these differences.
     let determinant = -(a.x * x + a.y * y + a.z * z);
     let magnitude = abs.x * mx + abs.y * my + abs.z * mz;
     Side::of(determinant, 10.0 * U * magnitude + 8.0 * least * (abs.x + abs.y + abs.z) + 8.0 * least)
@@ -176,7 +190,8 @@ mod tests {
         DVec3::from_array(core::array::from_fn(|_| random.fine_range(-scale, scale)))
     }
 
-    /// Sign of the determinant in integers: coordinates are multiples of 1/1024 up to 1024.
+    /// Returns the sign of the exact determinant in integer arithmetic: 1 for `Front`, -1 for `Back`, 0 for
+    /// coplanar points. Coordinates must be multiples of 1/1024 with absolute values up to 1024.
     fn exact(a: DVec3, b: DVec3, c: DVec3, p: DVec3) -> i128 {
         let whole = |v: DVec3| v.to_array().map(|x| (x * 1024.0) as i128);
         let [a, b, c, p] = [a, b, c, p].map(whole);
@@ -210,7 +225,7 @@ mod tests {
             }
         }
         assert!(sure > 39_000 && flat >= 20_000, "{sure} {flat}");
-        // Scaling by powers of two changes nothing but the exponents.
+        // Scaling by powers of ten keeps these answers.
         for scale in [1e-60, 1e60] {
             let [a, b, c, p] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|v| v * scale);
             assert_eq!(orientation(a, b, c, p), Side::Front);
@@ -226,7 +241,7 @@ mod tests {
         for _ in 0..10_000 {
             let whole = |v: DVec3| v.round();
             let [u, v] = [whole(point(&mut random, 1e6)), whole(point(&mut random, 1e6))];
-            // Below 2^41: exact, as are the differences; their products are not.
+            // Coordinates are below 2^41: exact, as are their differences. The products are not exact.
             let [a, b, c, p] = core::array::from_fn(|_| {
                 u * random.fine_range(-1e5, 1e5).round() + v * random.fine_range(-1e5, 1e5).round()
             });
@@ -256,7 +271,7 @@ mod tests {
                 worst = worst.max(plane.plane.signed_distance(cut).abs() / plane.margin);
             }
         }
-        // The margin is not far more than what is needed.
+        // The margin is at most 50 times what is needed.
         assert!(worst > 0.02, "{worst}");
     }
 

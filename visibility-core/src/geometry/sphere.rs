@@ -1,9 +1,10 @@
-//! Spheres.
+//! Bounding spheres in `f32`.
 
 use crate::Aabb;
 use glam::Vec3;
 
-/// A sphere, in metres relative to the origin of its scene.
+/// A bounding sphere, in metres relative to the origin of its scene. A sphere with a negative radius or a NaN
+/// is *improper* and is never culled.
 ///
 /// ```
 /// use visibility_core::{geometry::Sphere, glam::Vec3, Aabb};
@@ -12,33 +13,36 @@ use glam::Vec3;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Sphere {
-    /// The middle.
+    /// Centre of the sphere, relative to the scene's origin.
     pub center: Vec3,
-    /// A sphere with a negative or NaN radius is improper, and never culled.
+    /// Radius in metres. A negative or NaN radius makes the sphere improper.
     pub radius: f32,
 }
 
 impl Sphere {
-    /// A sphere, taken as it is.
+    /// Returns the sphere with the given centre and radius, unchecked.
     pub const fn new(center: Vec3, radius: f32) -> Self {
         Self { center, radius }
     }
 
-    /// Whether the sphere bounds something: no NaN, and `radius >= 0`.
+    /// Tests whether the sphere is proper: no coordinate is NaN, and `radius >= 0`.
     pub fn is_proper(&self) -> bool {
         !self.center.is_nan() && self.radius >= 0.0
     }
 
-    /// A sphere that surely contains the box: its radius is rounded upwards.
+    /// Returns a sphere around the centre of a box that certainly contains a proper box: its radius is
+    /// rounded upwards. A box with a NaN, and [`Aabb::EMPTY`], give an improper sphere; a box with finite
+    /// `min > max` gives the sphere of the box with those coordinates exchanged.
     pub fn around(bounds: &Aabb) -> Self {
         let center = bounds.center();
         let far = (bounds.max - center).max(center - bounds.min).as_dvec3();
-        // `far` carries one f32 rounding (2^-24 relative, or half the least denormal), the f64 length
-        // next to nothing; two steps up cover both.
+        // `far` carries one `f32` rounding (2^-24 relative, or half the least denormal), and the `f64` length
+        // is rounded to `f32`: less than two steps together. The third step is spare.
         Self::new(center, (far.length() as f32).next_up().next_up().next_up())
     }
 
-    /// The box around the sphere, rounded outwards; improper when the sphere is.
+    /// Returns the axis-aligned box around the sphere, rounded outwards. An improper sphere gives
+    /// [`Aabb::EMPTY`].
     pub fn bounds(&self) -> Aabb {
         if !self.is_proper() {
             return Aabb::EMPTY;
