@@ -1,10 +1,11 @@
-//! Cutting a mesh into clusters whose triangles face alike.
+//! Dividing a mesh into clusters of triangles with similar normals.
 //!
-//! Clustered backface culling (Johannsen and Carter, "Clustered backface culling", 1998) wants clusters of
-//! like normals that also lie together. Here the mesh is split in two again and again, each time where the
-//! two halves scatter least: in their normals, and in their places, a size of the mesh counting as much as a
-//! radian. Splits are along one of a few fixed directions, of normals or places, and never cut off less than
-//! a cluster, so that only meshes of less than 64 triangles have a cluster of less than 64.
+//! Clustered backface culling (Johannsen and Carter, "Clustered backface culling", 1998) needs clusters with
+//! similar normals that are also close together. The mesh is bisected recursively. Each split minimizes the
+//! scatter of the two halves: the sum of squared distances from their means, in normals and in positions,
+//! where the size of the mesh counts as much as one radian. A split is along one of a few fixed directions,
+//! of normals or of positions. No split leaves fewer than [`MIN_CLUSTER`] triangles on a side, so only meshes
+//! of less than 64 triangles have a smaller cluster.
 
 use super::NormalCone;
 use crate::{Aabb, scene::Triangle};
@@ -13,12 +14,12 @@ use core::fmt;
 use core::ops::Range;
 use glam::{DVec3, Vec3};
 
-/// The most triangles in a cluster.
+/// Greatest number of triangles in a cluster.
 pub const MAX_CLUSTER: usize = 128;
-/// The fewest triangles in a cluster, unless the whole mesh has fewer.
+/// Least number of triangles in a cluster, unless the whole mesh has fewer.
 pub const MIN_CLUSTER: usize = 64;
 
-/// Some triangles of a mesh, to be drawn or culled together.
+/// A cluster of triangles of a mesh, to be drawn or culled together.
 ///
 /// ```
 /// use visibility_core::backface::cluster_mesh;
@@ -30,25 +31,26 @@ pub const MIN_CLUSTER: usize = 64;
 /// ```
 #[derive(Clone, PartialEq, Debug)]
 pub struct Cluster {
-    /// Which triangles of the mesh, ascending.
+    /// Indices of the cluster's triangles in the mesh, ascending.
     pub triangles: Vec<u32>,
-    /// Around all their corners; improper if one is NaN.
+    /// Bounding box of the triangles' corners, in mesh coordinates. Improper if a corner is NaN.
     pub bounds: Aabb,
-    /// From where none of them can be seen.
+    /// Bounds the eyes that see only back faces of the cluster, in mesh coordinates. Open if it decides
+    /// nothing.
     pub cone: NormalCone,
 }
 
-/// Why a mesh cannot be cut.
+/// The reason why a mesh cannot be divided into clusters.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum MeshError {
-    /// A triangle names a vertex that does not exist.
+    /// A triangle has a vertex index that is not below the number of positions.
     VertexOutOfRange {
-        /// The first such triangle.
+        /// Index of the first such triangle.
         triangle: usize,
-        /// The vertex.
+        /// The vertex index.
         vertex: u32,
     },
-    /// More triangles than `u32` can number.
+    /// The mesh has more triangles than `u32` can number.
     TooManyTriangles,
 }
 
@@ -65,13 +67,16 @@ impl fmt::Display for MeshError {
 
 impl core::error::Error for MeshError {}
 
-/// Cuts an indexed mesh into clusters of 64 to 128 triangles with like normals, each with its bounds and its
-/// cone. Every triangle is in exactly one. The same mesh gives the same clusters on every machine.
+/// Divides an indexed mesh into clusters of 64 to 128 triangles with similar normals, each with its bounds
+/// and its cone. Every triangle is in exactly one cluster. A mesh of fewer than 64 triangles is one cluster,
+/// and an empty mesh has none. Clusters of similar normals are adjacent in the list. The result is the same
+/// on every machine.
 ///
 /// Cost: some 5 microseconds a triangle.
 ///
 /// # Errors
-/// [`MeshError`].
+/// [`MeshError::VertexOutOfRange`] for the first triangle with a bad vertex index,
+/// [`MeshError::TooManyTriangles`] for 2^32 triangles or more.
 ///
 /// ```
 /// use visibility_core::backface::{cluster_mesh, Facing};
@@ -108,7 +113,7 @@ pub fn cluster_mesh(positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Vec<Clus
     while let Some(range) = pending.pop() {
         if range.len() > MAX_CLUSTER {
             let middle = range.start + scratch.split(&points, &mut order[range.clone()]);
-            // The first half next.
+            // The stack takes the first half next.
             pending.push(middle..range.end);
             pending.push(range.start..middle);
         } else if !range.is_empty() {
@@ -128,7 +133,9 @@ fn cluster(triangles: &[Triangle], members: &mut [u32]) -> Cluster {
     }
 }
 
-/// What triangles are compared by: normal, and centre in units of the mesh's size. Zero where not finite.
+/// Returns, for each triangle, the two vectors by which triangles are compared: its unit normal, and its
+/// centre relative to the mesh's minimum corner in units of the mesh's greatest extent. A vector that is not
+/// finite, and the normal of a triangle without area, is zero.
 fn traits(triangles: &[Triangle]) -> Vec<[DVec3; 2]> {
     let corners = || triangles.iter().flatten().map(|p| p.as_dvec3()).filter(|p| p.is_finite());
     let (low, high) =
@@ -146,10 +153,11 @@ fn traits(triangles: &[Triangle]) -> Vec<[DVec3; 2]> {
         .collect()
 }
 
-/// How much places count beside normals.
+/// Weight of squared distances between positions, relative to those between unit normals.
 const PLACE: f64 = 1.0;
 
-/// Directions along which normals are split: the axes, and the diagonals between them.
+/// Directions along which triangles are sorted to find a split: the three axes, used for normals and
+/// positions, then the six face diagonals, used for normals only.
 const DIRECTIONS: [DVec3; 9] = [
     DVec3::X,
     DVec3::Y,
@@ -169,10 +177,12 @@ struct Scratch {
 }
 
 impl Scratch {
-    /// Reorders the members so that the first ones, whose number is returned, and the rest scatter least.
+    /// Reorders `members` into two halves with the least total scatter and returns the size of the first
+    /// half. Each half gets at least [`MIN_CLUSTER`] and at least an eighth of the members. Requires at least
+    /// 128 members.
     fn split(&mut self, points: &[[DVec3; 2]], members: &mut [u32]) -> usize {
         let count = members.len();
-        // Not too unequal, so that the depth is logarithmic.
+        // Halves that are not too unequal keep the depth logarithmic.
         let least = MIN_CLUSTER.max(count / 8);
         let range = least..count - least + 1;
         let normals = DIRECTIONS.iter().map(|&d| (0, d));
@@ -199,7 +209,8 @@ impl Scratch {
         self.keyed.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     }
 
-    /// The least scatter of two halves, and the size of the first.
+    /// Finds the best split of the sorted triangles in `keyed`. Returns the least total scatter of two
+    /// halves, and the size of the first half, which is limited to `range`.
     fn sweep(&mut self, points: &[[DVec3; 2]], range: Range<usize>) -> (f64, usize) {
         self.scatter.clear();
         let mut sums = Sums::default();
@@ -220,7 +231,8 @@ impl Scratch {
     }
 }
 
-/// Of normals and places: number, sums, sum of squares.
+/// Running sums over the normals and positions of triangles: count, sums of the vectors, weighted sum of
+/// their squared lengths.
 #[derive(Default)]
 struct Sums {
     count: f64,
@@ -237,7 +249,8 @@ impl Sums {
         self.squares += normal.length_squared() + PLACE * place.length_squared();
     }
 
-    /// The sum of squared distances from the mean.
+    /// Returns the sum of squared distances from the mean, over normals and weighted positions. 0 without
+    /// triangles.
     fn scatter(&self) -> f64 {
         if self.count == 0.0 {
             return 0.0;

@@ -1,4 +1,4 @@
-//! The cone that stands for many triangles.
+//! The normal cone: a bound on the eyes that see only back faces of a cluster of triangles.
 
 use super::facing::Facing;
 use super::fit::{Doubt, Facet, Fit, SLACK, Surface, fit};
@@ -7,16 +7,17 @@ use crate::{Aabb, scene::Triangle, view::Eye};
 use alloc::vec::Vec;
 use glam::{DAffine3, DVec3};
 
-/// From where all of many triangles are seen from behind, bounded from within; and from where all are seen
-/// from the front.
+/// A conservative bound on the eyes that see only back faces of a set of triangles, and on the eyes that see
+/// only front faces.
 ///
-/// The cone is anchored, so that it is right for an eye at any distance, and elliptic: see the
-/// [module](crate::backface). An *open* cone decides nothing; so does every cone of triangles that face in
-/// directions which no half-space holds. 64 bytes.
+/// The cone has an apex, so that it is valid for eyes at any distance, and an elliptic cross-section: see the
+/// [module](crate::backface). An *open* cone decides nothing. A cone whose normals deviate by more than 83
+/// degrees from every common axis is open. Coordinates are those of the triangles. Size: 64 bytes.
 ///
 /// # Representation
-/// The eye `e` sees backs only if, with `v = e - behind` and `w = rows * v`, `w.z + |(w.x, w.y)| < 0`, by a
-/// margin that covers rounding. It sees fronts only if the same holds with `v = ahead - e`.
+/// The eye `e` sees only back faces if, with `v = e - behind` and `w = rows * v`, `w.z + |(w.x, w.y)| < 0`,
+/// by a margin that covers rounding. It sees only front faces if the same holds with `v = ahead - e`. Eyes
+/// that satisfy neither are undecided.
 ///
 /// ```
 /// use visibility_core::backface::{Facing, NormalCone};
@@ -36,7 +37,8 @@ pub struct NormalCone {
     pub(super) rows: [[f32; 3]; 3],
     pub(super) behind: [f32; 3],
     pub(super) ahead: [f32; 3],
-    /// `32u` of the greatest element of `rows`: see [`inside`].
+    /// Factor of the rounding margin: `32u` times the greatest element of `rows`, `u = 2^-24`; see
+    /// [`inside`]. 0 for an open cone.
     pub(super) margin: f32,
 }
 
@@ -46,15 +48,17 @@ impl Default for NormalCone {
     }
 }
 
-/// Corners of the polygon that stands for the ellipse of a cone: sixteen, 2 % wider than the ellipse.
+/// Corners of the regular polygon, 2 % wider, that replaces a cone's ellipse in [`NormalCone::from_cones`]
+/// and [`NormalCone::transformed`].
 const CORNERS: usize = 16;
 
 impl NormalCone {
-    /// Decides nothing.
+    /// The open cone: every eye is undecided.
     pub const OPEN: Self = Self { rows: [[0.0; 3]; 3], behind: [0.0; 3], ahead: [0.0; 3], margin: 0.0 };
 
-    /// The cone of triangles. Triangles without area are never seen and do not count; a triangle that is not
-    /// finite, or so thin that rounding leaves its normal open, makes the cone open.
+    /// Returns the cone of a set of triangles. Triangles of exactly zero area are never seen and are ignored.
+    /// The cone is open without triangles, if a triangle is not finite or too thin for its normal to be
+    /// certain, or if some normal would deviate from the cone's axis by more than 83 degrees.
     ///
     /// Cost: some 0.5 microseconds a triangle.
     pub fn from_triangles<'a>(triangles: impl IntoIterator<Item = &'a Triangle>) -> Self {
@@ -69,7 +73,8 @@ impl NormalCone {
         Self::new(fit(&facets, Doubt::LEAST))
     }
 
-    /// A cone over cones: decides only what all of them decide. Open if one of them is, or if there is none.
+    /// Returns a cone over cones, which decides for an eye only what all given cones decide. The result is
+    /// open if any given cone is open, or if there are none.
     ///
     /// Cost: some 10 microseconds a cone.
     pub fn from_cones<'a>(cones: impl IntoIterator<Item = &'a Self>) -> Self {
@@ -85,7 +90,7 @@ impl NormalCone {
 
     pub(super) fn new(fit: Option<Fit>) -> Self {
         let Some(Fit { rows, behind, ahead, size }) = fit else { return Self::OPEN };
-        // Lengths in units of the cluster's size, so that squares stay in the range of f32 at any scale.
+        // Lengths in units of the cluster's size, so that squares stay in the range of `f32` at any scale.
         let exponent = (size.to_bits() >> 52) as i64 - 1023;
         let scale = f64::from_bits(((1023 - exponent.clamp(-90, 90)) as u64) << 52);
         let greatest = rows.iter().map(|row| row.abs().max_element()).fold(0.0, f64::max);
@@ -93,25 +98,27 @@ impl NormalCone {
             rows: rows.map(|row| (row * scale).as_vec3().to_array()),
             behind,
             ahead,
-            // 2^-19, that is 32u. The factor rounds upwards.
+            // 2^-19, that is 32u. The factor `1 + SLACK` rounds upwards.
             margin: (greatest * scale * (1.0 / 524288.0) * (1.0 + SLACK)) as f32,
         }
     }
 
-    /// Whether the cone decides nothing.
+    /// Tests whether the cone is open: it answers [`Facing::Undecided`] for every eye.
     pub fn is_open(&self) -> bool {
         self.margin == 0.0
     }
 
-    /// The cone of the same triangles turned inside out, for engines whose winding rule is the other one.
+    /// Returns the cone of the same triangles under the opposite winding rule: fronts become backs and backs
+    /// fronts.
     pub fn flipped(&self) -> Self {
         let rows = self.rows.map(|row| row.map(|x| -x));
         Self { rows, behind: self.ahead, ahead: self.behind, margin: self.margin }
     }
 
-    /// Which side of all its triangles an eye sees.
+    /// Returns the side that the eye sees of all triangles: `Back` or `Front` if certain for every triangle,
+    /// otherwise `Undecided`. The eye is in the coordinates of the triangles.
     ///
-    /// Cost: some 20 ns; [`Cones`](super::Cones) test 64 in that time.
+    /// Cost: some 20 ns. [`Cones`](super::Cones) test 64 cones in that time.
     pub fn facing(&self, eye: &Eye) -> Facing {
         self.facing_split(&SplitEye::new(eye))
     }
@@ -126,7 +133,8 @@ impl NormalCone {
         }
     }
 
-    /// As the kernel takes them: without what sees fronts.
+    /// Returns the numbers of the back-facing cone in the order of [`inside`]: rows, apex `behind`, margin.
+    /// The front apex `ahead` is left out.
     pub(super) fn numbers(&self) -> [f32; NUMBERS] {
         let [[a, b, c], [d, e, f], [g, h, i]] = self.rows;
         let [x, y, z] = self.behind;
@@ -138,7 +146,9 @@ impl NormalCone {
         inside::<1>(numbers.each_ref(), eye)[0] < 0.0
     }
 
-    /// Which side of all its triangles every eye in a viewcell sees. Improper boxes decide nothing.
+    /// Returns the side that every eye in a viewcell sees of all triangles, or `Undecided`. The viewcell is
+    /// in the coordinates of the triangles. An improper box is `Undecided`. Cost: up to eight tests of an
+    /// eye.
     pub fn facing_from_aabb(&self, viewcell: &Aabb) -> Facing {
         if !viewcell.is_proper() {
             return Facing::Undecided;
@@ -146,8 +156,9 @@ impl NormalCone {
         self.facing_from_points(viewcell.corners().map(|corner| corner.as_dvec3()))
     }
 
-    /// Which side of all its triangles every eye in the convex hull of some points sees: a cone holds the
-    /// hull if it holds the points. Decides nothing without a point.
+    /// Returns the side that every eye in the convex hull of the points `eyes` sees of all triangles, or
+    /// `Undecided`. A cone is convex, so it contains the hull if it contains the points. `Undecided` without
+    /// points.
     pub fn facing_from_points(&self, eyes: impl IntoIterator<Item = DVec3>) -> Facing {
         let mut all = None;
         for eye in eyes {
@@ -160,19 +171,21 @@ impl NormalCone {
         all.unwrap_or(Facing::Undecided)
     }
 
-    /// Planes to be behind of (in the apex), such that who is behind all of them is in the cone.
+    /// Returns 16 planes whose common back side lies within the cone of back-facing eyes. Each plane goes
+    /// through the apex. An eye in front of all 16 planes (through the apex `ahead`) lies within the cone of
+    /// front-facing eyes.
     fn facets(&self) -> impl Iterator<Item = Facet> {
-        // Who is behind all planes whose normals are `rows[2] + cos rows[0] + sin rows[1]`, for any angle, is
-        // in the cone, before its rows were rounded, up to `6u` of the greatest element, which is at
-        // most 16 times as long as the part of these normals along the axis: 96u, less than `SLACK`.
-        // Normals inside a polygon of normals follow from its corners.
+        // An eye behind all planes with normals `rows[2] + cos rows[0] + sin rows[1]`, for any angle, is in
+        // the cone. The rows were rounded by up to `6u` of the greatest element, which is at most 16 times as
+        // long as the part of these normals along the axis: 96u, less than `SLACK`. Planes with normals
+        // inside a polygon of normals follow from the planes of its corners.
         const COSINES: [f64; 5] =
             [1.0, 0.923_879_532_511_286_7, core::f64::consts::FRAC_1_SQRT_2, 0.382_683_432_365_089_8, 0.0];
-        // A little more than one over the cosine of half the angle between corners.
+        // Slightly more than one over the cosine of half the angle between corners.
         const OUT: f64 = 1.019_591_2;
         let [x, y, z] = self.rows.map(|row| DVec3::from_array(row.map(f64::from)));
         let points = [self.behind, self.ahead].map(|p| DVec3::from_array(p.map(f64::from)));
-        // Rows are in units of the extent.
+        // Rows are in units of one over the cluster's extent.
         let extent = 1.0 / z.length();
         (0..CORNERS).map(move |i| {
             let (c, s) = (COSINES[i % 4], COSINES[4 - i % 4]);
@@ -182,16 +195,16 @@ impl NormalCone {
         })
     }
 
-    /// The cone of the triangles as a transform maps them, conservatively for any transform, however it
-    /// scales or shears.
+    /// Returns the cone of the transformed triangles. The result is conservative for any affine transform,
+    /// with any scaling or shear.
     ///
-    /// A transform that mirrors (its determinant is negative) makes counter-clockwise triangles clockwise:
-    /// their fronts, as [`Facing`](super::Facing) defines them, are then what was inside. Engines that
-    /// turn their winding rule round for mirrored objects, so that the outside stays outside, add
-    /// [`flipped`](Self::flipped). A transform that flattens, or is not finite, gives an open cone.
+    /// A mirroring transform (negative determinant) makes counter-clockwise triangles clockwise: fronts, as
+    /// [`Facing`](super::Facing) defines them, become backs. Engines that reverse their winding rule for
+    /// mirrored objects, so that the outside stays outside, add [`flipped`](Self::flipped). A transform that
+    /// flattens, or is not finite, gives an open cone.
     ///
-    /// The result is some 2 % wider; transform the original each time, not the result. Cost: some 15
-    /// microseconds.
+    /// The result is some 2 % wider than the original. Transform the original cone each time, since repeated
+    /// transforms add up. Cost: some 15 microseconds.
     ///
     /// ```
     /// use visibility_core::backface::{Facing, NormalCone};
@@ -208,12 +221,13 @@ impl NormalCone {
             return Self::OPEN;
         }
         let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
-        // Normals are mapped by the cofactors. Scaled by the greatest element first, or they might overflow.
+        // Normals are transformed by the cofactor matrix. The matrix is first divided by its greatest
+        // element, or the cofactors might overflow.
         let greatest = x.abs().max(y.abs()).max(z.abs()).max_element();
         let [a, b, c] = [x / greatest, y / greatest, z / greatest];
         let cofactors = [b.cross(c), c.cross(a), a.cross(b)];
         let determinant = a.dot(cofactors[0]);
-        // Elements of at most 1: a cofactor is off by 8u at most, the determinant by 40u.
+        // All elements are at most 1: a cofactor is off by at most 8u, the determinant by at most 40u.
         const U: f64 = f64::EPSILON;
         let flat = determinant.abs() <= 64.0 * U || determinant.is_nan();
         if flat {
@@ -226,13 +240,15 @@ impl NormalCone {
         for Facet { normal: n, points, extent } in self.facets() {
             let normal = cofactors[0] * n.x + cofactors[1] * n.y + cofactors[2] * n.z;
             let length = normal.length();
-            // What was in doubt before, as the cofactors stretch it, and what they are off by themselves.
+            // The uncertainty of the normals before the transform, as the cofactors stretch it, plus the
+            // rounding of the cofactors themselves.
             doubt.slack = doubt.slack.max((SLACK * norm + 64.0 * U) / length * 1.01 + SLACK * 0.125);
             for p in points {
                 let size = greatest * p.abs().element_sum() + transform.translation.abs().max_element();
                 doubt.blur = doubt.blur.max(16.0 * U * size);
             }
-            // The cofactors of a mirror turn normals inside out, as its triangles are turned.
+            // The cofactors of a mirroring transform turn normals inside out, as the transform turns its
+            // triangles.
             let points = points.map(|p| transform.transform_point3(p));
             let points = if mirrored { [points[1], points[0]] } else { points };
             facets.push(Facet { normal: normal / length, points, extent: extent * greatest });

@@ -1,4 +1,4 @@
-//! Many cones in blocks of 64, and the tree of cones over cones.
+//! Arrays of normal cones in blocks of 64, and a hierarchy of cones over cones.
 
 use super::NormalCone;
 use super::cones64::Cones64;
@@ -7,9 +7,10 @@ use crate::scene::lanes;
 use crate::{Aabb, simd::Simd, view::Eye};
 use alloc::vec::Vec;
 
-/// Cones in a row, tested 64 at once: the flat form, for those who walk a hierarchy of their own.
+/// An array of normal cones that are tested 64 at a time, for callers with a hierarchy of their own. Only the
+/// back-facing half of each cone is stored.
 ///
-/// Cost: a fraction of a nanosecond for a cone; 52 bytes.
+/// Cost: a fraction of a nanosecond and 52 bytes per cone.
 ///
 /// ```
 /// use visibility_core::backface::{Cones, NormalCone};
@@ -29,12 +30,12 @@ pub struct Cones {
 }
 
 impl Cones {
-    /// Holds the cones in the order in which they come; uses the widest instructions that the processor has.
+    /// Stores the cones in the given order and selects the widest SIMD instructions of the processor.
     pub fn new(cones: impl IntoIterator<Item = NormalCone>) -> Self {
         Self::with_simd(cones, Simd::best())
     }
 
-    /// As [`new`](Self::new) with the given instructions.
+    /// Like [`new`](Self::new), with the given SIMD instructions, for tests and comparisons.
     pub fn with_simd(cones: impl IntoIterator<Item = NormalCone>, simd: Simd) -> Self {
         let mut this = Self { blocks: Vec::new(), count: 0, simd };
         for cone in cones {
@@ -50,18 +51,19 @@ impl Cones {
         this
     }
 
-    /// Number of cones.
+    /// Returns the number of cones.
     pub fn len(&self) -> usize {
         self.count
     }
 
-    /// Whether there is no cone.
+    /// Tests whether the array holds no cones.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Sets a bit for each cone of which the eye surely sees backs only: cone `i` in bit `i % 64` of word `i
-    /// / 64`. Words beyond the cones are zeroed; cones beyond the words are left out.
+    /// Sets one bit for each cone whose triangles the eye certainly sees from behind, and clears all other
+    /// bits of `masks`. Cone `i` is bit `i % 64` of word `i / 64`. Words beyond the last cone become 0; cones
+    /// beyond the last word are not tested. The eye is in the coordinates of the cones.
     pub fn back_facing(&self, eye: &Eye, masks: &mut [u64]) {
         let eye = SplitEye::new(eye);
         masks.fill(0);
@@ -70,14 +72,14 @@ impl Cones {
         }
     }
 
-    /// As [`back_facing`](Self::back_facing) for every eye in a viewcell at once. An improper box sets no
-    /// bit. Cost: up to eight times that of one eye.
+    /// Like [`back_facing`](Self::back_facing), for all eyes in a viewcell: a bit is set if every eye in the
+    /// box certainly sees only backs. An improper box sets no bit. Cost: up to eight times that of one eye.
     pub fn back_facing_from_aabb(&self, viewcell: &Aabb, masks: &mut [u64]) {
         masks.fill(0);
         if !viewcell.is_proper() {
             return;
         }
-        // Cones are convex: they hold a box if they hold its corners.
+        // Cones are convex: a cone contains a box if it contains the box's corners.
         let eyes = viewcell.corners().map(|corner| SplitEye::new(&Eye::Point(corner.as_dvec3())));
         for (block, mask) in self.blocks.iter().zip(masks) {
             *mask = u64::MAX;
@@ -90,11 +92,12 @@ impl Cones {
     }
 }
 
-/// Cones over cones, 64 below each, so that one test rejects up to thousands (Kumar, Manocha, Garrett and
-/// Lin, "Hierarchical Back-Face Computation", 1996).
+/// A hierarchy of normal cones with a fan-out of 64, in which one test can reject thousands of clusters
+/// (Kumar, Manocha, Garrett and Lin, "Hierarchical Back-Face Computation", 1996).
 ///
-/// Each cone above decides what all below it decide. The order of the cones is the grouping: those of
-/// [`cluster_mesh`](super::cluster_mesh) come so that neighbours face alike.
+/// A cone of an upper level decides for an eye only what all 64 cones below it decide. Groups are runs of 64
+/// consecutive cones, so similar cones should be adjacent. The clusters of
+/// [`cluster_mesh`](super::cluster_mesh) are in such an order.
 ///
 /// ```
 /// use visibility_core::backface::{ConeTree, NormalCone};
@@ -110,17 +113,18 @@ impl Cones {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ConeTree {
-    /// The cones first, then those over them, up to a level of at most 64.
+    /// Level 0 holds the given cones. Each further level holds one cone per 64 cones of the level before;
+    /// the last has at most 64 cones.
     levels: Vec<Cones>,
 }
 
 impl ConeTree {
-    /// Builds the cones over the given ones. Cost: some 0.6 milliseconds a group of 64.
+    /// Builds the hierarchy over `cones`, which keep their order. Cost: some 0.6 milliseconds a group of 64.
     pub fn new(cones: &[NormalCone]) -> Self {
         Self::with_simd(cones, Simd::best())
     }
 
-    /// As [`new`](Self::new) with the given instructions.
+    /// Like [`new`](Self::new), with the given SIMD instructions, for tests and comparisons.
     pub fn with_simd(cones: &[NormalCone], simd: Simd) -> Self {
         let mut levels = alloc::vec![Cones::with_simd(cones.iter().copied(), simd)];
         let mut below = cones.to_vec();
@@ -131,19 +135,19 @@ impl ConeTree {
         Self { levels }
     }
 
-    /// Number of cones, without those over them.
+    /// Returns the number of given cones, without those of the upper levels.
     pub fn len(&self) -> usize {
         self.levels[0].len()
     }
 
-    /// Whether there is no cone.
+    /// Tests whether the hierarchy holds no cones.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// As [`Cones::back_facing`], with the same guarantee; a cone that is off by rounding may be decided here
-    /// and not there, since what is above it decides too. Returns the number of blocks of 64 that were
-    /// tested.
+    /// Sets the same bits of `masks` as [`Cones::back_facing`], with the same guarantee. A cone within
+    /// rounding error of the eye may be set here and not there, since the upper levels decide it separately.
+    /// Returns the number of tested blocks of 64 cones.
     pub fn back_facing(&self, eye: &Eye, masks: &mut [u64]) -> u64 {
         masks.fill(0);
         if self.is_empty() {
@@ -152,7 +156,8 @@ impl ConeTree {
         self.visit(self.levels.len() - 1, 0, &SplitEye::new(eye), masks)
     }
 
-    /// Tests one block, and those below it that are not decided.
+    /// Tests one block of `level` and, recursively, the blocks below its undecided cones. Writes the bits of
+    /// the cones below to `masks`. Returns the number of tested blocks.
     fn visit(&self, level: usize, block: usize, eye: &SplitEye, masks: &mut [u64]) -> u64 {
         let cones = &self.levels[level];
         let mask = cones.simd.inside_cones(&cones.blocks[block], eye);
@@ -170,7 +175,7 @@ impl ConeTree {
         1 + lanes(rest).map(|lane| self.visit(level - 1, block * 64 + lane, eye, masks)).sum::<u64>()
     }
 
-    /// Sets all bits below a block of a level.
+    /// Sets the bits in `masks` of all given cones below block `block` of `level`.
     fn mark(&self, level: usize, block: usize, masks: &mut [u64]) {
         let each = 64usize.pow(level as u32);
         let words = self.len().div_ceil(64);

@@ -1,9 +1,10 @@
-//! Sixty-four cones as the kernel tests them.
+//! A block of 64 normal cones in structure-of-arrays form.
 
 use super::NormalCone;
 use super::split_eye::NUMBERS;
 
-/// The numbers of 64 cones as structure of arrays, a lane each, for the kernel. Without what sees fronts.
+/// The back-facing halves of 64 cones as structure of arrays: `numbers[n][i]` is number `n` of cone `i`, in
+/// the order of [`NormalCone::numbers`].
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Cones64 {
@@ -11,7 +12,7 @@ pub(crate) struct Cones64 {
 }
 
 impl Cones64 {
-    /// All open: a depth of zero is never negative.
+    /// A block of 64 open cones, which hold no eye.
     pub(crate) const OPEN: Self = Self { numbers: [[0.0; 64]; NUMBERS] };
 
     pub(crate) fn set(&mut self, lane: usize, cone: &NormalCone) {

@@ -1,4 +1,4 @@
-//! The culler of objects that turn their backs.
+//! A culler of objects whose back faces alone are turned to the eye.
 
 use super::split_eye::SplitEye;
 use super::{Cones64, NormalCone};
@@ -13,21 +13,22 @@ use crate::{
 use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
 
-/// Removes objects of which the eye sees the back only, in a scene whose objects are clusters of triangles.
+/// Removes objects of which the eye sees only back faces, in a scene whose objects are clusters of triangles.
 /// Conservative.
 ///
-/// Only for objects that are drawn one-sided, since the backs of others are seen: those that are not, are
-/// kept by [`set_two_sided`](Self::set_two_sided).
+/// Only one-sided objects may be removed, since the backs of two-sided objects are drawn. Two-sided objects
+/// must be declared by [`set_two_sided`](Self::set_two_sided) and are always kept.
 ///
-/// Each object has a [`NormalCone`], built from its triangles in the scene by [`sync`](Self::sync), or
-/// [`set`](Self::set) by the caller. An object that has changed since then counts as visible.
+/// Each object has a [`NormalCone`], built from its triangles in the scene by [`sync`](Self::sync), or given
+/// by the caller to [`set`](Self::set). An object without a cone, or changed since its cone was made, counts
+/// as visible.
 ///
-/// A culler belongs to one scene. Given another one, a clone included, it forgets all cones, and hides
-/// nothing until they are built anew; which objects are two-sided it keeps, by id, for all scenes.
+/// A culler belongs to one scene. Used with another scene, a clone included, it drops all cones and hides
+/// nothing until the cones are built anew. The two-sided flags are kept by object id for all scenes.
 ///
 /// # Cost
 /// `sync`: 60 microseconds for each changed object of 100 triangles. `cull`: about 0.5 ns for a candidate.
-/// 160 bytes for each object.
+/// Memory: 160 bytes for each object.
 ///
 /// ```
 /// use visibility_core::backface::BackfaceCuller;
@@ -50,30 +51,31 @@ use alloc::vec::Vec;
 #[derive(Clone, Debug)]
 pub struct BackfaceCuller {
     simd: Simd,
-    /// The scene that cones are of, and the changes up to which they have been opened where objects changed.
+    /// The scene of the cones, and the scene revision up to which the cones of changed objects have been
+    /// opened.
     cursor: SceneCursor,
-    /// The changes up to which cones have been built.
+    /// The scene revision up to which [`sync`](Self::sync) has built cones.
     built: SceneCursor,
-    /// Objects of all scenes that are drawn from both sides.
+    /// Ids of the objects of all scenes that are drawn two-sided.
     two_sided: BTreeSet<ObjectId>,
-    /// Whether the culler has been in several scenes: then an object that one of them removes may still be
-    /// in another.
+    /// Whether the culler has been used with several scenes. An object removed from one scene may then still
+    /// exist in another, so its two-sided flag is kept.
     in_several: bool,
-    /// By index of the object.
+    /// Cones of objects, indexed by [`ObjectId::index`].
     entries: Vec<Entry>,
-    /// By node of the scene's hierarchy; only those of leaves are used.
+    /// Cones of the leaves of the scene's hierarchy, indexed by node. Entries of inner nodes are unused.
     blocks: Vec<Block>,
-    /// Counts changes of entries.
+    /// Number of changes of `entries` so far, plus one.
     clock: u64,
 }
 
-/// What is known of one object.
+/// The cone of one object.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    /// The object that the entry is of; another one with the same index has no cone.
+    /// Object that the entry belongs to. An object with the same index and another generation has no cone.
     id: ObjectId,
     cone: NormalCone,
-    /// When the entry last changed.
+    /// Value of the culler's `clock` when the entry last changed.
     changed: u64,
 }
 
@@ -81,14 +83,14 @@ impl Entry {
     const NONE: Self = Self { id: ObjectId::NONE, cone: NormalCone::OPEN, changed: 0 };
 }
 
-/// The cones of a leaf of the scene's hierarchy, copied from the entries.
+/// The cones of the 64 lanes of one leaf of the scene's hierarchy, copied from the entries.
 #[derive(Clone, Debug)]
 struct Block {
     cones: Cones64,
     ids: [ObjectId; 64],
-    /// The layout of the scene for which the block was last found right.
+    /// Layout of the scene in which the block was last brought up to date.
     layout: Stamp,
-    /// When it was.
+    /// Value of the culler's `clock` when the block was last brought up to date.
     checked: u64,
 }
 
@@ -104,12 +106,13 @@ impl Default for BackfaceCuller {
 }
 
 impl BackfaceCuller {
-    /// Knows of no object; uses the widest instructions that the processor has.
+    /// Makes a culler without cones, which hides nothing, and selects the widest SIMD instructions of the
+    /// processor.
     pub fn new() -> Self {
         Self::with_simd(Simd::best())
     }
 
-    /// As [`new`](Self::new) with the given instructions, for tests and comparisons.
+    /// Like [`new`](Self::new), with the given SIMD instructions, for tests and comparisons.
     pub const fn with_simd(simd: Simd) -> Self {
         Self {
             simd,
@@ -123,12 +126,12 @@ impl BackfaceCuller {
         }
     }
 
-    /// Gives an object, as it is in the scene now, its cone. The cone must stand for all that is drawn of the
-    /// object, in the scene's coordinates. It holds until the scene is told of a change of the object, or of
-    /// so many changes at once that it keeps no list of them. A cone for a two-sided object is ignored.
+    /// Sets the cone of an object in its present state. The cone must cover everything drawn for the object,
+    /// in scene-relative coordinates. It is valid until the object changes in the scene, or until the scene's
+    /// change log overflows. A cone given for a two-sided object is ignored.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if the scene has no such object.
     pub fn set(&mut self, scene: &Scene, id: ObjectId, cone: NormalCone) -> Result<(), SceneError> {
         scene.bounds(id)?;
         self.forget_changed(scene);
@@ -137,12 +140,12 @@ impl BackfaceCuller {
         Ok(())
     }
 
-    /// Says whether an object is drawn from both sides; such an object has no cone, and is kept. At first,
-    /// none is. Turned off again, the object gets the cone of its triangles in the scene. An object with the
-    /// same id in another scene counts as two-sided too.
+    /// Sets whether an object is drawn two-sided. A two-sided object has no cone and is always kept. Objects
+    /// are one-sided by default. If the flag is cleared, the cone is built again from the object's triangles
+    /// in the scene. An object with the same id in another scene is two-sided too.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`].
+    /// [`SceneError::UnknownObject`] if the scene has no such object.
     pub fn set_two_sided(&mut self, scene: &Scene, id: ObjectId, two_sided: bool) -> Result<(), SceneError> {
         scene.bounds(id)?;
         self.forget_changed(scene);
@@ -156,8 +159,8 @@ impl BackfaceCuller {
         Ok(())
     }
 
-    /// The cone of an object, if it has one that counts: not open, and not older than the object's last
-    /// change.
+    /// Returns the valid cone of an object. `None` if the object has none, the cone is open, the object
+    /// changed after the last call that took changes in, or `scene` is another scene.
     pub fn cone(&self, scene: &Scene, id: ObjectId) -> Option<NormalCone> {
         let entry = self.entry(id).filter(|entry| !entry.cone.is_open())?;
         match self.cursor.peek(scene) {
@@ -166,9 +169,9 @@ impl BackfaceCuller {
         }
     }
 
-    /// Takes in what changed in the scene: each changed object that has triangles there gets their cone, in
-    /// time proportional to what changed. An object whose triangles are not all within its bounds gets none:
-    /// it has been moved, and they have not.
+    /// Brings the cones up to date with the scene: builds the cone of each changed object that has triangles.
+    /// Time is proportional to the number of changes. An object with a triangle outside its bounds gets no
+    /// cone, since its bounds were moved and its triangles were not.
     pub fn sync(&mut self, scene: &Scene) {
         self.forget_changed(scene);
         match self.built.follow(scene) {
@@ -177,7 +180,8 @@ impl BackfaceCuller {
         }
     }
 
-    /// Builds the cone of an object from its triangles, if it has none.
+    /// Builds the cone of an object from its triangles in the scene. Does nothing if the object is two-sided,
+    /// has a cone already, has no triangles, or has a triangle outside its bounds.
     fn build(&mut self, scene: &Scene, id: ObjectId) {
         let two_sided = self.two_sided.contains(&id);
         let has_cone = self.entry(id).is_some_and(|entry| !entry.cone.is_open());
@@ -189,8 +193,8 @@ impl BackfaceCuller {
         self.write(scene, id, NormalCone::from_triangles(triangles));
     }
 
-    /// Opens the cones of what has changed since they were set, which was no later than at the cursor.
-    /// Everything below is then of this scene.
+    /// Opens the cones of the objects that changed in the scene since the last call, and drops all cones if
+    /// `scene` is another scene or its change log has overflowed. Afterwards all entries are of `scene`.
     fn forget_changed(&mut self, scene: &Scene) {
         self.in_several |= self.cursor != SceneCursor::START && !self.cursor.is_in(scene);
         match self.cursor.follow(scene) {
@@ -219,14 +223,14 @@ impl BackfaceCuller {
         self.entries.get(id.index()).filter(|entry| entry.id == id)
     }
 
-    /// Sets the cone of an object, in its entry and in the block that has it.
+    /// Sets the cone of an object, in its entry and in the leaf block that holds a copy.
     fn write(&mut self, scene: &Scene, id: ObjectId, cone: NormalCone) {
         if self.entries.len() <= id.index() {
             self.entries.resize(id.index() + 1, Entry::NONE);
         }
         self.clock += 1;
         self.entries[id.index()] = Entry { id, cone, changed: self.clock };
-        // A block that was right for another layout will be looked at anyway.
+        // A block of an older layout needs no update here: `refresh` compares it with the entries before use.
         if let Some((leaf, lane)) = scene.leaf_of(id)
             && let Some(block) = self.blocks.get_mut(leaf)
             && block.layout == scene.layout()
@@ -236,8 +240,9 @@ impl BackfaceCuller {
         }
     }
 
-    /// Brings the block of a leaf up to date, if objects have changed places since it was: those that it
-    /// holds must be the same, with the same cones.
+    /// Brings the block of a leaf up to date, if the layout of the scene has changed since the last update.
+    /// `ids` are the objects of the leaf's lanes. Copies the cones of lanes whose object or entry has
+    /// changed.
     fn refresh(&mut self, scene: &Scene, leaf: usize, ids: &[ObjectId; 64]) {
         let block = &mut self.blocks[leaf];
         if block.layout == scene.layout() {
@@ -253,7 +258,8 @@ impl BackfaceCuller {
         (block.layout, block.checked) = (scene.layout(), self.clock);
     }
 
-    /// Removes what turns its back from a node and all below it. Whether anything is left.
+    /// Removes back-facing candidates from a node (`None`: the top) and all nodes below it. Returns whether
+    /// any candidate is left.
     fn visit(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, eye: &SplitEye) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let mut mask = candidates;

@@ -1,16 +1,16 @@
-//! Which side of one triangle an eye sees.
+//! Test of which side of one triangle an eye sees.
 
 use crate::{scene::Triangle, view::Eye};
 use glam::DVec3;
 
-/// Unit round-off of `f64`.
+/// Unit round-off of `f64`, 2^-53.
 pub(super) const U: f64 = f64::EPSILON / 2.0;
 
-/// Which side of a triangle, or of everything that a cone stands for, an eye sees.
+/// Side of a triangle, or of all triangles of a cone, that an eye sees.
 ///
 /// The front is the side from which the corners `a`, `b`, `c` run counter-clockwise in a right-handed world:
-/// the one that `(b - a) x (c - a)` points to. Engines with a left-handed world, or with clockwise fronts,
-/// call the other side the front and use [`flipped`](Self::flipped).
+/// the side that `(b - a) x (c - a)` points to. Engines with a left-handed world, or with clockwise fronts,
+/// call the opposite side the front and use [`flipped`](Self::flipped).
 ///
 /// ```
 /// use visibility_core::backface::Facing;
@@ -18,16 +18,17 @@ pub(super) const U: f64 = f64::EPSILON / 2.0;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum Facing {
-    /// Surely the front.
+    /// The eye certainly sees the front, of every triangle.
     Front,
-    /// Surely the back.
+    /// The eye certainly sees the back, of every triangle.
     Back,
-    /// Edge-on, or too close to that to tell, or not a number; of many triangles also: some front, some back.
+    /// The eye sees the triangle edge-on, or the rounding error is too large to decide, or a coordinate is
+    /// NaN. For several triangles also: the eye sees some fronts and some backs. Counts as visible.
     Undecided,
 }
 
 impl Facing {
-    /// The same with the sides exchanged.
+    /// Returns the side under the opposite winding rule: exchanges `Front` and `Back`, keeps `Undecided`.
     pub const fn flipped(self) -> Self {
         match self {
             Self::Front => Self::Back,
@@ -37,14 +38,16 @@ impl Facing {
     }
 }
 
-/// Which side of a triangle is seen from a point, or along the direction of a parallel view.
+/// Returns the side of a triangle that is seen from a point, or along the direction of a parallel view.
+/// Triangle and eye must be relative to the same origin.
 ///
-/// Front and back are certain, whatever the rounding. The bound, with `u = 2^-53`: the sign is that of the
-/// determinant of `b - a`, `c - a` and `eye - a` (or the reversed direction), six products of three factors
-/// each. A term is rounded once in each of three differences, twice as a product, once in its component of
-/// the cross product and twice in the sum: eight times, so the error is less than `10u` of the sum of the
-/// terms' magnitudes, `10u` covering the rounding of that sum too. Products of differences of `f32` do not
-/// underflow in `f64`; that with the eye may, and then loses less than `2^-1020` in each of three.
+/// `Front` and `Back` are certain, whatever the rounding. The bound, with `u = 2^-53`: the sign is that of
+/// the determinant of `b - a`, `c - a` and `eye - a` (or the reversed direction), a sum of six products of
+/// three factors. Each product is rounded once in each of three differences, twice as a product, once in its
+/// component of the cross product and twice in the sum: eight times. The error is therefore less than `10u`
+/// times the sum of the products' magnitudes, where `10u` also covers the rounding of that sum. Products of
+/// differences of `f32` do not underflow in `f64`. Products with the eye may underflow and then lose less
+/// than `2^-1020` in each of three components.
 ///
 /// Cost: some 14 ns.
 ///
@@ -69,7 +72,7 @@ pub fn facing(triangle: &Triangle, eye: &Eye) -> Facing {
     let determinant = normal.x * to_eye.x + normal.y * to_eye.y + normal.z * to_eye.z;
     let far = to_eye.abs();
     let error = 10.0 * U * (size.x * far.x + size.y * far.y + size.z * far.z) + 16.0 * f64::MIN_POSITIVE;
-    // An infinite error, like one that is not a number, decides nothing.
+    // An infinite or NaN error decides nothing: both comparisons are false.
     if determinant > error {
         Facing::Front
     } else if determinant < -error {

@@ -1,26 +1,29 @@
-//! Where an eye is, as the kernel takes it, and the kernel's body.
+//! The eye in the form that the cone test takes, and the arithmetic of the test itself.
 
 use crate::view::ViewProjection;
 use crate::{View, view::Eye};
 use glam::DVec3;
 
-/// An eye in two `f32`, so that its difference to an apex loses nothing where coordinates are great; or minus
-/// the direction of a parallel view, in the same way.
+/// An eye, relative to the origin of the cones, as the sum of two `f32` per coordinate, so that its
+/// difference to an apex loses no digits where coordinates are large. For a parallel view, the negated view
+/// direction in the same form.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SplitEye {
     high: [f32; 3],
     low: [f32; 3],
-    /// 1, or 0 for a direction, which has no apex.
+    /// 1 for an eye point. 0 for a direction, from which no apex is subtracted.
     weight: f32,
-    /// `2u` of the coordinates' magnitudes, `2^-100`, and `2^19 * 5` of how far the eye may be off.
+    /// Bound for the rounding and the uncertainty of the eye, scaled to multiply a cone's `margin`: the sum
+    /// of `2u` times the sum of the coordinates' magnitudes (`u = 2^-24`), `2^-100`, and `5 * 2^19` times
+    /// the greatest distance from the true eye.
     blur: f32,
 }
 
 impl SplitEye {
-    /// An eye that may be anywhere: no cone holds it.
+    /// An eye whose position is unknown: no cone holds it, so nothing is culled.
     pub(crate) const UNKNOWN: Self = Self { high: [f32::NAN; 3], low: [0.0; 3], weight: 1.0, blur: f32::NAN };
 
-    /// An eye that is exactly there.
+    /// Converts an eye whose coordinates are exact.
     pub(crate) fn new(eye: &Eye) -> Self {
         match *eye {
             Eye::Point(eye) => Self::around(eye, 1.0, 0.0),
@@ -28,7 +31,7 @@ impl SplitEye {
         }
     }
 
-    /// `p`, or what is within `radius` of it.
+    /// Converts a point, or a direction if `weight` is 0, that lies within `radius` of `p`.
     fn around(p: DVec3, weight: f32, radius: f64) -> Self {
         let high = p.as_vec3();
         let low = (p - high.as_dvec3()).as_vec3();
@@ -38,8 +41,8 @@ impl SplitEye {
         Self { high: high.to_array(), low: low.to_array(), weight, blur: blur.next_up() }
     }
 
-    /// The eye of a view relative to `origin`, or `None` where rounding leaves open whether it is a point, or
-    /// where.
+    /// Returns the eye of a view relative to `origin`. `None` if rounding leaves open whether the eye is a
+    /// point or a direction, or if the bound on its error is infinite (for a direction: 1e-3 or more).
     pub(crate) fn of_view(view: &View, origin: DVec3) -> Option<Self> {
         let projection = ViewProjection::new(view, origin);
         let error = projection.eye_error();
@@ -50,12 +53,14 @@ impl SplitEye {
     }
 }
 
-/// The numbers of a cone: nine elements of its matrix by rows, apex, margin.
+/// Count of numbers of a cone in the test: nine matrix elements by rows, three of the apex, the margin.
 pub(crate) const NUMBERS: usize = 13;
 
-/// Negative for each cone that surely holds the eye, the same on all paths.
+/// Tests an eye against `WIDTH` cones at once. Result `i` is negative if cone `i` certainly holds the eye,
+/// otherwise zero or positive. `cones` holds the [`NUMBERS`] of the cones as structure of arrays. All SIMD
+/// paths give the same results.
 ///
-/// With `v` the eye less the apex and `w = rows * v`, the cone holds the eye if `w.z + |(w.x, w.y)| <= 0`,
+/// With `v` the eye minus the apex and `w = rows * v`, the cone holds the eye if `w.z + |(w.x, w.y)| <= 0`,
 /// for `rows` before they were rounded. Let `u = 2^-24`, `s` the greatest element of `rows`, `S` the sum of
 /// the magnitudes in `v`, `E` that in the eye. Then
 ///
@@ -89,12 +94,13 @@ pub(crate) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &
         let size = ((x.abs() + y.abs()) + z.abs()) + blur;
         let depth = wz + margin[i] * size;
         let square = (wx * wx + wy * wy) * (1.0 + 8.0 * f32::EPSILON);
-        // False for NaN.
+        // False for NaN, and then the result is 0: not held.
         let outside = square < depth * depth;
         found[i] = if outside { depth + LEAST } else { 0.0 };
     }
     found
 }
 
-/// `2^-50`.
+/// `2^-50`, added to a depth so that only depths below `-2^-50` count: their squares are far above the
+/// denormals.
 const LEAST: f32 = 1.0 / 1_125_899_906_842_624.0;

@@ -1,45 +1,47 @@
-//! The planes around a convex volume and a light: what bounds all segments from points of the volume to the
-//! light.
+//! The planes around the convex hull of a volume and a light, which bound all segments from points of the
+//! volume to the light.
 //!
 //! Let the volume be where all planes `A . p >= 0` (homogeneous: `A . p` stands for `normal . p + offset`;
 //! for a light at infinity, `A . L` for `normal . direction`). A plane bounds the hull of volume and light if
-//! both are on its inner side. Such are
+//! both are on its inner side. Such planes are
 //!
 //! - the planes of the volume with the light on the inner side, `A . L >= 0`, and
 //! - for each of these and each `B` with `B . L < 0`, the plane `C = (-B . L) A + (A . L) B`. As a sum of `A`
-//!   and `B` with weights that are not negative, it has the whole volume on its inner side, and `C . L = 0`:
-//!   it goes through the light and the edge in which `A` and `B` meet, the silhouette of the volume as the
-//!   light sees it.
+//!   and `B` with non-negative weights, it has the whole volume on its inner side, and `C . L = 0`: it goes
+//!   through the light and the edge in which `A` and `B` meet, the silhouette of the volume as the light sees
+//!   it.
 //!
 //! No other planes are needed (one step of the double description method: Motzkin, Raiffa, Thompson and
-//! Thrall, "The Double Description Method", 1953). Of the pairs, those that meet in no edge give planes that
-//! are valid and only add nothing, so neither vertices nor edges need to be found, and no special case
-//! exists: volumes without end, lights in, behind or on a plane of the volume, cameras of any kind are all
-//! one. Leaving planes out can only keep more.
+//! Thrall, "The Double Description Method", 1953). Pairs of planes that meet in no edge give valid but
+//! redundant planes, so neither vertices nor edges need to be found. No special cases exist: infinite
+//! volumes, lights in, behind or on a plane of the volume, and all kinds of cameras are treated alike.
+//! Leaving planes out is conservative: it keeps more casters.
 //!
-//! A volume without end is also bounded by the plane at infinity, normal 0 and offset 1, which a light at a
-//! finite place is inside of; its pair with `B` is the plane through the light parallel to `B`.
+//! An infinite volume is also bounded by the plane at infinity, normal 0 and offset 1, which has a light at a
+//! finite position on its inner side. Its pair with `B` is the plane through the light parallel to `B`.
 
 use crate::geometry::Plane;
 use crate::view::ViewPlane;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// The most planes that casters are tested against: four walks.
+/// Greatest number of planes that casters are tested against: as many as four walks of the hierarchy take.
+/// Further planes are dropped, which keeps more casters.
 pub(super) const MAX_HULL_PLANES: usize = 64;
 
-/// Held in place; never grows beyond.
+/// Planes around volume and light, stored inline: at most [`MAX_HULL_PLANES`], never on the heap.
 pub(super) type HullPlanes = SmallVec<[ViewPlane; MAX_HULL_PLANES]>;
 
-/// Where light comes from, relative to the scene's origin.
+/// Position or direction of a light relative to the scene's origin.
 #[derive(Clone, Copy)]
 pub(super) enum Source {
-    /// Parallel light from this direction, of which the greatest component is 1 or -1.
+    /// Parallel light. The vector points towards the light and is scaled so that its greatest component is 1
+    /// or -1.
     Direction(DVec3),
     Point(DVec3),
 }
 
-/// A plane with bounds on the errors of its normal as well.
+/// A plane with absolute error bounds for each component of its normal and for its offset.
 #[derive(Clone, Copy)]
 struct RoundedPlane {
     plane: Plane,
@@ -47,12 +49,13 @@ struct RoundedPlane {
     offset_error: f64,
 }
 
-/// A plane of the volume, seen from the light.
+/// A plane of the volume, with its position relative to the light.
 #[derive(Clone, Copy)]
 struct Facet {
     slot: u8,
     plane: RoundedPlane,
-    /// `A . L` as computed, and a bound on its error.
+    /// Signed distance of the light from the plane as computed, `A . L` above (for a direction: the dot
+    /// product with the normal).
     distance: f64,
     error: f64,
 }
@@ -62,12 +65,12 @@ const EPSILON: f64 = f64::EPSILON;
 impl Source {
     fn facet(&self, slot: u8, view_plane: &ViewPlane) -> Facet {
         let ViewPlane { plane, error: offset_error } = *view_plane;
-        // Exact planes have normals within 8 epsilon of these.
+        // The normals of the exact planes are within 8 epsilon of these.
         let normal_error = plane.normal.abs() * (8.0 * EPSILON);
         // The light is rounded by half an epsilon when it is made relative to the scene; products and sums
-        // are rounded as in `Plane::error_bound`, by 3 epsilon. With the 8 of the normal that is 12
-        // of the magnitudes; 16 also cover that bound itself and what is done with it: `toward` below
-        // rounds each of them three times.
+        // are rounded as in `Plane::error_bound`, by 3 epsilon. With the 8 of the normal that is 12 of the
+        // magnitudes. 16 also cover the rounding of that bound and of its use: `toward` below rounds distance
+        // and error three times each.
         let (distance, size, shift) = match *self {
             Self::Direction(d) => {
                 (Plane::new(plane.normal, 0.0).signed_distance(d), plane.normal.abs().dot(d.abs()), 0.0)
@@ -82,7 +85,8 @@ impl Source {
         Facet { slot, plane: RoundedPlane { plane, normal_error, offset_error }, distance, error }
     }
 
-    /// The plane at infinity.
+    /// Returns the plane at infinity, the far plane of an infinite volume: a point light is on its inner
+    /// side, a direction lies in it.
     fn infinity(&self) -> Facet {
         let plane = Plane::new(DVec3::ZERO, 1.0);
         let plane = RoundedPlane { plane, normal_error: DVec3::ZERO, offset_error: 0.0 };
@@ -91,37 +95,38 @@ impl Source {
     }
 }
 
-/// The slot of the far plane of a view.
+/// Slot of a view's far plane, and of the plane at infinity.
 const FAR: u8 = 5;
 
 impl Facet {
-    /// Whether the light is surely on the inner side.
+    /// Tests whether the light is certainly on the inner side of the plane. False if undecided.
     fn faces_light(&self) -> bool {
         self.distance > self.error
     }
 
-    /// Whether two planes are opposite sides of a view or box, which meet in no edge.
+    /// Tests whether two planes are opposite sides of a view or box (slots 0 to 5 that differ in bit 0),
+    /// which meet in no edge.
     fn is_opposite(&self, other: &Self) -> bool {
         self.slot <= FAR && self.slot ^ 1 == other.slot
     }
 
-    /// The plane through the light and the edge between `self`, which the light is inside of, and `other`,
-    /// which it is not surely inside of.
+    /// Returns the plane through the light and the common edge of `self`, which must certainly have the light
+    /// on its inner side, and `other`, which must not.
     ///
     /// The weights are rounded so that the exact planes, taken with these very weights, have the light on the
     /// inner side of their sum: with `a >= error(B) - B.L` and `b <= A.L - error(A)` and the exact values
     /// `A.L >= b`, `B.L >= -a`, `a (A . L) + b (B . L) >= a b - b a = 0`. So the sum is a valid plane
-    /// whatever the errors are, and where the light is nearly on `other`, it is nearly that plane.
+    /// whatever the errors are, and where the light is nearly on `other`, the sum is nearly that plane.
     fn toward(&self, other: &Self) -> RoundedPlane {
         let (a, b) = (other.error - other.distance, self.distance - self.error);
         let scale = a.max(b);
-        // More of `self` is always valid: none of it must be lost to underflow.
+        // More of `self` is always valid, and its weight must not underflow to zero.
         let (a, b) = ((a / scale).max(1e-200), b / scale);
         let (p, q) = (&self.plane, &other.plane);
         let normal = p.plane.normal * a + q.plane.normal * b;
         let offset = p.plane.offset * a + q.plane.offset * b;
-        // Two roundings each on top of what the planes bring along; components that cancel keep the errors of
-        // what they were.
+        // Two roundings each in addition to the errors of the planes. Components that cancel keep the errors
+        // of the terms.
         let size = p.plane.normal.abs() * a + q.plane.normal.abs() * b;
         let offset_size = p.plane.offset.abs() * a + q.plane.offset.abs() * b;
         RoundedPlane {
@@ -133,12 +138,13 @@ impl Facet {
 }
 
 impl RoundedPlane {
-    /// The plane with unit normal and all errors in the offset, for points with coordinates of at most
-    /// `reach`: an error `e` of the normal's x moves the plane by at most `e reach.x` there. `None` if
-    /// nothing is left of it.
+    /// Returns the plane with a unit normal and all errors moved into the offset, valid for points whose
+    /// coordinates have absolute values of at most `reach`: an error `e` of the normal's x moves the plane by
+    /// at most `e * reach.x` there. `None` if the normal is (almost) zero or NaN, or if the offset or its
+    /// error overflows.
     fn settle(&self, reach: DVec3) -> Option<ViewPlane> {
         let length = self.plane.normal.length();
-        // Below, squares underflow: opposite planes of a volume without volume.
+        // Below 1e-140, squares underflow: opposite planes of a volume without extent.
         if length.is_nan() || length < 1e-140 {
             return None;
         }
@@ -153,8 +159,10 @@ impl RoundedPlane {
     }
 }
 
-/// Adds the planes around a volume, given by its planes with their slots (opposite ones differ in the last
-/// bit and are below 6), and a light. They are valid for points with coordinates of at most `reach`.
+/// Appends the planes around the hull of a volume and a light to `out`, up to its capacity. `volume` yields
+/// the planes of the volume with their slots: slots below 6 that differ only in bit 0 are opposite planes. At
+/// most 16 planes are used. The result is valid for points whose coordinates have absolute values of at most
+/// `reach`.
 pub(super) fn push_hull<'a>(
     out: &mut HullPlanes,
     volume: impl Iterator<Item = (u8, &'a ViewPlane)>,
@@ -184,10 +192,11 @@ fn push(out: &mut HullPlanes, plane: &RoundedPlane, reach: DVec3) {
     }
 }
 
-/// Adds the planes around the cone of a spot light that are left when it is replaced by a pyramid with eight
-/// sides, 8 % wider in all.
+/// Appends eight planes of a pyramid around the cone of a spot light to `out`. The cross-section of the
+/// pyramid is at most 8 % wider than the cone. `axis` may have any length, `tangent` is that of the half
+/// angle; nothing is appended if `axis` cannot be normalized.
 ///
-/// The planes go through the light, touching the cone along eight sides; for half angle `t`, axis `s` and a
+/// The planes go through the light and touch the cone along eight lines. For half angle `t`, axis `s` and a
 /// unit vector `e` across it, the inner normal is `s tan t - e`. Vectors are unit and orthogonal to within 8
 /// epsilon, the tangent is off by a few units in its last place: each component of the normal is within `32
 /// epsilon (1 + tan t)` of a plane that holds the cone.
@@ -201,17 +210,19 @@ pub(super) fn push_cone(out: &mut HullPlanes, light: DVec3, axis: DVec3, tangent
     }
 }
 
-/// Adds the half-space on the side of `normal` of a plane through `point`.
+/// Appends the half-space whose boundary goes through `point` and whose inside is the side that `normal`
+/// points to. `normal_error` bounds the absolute error of each component of the normal.
 fn push_through(out: &mut HullPlanes, point: DVec3, normal: DVec3, normal_error: f64, reach: DVec3) {
     let size = normal.abs().dot(point.abs());
-    // Errors of the normal turn the plane about the point; its own rounding and that of the products shift
-    // it.
+    // Errors of the normal turn the plane about the point. The rounding of the offset and of its products
+    // shifts it.
     let offset_error = normal_error * (point.abs().element_sum()) + 4.0 * EPSILON * size;
     let plane = Plane::new(normal, -normal.dot(point));
     push(out, &RoundedPlane { plane, normal_error: DVec3::splat(normal_error), offset_error }, reach);
 }
 
-/// Adds the box around a ball. The light's place and the sums are rounded by half an epsilon each.
+/// Appends the six sides of the axis-aligned box around a ball to `out`. The error covers half an epsilon
+/// each for the rounding of the light's position and of the sums.
 pub(super) fn push_ball(out: &mut HullPlanes, center: DVec3, radius: f64) {
     for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
         for side in [axis, -axis] {

@@ -1,10 +1,10 @@
-//! Lights that cast shadows.
+//! Lights that cast shadows, and their validation.
 
 use core::fmt;
 use glam::DVec3;
 
-/// A light, in world coordinates: `f64`, metres, like the origins of [`View`](crate::View) and
-/// [`Scene`](crate::Scene), whose difference is taken before anything is rounded.
+/// A shadow-casting light, in world coordinates: `f64`, metres. The origin of the [`Scene`](crate::Scene) is
+/// subtracted in `f64`.
 ///
 /// ```
 /// use visibility_core::{casters::{CasterCuller, Light, LightError}, glam::DVec3};
@@ -15,28 +15,30 @@ use glam::DVec3;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Light {
-    /// The sun: parallel light.
+    /// Parallel light, such as the sun.
     Directional {
-        /// Points from the lit to the light. Any length but zero.
+        /// Direction from lit points towards the light, in world space. Any finite length but zero.
         toward_light: DVec3,
     },
     /// Light in all directions from one point.
     Point {
-        /// Where the light is.
+        /// Position of the light in world space.
         position: DVec3,
-        /// What is farther away is neither lit nor casts a shadow. May be infinite.
+        /// Distance from the light in metres, more than 0, beyond which nothing is lit and nothing casts a
+        /// shadow. May be infinite.
         range: f64,
     },
     /// Light from one point within a cone.
     Spot {
-        /// Where the light is.
+        /// Position of the light, the apex of the cone, in world space.
         position: DVec3,
-        /// Axis of the cone, away from the light. Any length but zero.
+        /// Axis of the cone, pointing away from the light. Any finite length but zero.
         direction: DVec3,
         /// Angle in radians between the axis and the side of the cone, more than 0 and at most pi. From pi/2
-        /// on, the cone is not convex and bounds nothing.
+        /// on, the cone is not convex and is not used for culling.
         half_angle: f64,
-        /// What is farther away is neither lit nor casts a shadow. May be infinite.
+        /// Distance from the light in metres, more than 0, beyond which nothing is lit and nothing casts a
+        /// shadow. May be infinite.
         range: f64,
     },
 }
@@ -71,7 +73,7 @@ impl Light {
     }
 }
 
-/// Why a light cannot be used.
+/// The reason why a light is refused.
 ///
 /// ```
 /// use visibility_core::{casters::{CasterCuller, Light}, glam::DVec3};
@@ -80,18 +82,18 @@ impl Light {
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum LightError {
-    /// A direction is zero, NaN or infinite.
+    /// The direction is zero, NaN or infinite.
     Direction,
     /// The position is NaN or infinite.
     Position,
-    /// The range is not positive.
+    /// The range is zero, negative or NaN.
     Range {
-        /// What it is.
+        /// The refused range, in metres.
         range: f64,
     },
-    /// The half angle is not more than 0 and at most pi.
+    /// The half angle is not more than 0 and at most pi, or is NaN.
     HalfAngle {
-        /// What it is, in radians.
+        /// The refused half angle, in radians.
         half_angle: f64,
     },
 }

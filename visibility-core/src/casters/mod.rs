@@ -1,12 +1,13 @@
-//! Shadow casters: objects whose shadow may reach a view, though they themselves may be outside it.
+//! Shadow casters: objects whose shadow may fall on points of a view, though the objects may be outside the
+//! view.
 //!
-//! A shadow that falls on a point of the view is cast by something on the segment from that point to the
+//! A shadow that falls on a point of the view is cast by an object on the segment from that point to the
 //! light. So all casters meet the convex hull of the view's volume and the light; for the sun, the volume
-//! swept towards it. What lies outside a plane of that hull need not be drawn into the shadow map. (Williams,
-//! "Casting Curved Shadows on Curved Surfaces", 1978, draws casters from the light; that those needed lie in
-//! the hull of view and light is folklore of the shadow volume literature, e.g. Bittner, Mattausch,
+//! swept towards it. An object outside a plane of that hull need not be drawn into the shadow map. (Williams,
+//! "Casting Curved Shadows on Curved Surfaces", 1978, draws casters from the light. That the needed casters
+//! lie in the hull of view and light is folklore of the shadow volume literature, e.g. Bittner, Mattausch,
 //! Silvennoinen and Wimmer, "Shadow Caster Culling for Efficient Shadow Mapping", 2011, who go on to cull
-//! those whose receivers are hidden.)
+//! casters whose receivers are hidden.)
 
 mod hull;
 mod light;
@@ -19,24 +20,24 @@ use crate::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet, float, g
 use glam::DVec3;
 use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 
-/// Removes objects whose shadow from one light can reach no point that a view shows. Conservative with
-/// respect to these: none whose shadow may come into view is removed, though one that is itself in view may
-/// be.
+/// Removes objects whose shadow from one light cannot fall on any point that a view shows. Conservative for
+/// shadows: no object whose shadow may be in view is removed. Objects in view that cast no shadow into view
+/// may be removed.
 ///
-/// It is the first stage of the pipeline that finds what to draw into the light's shadow map: a
-/// [`FrustumCuller`](crate::FrustumCuller) has no place there, for casters may be outside the view. The view
-/// is the camera's, or one shadow cascade's part of it; candidates are the objects on its layers, so give it,
-/// by [`View::with_layers`], those of what casts shadows.
+/// The culler is the first stage of the pipeline that selects objects for the light's shadow map. A
+/// [`FrustumCuller`](crate::FrustumCuller) does not belong in that pipeline, since casters may be outside the
+/// view. The view is the camera's, or the part of it that one shadow cascade covers. Candidates are the
+/// objects on the view's layers, so the view must include the layers of all casters ([`View::with_layers`]).
 ///
-/// For lights with a range, also what is farther from the light is removed; for spot lights what is outside
-/// the cone, taken as a pyramid with eight sides. With [receivers](Self::with_receivers), also what shadows
-/// none of them.
+/// For lights with a range, objects farther from the light are removed too. For spot lights, objects outside
+/// the cone are removed, where the cone is approximated by a pyramid with eight sides. With
+/// [receivers](Self::with_receivers), objects that cast no shadow on the receivers' box are removed.
 ///
 /// # Cost
-/// A walk of the hierarchy as the [`FrustumCuller`](crate::FrustumCuller)'s, against 8 to 12 planes in place
-/// of 6; a second walk of what is left for spot lights and for receivers; 5 ns for each object that is left
-/// of a light with a range. Among 100 thousand objects, where the frustum of a camera takes 7 us, the sun
-/// takes 8 to 13 and a lamp 8 to 11.
+/// A walk of the hierarchy like that of the [`FrustumCuller`](crate::FrustumCuller), against 8 to 12 planes
+/// instead of 6; a second walk over the remaining objects for spot lights and for receivers; 5 ns for each
+/// remaining object if the light has a range. Among 100 thousand objects, where the frustum of a camera takes
+/// 7 us, the sun takes 8 to 13 us and a lamp 8 to 11 us.
 ///
 /// ```
 /// use visibility_core::{
@@ -60,48 +61,50 @@ use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 pub struct CasterCuller {
     simd: Simd,
     light: Light,
-    /// Of the half angle of a spot light, if its cone is convex.
+    /// Tangent of a spot light's half angle. `None` for other lights, and if the cone is not convex or
+    /// (almost) a half-space.
     tangent: Option<f64>,
     receivers: Option<Aabb>,
 }
 
 impl CasterCuller {
-    /// For shadows from one light.
+    /// Makes a culler for the shadows of one light, without receivers.
     ///
     /// # Errors
-    /// [`LightError`] says what is wrong with the light.
+    /// [`LightError`] if a direction, position, range or angle of the light is invalid.
     pub fn new(light: Light) -> Result<Self, LightError> {
         let mut this = Self { simd: Simd::best(), light, tangent: None, receivers: None };
         this.set_light(light)?;
         Ok(this)
     }
 
-    /// The same with the given instructions, for tests and comparisons.
+    /// Returns the culler with the given SIMD instructions, for tests and comparisons.
     pub fn with_simd(self, simd: Simd) -> Self {
         Self { simd, ..self }
     }
 
-    /// The same, wanting only shadows on receivers within a box relative to the scene's origin: the bounds of
-    /// all that receives shadows, or of what the view shows of it. It matters most where the view has no
-    /// end and the sun is low. A box that is not finite bounds nothing.
+    /// Returns the culler restricted to shadows that fall into the box `receivers`, relative to the scene's
+    /// origin. The box must contain everything that receives shadows in the view. It helps most if the view
+    /// has no far plane and the sun is low. A box that is improper or not finite removes the restriction.
     pub fn with_receivers(self, receivers: Aabb) -> Self {
         Self { receivers: receivers.is_finite().then_some(receivers), ..self }
     }
 
-    /// The light whose shadows are wanted.
+    /// Returns the light, in world coordinates.
     pub fn light(&self) -> Light {
         self.light
     }
 
-    /// Says where the light is now.
+    /// Replaces the light.
     ///
     /// # Errors
-    /// [`LightError`] says what is wrong with the light; the one before stays.
+    /// [`LightError`] if a direction, position, range or angle of the light is invalid. The previous light
+    /// then stays.
     pub fn set_light(&mut self, light: Light) -> Result<(), LightError> {
         light.check()?;
         self.light = light;
         self.tangent = match light {
-            // Just before the right angle the tangent is finite but tells nothing.
+            // Just below pi/2 the tangent is finite but so large that it bounds nothing.
             Light::Spot { half_angle, .. } => Some(float::tan(half_angle))
                 .filter(|&tangent| half_angle < core::f64::consts::FRAC_PI_2 && tangent < 1e9),
             _ => None,
@@ -109,7 +112,8 @@ impl CasterCuller {
         Ok(())
     }
 
-    /// The planes that casters are inside of, for points with coordinates of at most `reach`.
+    /// Returns the planes that bound all casters, relative to the scene's origin. The planes are valid for
+    /// points whose coordinates have absolute values of at most `reach`.
     fn planes(&self, scene: &Scene, view: &View, reach: DVec3) -> HullPlanes {
         let mut planes = HullPlanes::new();
         let source = match self.light {
@@ -135,7 +139,7 @@ impl CasterCuller {
         planes
     }
 
-    /// The range of the light, if it has one.
+    /// Returns the range of the light in metres. `None` for directional light or an infinite range.
     fn range(&self) -> Option<f64> {
         match self.light {
             Light::Point { range, .. } | Light::Spot { range, .. } => range.is_finite().then_some(range),
@@ -156,7 +160,8 @@ impl Culler for CasterCuller {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let planes = self.planes(scene, view, reach(scene));
         let mut stats = CullStats::default();
-        // At least once, so that the set is brought to the layout of the scene and counted.
+        // At least one pass, so that the set is brought to the layout of the scene and counted, even without
+        // planes.
         for at_once in planes.chunks(MAX_PLANES).chain(planes.is_empty().then_some(&[][..])) {
             stats += ConvexVolume::new(self.simd, at_once).retain(scene, visible);
         }
@@ -170,12 +175,14 @@ impl Culler for CasterCuller {
     }
 }
 
-/// A bound on the coordinates of everything that can be culled.
+/// Returns the greatest absolute coordinate, on each axis, of all objects that can be culled, relative to the
+/// scene's origin. Zero without such objects.
 fn reach(scene: &Scene) -> DVec3 {
     scene.culled_bounds().map_or(DVec3::ZERO, |all| all.min.abs().max(all.max.abs()).as_dvec3())
 }
 
-/// The planes of a box, which are exact.
+/// Returns the six planes of a box in the order -x, +x, -y, +y, -z, +z, with normals pointing inwards. The
+/// planes are exact: their errors are 0.
 fn sides(bounds: &Aabb) -> [ViewPlane; 6] {
     let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
     core::array::from_fn(|i| {
@@ -185,11 +192,12 @@ fn sides(bounds: &Aabb) -> [ViewPlane; 6] {
     })
 }
 
-/// Whether a box may come within `range` of the light: true unless it surely does not.
+/// Tests whether a box may reach within `range` metres of the light, both relative to the scene's origin.
+/// Returns false only if the box is certainly farther away.
 ///
 /// The light is off by half an epsilon of its own size on each axis, and so is each difference; a square
-/// doubles what is relative and sums add as much again. The slack of 16 epsilon of each, where all are
-/// positive, is several times that. Overflow is infinite on the left only if the box is that far.
+/// doubles the relative error, and sums add as much again. All terms are positive, so the slack of 16 epsilon
+/// of each is several times that. An overflow gives an infinite squared gap only if the box is that far away.
 fn is_within(bounds: &Aabb, light: DVec3, range: f64) -> bool {
     let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
     let slack = light.abs() * (4.0 * f64::EPSILON);
