@@ -1,91 +1,95 @@
-//! Errors of cells and portals, and which of them is wrong.
+//! Errors of cell graphs, which name the faulty cell, portal or object.
 
 use super::{CellId, PortalId};
 use crate::{ObjectId, geometry::PolygonError};
 use core::fmt;
 
-/// Why cells and portals cannot make a graph, or fail a check.
+/// The reason why cells and portals cannot make a graph, or fail a check.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum CellGraphError {
-    /// More cells, portals or objects in cells than a graph can have: see
+    /// There are more cells, portals or objects in cells than a graph can have: see
     /// [`CellGraph::LIMIT`](super::CellGraph::LIMIT).
     TooMany {
-        /// Of what.
+        /// Plural name of the items: "cells", "portals" or "objects in cells".
         what: &'static str,
-        /// How many at least.
+        /// Number of items, or a lower bound on it.
         count: usize,
     },
     /// A portal joins a cell that does not exist.
     UnknownCell {
-        /// The portal.
+        /// The faulty portal.
         portal: PortalId,
-        /// The cell that it names.
+        /// The cell that the portal names.
         cell: CellId,
-        /// How many cells there are.
+        /// Number of cells in the graph.
         cells: usize,
     },
     /// A portal joins a cell to itself.
     SameCell {
-        /// The portal.
+        /// The faulty portal.
         portal: PortalId,
-        /// The cell.
+        /// The cell on both sides of the portal.
         cell: CellId,
     },
-    /// A portal has no area.
+    /// A portal has no area, and therefore no plane.
     NoPlane {
-        /// The portal.
+        /// The faulty portal.
         portal: PortalId,
     },
-    /// The vertices of a portal make no convex polygon: it is bent, not convex, or has no area.
+    /// The vertices of a portal are not a convex polygon: not planar, not convex, not finite, without area or
+    /// too few.
     Polygon {
-        /// The portal.
+        /// The faulty portal.
         portal: PortalId,
-        /// What is wrong with it.
+        /// The fault of the portal's polygon.
         error: PolygonError,
     },
     /// An object is listed in a cell that does not exist.
     UnknownObjectCell {
         /// The object.
         object: ObjectId,
-        /// The cell.
+        /// The cell that does not exist.
         cell: CellId,
-        /// How many cells there are.
+        /// Number of cells in the graph.
         cells: usize,
     },
-    /// A portal of a cell reaches behind another, so they cannot both be on the boundary of a convex body:
-    /// the cell is not convex, a portal is not on its boundary, or a normal points the wrong way.
+    /// A portal of a cell reaches behind the plane of another portal of the cell, so the two cannot both be
+    /// on the boundary of a convex body: the cell is not convex, a portal is not on its boundary, or a normal
+    /// points the wrong way.
     NotOnBoundary {
-        /// The cell.
+        /// The cell of both portals.
         cell: CellId,
-        /// The portal that reaches behind the other.
+        /// The portal that reaches behind the plane of `behind`.
         portal: PortalId,
-        /// The other.
+        /// The portal whose plane has `portal` partly outside the cell.
         behind: PortalId,
-        /// How far it reaches.
+        /// Greatest distance of a vertex of `portal` behind the plane, in metres.
         distance: f64,
     },
-    /// The number of bodies is not that of the cells.
+    /// The number of given bodies differs from the number of cells.
     Bodies {
-        /// How many cells.
+        /// Number of cells in the graph.
         cells: usize,
-        /// How many bodies.
+        /// Number of bodies given.
         bodies: usize,
     },
     /// A portal does not lie in a face of the body of one of its cells.
     OffBody {
-        /// The portal.
+        /// The faulty portal.
         portal: PortalId,
-        /// The cell.
+        /// The cell whose body it is.
         cell: CellId,
-        /// How far it reaches out of the body, or how far it is from the nearest face, whichever is more.
+        /// Greatest distance of a vertex outside the body, or distance of the portal from the nearest face,
+        /// whichever is greater, in metres.
         distance: f64,
     },
-    /// The normal of a portal does not point from the body of its first cell into that of the second.
+    /// The normal of a portal does not point from the body of its first cell into the body of its second
+    /// cell.
     WrongWay {
-        /// The portal.
+        /// The faulty portal.
         portal: PortalId,
-        /// The cell on whose wrong side it is.
+        /// The cell whose face has the wrong orientation with respect to the portal.
         cell: CellId,
     },
 }

@@ -1,19 +1,19 @@
-//! The shortest chain of portals from a cell to an outside cell, to find where a map that is meant to be
-//! closed is not.
+//! Search for the shortest chain of portals from a cell to an outside cell, which shows where a map that is
+//! meant to be closed has a hole.
 
 use super::{CellGraph, CellId, PortalId};
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::fmt;
 
-/// A chain of portals from a cell to one that it should not lead to; no other has fewer portals.
+/// A chain of portals from a cell to an outside cell, with the fewest portals possible.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Leak {
-    /// The cell that it begins in.
+    /// The cell in which the chain begins.
     pub from: CellId,
-    /// The cell that it ends in.
+    /// The outside cell in which the chain ends.
     pub to: CellId,
-    /// The portals in order. Empty if `from` is itself an outside cell.
+    /// The portals of the chain in order from `from` to `to`. Empty if `from` is itself an outside cell.
     pub portals: Vec<PortalId>,
 }
 
@@ -30,8 +30,9 @@ impl fmt::Display for Leak {
 impl core::error::Error for Leak {}
 
 impl CellGraph {
-    /// Finds the chain with the fewest portals from a cell to any cell that `outside` accepts. `None` if
-    /// there is none, or no cell `from`. Takes time and memory in proportion to cells and portals.
+    /// Returns a chain with the fewest portals from the cell `from` to any cell for which `outside` returns
+    /// true. `None` if no such cell can be reached, or if `from` is unknown. Time and memory are linear in
+    /// the numbers of cells and portals.
     ///
     /// ```
     /// use visibility_core::{
@@ -50,7 +51,7 @@ impl CellGraph {
         if from.index() >= self.cell_count() {
             return None;
         }
-        // By cell, the portal that it was reached through.
+        // For each cell, the portal through which the search reached the cell first.
         let mut through: Vec<Option<PortalId>> = alloc::vec![None; self.cell_count()];
         let mut known = alloc::vec![false; self.cell_count()];
         known[from.index()] = true;

@@ -1,15 +1,15 @@
-//! Cells and portals: rooms, and the openings through which they are seen from one another.
+//! Cells and portals: convex rooms, and the openings between rooms.
 //!
-//! A [`CellGraph`] divides the space that can be walked into convex cells. The boundary of a cell is opaque,
-//! except for its portals: convex polygons, each of which it shares with one other cell. A line of sight
-//! leaves a cell only through portals, and that is all that visibility needs to know of the walls (Airey,
+//! A [`CellGraph`] divides the walkable space into convex cells. The boundary of a cell is opaque, except for
+//! its portals: convex polygons, each of which the cell shares with one other cell. A line of sight leaves a
+//! cell only through portals, so the portals are all that visibility needs to know of the walls (Airey,
 //! "Increasing Update Rates in the Building Walkthrough System", 1990; Teller and Sequin, "Visibility
 //! Preprocessing for Interactive Walkthroughs", 1991; Durand's survey, chapter 5, section 7).
 //!
 //! # Conventions
-//! Coordinates are `f64`, in world space. The vertices of a portal run counter-clockwise as seen from the
-//! second of its two cells; its normal points into that cell. Cells and portals are numbered from 0 in the
-//! order given.
+//! Coordinates are `f64` metres in world space. The vertices of a portal run counter-clockwise as seen from
+//! the second of its two cells; its normal points into the second cell. Cells and portals are numbered from 0
+//! in the order given.
 
 mod error;
 mod ids;
@@ -28,7 +28,7 @@ use crate::{
 use alloc::vec::Vec;
 use glam::DVec3;
 
-/// An opening between two cells: a convex polygon.
+/// A portal: an opening between two cells, as a convex polygon in world space.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Portal {
     polygon: ConvexPolygon,
@@ -37,28 +37,29 @@ pub struct Portal {
 }
 
 impl Portal {
-    /// The polygon in world space, its vertices counter-clockwise as seen from the second cell.
+    /// Returns the polygon in world space, with vertices counter-clockwise as seen from the second cell.
     pub fn polygon(&self) -> &ConvexPolygon {
         &self.polygon
     }
 
-    /// The cells on both sides. The normal points into the second.
+    /// Returns the two cells that the portal joins. Its normal points from the first into the second.
     pub fn cells(&self) -> [CellId; 2] {
         self.cells
     }
 
-    /// The cell on the other side of `cell`; the first cell, if `cell` is not one of the two.
+    /// Returns the cell on the opposite side of the portal from `cell`. Returns the first cell if the portal
+    /// does not join `cell`.
     pub fn other(&self, cell: CellId) -> CellId {
         if self.cells[0] == cell { self.cells[1] } else { self.cells[0] }
     }
 
-    /// The plane fitted to the polygon. Its unit normal points into the second cell.
+    /// Returns the plane fitted to the polygon, in world space. Its unit normal points into the second cell.
     pub fn plane(&self) -> Plane {
         self.plane
     }
 }
 
-/// Convex cells, the portals between them, and lists of the objects in each cell.
+/// A graph of convex cells and the portals that join them, with a list of objects for each cell.
 ///
 /// ```
 /// use visibility_core::{cells::{CellGraph, CellId}, geometry::ConvexPolygon, glam::DVec3};
@@ -73,27 +74,31 @@ impl Portal {
 pub struct CellGraph {
     stamp: Stamp,
     portals: Vec<Portal>,
-    /// By cell: where its portals begin in `of_cells`; one more entry marks the end of the last.
+    /// CSR offsets into `of_cells`: the portals of cell `i` are `first[i]..first[i + 1]`. One entry more
+    /// than cells; empty in the default graph.
     first: Vec<u32>,
     of_cells: Vec<PortalId>,
-    /// As `first`, for `objects`.
+    /// CSR offsets into `objects`: the objects of cell `i` are `first_object[i]..first_object[i + 1]`.
     first_object: Vec<u32>,
     objects: Vec<ObjectId>,
 }
 
 impl CellGraph {
-    /// The most cells or portals of a graph.
+    /// Greatest number of cells, and of portals, in a graph.
     pub const LIMIT: usize = 1 << 20;
 
-    /// Makes a graph from the number of its cells and from its portals, each with the two cells that it
-    /// joins: its normal points into the second. Takes time and memory in proportion to cells and portals.
+    /// Makes a graph of `cells` cells from its portals. Each portal is a polygon with the two cells that it
+    /// joins; the polygon's normal points into the second. Object lists are empty. Time and memory are linear
+    /// in the numbers of cells and portals.
     ///
-    /// Whether the portals of a cell can bound a convex body is not checked here: see
+    /// This function does not check whether the portals of a cell can bound a convex body: see
     /// [`validate`](Self::validate).
     ///
     /// # Errors
-    /// [`CellGraphError::TooMany`]; [`CellGraphError::UnknownCell`], [`CellGraphError::SameCell`] and
-    /// [`CellGraphError::NoPlane`] for the first such portal.
+    /// [`CellGraphError::TooMany`] for more than [`LIMIT`](Self::LIMIT) cells or portals. For the first
+    /// faulty portal, [`CellGraphError::UnknownCell`] if it joins a cell that does not exist,
+    /// [`CellGraphError::SameCell`] if it joins a cell to itself, [`CellGraphError::NoPlane`] if it has no
+    /// area.
     pub fn new(
         cells: usize,
         portals: impl IntoIterator<Item = (ConvexPolygon, [CellId; 2])>,
@@ -118,7 +123,8 @@ impl CellGraph {
             ends.iter().for_each(|cell| first[cell.index()] += 1);
             all.push(Portal { polygon, cells: ends, plane });
         }
-        // Counts become starts: each cell's portals in ascending order, by filling from the back.
+        // Counts become ends; filling from the back turns ends into starts, with each cell's portals in
+        // ascending order.
         let mut sum = 0;
         for count in &mut first {
             sum += *count;
@@ -141,11 +147,11 @@ impl CellGraph {
         })
     }
 
-    /// As [`new`](Self::new), from the vertices of each portal, in order around it.
+    /// Like [`new`](Self::new), with each portal given by its vertices in order around its boundary.
     ///
     /// # Errors
-    /// [`CellGraphError::Polygon`] for the first portal that is not planar or not convex, up to
-    /// [`ConvexPolygon::TOLERANCE`]; otherwise as `new`.
+    /// [`CellGraphError::Polygon`] for the first portal that is not a planar convex polygon up to
+    /// [`ConvexPolygon::TOLERANCE`]; otherwise the errors of `new`.
     pub fn from_vertices<V: IntoIterator<Item = DVec3>>(
         cells: usize,
         portals: impl IntoIterator<Item = (V, [CellId; 2])>,
@@ -159,37 +165,39 @@ impl CellGraph {
         Self::new(cells, all)
     }
 
-    /// Identifies cells, portals and lists of objects. [`set_objects`](Self::set_objects) takes a new stamp.
-    /// A clone has the same stamp until either changes.
+    /// Returns the stamp that identifies the graph's cells, portals and object lists.
+    /// [`set_objects`](Self::set_objects) assigns a new stamp. A clone has the same stamp until either graph
+    /// changes.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
 
-    /// The number of cells.
+    /// Returns the number of cells.
     pub fn cell_count(&self) -> usize {
         self.first.len().saturating_sub(1)
     }
 
-    /// All portals; portal `i` has number `i`.
+    /// Returns all portals, indexed by [`PortalId`].
     pub fn portals(&self) -> &[Portal] {
         &self.portals
     }
 
-    /// The portal with a number. `None` for an unknown one.
+    /// Returns the portal with the given id, or `None` if the graph has no such portal.
     pub fn portal(&self, id: PortalId) -> Option<&Portal> {
         self.portals.get(id.index())
     }
 
-    /// The portals of a cell, ascending. Empty for an unknown cell.
+    /// Returns the portals of a cell, ascending. Empty for an unknown cell.
     pub fn portals_of(&self, cell: CellId) -> &[PortalId] {
         slice_of(&self.first, &self.of_cells, cell)
     }
 
-    /// Replaces the lists of objects. A pair puts an object into a cell; an object may be in several. Pairs
-    /// may come in any order, and twice. Takes time for sorting them.
+    /// Replaces the object lists of all cells. Each pair puts an object into a cell; an object may be in
+    /// several cells. Pairs may come in any order and repeatedly. Time is that of sorting the pairs.
     ///
     /// # Errors
-    /// [`CellGraphError::UnknownObjectCell`], [`CellGraphError::TooMany`]; then nothing changes.
+    /// [`CellGraphError::UnknownObjectCell`] if a pair names a cell that does not exist,
+    /// [`CellGraphError::TooMany`] for 2^32 pairs or more. The lists then stay as they were.
     pub fn set_objects(
         &mut self,
         pairs: impl IntoIterator<Item = (CellId, ObjectId)>,
@@ -214,14 +222,14 @@ impl CellGraph {
         Ok(())
     }
 
-    /// The objects listed in a cell, ascending. Empty for an unknown cell.
+    /// Returns the objects listed in a cell, ascending. Empty for an unknown cell.
     pub fn objects_in(&self, cell: CellId) -> &[ObjectId] {
         slice_of(&self.first_object, &self.objects, cell)
     }
 }
 
 impl Default for CellGraph {
-    /// A graph without cells.
+    /// Makes a graph without cells.
     fn default() -> Self {
         let (portals, first, of_cells) = (Vec::new(), Vec::new(), Vec::new());
         let (first_object, objects) = (Vec::new(), Vec::new());
@@ -230,7 +238,7 @@ impl Default for CellGraph {
 }
 
 impl PartialEq for CellGraph {
-    /// Whether both have the same cells, portals and lists of objects. Stamps are not compared.
+    /// Compares cells, portals and object lists. Stamps are not compared.
     fn eq(&self, other: &Self) -> bool {
         self.portals == other.portals
             && self.first_object == other.first_object

@@ -2,7 +2,7 @@ use super::*;
 use alloc::string::ToString;
 use glam::DVec3;
 
-/// A square of side 2 around (x, 0, 0), with normal +x.
+/// Returns a square of side 2 around (x, 0, 0), with normal +x.
 fn door(x: f64) -> ConvexPolygon {
     ConvexPolygon::new([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| DVec3::new(x, y, z)))
         .unwrap()
@@ -87,8 +87,8 @@ fn portals_that_are_on_no_boundary_are_named() {
         cell: CellId(cell),
         distance,
     };
-    // Short of the first, out of the first into the second, in the middle of one, and between cells that do
-    // not touch.
+    // The portal ends short of the first body, reaches out of the first into the second, lies in the middle
+    // of a body, and joins two bodies that do not touch.
     assert_eq!(check(3.75, 8.0, [1, 2]), Err(off(0, 0, 0.25)));
     assert_eq!(check(4.0, 8.25, [1, 2]), Err(off(1, 1, 0.25)));
     assert_eq!(check(4.0, 6.0, [1, 2]), Err(off(1, 1, 2.0)));
@@ -99,7 +99,8 @@ fn portals_that_are_on_no_boundary_are_named() {
     );
     let few = CellGraph::new(3, []).unwrap().validate_bodies(&bodies[..2], 1e-6);
     assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 2 }));
-    // In the box around a body, but not in a face of what a slanting plane leaves of it.
+    // The portal lies in a side of the body's box, but not in a face of what a slanting plane leaves of the
+    // box.
     let mut slanted = bodies.clone();
     slanted[0].planes.push(crate::geometry::Plane::new(DVec3::new(-2.0, -2.0, 0.0), 8.0));
     let graph = CellGraph::new(3, [(door(4.0), [CellId(0), CellId(1)])]).unwrap();

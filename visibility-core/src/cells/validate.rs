@@ -1,19 +1,21 @@
-//! Checks that portals can bound convex cells.
+//! Checks that the portals of a graph can bound convex cells.
 
 use super::{CellGraph, CellGraphError, CellId};
 use crate::{geometry::Plane, pvs::Viewcell};
 use glam::DVec3;
 
 impl CellGraph {
-    /// Checks that the portals of each cell can lie on the boundary of one convex body: no vertex of one is
-    /// behind the plane of another, by more than `tolerance` in world units. Coordinates read from text with
-    /// d decimals need about 10^-d times the extent of the map over that of its smallest portal.
+    /// Checks that the portals of each cell can lie on the boundary of one convex body: no vertex of one
+    /// portal may be more than `tolerance` metres behind the plane of another. For coordinates read from text
+    /// with d decimals, `tolerance` should be about 10^-d times the extent of the map divided by that of its
+    /// smallest portal.
     ///
-    /// Visibility through portals is conservative whether or not this holds. The check is for whoever makes
-    /// the cells. Takes time in proportion to the sum over all cells of the square of their portals.
+    /// Visibility through portals is conservative whether or not this check succeeds. The check helps the
+    /// tools that make the cells to find mistakes. Time is proportional to the sum over all cells of the
+    /// squared number of portals. NaN distances pass.
     ///
     /// # Errors
-    /// [`CellGraphError::NotOnBoundary`], for the first such cell.
+    /// [`CellGraphError::NotOnBoundary`] for the first cell with such a vertex.
     pub fn validate(&self, tolerance: f64) -> Result<(), CellGraphError> {
         for cell in (0..self.cell_count() as u32).map(CellId) {
             for &behind in self.portals_of(cell) {
@@ -22,8 +24,7 @@ impl CellGraph {
                 for &id in self.portals_of(cell) {
                     let vertices = self.portals[id.index()].polygon.vertices();
                     let distance = vertices.iter().map(|&v| -plane.signed_distance(v)).fold(0.0, f64::max);
-                    // Coordinates so large that distances are no numbers are not a proof that the cell is
-                    // wrong.
+                    // A NaN distance, from huge coordinates, does not prove that the cell is wrong.
                     if distance > tolerance {
                         return Err(CellGraphError::NotOnBoundary { cell, portal: id, behind, distance });
                     }
@@ -33,13 +34,14 @@ impl CellGraph {
         Ok(())
     }
 
-    /// Checks portals against the bodies of the cells, `bodies[i]` being that of cell `i`: each portal must
-    /// lie in a face of both bodies, up to `tolerance` in world units, and its normal must point into the
-    /// second.
+    /// Checks the portals against the bodies of the cells, in world space; `bodies[i]` is the body of cell
+    /// `i`. Each portal must lie in a face of both bodies, up to `tolerance` metres, and its normal must
+    /// point into the body of its second cell.
     ///
     /// # Errors
-    /// [`CellGraphError::Bodies`]; [`CellGraphError::OffBody`] and [`CellGraphError::WrongWay`], for the
-    /// first such portal.
+    /// [`CellGraphError::Bodies`] if there is not one body for each cell. For the first faulty portal,
+    /// [`CellGraphError::OffBody`] if it lies in no face of a body, [`CellGraphError::WrongWay`] if its
+    /// normal points the wrong way.
     ///
     /// ```
     /// use visibility_core::{
@@ -68,7 +70,7 @@ impl CellGraph {
                     nearest = nearest.min(off);
                     faces_in |= off <= tolerance && face.normal.dot(inwards) > 0.0;
                 }
-                // Beyond a face, or inside of all.
+                // The portal reaches beyond a face, or lies inside of all faces.
                 let distance = outside.max(nearest);
                 if distance > tolerance {
                     return Err(CellGraphError::OffBody { portal: id, cell, distance });
@@ -82,7 +84,8 @@ impl CellGraph {
     }
 }
 
-/// The faces of a body, with unit normals that point inwards.
+/// Returns the planes of the faces of a body in world space, with unit normals pointing inwards: six of its
+/// box, then its own. Planes that cannot be normalized are left out.
 fn faces(body: &Viewcell) -> impl Iterator<Item = Plane> + '_ {
     let sides = (0..3).flat_map(|axis| {
         let normal = DVec3::AXES[axis];

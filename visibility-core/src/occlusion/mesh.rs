@@ -1,7 +1,7 @@
-//! Occluders as meshes: welded, with the edges that join their triangles.
+//! Occluder meshes: welded vertices, triangles, and the edges that join triangles.
 //!
-//! What an occluder hides is bounded by its contour, and the contour is made of those edges that do not join
-//! two drawn triangles. So adjacency is found once, when the mesh is made.
+//! The region that an occluder hides is bounded by its contour, and the contour consists of edges that do not
+//! join two drawn triangles. Edge adjacency is therefore computed once, when the mesh is made.
 
 use crate::geometry::orientation;
 use crate::{Aabb, geometry::Side};
@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 use core::fmt;
 use glam::Vec3;
 
-/// An edge of a mesh.
+/// An edge of an [`OccluderMesh`], with the triangles on both sides.
 ///
 /// ```
 /// use visibility_core::{Aabb, OccluderMesh};
@@ -20,32 +20,33 @@ use glam::Vec3;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Edge {
-    /// Its ends, by vertex, in the order in which the triangle on its left goes through them.
+    /// Vertex indices of the two ends, in the order in which the triangle `left` traverses them.
     pub vertices: [u32; 2],
-    /// The triangle that goes through the vertices in that order.
+    /// Index of the triangle that traverses the edge from the first to the second vertex.
     pub left: u32,
-    /// The triangle that goes through them in the opposite order, if there is exactly one of each.
+    /// Index of the triangle that traverses the edge in the opposite direction. `None` unless exactly two
+    /// triangles share the edge, in opposite directions.
     pub right: Option<u32>,
 }
 
-/// Why triangles do not make an occluder.
+/// The reason why triangles cannot make an occluder.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum MeshError {
-    /// An index is beyond the vertices.
+    /// A vertex index is not below the number of vertices.
     Index {
-        /// The triangle that has it.
+        /// Index of the triangle.
         triangle: usize,
-        /// The index.
+        /// The vertex index.
         index: u32,
     },
     /// A coordinate is NaN or infinite.
     NonFinite {
-        /// The vertex that has it.
+        /// Index of the first such vertex.
         vertex: usize,
     },
-    /// No triangle, or none with an area.
+    /// There is no triangle with an area.
     Empty,
-    /// More vertices or triangles than 32 bits count.
+    /// There are more vertices or triangles than 32 bits can count.
     TooMany,
 }
 
@@ -62,11 +63,10 @@ impl fmt::Display for MeshError {
 
 impl core::error::Error for MeshError {}
 
-/// A triangle mesh that hides what is behind it.
+/// A triangle mesh that occludes what is behind it, in mesh coordinates.
 ///
-/// Counter-clockwise is the front. Only front faces hide unless the mesh is
-/// [two-sided](Self::with_two_sided): the inside of an open mesh seen from behind is not there, as with
-/// backface culling.
+/// The front of a triangle is the side from which its corners run counter-clockwise. Only front faces
+/// occlude, as with backface culling, unless the mesh is [two-sided](Self::with_two_sided).
 ///
 /// ```
 /// use visibility_core::{Aabb, OccluderMesh};
@@ -79,26 +79,27 @@ pub struct OccluderMesh {
     pub(super) positions: Vec<Vec3>,
     pub(super) triangles: Vec<[u32; 3]>,
     edges: Vec<Edge>,
-    /// For each triangle, the edges from its first to its second vertex, second to third, third to first.
+    /// Edge indices of each triangle: from its first vertex to its second, second to third, third to first.
     triangle_edges: Vec<[u32; 3]>,
     bounds: Aabb,
     closed: bool,
     pub(super) convex: bool,
     cuboid: bool,
     two_sided: bool,
-    /// The convex solids that it falls apart into, and what remains.
+    /// Separate convex solids of the mesh and, last, the remaining triangles. Empty for a single piece.
     pub(super) parts: Vec<OccluderMesh>,
-    /// How many of its triangles belong to convex solids; asked for each occluder in each frame.
+    /// Number of triangles that belong to convex solids. Stored, since it is read for each occluder in each
+    /// frame.
     pub(super) solid_triangles: usize,
-    /// Area that faces +x, +y, +z, -x, -y, -z, projected along that axis.
+    /// Projected area of the triangles that face +x, +y, +z, -x, -y, -z, along that axis, in square metres.
     facing: [f32; 6],
-    /// A hash of all that it is made of, to tell it from others.
+    /// Hash of positions and triangles, without `two_sided`.
     fingerprint: u64,
 }
 
 impl OccluderMesh {
-    /// The triangles of a box by the numbers of its [corners](Aabb::corners), two for each face,
-    /// counter-clockwise from outside.
+    /// Triangles of a box as indices of its [corners](Aabb::corners): two for each face, counter-clockwise
+    /// from outside.
     pub const CUBOID: [[u32; 3]; 12] = [
         [0, 2, 3],
         [0, 3, 1],
@@ -114,8 +115,9 @@ impl OccluderMesh {
         [1, 7, 5],
     ];
 
-    /// From triangles with areas, by welded vertices, without looking for parts. `None` if there is no
-    /// triangle.
+    /// Makes a mesh of triangles with areas, indexing welded `positions`, without a search for parts. Unused
+    /// positions are dropped. A mesh that is an axis-aligned box gets the vertex and triangle order of
+    /// [`CUBOID`](Self::CUBOID). `None` without triangles.
     pub(super) fn whole(positions: &[Vec3], triangles: Vec<[u32; 3]>) -> Option<Self> {
         if triangles.is_empty() {
             return None;
@@ -163,7 +165,7 @@ impl OccluderMesh {
         })
     }
 
-    /// The same mesh, hiding from behind too, or not.
+    /// Returns the mesh with back faces that occlude too (`true`) or do not (`false`, the default).
     pub fn with_two_sided(self, two_sided: bool) -> Self {
         let mut mesh = self;
         mesh.two_sided = two_sided;
@@ -171,9 +173,9 @@ impl OccluderMesh {
         mesh
     }
 
-    /// The convex solids that the mesh falls apart into, and last what remains of it, if anything does; none
-    /// if it is of one piece. Together they hide what it hides, and often more cheaply: a table is five
-    /// boxes.
+    /// Returns the separate convex solids of the mesh and, last, the mesh of the remaining triangles, if any.
+    /// Empty if the mesh has no convex solids or is itself one. The parts together have all triangles of the
+    /// mesh. Drawing the parts is often cheaper: a table is five boxes.
     ///
     /// ```
     /// use visibility_core::{scene::Triangle, Aabb, OccluderMesh};
@@ -189,7 +191,8 @@ impl OccluderMesh {
         &self.parts
     }
 
-    /// How many of its triangles belong to convex solids: itself, or its [`parts`](Self::parts).
+    /// Returns the number of triangles that belong to convex solids: all of a convex mesh, otherwise those of
+    /// its convex [`parts`](Self::parts).
     ///
     /// ```
     /// use visibility_core::{Aabb, OccluderMesh};
@@ -201,59 +204,66 @@ impl OccluderMesh {
         self.solid_triangles
     }
 
-    /// The vertices, each place once.
+    /// Returns the distinct vertex positions, in mesh coordinates.
     pub fn positions(&self) -> &[Vec3] {
         &self.positions
     }
 
-    /// The triangles, by vertex.
+    /// Returns the triangles as indices into [`positions`](Self::positions), counter-clockwise from the
+    /// front.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// All edges, each once. One that more than two triangles share, or two that go through it in the same
-    /// direction, is listed once for each of these triangles, with nothing on its right.
+    /// Returns all edges. An edge of one or two triangles in opposite directions is listed once. An edge that
+    /// more than two triangles share, or two in the same direction, is listed once for each of these
+    /// triangles, with `right` equal to `None`.
     pub fn edges(&self) -> &[Edge] {
         &self.edges
     }
 
-    /// For each triangle its edges: from its first vertex to its second, from there to the third, and back.
+    /// Returns, for each triangle, its three indices into [`edges`](Self::edges): from the first vertex to
+    /// the second, second to third, third to first.
     pub fn triangle_edges(&self) -> &[[u32; 3]] {
         &self.triangle_edges
     }
 
-    /// The box around it.
+    /// Returns the bounding box in mesh coordinates.
     pub fn bounds(&self) -> &Aabb {
         &self.bounds
     }
 
-    /// Whether every edge joins two triangles: from outside, no back face can be seen.
+    /// Tests whether every edge joins two triangles. No back face of a closed mesh can be seen from outside.
     pub fn is_closed(&self) -> bool {
         self.closed
     }
 
-    /// Whether it is a convex solid, up to the rounding of its vertices.
+    /// Tests whether the mesh is a closed convex solid facing outwards, up to the rounding of its vertices to
+    /// `f32`. Always false for more than 256 triangles.
     pub fn is_convex(&self) -> bool {
         self.convex
     }
 
-    /// Whether it is its own bounding box; its vertices are then in the order of [`Aabb::corners`].
+    /// Tests whether the mesh is exactly its own bounding box. Its vertices are then in the order of
+    /// [`Aabb::corners`] and its triangles those of [`CUBOID`](Self::CUBOID).
     pub fn is_cuboid(&self) -> bool {
         self.cuboid
     }
 
-    /// Whether back faces hide as well.
+    /// Tests whether back faces occlude as well as front faces.
     pub fn is_two_sided(&self) -> bool {
         self.two_sided
     }
 
-    /// A hash of its vertices, triangles and sides, to tell it from others.
+    /// Returns a hash of positions, triangles and two-sidedness, to detect a changed occluder.
     pub(super) fn fingerprint(&self) -> u64 {
         fnv(self.fingerprint, self.two_sided.into())
     }
 
-    /// About the area that it shows to an eye in the given unit direction, seen from there: exact for boxes
-    /// along the axes, up to 1.7 times too large for others, and blind to parts that cover each other.
+    /// Returns the approximate projected area of the occluding faces, in square metres, for a distant eye in
+    /// `direction`, a unit vector from the mesh towards the eye in mesh coordinates. The area is exact for
+    /// axis-aligned boxes and up to 1.7 times too large for other convex meshes. Faces that cover each other
+    /// are counted repeatedly.
     pub fn area_towards(&self, direction: Vec3) -> f32 {
         let d = direction.to_array();
         let part = |axis: usize| {
@@ -265,16 +275,17 @@ impl OccluderMesh {
     }
 }
 
-/// Start and factor of the hash of Fowler, Noll and Vo.
+/// Offset basis and prime of the 64-bit FNV-1a hash (Fowler, Noll and Vo).
 const FNV: (u64, u64) = (0xcbf2_9ce4_8422_2325, 0x0000_0100_0000_01b3);
 
-/// Takes one more number into a hash.
+/// Returns the FNV-1a hash `hash` with one more number appended.
 pub(super) fn fnv(hash: u64, number: u32) -> u64 {
     (hash ^ u64::from(number)).wrapping_mul(FNV.1)
 }
 
-/// The vertices that triangles use, in their order, and the triangles by these. Takes time in proportion to
-/// the triangles, however many vertices there are: a mesh of many boxes calls it for each.
+/// Drops unused positions. Returns the used positions in their order, and the triangles reindexed
+/// accordingly. Time is O(n log n) in the number of triangles, independent of the number of positions: a mesh
+/// of many boxes calls the function for each box.
 fn compact(positions: &[Vec3], mut triangles: Vec<[u32; 3]>) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut used = triangles.as_flattened().to_vec();
     used.sort_unstable();
@@ -284,9 +295,10 @@ fn compact(positions: &[Vec3], mut triangles: Vec<[u32; 3]>) -> (Vec<Vec3>, Vec<
     (used.iter().map(|&i| positions[i as usize]).collect(), triangles)
 }
 
-/// The edges, and those of each triangle.
+/// Computes edge adjacency. Returns the edges, and for each triangle its three edge indices in the order of
+/// its sides.
 pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
-    /// One side of one triangle.
+    /// One directed side of one triangle.
     struct Side {
         low: u32,
         high: u32,
@@ -324,12 +336,13 @@ pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
     (edges, triangle_edges)
 }
 
-/// Whether a closed mesh is a convex solid that faces outwards. Takes quadratic time, so meshes of more than
-/// 256 triangles, which could gain little from it, count as not convex.
+/// Tests whether a closed mesh is a convex solid that faces outwards. The test takes quadratic time, so
+/// meshes of more than 256 triangles count as not convex.
 ///
-/// Rounding its vertices may have put them in front of faces by some steps of `f32`. That excuses dents only
-/// in a mesh that is large beside them: one that has a vertex four times as far behind each face. In a
-/// smaller one, no vertex may be in front of a face, as far as `f64` can tell, and one must be behind it.
+/// Rounding of vertices may have put some in front of faces by a few steps of `f32`. Such dents are tolerated
+/// only if they are small beside the mesh: each face must have a vertex behind it at four times the tolerated
+/// distance. In a smaller mesh, no vertex may be in front of a face, as far as `f64` can tell, and at least
+/// one vertex must be behind each face.
 fn is_convex(positions: &[Vec3], triangles: &[[u32; 3]], bounds: &Aabb) -> bool {
     if triangles.len() > 256 {
         return false;
@@ -452,7 +465,7 @@ mod tests {
         assert!(dented.is_closed() && !dented.is_convex());
     }
 
-    /// At 10,000 km a metre is one step of `f32`: rounding of vertices would excuse any shape of two metres.
+    /// At 10,000 km, one step of `f32` is a metre: rounding of vertices would excuse any shape of two metres.
     #[test]
     fn a_room_two_ulps_wide_that_is_turned_inside_out_is_no_solid() {
         for reach in [2.0, 1e3, 1e7, 1e30] {
@@ -469,7 +482,7 @@ mod tests {
                 room.triangles().iter().map(|t| t.map(|i| room.positions()[i as usize])).collect();
             let given = inwards.map(|t| t.map(|i| bounds.corners()[i as usize]));
             assert_eq!(turned, given, "{reach}: no triangle is turned");
-            // The same among the parts of a larger mesh.
+            // The inverted room is also no solid as a part of a larger mesh.
             let far = Aabb::new(at + 8.0 * ulp, at + 12.0 * ulp);
             let loose = OccluderMesh::CUBOID.map(|t| t.map(|i| far.corners()[i as usize]));
             let two = OccluderMesh::from_triangles(&[&given[..], &loose[..]].concat()).unwrap();
@@ -489,7 +502,7 @@ mod tests {
         assert!(dented.is_closed() && !dented.is_convex());
     }
 
-    /// No vertex is in front of a face, whatever the outline.
+    /// A flat sheet with two faces has no vertex in front of a face, but no volume either.
     #[test]
     fn a_sheet_with_two_faces_is_no_solid() {
         let p = [Vec3::ZERO, Vec3::X, Vec3::Y];

@@ -1,4 +1,4 @@
-//! Occluder meshes from what engines have: indexed meshes, loose triangles, boxes, polygons.
+//! Constructors of occluder meshes from indexed meshes, loose triangles, boxes and polygons.
 
 use super::mesh::{MeshError, OccluderMesh};
 use super::parts::split;
@@ -7,12 +7,15 @@ use alloc::vec::Vec;
 use glam::{DVec3, Vec3};
 
 impl OccluderMesh {
-    /// From an indexed mesh. Vertices at the same place (bit for bit, zeros of either sign) become one;
-    /// triangles without area, or with a vertex twice, are left out. A box along the axes gets its
-    /// vertices and triangles in the order of [`cuboid`](Self::cuboid).
+    /// Makes an occluder from an indexed mesh, in mesh coordinates. Vertices at bit-identical positions
+    /// (zeros of either sign are equal) are welded. Triangles without area, or with a repeated vertex, are
+    /// dropped. The vertices and triangles of an axis-aligned box are reordered to the order of
+    /// [`cuboid`](Self::cuboid). Time is O(n log n) in the size of the mesh, plus a quadratic convexity test
+    /// for solids of up to 256 triangles.
     ///
     /// # Errors
-    /// All of [`MeshError`].
+    /// [`MeshError::TooMany`], [`MeshError::NonFinite`], [`MeshError::Index`], or [`MeshError::Empty`] if no
+    /// triangle remains.
     pub fn from_indexed(positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Self, MeshError> {
         if positions.len() >= u32::MAX as usize || indices.len() >= (u32::MAX / 3) as usize {
             return Err(MeshError::TooMany);
@@ -39,21 +42,22 @@ impl OccluderMesh {
         Ok(mesh)
     }
 
-    /// From loose triangles.
+    /// Makes an occluder from loose triangles, like [`from_indexed`](Self::from_indexed).
     ///
     /// # Errors
-    /// All of [`MeshError`] but `Index`.
+    /// [`MeshError::TooMany`], [`MeshError::NonFinite`] (vertex `3 * triangle + corner`), or
+    /// [`MeshError::Empty`] if no triangle has an area.
     pub fn from_triangles(triangles: &[Triangle]) -> Result<Self, MeshError> {
         let indices: Vec<[u32; 3]> =
             (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         Self::from_indexed(triangles.as_flattened(), &indices)
     }
 
-    /// A box, closed and convex.
+    /// Makes an occluder from an axis-aligned box. A box with extent on all axes gives a closed convex mesh.
     ///
     /// # Errors
-    /// [`MeshError::NonFinite`], and [`MeshError::Empty`] for a box that is flat in more than one direction
-    /// or inverted.
+    /// [`MeshError::NonFinite`] for infinite coordinates, and [`MeshError::Empty`] for an improper box or a
+    /// box that is flat on more than one axis.
     pub fn cuboid(bounds: &Aabb) -> Result<Self, MeshError> {
         if !bounds.is_proper() {
             return Err(MeshError::Empty);
@@ -61,10 +65,12 @@ impl OccluderMesh {
         Self::from_indexed(&bounds.corners(), &Self::CUBOID)
     }
 
-    /// A convex polygon, seen from the side on which its vertices run counter-clockwise.
+    /// Makes an occluder from a convex polygon, rounded to `f32`. Its front is the side from which its
+    /// vertices run counter-clockwise. The mesh is open and one-sided.
     ///
     /// # Errors
-    /// [`MeshError::NonFinite`], also where `f32` cannot hold a vertex, and [`MeshError::Empty`].
+    /// [`MeshError::NonFinite`] if `f32` cannot hold a vertex, and [`MeshError::Empty`] for a polygon that is
+    /// empty or has no area.
     pub fn polygon(polygon: &ConvexPolygon) -> Result<Self, MeshError> {
         let positions: Vec<Vec3> = polygon.vertices().iter().map(|v| v.as_vec3()).collect();
         let fan: Vec<[u32; 3]> = (2..positions.len() as u32).map(|i| [0, i - 1, i]).collect();
@@ -72,13 +78,14 @@ impl OccluderMesh {
     }
 }
 
-/// Each place once, and for each vertex its place.
+/// Welds vertices at equal positions. Returns the distinct positions in order of first use, and for each
+/// given vertex the index of its position.
 fn weld(positions: &[Vec3]) -> (Vec<Vec3>, Vec<u32>) {
     // Adding zero turns -0 into 0, so that equal numbers have equal bits.
     let key = |i: &u32| (positions[*i as usize] + 0.0).to_array().map(f32::to_bits);
     let mut order: Vec<u32> = (0..positions.len() as u32).collect();
     order.sort_unstable_by_key(|i| (key(i), *i));
-    // The first of each group stands for it, and groups keep the order in which they are first used.
+    // The first vertex of each group represents the group.
     let mut first: Vec<u32> = (0..positions.len() as u32).collect();
     for group in order.chunk_by(|a, b| key(a) == key(b)) {
         group.iter().for_each(|&i| first[i as usize] = group[0]);
@@ -98,6 +105,6 @@ fn weld(positions: &[Vec3]) -> (Vec<Vec3>, Vec<u32>) {
 
 fn has_area(positions: &[Vec3], triangle: &[u32; 3]) -> bool {
     let [a, b, c] = triangle.map(|i| positions[i as usize].as_dvec3());
-    // Differences of f32 numbers are exact in f64 unless one is 2^29 times the other.
+    // Differences of `f32` numbers are exact in `f64` unless one number is 2^29 times the other.
     (b - a).cross(c - a) != DVec3::ZERO
 }

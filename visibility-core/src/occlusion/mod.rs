@@ -1,10 +1,10 @@
-//! The occlusion seam: something that occluders are added to and boxes are tested against, and the one driver
-//! that uses it.
+//! Occlusion culling: a trait for maps to which occluders are added and against which boxes are tested, and
+//! the one culler that drives such maps.
 //!
-//! A z-pyramid, an opacity map, an occlusion tree, a set of shadow frusta and a graphics card's own queries
-//! have this much in common (Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough
-//! Applications", 2003, sections 5 and 6). Each implements [`OcclusionMap`]; [`OcclusionCuller`] chooses
-//! occluders, walks the hierarchy and prunes.
+//! A z-pyramid, an opacity map, an occlusion tree, a set of shadow frusta and hardware occlusion queries have
+//! this interface in common (Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough
+//! Applications", 2003, sections 5 and 6). Each implements [`OcclusionMap`]. [`OcclusionCuller`] chooses
+//! occluders, walks the hierarchy and removes hidden objects.
 
 mod culler;
 mod inside_planes;
@@ -25,7 +25,7 @@ use crate::scene::{Boxes64, lanes};
 use crate::{Aabb, Accuracy, View};
 use glam::{Affine3A, DVec3};
 
-/// What a map says of a box.
+/// Result of testing a box against an occlusion map.
 ///
 /// ```
 /// use visibility_core::occlusion::Occlusion;
@@ -33,15 +33,16 @@ use glam::{Affine3A, DVec3};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Hash)]
 pub enum Occlusion {
-    /// No point of the box can be seen: all of it lies strictly behind occluders.
+    /// No point of the box can be seen: the whole box lies strictly behind occluders.
     Hidden,
-    /// Some of it may be seen: what it contains is worth testing by itself.
+    /// Some of the box may be seen. Boxes inside it may still be hidden and are worth testing.
     Partial,
-    /// Nothing in the map can hide any part of it: what it contains need not be tested.
+    /// No part of the box is hidden by the map. Boxes inside it need not be tested.
     Visible,
 }
 
-/// What a map says of 64 boxes; a lane in neither mask is [`Occlusion::Partial`].
+/// Result of testing 64 boxes against an occlusion map, as bit masks. Bit `i` stands for box `i`. A tested
+/// box in neither mask is [`Occlusion::Partial`].
 ///
 /// ```
 /// use visibility_core::occlusion::Occlusion64;
@@ -50,24 +51,24 @@ pub enum Occlusion {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Occlusion64 {
-    /// The lanes that are [`Occlusion::Hidden`].
+    /// Bit `i` is set if box `i` is [`Occlusion::Hidden`].
     pub hidden: u64,
-    /// The lanes that are [`Occlusion::Visible`].
+    /// Bit `i` is set if box `i` is [`Occlusion::Visible`].
     pub visible: u64,
 }
 
-/// Something that occluders are added to and boxes are tested against.
+/// An occlusion map of one view: occluders are added to it, and boxes are tested against the occluders.
 ///
 /// A frame calls [`begin`](Self::begin), then [`add`](Self::add) any number of times and
-/// [`flush`](Self::flush), after which [`test`](Self::test) takes into account what was added; more may be
-/// added and flushed later in the frame.
+/// [`flush`](Self::flush). After that, [`test`](Self::test) takes the added occluders into account. More
+/// occluders may be added and flushed later in the frame.
 ///
 /// ```
 /// use visibility_core::{
 ///     glam::{Affine3A, DVec3}, occlusion::Occlusion, Aabb, Accuracy, OccluderMesh, OcclusionMap,
 ///     View,
 /// };
-/// /// A map that knows nothing, and so hides nothing.
+/// /// A map that never hides a box.
 /// struct Blank;
 /// impl OcclusionMap for Blank {
 ///     fn name(&self) -> &str { "blank" }
@@ -79,39 +80,42 @@ pub struct Occlusion64 {
 /// }
 /// ```
 pub trait OcclusionMap {
-    /// A short name, for tables and explanations.
+    /// Returns a short name of the map for tables and explanations.
     fn name(&self) -> &str;
 
-    /// What its answers promise of the boxes that they hide.
+    /// Returns the guarantee for boxes that the map reports as [`Occlusion::Hidden`].
     fn accuracy(&self) -> Accuracy;
 
-    /// Empties the map for a frame. What is added and tested from here on is relative to `origin`, that of
-    /// the scene.
+    /// Empties the map for a new frame of `view`. Occluders and boxes of the frame are relative to `origin`,
+    /// the world-space origin of the scene.
     fn begin(&mut self, view: &View, origin: DVec3);
 
-    /// Adds an occluder, placed by `transform` in scene coordinates. A transform that mirrors turns the order
-    /// of corners round; the front stays the front.
+    /// Adds an occluder to the map. `transform` takes mesh coordinates to scene-relative coordinates. Under a
+    /// mirroring transform the front of each triangle stays its front, though its corners then run clockwise.
+    /// The occluder takes effect at the next [`flush`](Self::flush).
     ///
-    /// A map is responsible for its view's [clip planes](View::with_clip_planes), which the clip matrix does
-    /// not contain: an occluder that is not [inside](OccluderMesh::is_inside) all of them is left out, since
-    /// what they cut away is not drawn.
+    /// The map must handle the [clip planes](View::with_clip_planes) of its view, which the clip matrix does
+    /// not contain: an occluder that is not [inside](OccluderMesh::is_inside) all clip planes must be left
+    /// out, since the parts that the planes cut away are not drawn.
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A);
 
-    /// What adding an occluder costs at most, in triangles: what a [budget](OcclusionCuller::with_budget) is
-    /// spent on. A map that draws some meshes otherwise than triangle by triangle says so here.
+    /// Returns the greatest cost of adding an occluder, in triangles, the unit of the
+    /// [budget](OcclusionCuller::with_budget). The default is the number of triangles of the mesh. Maps that
+    /// draw some meshes more cheaply override it.
     fn cost(&self, occluder: &OccluderMesh) -> usize {
         occluder.triangles().len()
     }
 
-    /// Makes what was added so far count.
+    /// Makes the occluders added so far take effect in [`test`](Self::test).
     fn flush(&mut self);
 
-    /// What the map says of a box. One that reaches the eye or the near plane is at least
-    /// [`Occlusion::Partial`], so that what lies inside it is looked at; an improper one is
+    /// Tests a box, relative to the origin given to [`begin`](Self::begin), against the flushed occluders. A
+    /// box that contains the eye or reaches the near plane is never [`Occlusion::Hidden`]. An improper box is
     /// [`Occlusion::Visible`].
     fn test(&self, bounds: &Aabb) -> Occlusion;
 
-    /// What the map says of those of 64 boxes that are set in `candidates`; other lanes are in neither mask.
+    /// Tests those of 64 boxes whose bits are set in `candidates`. Bit `i` stands for box `i`. The other bits
+    /// of the result are clear in both masks.
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         let mut answer = Occlusion64::default();
         for lane in lanes(candidates) {
@@ -124,7 +128,7 @@ pub trait OcclusionMap {
         answer
     }
 
-    /// Forgets what it remembers of earlier frames. The driver asks for it before the first frame of another
-    /// scene.
+    /// Forgets what the map remembers of earlier frames. The culler calls it before the first frame of
+    /// another scene. The default does nothing.
     fn reset(&mut self) {}
 }

@@ -1,18 +1,19 @@
-//! Meshes that fall apart into convex solids, such as furniture and buildings made of boxes.
+//! Decomposition of meshes into separate convex solids, such as furniture and buildings made of boxes.
 //!
-//! A convex solid is drawn by its outline alone, and one solid's outline takes nothing away from another
-//! behind it. So solids are found once, when a mesh is made: first boxes listed in one run, as most tools
-//! write them, since boxes that touch share edges and cannot be told apart by these; then whatever is joined
-//! along edges to a convex whole.
+//! A convex solid is drawn by its silhouette alone, and one solid's silhouette does not reduce what another
+//! solid behind it occludes. Solids are found once, when a mesh is made. First come boxes whose 12 triangles
+//! are listed consecutively, as most tools write them, since touching boxes share edges and cannot be
+//! separated by their edges. Then come pieces of triangles joined along edges, if a piece is a convex solid.
 
 use super::mesh::{OccluderMesh, join};
 use alloc::vec::Vec;
 use glam::Vec3;
 
-/// The triangles of a box.
+/// Number of triangles of a box.
 const BOX: usize = 12;
 
-/// The convex solids of a mesh and, last, what remains of it; nothing if it is all of one piece.
+/// Splits a mesh into its convex solids and, last, a mesh of the remaining triangles, if any remain. Empty if
+/// there are no convex solids, or if the whole mesh is one.
 pub(super) fn split(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<OccluderMesh> {
     let mut parts = Vec::new();
     let mut rest = Vec::new();
@@ -45,9 +46,10 @@ pub(super) fn split(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<OccluderM
     parts
 }
 
-/// The mesh of some triangles if they are a convex solid.
+/// Returns the mesh of `triangles` if it is a closed convex solid of 4 to 256 triangles, otherwise `None`.
+/// `triangles` index `positions`.
 fn solid(positions: &[Vec3], triangles: &[[u32; 3]]) -> Option<OccluderMesh> {
-    // Four at least, and no more than convexity is looked for in.
+    // A solid has at least four triangles; the convexity test accepts at most 256.
     (4..=256)
         .contains(&triangles.len())
         .then(|| OccluderMesh::whole(positions, triangles.to_vec()))
@@ -69,14 +71,15 @@ fn has_eight_corners(triangles: &[[u32; 3]]) -> bool {
     count == seen.len()
 }
 
-/// The triangles, by what joins them along edges.
+/// Groups triangles that are connected by joined edges ([`Edge::right`](super::Edge::right) is not `None`).
+/// Groups and the triangles in them keep their order.
 fn pieces(triangles: &[[u32; 3]]) -> Vec<Vec<[u32; 3]>> {
     let (edges, _) = join(triangles);
     let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
     for edge in &edges {
         if let Some(right) = edge.right {
             let (a, b) = (root(&mut parent, edge.left), root(&mut parent, right));
-            // The first triangle stands for all.
+            // The first triangle of a group is its representative.
             parent[a.max(b) as usize] = a.min(b);
         }
     }

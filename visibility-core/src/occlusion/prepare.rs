@@ -1,10 +1,10 @@
-//! Making occluders from what is drawn: an object's own triangles, if it is opaque.
+//! Making occluders from the triangles of opaque objects.
 
 use super::OccluderMesh;
 use crate::{Scene, scene::Triangle};
 use alloc::vec::Vec;
 
-/// What is left out of an occluder because it would cost more than it hides.
+/// Settings that drop triangles from an occluder if they cost more than they occlude.
 ///
 /// ```
 /// use visibility_core::occlusion::{prepare, Preparation};
@@ -13,12 +13,12 @@ use alloc::vec::Vec;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Preparation {
-    /// Triangles whose height over their longest side is less than this share of it are slivers, and left
-    /// out: they cover no pixel whole.
+    /// Slivers are dropped, since they cover no whole pixel: triangles whose height over their longest side
+    /// is at most this fraction of the side's length. 0 keeps all triangles with an area. Default 1e-3.
     pub sliver: f32,
-    /// Triangles with less than this share of the area of the mesh's largest are left out.
+    /// Triangles with less than this fraction of the area of the largest triangle are dropped. Default 0.
     pub least_area: f32,
-    /// Whether back faces hide too: for models whose triangles are not turned outwards throughout.
+    /// Whether back faces occlude too, for models whose triangles do not all face outwards. Default false.
     pub two_sided: bool,
 }
 
@@ -28,8 +28,9 @@ impl Default for Preparation {
     }
 }
 
-/// An occluder from triangles, or nothing if nothing worth adding remains. Triangles that are not finite are
-/// left out. Leaving triangles out is safe: an occluder with holes hides less.
+/// Makes an occluder from triangles, in their coordinates. Triangles that are not finite, and those that
+/// `preparation` excludes, are dropped. `None` if no triangle remains, or if there are too many for a mesh.
+/// Dropping triangles is conservative: an occluder with holes occludes less.
 pub fn prepare(triangles: &[Triangle], preparation: &Preparation) -> Option<OccluderMesh> {
     let measured = |t: &Triangle| {
         let [a, b, c] = t.map(|p| p.as_dvec3());
@@ -42,7 +43,7 @@ pub fn prepare(triangles: &[Triangle], preparation: &Preparation) -> Option<Occl
     let kept: Vec<Triangle> = finite()
         .filter(|t| {
             let (double_area, longest) = measured(t);
-            // Height over the longest side is twice the area over that side.
+            // The height over the longest side is twice the area divided by that side's length.
             double_area > f64::from(preparation.sliver) * longest
                 && double_area >= f64::from(preparation.least_area) * largest
         })
@@ -52,10 +53,12 @@ pub fn prepare(triangles: &[Triangle], preparation: &Preparation) -> Option<Occl
 }
 
 impl Scene {
-    /// Makes an occluder of every object that is flagged as one, has triangles, and has no mesh yet. For
-    /// loading time, and for what does not move: whoever moves such an object gives its mesh the
-    /// [transform](Scene::set_mesh) too. Other [triangles](Scene::set_triangles) take the mesh away,
-    /// until the next call. Returns how many were made.
+    /// Makes an occluder mesh for every object that is flagged as an occluder, has triangles and has no mesh
+    /// yet. Returns the number of meshes made.
+    ///
+    /// The function is meant for loading time and for static objects: code that moves such an object must
+    /// update the mesh's [transform](Scene::set_mesh) too. Replacing an object's
+    /// [triangles](Scene::set_triangles) removes the mesh until the next call.
     pub fn prepare_occluders(&mut self, preparation: &Preparation) -> usize {
         let ids: Vec<_> = self.ids().collect();
         let mut made = 0;

@@ -1,9 +1,9 @@
-//! An engine's own occlusion queries as a map: the graphics card answers, some frames late.
+//! Hardware occlusion queries of the engine as an occlusion map. The graphics card answers some frames late.
 //!
 //! The card compares boxes with the depth buffer that it has drawn (Cohen-Or, Chrysanthou, Silva and Durand,
 //! "A Survey of Visibility for Walkthrough Applications", 2003, sections 6.4 and 6.5: the HP
-//! occlusion-culling test, and Meissner et al.). Asking and waiting would stall it, so answers are taken when
-//! they come.
+//! occlusion-culling test, and Meissner et al.). Waiting for an answer would stall the card, so answers are
+//! collected when they arrive.
 
 use super::mesh::fnv;
 use super::{OccluderMesh, Occlusion, OcclusionMap};
@@ -13,7 +13,7 @@ use core::cell::RefCell;
 use glam::{Affine3A, DVec3};
 use hashbrown::HashMap;
 
-/// What an engine implements over its graphics API.
+/// Hardware occlusion queries, implemented by the engine over its graphics API.
 ///
 /// ```
 /// use visibility_core::{occlusion::QueryDevice, Aabb};
@@ -25,18 +25,21 @@ use hashbrown::HashMap;
 /// }
 /// ```
 pub trait QueryDevice {
-    /// Issues a query, never about a box that reaches the near plane: is any sample of this box, relative to
-    /// the scene's origin, in front of what has been drawn this frame?
+    /// Issues the query with number `query`: does any sample of the box pass the depth test against what has
+    /// been drawn this frame? `bounds` are relative to the scene's origin and never reach the near plane.
     fn ask(&mut self, query: u64, bounds: &Aabb);
 
-    /// Hands over the answers that have come since the last call: the query, and whether any sample passed.
+    /// Calls `each` for every answer that has arrived since the last call, with the number of the query and
+    /// whether any sample passed (true: visible).
     fn answers(&mut self, each: &mut dyn FnMut(u64, bool));
 
-    /// Draws an occluder into the depth buffer, where the engine does not do that itself before culling.
+    /// Draws an occluder into the depth buffer. `transform` takes mesh coordinates to scene-relative
+    /// coordinates. The default does nothing, for engines that draw their occluders themselves before
+    /// culling.
     fn draw(&mut self, _occluder: &OccluderMesh, _transform: &Affine3A) {}
 }
 
-/// What becomes of answers that are about an earlier frame.
+/// Policy for query answers that refer to an earlier frame.
 ///
 /// ```
 /// use visibility_core::{occlusion::LateAnswers, Accuracy};
@@ -45,19 +48,21 @@ pub trait QueryDevice {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum LateAnswers {
-    /// They count as visible, unless neither the view nor the occluders have changed since. Nothing ever
-    /// pops; a still camera culls all, a moving one nothing, since answers come a frame late at the
-    /// earliest.
+    /// Boxes with late answers count as visible, unless neither the view nor the occluders have changed since
+    /// the query. Nothing visible is ever hidden. A still camera culls every hidden box. A moving camera
+    /// culls nothing, since answers arrive at least one frame late.
     Visible,
-    /// They are believed for so many frames: what comes into view may pop in that much late.
+    /// Late answers are used for a number of frames. An object that comes into view may appear late by that
+    /// number of frames.
     Trusted {
-        /// Frames.
+        /// Greatest age of a used answer, in frames.
         frames: u32,
     },
 }
 
 impl LateAnswers {
-    /// What a map with this setting promises, if the device samples no coarser than the picture.
+    /// Returns the accuracy of a map with this policy, if the device samples at least as finely as the
+    /// picture.
     pub const fn accuracy(self) -> Accuracy {
         match self {
             Self::Visible => Accuracy::Conservative,
@@ -66,11 +71,11 @@ impl LateAnswers {
     }
 }
 
-/// A map that asks a device, and takes boxes for visible until it answers.
+/// An occlusion map over hardware queries, in which boxes count as visible until the device has answered.
 ///
-/// A box is known again by its coordinates: one that moves is a new question. What the picture cannot show (a
-/// box between samples of the device) counts as hidden, so the promise of the map is relative to the
-/// picture's own resolution.
+/// Boxes are identified by their exact coordinates: a box that moves is a new query. A box that falls between
+/// the samples of the device counts as hidden. The accuracy is therefore relative to the resolution of the
+/// device.
 ///
 /// ```
 /// use visibility_core::{occlusion::{HardwareQueries, LateAnswers}, OcclusionCuller};
@@ -86,66 +91,70 @@ impl LateAnswers {
 #[derive(Debug)]
 pub struct HardwareQueries<D> {
     late: LateAnswers,
-    /// Frames begun so far.
+    /// Number of frames begun so far, which is also the number of the present frame.
     frame: u64,
-    /// The first frame that saw what this one sees: same view, same occluders.
+    /// Number of the first of the consecutive frames, up to the present one, with the same view and the same
+    /// occluders.
     since: u64,
     view: Option<(View, DVec3)>,
     near: Option<ViewPlane>,
-    /// A hash of the occluders added in this frame, and of those of the frame before.
+    /// Hashes of the occluders added in the present frame and in the frame before.
     drawn: [u64; 2],
-    /// Testing asks, and asking changes the device.
+    /// `test` takes `&self`, but issues queries to the device.
     state: RefCell<State<D>>,
 }
 
 #[derive(Debug)]
 struct State<D> {
     device: D,
-    /// Where in `questions` a box is, by its bits.
+    /// Index into `questions` of each known box, by the bits of its six coordinates.
     places: HashMap<[u32; 6], usize>,
     questions: Vec<Question>,
     free: Vec<usize>,
 }
 
-/// A box that was asked about.
+/// A box for which a query was issued.
 #[derive(Clone, Copy, Debug)]
 struct Question {
     bits: [u32; 6],
-    /// Tells queries about this box from those about others that had its place before.
+    /// Reuse count of this slot in `questions`, the upper half of the query number. Distinguishes the query
+    /// from those for earlier boxes in the slot.
     serial: u32,
-    /// Whether `places` leads here.
+    /// Whether the slot is in use: `places` has an entry for it.
     known: bool,
-    /// The frame of the newest query.
+    /// Number of the frame of the newest query.
     asked: u64,
     under_way: bool,
-    /// The frame that the newest answer is about, and whether it said hidden.
+    /// Newest answer: the number of the frame in which its query was issued, and whether the box was hidden.
+    /// `None` without an answer.
     answer: Option<(u64, bool)>,
 }
 
-/// A box that was not asked about for so many frames is forgotten: its object has moved on, or the device has
+/// Number of frames after its last query when a box is forgotten: its object has moved on, or the device has
 /// lost the query.
 const FORGET: u64 = 64;
 
 impl<D: QueryDevice> HardwareQueries<D> {
-    /// Over a device.
+    /// Makes an empty map over a device, with a policy for late answers.
     pub fn new(device: D, late: LateAnswers) -> Self {
         let state = State { device, places: HashMap::new(), questions: Vec::new(), free: Vec::new() };
         Self { late, frame: 0, since: 0, view: None, near: None, drawn: [0; 2], state: RefCell::new(state) }
     }
 
-    /// The device.
+    /// Returns the device.
     pub fn device_mut(&mut self) -> &mut D {
         &mut self.state.get_mut().device
     }
 
-    /// Says that the device's depth buffer will hold something else than in the frame before, for reasons
-    /// that the map cannot see: the engine draws occluders of its own. What is answered about earlier
-    /// frames no longer counts.
+    /// Tells the map that the depth buffer will differ from the frame before for reasons that the map cannot
+    /// see, such as occluders drawn by the engine. To be called before [`begin`](OcclusionMap::begin).
+    /// Answers for earlier frames are then no longer used under [`Late::Visible`]. [`Late::Trusted`] is not
+    /// affected.
     pub fn invalidate(&mut self) {
         self.view = None;
     }
 
-    /// Whether an answer about a frame says anything about this one.
+    /// Tests whether an answer for the frame numbered `about` may be used in the present frame.
     fn counts(&self, about: u64) -> bool {
         match self.late {
             LateAnswers::Visible => about >= self.since,
@@ -155,7 +164,8 @@ impl<D: QueryDevice> HardwareQueries<D> {
 }
 
 impl<D: QueryDevice> State<D> {
-    /// Takes the answers that have come, and forgets what is no longer asked.
+    /// Collects the answers that have arrived and forgets boxes without a query for more than [`FORGET`]
+    /// frames.
     fn listen(&mut self, frame: u64) {
         let Self { device, places, questions, free } = self;
         device.answers(&mut |query, passed| {
@@ -177,7 +187,9 @@ impl<D: QueryDevice> State<D> {
         }
     }
 
-    /// What is known of a box, which is asked about unless it is known for this frame or being asked.
+    /// Returns the newest answer about a box: the number of its frame, and whether the box was hidden. `None`
+    /// without an answer. Issues a query for `frame` unless one is under way or the answer is already for
+    /// `frame`.
     fn answer(&mut self, bounds: &Aabb, frame: u64) -> Option<(u64, bool)> {
         let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
         let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
@@ -242,7 +254,8 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
             return Occlusion::Visible;
         }
         // A box that reaches the near plane is clipped when it is drawn, and what is left of it may lie
-        // behind walls that it is not behind.
+        // A box that reaches the near plane is clipped when it is drawn. The remaining part may lie behind
+        // walls that the box as a whole is not behind.
         let surely_before = |plane: &ViewPlane| plane.plane.classify_aabb(bounds) == Containment::Inside;
         if !self.near.is_some_and(|near| surely_before(&near)) {
             return Occlusion::Partial;
@@ -250,7 +263,7 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
         match self.state.borrow_mut().answer(bounds, self.frame) {
             Some((about, true)) if self.counts(about) => Occlusion::Hidden,
             Some((about, false)) if self.counts(about) => Occlusion::Partial,
-            // Taken whole until the answer is there, rather than asking about everything inside as well.
+            // Unanswered boxes count as wholly visible, so that no queries are issued for the boxes inside.
             _ => Occlusion::Visible,
         }
     }
@@ -258,7 +271,7 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
     fn reset(&mut self) {
         self.view = None;
         for question in &mut self.state.get_mut().questions {
-            // What is under way is no longer waited for.
+            // Answers to queries under way will be ignored.
             *question = Question {
                 serial: question.serial.wrapping_add(1),
                 under_way: false,

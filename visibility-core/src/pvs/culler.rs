@@ -1,4 +1,4 @@
-//! Potentially visible sets applied to a frame.
+//! Culling by a potentially visible set.
 
 use super::{Pvs, Viewcells};
 use crate::{
@@ -12,25 +12,29 @@ use alloc::vec::Vec;
 use core::borrow::Borrow;
 use glam::DVec3;
 
-/// What all eyes in a scene share: the sets, where their viewcells are, and which objects their targets stand
-/// for.
+/// A PVS prepared for a scene: the PVS, the regions of its viewcells, and the targets of each object. Shared
+/// by the cullers of all views.
 #[derive(Clone, Debug)]
 pub struct ScenePvs {
     pvs: Pvs,
     viewcells: Viewcells,
-    /// Objects by their index, each with where its targets begin in `targets`; ends with one that is no
-    /// object.
+    /// Indexed by [`ObjectId::index`]: the object's id, or `None` if the object is never hidden, and the
+    /// start of its targets in `targets`. The targets end where those of the next entry start; one sentinel
+    /// entry ends the list.
     objects: Vec<(Option<ObjectId>, u32)>,
     targets: Vec<u32>,
-    /// The scene as it was when the sets were given to it.
+    /// The revision of the scene for which `objects` was made. Later changes of objects make the objects
+    /// visible.
     cursor: SceneCursor,
     stamp: Stamp,
 }
 
 impl ScenePvs {
-    /// Sets for a scene as it is now. `pairs` says which targets show an object: the object itself or the
-    /// cells that it is in. It is visible where any of them is. An object without a target, or with one that
-    /// the sets do not know, is never hidden; nor is one that changes later on.
+    /// Prepares a PVS for the present state of a scene. Each pair assigns a target to an object: the object's
+    /// own target number, or the number of a cell that contains the object. An object is visible if any of
+    /// its targets is visible. An object is never hidden if it has no target, has a target that is not below
+    /// [`Pvs::target_count`], or changes in the scene later. Pairs of unknown objects are ignored. Time is
+    /// that of sorting the pairs.
     pub fn new(
         scene: &Scene,
         pvs: Pvs,
@@ -55,26 +59,27 @@ impl ScenePvs {
         Self { pvs, viewcells, objects, targets, cursor: SceneCursor::at(scene), stamp: Stamp::new() }
     }
 
-    /// The sets.
+    /// Returns the PVS.
     pub fn pvs(&self) -> &Pvs {
         &self.pvs
     }
 
-    /// Their viewcells.
+    /// Returns the regions of the PVS's viewcells, in world space.
     pub fn viewcells(&self) -> &Viewcells {
         &self.viewcells
     }
 }
 
-/// Hides what cannot be seen from the viewcells in which the lines of sight of a view begin.
+/// Hides objects that the PVS excludes for the viewcells in which the lines of sight of a view begin.
+/// Conservative if the PVS is.
 ///
-/// These are the viewcells that its near plane reaches into, since nothing before that is drawn: an eye close
-/// to a wall sees through it, and then sees what the viewcells beyond see. Clip planes and parallel views are
-/// told apart by [`View::for_each_sight_start`]. Where that cannot tell, or where lines of sight begin in no
-/// viewcell, everything is seen.
+/// Lines of sight begin on the near plane, since nothing nearer is drawn. The near plane of an eye close to a
+/// wall may reach through the wall into the next viewcell, and then the PVS of that viewcell counts too. Clip
+/// planes and parallel views are handled by [`View::for_each_sight_start`]. If that function cannot decide,
+/// or if lines of sight begin outside all viewcells, every object counts as visible.
 ///
-/// Owns one view's memory; the [`ScenePvs`] is shared, by reference or by `Arc`. In a scene other than the
-/// one that the sets were made for, a clone of it included, everything is seen.
+/// A culler holds the state of one view. The [`ScenePvs`] is shared, by reference or by `Arc`. In a scene
+/// other than the one that the [`ScenePvs`] was made for, a clone included, every object counts as visible.
 ///
 /// ```
 /// use visibility_core::{
@@ -100,30 +105,31 @@ impl ScenePvs {
 #[derive(Clone, Debug)]
 pub struct PvsCuller<S> {
     shared: S,
-    /// The sets that everything below was derived from.
+    /// Stamp of the [`ScenePvs`] from which the fields below were derived.
     made_from: Stamp,
-    /// The viewcell that the eye is in.
+    /// Viewcell of the eye in the last frame. `None` outside all viewcells and for parallel views.
     viewcell: Option<ViewcellId>,
-    /// The viewcells that lines of sight begin in, ascending: those that `hidden` is for, if it is for any.
+    /// Viewcells in which the lines of sight began when `hidden` was last computed, ascending.
     entered: Vec<ViewcellId>,
     is_entered: bool,
-    /// Memory for the viewcells of the next frame, and for those of one polygon.
+    /// Scratch: the viewcells in which this frame's lines of sight begin.
     entering: Vec<ViewcellId>,
     reached: Vec<ViewcellId>,
-    /// The targets seen from `entered`, and memory for those of one of several viewcells.
+    /// PVS of `entered`, one bit per target.
     seen: Vec<u64>,
     seen_from_one: Vec<u64>,
-    /// Objects, by index, that cannot be seen from `entered`.
+    /// For each object index, whether the object cannot be seen from any viewcell of `entered`.
     hidden: Vec<bool>,
-    /// Objects, by index, that have changed since the sets were made.
+    /// For each object index, whether the object has changed since the [`ScenePvs`] was made.
     changed: Vec<bool>,
-    /// Whether changes were too many to follow.
+    /// Whether the changes since the [`ScenePvs`] was made are unknown, because the scene is another one or
+    /// its change log overflowed. Every object then counts as visible.
     lost: bool,
     cursor: SceneCursor,
 }
 
 impl<S: Borrow<ScenePvs>> PvsCuller<S> {
-    /// For one view.
+    /// Makes a culler for one view, which has not culled a frame yet.
     pub fn new(shared: S) -> Self {
         Self {
             shared,
@@ -142,18 +148,19 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         }
     }
 
-    /// What is shared, to be replaced by other sets; the next frame takes them in.
+    /// Returns the shared [`ScenePvs`] for replacement. The next frame takes a new [`ScenePvs`] into account.
     pub fn shared_mut(&mut self) -> &mut S {
         &mut self.shared
     }
 
-    /// The viewcell that the eye was in, in the last frame; `None` if it was in none, or nowhere.
+    /// Returns the viewcell of the eye in the last frame. `None` before the first frame, for an eye outside
+    /// all viewcells, and for parallel views.
     pub fn viewcell(&self) -> Option<ViewcellId> {
         self.viewcell
     }
 
-    /// Takes in other sets than those of the frame before, and what has changed in the scene since they were
-    /// made.
+    /// Resets derived state if the [`ScenePvs`] was replaced, and marks the objects that have changed in the
+    /// scene since the [`ScenePvs`] was made.
     fn follow(&mut self, scene: &Scene) {
         let shared = self.shared.borrow();
         if self.made_from != shared.stamp {
@@ -163,7 +170,8 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         }
         let mut changes = self.cursor.follow(scene);
         if changes == Changes::Everything {
-            // Another scene, or one that the culler has not seen for long. The sets themselves may know more.
+            // Another scene, or an overflow of the change log since the last frame. The cursor of the
+            // `ScenePvs` may still reach back far enough.
             self.changed.clear();
             self.changed.resize(shared.objects.len(), false);
             changes = shared.cursor.peek(scene);
@@ -178,7 +186,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         }
     }
 
-    /// Brings `hidden` up to date with `entered`.
+    /// Computes `hidden` for the viewcells in `entered`.
     fn enter(&mut self) {
         let shared = self.shared.borrow();
         shared.pvs.write_union(&self.entered, &mut self.seen, &mut self.seen_from_one);

@@ -1,29 +1,30 @@
-//! Errors of a PVS.
+//! Errors of making and loading a PVS.
 
 use super::ViewcellId;
 use crate::envelope::EnvelopeError;
 use core::fmt;
 
-/// Why a [`Pvs`](super::Pvs) cannot be made or loaded.
+/// The reason why a [`Pvs`](super::Pvs) cannot be made or loaded.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum PvsError {
-    /// A row given is not ascending, or holds a target that does not exist.
+    /// A given row is not strictly ascending, or has a target that is not below the number of targets.
     Target {
         /// The viewcell of the row.
         viewcell: ViewcellId,
-        /// The target out of order, or unknown.
+        /// The target that is out of order or unknown.
         target: u32,
     },
-    /// More viewcells, targets or bytes than 32-bit numbers can count.
+    /// The numbers of viewcells or targets, or the size of the rows in bytes, exceed 32 bits.
     TooLarge,
-    /// The bytes are damaged, or not those of a stored PVS.
+    /// The bytes are damaged, or are not those of a stored PVS.
     Envelope(EnvelopeError),
-    /// A stored row makes no sense, although the checksum is right: whoever wrote it was wrong.
+    /// A stored row is inconsistent although the checksum matches: the bytes were forged, or written by
+    /// faulty code.
     Row {
-        /// Its viewcell.
+        /// The viewcell of the row.
         viewcell: ViewcellId,
-        /// What is wrong with it.
+        /// Description of the fault in English, with "it" for the row.
         problem: &'static str,
     },
 }

@@ -1,19 +1,21 @@
-//! Potentially visible sets: for each viewcell, what can be seen from anywhere in it, compressed; the same
-//! bytes in memory and on disk.
+//! Potentially visible sets (PVS): for each viewcell, a compressed list of the targets that may be seen from
+//! anywhere in it. The bytes in memory are the bytes on disk.
 //!
 //! # Format
 //! All numbers are little-endian:
-//! - the header of an [envelope](crate::envelope): `VISI-PVS`, version 1, kind (0: cells, 1: objects), and in
-//!   place of a fingerprint the number of viewcells and that of targets (`u32` each);
-//! - for each viewcell, where its row begins among the rows (`u32`), and once more for the end of the last;
-//! - the rows. A row is a byte 0 and runs; or a byte 1, another viewcell (`u32`) whose row begins with 0, and
-//!   the runs of the difference from that row. Runs are lengths: of targets that are not in the row, of
-//!   targets that are, and so on in turn. A length takes 7 bits a byte, least significant first, with the top
-//!   bit set on all bytes but the last. What follows the last run is not in the row.
+//! - The header of an [envelope](crate::envelope): `VISI-PVS`, version 1, kind (0: cells, 1: objects). In
+//!   place of a fingerprint, the header holds the number of viewcells and the number of targets (`u32` each).
+//! - For each viewcell, the offset of its row from the first row, in bytes (`u32`), and once more the end of
+//!   the last row.
+//! - The rows. A plain row is a byte 0 and runs. A differential row is a byte 1, the number of another
+//!   viewcell (`u32`) with a plain row, and the runs of the symmetric difference from that row. Runs are
+//!   alternating lengths: of targets that are not in the row, of targets that are, and so on. A length takes
+//!   7 bits a byte, least significant first, with the top bit set on all bytes but the last. Targets after
+//!   the last run are not in the row.
 //!
-//! Rooms side by side see much the same, so most rows are shorter as differences (Gotsman, Sudarsky and
-//! Fayman, "Optimized Occlusion Culling Using Five-Dimensional Subdivision", 1999, store differences from the
-//! parent for the same reason).
+//! Neighbouring rooms have similar visible sets, so most rows are shorter as differences (Gotsman, Sudarsky
+//! and Fayman, "Optimized Occlusion Culling Using Five-Dimensional Subdivision", 1999, store differences from
+//! the parent for the same reason).
 
 mod culler;
 mod error;
@@ -31,16 +33,17 @@ use crate::stamp::Stamp;
 use alloc::vec::Vec;
 use runs::{word, write_runs};
 
-/// What the targets of a [`Pvs`] are.
+/// Kind of the targets of a [`Pvs`].
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum PvsTargets {
-    /// Cells of a [`CellGraph`](crate::cells::CellGraph), by their numbers.
+    /// Targets are cells of a [`CellGraph`](crate::cells::CellGraph), by their numbers.
     Cells,
-    /// Objects, numbered by whoever made the PVS.
+    /// Targets are objects, numbered by the code that made the PVS. The numbers need not be object indices.
     Objects,
 }
 
-/// For each viewcell, the targets that can be seen from anywhere in it. Never changes.
+/// A potentially visible set: for each viewcell, the targets that may be seen from some point in it.
+/// Immutable.
 ///
 /// ```
 /// use visibility_core::pvs::{Pvs, PvsTargets, ViewcellId};
@@ -60,7 +63,7 @@ pub struct Pvs {
 }
 
 impl PartialEq for Pvs {
-    /// Whether the stored bytes are the same. Stamps are not compared.
+    /// Compares the stored bytes. Stamps are not compared.
     fn eq(&self, other: &Self) -> bool {
         self.bytes == other.bytes
     }
@@ -71,15 +74,17 @@ impl Eq for Pvs {}
 const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 1 };
 
 impl Pvs {
-    /// Compresses rows of targets: row `i` holds what viewcell `i` sees, ascending and without repetition.
+    /// Compresses the rows of a PVS. Row `i` lists the targets visible from viewcell `i`, strictly ascending
+    /// and below `target_count`.
     ///
-    /// `neighbours` names viewcells that probably see much the same. Those with greater numbers than the
-    /// viewcell itself, and unknown ones, are passed over. Takes time in proportion to the rows and to those
-    /// of the neighbours.
+    /// `neighbours` returns viewcells whose rows are probably similar to the row of a given viewcell, as
+    /// bases for a differential row. Viewcells with numbers not below that of the given viewcell, and unknown
+    /// viewcells, are ignored. Time is linear in the lengths of the rows and of the neighbours' rows.
     ///
     /// # Errors
-    /// [`PvsError::Target`] if a row is not ascending, or holds a target that is not below `target_count`;
-    /// [`PvsError::TooLarge`].
+    /// [`PvsError::Target`] if a row is not strictly ascending, or has a target that is not below
+    /// `target_count`; [`PvsError::TooLarge`] if the number of viewcells or targets, or the size of the rows
+    /// in bytes, exceeds `u32`.
     pub fn new<R: AsRef<[u32]>, N: IntoIterator<Item = ViewcellId>>(
         targets: PvsTargets,
         target_count: usize,
@@ -97,12 +102,12 @@ impl Pvs {
                 return Err(PvsError::Target { viewcell: ViewcellId(viewcell as u32), target });
             }
         }
-        // Where rows begin, and the end of the last.
+        // Offset of each row in `bytes`, and the end of the last row.
         let (mut starts, mut bytes) = (alloc::vec![0], Vec::new());
         let (mut plain, mut best, mut trial) = (alloc::vec![false; rows.len()], Vec::new(), Vec::new());
         for (viewcell, row) in rows.iter().enumerate() {
             let row = row.as_ref();
-            // Only rows of runs are differed from, so that reading a row never takes more than two.
+            // Only plain rows serve as bases, so that reading a row never takes more than two rows.
             best.clear();
             best.push(0);
             write_runs(row.iter().copied(), &mut best);
@@ -129,27 +134,28 @@ impl Pvs {
         Ok(Self { bytes: writer.finish(), stamp: Stamp::new() })
     }
 
-    /// The bytes, to be stored as they are.
+    /// Returns the bytes of the PVS, to be stored unchanged and loaded by [`from_bytes`](Self::from_bytes).
     pub fn as_bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Identifies the content. A clone has the same stamp; the same bytes loaded twice have two.
+    /// Returns the stamp that identifies the content. A clone has the same stamp; the same bytes loaded twice
+    /// have two stamps.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
 
-    /// What the targets are.
+    /// Returns whether the targets are cells or objects.
     pub fn targets(&self) -> PvsTargets {
         if self.word(12) == 0 { PvsTargets::Cells } else { PvsTargets::Objects }
     }
 
-    /// The number of viewcells.
+    /// Returns the number of viewcells, which is the number of rows.
     pub fn viewcell_count(&self) -> usize {
         self.word(16) as usize
     }
 
-    /// The number of targets.
+    /// Returns the number of targets, seen or not.
     pub fn target_count(&self) -> usize {
         self.word(20) as usize
     }
@@ -159,7 +165,7 @@ impl Pvs {
     }
 }
 
-/// The numbers that are in exactly one of two ascending rows.
+/// Yields, in ascending order, the numbers that are in exactly one of two strictly ascending lists.
 fn difference<'a>(a: &'a [u32], b: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
     let (mut i, mut j) = (0, 0);
     core::iter::from_fn(move || {

@@ -1,8 +1,8 @@
-//! Which viewcells a convex polygon reaches into: that in which lines of sight begin
-//! ([`View::for_each_sight_start`](crate::View::for_each_sight_start)).
+//! Search for the viewcells that a convex polygon reaches into. The polygon is where the lines of sight of a
+//! view begin ([`View::for_each_sight_start`](crate::View::for_each_sight_start)).
 //!
-//! An eye close to a wall sees through it, from the next viewcell. Where part of the polygon is in no
-//! viewcell, nothing is known of what is seen from there.
+//! The near plane of an eye close to a wall may reach through the wall into the next viewcell. If part of the
+//! polygon is outside all viewcells, the PVS says nothing about that part.
 
 use super::{Viewcell, Viewcells};
 use crate::geometry::{Corners, clip_outward};
@@ -11,10 +11,11 @@ use alloc::vec::Vec;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// How many pieces a polygon may fall into while viewcells are taken from it.
+/// Greatest number of pieces into which a polygon may be cut by viewcells before the coverage test gives up.
 const MOST_PIECES: u32 = 2000;
 
-/// The margin for rounding, relative to the greatest coordinates `a` of the anchor and `r` of the polygon.
+/// Margin for rounding, in units of the sum of the greatest absolute coordinates `a` of the anchor and `r` of
+/// the polygon.
 ///
 /// With `u = EPSILON / 2`: a plane within reach has an offset of at most `|n . a| + 2 r`. To make its normal
 /// a unit and to move it to the anchor rounds each of these `9u` of itself: `18u |a| + 18u r`, with `|a|` up
@@ -24,16 +25,16 @@ const MOST_PIECES: u32 = 2000;
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 impl Viewcells {
-    /// Writes to `reached` the viewcells that a convex polygon may reach into. True if they cover it, but for
-    /// gaps as wide as twice the margin.
+    /// Replaces the content of `reached` by the viewcells that a convex polygon may reach into. Returns true
+    /// if these viewcells cover the polygon, except for gaps up to twice the margin wide.
     ///
-    /// Corners are in order around the polygon, in metres relative to `anchor`, a point of the world, and
-    /// within `error` metres of where they should be. The margin is the error and what rounding adds to it.
-    /// False as well, and then `reached` means nothing, for no corner, for one that is not finite, and for a
-    /// polygon that viewcells cut into thousands of pieces.
+    /// `corners` are in order around the polygon, in metres relative to `anchor`, a point in world space.
+    /// Each corner is within `error` metres of its true position. The margin is `error` plus the rounding of
+    /// the test itself. Returns false, with unspecified content of `reached`, for no corners, for a corner
+    /// that is not finite, and for a polygon that viewcells cut into thousands of pieces.
     ///
-    /// What was in `reached` is gone. No allocation once it is large enough. Takes time in proportion to the
-    /// number of viewcells that are reached, and to the logarithm of all.
+    /// Does not allocate once `reached` is large enough. Time is proportional to the number of viewcells
+    /// reached, and logarithmic in the number of all.
     pub fn reached(
         &self,
         corners: &[DVec3],
@@ -48,13 +49,13 @@ impl Viewcells {
         reached.clear();
         let reach = min.abs().max(max.abs()).max_element();
         let margin = error + ROUNDING * (reach + anchor.abs().max_element());
-        // Also refuses NaN, which minima and maxima pass over.
+        // Also refuses NaN, which `min` and `max` ignore.
         if !(margin < f64::INFINITY && corners.iter().all(|corner| corner.is_finite())) {
             return false;
         }
         self.for_each_touching(anchor + min - margin, anchor + max + margin, |cell| reached.push(cell));
         let all = self.cells();
-        // Only those that the polygon itself reaches into.
+        // Keeps only the viewcells that the polygon itself reaches into, not just its bounding box.
         reached.retain(|cell| {
             let mut left = Corners::from_slice(corners);
             for plane in faces(&all[cell.index()], anchor) {
@@ -66,8 +67,10 @@ impl Viewcells {
     }
 }
 
-/// Whether viewcells cover a piece, but for gaps of twice the margin. Each in turn takes its part; what lies
-/// beyond one of its faces is left to the others. Gives up, with false, when there are too many pieces.
+/// Tests whether the viewcells in `by` cover the convex polygon `piece`, except for gaps up to twice the
+/// margin wide. Each viewcell in turn takes its part of the polygon; the parts beyond its faces are left to
+/// the remaining viewcells. `pieces` is the number of pieces still allowed and counts down. Returns false
+/// when it reaches 0.
 fn is_covered(
     piece: &[DVec3],
     by: &[ViewcellId],
@@ -99,7 +102,8 @@ fn is_covered(
     true
 }
 
-/// The planes of a viewcell, with normals to the inside, for points relative to the anchor.
+/// Returns the planes of a viewcell's faces, relative to `anchor`, with unit normals pointing inwards: six of
+/// its box, then its own. Planes that cannot be normalized are left out, which enlarges the viewcell.
 fn faces(cell: &Viewcell, anchor: DVec3) -> impl Iterator<Item = Plane> + '_ {
     let (min, max) = (cell.min - anchor, cell.max - anchor);
     let sides = (0..3).flat_map(move |axis| {

@@ -1,4 +1,4 @@
-//! Loading a stored PVS, and asking it.
+//! Loading and querying a stored PVS.
 
 use super::runs::Runs;
 use super::{FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
@@ -7,11 +7,12 @@ use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
 impl Pvs {
-    /// Takes the bytes of a stored PVS. They are read through once, to make sure that they are whole and make
-    /// sense. Nothing is built from them.
+    /// Loads the bytes of a stored PVS, which [`as_bytes`](Self::as_bytes) returned. All bytes are read once
+    /// to check them. No index is built.
     ///
     /// # Errors
-    /// [`PvsError::Envelope`], [`PvsError::Row`].
+    /// [`PvsError::Envelope`] if the bytes are damaged, incomplete or of another format, [`PvsError::Row`] if
+    /// a row is inconsistent.
     pub fn from_bytes(bytes: impl Into<Vec<u8>>) -> Result<Self, PvsError> {
         let bytes = bytes.into();
         let mut reader = Reader::new(&bytes, FORMAT)?;
@@ -43,7 +44,8 @@ impl Pvs {
         Ok(())
     }
 
-    /// The bytes of the row of a viewcell. `None` for an unknown one, or if they are outside the rows.
+    /// Returns the bytes of a viewcell's row. `None` for an unknown viewcell, or if the offsets lie outside
+    /// the rows.
     fn row(&self, viewcell: ViewcellId) -> Option<&[u8]> {
         if viewcell.index() >= self.viewcell_count() {
             return None;
@@ -53,16 +55,17 @@ impl Pvs {
         self.bytes.get(rows..)?.get(start..end)
     }
 
-    /// The runs of a row, and the runs of the row that it differs from.
+    /// Returns the runs of a viewcell's row, and the runs of its base row. The latter are empty for a plain
+    /// row, both for an unknown viewcell. The targets seen are those in exactly one of the two.
     fn runs(&self, viewcell: ViewcellId) -> [Runs<'_>; 2] {
         let of = |viewcell| self.row(viewcell).and_then(parts).unwrap_or((None, &[]));
         let (base, runs) = of(viewcell);
         [Runs::new(runs), Runs::new(base.map_or(&[][..], |base| of(base).1))]
     }
 
-    /// Writes one bit for each target, set if the viewcell sees it, to `words`, whose memory is reused. For
-    /// an unknown viewcell, sets no bit and returns false. Takes time in proportion to the bytes of the row
-    /// and to the words.
+    /// Replaces `words` by the PVS row of a viewcell: bit `t % 64` of word `t / 64` is set if the viewcell
+    /// sees target `t`. Returns false, with all bits clear, for an unknown viewcell. Time is linear in the
+    /// bytes of the row and in the number of words.
     pub fn write_bits(&self, viewcell: ViewcellId, words: &mut Vec<u64>) -> bool {
         words.clear();
         words.resize(self.target_count().div_ceil(64), 0);
@@ -72,9 +75,10 @@ impl Pvs {
         viewcell.index() < self.viewcell_count()
     }
 
-    /// Writes one bit for each target, set if any of the viewcells sees it, to `words`. An unknown viewcell
-    /// sees all; no viewcells see none. The memory of `words` and of `row` is reused; what `row` holds then
-    /// is of no use. Takes time in proportion to the bytes of the rows and, for each viewcell, to the words.
+    /// Replaces `words` by the union of the rows of several viewcells, one bit per target as in
+    /// [`write_bits`](Self::write_bits). An unknown viewcell sees all targets. Without viewcells no bit is
+    /// set. `row` is scratch memory. Time is linear in the bytes of the rows and, for each viewcell, in the
+    /// number of words.
     pub fn write_union(&self, viewcells: &[ViewcellId], words: &mut Vec<u64>, row: &mut Vec<u64>) {
         words.clear();
         words.resize(self.target_count().div_ceil(64), 0);
@@ -88,15 +92,16 @@ impl Pvs {
         }
     }
 
-    /// Whether a viewcell sees a target. False if either is unknown. Takes time in proportion to the bytes of
-    /// the row; for many questions about one viewcell see [`write_bits`](Self::write_bits).
+    /// Tests whether a viewcell sees a target. Returns false if viewcell or target is unknown. Time is linear
+    /// in the bytes of the row. For many targets of one viewcell, [`write_bits`](Self::write_bits) is faster.
     pub fn sees(&self, viewcell: ViewcellId, target: u32) -> bool {
         let runs = self.runs(viewcell).into_iter().flatten().flatten();
         runs.filter(|&(start, end)| start <= target && target < end).count() % 2 == 1
     }
 }
 
-/// The viewcell that a row differs from, if any, and its runs. `None` if the row is neither.
+/// Splits the bytes of a row into its base viewcell and its runs. The viewcell is `None` for a plain row.
+/// Returns `None` if the row begins with neither 0 nor 1 and a viewcell.
 fn parts(row: &[u8]) -> Option<(Option<ViewcellId>, &[u8])> {
     match *row {
         [0, ref runs @ ..] => Some((None, runs)),
@@ -105,7 +110,7 @@ fn parts(row: &[u8]) -> Option<(Option<ViewcellId>, &[u8])> {
     }
 }
 
-/// Inverts the bits from `start` up to `end`, exclusive.
+/// Inverts the bits `start..end` of a bitset.
 fn flip(words: &mut [u64], start: usize, end: usize) {
     if start >= end {
         return;

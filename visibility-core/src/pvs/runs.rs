@@ -1,8 +1,9 @@
-//! Rows as lengths of runs.
+//! Run-length encoding of PVS rows.
 
 use alloc::vec::Vec;
 
-/// Appends a number with 7 bits a byte, least significant first.
+/// Appends a number with 7 bits a byte, least significant first; the top bit is set on all bytes but the
+/// last.
 pub(super) fn push_number(mut number: u32, out: &mut Vec<u8>) {
     while number >= 0x80 {
         out.push(number as u8 | 0x80);
@@ -11,9 +12,10 @@ pub(super) fn push_number(mut number: u32, out: &mut Vec<u8>) {
     out.push(number as u8);
 }
 
-/// Appends the runs of ascending numbers: how many are left out, how many follow one another, and so on.
+/// Appends the runs of a strictly ascending row: alternating lengths of absent and of present numbers,
+/// beginning with absent ones (maybe 0) and ending with present ones.
 pub(super) fn write_runs(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
-    // The run so far, and the end of the run before.
+    // The half-open present run being read, and the end of the run before it.
     let (mut start, mut end, mut before) = (0, 0, 0);
     let mut flush = |start: u32, end: u32| {
         push_number(start - before, out);
@@ -34,8 +36,8 @@ pub(super) fn write_runs(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
     }
 }
 
-/// The runs that bytes hold: pairs of a first number and the number after the last. An `Err` says what makes
-/// no sense, and ends the runs.
+/// Iterator over the encoded runs of present numbers, as half-open ranges `(start, end)`. Yields `Err` with a
+/// description if the bytes are malformed, and then ends.
 pub(super) struct Runs<'a> {
     bytes: &'a [u8],
     at: u32,
@@ -82,7 +84,7 @@ impl Iterator for Runs<'_> {
     }
 }
 
-/// The little-endian word at a place; 0 where there are not four bytes.
+/// Returns the little-endian `u32` at byte offset `place`; 0 if fewer than four bytes are there.
 pub(super) fn word(bytes: &[u8], place: usize) -> u32 {
     match bytes.get(place..).and_then(|rest| rest.first_chunk()) {
         Some(&word) => u32::from_le_bytes(word),

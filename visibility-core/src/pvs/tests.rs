@@ -4,7 +4,7 @@ use alloc::string::ToString;
 use alloc::vec;
 use proptest::prelude::*;
 
-/// A set of three viewcells, the last stored as a difference.
+/// Returns a PVS of four viewcells, the last stored as a difference.
 fn sample() -> Pvs {
     let rows = [vec![5, 6, 7, 300, 302], vec![], (0..400).filter(|x| x % 3 == 0).collect::<Vec<u32>>()];
     let mut rows = rows.to_vec();
@@ -12,7 +12,7 @@ fn sample() -> Pvs {
     Pvs::new(PvsTargets::Cells, 400, &rows, |cell| (0..cell.0).map(ViewcellId).collect::<Vec<_>>()).unwrap()
 }
 
-/// The same bytes with the checksum made right again.
+/// Returns the bytes with a corrected length and checksum.
 fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
     let content = bytes.split_off(HEADER);
     let number = |place: usize| u32::from_le_bytes(bytes[place..place + 4].try_into().unwrap());
@@ -28,7 +28,7 @@ fn rows_next_to_each_other_are_stored_as_differences() {
     let pvs = sample();
     let rows = HEADER + 5 * 4;
     let start = pvs.word(HEADER + 3 * 4) as usize;
-    // A byte 1, the viewcell 2, a run of 33 and one of 1.
+    // A byte 1, viewcell 2, a run of 33 absent numbers and a run of one present number.
     assert_eq!(pvs.bytes[rows + start..], [1, 2, 0, 0, 0, 33, 1]);
     assert!(!pvs.sees(ViewcellId(3), 33) && pvs.sees(ViewcellId(2), 33) && pvs.sees(ViewcellId(3), 36));
     assert_eq!((pvs.targets(), pvs.viewcell_count(), pvs.target_count()), (PvsTargets::Cells, 4, 400));
@@ -110,7 +110,7 @@ fn several_viewcells_see_what_any_of_them_sees() {
         pvs.write_union(&some, &mut words, &mut row);
         assert_eq!(words.len(), 400usize.div_ceil(64));
         for target in 0..400u32 {
-            // There is no row 4: whoever is there may see all.
+            // There is no row 4: an unknown viewcell sees all targets.
             let sees = |&id: &ViewcellId| id.0 == 4 || pvs.sees(id, target);
             assert_eq!(
                 words[target as usize / 64] >> (target % 64) & 1 != 0,

@@ -1,50 +1,52 @@
-//! Viewcells, and the search for those that a point or a box is in.
+//! Viewcells, and a tree to find the viewcells at a point or in a box.
 
 use crate::{cells::CellId, geometry::Plane};
 use alloc::vec::Vec;
 use glam::DVec3;
 
-/// A viewcell, by its number: its place among the [`Viewcells`], and among the rows of a [`Pvs`](super::Pvs).
+/// Number of a viewcell, from 0: its index in [`Viewcells`], and the index of its row in a
+/// [`Pvs`](super::Pvs).
 ///
-/// Not every viewcell is a cell of a [`CellGraph`](crate::cells::CellGraph). Where viewcells are the cells
-/// of a
-/// graph, both have the same numbers.
+/// Viewcells need not be cells of a [`CellGraph`](crate::cells::CellGraph). Where they are, viewcell and cell have
+/// the same number.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct ViewcellId(pub u32);
 
 impl ViewcellId {
-    /// The number of the viewcell, to index arrays with.
+    /// Returns the number of the viewcell as an array index.
     pub const fn index(self) -> usize {
         self.0 as usize
     }
 }
 
 impl From<CellId> for ViewcellId {
-    /// The viewcell with the number of a cell.
+    /// Converts the number of a cell to the viewcell with the same number.
     fn from(cell: CellId) -> Self {
         Self(cell.0)
     }
 }
 
-/// A region of viewpoints in world space: the part of a box that is on the inner side of some planes,
-/// boundaries included.
+/// A convex region of viewpoints in world space: the part of a box inside some half-spaces, boundaries
+/// included.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Viewcell {
-    /// The corner of the box with the least coordinates.
+    /// Minimum corner of the box, in metres.
     pub min: DVec3,
-    /// The corner of the box with the greatest coordinates.
+    /// Maximum corner of the box, in metres.
     pub max: DVec3,
-    /// Planes that cut off parts of the box; their normals point inwards. Empty if the viewcell is the box.
+    /// Half-spaces that cut parts of the box off, with normals of any length pointing inwards. Empty if the
+    /// viewcell is the whole box.
     pub planes: Vec<Plane>,
 }
 
 impl Viewcell {
-    /// The viewcell that is a whole box.
+    /// Makes a viewcell that is a whole box, given its minimum and maximum corners in world space.
     pub fn from_box(min: DVec3, max: DVec3) -> Self {
         Self { min, max, planes: Vec::new() }
     }
 
-    /// Whether a point is in the viewcell, boundary included. False for NaN.
+    /// Tests whether a point in world space lies in the viewcell or on its boundary. False for NaN. The
+    /// distance from the planes is subject to rounding.
     pub fn contains(&self, p: DVec3) -> bool {
         in_box(p, self.min, self.max) && self.planes.iter().all(|plane| plane.signed_distance(p) >= 0.0)
     }
@@ -54,8 +56,8 @@ fn in_box(p: DVec3, min: DVec3, max: DVec3) -> bool {
     min.cmple(p).all() && p.cmple(max).all()
 }
 
-/// Viewcells in a binary tree of boxes, split at the median. A point is found in time in proportion to the
-/// logarithm of their number, as long as their boxes overlap little.
+/// Viewcells in a binary tree of bounding boxes, split at the median. A point is located in logarithmic time,
+/// as long as the boxes overlap little.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, pvs::{Viewcell, ViewcellId, Viewcells}};
@@ -67,10 +69,11 @@ fn in_box(p: DVec3, min: DVec3, max: DVec3) -> bool {
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Viewcells {
     cells: Vec<Viewcell>,
-    /// Numbers of the viewcells, in the order of the leaves.
+    /// Numbers of the viewcells in the order of the tree's leaves. Viewcells with improper boxes are left
+    /// out.
     order: Vec<u32>,
-    /// In depth-first order: the first child follows its parent, the second follows all nodes below the
-    /// first.
+    /// Nodes in depth-first order: the first child follows its parent, the second child follows all
+    /// descendants of the first.
     nodes: Vec<Node>,
 }
 
@@ -78,20 +81,20 @@ pub struct Viewcells {
 struct Node {
     min: DVec3,
     max: DVec3,
-    /// Index of the node after all nodes below this one.
+    /// Index of the node after all descendants of this one.
     next: u32,
-    /// First of a leaf's places in `order`.
+    /// First of the leaf's entries, an index into `order`.
     start: u32,
-    /// End of these places, exclusive; equal to `start` for an inner node.
+    /// End of the leaf's entries, exclusive; equal to `start` for an inner node.
     end: u32,
 }
 
-/// The most viewcells in a leaf.
+/// Greatest number of viewcells in a leaf.
 const LEAF: usize = 4;
 
 impl Viewcells {
-    /// Builds the tree. Viewcells are numbered in the order given; one with a NaN, or with its corners in the
-    /// wrong order, contains no point. Takes time in proportion to n log n.
+    /// Builds the tree. Viewcells are numbered in the given order. A viewcell with a NaN corner, or with `min
+    /// > max` on an axis, contains no point and is never found. Time is O(n log n).
     pub fn new(cells: impl IntoIterator<Item = Viewcell>) -> Self {
         let cells: Vec<Viewcell> = cells.into_iter().collect();
         let usable = |cell: &Viewcell| cell.min.cmple(cell.max).all();
@@ -131,14 +134,14 @@ impl Viewcells {
         self.nodes[node].next = self.nodes.len() as u32;
     }
 
-    /// All viewcells; viewcell `i` has number `i`.
+    /// Returns all viewcells, indexed by [`ViewcellId`].
     pub fn cells(&self) -> &[Viewcell] {
         &self.cells
     }
 
-    /// The viewcell that a point in world space is in; of several, the one with the least number. `None` for
-    /// a point in none, or with a NaN. On the boundary between two viewcells either is right, since each sees
-    /// all that is seen from its boundary.
+    /// Returns the viewcell that contains a point in world space; of several, the one with the least number.
+    /// `None` if no viewcell contains the point, or for NaN. On the boundary between two viewcells either is
+    /// valid, since the PVS of each includes what is seen from its boundary.
     pub fn locate(&self, p: DVec3) -> Option<ViewcellId> {
         let (mut at, mut found) = (0, None);
         while let Some(node) = self.nodes.get(at) {
@@ -156,10 +159,11 @@ impl Viewcells {
         found
     }
 
-    /// Calls `each` with the viewcells that may touch a box in world space, boundaries included: those whose
-    /// own box meets it, and for each of whose planes some corner of the box is on the inner side, or so near
-    /// it that rounding cannot tell. None for a box with a NaN. Takes time in proportion to their number and
-    /// to the logarithm of that of all.
+    /// Calls `each` with the viewcells that may touch the box from `min` to `max` in world space, boundaries
+    /// included. A viewcell is reported if its own box meets the given box and, for each of its planes, a
+    /// corner of the given box is inside or within rounding error. A box with a NaN touches no viewcell. The
+    /// order is that of the tree. Time is proportional to the number of viewcells reported, and logarithmic
+    /// in the number of all.
     pub fn for_each_touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(ViewcellId)) {
         let meets = |low: DVec3, high: DVec3| low.cmple(max).all() && min.cmple(high).all();
         let (magnitude, mut at) = (min.abs().max(max.abs()), 0);
@@ -170,7 +174,7 @@ impl Viewcells {
             }
             for &i in &self.order[node.start as usize..node.end as usize] {
                 let cell = &self.cells[i as usize];
-                // A NaN, of an infinite box, does not tell.
+                // A NaN distance, from an infinite box, excludes nothing.
                 let beyond = |plane: &Plane| {
                     let far = DVec3::select(plane.normal.cmpge(DVec3::ZERO), max, min);
                     plane.signed_distance(far) < -plane.error_bound(magnitude)
