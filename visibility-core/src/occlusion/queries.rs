@@ -148,8 +148,8 @@ impl<D: QueryDevice> HardwareQueries<D> {
 
     /// Tells the map that the depth buffer will differ from the frame before for reasons that the map cannot
     /// see, such as occluders drawn by the engine. To be called before [`begin`](OcclusionMap::begin).
-    /// Answers for earlier frames are then no longer used under [`Late::Visible`]. [`Late::Trusted`] is not
-    /// affected.
+    /// Answers for earlier frames are then no longer used under [`LateAnswers::Visible`].
+    /// [`LateAnswers::Trusted`] is not affected.
     pub fn invalidate(&mut self) {
         self.view = None;
     }

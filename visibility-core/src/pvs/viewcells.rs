@@ -7,8 +7,8 @@ use glam::DVec3;
 /// Number of a viewcell, from 0: its index in [`Viewcells`], and the index of its row in a
 /// [`Pvs`](super::Pvs).
 ///
-/// Viewcells need not be cells of a [`CellGraph`](crate::cells::CellGraph). Where they are, viewcell and cell have
-/// the same number.
+/// Viewcells need not be cells of a [`CellGraph`](crate::cells::CellGraph). Where they are, viewcell and cell
+/// have the same number.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct ViewcellId(pub u32);
 
