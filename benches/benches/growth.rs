@@ -19,9 +19,10 @@ use visibility_hzb::{OccluderCriteria, OccluderDatabase};
 use visibility_plp::{DelaunayTessellation, OctreeTessellation};
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
 
-/// Number of boxes of the first build of a series.
+/// Number of boxes in the first build of a series; later builds double it.
 const FIRST: usize = 2000;
-/// Number of times that the number of boxes is doubled.
+/// Number of doublings of the number of boxes in a series: the last build has 16 times the boxes of the
+/// first.
 const DOUBLINGS: usize = 4;
 /// Time of one build, in seconds, after which a series ends.
 const ENOUGH: f64 = 2.0;
@@ -29,7 +30,7 @@ const ENOUGH: f64 = 2.0;
 /// Name of an input, and the function that makes a given number of boxes of it.
 type Input = (&'static str, fn(usize) -> Vec<Aabb>);
 
-/// Table of the inputs.
+/// Inputs of every structure: arrangements of boxes that are difficult to build from.
 const INPUTS: &[Input] = &[
     ("coincident", |count| vec![Aabb::from_arrays([0.0; 3], [1.0, 2.0, 3.0]); count]),
     ("nested", |count| {
@@ -67,13 +68,13 @@ const INPUTS: &[Input] = &[
     }),
 ];
 
-/// Returns the twelve triangles of a box.
+/// Returns the twelve triangles of the box's surface, counter-clockwise as seen from outside.
 fn triangles(bounds: &Aabb) -> Vec<Triangle> {
     let corners = bounds.corners();
     OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect()
 }
 
-/// Makes a scene of solid boxes, each an occluder with a mesh.
+/// Makes a scene with one object per box; each is an occluder with the box's surface as its mesh.
 fn scene(boxes: &[Aabb]) -> Scene {
     let mut scene = Scene::new();
     let ids = scene.insert_batch(boxes.iter().map(|&b| Object { occluder: true, ..Object::new(b) }));
@@ -84,7 +85,7 @@ fn scene(boxes: &[Aabb]) -> Scene {
     scene
 }
 
-/// Returns the triangles of all boxes as one mesh.
+/// Returns the surfaces of all boxes as one triangle soup, twelve triangles per box.
 fn mesh(boxes: &[Aabb]) -> Vec<Triangle> {
     boxes.iter().flat_map(triangles).collect()
 }
@@ -101,7 +102,7 @@ fn timed<T>(make: impl FnOnce() -> T) -> f64 {
 /// Name of a structure, and the function that builds it from boxes and returns the time in seconds.
 type Structure = (&'static str, fn(&[Aabb]) -> f64);
 
-/// Table of the structures. Input is prepared before the clock starts.
+/// Structures to build, with their build functions. Preparing the input is not measured.
 const STRUCTURES: &[Structure] = &[
     ("scene", |boxes| timed(|| Scene::new().insert_batch(boxes.iter().copied()))),
     ("occluder mesh", |boxes| {

@@ -23,7 +23,7 @@ fn view() -> View {
     View::perspective(pose, fov_y, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book")
 }
 
-/// Makes an occluder of a box, in metres.
+/// Makes the occluder mesh of the box between two corners in world space, in metres.
 fn wall(low: [f32; 3], high: [f32; 3]) -> OccluderMesh {
     OccluderMesh::cuboid(&Aabb::from_arrays(low, high)).expect("a box")
 }

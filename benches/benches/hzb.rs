@@ -102,7 +102,8 @@ fn walks(c: &mut Criterion) {
     group.finish();
 }
 
-/// Measures beginning a frame, and updating the pyramid of an empty buffer.
+/// Measures `begin` of a frame and, with an empty z-buffer, `flush`, which updates the pyramid, at two
+/// resolutions.
 fn pyramid(c: &mut Criterion) {
     let mut group = c.benchmark_group("hzb/pyramid");
     for size in [[512, 288], [1920, 1080]] {

@@ -54,7 +54,8 @@ fn moving(c: &mut Criterion) {
     }
 }
 
-/// Advances all movers by one frame, and returns the time of the updates of the scene alone.
+/// Advances all movers by one frame. Returns the time to update the scene, including `maintain` if `budget`
+/// (in blocks) is not `None`.
 fn frame(scene: &mut Scene, movers: &mut Movers, budget: Option<usize>) -> Duration {
     let moved = movers.step();
     let start = Instant::now();

@@ -12,7 +12,8 @@ use visibility_portals::antipenumbra;
 use visibility_portals::lp::{HalfSpace, Solver};
 use visibility_portals::stabbing::Stabber;
 
-/// Bound on the absolute value of every variable of a linear program.
+/// Bound on the absolute value of every variable: each program is solved within a cube of twice this side
+/// around the origin.
 const BOUND: f64 = 100.0;
 
 /// Number of different programs that are solved in turn, so that branch prediction cannot learn one program.

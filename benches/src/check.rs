@@ -9,12 +9,12 @@ use visibility_core::{Aabb, View, glam::DVec3};
 /// coordinates up to 500 m.
 const TOLERANCE: f64 = 1e-2;
 
-/// Errors of an answer, and its counts.
+/// Counts of the boxes that a contender reported in one frame, rightly or wrongly.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Verdict {
-    /// Number of boxes reported.
+    /// Number of boxes that the contender reported.
     pub reported: usize,
-    /// Number of boxes that no plane of the view excludes.
+    /// Number of boxes that no plane of the view excludes in f64: the exact answer.
     pub exact: usize,
     /// Number of boxes that are surely inside all planes of the view and not reported.
     pub lost: usize,

@@ -16,9 +16,9 @@ use visibility_core::{
     simd::Simd,
 };
 
-/// Way to cull boxes by a frustum.
+/// Implementation of frustum culling that is measured: it holds the boxes and the frustum of every frame.
 pub trait Contender {
-    /// Returns the contender's name in tables.
+    /// Returns the contender's name as the tables show it.
     fn name(&self) -> String;
 
     /// Culls all boxes by the view with the index `frame`. Returns a number that depends on the whole answer,
@@ -68,10 +68,10 @@ struct Plane {
     offset: f32,
 }
 
-/// Planes of a frustum.
+/// Six planes of a frustum, whose normals point inside.
 type Planes = [Plane; 6];
 
-/// Returns the six planes of a view, rounded to f32.
+/// Returns the six planes of a view in world space, rounded to f32, with their normals pointing inside.
 fn planes(view: &View) -> Planes {
     let planes = view.planes(DVec3::ZERO);
     core::array::from_fn(|i| {
@@ -187,7 +187,8 @@ impl<const COHERENT: bool> Contender for TreeCuller<COHERENT> {
     }
 }
 
-/// Tests whether no plane excludes a box. False if a comparison involves NaN.
+/// Tests whether a box is on the inner side of each plane at least in part; touching counts as inside. False
+/// if a corner is NaN.
 #[inline(always)]
 fn in_view(planes: &Planes, min: Vec3, max: Vec3) -> bool {
     let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
@@ -212,7 +213,7 @@ impl Parry {
     }
 }
 
-/// Converts a box to the type of parry3d.
+/// Converts a box to parry3d's type without rounding.
 pub fn parry_aabb(b: &Aabb) -> parry3d::bounding_volume::Aabb {
     parry3d::bounding_volume::Aabb::new(b.min.to_array().into(), b.max.to_array().into())
 }
@@ -242,7 +243,8 @@ impl Contender for Parry {
     }
 }
 
-/// Box in the form from which the `bvh` crate builds.
+/// Box with the index of its object and of its node in the tree, as the `bvh` crate requires of the shapes
+/// that it builds from.
 #[derive(Clone, Debug)]
 pub struct Shape {
     bounds: bvh::aabb::Aabb<f32, 3>,
@@ -251,7 +253,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Creates a shape with the given box and index.
+    /// Creates the shape of the box `b` whose index among all boxes is `index`.
     pub fn new(b: &Aabb, index: u32) -> Self {
         let corner = |v: Vec3| Point3::from(v.to_array());
         Self { bounds: bvh::aabb::Aabb::with_bounds(corner(b.min), corner(b.max)), index, node: 0 }
@@ -274,7 +276,7 @@ impl BHShape<f32, 3> for Shape {
     }
 }
 
-/// Planes of a frustum as a query of the `bvh` crate.
+/// Frustum as a query of the `bvh` crate: nodes whose box no plane excludes are visited.
 struct Query(Planes);
 
 impl IntersectsAabb<f32, 3> for Query {
@@ -355,7 +357,7 @@ struct Ours {
     simd: Simd,
     pipeline: Pipeline,
     set: VisibleSet,
-    /// Whether the ids are written to `list` within the measured time.
+    /// Whether `cull` also writes the ids of the visible boxes to `list`, within the measured time.
     listing: bool,
     list: Vec<u32>,
 }

@@ -38,13 +38,13 @@ impl Movers {
         }
     }
 
-    /// Returns the present bounds of all boxes, by index.
+    /// Returns the bounds of all boxes in the present frame, by the index of the box, moving or not.
     pub fn boxes(&self) -> &[Aabb] {
         &self.boxes
     }
 
-    /// Moves each mover by its step. A step that would leave the cube is reversed. Returns the ids and new
-    /// bounds of all movers.
+    /// Moves each mover by its step. On each axis where the centre would leave the cube of the workload, the
+    /// step is first turned back inwards. Returns the ids and new bounds of all movers.
     pub fn step(&mut self) -> &[(ObjectId, Aabb)] {
         for ((id, b), step) in self.moved.iter_mut().zip(&mut self.steps) {
             let center = b.center() + *step;

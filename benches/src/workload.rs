@@ -11,7 +11,7 @@ use visibility_core::{Aabb, View, view::Depth};
 /// Half the side of the cube that the boxes fill, in metres.
 pub const REACH: f32 = 500.0;
 
-/// Number of frames in one swing of the camera.
+/// Number of frames in one swing of the camera, after which the views repeat.
 pub const FRAMES: usize = 16;
 
 /// Random number generator SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number
@@ -54,17 +54,17 @@ impl Random {
 /// Order in which the boxes are given to the contenders.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Order {
-    /// Random order.
+    /// Random order, in which neighbours in memory are far apart in space.
     Random,
     /// Order along a space-filling curve, which helps the branch prediction of loops over all boxes.
     Sorted,
 }
 
 impl Order {
-    /// Both orders.
+    /// Both orders, random first.
     pub const ALL: [Self; 2] = [Self::Random, Self::Sorted];
 
-    /// Returns the name of the order in tables.
+    /// Returns the order's name as tables show it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Random => "random",
@@ -96,7 +96,7 @@ fn morton(point: Vec3) -> u64 {
     })
 }
 
-/// Share of the boxes that the camera sees.
+/// Share of the boxes that is inside the camera's frustum.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Share {
     /// About 11 %: the far plane lies beyond the cube.
@@ -106,10 +106,10 @@ pub enum Share {
 }
 
 impl Share {
-    /// Both shares.
+    /// Both shares, the larger first.
     pub const ALL: [Self; 2] = [Self::Eleven, Self::One];
 
-    /// Returns the name of the share in tables.
+    /// Returns the share's name as tables show it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Eleven => "11 %",

@@ -13,34 +13,36 @@ use std::path::Path;
 /// Contents of the JSON file that lies beside a scene file. An absent or null key is `None` or an empty list.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Description {
-    /// Name of the scene.
+    /// Name of the scene, or `None` to use the file's name.
     pub name: Option<String>,
-    /// Unit vector of the coordinate axis that points up.
+    /// Unit vector of the coordinate axis that points up, or `None` to use z.
     pub up: Option<Vec3>,
-    /// Distance of the near plane in scene units, positive and finite, chosen for the walks.
+    /// Distance of the near plane in scene units, positive and finite, chosen for the walks. `None` to
+    /// derive it from the scene's bounds.
     pub near: Option<f32>,
-    /// Number of objects that the scene file must have.
+    /// Number of objects that the scene file must have. `None` if any number will do.
     pub objects: Option<u64>,
-    /// Number of triangles that the scene file must have, over all objects.
+    /// Number of triangles, over all objects, that the scene file must have. `None` if any number will do.
     pub triangles: Option<u64>,
-    /// Minimum corner of the scene's bounds, in scene units.
+    /// Minimum corner of the scene's bounds in scene units, or `None` if not stated.
     pub bounds_min: Option<[f64; 3]>,
-    /// Maximum corner of the scene's bounds, in scene units.
+    /// Maximum corner of the scene's bounds in scene units, or `None` if not stated.
     pub bounds_max: Option<[f64; 3]>,
     /// Names of the objects, by object index. Empty when the objects have no names.
     pub object_names: Vec<String>,
-    /// Index of the first transparent object; all objects from this index on are glass.
+    /// Index of the first transparent object; all objects from this index on are glass. `None` if no object
+    /// is glass.
     pub first_transparent_object: Option<u64>,
     /// Name prefixes of cut-out billboards: an object whose name begins with one of these prefixes is
     /// alpha-tested.
     pub alpha_tested_name_prefixes: Vec<String>,
-    /// Text that the name of every door contains.
+    /// Text that the name of every door contains, and of no other object. `None` if there are no doors.
     pub door_name_contains: Option<String>,
     /// Placements of the copies of a car: x and z in scene units, then the yaw about y in degrees.
     pub cars5_placements: Vec<[f64; 3]>,
-    /// Camera walks, each with at least one key.
+    /// Camera walks, each with at least one key; empty if not stated.
     pub walks: Vec<Walk>,
-    /// Reference counts, one entry per walk.
+    /// Reference counts, one entry per walk in the order of the file; empty if not stated.
     pub reference: Vec<ReferenceCounts>,
 }
 
@@ -48,7 +50,7 @@ pub struct Description {
 /// buffer with every object drawn opaque and all doors closed.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ReferenceCounts {
-    /// Name of the walk.
+    /// Name of the walk that the counts belong to.
     pub walk: String,
     /// Number of objects with a triangle at least partly inside the frustum, per key.
     pub objects_in_frustum: Vec<u64>,
@@ -87,7 +89,7 @@ impl Description {
         Self::read(&root)
     }
 
-    /// Reads all known keys of the root object.
+    /// Reads all known keys of the root object, and returns an error for the first value of a wrong type.
     fn read(root: &Item<'_>) -> Result<Self, SourceError> {
         Ok(Self {
             name: root.optional("name", Item::text)?,
@@ -108,7 +110,7 @@ impl Description {
     }
 }
 
-/// Reads an up axis: `"x"`, `"y"` or `"z"`.
+/// Reads an up axis as a unit vector from `"x"`, `"y"` or `"z"`; any other value is an error.
 fn up_axis(item: &Item<'_>) -> Result<Vec3, SourceError> {
     match item.text()?.as_str() {
         "x" => Ok(Vec3::X),
@@ -149,7 +151,7 @@ fn walk(item: &Item<'_>) -> Result<Walk, SourceError> {
     })
 }
 
-/// Reads a camera key, whose eye and target must differ.
+/// Reads a camera key, eye and target in scene units. An error if both are equal.
 fn key(item: &Item<'_>) -> Result<CameraKey, SourceError> {
     let eye = DVec3::from_array(item.required("eye")?.numbers()?);
     let target = DVec3::from_array(item.required("target")?.numbers()?);
@@ -159,7 +161,8 @@ fn key(item: &Item<'_>) -> Result<CameraKey, SourceError> {
     Ok(CameraKey { eye, target })
 }
 
-/// Reads the reference counts of one walk.
+/// Reads the reference counts of one walk: the required name `path`, and lists of counts that are empty if
+/// absent.
 fn reference(item: &Item<'_>) -> Result<ReferenceCounts, SourceError> {
     Ok(ReferenceCounts {
         walk: item.required("path")?.text()?,
@@ -177,7 +180,7 @@ struct Item<'a> {
 }
 
 impl<'a> Item<'a> {
-    /// Makes the error that this value is not the `expected` thing.
+    /// Makes the error that `expected` was expected here, with the value found and its key path.
     fn wrong(&self, expected: &str) -> SourceError {
         let found = match self.value {
             Value::Null => "null".to_owned(),
@@ -213,7 +216,8 @@ impl<'a> Item<'a> {
         self.member(key).map(|item| read(&item)).transpose()
     }
 
-    /// Reads each element of the list under a key. An absent or null key gives an empty list.
+    /// Reads each element of the list under a key with `read`. An absent or null key gives an empty list; the
+    /// first error of an element is returned.
     fn list<T>(
         &self,
         key: &str,
@@ -222,7 +226,8 @@ impl<'a> Item<'a> {
         self.member(key).map_or_else(|| Ok(Vec::new()), |item| item.each(read))
     }
 
-    /// Reads each element of this list with `read`, or returns an error when this value is not a list.
+    /// Reads each element of this list with `read`. Returns the first error of an element, or an error if
+    /// this value is not a list.
     fn each<T>(&self, read: impl Fn(&Item<'a>) -> Result<T, SourceError>) -> Result<Vec<T>, SourceError> {
         let items = self.value.as_array().ok_or_else(|| self.wrong("a list"))?;
         let read_one = |(index, value)| {
@@ -231,22 +236,22 @@ impl<'a> Item<'a> {
         items.iter().enumerate().map(read_one).collect()
     }
 
-    /// Returns the text of a JSON string, or an error for another type.
+    /// Returns the value as text, or an error that names its key path if it is not a JSON string.
     fn text(&self) -> Result<String, SourceError> {
         self.value.as_str().map(str::to_owned).ok_or_else(|| self.wrong("a string"))
     }
 
-    /// Returns a whole number that is not negative, or an error.
+    /// Returns the value as a whole number of 0 or more, or an error that names its key path.
     fn count(&self) -> Result<u64, SourceError> {
         self.value.as_u64().ok_or_else(|| self.wrong("a whole number that is not negative"))
     }
 
-    /// Returns a number, or an error for another type.
+    /// Returns the value as a finite number, or an error that names its key path.
     fn number(&self) -> Result<f64, SourceError> {
         self.value.as_f64().ok_or_else(|| self.wrong("a number"))
     }
 
-    /// Returns a list of exactly three numbers, or an error.
+    /// Returns the value as a list of exactly three numbers, or an error that names its key path.
     fn numbers(&self) -> Result<[f64; 3], SourceError> {
         self.each(Item::number)?.try_into().map_err(|_| self.wrong("a list of 3 numbers"))
     }

@@ -13,14 +13,14 @@ use std::path::{Path, PathBuf};
 pub enum SourceError {
     /// Error of the file system: no such file, no permission, a failing disk.
     Io {
-        /// Path of the file that could not be read.
+        /// Path of the file that could not be opened or read.
         file: PathBuf,
         /// Error that the operating system reported.
         cause: std::io::Error,
     },
     /// Invalid content of a file that could be read.
     Content {
-        /// Path of the invalid file.
+        /// Path of the file whose content is invalid.
         file: PathBuf,
         /// Position of the problem in the file: a byte offset, a key path, or the name of a glTF item.
         place: String,
@@ -29,12 +29,12 @@ pub enum SourceError {
     },
     /// Path whose extension names no supported scene format.
     UnknownFormat {
-        /// Path as the caller gave it.
+        /// Path of the scene file, as the caller gave it.
         file: PathBuf,
     },
     /// Recipe or sizes of a recipe that cannot be understood or would make too large a scene.
     Recipe {
-        /// Recipe as the caller wrote it.
+        /// Recipe with its sizes, as the caller wrote it, such as `plpcity:3,3`.
         spec: String,
         /// Description of the problem, for a person.
         problem: String,
@@ -42,17 +42,17 @@ pub enum SourceError {
 }
 
 impl SourceError {
-    /// Makes a [`SourceError::Content`] for a position in a file.
+    /// Makes a [`SourceError::Content`] of a file; `place` is the position of the problem in the file.
     pub(crate) fn content(file: &Path, place: impl Into<String>, problem: impl Into<String>) -> Self {
         SourceError::Content { file: file.to_path_buf(), place: place.into(), problem: problem.into() }
     }
 
-    /// Makes a [`SourceError::Io`] for a file.
+    /// Makes a [`SourceError::Io`] of a file that could not be read.
     pub(crate) fn io(file: &Path, cause: std::io::Error) -> Self {
         SourceError::Io { file: file.to_path_buf(), cause }
     }
 
-    /// Makes a [`SourceError::Recipe`] for a specification.
+    /// Makes a [`SourceError::Recipe`] for a recipe with its sizes as the caller wrote it.
     pub(crate) fn recipe(spec: impl Into<String>, problem: impl Into<String>) -> Self {
         SourceError::Recipe { spec: spec.into(), problem: problem.into() }
     }

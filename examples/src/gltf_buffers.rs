@@ -11,7 +11,7 @@ use gltf::buffer::Source;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
-/// Bytes of every buffer of a document, by buffer index.
+/// Bytes of every buffer of a document, by buffer index, with the document's path for error messages.
 pub(crate) struct Buffers<'a> {
     bytes: Vec<Vec<u8>>,
     path: &'a Path,
@@ -73,7 +73,7 @@ impl<'a> Buffers<'a> {
         Ok(self.elements(accessor)?.map(index).collect())
     }
 
-    /// Makes the error for a problem of an accessor.
+    /// Makes the error for a problem of an accessor, which the error names by its index.
     fn wrong(&self, accessor: &Accessor<'_>, problem: impl Into<String>) -> SourceError {
         let place = format!("accessor {}", accessor.index());
         SourceError::content(self.path, place, problem)

@@ -143,7 +143,7 @@ fn placed_nodes<'a>(
     Ok(placed)
 }
 
-/// Returns the transform of a node relative to its parent.
+/// Returns the matrix that maps a node's space to that of its parent.
 fn local_transform(node: &gltf::Node<'_>) -> DMat4 {
     match node.transform() {
         Transform::Matrix { matrix } => {
@@ -169,7 +169,7 @@ struct Collector<'a> {
     path: &'a Path,
     objects: Vec<SourceObject>,
     triangles: usize,
-    /// Number of vertices and indices read so far.
+    /// Number of vertices and indices read so far, at most [`MOST_READ`].
     read: usize,
 }
 
@@ -258,7 +258,7 @@ fn corners(mode: Mode, vertices: usize) -> Corners {
 }
 
 impl Corners {
-    /// Returns the number of triangles.
+    /// Returns the number of triangles of the primitive.
     fn len(&self) -> usize {
         self.triangles
     }

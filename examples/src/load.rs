@@ -82,12 +82,12 @@ pub fn cars5(path: &Path) -> Result<SceneSource, SourceError> {
     Ok(SceneSource { name: format!("{}5", car.name), objects, ..car })
 }
 
-/// Reads a whole file, with the path in the error.
+/// Reads all bytes of a file. The error of the file system carries the path.
 fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
     std::fs::read(path).map_err(|cause| SourceError::io(path, cause))
 }
 
-/// Loads a VSCN file with its JSON description, which may be missing.
+/// Loads a VSCN file with the JSON description beside it. A missing description is no error.
 fn load_vscn(path: &Path) -> Result<SceneSource, SourceError> {
     let beside = path.with_extension("json");
     // Only a missing file counts as no description; a file that exists and cannot be read is an error.

@@ -14,7 +14,7 @@ use visibility_core::{cells::CellGraph, pvs::Viewcells};
 pub struct SceneSource {
     /// Name of the recipe, or the file's name without its extension, or the name in the file's description.
     pub name: String,
-    /// Unit vector that points up.
+    /// Unit vector in world space that points up.
     pub up: Vec3,
     /// Distance of the near plane in metres, chosen for the walks.
     pub near: f32,
@@ -23,7 +23,7 @@ pub struct SceneSource {
     /// Camera walks. A loader derives walks from the bounds when the source has none, so the list is empty
     /// only for a scene without finite points.
     pub walks: Vec<Walk>,
-    /// Cells and portals of the scene. `None` for most sources.
+    /// Cells and portals of the scene. `None` for sources that bring none, such as most files.
     pub cells: Option<SourceCells>,
 }
 
@@ -73,7 +73,7 @@ fn size(cells: &Viewcells) -> (f64, f64) {
     ((max - min).max_element(), min.abs().max(max.abs()).max_element())
 }
 
-/// Object of a scene, which is culled as a whole.
+/// Object of a scene: the triangles that are culled and drawn as a whole.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceObject {
     /// Name in the source; not necessarily unique.
@@ -93,7 +93,7 @@ pub struct SourceObject {
 pub type Corners = (Vec3, Vec3);
 
 impl SourceObject {
-    /// Creates an opaque object that is not a door.
+    /// Creates an opaque object that is not a door, from its world-space triangles.
     pub fn new(name: impl Into<String>, triangles: Vec<[Vec3; 3]>) -> Self {
         Self { name: name.into(), triangles, opaque: true, door: false }
     }
@@ -106,7 +106,7 @@ impl SourceObject {
 }
 
 impl SceneSource {
-    /// Returns the total number of triangles of all objects.
+    /// Returns the number of triangles of all objects together.
     pub fn triangle_count(&self) -> usize {
         self.objects.iter().map(|o| o.triangles.len()).sum()
     }

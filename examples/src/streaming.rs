@@ -7,37 +7,37 @@
 use std::collections::{HashMap, VecDeque};
 use visibility_core::{ObjectId, Scene, VisibleSet};
 
-/// Totals of a streaming cache since its creation.
+/// Totals of a streaming cache since its creation, and its present size.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Number of loads of objects.
+    /// Number of times that an object was loaded; an object that leaves and returns counts twice.
     pub loads: u64,
-    /// Number of unloads of objects.
+    /// Number of times that an object was unloaded.
     pub unloads: u64,
     /// Number of times that an object became visible again while it was still in memory.
     pub spared: u64,
-    /// Triangles in memory now.
+    /// Number of triangles of the objects in memory now.
     pub resident: u64,
     /// Largest number of triangles that were in memory at one time.
     pub peak: u64,
 }
 
-/// Object in memory.
+/// Record of an object in memory.
 #[derive(Clone, Copy)]
 struct Resident {
-    /// Triangles of the object when it was loaded.
+    /// Number of triangles of the object at the time when it was loaded.
     size: u64,
     /// Number of the frame in which the object became hidden, or `None` while it is visible.
     hidden: Option<u64>,
 }
 
-/// Set of the objects in memory, with the rule for unloading.
+/// Cache of objects in memory: holds the visible objects, and hidden objects for some frames more.
 pub struct Cache {
     /// Number of frames that an object stays in memory after it became hidden, so that a camera that turns
     /// away and back does not load twice.
     patience: u64,
     frame: u64,
-    /// Objects in memory.
+    /// Records of the objects in memory, by object id.
     resident: HashMap<ObjectId, Resident>,
     /// Queue of (frame, object) for each time that an object became hidden, oldest frame first. An entry is
     /// obsolete when the object has become visible since.
@@ -100,7 +100,7 @@ impl Cache {
         self.resident.contains_key(&id)
     }
 
-    /// Returns the totals so far.
+    /// Returns the totals since the cache was created.
     pub fn traffic(&self) -> Traffic {
         self.traffic
     }

@@ -81,7 +81,7 @@ impl<'a> Reader<'a> {
         self.bytes.len() - self.at
     }
 
-    /// Makes the error for a problem at a byte offset.
+    /// Makes the error for a problem at a byte offset of the file.
     fn wrong(&self, offset: usize, problem: String) -> SourceError {
         SourceError::content(self.path, format!("byte {offset}"), problem)
     }
@@ -118,7 +118,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Decodes a triangle from its 36 bytes.
+/// Decodes a triangle from its 36 bytes: three vertices of three little-endian f32 each.
 fn triangle(bytes: &[u8]) -> [Vec3; 3] {
     let mut numbers = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let mut next = || numbers.next().unwrap_or_default();

@@ -9,20 +9,20 @@ use glam::{DVec3, Vec3};
 /// Key of a walk: the positions of the eye and of the point it looks at, in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraKey {
-    /// Position of the eye, in metres.
+    /// Position of the eye in world space, in metres.
     pub eye: DVec3,
-    /// Point that the eye looks at, in metres.
+    /// Point in world space that the eye looks at, in metres; must differ from `eye`.
     pub target: DVec3,
 }
 
-/// Camera walk.
+/// Camera walk through a scene: key frames with a fixed field of view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Walk {
     /// Name of the walk, for people.
     pub name: String,
     /// Vertical field of view, in degrees.
     pub fov_y_degrees: f32,
-    /// Unit vector that points up in the picture.
+    /// Unit vector in world space that points up in the picture.
     pub up: Vec3,
     /// Camera keys in order, at least one.
     pub keys: Vec<CameraKey>,
@@ -48,10 +48,10 @@ impl Walk {
     }
 }
 
-/// Frame of a sequence of walks.
+/// One frame of a sequence of walks: the walk and the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
-    /// Index of the frame's walk.
+    /// Index of the frame's walk in the list of walks.
     pub walk: usize,
     /// Interpolated camera of the frame.
     pub camera: CameraKey,
@@ -129,7 +129,7 @@ impl Route {
         (points.len() >= 2).then_some(Self { points })
     }
 
-    /// Returns the length of the route, in metres.
+    /// Returns the length of the whole polyline, in metres.
     fn length(&self) -> f64 {
         self.points.last().map_or(0.0, |&(way, _)| way)
     }

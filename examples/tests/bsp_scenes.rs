@@ -14,7 +14,7 @@ use visibility_examples::walkthrough::World;
 use visibility_examples::{SceneSource, built_in};
 use visibility_measure::{Comparison, ItemBuffer};
 
-/// Size of the item buffer, in pixels.
+/// Width and height in pixels of the item buffer that judges the culler.
 const JUDGE: (u32, u32) = (2560, 1440);
 
 /// Returns a view zoomed in on a witness of visibility: the witness is at the centre, and its width fills 0.3

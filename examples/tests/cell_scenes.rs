@@ -67,7 +67,8 @@ fn check(mut world: World, viewcells: &Viewcells, list: &str, eyes: usize) -> Ve
     trials.iter().map(visibility_examples::walkthrough::Trial::mean_visible).collect()
 }
 
-/// Checks the cells and objects of an office with `eyes` random eyes, and that finer sets cull more.
+/// Culls an office of the given sizes from `eyes` random eyes with sets of whole cells, of objects, and of
+/// cells made from geometry. Fails if a visible object is hidden, or if finer sets do not cull more.
 fn check_office(sizes: &str, eyes: usize) {
     let world = World::new(built_in(&format!("office:{sizes}")).unwrap(), (1280, 720), Some(1)).unwrap();
     let viewcells = world.source.cells.as_ref().unwrap().viewcells.clone();

@@ -77,7 +77,7 @@ fn with(pointer: &str, value: Value) -> Value {
     document
 }
 
-/// Returns a point in z = 0.
+/// Returns the point (x, y, 0).
 fn p(x: f32, y: f32) -> Vec3 {
     Vec3::new(x, y, 0.0)
 }

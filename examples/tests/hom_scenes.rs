@@ -12,7 +12,7 @@ use visibility_examples::walkthrough::{Trial, World, judge};
 use visibility_examples::{SceneSource, built_in};
 use visibility_hzb::{DepthEstimate, Hom, Hzb};
 
-/// Size of the item buffer, in pixels.
+/// Width and height in pixels of the item buffer that judges the maps.
 const JUDGE: (u32, u32) = (2560, 1440);
 
 /// Culls all frames of a world with a map, with all opaque triangles as occluders. The trial has no times.
@@ -31,7 +31,8 @@ fn trial(name: &str, world: &World, map: impl OcclusionMap + Send + 'static, sel
     Trial { name: name.to_owned(), accuracy: pipeline.accuracy(), reported, micros: Vec::new() }
 }
 
-/// Checks a scene in `frames` frames.
+/// Culls a scene in `frames` frames with maps of several sizes and depth estimates. Fails if a visible object
+/// is hidden at a threshold of 1, or if a lower threshold shows an object that a higher one hides.
 fn check(source: SceneSource, frames: usize) {
     let world = World::new(source, JUDGE, Some(frames)).unwrap();
     let hom = |size: [usize; 2], estimate| Hom::new(size[0], size[1]).unwrap().with_depth_estimate(estimate);

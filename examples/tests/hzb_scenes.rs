@@ -13,7 +13,7 @@ use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{SceneSource, built_in};
 use visibility_hzb::Hzb;
 
-/// Size of the item buffer, in pixels.
+/// Width and height in pixels of the item buffer that judges the z-buffer.
 const JUDGE: (u32, u32) = (2560, 1440);
 
 /// Culls all frames of a world with a z-buffer of the given size, with all opaque triangles as occluders.
@@ -24,7 +24,7 @@ fn trial(name: &str, world: &World, size: [usize; 2], selection: Selection) -> T
     run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
 }
 
-/// Checks a scene in `frames` frames.
+/// Culls a scene in `frames` frames with z-buffers of several sizes, and fails if a visible object is hidden.
 fn check(source: SceneSource, frames: usize) {
     let mut world = World::new(source, JUDGE, Some(frames)).unwrap();
     let preparation = Preparation { two_sided: true, ..Preparation::default() };

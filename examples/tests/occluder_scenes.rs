@@ -13,10 +13,10 @@ use visibility_core::{Culler, FrustumCuller, OcclusionCuller, Pipeline};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{SceneSource, built_in};
 
-/// Size of the item buffer, in pixels.
+/// Width and height in pixels of the item buffer that judges the cullers.
 const JUDGE: (u32, u32) = (2560, 1440);
 
-/// Culls all frames of a world with a culler behind the frustum.
+/// Culls all frames of a world with the frustum culler followed by `culler`.
 fn trial(name: &str, world: &World, culler: impl Culler + Send + 'static) -> Trial {
     run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
 }
@@ -57,7 +57,7 @@ fn nothing_visible_is_hidden_in_built_in_scenes() {
     }
 }
 
-/// Checks reference scenes by name, in `frames` frames each.
+/// Runs [`check`] on reference scenes, given by name, with `frames` frames each.
 fn check_stored(names: &[&str], frames: usize) {
     for name in names {
         println!("{name}: {:.3} of what can be culled", check(scene(name), frames));

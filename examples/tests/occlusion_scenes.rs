@@ -14,10 +14,10 @@ use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{SceneSource, built_in};
 use visibility_testing::{Octree, PlainMap};
 
-/// Size of the occlusion map, in pixels. It is coarse so that the plain map stays fast; the item buffer is
-/// much finer.
+/// Width and height of the occlusion map in pixels. It is coarse so that the plain map stays fast; the item
+/// buffer is much finer.
 const MAP: (usize, usize) = (96, 54);
-/// Size of the item buffer, in pixels.
+/// Width and height in pixels of the item buffer that judges the driver.
 const JUDGE: (u32, u32) = (640, 360);
 
 /// Culls all frames of a world with the occlusion driver over a hierarchy.
@@ -34,7 +34,8 @@ fn trial<H: BoxHierarchy + Send + 'static>(
     run(name.to_owned(), pipeline, world)
 }
 
-/// Checks a scene in nine frames. Two hierarchies must give equal answers.
+/// Culls a scene in nine frames with several selections of occluders over two hierarchies. Fails if a visible
+/// object is hidden, or if the two hierarchies give different answers.
 fn check(source: SceneSource) {
     // Few frames, since the maps of all trials are filled anew in each frame.
     let world = World::new(source, JUDGE, Some(9)).unwrap();

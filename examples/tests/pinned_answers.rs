@@ -15,10 +15,10 @@ use visibility_examples::walkthrough::World;
 use visibility_examples::walkthrough::cullers::{CullerError, entries, parse};
 
 const SCENES: [&str; 5] = ["plpcity:1,1", "london:5,5", "town:1", "forest:60,40", "office:1,8"];
-/// Number of frames of each scene.
+/// Number of frames of each scene, spread over its walks.
 const FRAMES: usize = 6;
 
-/// FNV-1a hash of a sequence of u32.
+/// State of a 64-bit FNV-1a hash over a sequence of u32.
 struct Hash(u64);
 
 impl Hash {

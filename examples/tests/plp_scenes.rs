@@ -11,10 +11,11 @@ use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{SceneSource, built_in};
 use visibility_plp::{OctreeTessellation, Solidity};
 
-/// Size of the item buffer, in pixels.
+/// Width and height in pixels of the item buffer that judges the cullers.
 const JUDGE: (u32, u32) = (2560, 1440);
 
-/// Checks a scene in `frames` frames spread evenly over its walks, or at every key if `frames` is `None`.
+/// Culls a scene in `frames` frames spread evenly over its walks, or at every key if `frames` is `None`, and
+/// fails if a conservative culler hides a visible object.
 fn check(source: SceneSource, frames: Option<usize>) {
     let world = World::new(source, JUDGE, frames).unwrap();
     let list = "frustum,cplp,cplp:10%,cplp:0%,hzb-plp:2%";
@@ -33,7 +34,7 @@ fn check(source: SceneSource, frames: Option<usize>) {
     println!();
 }
 
-/// Checks reference scenes by name.
+/// Runs [`check`] on reference scenes, given by name.
 fn check_stored(names: &[&str], frames: Option<usize>) {
     names.iter().for_each(|name| check(scene(name), frames));
 }
@@ -51,7 +52,7 @@ fn nothing_visible_is_hidden_in_reference_scenes() {
     check_stored(&["clinic", "denhaag", "oa_dm2"], Some(2));
 }
 
-/// Complete walks through all scenes, which take minutes in release.
+/// Test of complete walks through all scenes, which takes minutes in release.
 #[test]
 #[ignore = "minutes"]
 fn nothing_visible_is_hidden_on_whole_walks() {

@@ -20,12 +20,13 @@ use visibility_portals::{CellMatrix, Settings};
 /// Settings with the test in Pluecker space and without a limit of steps.
 const EXACT: Settings = Settings { clearance: 1e-6, steps_per_cell: u64::MAX, exact: true };
 
-/// Bakes a map with default settings on one thread.
+/// Returns the cell-to-cell visibility of a map, baked with default settings on one thread.
 fn visible(graph: &CellGraph) -> CellMatrix {
     visible_by(graph, Settings::default())
 }
 
-/// Bakes a map with the given settings on one thread. The result must be complete and symmetric.
+/// Returns the cell-to-cell visibility of a map, baked with the given settings on one thread. Fails unless
+/// the result is complete and symmetric.
 fn visible_by(graph: &CellGraph, settings: Settings) -> CellMatrix {
     let outcome = bake(graph, settings, 1, |_| {}).unwrap().outcome;
     assert!(outcome.complete && outcome.fallbacks.is_empty() && outcome.matrix.is_symmetric());

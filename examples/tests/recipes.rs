@@ -7,7 +7,7 @@ use shared_scenes::stored;
 use visibility_examples::recipes::{forest, london, office, plpcity, town};
 use visibility_examples::{SceneSource, Walk, built_in, description::Description};
 
-/// Returns the number of objects and the number of triangles.
+/// Returns the number of objects and the number of triangles of a scene.
 fn counts(scene: &SceneSource) -> (usize, usize) {
     (scene.objects.len(), scene.triangle_count())
 }

@@ -38,11 +38,11 @@ const MOST_MEGABYTES: f32 = 1500.0;
 /// Counts to try, among them those whose product with a small size overflows.
 const COUNTS: [usize; 9] =
     [0, 1, 2, 1 << 31, u32::MAX as usize, 1 << 62, 1 << 63, 1_537_228_672_809_129_302, usize::MAX];
-/// Lengths, shares and tolerances to try.
+/// Values to try as lengths, shares and tolerances: zeros, denormals, negative, huge and NaN.
 const LENGTHS: [f64; 11] =
     [0.0, -0.0, 5e-324, 1e-300, -1.0, 1e30, 1e300, f64::MAX, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
 
-/// Makes the world of a built-in scene with two frames.
+/// Makes the world of a built-in scene with two frames and pictures of 64 by 36 pixels.
 fn world(name: &str) -> World {
     World::new(built_in(name).unwrap(), (64, 36), Some(2)).unwrap()
 }

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 use visibility_examples::{SceneSource, SourceError, SourceObject, load, vscn};
 
-/// Makes a scene of opaque objects from their triangles.
+/// Makes a scene of opaque objects, each from its list of triangles.
 fn scene(objects: Vec<Vec<[Vec3; 3]>>) -> SceneSource {
     SceneSource {
         name: "test".into(),
@@ -18,7 +18,7 @@ fn scene(objects: Vec<Vec<[Vec3; 3]>>) -> SceneSource {
     }
 }
 
-/// Parses the bytes of a VSCN file.
+/// Parses the bytes of a VSCN file named `test.vscn`.
 fn parse(bytes: &[u8]) -> Result<Vec<Vec<[Vec3; 3]>>, SourceError> {
     vscn::parse(bytes, Path::new("test.vscn"))
 }

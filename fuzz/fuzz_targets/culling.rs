@@ -16,7 +16,7 @@ use visibility_testing::{Random, cameras};
 struct Bytes<'a>(&'a [u8]);
 
 impl Bytes<'_> {
-    /// Reads a byte; `None` at the end.
+    /// Reads the next byte; `None` at the end of the bytes.
     fn byte(&mut self) -> Option<u8> {
         let (&first, rest) = self.0.split_first()?;
         self.0 = rest;
@@ -32,7 +32,7 @@ impl Bytes<'_> {
         })
     }
 
-    /// Reads N numbers; `None` if the bytes end before.
+    /// Reads N numbers one after another; `None` if the bytes end before the last number.
     fn numbers<const N: usize>(&mut self) -> Option<[f32; N]> {
         let mut numbers = [0.0; N];
         for number in &mut numbers {

@@ -47,7 +47,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
-/// Projects two frames of the scene with a tessellation.
+/// Culls two views of the scene by prioritized-layered projection over a tessellation, which must not panic.
 fn project(scene: &Scene, cells: impl Tessellation + Send + Sync + 'static) {
     let mut pipeline = Pipeline::new()
         .with(FrustumCuller::new())

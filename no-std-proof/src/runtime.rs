@@ -26,7 +26,7 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
     exit(101)
 }
 
-/// Size of the allocator's memory, in bytes.
+/// Size of the allocator's array in bytes: 16 MiB.
 const HEAP: usize = 16 << 20;
 
 /// Allocator that takes blocks from one array and never frees any. Returns null when the array is full.

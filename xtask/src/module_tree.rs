@@ -21,7 +21,7 @@ pub(crate) struct Module {
     mentions: Vec<Vec<String>>,
 }
 
-/// Modules of a crate.
+/// Tree of the modules of a crate that are files of their own.
 pub(crate) struct ModuleTree {
     /// All modules; the root is at index 0.
     pub(crate) modules: Vec<Module>,
@@ -74,8 +74,9 @@ impl ModuleTree {
         Ok(index)
     }
 
-    /// Returns the module that defines the item to which a path in a module leads. `None` if the item is not
-    /// in this crate, or if more than 32 imports must be followed.
+    /// Returns the index of the module that defines the item to which a path in a module leads. `None` if the
+    /// item is not in this crate, or if more than 32 imports must be followed; `depth` counts the imports
+    /// followed so far.
     fn resolve(&self, module: usize, path: &[String], depth: u32) -> Option<usize> {
         let (first, rest) = path.split_first()?;
         let here = &self.modules[module];

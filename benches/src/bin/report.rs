@@ -14,9 +14,9 @@ use visibility_benches::moving::{BUDGET, DRIFT, LONG, Movers};
 use visibility_benches::workload::{FRAMES, Order, Random, Share, boxes, views};
 use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Scene, VisibleSet};
 
-/// Numbers of boxes, with their names in tables.
+/// Numbers of boxes to measure with, each with its name in tables.
 const SIZES: [(usize, &str); 2] = [(100_000, "100 thousand"), (1_000_000, "1 million")];
-/// Number of rounds in which each contender is measured.
+/// Number of times that each contender is measured; the median time counts.
 const ROUNDS: usize = 9;
 /// Time for which frames run before they are measured, so that caches and branch predictors settle.
 const WARM_UP: Duration = Duration::from_millis(20);
@@ -344,13 +344,13 @@ fn moving_for_long(targets: &mut Vec<Target>) {
     targets.push(Target { what, wanted: 0.1, measured: worst[1], at_least: false });
 }
 
-/// Returns `count` random keys to sort.
+/// Returns `count` random 64-bit keys to sort, equal in every run.
 fn keys(count: usize) -> Vec<u64> {
     let mut random = Random(3);
     (0..count).map(|_| random.bits()).collect()
 }
 
-/// Measures sorting a copy of the keys.
+/// Returns the wall-clock time to sort a copy of the keys, without the time to copy.
 fn sort(keys: &[u64]) -> Duration {
     let mut keys = keys.to_vec();
     let time = timed(|| keys.sort_unstable());
@@ -358,7 +358,7 @@ fn sort(keys: &[u64]) -> Duration {
     time
 }
 
-/// Measures building a scene from boxes.
+/// Returns the wall-clock time to insert all boxes into an empty scene, without the time to drop the scene.
 fn build(boxes: &[Aabb]) -> Duration {
     let mut scene = Scene::new();
     let time = timed(|| scene.insert_batch(boxes.iter().copied()));

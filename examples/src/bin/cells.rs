@@ -18,7 +18,7 @@ struct Arguments {
     /// Scene: a recipe such as `office:2,16`, or a file.
     scene: String,
 
-    /// Source of the cells.
+    /// Origin of the cells: given by the scene, or made from its boxes or polygons.
     #[arg(long, value_enum, default_value = "polygons")]
     from: From,
 
@@ -29,7 +29,7 @@ struct Arguments {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum From {
-    /// Cells that the scene itself brings.
+    /// Cells that the scene itself brings; an error if there are none.
     Given,
     /// Cells between the axis-aligned boxes among the scene's opaque objects, found by a kd-tree.
     Walls,

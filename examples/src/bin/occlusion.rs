@@ -15,7 +15,7 @@ use visibility_hzb::Coverage;
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Scene to cull.
+    /// VISC file with occluders, boxes and views to cull.
     #[arg(value_name = "FILE.visc")]
     file: PathBuf,
 
@@ -35,7 +35,7 @@ struct Arguments {
     #[arg(long, value_name = "FILE.visb")]
     dump: Option<PathBuf>,
 
-    /// File with reference answers to compare with, view by view.
+    /// VISB file with reference answers to compare with; its views and boxes must match the scene's.
     #[arg(long, value_name = "FILE.visb")]
     r#ref: Option<PathBuf>,
 
@@ -50,9 +50,9 @@ struct Arguments {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum CoverageName {
-    /// Pixels whose whole square is covered.
+    /// Count a pixel as covered if its whole square is covered: conservative.
     Conservative,
-    /// Pixels whose centre is covered.
+    /// Count a pixel as covered if its centre is covered: approximate, may hide visible boxes.
     Sampled,
 }
 

@@ -36,11 +36,11 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     matrix: Option<PathBuf>,
 
-    /// File (`.vismat`) of another program to compare with.
+    /// Matrix file (`.vismat`) of another program, to compare the visible pairs of cells with.
     #[arg(long, value_name = "FILE")]
     compare: Option<PathBuf>,
 
-    /// Number of the most expensive cells to list.
+    /// Number of cells to list, those that took the most chains of portals first.
     #[arg(long, value_name = "N", default_value_t = 0)]
     slowest: usize,
 

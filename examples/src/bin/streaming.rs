@@ -13,7 +13,7 @@ use visibility_examples::walkthrough::{World, cullers};
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Built-in scene, with or without sizes.
+    /// Built-in scene, with or without sizes, such as `plpcity` or `office:2,16`.
     #[arg(default_value = "plpcity")]
     scene: String,
 

@@ -40,9 +40,9 @@ impl OcclusionMap for Filled {
 pub struct Stage {
     /// Scene of the occluders, for finding those in view. Object `i` is `meshes[i]`.
     occluders: Scene,
-    /// Occluder meshes in scene space, shuffled.
+    /// Occluder meshes in scene-relative space (which here equals world space), shuffled.
     meshes: Vec<OccluderMesh>,
-    /// Occluders in the view frustum in this frame.
+    /// Set of the occluders in the view frustum of the last frame, of the scene `occluders`.
     in_view: VisibleSet,
     /// Sort keys of the occluders in view, nearest first: the bits of the squared distance above the index
     /// into `meshes`.
@@ -53,7 +53,7 @@ pub struct Stage {
     visible: VisibleSet,
 }
 
-/// Durations of one frame.
+/// Wall-clock times of the two halves of one frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Times {
     /// Time to find, sort and draw the occluders.
@@ -98,7 +98,8 @@ impl Stage {
         })
     }
 
-    /// Culls one frame. The answer is available from [`answer`](Self::answer) until the next frame.
+    /// Culls the boxes for one view, and returns the times of the frame. The answer is available from
+    /// [`answer`](Self::answer) until the next frame.
     pub fn run(&mut self, view: &View) -> Times {
         let start = Instant::now();
         self.in_view.fill(&self.occluders, view);
@@ -157,7 +158,7 @@ impl Stage {
 pub enum StageError {
     /// Twelve triangles that do not make an occluder.
     Mesh(MeshError),
-    /// Size that the z-buffer cannot have.
+    /// Width or height that the z-buffer cannot have.
     Size(SizeError),
 }
 

@@ -13,7 +13,7 @@ pub const MAGIC: u32 = 0x4253_4956;
 /// Answers of a VISB file: for each view, for each box, whether the box is visible.
 pub type Visb = Vec<Vec<bool>>;
 
-/// Reads a VISB file.
+/// Reads which boxes are visible in each view from a VISB file.
 ///
 /// # Errors
 ///

@@ -17,13 +17,13 @@ pub const MAGIC: u32 = 0x4353_4956;
 pub struct Visc {
     /// Triangles of all occluders, twelve to an occluder.
     pub triangles: Vec<Triangle>,
-    /// Occludee boxes to be tested.
+    /// Occludee boxes whose visibility is asked for.
     pub boxes: Vec<Aabb>,
     /// Views, each with the width and height in pixels of the picture that it was made for.
     pub views: Vec<(View, [u32; 2])>,
 }
 
-/// Reads a VISC file.
+/// Reads occluders, boxes and views from a VISC file.
 ///
 /// # Errors
 ///

@@ -14,13 +14,13 @@ use visibility_plp::{Budget, ConservativePlpCuller, OctreeTessellation, Tessella
 /// Work of one method per frame, averaged over the frames.
 #[derive(Clone, Debug, Default)]
 pub struct Effort {
-    /// Name of the method.
+    /// Name of the method, as the table shows it.
     pub name: String,
-    /// Triangles of the objects that the method reports.
+    /// Mean number per frame of triangles of the objects that the method reports.
     pub triangles: f64,
-    /// Cells tested against the occlusion map.
+    /// Mean number per frame of cells tested against the occlusion map.
     pub tests: f64,
-    /// Cells tested and found not hidden.
+    /// Mean number per frame of cells tested and found not hidden.
     pub visible: f64,
 }
 
@@ -74,7 +74,8 @@ pub fn front_to_back(world: &World, cells: &OctreeTessellation, map: &mut Hzb) -
     per_frame(sum, world)
 }
 
-/// Measures the conservative form with a budget in triangles.
+/// Measures conservative prioritized-layered projection on all frames of a world. `budget` is the number of
+/// triangles that are projected before the first tests against `map`.
 pub fn conservative(world: &World, cells: &Arc<OctreeTessellation>, budget: u64, map: Hzb) -> Effort {
     let mut sum = Effort { name: format!("cPLP, {budget} triangles"), ..Effort::default() };
     let mut culler = ConservativePlpCuller::new(cells.clone(), Budget::Cost(budget), map);
@@ -90,7 +91,7 @@ pub fn conservative(world: &World, cells: &Arc<OctreeTessellation>, budget: u64,
     per_frame(sum, world)
 }
 
-/// Measures frustum culling alone, which has no tests against a map.
+/// Measures frustum culling alone on all frames of a world; it makes no tests against a map.
 pub fn frustum(world: &World) -> Effort {
     let mut sum = Effort { name: "view frustum".to_owned(), ..Effort::default() };
     let mut visible = VisibleSet::new();
@@ -102,7 +103,7 @@ pub fn frustum(world: &World) -> Effort {
     per_frame(sum, world)
 }
 
-/// Returns sums over all frames divided by the number of frames.
+/// Divides the sums over all frames of a world by the number of its frames.
 fn per_frame(sum: Effort, world: &World) -> Effort {
     let frames = world.views.len().max(1) as f64;
     Effort {

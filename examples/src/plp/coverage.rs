@@ -64,7 +64,7 @@ pub(super) fn share(world: &TriangleWorld, budget: f64) -> usize {
     (world.triangles.len() as f64 * budget) as usize
 }
 
-/// Results of one method at one budget.
+/// Frame-by-frame results of one method at one budget.
 #[derive(Clone, Debug, Default)]
 pub struct Found {
     /// Number of visible triangles that are drawn within the budget, for each frame.
@@ -73,13 +73,14 @@ pub struct Found {
     pub wrong: Vec<f64>,
 }
 
-/// Results of several methods over the frames of a world.
+/// Results of several methods over the frames of a world. The indices `method` and `budget` of its functions
+/// are those of `found`.
 pub struct Coverage {
-    /// Number of visible triangles of each frame.
+    /// Exact number of visible triangles of each frame.
     pub exact: Vec<u32>,
-    /// Names of the methods.
+    /// Names of the methods, in the order in which the methods were given.
     pub names: Vec<String>,
-    /// Results by method, then by budget of [`BUDGETS`].
+    /// Results of each method, in the order of `names`, at each budget of [`BUDGETS`].
     pub found: Vec<[Found; BUDGETS.len()]>,
 }
 

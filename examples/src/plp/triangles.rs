@@ -9,7 +9,7 @@ use visibility_measure::{ItemBuffer, MeasureError};
 
 /// World in which every triangle is an object, with the views of the world that it was made from.
 pub struct TriangleWorld {
-    /// Name of the original world.
+    /// Name of the world that the triangles come from.
     pub name: String,
     /// Triangles in world space, in the order of the original world's objects.
     pub triangles: Vec<Triangle>,
@@ -21,18 +21,18 @@ pub struct TriangleWorld {
     pub views: Vec<View>,
 }
 
-/// Exact answer for one view.
+/// Triangles that one view sees, and the candidates among which they were searched.
 pub struct Seen {
     /// Visible triangles as (triangle index, number of pixels), by ascending index.
     pub visible: Vec<(u32, u32)>,
-    /// Number of pixels of the picture.
+    /// Number of all pixels of the picture, with or without a visible triangle.
     pub pixels: u32,
     /// Indices, ascending, of the triangles that face the eye and whose bounds meet the view frustum.
     pub candidates: Vec<u32>,
 }
 
 impl TriangleWorld {
-    /// Makes every triangle of a world an object of its own.
+    /// Makes every triangle of a world an object of its own, with its bounds in world space.
     pub fn new(world: &World) -> Self {
         let triangles: Vec<Triangle> =
             world.source.objects.iter().flat_map(|object| object.triangles.iter().copied()).collect();

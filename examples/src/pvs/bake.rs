@@ -10,7 +10,7 @@ use visibility_portals::{CellBaker, Outcome, Settings, prt};
 pub struct Map {
     /// Name of the file, without directories and extension.
     pub name: String,
-    /// Cells and portals of the map.
+    /// Cells and portals of the map, in the map's units.
     pub graph: CellGraph,
 }
 
@@ -32,7 +32,7 @@ pub fn read(path: &Path) -> Result<Map, String> {
 
 /// Finished bake with its duration.
 pub struct Baked {
-    /// Cell-to-cell visibility and statistics.
+    /// Cell-to-cell visibility matrix, with statistics of the bake.
     pub outcome: Outcome,
     /// Wall-clock time of the bake in seconds, without reading and writing files.
     pub seconds: f64,

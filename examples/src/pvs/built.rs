@@ -9,10 +9,10 @@ use visibility_portals::from_geometry::{
     PolygonSettings, Solid, Subdivision, WallSettings, from_polygons, from_walls,
 };
 
-/// Source of a scene's cells.
+/// Origin of a scene's cells: given, or made from its geometry.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Origin {
-    /// Cells that the scene brings.
+    /// Cells that the scene brings; an error if there are none.
     Given,
     /// Cells between the axis-aligned boxes among the scene's opaque objects, found by a kd-tree.
     Walls,

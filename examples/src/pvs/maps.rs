@@ -64,7 +64,7 @@ fn window(corner: DVec3, axis: usize, random: &mut Random) -> Option<ConvexPolyg
     }
 }
 
-/// Returns a map rotated about the origin and then translated by `shift`.
+/// Returns a map with every vertex rotated by `rotation` about the origin and then translated by `shift`.
 pub fn turned(graph: &CellGraph, rotation: DQuat, shift: DVec3) -> CellGraph {
     mapped(graph, |v| rotation * v + shift)
 }
@@ -79,7 +79,8 @@ pub fn mapped(graph: &CellGraph, map: impl Fn(DVec3) -> DVec3) -> CellGraph {
     CellGraph::new(graph.cell_count(), portals).unwrap_or_default()
 }
 
-/// Returns a map with all coordinates rounded to `decimals` decimals.
+/// Returns a map with all coordinates rounded to `decimals` decimals, as map compilers write them. Portals
+/// that become invalid polygons are left out.
 pub fn rounded(graph: &CellGraph, decimals: i32) -> CellGraph {
     let scale = 10f64.powi(decimals);
     mapped(graph, |v| (v * scale).round() / scale)
@@ -90,7 +91,7 @@ pub struct Planted {
     /// Graph in which portal `i` joins the cells `i` and `i + 1`. Fewer portals than asked for are left when
     /// a polygon is refused.
     pub graph: CellGraph,
-    /// Point of the line, and its unit direction.
+    /// Point that the line passes through, and its unit direction, in the map's units.
     pub line: (DVec3, DVec3),
 }
 

@@ -4,7 +4,7 @@ use super::bake::{Baked, Map};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Statistics of a bake, to be written as one line of JSON.
+/// Statistics of a bake, to be serialized as one line of JSON.
 #[derive(Serialize)]
 pub struct Line<'a> {
     map: &'a str,

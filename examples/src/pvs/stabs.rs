@@ -48,7 +48,7 @@ impl Random {
     }
 }
 
-/// Result of testing a matrix with lines.
+/// Counts from testing a cell-to-cell visibility matrix with lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Verdict {
     /// Number of lines that passed through at least one portal.

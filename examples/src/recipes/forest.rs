@@ -13,7 +13,7 @@ use crate::error::SourceError;
 use crate::source::SceneSource;
 use glam::{DVec2, DVec3};
 
-/// Seed of the recipe's random numbers. Another seed gives another forest.
+/// Seed of the forest's random numbers. Another seed gives another forest.
 const SEED: u64 = 4;
 /// Number of distinct tree meshes. Every tree of the forest is a rotated and scaled copy of one of these
 /// meshes.
@@ -23,9 +23,9 @@ const TILE: f64 = 20.0;
 /// Number of quadrilaterals along each side of a terrain tile.
 const TILE_CELLS: usize = 8;
 
-/// Triangles of one tree, whatever its kind.
+/// Number of triangles of one tree, of whatever kind.
 const TRIANGLES_PER_TREE: u64 = 1_000;
-/// Triangles of one terrain tile: two for each quadrilateral.
+/// Number of triangles of one terrain tile: two per quadrilateral.
 const TRIANGLES_PER_TILE: u64 = 2 * (TILE_CELLS * TILE_CELLS) as u64;
 /// Maximum number of trees. Placing a tree measures its distance to every tree placed before, so the time
 /// grows with the square of the number of trees.
@@ -110,8 +110,8 @@ fn spot_far_from(placed: &[DVec2], side: f64, random: &mut Random) -> DVec2 {
     best
 }
 
-/// Makes a tree of random shape with its root at the origin and z up, in metres: 48 triangles of trunk, 60 of
-/// branches and 892 of leaves.
+/// Makes a tree of random shape with its root at the origin and z up, in metres. It has exactly 1,000
+/// triangles: 48 of trunk, 60 of branches and 892 of leaves.
 fn tree(random: &mut Random) -> Mesh {
     let tall = random.between(9.0, 14.0);
     let mut mesh = Mesh::new();
@@ -198,7 +198,7 @@ fn terrain(corner: DVec2) -> Mesh {
     Mesh { triangles: lower.chain(upper).collect() }
 }
 
-/// Camera walks of the recipe, for the sample size of 84 m.
+/// Camera walks through the forest, made for a square with a side of 84 m.
 const ROUTES: [Route; 3] = [
     Route {
         name: "diagonal walk",

@@ -35,17 +35,20 @@ pub(crate) fn table(width: f64, depth: f64, height: f64) -> Mesh {
     mesh
 }
 
-/// Makes a dining table, 1.4 by 0.8 m and 0.74 m high: 60 triangles.
+/// Makes a dining table, 1.4 by 0.8 m and 0.74 m high, with its origin on the floor at its centre: 60
+/// triangles.
 pub(crate) fn dining_table() -> Mesh {
     table(1.4, 0.8, 0.74)
 }
 
-/// Makes the low table in front of a sofa, 1.2 by 0.6 m and 0.45 m high: 60 triangles.
+/// Makes the low table in front of a sofa, 1.2 by 0.6 m and 0.45 m high, with its origin on the floor at its
+/// centre: 60 triangles.
 pub(crate) fn coffee_table() -> Mesh {
     table(1.2, 0.6, 0.45)
 }
 
-/// Makes a chair of seat, back and four legs: 72 triangles.
+/// Makes a chair of seat, back and four legs, 0.95 m high, with its origin on the floor and its front towards
+/// +y: 72 triangles.
 pub(crate) fn chair() -> Mesh {
     const SEAT: f64 = 0.43;
     let mut mesh = Mesh::from_cuboid([-0.22, -0.22, SEAT], [0.22, 0.22, 0.47]);
@@ -54,7 +57,8 @@ pub(crate) fn chair() -> Mesh {
     mesh
 }
 
-/// Makes a sofa of base, back, two arms and two cushions: 72 triangles.
+/// Makes a sofa of base, back, two arms and two cushions, 1.9 m wide, with its origin on the floor and its
+/// front towards +y: 72 triangles.
 pub(crate) fn sofa() -> Mesh {
     const SEAT: f64 = 0.42;
     let mut mesh = Mesh::from_cuboid([-0.95, -0.45, 0.1], [0.95, 0.45, SEAT]);
@@ -66,7 +70,8 @@ pub(crate) fn sofa() -> Mesh {
     mesh
 }
 
-/// Makes a bed of frame, mattress, pillow, headboard and four legs: 96 triangles.
+/// Makes a bed of frame, mattress, pillow, headboard and four legs, 2 m long, with its origin on the floor
+/// and its headboard towards -y: 96 triangles.
 pub(crate) fn bed() -> Mesh {
     const FRAME: f64 = 0.2;
     let mut mesh = Mesh::from_cuboid([-0.7, -1.0, FRAME], [0.7, 1.0, 0.35]);
@@ -77,8 +82,8 @@ pub(crate) fn bed() -> Mesh {
     mesh
 }
 
-/// Makes a shelf of two sides, a back, five boards, and six books of random size on each of the lower four
-/// boards: 384 triangles.
+/// Makes a shelf, 1.9 m high, with its origin on the floor and its front towards +y. It has two sides, a
+/// back, five boards, and six books of random size on each of the lower four boards: 384 triangles.
 pub(crate) fn shelf(random: &mut Random) -> Mesh {
     const BOARDS: usize = 5;
     const BOOKS: usize = 6;
@@ -119,7 +124,7 @@ pub(crate) fn cupboard(width: f64, height: f64) -> Mesh {
     mesh
 }
 
-/// Makes a standing lamp of foot, pole and shade: 104 triangles.
+/// Makes a standing lamp of foot, pole and shade, 1.65 m high, with its origin on the floor: 104 triangles.
 pub(crate) fn lamp() -> Mesh {
     let mut mesh = Mesh::new();
     mesh.cylinder(&on_axis(0.0, 0.04, 0.15, 0.15, 10));
@@ -128,7 +133,8 @@ pub(crate) fn lamp() -> Mesh {
     mesh
 }
 
-/// Makes a desk of a top, two sides, and a block of drawers with three fronts: 84 triangles.
+/// Makes a desk, 1.6 m wide and 0.74 m high, with its origin on the floor. It has a top, two sides, and a
+/// block of drawers with three fronts towards +y: 84 triangles.
 pub(crate) fn desk() -> Mesh {
     const DRAWERS: usize = 3;
     let mut mesh = Mesh::from_cuboid([-0.8, -0.4, 0.7], [0.8, 0.4, 0.74]);
@@ -154,7 +160,8 @@ pub(crate) fn computer() -> Mesh {
     mesh
 }
 
-/// Makes a plant of a pot and forty leaves, one triangle each: 88 triangles.
+/// Makes a plant of a pot and forty leaves, one triangle each, with its origin on the floor: 88 triangles.
+/// The leaves are random and reach up to about 1 m high.
 pub(crate) fn plant(random: &mut Random) -> Mesh {
     const LEAVES: usize = 40;
     const POT_HEIGHT: f64 = 0.35;

@@ -13,7 +13,7 @@ use crate::source::SceneSource;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// Seed of the recipe's random numbers. Another seed gives another city.
+/// Seed of the city's random numbers. Another seed gives another city.
 const SEED: u64 = 2;
 
 /// Size of a block along x and y, in metres, before the warp.
@@ -23,7 +23,7 @@ const STREET: f64 = 12.0;
 /// Distance from one block to the next along x and y, in metres: a block and a street.
 const PITCH: DVec2 = DVec2::new(BLOCK.x + STREET, BLOCK.y + STREET);
 
-/// Height of a storey, in metres.
+/// Height of a storey of a building, in metres.
 const STOREY: f64 = 3.0;
 /// Chance, as a fraction, that a lot at the very centre of the city is a tower.
 const TOWER_CHANCE: f64 = 0.04;
@@ -89,13 +89,13 @@ fn ground(block: DVec2) -> Mesh {
     mesh
 }
 
-/// Returns the corners of an axis-aligned rectangle, counter-clockwise from `low`.
+/// Returns the corners of an axis-aligned rectangle, counter-clockwise from its minimum corner `low`.
 fn rectangle(low: DVec2, high: DVec2) -> [DVec2; 4] {
     [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]
 }
 
-/// Side of a block. The sides are built in the order of the variants; south and north include the block's
-/// corners, west and east lie between those two rows.
+/// Side of a block, in the order in which the sides are built. The rows of houses on the south and north
+/// sides include the block's corners; the rows on the west and east sides lie between those two rows.
 #[derive(Debug, Clone, Copy)]
 enum Side {
     South,
@@ -119,7 +119,8 @@ impl Side {
     }
 }
 
-/// State of the city under construction.
+/// City under construction: the random numbers, the centre of the block grid in metres, and the objects made
+/// so far.
 struct City {
     random: Random,
     centre: DVec2,
@@ -199,7 +200,7 @@ impl City {
     }
 }
 
-/// Camera walks of the recipe, for the sample size of 12 by 12 blocks.
+/// Camera walks through the city, made for 12 by 12 blocks.
 const ROUTES: [Route; 3] = [
     Route {
         name: "high street, west to centre",

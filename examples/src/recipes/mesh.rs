@@ -95,7 +95,8 @@ impl Mesh {
         self.triangles.extend([[a, b, c], [a, c, d]]);
     }
 
-    /// Returns the mesh scaled by `factor` about the origin.
+    /// Returns the mesh with every vertex multiplied by `factor`. A negative factor would turn solids inside
+    /// out.
     pub(crate) fn scaled(mut self, factor: f64) -> Self {
         self.triangles.iter_mut().flatten().for_each(|p| *p *= factor);
         self
@@ -152,7 +153,7 @@ impl Cylinder {
 /// Rigid motion: a rotation about the z axis followed by a translation by `at` metres.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pose {
-    /// Cosine and sine of the rotation's angle.
+    /// Cosine and sine of the counter-clockwise angle of rotation.
     turn: DVec2,
     at: DVec3,
 }
@@ -169,7 +170,7 @@ impl Pose {
         Self::turned(f64::from(quarters) * FRAC_PI_2, at)
     }
 
-    /// Returns the point `p` rotated and then translated.
+    /// Returns the point `p` rotated about the z axis and then translated.
     fn apply(&self, p: DVec3) -> DVec3 {
         self.turn.rotate(p.truncate()).extend(p.z) + self.at
     }
@@ -182,7 +183,7 @@ pub(crate) struct Parts {
 }
 
 impl Parts {
-    /// Appends one object. Names need not be unique.
+    /// Appends an object with this name and mesh. Names need not be unique.
     pub(crate) fn add(&mut self, name: impl Into<String>, mesh: Mesh) {
         self.parts.push((name.into(), mesh));
     }

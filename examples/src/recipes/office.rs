@@ -21,7 +21,7 @@ use visibility_core::{
     pvs::{Viewcell, Viewcells},
 };
 
-/// Seed of the recipe's random numbers. Another seed gives other doors and furniture.
+/// Seed of the building's random numbers. Another seed gives other doors and furniture.
 const SEED: u64 = 5;
 
 /// Extent of a room along the corridor, in metres.
@@ -71,9 +71,9 @@ pub struct Cell {
     /// Name of the cell: `corridorF`, `stairF` or `roomF_S_R` with the floor F, the side S (0 south, 1
     /// north) and the index R of the room from the west.
     pub name: String,
-    /// Minimum corner, in metres.
+    /// Minimum corner of the cell in world space, in metres.
     pub min: DVec3,
-    /// Maximum corner, in metres.
+    /// Maximum corner of the cell in world space, in metres.
     pub max: DVec3,
 }
 
@@ -92,7 +92,7 @@ pub struct Portal {
     pub depth: f64,
 }
 
-/// Office scene with its cells and portals.
+/// Office scene, with exact cells and portals beside it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Office {
     /// Objects and walks, and the cells and portals in the form that cullers take.
@@ -100,7 +100,7 @@ pub struct Office {
     /// Cells, floor by floor: the corridor, the stair, the southern rooms from west to east, and the
     /// northern rooms.
     pub cells: Vec<Cell>,
-    /// Openings between the cells.
+    /// Openings between pairs of the cells, each listed once.
     pub portals: Vec<Portal>,
 }
 
@@ -195,7 +195,8 @@ fn source_cells(cells: &[Cell], portals: &[Portal], deep: bool) -> Result<Source
     Ok(SourceCells { graph, viewcells: Viewcells::new(bodies), names, depth: REACH, with_doorways: None })
 }
 
-/// State of the building under construction.
+/// Building under construction: its sizes, its random numbers, and the objects, cells and portals made so
+/// far.
 struct Building {
     random: Random,
     /// Length of the corridors along x, in metres.
@@ -250,11 +251,11 @@ impl Building {
     /// floor, a portal to the part below. `z` is the height of the floor in metres, `corridor` the index of
     /// the corridor's cell.
     fn stair(&mut self, floor: u32, z: f64, corridor: usize) {
-        /// Number of steps between two floors.
+        /// Number of steps of the stair on one floor.
         const STEPS: u32 = 10;
-        /// Depth of a step, in metres.
+        /// Depth of a step of the stair along x, in metres.
         const TREAD: f64 = 0.3;
-        /// Height of a step, in metres.
+        /// Height of a step of the stair, in metres.
         const RISER: f64 = 0.35;
         let [west, south] = STAIR_LOW;
         let [east, north] = STAIR_HIGH;
@@ -381,7 +382,7 @@ impl Building {
     }
 }
 
-/// Camera walks on the ground floor, for the sample size of 16 rooms a side.
+/// Camera walks on the ground floor, made for 16 rooms a side.
 const ROUTES: [Route; 2] = [
     Route {
         name: "corridor",
@@ -433,7 +434,7 @@ fn upstairs() -> Walk {
     UPSTAIRS.walk(|_, _| STOREY)
 }
 
-/// Route of the walk on the first floor above the ground floor.
+/// Route of the walk on the first floor above the ground floor, for 16 rooms a side.
 const UPSTAIRS: Route = Route {
     name: "upper floor, into rooms",
     fov_y_degrees: 70.0,

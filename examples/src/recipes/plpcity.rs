@@ -15,7 +15,7 @@ use crate::error::SourceError;
 use crate::source::SceneSource;
 use glam::DVec3;
 
-/// Seed of the recipe's random numbers. Another seed gives another city.
+/// Seed of the city's random numbers. Another seed gives another city.
 const SEED: u64 = 1;
 
 /// Size of a block along x and y, in metres.
@@ -47,7 +47,7 @@ const INNER_WALL: f64 = 0.12;
 /// the wall along x, in metres from the south-western corner of the house.
 const CROSS: [f64; 2] = [5.8, 4.5];
 
-/// Triangles of one block with its ground.
+/// Number of triangles of one block with its eight houses and its ground.
 const TRIANGLES_PER_BLOCK: u64 = 58_056;
 
 /// Makes the city of `blocks_x` by `blocks_y` blocks, each of eight houses.
@@ -93,7 +93,8 @@ fn ground(block_x: u32, block_y: u32) -> Mesh {
     Mesh::from_cuboid([x - STREET, y - STREET, -0.5], [next_x, next_y, -0.12])
 }
 
-/// Adds the pavement and the eight houses of a block to `parts`.
+/// Adds the pavement and the eight houses of a block to `parts`. `block_x` and `block_y` are the indices of
+/// the block.
 fn block(random: &mut Random, block_x: u32, block_y: u32, parts: &mut Parts) {
     let (x, y) = corner(block_x, block_y);
     let pavement = Mesh::from_cuboid([x, y, -0.1], [x + BLOCK[0], y + BLOCK[1], 0.0]);
@@ -185,7 +186,7 @@ fn rooms(random: &mut Random, storey: u32, z: f64, parts: &mut Parts) {
 /// Adds to a house the ceiling, a gabled roof with eaves and a ridge along x, and a chimney north of the
 /// ridge. `z` is the height of the roof's foot in metres.
 fn roof(random: &mut Random, z: f64, parts: &mut Parts) {
-    /// Overhang of the roof beyond the walls, in metres.
+    /// Horizontal overhang of the roof beyond the walls, in metres.
     const EAVES: f64 = 0.5;
     /// Side of the chimney's square plan, in metres.
     const CHIMNEY: f64 = 0.7;
@@ -218,7 +219,7 @@ fn roof(random: &mut Random, z: f64, parts: &mut Parts) {
     parts.add("chimney", chimney);
 }
 
-/// Camera walks of the recipe, for the sample size of 2 by 2 blocks.
+/// Camera walks through the city, made for 2 by 2 blocks.
 const ROUTES: [Route; 3] = [
     Route {
         name: "streets",

@@ -26,7 +26,7 @@ impl Random {
         random
     }
 
-    /// Draws a multiple of 2^-31 in [0, 1).
+    /// Draws a number in [0, 1), a multiple of 2^-31 with equal chance for each.
     pub(crate) fn unit(&mut self) -> f64 {
         self.state = self.state.wrapping_mul(Self::MULTIPLIER).wrapping_add(Self::INCREMENT);
         (self.state >> 33) as f64 / f64::from(1_u32 << 31)

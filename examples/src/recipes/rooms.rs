@@ -5,7 +5,7 @@ use super::mesh::{Mesh, Parts, Pose};
 use super::random::Random;
 use glam::DVec3;
 
-/// Use of a room, which decides its furniture.
+/// Use of a room, which decides the furniture that is put into it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RoomKind {
     Living,
@@ -22,13 +22,13 @@ pub(crate) struct Floor {
     pub(crate) z: f64,
 }
 
-/// Quarter turns of a piece that faces +y, as furniture is modelled.
+/// Number of quarter turns after which a piece of furniture faces +y: none, since furniture is modelled so.
 const NORTH: u8 = 0;
-/// Quarter turns, counter-clockwise, of a piece that faces -x.
+/// Number of counter-clockwise quarter turns after which a piece of furniture faces -x.
 const WEST: u8 = 1;
-/// Quarter turns of a piece that faces -y.
+/// Number of counter-clockwise quarter turns after which a piece of furniture faces -y.
 const SOUTH: u8 = 2;
-/// Quarter turns, counter-clockwise, of a piece that faces +x.
+/// Number of counter-clockwise quarter turns after which a piece of furniture faces +x.
 const EAST: u8 = 3;
 
 /// Adds the furniture of a room of the given kind to `parts`. Object names are `tag`, a slash, and the name

@@ -13,7 +13,7 @@ use crate::source::SceneSource;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Seed of the recipe's random numbers. Another seed gives another town.
+/// Seed of the town's random numbers. Another seed gives another town.
 const SEED: u64 = 3;
 
 /// Radius of the market square around the origin, in metres.
@@ -62,8 +62,8 @@ pub fn town(rings: u32) -> Result<SceneSource, SourceError> {
     Ok(scene("town", 0.1, parts, &ROUTES))
 }
 
-/// Returns the inner radius of a ring of houses, in metres. With the number of rings as `ring` it is the
-/// outer radius of the last ring.
+/// Returns the inner radius of the ring of houses with index `ring`, in metres. The number of rings as `ring`
+/// gives the outer radius of the last ring.
 fn ring_radius(ring: u32) -> f64 {
     SQUARE_RADIUS + RING_STEP * f64::from(ring)
 }
@@ -129,11 +129,11 @@ fn house(random: &mut Random, width: f64, ground_depth: f64) -> Mesh {
 /// at y = `side` * `half_depth` with `side` -1 (front) or 1 (back), and reaches from height `foot` to `top`,
 /// in metres.
 fn timber_front(mesh: &mut Mesh, width: f64, [foot, top]: [f64; 2], side: f64, half_depth: f64) {
-    /// Intended distance between posts, in metres.
+    /// Intended distance between neighbouring posts, in metres; the actual distance divides the width evenly.
     const BAY: f64 = 1.1;
-    /// Minimum number of bays between posts.
+    /// Minimum number of bays of a front; a bay is the space between two neighbouring posts.
     const FEWEST_BAYS: usize = 3;
-    /// Height of a rail, in metres.
+    /// Height of a horizontal rail at the foot or the top of a storey, in metres.
     const RAIL: f64 = 0.2;
     let y = side * half_depth;
     let half_width = width / 2.0;
@@ -158,7 +158,7 @@ fn timber_front(mesh: &mut Mesh, width: f64, [foot, top]: [f64; 2], side: f64, h
 /// sizes of the walls below, `z` is the height of the eaves and `rise` that of the ridge above the eaves, in
 /// metres.
 fn house_roof(mesh: &mut Mesh, half_width: f64, half_depth: f64, z: f64, rise: f64) {
-    /// Overhang of the roof beyond the walls, in metres.
+    /// Horizontal overhang of the roof beyond the walls, in metres.
     const EAVES: f64 = 0.4;
     let (x, y) = (half_width + EAVES, half_depth + EAVES);
     let front_left = DVec3::new(-x, -y, z);
@@ -174,13 +174,14 @@ fn house_roof(mesh: &mut Mesh, half_width: f64, half_depth: f64, z: f64, rise: f
     mesh.cuboid([x - 0.3, -0.3, z], [x + 0.3, 0.3, z + rise + 0.7]);
 }
 
-/// Makes the church at the centre of the square: nave, tower, spire and buttresses.
+/// Makes the church in the middle of the square, in metres: nave, tower, spire and buttresses, with the
+/// nave's axis along y.
 fn church() -> Mesh {
-    /// Height of the nave's eaves, in metres.
+    /// Height of the nave's eaves above the ground, in metres.
     const EAVES: f64 = 11.0;
-    /// Height of the nave's ridge, in metres.
+    /// Height of the nave's ridge above the ground, in metres.
     const RIDGE: f64 = 19.0;
-    /// Height of the tower without its spire, in metres.
+    /// Height of the church tower without its spire, in metres.
     const TOWER_TOP: f64 = 28.0;
     /// Coordinate y of the nave's southern end, in metres.
     const SOUTH: f64 = -14.0;
@@ -235,9 +236,9 @@ fn town_wall(rings: u32, parts: &mut Parts) {
 /// Makes one side of the town wall along x, from the origin to `length` metres, with merlons on its outer
 /// edge.
 fn wall_side(length: f64) -> Mesh {
-    /// Half of the wall's thickness, in metres.
+    /// Half of the town wall's thickness, in metres.
     const HALF_THICKNESS: f64 = 0.8;
-    /// Height of the wall without its merlons, in metres.
+    /// Height of the town wall without its merlons, in metres.
     const WALK: f64 = 6.0;
     let mut mesh = Mesh::from_cuboid([0.0, -HALF_THICKNESS, 0.0], [length, HALF_THICKNESS, WALK]);
     for merlon in 0..(length / 2.0) as u32 {
@@ -279,7 +280,7 @@ fn ground(rings: u32, parts: &mut Parts) {
     }
 }
 
-/// Camera walks of the recipe, for the sample size of three rings.
+/// Camera walks through the town, made for three rings.
 const ROUTES: [Route; 3] = [
     Route {
         name: "gate to market square",

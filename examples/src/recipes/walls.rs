@@ -27,7 +27,7 @@ pub(crate) struct Wall {
     /// One end (x, y) of the wall's centre line. Openings are measured from the end with the smaller
     /// coordinate.
     pub(crate) from: [f64; 2],
-    /// Other end (x, y) of the wall's centre line.
+    /// Other end (x, y) of the wall's centre line. Only one coordinate may differ from that of `from`.
     pub(crate) to: [f64; 2],
     pub(crate) foot: f64,
     pub(crate) top: f64,

@@ -24,7 +24,8 @@ pub fn best_sound(points: &[Point], needed: bool) -> Option<&Point> {
     sound.min_by(|a, b| a.total_us().total_cmp(&b.total_us()))
 }
 
-/// Formats the Pareto-optimal points of one scene as a table.
+/// Formats the Pareto-optimal points among `points` as a table, by ascending time per frame. All points must
+/// be of one scene.
 pub fn table(points: &[Point]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
@@ -61,7 +62,7 @@ pub fn table(points: &[Point]) -> Table {
     table
 }
 
-/// Explanation of the table's columns.
+/// Explanation of the columns of [`table`], to be printed below it.
 pub const LEGEND: &str = "\
 Listed are the points that no other beats in time, triangles drawn and wrong pixels at once.
 us a frame: median time to cull a frame, one thread; reported, visible: objects a frame, by the culler and in truth

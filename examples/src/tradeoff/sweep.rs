@@ -6,7 +6,7 @@ use crate::walkthrough::{World, judge, run_for};
 use std::time::Duration;
 use visibility_measure::MeasureError;
 
-/// Duration and extent of a measurement.
+/// Number of frames and time limits of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effort {
     /// Number of frames of each scene, spread evenly over its walks.
@@ -18,20 +18,20 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// Effort for results that are kept.
+    /// Effort for results that are kept: 40 frames, at least 0.4 s per point, at most 60 s per pass.
     pub const FULL: Self =
         Self { frames: 40, measure: Duration::from_millis(400), patience: Duration::from_secs(60) };
-    /// Effort for a first look.
+    /// Effort for a first look: 6 frames, at least 20 ms per point, at most 0.5 s per pass.
     pub const QUICK: Self =
         Self { frames: 6, measure: Duration::from_millis(20), patience: Duration::from_millis(500) };
 }
 
-/// Results of the entries on a scene.
+/// Results of a sweep over one scene; each entry is in exactly one of the three lists.
 #[derive(Debug, Default)]
 pub struct Sweep {
-    /// Points measured, in the order of the entries.
+    /// Measured points, in the order of the entries that were measured.
     pub points: Vec<Point>,
-    /// Entries that do not suit the scene, each with the reason.
+    /// Entries that do not suit the scene, each as the entry and the reason.
     pub left_out: Vec<(String, String)>,
     /// Entries whose first pass over the frames takes longer than [`Effort::patience`].
     pub too_slow: Vec<String>,

@@ -10,22 +10,22 @@ use visibility_measure::{Advisor, CullerTrial, DrawCost, MeasureError, SceneFact
 /// Maximum number of views that are probed, spread evenly over the walks.
 const VIEWS: usize = 12;
 
-/// Advised culler with the measurements behind the advice.
+/// Advice on the culler to use, with the measurements behind it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Advice {
     /// Culler with its setting, as `--cullers` takes it.
     pub entry: String,
-    /// Facts about the scene that the probes found.
+    /// Facts about the scene that the probed views gave, such as its size and visible fraction.
     pub facts: SceneFacts,
-    /// Measurements of the advised culler.
+    /// Measured times and counts of the advised culler, means per view.
     pub chosen: CullerTrial,
-    /// Measurements of frustum culling alone.
+    /// Measured times and counts of frustum culling alone, means per view.
     pub frustum: CullerTrial,
     /// Time in microseconds per view to draw exactly the visible objects, without any time to cull.
     pub least_us: f64,
     /// Number of cullers that were tried.
     pub tried: usize,
-    /// Whether the scene has cells.
+    /// Whether the scene brings cells and portals.
     pub cells: bool,
 }
 

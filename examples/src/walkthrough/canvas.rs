@@ -10,9 +10,9 @@ pub type Color = [u8; 3];
 
 /// Picture of RGB pixels. Coordinates are pixels from the upper left corner, x to the right and y down.
 pub struct Canvas {
-    /// Width in pixels.
+    /// Width of the picture, in pixels.
     pub width: u32,
-    /// Height in pixels.
+    /// Height of the picture, in pixels.
     pub height: u32,
     pixels: Vec<Color>,
 }
@@ -21,7 +21,7 @@ pub struct Canvas {
 pub const LETTER: i64 = 8;
 
 impl Canvas {
-    /// Creates a picture filled with one color.
+    /// Creates a picture of `width` by `height` pixels filled with one color.
     pub fn new(width: u32, height: u32, color: Color) -> Self {
         Self { width, height, pixels: vec![color; width as usize * height as usize] }
     }
@@ -33,7 +33,7 @@ impl Canvas {
         }
     }
 
-    /// Draws a line two pixels wide, clipped to the picture.
+    /// Draws a line two pixels wide between two points in pixels, clipped to the picture.
     pub fn line(&mut self, from: [f64; 2], to: [f64; 2], color: Color) {
         let Some((from, to)) = self.clip(from, to) else { return };
         let steps = (to[0] - from[0]).abs().max((to[1] - from[1]).abs()).ceil().max(1.0);
@@ -105,7 +105,8 @@ impl Canvas {
         }
     }
 
-    /// Writes the picture as a PNG file.
+    /// Writes the picture as a PNG file, replacing a file of that name. Returns the error of the file system
+    /// or the encoder.
     pub fn save(&self, path: &Path) -> io::Result<()> {
         let mut encoder = png::Encoder::new(BufWriter::new(File::create(path)?), self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);

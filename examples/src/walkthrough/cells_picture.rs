@@ -10,7 +10,7 @@ use visibility_core::{Culler, VisibleSet, cells::CellId, geometry::Plane, pvs::V
 use visibility_measure::MeasureError;
 
 const PAPER: Color = [250, 250, 247];
-/// Color of cells that are not seen.
+/// Color of cells that are not seen from the eye.
 const CELL: Color = [232, 232, 230];
 const SEEN: Color = [255, 243, 196];
 /// Color of the cell that contains the eye.

@@ -9,12 +9,12 @@ use visibility_measure::{ItemBuffer, MeasureError, NONE};
 const SKY: Color = [198, 215, 232];
 const MARK: [f32; 3] = [1.0, 0.1, 0.1];
 
-/// Selection of the objects in a picture from the eye.
+/// Selection and marking of the objects in a picture from the eye.
 #[derive(Clone, Copy, Default)]
 pub struct Shown<'a> {
     /// Indices, ascending, of the only objects that are drawn. `None` draws all objects.
     pub only: Option<&'a [u32]>,
-    /// Index of an object that is drawn in red.
+    /// Index of an object that is drawn in red, or `None`.
     pub marked: Option<u32>,
 }
 

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use visibility_measure::{Comparison, ItemBuffer, MeasureError};
 
-/// Errors of one pipeline, summed over all frames.
+/// Counts of one pipeline's right and wrong answers, summed over all frames unless said otherwise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Verdict {
     /// Number of visible objects that were hidden: a lower bound, since an item buffer samples visibility.
@@ -17,14 +17,14 @@ pub struct Verdict {
     /// Number of reported objects without a visible pixel: an upper bound, since an item buffer samples
     /// visibility.
     pub false_visible: u64,
-    /// Number of triangles of the reported objects, which would be drawn.
+    /// Number of triangles of all reported objects, which an engine would draw.
     pub reported_triangles: u64,
     /// Number of triangles of reported objects without a visible pixel, including those of objects that are
     /// partly visible.
     pub false_visible_triangles: u64,
     /// Number of pixels that are wrong when only the reported objects are drawn.
     pub wrong_pixels: u64,
-    /// Indices of the visible objects that were hidden, for each frame, ascending.
+    /// Indices, ascending, of the visible objects that were hidden, in a list per frame.
     pub hidden: Vec<Vec<u32>>,
 }
 
@@ -40,7 +40,7 @@ pub struct Judgement {
 }
 
 impl Judgement {
-    /// Returns the mean number of visible objects per frame.
+    /// Returns the mean number of visible objects per frame; 0 without frames.
     pub fn mean_exact(&self) -> f64 {
         let sum: usize = self.exact.iter().map(Vec::len).sum();
         sum as f64 / self.exact.len().max(1) as f64

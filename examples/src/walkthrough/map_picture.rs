@@ -26,14 +26,14 @@ const GROUND: f64 = 0.05;
 /// Height of the legend below the map, in pixels.
 const LEGEND: u32 = 64;
 
-/// Frame and trial that a map shows.
+/// Frame, trial and marked object that a map shows.
 #[derive(Clone, Copy)]
 pub struct Shown {
-    /// Index of the frame.
+    /// Index of the frame in the world's views.
     pub frame: usize,
-    /// Index of the trial.
+    /// Index of the trial in the list of trials.
     pub trial: usize,
-    /// Index of an object that gets a ring around it.
+    /// Index of an object that gets a ring around it, or `None`.
     pub marked: Option<u32>,
 }
 

@@ -6,7 +6,7 @@ use comfy_table::{CellAlignment, Table, presets};
 use serde::Serialize;
 use std::io::{self, Write};
 
-/// Formats the results as a table with a row per culler.
+/// Formats the results as a table with a row per culler, in the order of the trials.
 pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
     let frames = world.views.len() as f64;
     let mut table = Table::new();
@@ -42,7 +42,7 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
     table
 }
 
-/// Explanation of the table's columns.
+/// Explanation of the columns of [`table`], to be printed below it.
 pub const LEGEND: &str = "\
 reported, visible: objects a frame, by the culler and in truth (an item buffer that draws every triangle)
 us a frame, p99: median and 99th percentile of the time to cull one frame, one thread

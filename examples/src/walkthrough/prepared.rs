@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 /// Function that returns the number of bytes that the program has allocated.
 type Memory = fn() -> usize;
 
-/// Precomputed data of a world, by name.
+/// Cache of precomputed data of a world, by the name of each item. It can be shared between threads.
 #[derive(Default)]
 pub struct Prepared {
     memory: Option<Memory>,
@@ -24,12 +24,12 @@ struct Made {
     reused: bool,
 }
 
-/// Time and memory that an item took to make and keeps.
+/// Cost of an item of precomputed data: the time to make it, and the memory that it keeps.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Cost {
-    /// Wall-clock time.
+    /// Wall-clock time to make the item.
     pub time: Duration,
-    /// Memory in bytes that remained allocated; 0 if memory is not measured.
+    /// Memory in bytes that remained allocated after the item was made; 0 if memory is not measured.
     pub bytes: usize,
 }
 

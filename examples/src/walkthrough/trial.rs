@@ -4,11 +4,11 @@ use super::World;
 use std::time::{Duration, Instant};
 use visibility_core::{Accuracy, Pipeline, VisibleSet};
 
-/// Results of a pipeline on the frames of a world.
+/// Recorded answers and times of a pipeline on the frames of a world.
 pub struct Trial {
     /// Name of the pipeline, as the user asked for it.
     pub name: String,
-    /// Accuracy that the pipeline promises.
+    /// Accuracy that the pipeline as a whole promises.
     pub accuracy: Accuracy,
     /// Indices of the reported objects for each frame, ascending.
     pub reported: Vec<Vec<u32>>,
@@ -24,7 +24,7 @@ impl Trial {
         self.micros.get((share * last).round() as usize).copied().unwrap_or(0.0)
     }
 
-    /// Returns the mean number of reported objects per frame.
+    /// Returns the mean number of reported objects per frame; 0 without frames.
     pub fn mean_visible(&self) -> f64 {
         let sum: usize = self.reported.iter().map(Vec::len).sum();
         sum as f64 / self.reported.len().max(1) as f64

@@ -11,7 +11,7 @@ use visibility_core::{
 
 /// Scene and views that cullers work on, with the source that they came from.
 pub struct World {
-    /// Source of the scene: names, triangles and axes.
+    /// Source that the scene was made from, with names, triangles and axes.
     pub source: SceneSource,
     /// Scene for the cullers. Object `i` of the source has index `i`.
     pub scene: Scene,
@@ -172,9 +172,9 @@ pub enum WorldError {
     NoFrames,
     /// Camera of a frame that cannot be used.
     View {
-        /// Index of the frame.
+        /// Index of the frame among all frames of the walks.
         frame: usize,
-        /// Reason why the view is invalid.
+        /// Reason why the camera gives no valid view.
         error: ViewError,
     },
     /// Source that could not be made or read.

@@ -28,7 +28,7 @@ fn entries() -> Vec<String> {
     }
 }
 
-/// Tests whether a culler needs cells and portals.
+/// Tests whether a culler, by its entry in the table, works on cells and portals.
 fn is_of_rooms(entry: &str) -> bool {
     entry.starts_with("portals") || entry.starts_with("pvs")
 }
@@ -147,7 +147,7 @@ fn scenes_of_nothing_of_one_object_and_of_many_in_one_point() {
     }
 }
 
-/// A million coinciding objects, which no hierarchy can separate.
+/// Test of a million coinciding objects, which no hierarchy can separate.
 #[test]
 #[ignore = "minutes, in the release profile"]
 fn a_million_objects_in_one_point() {

@@ -11,7 +11,8 @@ use visibility_examples::SourceObject;
 use visibility_examples::source::SourceCells;
 use visibility_testing::Random;
 
-/// Maze of rooms with the objects in it.
+/// Rooms with walls, holes and furniture. Coordinates are relative to the world's origin once the maze is
+/// stretched.
 pub(crate) struct Maze {
     /// Walls first, then furniture. The first `walls` objects must not be spoiled: a missing wall would be a
     /// hole without a portal.

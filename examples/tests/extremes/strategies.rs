@@ -97,7 +97,7 @@ pub(crate) fn world(
     World::with_views(source, origin, views, Vec::new(), (64, 36))
 }
 
-/// Triangles of one object.
+/// Triangles of one object, relative to the world's origin.
 pub(crate) type Triangles = Vec<[Vec3; 3]>;
 
 /// Makes up to eight triangles around a random centre, some of them degenerate, slivers, coplanar with
@@ -178,7 +178,7 @@ fn stretch(rng: &mut Random, what: &mut String) -> (DVec3, DVec3) {
     (scale, far)
 }
 
-/// Moves points by `offset` and then scales them.
+/// Replaces each point by (point + `offset`) * `scale`, per axis, rounded to f32.
 fn place(points: &mut [Vec3], scale: DVec3, offset: DVec3) {
     for point in points {
         *point = ((point.as_dvec3() + offset) * scale).as_vec3();
@@ -275,7 +275,7 @@ pub(crate) fn crowd(count: usize) -> Case {
     case(format!("{count} in one point"), (0..count).map(point).collect())
 }
 
-/// Makes a case of objects seen by two equal ordinary cameras.
+/// Makes a case of a world with these objects and two equal ordinary views from the origin.
 fn case(what: String, objects: Vec<SourceObject>) -> Case {
     Case { what, world: world(objects, None, DVec3::ZERO, straight_ahead()) }
 }

@@ -64,7 +64,7 @@ fn tree_of(world: &World) -> Result<Arc<SceneTree>, String> {
     world.prepared.get("a BSP tree", make)
 }
 
-/// Returns the world's large occluders, found on the first call.
+/// Returns the large polygons among the world's occluders, gathered on the first call.
 fn occluders_of(world: &World) -> Result<Arc<Occluders>, String> {
     world.prepared.get("large occluders", || Ok(Occluders::new(&world.scene)))
 }

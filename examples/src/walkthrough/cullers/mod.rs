@@ -54,7 +54,8 @@ pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Pipeline)>, Culle
         .collect()
 }
 
-/// Makes the pipeline of one entry without spaces.
+/// Makes the pipeline of one entry such as `a+b:10%`, which must not contain spaces. It begins with the
+/// frustum culler.
 fn pipeline(entry: &str, world: &World) -> Result<Pipeline, CullerError> {
     let mut pipeline = Pipeline::new().with(FrustumCuller::new());
     for stage in entry.split('+').filter(|&stage| stage != "frustum") {
@@ -74,14 +75,14 @@ fn pipeline(entry: &str, world: &World) -> Result<Pipeline, CullerError> {
 pub enum CullerError {
     /// Name that is not among the [`known`] cullers.
     Unknown {
-        /// Name as it was asked for.
+        /// Name of the culler as it was asked for.
         name: String,
     },
     /// Culler that does not suit the setting of its dial or the scene.
     Unsuited {
         /// Culler with its dial, as it was asked for.
         culler: String,
-        /// Explanation for a person.
+        /// Explanation, for a person, of what does not suit.
         why: String,
     },
 }
