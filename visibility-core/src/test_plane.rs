@@ -28,8 +28,11 @@ use crate::view::ViewPlane;
 /// as undecided: the box is not outside.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TestPlane {
+    /// Upper bound on each component of the scaled normal.
     pub(crate) high: [f32; 3],
+    /// Lower bound on each component of the scaled normal.
     pub(crate) low: [f32; 3],
+    /// Upper bound on the scaled offset.
     pub(crate) offset: f32,
     /// For each axis, whether the test uses a box's greatest coordinate (`true`, where the normal's
     /// component is not negative) or its least coordinate (`false`).
@@ -41,6 +44,7 @@ pub(crate) struct TestPlane {
 const MARGIN: f64 = 4.0 * f32::EPSILON as f64;
 
 impl TestPlane {
+    /// A plane that every box is inside of, for unused elements of arrays.
     pub(crate) const ALL: Self =
         Self { high: [0.0; 3], low: [0.0; 3], offset: f32::INFINITY, greatest: [true; 3] };
 

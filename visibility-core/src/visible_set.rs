@@ -275,6 +275,7 @@ impl VisibleSet {
         }
     }
 
+    /// Replaces the mask of a node, bit i for lane i, during a walk that ends with [`commit`](Self::commit).
     pub(crate) fn set_mask(&mut self, node: usize, mask: u64) {
         self.words[node] = mask;
     }
@@ -472,6 +473,7 @@ impl VisibleSet {
         })
     }
 
+    /// Returns the number of objects that are never culled and share a layer with the set.
     pub(crate) fn unculled_count(&self, scene: &Scene) -> u64 {
         let leaves = scene.tree().unculled.iter();
         leaves.map(|&leaf| u64::from(scene.lanes_on_layers(leaf as usize, self.layers).count_ones())).sum()

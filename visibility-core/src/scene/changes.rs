@@ -88,6 +88,8 @@ impl ChangeLog {
         self.entries.clear();
     }
 
+    /// Returns the objects changed since `revision`, or [`Changes::Everything`] if the log does not reach
+    /// back to that revision or the revision is of another scene.
     pub(crate) fn since(&self, revision: u64) -> Changes<'_> {
         match revision.checked_sub(self.start).and_then(|n| self.entries.get(usize::try_from(n).ok()?..)) {
             Some(entries) => Changes::Objects(entries),

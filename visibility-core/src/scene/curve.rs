@@ -19,7 +19,8 @@ impl Curve {
 
     /// Builds a curve through a cube around most of `points`, of which there are `count`. A few points far
     /// from the rest (a sky dome, a mistake) are left outside, because the others would otherwise share a few
-    /// cells. All axes have one scale, so pieces of the curve are compact on each.
+    /// cells. All axes have one scale, so pieces of the curve are compact on each. Without points, or with
+    /// all in one place, every position on the curve is 0.
     pub(crate) fn through(points: impl Iterator<Item = Vec3> + Clone, count: usize) -> Self {
         let sample = || points.clone().step_by((count / Self::SAMPLE).max(1));
         let taken = sample().count().max(1) as f64;

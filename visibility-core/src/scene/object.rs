@@ -28,6 +28,7 @@ pub struct ObjectId {
 }
 
 impl ObjectId {
+    /// The id of no object, for free lanes.
     pub(crate) const NONE: Self = Self { index: u32::MAX, generation: 0 };
 
     /// Returns the object's index, below [`Scene::index_limit`](crate::Scene::index_limit), for arrays

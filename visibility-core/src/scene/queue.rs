@@ -12,6 +12,7 @@ pub(super) const OVERLAP: f32 = 1.0;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Queue {
     queued: Vec<u64>,
+    /// Number of queued nodes.
     pub(super) waiting: usize,
     /// Number of the node from which the search for the next queued node starts.
     at: usize,
@@ -21,6 +22,7 @@ pub(super) struct Queue {
 }
 
 impl Queue {
+    /// Queues a node. Does nothing if the node is queued already.
     pub(super) fn push(&mut self, node: usize) {
         let word = node / 64;
         if word >= self.queued.len() {
@@ -31,6 +33,7 @@ impl Queue {
         self.queued[word] |= 1 << (node % 64);
     }
 
+    /// Takes a node out of the queue. Does nothing if the node is not queued.
     pub(super) fn remove(&mut self, node: usize) {
         if let Some(word) = self.queued.get_mut(node / 64) {
             self.waiting -= usize::from(*word >> (node % 64) & 1 != 0);
@@ -47,6 +50,7 @@ impl Queue {
         }
     }
 
+    /// Takes the next node out of the queue; `None` if the queue is empty.
     pub(super) fn pop(&mut self) -> Option<u32> {
         if self.waiting == 0 {
             return None;

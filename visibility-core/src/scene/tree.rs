@@ -39,6 +39,8 @@ pub(crate) struct Payload {
 pub(crate) struct Tree {
     /// Number of the root node, or `NONE` in an empty tree.
     pub(crate) root: u32,
+    /// Bounds of what each lane holds, relative to the origin of the scene: of an object in leaves, of
+    /// everything below the child in inner nodes.
     pub(crate) bounds: Vec<Boxes64>,
     /// Mask of the lanes that hold an object or a child node, for each node; bit i stands for lane i.
     pub(crate) occupied: Vec<u64>,
@@ -111,15 +113,18 @@ impl Tree {
         self.occupied.len()
     }
 
+    /// Returns the slot of the parent that holds `node`. `None` for the root and for leaves outside the tree.
     pub(super) fn parent(&self, node: u32) -> Option<Slot> {
         let slot = self.parents[node as usize];
         (slot != Slot::NONE && self.levels[node as usize] != UNCULLED).then_some(slot)
     }
 
+    /// Returns the number of the child node in a lane. `node` must be an inner node and the lane occupied.
     pub(crate) fn child(&self, node: usize, lane: usize) -> usize {
         self.ids[node][lane].index()
     }
 
+    /// Returns an empty node at `level` without a parent: a free one if there is any, otherwise a new one.
     pub(super) fn allocate(&mut self, level: u8) -> u32 {
         if let Some(node) = self.free.pop() {
             self.levels[node as usize] = level;
@@ -161,6 +166,7 @@ impl Tree {
         self.slots[payload.id.index()] = slot;
     }
 
+    /// Returns what a lane of a leaf holds besides bounds. The slot must be occupied.
     pub(super) fn payload(&self, slot: Slot) -> Payload {
         let (node, lane) = (slot.node(), slot.lane());
         Payload {
@@ -265,6 +271,7 @@ impl Tree {
         self.is_unculled_leaf(slot.node())
     }
 
+    /// Returns whether a leaf is outside the tree, so that its objects are never culled.
     pub(crate) fn is_unculled_leaf(&self, leaf: usize) -> bool {
         self.levels[leaf] == UNCULLED
     }

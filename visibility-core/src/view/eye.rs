@@ -48,9 +48,10 @@ pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
 /// direction, the length of the difference of unit vectors. Infinite where rounding leaves the eye undecided.
 /// See [`ViewProjection::eye_error`](super::ViewProjection::eye_error).
 ///
-/// The eye is orthogonal to three rows of the matrix. With the rows scaled by powers of two, each component
-/// is a sum of six products of three numbers. Each product is rounded twice as a product and at most four
-/// times in sums, so `12u` of the sum of the products' magnitudes exceeds the error.
+/// With `u = 2^-53`, the unit round-off of `f64`: the eye is orthogonal to three rows of the matrix. With the
+/// rows scaled by powers of two, each component is a sum of six products of three numbers. Each product is
+/// rounded twice as a product and at most four times in sums, so `12u` of the sum of the products' magnitudes
+/// exceeds the error.
 pub(super) fn eye_error(m: &DMat4, depth: Depth, view_origin: DVec3, origin: DVec3) -> f64 {
     let rows = [m.row(0), m.row(1), m.row(3)].map(scaled_by_power_of_two);
     let eye = orthogonal(rows, |a, b| a - b);

@@ -25,9 +25,9 @@ const U: f64 = f64::EPSILON / 2.0;
 /// Least determinant of three unit normals, in magnitude, at which rounding leaves its sign certain; twice
 /// the error bound.
 ///
-/// The normals are within `16u` of the exact ones, each of which counts once: `48u`. The products and sums of
-/// the determinant round by less than `16u`. So if the computed determinant is above this constant, the exact
-/// one is at least half of the computed one.
+/// With `u` the unit round-off of `f64`: the normals are within `16u` of the exact ones, each of which counts
+/// once: `48u`. The products and sums of the determinant round by less than `16u`. So if the computed
+/// determinant is above this constant, the exact one is at least half of the computed one.
 const LEAST_DETERMINANT: f64 = 128.0 * U;
 
 impl View {
@@ -67,7 +67,7 @@ impl View {
 
 /// The planes that decide where view rays begin, in metres relative to an anchor.
 struct SightPlanes {
-    /// Left, right, bottom and top plane of the frustum.
+    /// Left, right, bottom and top plane of the frustum, with normals that point inwards.
     sides: [ViewPlane; 4],
     /// The planes that view rays may begin on: the near plane, then the clip planes in their order.
     fronts: SmallVec<[ViewPlane; 11]>,
@@ -192,9 +192,10 @@ impl SightPlanes {
 /// Returns a bound, in metres, on the difference between the computed distance of a point from a plane and
 /// the distance from the exact plane.
 ///
-/// `reach` is the point's distance from the anchor. The exact normal is within `16u` of the plane's own in
-/// each component, which counts `16u reach`. The products and sums round by `4u` of the reach and `2u` of the
-/// offset, and may lose denormals. The rest of `32u` and `4u` covers the rounding of the reach itself.
+/// `reach` is the point's distance from the anchor, in metres. With `u` the unit round-off of `f64`: the
+/// exact normal is within `16u` of the plane's own in each component, which counts `16u reach`. The products
+/// and sums round by `4u` of the reach and `2u` of the offset, and may lose denormals. The rest of `32u` and
+/// `4u` covers the rounding of the reach itself.
 fn margin(plane: &ViewPlane, reach: f64) -> f64 {
     plane.error + 32.0 * U * reach + 4.0 * U * plane.plane.offset.abs() + 8.0 * f64::MIN_POSITIVE
 }

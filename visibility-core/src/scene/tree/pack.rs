@@ -26,6 +26,7 @@ pub(crate) fn pack(order: &mut [u64], centers: &[Vec3A], pieces: usize, take: &m
     pack(high, centers, pieces - left, take);
 }
 
+/// Returns the index that a word of [`pack`] holds in its lower 32 bits.
 pub(crate) fn number(word: u64) -> usize {
     word as u32 as usize
 }

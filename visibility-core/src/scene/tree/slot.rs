@@ -1,5 +1,6 @@
 //! Positions in the hierarchy: a node and one of its 64 lanes.
 
+/// No node.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// A lane of a node, encoded as `node * 64 + lane`.
@@ -7,6 +8,7 @@ pub(crate) const NONE: u32 = u32::MAX;
 pub(crate) struct Slot(pub(crate) u32);
 
 impl Slot {
+    /// No slot: of an object that is not in the scene, or of a node without parent.
     pub(crate) const NONE: Self = Self(NONE);
 
     pub(crate) fn new(node: u32, lane: usize) -> Self {
