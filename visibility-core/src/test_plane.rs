@@ -28,11 +28,11 @@ use crate::view::ViewPlane;
 /// as undecided: the box is not outside.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TestPlane {
-    /// Upper bound on each component of the scaled normal.
+    /// Upper bound on each component of the normal, scaled to length 1/4.
     pub(crate) high: [f32; 3],
-    /// Lower bound on each component of the scaled normal.
+    /// Lower bound on each component of the normal, scaled to length 1/4.
     pub(crate) low: [f32; 3],
-    /// Upper bound on the scaled offset.
+    /// Upper bound on the plane's offset, scaled by 1/4, relative to the origin of the tested boxes.
     pub(crate) offset: f32,
     /// For each axis, whether the test uses a box's greatest coordinate (`true`, where the normal's
     /// component is not negative) or its least coordinate (`false`).

@@ -31,7 +31,7 @@ pub enum Changes<'a> {
 /// of changes before it.
 #[derive(Debug)]
 pub(crate) struct ChangeLog {
-    /// The revision before the change that `entries[0]` records.
+    /// The revision before the change that `entries[0]` records; without entries, the present revision.
     start: u64,
     entries: Vec<ObjectId>,
 }

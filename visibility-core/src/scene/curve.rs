@@ -34,9 +34,9 @@ impl Curve {
         Self { corner, scale: if side > 0.0 { Self::CELLS / side } else { 0.0 } }
     }
 
-    /// Returns the position of a point on the curve, in bits 1 to 63: bits of x, y and z interleaved,
-    /// coarsest first from the top, z before y before x. Bit 0 is 0. Points outside the cube are moved to its
-    /// boundary; NaN coordinates become the least.
+    /// Returns the Morton code of a point: its position on the curve. Bits 1 to 63 interleave the 21-bit cell
+    /// coordinates of the point, x in the lowest of each three bits, then y, then z; bit 0 is 0. A point
+    /// outside the cube counts as the nearest point of the cube, and a NaN coordinate as the least.
     pub(crate) fn place(&self, p: Vec3) -> u64 {
         let cell = (p.as_dvec3() - self.corner) * self.scale;
         // A cast from float to integer saturates, and turns NaN to zero.

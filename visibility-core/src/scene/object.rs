@@ -31,8 +31,8 @@ impl ObjectId {
     /// The id of no object, for free lanes.
     pub(crate) const NONE: Self = Self { index: u32::MAX, generation: 0 };
 
-    /// Returns the object's index, below [`Scene::index_limit`](crate::Scene::index_limit), for arrays
-    /// parallel to the scene.
+    /// Returns the object's index, which is below [`Scene::index_limit`](crate::Scene::index_limit), for
+    /// arrays indexed by object.
     pub const fn index(self) -> usize {
         self.index as usize
     }

@@ -53,13 +53,13 @@ impl Pose {
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Window {
-    /// Horizontal position of the left edge; negative if left of the viewing axis.
+    /// Horizontal position of the left edge, a tangent or in metres; negative if left of the viewing axis.
     pub left: f64,
-    /// Horizontal position of the right edge; positive if right of the viewing axis.
+    /// Horizontal position of the right edge, a tangent or in metres; positive if right of the viewing axis.
     pub right: f64,
-    /// Vertical position of the bottom edge; negative if below the viewing axis.
+    /// Vertical position of the bottom edge, a tangent or in metres; negative if below the viewing axis.
     pub bottom: f64,
-    /// Vertical position of the top edge; positive if above the viewing axis.
+    /// Vertical position of the top edge, a tangent or in metres; positive if above the viewing axis.
     pub top: f64,
 }
 

@@ -8,9 +8,9 @@ use core::fmt;
 pub enum ViewError {
     /// The clip matrix has a NaN or infinite element.
     NonFinite {
-        /// Row, from 0, of the first such element in row-major order.
+        /// Row, from 0, of the first NaN or infinite element in row-major order.
         row: usize,
-        /// Column, from 0, of the first such element in row-major order.
+        /// Column, from 0, of the first NaN or infinite element in row-major order.
         column: usize,
     },
     /// The clip matrix is singular within the rounding error of `f64`, so it maps all of space to a plane or
@@ -28,7 +28,7 @@ pub enum ViewError {
     },
     /// A clip plane has a NaN or infinite component, or its normal is zero.
     ClipPlane {
-        /// Index of the first such plane in the slice that was given.
+        /// Index of the first unusable plane in the slice that was given.
         index: usize,
     },
     /// A camera parameter is out of its range.

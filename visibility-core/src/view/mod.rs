@@ -73,7 +73,7 @@ impl View {
     ///
     /// # Errors
     /// [`ViewError::NonFinite`] for NaN or infinite elements, [`ViewError::Singular`] for a matrix without
-    /// inverse, and [`ViewError::NoCamera`] for parallel view rays along which `w` differs.
+    /// inverse, and [`ViewError::NoCamera`] for parallel view rays with different `w`.
     pub fn from_clip_from_world(matrix: impl Into<ClipMatrix>, depth: Depth) -> Result<Self, ViewError> {
         let matrix = matrix.into();
         matrix.check()?;

@@ -199,7 +199,8 @@ impl ViewProjection {
 /// Returns the power of two that scales the sum of magnitudes of a row's linear part to 1 to 2; if the linear
 /// part is zero, the constant's magnitude. Multiplication by it is exact. For a row whose linear part has
 /// unit length the result is 1: that sum is then from 1 to the square root of 3, and the factor in the code
-/// outweighs its rounding.
+/// outweighs its rounding. The exponent is limited to +-1000, so that every row, even a zero or non-finite
+/// one, gives a finite factor.
 fn scale_to_one(row: DVec4) -> f64 {
     let linear = row.truncate().abs().element_sum();
     let size = if linear > 0.0 { linear } else { row.w.abs() } * (1.0 + 1.0 / 524_288.0);

@@ -15,7 +15,8 @@ struct Seen {
     unculled: usize,
 }
 
-/// Asserts that the tree is internally consistent and holds exactly the scene's objects. Updates `seen`.
+/// Asserts that the tree is internally consistent and holds exactly the scene's objects. Raises the
+/// maxima in `seen` to those of this tree.
 fn check(scene: &Scene, seen: &mut Seen) {
     let tree = scene.tree();
     let nodes = tree.node_count();
