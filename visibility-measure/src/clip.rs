@@ -126,8 +126,8 @@ impl ImageProjection {
             | u32::from(distance(self.far, v) < 0.0) << 5
     }
 
-    /// Tests whether a clip-space point needs no clipping: it is inside the near, far and guard planes, and w
-    /// is positive and finite.
+    /// Tests whether a clip-space point needs no clipping: the point lies inside the near and far planes, |x|
+    /// and |y| are at most [`GUARD`] times w, and w is positive and finite. False for NaN.
     #[inline]
     fn is_drawable(&self, v: DVec4) -> bool {
         let guard = GUARD * v.w;
@@ -149,8 +149,8 @@ impl ImageProjection {
         }
     }
 
-    /// Clips a clip-space polygon by the near, far and guard planes and draws the rest as a triangle fan.
-    /// Draws nothing if a vertex is NaN or infinite.
+    /// Clips a clip-space polygon by the near and far planes and the guard band [`GUARD`], and draws the rest
+    /// as a triangle fan. Draws nothing if a vertex is NaN or infinite.
     #[cold]
     #[inline(never)]
     fn draw_cut(&self, mut polygon: Polygon, item: u32, image: &mut Image) {

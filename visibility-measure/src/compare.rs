@@ -74,9 +74,10 @@ impl Comparison {
 enum Answer {
     /// The culler reported the object.
     Reported,
-    /// The object was not reported, though a pixel shows it: an error.
+    /// The culler did not report the object, though a pixel shows it: an error.
     FalseHidden,
-    /// The object was not reported, and no pixel proves this wrong.
+    /// The culler did not report the object, and no error is charged: the object shows in no pixel, or only
+    /// in pixels that also show other objects (ties), where a reported object or the object shown counts.
     Hidden,
 }
 

@@ -44,7 +44,7 @@ pub(crate) struct Corner {
 }
 
 impl Corner {
-    /// Tests whether both coordinates and the depth key are finite.
+    /// Tests whether x, y and the depth key are all finite.
     pub(crate) fn is_finite(&self) -> bool {
         self.x.is_finite() && self.y.is_finite() && self.nearness.is_finite()
     }
@@ -192,7 +192,7 @@ impl Image {
     }
 
     /// Draws the pixels of columns `first..end` of a row where triangle `item` is nearer than the triangle
-    /// shown, and records the pixels where both are equally near.
+    /// shown, and records a claim for each pixel where the two triangles are equally near.
     #[inline]
     fn fill_span(&mut self, row: usize, first: usize, end: usize, plane: &NearnessPlane, item: u32) {
         let span = row * self.width + first..row * self.width + end;
@@ -428,8 +428,8 @@ mod tests {
         assert!(image.claims.len() > 64 && image.claims.len() <= 17 * 64, "{}", image.claims.len());
     }
 
-    /// Edges in all directions that pass a pixel's centre at a given distance, in units of [`EDGE_TIE`]:
-    /// closer than the limit they claim the pixel, beyond it they do not.
+    /// Edges in all directions that pass a pixel's centre at a given multiple of [`EDGE_TIE`]: an edge closer
+    /// than the limit claims the pixel, an edge beyond the limit does not.
     #[test]
     fn a_claim_reaches_as_far_as_a_tie() {
         for step in 0..200 {

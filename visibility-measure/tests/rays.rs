@@ -108,9 +108,9 @@ fn intersect(start: DVec3, direction: DVec3, triangle: &[Vec3; 3]) -> Option<Hit
     Some(Hit { distance: e2.dot(q) / determinant, inside: u.min(v).min(1.0 - u - v) })
 }
 
-/// Draws a picture, casts a ray through each pixel's centre, and asserts that both see the same triangle.
-/// Returns the number of pixels that show a triangle, and the number of pixels skipped since the rays are
-/// within 1e-9 of an edge, a clip plane or a second triangle.
+/// Draws a picture, casts a ray through each pixel's centre, and asserts that the pixel shows the triangle
+/// that its ray hits first. Returns the number of pixels that show a triangle, and the number of pixels that
+/// were skipped, since the ray passes within 1e-9 of an edge, a clip plane or a second triangle.
 fn check(camera: &Camera, view: &View, triangles: &[[Vec3; 3]], what: &str) -> (usize, usize) {
     let (width, height) = (48, 36);
     let mut buffer = ItemBuffer::new(width as u32, height as u32).unwrap();

@@ -55,7 +55,7 @@ pub(crate) enum CellPlace {
     Crossing(u16),
 }
 
-/// Planes of a view, with those first that have the eye on their inner side.
+/// Planes of a view. The planes that have the eye on their inner side come first.
 #[derive(Clone, Debug)]
 pub(crate) struct CellFrustum {
     /// Eye point, or viewing direction of a parallel view, relative to the scene's origin.
@@ -232,8 +232,8 @@ mod tests {
         }
     }
 
-    /// Boxes and triangles with one corner in a plane, or nearer to it than the error bound: classified as
-    /// neither outside nor inside.
+    /// Boxes and triangles with one corner in a plane, or nearer to the plane than the error bound, are
+    /// classified as neither outside nor inside.
     #[test]
     fn what_touches_a_plane_is_neither_outside_nor_inside() {
         let mut random = Random(32);

@@ -76,7 +76,7 @@ pub struct ConservativePlpCuller<S, M> {
     stats: ConservativeStats,
 }
 
-/// Counts of one frame of [`ConservativePlpCuller`], as in the paper's table 1.
+/// Counts of one frame of [`ConservativePlpCuller`], as in table 1 of Klosowski and Silva, 2001.
 ///
 /// ```
 /// assert_eq!(visibility_plp::ConservativeStats::default().tests, 0);

@@ -152,8 +152,8 @@ mod tests {
         assert_eq!(front.least(), None);
     }
 
-    /// Compares the front with a searched list under random pushes, solidity changes in both directions, and
-    /// pops.
+    /// Under random pushes, changes of solidity and pops, the front gives the answers of a list that is
+    /// searched linearly.
     #[test]
     fn cells_may_move_both_ways() {
         let mut random = Random(17);

@@ -30,7 +30,7 @@ const FAR: f32 = 0.5;
 /// measured.
 const MIN_MEASURED_COSINE: f32 = 0.2;
 
-/// Minimum cosine between a triangle's normal and a line direction for which the triangle blocks the lines of
+/// Minimum cosine between a triangle's normal and a line direction for which the triangle blocks lines of
 /// that direction.
 const MIN_CUTTING_COSINE: f32 = 1e-3;
 
@@ -122,9 +122,9 @@ fn axes(direction: usize) -> [Vec3; 3] {
 
 /// Slope of a triangle's plane, in coordinates with z along the parallel lines and lengths in line spacings.
 struct Slope {
-    /// Change of the plane's z per unit of x.
+    /// Change of the plane's depth along the lines, per unit of x across the lines.
     x: f32,
-    /// Change of the plane's z per unit of y.
+    /// Change of the plane's depth along the lines, per unit of y across the lines.
     y: f32,
     /// Absolute cosine between the triangle's normal and the lines, 0 to 1.
     cosine: f32,
@@ -148,9 +148,9 @@ impl Slope {
     }
 }
 
-/// Lines of one direction, with the depths at which triangles intersect them. In the lines' coordinates, line
-/// (i, j) runs along z at x = i + 1/2, y = j + 1/2, so lengths are in line spacings. Line (i, j) has the
-/// number `j * side + i`.
+/// Parallel lines of one direction, with the depths at which triangles intersect them. In the lines'
+/// coordinates, line (i, j) runs along z at x = i + 1/2, y = j + 1/2, so lengths are in line spacings. Line
+/// (i, j) has the number `j * side + i`.
 #[derive(Default)]
 struct Lines {
     /// Number of parallel lines along each side of the square grid of lines.
@@ -161,15 +161,15 @@ struct Lines {
     /// Depth (z in line spacings) of every intersection, line by line; ascending within each line of `long`,
     /// otherwise in the order of the triangles.
     depths: Vec<f32>,
-    /// Numbers of the lines with more than [`MAX_SCANNED`] intersections.
+    /// Numbers of the lines with more than [`MAX_SCANNED`] intersections, whose depths are sorted.
     long: Vec<u32>,
     /// Line number and depth (z in line spacings) of every intersection, in the order of the triangles.
     cuts: Vec<(u32, f32)>,
 }
 
 impl Lines {
-    /// Replaces the intersections of all lines by those with `triangles`, given in the lines' coordinates (z
-    /// along the lines, lengths in line spacings).
+    /// Replaces the intersections of all lines by the lines' intersections with `triangles`, given in the
+    /// lines' coordinates (z along the lines, lengths in line spacings).
     fn cut(&mut self, triangles: &[[Vec3; 3]]) {
         self.cuts.clear();
         for t in triangles {
@@ -286,8 +286,9 @@ mod tests {
         }
     }
 
-    /// Inner faces have low openness and outer faces high, also with 40 coincident copies, where lines have
-    /// so many intersections that they are bisected.
+    /// All faces of a cube inside a slightly larger cube have low openness. Faces of the larger cube and of a
+    /// separate cube have high openness. The same holds for 40 copies of the scene, where lines have so many
+    /// intersections that depths are bisected.
     #[test]
     fn enclosed_objects_have_low_openness() {
         for (turn, copies) in [

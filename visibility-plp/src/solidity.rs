@@ -128,9 +128,9 @@ pub(crate) fn side_factors(direction: Vec3, is_around: bool, one_sided: bool) ->
 /// Typical difference between the cosine of the view direction to a side's axis and to a normal of that side.
 const SPREAD: f32 = 0.35;
 
-/// Returns the solidity of a face's neighbour by the paper's formula, from the solidity of the cell `from` on
-/// the near side of the face. `center` is the neighbour's scene-relative centre. Cost: proportional to the
-/// number of objects in the cell `from`.
+/// Returns the solidity of a face's neighbour by the formula of [`Solidity::Count`](crate::Solidity::Count),
+/// from the solidity of the cell `from` on the near side of the face. `center` is the neighbour's
+/// scene-relative centre. Cost: proportional to the number of objects in the cell `from`.
 pub(crate) fn count_solidity<T: Tessellation + ?Sized>(
     tessellation: &T,
     frustum: &CellFrustum,

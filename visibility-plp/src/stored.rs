@@ -72,7 +72,7 @@ fn read_array(reader: &mut Reader) -> Result<Vec<u32>, EnvelopeError> {
     reader.u32s(count)
 }
 
-/// Reads an array of quadruples. `Err` if its length is no multiple of four or the bytes end early.
+/// Reads an array of quadruples. `Err` if the array's length is no multiple of four or the bytes end early.
 fn read_fours(reader: &mut Reader) -> Result<Vec<[u32; 4]>, EnvelopeError> {
     let words = read_array(reader)?;
     if words.len() % 4 != 0 {

@@ -18,7 +18,7 @@ use visibility_plp::{
 const FINENESS: [Fineness; 2] =
     [Fineness { vertices: 24, halvings: 5 }, Fineness { vertices: 60, halvings: 4 }];
 
-/// Tessellation of either kind.
+/// Octree or Delaunay tessellation of a scene.
 #[derive(Clone)]
 enum Cells {
     Octree(Arc<OctreeTessellation>),
@@ -55,7 +55,7 @@ impl Cells {
 
 type Shared = Arc<dyn Tessellation>;
 
-/// Culler that outlives changes of its inputs.
+/// Culler under test, kept while its scene and tessellation are changed or replaced.
 enum Live {
     Plp(PlpCuller<Shared>),
     Conservative(ConservativePlpCuller<Shared, Blank>),

@@ -12,7 +12,7 @@ pub struct Octree {
     nodes: Vec<Node>,
 }
 
-/// Node of the octree: either children or objects.
+/// Node of the octree: an inner node has children, a leaf has objects.
 struct Node {
     /// Box around all objects below the node, relative to the scene's origin.
     bounds: Aabb,
@@ -33,8 +33,8 @@ impl Octree {
         octree
     }
 
-    /// Appends the subtree of some objects and returns its index. `depth` is the number of levels that may
-    /// still be split.
+    /// Appends the subtree of some objects and returns the index of its root. `depth` is the number of levels
+    /// that may still be split.
     fn add(&mut self, scene: &Scene, objects: Vec<ObjectId>, depth: u32) -> usize {
         let bounds_of = |id: &ObjectId| scene.bounds(*id).unwrap();
         let bounds = objects.iter().map(bounds_of).fold(Aabb::EMPTY, |all, one| all.union(&one));

@@ -38,7 +38,8 @@ impl Random {
         (self.bits() % limit as u64) as usize
     }
 
-    /// Returns an integer from `least` to `greatest`, both included. Panics if `greatest < least`.
+    /// Returns an integer from `least` to `greatest`, both included. `greatest` must not be less than
+    /// `least`; panics or returns other numbers otherwise.
     pub fn between(&mut self, least: i32, greatest: i32) -> i32 {
         least + self.below((greatest - least + 1) as usize) as i32
     }

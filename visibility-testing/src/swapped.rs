@@ -21,13 +21,14 @@ pub trait Swapped {
     /// a culler that needs a scene alone.
     type Source: Clone;
 
-    /// Derives a source from the present state of a scene.
+    /// Derives a source (data for the culler, such as a PVS or occluders) from the present state of a scene.
     fn derive(&self, scene: &Scene, rng: &mut Random) -> Self::Source;
 
-    /// Makes a culler that has seen no scene yet.
+    /// Makes a culler from a source. The culler has seen no scene yet.
     fn make(&self, source: &Self::Source) -> Self::Culler;
 
-    /// Gives a source to a culler and lets the culler sync with the present state of the scene.
+    /// Gives a source to a culler and lets the culler sync with the present state of the scene. The source
+    /// may be derived from another scene or an earlier state.
     fn give(&self, culler: &mut Self::Culler, source: &Self::Source, scene: &Scene);
 
     /// Makes the reference culler for a source: a live culler must not hide any object that the reference
@@ -36,8 +37,8 @@ pub trait Swapped {
         self.make(source)
     }
 
-    /// Returns whether a culler that was just given its source must answer like a fresh culler, whatever it
-    /// has seen before. True by default.
+    /// Returns whether a culler that was just given its source must answer like a fresh culler, whatever
+    /// scenes and sources the culler has seen before. True by default.
     fn is_free_of_memory(&self) -> bool {
         true
     }
@@ -103,7 +104,7 @@ pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usi
     hidden
 }
 
-/// Returns the objects that a culler keeps of all candidates of a scene.
+/// Returns the objects that a culler keeps of all objects of a scene that the view's layers admit.
 fn cull(
     culler: &mut impl Culler,
     scene: &Scene,

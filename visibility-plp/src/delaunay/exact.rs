@@ -8,7 +8,8 @@ fn minus(a: Point, b: Point) -> [i64; 3] {
     [0, 1, 2].map(|i| i64::from(a[i]) - i64::from(b[i]))
 }
 
-/// Returns the determinant of the matrix with rows a, b and c. The caller keeps it within i64.
+/// Returns the determinant of the matrix with rows a, b and c. Exact if all sums of its products fit into
+/// i64, which the caller ensures.
 fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i64 {
     a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
         + a[2] * (b[0] * c[1] - b[1] * c[0])

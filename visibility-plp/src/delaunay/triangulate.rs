@@ -273,7 +273,8 @@ mod tests {
         check(&mesh, side.into(), true);
     }
 
-    /// After every insertion, unused cell indices are closed, and neighbour numbers stay consistent.
+    /// After every insertion, `close_gaps` leaves no unused cell index and keeps neighbour numbers
+    /// consistent.
     #[test]
     fn gaps_are_closed() {
         let mut random = Random(7);

@@ -26,7 +26,8 @@ pub enum Budget {
     Cost(u64),
 }
 
-/// Settings that both cullers share.
+/// Settings that [`PlpCuller`](crate::PlpCuller) and [`ConservativePlpCuller`](crate::ConservativePlpCuller)
+/// share.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlpSettings {
     /// Limit on the objects kept per frame without an occlusion test.
@@ -190,8 +191,8 @@ pub(crate) struct Walk {
     /// One bit for each cell, set once the frame has reached the cell. Checked before `cells`, which is 512
     /// times larger and misses the cache.
     pub(super) known: Vec<u64>,
-    /// One bit for each cell that is outside of the view or has already propagated to its neighbours. Most
-    /// faces lead to such cells and need no further test.
+    /// One bit for each cell that is outside of the view or whose neighbours were already put into the
+    /// front. Most faces lead to such cells and need no further test.
     pub(super) closed: Vec<u64>,
     /// Front of the projection: priority queue of the cells to project next, least solidity (likelihood of
     /// being hidden) first.

@@ -197,8 +197,9 @@ impl Walk {
         }
     }
 
-    /// Computes the transmittance, or the solidity, of the neighbours that view rays may enter through a face
-    /// of the cell, from the cell's own, and puts those neighbours into the front. Marks the cell as closed.
+    /// Computes the transmittance (or solidity) of the neighbours that view rays may enter from `cell`
+    /// through a face, and puts those neighbours into the front, the queue of cells to project. Sets the
+    /// cell's bit in `closed`.
     #[inline]
     fn pass_on<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         set(&mut self.closed, cell);
