@@ -1,4 +1,4 @@
-//! View volume culling with a scene's BSP tree, and the objects in the order of depth.
+//! View-volume culling with a scene's BSP tree, and front-to-back ordering of the objects.
 
 use crate::scene_tree::{SceneTree, StaleObjects};
 use crate::tree::{Fragments, Order, Subtree, Walk};
@@ -7,16 +7,17 @@ use alloc::vec::Vec;
 use core::borrow::Borrow;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 
-/// Hides objects of which no polygon is in view, and puts the others in order: by their nearest part, front
-/// to back.
+/// Removes objects without a polygon in view and sorts the others front to back, by their nearest fragment in
+/// view.
 ///
-/// Subtrees outside the view volume are not entered, nor those of one object that has its place already. The
-/// order is that of the first fragment of each object on the walk; objects that the tree does not know as
-/// they are come last. Fragments in full order are had from the [tree](SceneTree::tree) itself.
+/// The walk skips subtrees outside the view volume and subtrees whose single owner has been ranked already.
+/// An object's rank is the position of its first fragment on the walk. Objects that are not in the tree as
+/// they are in the scene stay visible and come last. For the full order of all fragments, walk the
+/// [tree](SceneTree::tree) itself.
 ///
-/// Costs some tens of nanoseconds for each node in view whose polygons are of several objects. After 65,536
-/// nodes, or as many as [`with_nodes`](Self::with_nodes) says, it goes no further: objects that were not met
-/// by then are visible, and come last.
+/// Costs some tens of nanoseconds per node in view whose subtree belongs to several objects. The walk stops
+/// after 65,536 nodes, or the number given to [`with_nodes`](Self::with_nodes). Objects not reached by then
+/// stay visible and come last.
 ///
 /// ```
 /// use visibility_bsp::{BspOrderCuller, SceneTree};
@@ -38,30 +39,37 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 /// ```
 #[derive(Clone, Debug)]
 pub struct BspOrderCuller<S> {
+    /// The tree of the scene's triangles, usually shared by the cullers of several views.
     shared: S,
+    /// Objects that have changed since the tree was last synchronized with the scene.
     stale: StaleObjects,
+    /// Stack of the tree walk, kept to avoid allocation.
     order: Order,
+    /// Maximum number of nodes visited per frame.
     most: u64,
-    /// By index: when the object was first met, of those that matter.
+    /// By object index: position in the front-to-back order, [`NOT_MET`] for a candidate not reached yet,
+    /// [`NONE`] for other objects.
     ranks: Vec<u32>,
 }
 
+/// Rank of a candidate that the walk has not reached.
 const NOT_MET: u32 = u32::MAX;
-/// Not a candidate, or none that the tree knows as it is: it comes last.
+/// Rank of an object that is no candidate, or that is not in the tree as it is in the scene. It comes last.
 const NONE: u32 = u32::MAX - 1;
 
 impl<S: Borrow<SceneTree>> BspOrderCuller<S> {
-    /// For one view.
+    /// Creates the culler of one view, with a tree or a shared pointer to a tree.
     pub fn new(shared: S) -> Self {
         Self { shared, stale: StaleObjects::default(), order: Order::new(), most: 1 << 16, ranks: Vec::new() }
     }
 
-    /// The tree, to replace it, or to bring it up to date if it is this culler's own.
+    /// Returns the tree for replacement, or for [`sync`](SceneTree::sync) if this culler owns the tree.
     pub fn shared_mut(&mut self) -> &mut S {
         &mut self.shared
     }
 
-    /// Looks at no more nodes of the tree than so many.
+    /// Sets the maximum number of tree nodes visited per frame. Objects not reached within it stay visible
+    /// and come last; 0 visits none.
     pub fn with_nodes(self, most: u64) -> Self {
         Self { most, ..self }
     }
@@ -99,25 +107,29 @@ impl<S: Borrow<SceneTree>> Culler for BspOrderCuller<S> {
     }
 }
 
+/// State of one frame's tree walk.
 struct Frame<'a> {
     volume: ViewVolume,
+    /// By object index; see [`BspOrderCuller`].
     ranks: &'a mut [u32],
+    /// Number of objects ranked so far, which is the next rank.
     met: u32,
-    /// Candidates not met.
+    /// Number of candidates not ranked yet.
     left: u32,
-    /// How many nodes may be looked at.
+    /// Maximum number of nodes to visit.
     most: u64,
     stats: CullStats,
 }
 
 impl Frame<'_> {
-    /// Whether the rank of an owner is still to be found. One that was removed from the scene may be in the
-    /// tree still.
+    /// Tests whether the object with index `owner` is a candidate without a rank. False for the index of a
+    /// removed object, which the tree may still contain.
     #[inline]
     fn is_wanted(&self, owner: u32) -> bool {
         self.ranks.get(owner as usize) == Some(&NOT_MET)
     }
 
+    /// Gives the object with index `owner` the next rank.
     fn meet(&mut self, owner: u32) {
         self.ranks[owner as usize] = self.met;
         self.met += 1;
@@ -126,7 +138,8 @@ impl Frame<'_> {
 }
 
 impl Walk for Frame<'_> {
-    /// The marks of a node are the planes that all of it is inside of.
+    /// Enters a node if it may contain a fragment of an unranked candidate in view. The marks of a node are
+    /// the mask of view planes that its whole subtree is inside of; bit i stands for plane i.
     fn enter(&mut self, subtree: &Subtree, inside: u32) -> Option<u32> {
         if self.left == 0 || self.stats.nodes > self.most {
             return None;
@@ -141,7 +154,7 @@ impl Walk for Frame<'_> {
         }
         let inside = self.volume.inside_of(inside, subtree.bounds())?;
         match owner {
-            // All of it is in view, and comes before all that is still to come.
+            // The whole subtree is in view, and everything still to come is farther.
             Some(owner) if self.volume.is_inside(inside) => {
                 self.meet(owner);
                 None

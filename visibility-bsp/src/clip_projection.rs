@@ -1,99 +1,120 @@
-//! The camera as object space needs it: directions from the eye with bounds on their rounding, and planes
-//! through the eye.
+//! Projection of scene points to homogeneous view-ray directions with bounds on their rounding errors, and
+//! planes through the eye.
 //!
 //! # Directions
-//! A point `p` of the scene becomes the three numbers `(x, y, w)` of clip space, linear in `p`. Up to a
-//! positive factor they name the line of sight through `p`, for perspective and parallel views alike: a plane
-//! through the eye (or along the direction of sight) is one linear function of them, and the convex hull of
-//! points spans the cone of sight of their hull. So the tests below need no eye, only the matrix that the
-//! engine draws with, and a shadow frustum of a parallel view, a prism, is no special case.
+//! A point `p` of the scene is mapped to the three numbers `(x, y, w)` of clip space, which are linear in
+//! `p`. Up to a positive factor they identify the view ray through `p`, for perspective and parallel views
+//! alike. A plane through the eye (for a parallel view: parallel to the view direction) is one linear
+//! function of `(x, y, w)`. The convex cone of the directions of several points contains the directions of
+//! their convex hull. So the tests below need no eye position, only the matrix that the engine draws with.
+//! The shadow frustum of a parallel view, a prism, is no special case.
 //!
 //! # Bounds
-//! Every direction is scaled so that its largest number is 1, and carries `error`, a bound on how far any of
-//! its numbers is off. The bounds are relative, so they hold at any magnitude; what underflows loses at most
-//! the least normal number, which is added.
+//! Every direction is scaled so that its largest component is 1 in magnitude, and carries `error`, an
+//! absolute bound on the error of each component. The bounds are therefore relative and hold at any magnitude
+//! of coordinates. A component that underflows loses at most the least normal number, which is added to the
+//! bound.
 
 use visibility_core::glam::{BVec3, DMat3, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
 use visibility_core::{Aabb, View, view::Eye};
 
-/// Unit round-off of `f64`.
+/// Unit round-off of `f64`, half the machine epsilon.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// Maximum error of a direction or a plane, relative to its largest number; those with more are not used.
+/// Maximum error of a direction or plane, relative to its largest component. Less certain directions and
+/// planes are not used.
 const TOO_WRONG: f64 = 1.0 / (1u64 << 24) as f64;
 
-/// A line of sight, its largest number 1 in magnitude.
+/// The view ray through a point as homogeneous clip-space `(x, y, w)`, scaled so that the largest component
+/// is 1 in magnitude.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Direction {
+    /// Clip-space x, y and w of the point, divided by `size`.
     pub(crate) v: [f64; 3],
+    /// Bound on the absolute error of each component of `v`.
     pub(crate) error: f64,
-    /// What clip-space x, y and w of the point were divided by.
+    /// Largest magnitude among the point's clip-space x, y and w, by which they were divided.
     pub(crate) size: f64,
 }
 
-/// A plane through the eye: `n . v` is positive on the inner side, and its sign is certain for an exact
-/// direction of numbers up to 1 where it is beyond `slack`.
+/// A plane through the eye, as a linear function `n . v` of clip-space directions `v = (x, y, w)`. Positive
+/// values are on the inner side. For an exact direction with components up to 1, the sign is certain if `|n .
+/// v| > slack`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
+    /// Coefficients of x, y and w, the largest 1 in magnitude.
     pub(crate) n: [f64; 3],
+    /// Bound on the absolute error of `n . v` for an exact direction `v` with components up to 1.
     pub(crate) slack: f64,
 }
 
-/// `n . v` of a direction that is off by `error` is off by at most `slack` of the line and this: three
-/// numbers of at most 1 times it, and a little for the error's own rounding and its product with that of the
-/// line.
+/// Returns a bound on the absolute error that is added to `n . v` by a direction whose components are each
+/// off by up to `error`. Three components with coefficients of at most 1 give `3 error`. The remaining eighth
+/// covers the rounding of `error` and its product with the error of the line.
 pub(crate) fn slack_of(error: f64) -> f64 {
     3.125 * error
 }
 
+/// Returns the dot product, with one rounding per operation.
 pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Line {
-    /// The plane through the eye and two lines of sight, if they are far enough apart to tell it.
+    /// Returns the plane through the eye and two view rays, positive on the side of directions `c` for which
+    /// `det(a, b, c) > 0`. `None` if the rays are too close together to determine the plane.
     pub(crate) fn through(a: &Direction, b: &Direction) -> Option<Self> {
         let (p, q) = (a.v, b.v);
         let n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
-        // Each number: two products of factors up to 1, off by the errors of both, and three roundings of
-        // numbers up to 2.
+        // Each component of the cross product: two products of factors up to 1, off by the errors of both
+        // directions, and three roundings of numbers up to 2.
         let error = 2.0 * (a.error + b.error) + 8.0 * U;
         Self::scaled(n, error)
     }
 
+    /// Scales `n` to a largest component of 1. `error` bounds the absolute error of each component of `n`.
+    /// `None` if the relative error exceeds the limit or is NaN.
     fn scaled(n: [f64; 3], error: f64) -> Option<Self> {
         let size = n[0].abs().max(n[1].abs()).max(n[2].abs());
         let error = error / size + 2.0 * U;
-        // Also refuses NaN. `n . v` itself: three products and two sums of numbers up to 3.
+        // The comparison also refuses NaN. `n . v` itself is rounded in three products and two sums of
+        // numbers up to 3.
         (error < TOO_WRONG).then(|| Self { n: n.map(|x| x / size), slack: slack_of(error) + 16.0 * U })
     }
 
+    /// Returns the same plane with its inner and outer sides exchanged.
     pub(crate) fn flipped(&self) -> Self {
         Self { n: self.n.map(|x| -x), ..*self }
     }
 
+    /// Returns `n . v` at direction `v`, positive on the inner side. Compare it with `slack`.
     pub(crate) fn at(&self, v: [f64; 3]) -> f64 {
         dot(self.n, v)
     }
 }
 
-/// The corners of a box.
+/// Returns the eight corners of the box from `min` to `max`; bits 0, 1 and 2 of the corner's number choose
+/// max x, y and z.
 pub(crate) fn corners_of([min, max]: [DVec3; 2]) -> impl Iterator<Item = DVec3> {
     (0..8).map(move |i| DVec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min))
 }
 
-/// A box as seen: the direction of its least corner, what its sides add to that, and a bound on the error of
-/// `n . v` for any corner.
+/// A projected box: the clip-space direction of its minimum corner and what each of its three edges adds to
+/// that direction, all scaled by one factor so that no corner has a component above 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BoxProjection {
+    /// Clip-space x, y and w of the minimum corner.
     pub(crate) base: [f64; 3],
+    /// Change of clip-space x, y and w along the box's edge in x, y and z.
     pub(crate) sides: [[f64; 3]; 3],
+    /// Bound on the absolute error of `n . v` for any corner `v` and any `n` with components up to 1.
     pub(crate) slack: f64,
 }
 
 impl BoxProjection {
-    /// The least and greatest `n . v` over the box.
+    /// Returns the least and greatest `n . v` over the box, each off by at most the sum of the slacks of the
+    /// line and this box.
     #[inline]
     pub(crate) fn span(&self, n: [f64; 3]) -> (f64, f64) {
         let base = dot(n, self.base);
@@ -101,7 +122,8 @@ impl BoxProjection {
         (base + x.min(0.0) + y.min(0.0) + z.min(0.0), base + x.max(0.0) + y.max(0.0) + z.max(0.0))
     }
 
-    /// A corner, numbered as [`Aabb::corners`] does.
+    /// Returns the clip-space direction of a corner, numbered as in [`Aabb::corners`]: bits 0, 1 and 2 choose
+    /// max x, y and z.
     pub(crate) fn corner(&self, number: usize) -> [f64; 3] {
         let mut v = self.base;
         for (axis, side) in self.sides.iter().enumerate() {
@@ -113,30 +135,34 @@ impl BoxProjection {
     }
 }
 
-/// A view for one frame: its clip-space rows relative to an anchor, with bounds on their rounding.
+/// The projection of one frame's view: clip-space rows as linear functions of scene points relative to an
+/// anchor, with bounds on their rounding errors.
 #[derive(Clone, Debug)]
 pub(crate) struct ClipProjection {
+    /// Clip-space x, y and w.
     rows: [ClipRow; 3],
-    /// Positive beyond the near plane.
+    /// Linear function that is positive beyond the near plane and 0 on it.
     near: ClipRow,
-    /// The point that rows are relative to, in scene coordinates: the eye of a perspective view.
+    /// Point in scene coordinates that the rows take points relative to: the eye of a perspective view.
     anchor: DVec3,
+    /// The eye in scene coordinates, or the view direction of a parallel view.
     pub(crate) eye: Eye,
-    /// Bound on the distance of the true eye from `eye` in metres; for parallel views on the error of the
-    /// unit direction.
+    /// Bound on the distance in metres of the exact eye from `eye`. For a parallel view, bound on the length
+    /// of the error of the unit direction.
     pub(crate) eye_error: f64,
-    /// From clip-space x, y and w to directions in space, for perspective views.
+    /// Matrix from clip-space `(x, y, w)` to directions in scene coordinates. Zero for parallel views.
     back: DMat3,
-    /// Bounds on the numbers that `back` makes of a direction, and on their error.
+    /// Bound on the magnitude of each component of `back * v`, for directions `v` with components up to 1.
     back_size: f64,
+    /// Bound on the absolute error of each component of `back * v`, for exact `v` with components up to 1.
     back_error: f64,
-    /// The sign of the determinant of three points' directions where that of the points, seen from the eye,
-    /// is positive.
+    /// 1 or -1: sign of the determinant of the clip-space directions of three points whose triangle normal
+    /// points away from the eye. 0 if rounding leaves it unknown.
     turn: f64,
 }
 
 impl ClipProjection {
-    /// A view in which nothing is hidden.
+    /// A projection in which every test is undecided, so that nothing is hidden. Used before the first frame.
     pub(crate) const BLIND: Self = Self {
         rows: [ClipRow { linear: DVec3::ZERO, constant: 0.0, error: 0.0 }; 3],
         near: ClipRow { linear: DVec3::ZERO, constant: 0.0, error: 0.0 },
@@ -149,7 +175,8 @@ impl ClipProjection {
         turn: 0.0,
     };
 
-    /// The projection of a view for points relative to `origin`.
+    /// Builds the projection of `view` for points relative to `origin` (world coordinates, usually the
+    /// scene's origin).
     pub(crate) fn new(view: &View, origin: DVec3) -> Self {
         let projection = ViewProjection::new(view, origin);
         let rows = [projection.x(), projection.y(), projection.w()];
@@ -161,7 +188,8 @@ impl ClipProjection {
         Self { rows, near, anchor, eye, eye_error, back, back_size, back_error, turn }
     }
 
-    /// The line of sight through a point; none if it is too close to the eye to tell.
+    /// Returns the view ray through a point in scene coordinates. `None` if the point is so close to the eye
+    /// that rounding leaves the direction undetermined, or is NaN.
     pub(crate) fn direction(&self, p: DVec3) -> Option<Direction> {
         let q = p - self.anchor;
         let [(x, ex), (y, ey), (w, ew)] = [self.rows[0].at(q), self.rows[1].at(q), self.rows[2].at(q)];
@@ -170,23 +198,25 @@ impl ClipProjection {
         (error < TOO_WRONG).then(|| Direction { v: [x / size, y / size, w / size], error, size })
     }
 
-    /// Clip-space x, y and w of a point.
+    /// Returns clip-space x, y and w of a point in scene coordinates, without error bounds.
     pub(crate) fn values(&self, p: DVec3) -> [f64; 3] {
         let q = p - self.anchor;
         self.rows.map(|row| row.linear.dot(q) + row.constant)
     }
 
-    /// Lengths of the rows of x and y: clip-space units per metre.
+    /// Returns the lengths of the linear parts of the x and y rows: clip-space units per metre.
     pub(crate) fn scale(&self) -> [f64; 2] {
         [self.rows[0].linear.length(), self.rows[1].linear.length()]
     }
 
-    /// Value of the near plane's row at a point, positive beyond the plane, and the bound on its error.
+    /// Returns the near-plane function at a point in scene coordinates (positive beyond the near plane) and a
+    /// bound on its absolute error.
     pub(crate) fn beyond_near(&self, p: DVec3) -> (f64, f64) {
         self.near.at(p - self.anchor)
     }
 
-    /// Whether a box lies surely beyond the near plane.
+    /// Tests whether a whole box in scene coordinates is surely beyond the near plane. False if undecided or
+    /// NaN.
     pub(crate) fn is_beyond_near(&self, bounds: &Aabb) -> bool {
         let (min, max) = (bounds.min.as_dvec3() - self.anchor, bounds.max.as_dvec3() - self.anchor);
         let nearest = DVec3::select(self.near.linear.cmpge(DVec3::ZERO), min, max);
@@ -194,12 +224,13 @@ impl ClipProjection {
         value > error
     }
 
-    /// Projects a box; `None` if rounding leaves its directions too uncertain.
+    /// Projects a box in scene coordinates. `None` if rounding leaves its directions too uncertain to use, or
+    /// the box is NaN.
     pub(crate) fn cone(&self, bounds: &Aabb) -> Option<BoxProjection> {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (q, size) = (min - self.anchor, max - min);
-        // Each corner is a value at the least corner and up to three products, summed: any term passes at
-        // most eight roundings.
+        // Each corner is the value at the minimum corner plus up to three products. Any term passes through
+        // at most eight roundings.
         let reach = q.abs() + size;
         let (mut base, mut sides, mut error) = ([0.0; 3], [[0.0; 3]; 3], 0.0f64);
         let mut largest = 0.0f64;
@@ -212,43 +243,44 @@ impl ClipProjection {
             sides[2][i] = l.z * size.z;
             let sum = l.x.abs() * reach.x + l.y.abs() * reach.y + l.z.abs() * reach.z + row.constant.abs();
             error = error.max(16.0 * U * sum + row.error);
-            // Larger than any corner.
+            // At least as large as the components of any corner.
             largest = largest.max(sum);
         }
         let error = error / largest + 2.0 * U;
         let scale = 1.0 / largest;
         let scaled = |v: [f64; 3]| [v[0] * scale, v[1] * scale, v[2] * scale];
-        // Spans add up four numbers instead of one: a few roundings more.
+        // A span adds four numbers instead of one, which takes a few more roundings.
         let slack = slack_of(error) + 32.0 * U;
         (error < TOO_WRONG).then(|| BoxProjection { base: scaled(base), sides: sides.map(scaled), slack })
     }
 
-    /// How far from the eye something in view can be and yet be before the near plane, in metres; infinite
-    /// for parallel views.
+    /// Returns an upper bound in metres on the distance from the eye of a point that is inside the image but
+    /// in front of the near plane. Infinite for parallel views, and where the near plane's distance is
+    /// unknown.
     pub(crate) fn clearance(&self) -> f64 {
         let Eye::Point(eye) = self.eye else { return f64::INFINITY };
-        // The distance grows towards the corners of the picture. Rounding is far below the tenth that is
-        // added.
+        // The distance is greatest at a corner of the image. The added tenth far exceeds the rounding errors.
         let (at_eye, _) = self.near.at(eye - self.anchor);
         let mut farthest = 0.0f64;
         for corner in [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]] {
             let along = self.in_space([corner[0], corner[1], 1.0]);
             let reached = -at_eye / self.near.linear.dot(along) * along.length();
-            // Where that is no place before the eye, nothing is known.
+            // If the near plane is not in front of the eye along a corner's ray, no bound is known.
             farthest =
                 if reached >= 0.0 && farthest.is_finite() { farthest.max(reached) } else { f64::INFINITY };
         }
         1.1 * farthest
     }
 
-    /// Whether the eye is outside of a box, and all of the box that is in the picture surely beyond the near
-    /// plane; `clear` is the clearance.
+    /// Tests whether the eye is surely outside a box (`[min, max]` in scene coordinates), and every point of
+    /// the box inside the image surely beyond the near plane. `clear` is the result of
+    /// [`clearance`](Self::clearance). False if undecided.
     pub(crate) fn is_outside(&self, &[min, max]: &[DVec3; 2], clear: f64) -> bool {
         match self.eye {
             Eye::Point(eye) => {
                 let away = (min - eye).max(eye - max).max(DVec3::ZERO);
-                // Rounding takes four units of the distance, which the clearance has to spare; NaN is not
-                // outside.
+                // Rounding costs four units of the distance, which the clearance has to spare. A NaN eye or
+                // box is not outside.
                 away.length() > clear.max(f64::MIN_POSITIVE) + 4.0 * self.eye_error
             }
             Eye::Direction(_) => corners_of([min, max]).all(|p| {
@@ -258,19 +290,21 @@ impl ClipProjection {
         }
     }
 
-    /// 1 or -1: the sign of the determinant of the directions of three points whose normal points away from
-    /// the eye; 0 if unknown.
+    /// Returns the sign (1 or -1) of the determinant of the clip-space directions of three points whose
+    /// triangle normal points away from the eye; -1 is a mirrored camera. 0 if unknown.
     pub(crate) fn turn(&self) -> f64 {
         self.turn
     }
 
-    /// The direction in space of a line of sight, of any length; for perspective views.
+    /// Returns a clip-space direction `(x, y, w)` as a direction in scene coordinates, not normalized. Zero
+    /// for parallel views.
     pub(crate) fn in_space(&self, v: [f64; 3]) -> DVec3 {
         self.back * DVec3::from_array(v)
     }
 
-    /// A plane as directions meet it: how far before it the eye is, and how fast a direction comes nearer to
-    /// it, as a function of the direction. None for parallel views.
+    /// Returns a plane (`normal . p + offset = 0` in scene coordinates, unit normal) as a function of
+    /// clip-space directions: the eye's height above the plane, and the speed at which each direction
+    /// approaches the plane. `None` for parallel views.
     pub(crate) fn approach(&self, normal: DVec3, offset: f64) -> Option<Approach> {
         let Eye::Point(eye) = self.eye else { return None };
         let [x, y, z] = [self.back.x_axis, self.back.y_axis, self.back.z_axis];
@@ -280,14 +314,16 @@ impl ClipProjection {
         Some(Approach { height, height_error, speed: [-normal.dot(x), -normal.dot(y), -normal.dot(z)] })
     }
 
-    /// Whether of all directions of a convex part, given by its corners, each comes through one plane before
-    /// it comes to another.
+    /// Tests whether, along every view ray of a convex cone, the plane `first` is surely met before the plane
+    /// `second`. `part` lists the corner directions of the cone, and `error` bounds the absolute error of
+    /// their components. False if undecided, or if the eye is not surely in front of both planes.
     ///
-    /// At direction `v` a plane is met after `height / speed . v`; the first is met earlier if `height'
-    /// (speed . v) > height (speed' . v)`, which is linear in `v`, so that the corners decide. The second
-    /// plane is surely met by the directions that count, from before: `speed' . v > 0`; then the first one
-    /// is, too. Heights are off by `height_error`; `speed . v` for unit normals by no more than three times
-    /// the error of the direction taken back, and what that of `v` makes of it.
+    /// A ray with direction `v` meets a plane after `height / (speed . v)`. The first plane is met earlier if
+    /// `height' (speed . v) > height (speed' . v)`, where the prime marks the second plane. This inequality
+    /// is linear in `v`, so testing the corners suffices. Every ray of a box enters it through the second
+    /// plane from the front, so `speed' . v > 0`, and then `speed . v > 0` as well. Errors: heights are off
+    /// by at most `height_error`. For unit normals, `speed . v` is off by at most three times the sum of the
+    /// error of `back * v` and the effect of the error of `v` on it.
     pub(crate) fn is_met_first(
         &self,
         first: &Approach,
@@ -308,7 +344,9 @@ impl ClipProjection {
         part.iter().all(|&v| dot(speed, v) > slack)
     }
 
-    /// Whether the eye is surely on the side of a plane that its unit normal points to.
+    /// Tests whether the eye is surely in front of the plane `normal . p + offset = 0` in scene coordinates,
+    /// with a unit normal. For parallel views: whether the view direction surely runs against the normal.
+    /// False if undecided.
     pub(crate) fn is_before(&self, normal: DVec3, offset: f64) -> bool {
         match self.eye {
             Eye::Point(eye) => {
@@ -321,19 +359,25 @@ impl ClipProjection {
     }
 }
 
-/// A plane as a function of the direction: the eye's distance from it in metres, a bound on the error of
-/// that, and the speed `speed . v` at which direction `v` approaches it.
+/// A plane seen from the eye, as a function of the view ray's direction. The plane is met after `height /
+/// (speed . v)`, in units of the length of the unprojected direction `v`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Approach {
+    /// Signed distance of the eye in front of the plane, in metres.
     height: f64,
+    /// Bound on the absolute error of `height`, in metres.
     height_error: f64,
+    /// Coefficients of `speed . v`, the rate at which a ray with clip-space direction `v` approaches the
+    /// plane.
     speed: [f64; 3],
 }
 
-/// Bounds on the numbers that an inverse makes of a direction, and on their error.
+/// Returns two bounds on the product of the computed inverse matrix `back` with directions of components up
+/// to 1: on the magnitude of each component of the product, and on each component's absolute error (infinite
+/// if `back` is not a usable inverse of `forth`).
 ///
-/// `back . forth` is `1 + R`; so what it makes of a direction is off by at most `R` times the truth. `R` is
-/// computed with three products and sums, and a difference.
+/// `back . forth` equals `1 + R` with a residue `R`, so the computed product is off by at most `R` times the
+/// exact one. `R` is computed from three products, their sums and one difference, whose rounding is added.
 fn wrong_by(forth: DMat3, back: DMat3) -> (f64, f64) {
     let (mut size, mut residue) = (0.0f64, 0.0f64);
     for row in 0..3 {
@@ -347,7 +391,7 @@ fn wrong_by(forth: DMat3, back: DMat3) -> (f64, f64) {
         }
         residue = residue.max(sum);
     }
-    // The true one is at most size / (1 - R).
+    // The magnitude with the exact inverse is at most size / (1 - R).
     if residue < 0.5 { (2.0 * size, 2.0 * size * residue) } else { (size, f64::INFINITY) }
 }
 
@@ -355,16 +399,18 @@ fn wrong_by(forth: DMat3, back: DMat3) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    /// Whole numbers from -2^bits to 2^bits.
+    /// Random generator of whole numbers from -2^bits to 2^bits.
     struct Whole(u64);
 
     impl Whole {
+        /// Returns the next number.
         fn next(&mut self, bits: u32) -> i64 {
             self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (self.0 >> (63 - bits)) as i64 - (1 << bits)
         }
     }
 
+    /// Returns the determinant of three integer vectors, without rounding.
     fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i128 {
         let [a, b, c] = [a, b, c].map(|v| v.map(i128::from));
         (a[1] * b[2] - a[2] * b[1]) * c[0]
@@ -372,8 +418,8 @@ mod tests {
             + (a[0] * b[1] - a[1] * b[0]) * c[2]
     }
 
-    /// Directions in units of 2^-40, close together, so that products are rounded and 128 bits hold their
-    /// determinants.
+    /// Directions are whole multiples of 2^-40 and close together, so that products are rounded in `f64`
+    /// while 128 bits hold the exact determinants.
     #[test]
     fn planes_through_close_directions_tell_sides_only_where_they_exactly_are() {
         let mut whole = Whole(5);
@@ -385,7 +431,7 @@ mod tests {
             let step = [whole.next(28), whole.next(28)];
             let b = [a[0] + step[0], a[1] + step[1], a[2]];
             let times = whole.next(6);
-            // In the plane, or a little beside it.
+            // Exactly in the plane, or a little beside it.
             let aside = if round % 2 == 0 { 0 } else { whole.next(round % 12) };
             let c = [a[0] + times * step[0] + aside, a[1] + times * step[1], a[2]];
             let Some(line) = Line::through(&direction(a), &direction(b)) else { continue };
@@ -398,7 +444,7 @@ mod tests {
         assert!(decided > 10_000, "{decided}");
     }
 
-    /// Eyes within a few units of the last place of a plane.
+    /// The eyes are within a few units in the last place of the plane.
     #[test]
     fn an_eye_is_before_a_plane_only_if_it_exactly_is() {
         let mut whole = Whole(6);

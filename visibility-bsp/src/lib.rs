@@ -1,19 +1,20 @@
-//! Visibility culling in object space: occluders are planes through the eye, at no resolution, and nothing is
-//! drawn.
+//! Visibility culling in object space. An occluder's shadow is bounded by planes through the eye and the
+//! occluder's edges, so tests are independent of image resolution and nothing is rasterized.
 //!
-//! | What it does | Type | Needs | Promise |
+//! | Task | Type | Scene data needed | Accuracy |
 //! |---|---|---|---|
-//! | Hides boxes behind large walls, which fuse | [`OcclusionTreeCuller`] | meshes | conservative |
-//! | The same by one wall or two, and remembers why | [`LargeOccludersCuller`] | meshes | conservative |
-//! | The same by walls chosen in advance for a region | [`ShadowFrustaCuller`] | meshes | conservative |
-//! | Hides every object of which nothing is seen | [`NaylorCuller`] | triangles | exact |
-//! | Puts objects in the order of depth | [`BspOrderCuller`] | triangles | conservative |
-//! | Tests boxes against occluders, for a driver of your own | [`OcclusionTree`] | meshes | conservative |
+//! | Culls boxes behind the fused shadows of large polygons | [`OcclusionTreeCuller`] | occluder meshes | conservative |
+//! | Culls boxes behind one large polygon or two that share an edge; caches answers between frames | [`LargeOccludersCuller`] | occluder meshes | conservative |
+//! | Culls boxes behind one polygon chosen in advance for the eye's region | [`ShadowFrustaCuller`] | occluder meshes | conservative |
+//! | Culls every object without a visible triangle part | [`NaylorCuller`] | triangles | exact |
+//! | Culls objects outside the view and sorts the others front to back | [`BspOrderCuller`] | triangles | conservative |
+//! | Tests boxes against occluders, for a traversal of your own | [`OcclusionTree`] | occluder meshes | conservative |
 //!
-//! The first three share [`Occluders`], large polygons made when a scene is loaded; the next two share a
-//! [`SceneTree`]. Each has a `sync` for scenes that change; an object that has changed since neither hides
-//! anything nor is hidden by mistake. Below these are [`BspTree`], the partition of any polygons, and
-//! [`Solid`], set operations on closed meshes.
+//! The first three cullers share [`Occluders`], large polygons made when a scene is loaded. `NaylorCuller`
+//! and `BspOrderCuller` share a [`SceneTree`]. `Occluders` and `SceneTree` have a `sync` method for scenes
+//! that change. An object that has changed since the last `sync` hides nothing and counts as visible. The
+//! lower layers are public too: [`BspTree`], a binary space partition of any convex polygons, and [`Solid`],
+//! set operations on closed meshes.
 //!
 //! ```
 //! use visibility_bsp::{Occluders, OcclusionTreeCuller};
@@ -39,10 +40,11 @@
 //! ```
 //!
 //! # Features
-//! `std` (default), or `libm` without it.
+//! `std` (default). Without `std`, the feature `libm` supplies the floating-point functions.
 #![no_std]
 #![forbid(unsafe_code)]
-// `!(a > b)` is meant: it also holds where one is not a number.
+// Negated comparisons such as `!(a > b)` are deliberate: unlike `a <= b`, they also hold if an operand is
+// NaN.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]

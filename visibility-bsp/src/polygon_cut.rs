@@ -1,4 +1,4 @@
-//! Cutting a convex polygon in two by a plane.
+//! Cutting of a convex polygon in two by a plane.
 
 use alloc::vec::Vec;
 use visibility_core::{
@@ -6,8 +6,10 @@ use visibility_core::{
     glam::DVec3,
 };
 
-/// The parts of a polygon in front of a plane and behind it; what lies on the plane belongs to both. The
-/// points of the cut are the same for every polygon that shares the edge.
+/// Replaces `front` and `back` by the parts of a convex polygon in front of and behind a plane. A vertex
+/// within the plane's margin goes to both parts, so a part may have fewer than three vertices or none. Cut
+/// points depend only on the plane and the ends of an edge, so polygons that share the edge are cut in
+/// bit-identical points.
 pub(crate) fn cut(polygon: &[DVec3], plane: &SidePlane, front: &mut Vec<DVec3>, back: &mut Vec<DVec3>) {
     front.clear();
     back.clear();

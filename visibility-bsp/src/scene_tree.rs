@@ -1,4 +1,4 @@
-//! The tree of all triangles of a scene, kept up to date, for any number of views.
+//! The BSP tree of all triangles of a scene, updated incrementally and shared by any number of views.
 
 use crate::tree::{BspError, BspTree};
 use alloc::vec::Vec;
@@ -7,12 +7,12 @@ use visibility_core::{
     scene::{Changes, SceneCursor},
 };
 
-/// A [`BspTree`] of the triangles of a [`Scene`], in scene coordinates; each fragment's owner is the index of
-/// its object.
+/// A [`BspTree`] of all triangles of a [`Scene`], in scene coordinates. The owner of each fragment is its
+/// object's index.
 ///
-/// Built once and shared by the cullers of all views. When the scene has changed, [`sync`](Self::sync) brings
-/// it up to date in time proportional to what changed; an object whose change it has not taken in is never
-/// hidden, and hides nothing.
+/// The tree is built once and shared by the cullers of all views. After changes of the scene,
+/// [`sync`](Self::sync) updates the tree in time proportional to the changed objects. Until then, a changed
+/// object counts as visible and hides nothing.
 ///
 /// ```
 /// use visibility_bsp::SceneTree;
@@ -29,21 +29,23 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Debug)]
 pub struct SceneTree {
+    /// The tree; owners are object indices.
     tree: BspTree,
-    /// By object index: the object, if all of its triangles are in the tree.
+    /// By object index: the object, if every triangle of it is in the tree. `None` for objects without
+    /// triangles or with a degenerate one.
     represented: Vec<Option<ObjectId>>,
-    /// The scene and its revision that the tree is up to date with.
+    /// The scene and the revision of it that the tree represents.
     cursor: SceneCursor,
 }
 
 impl SceneTree {
-    /// Builds the tree of all triangles of a scene, as they are now.
+    /// Builds the tree of all present triangles of a scene. Takes some microseconds per triangle.
     ///
-    /// An object without triangles, or with one that is not finite or has no area, counts as visible always:
-    /// nothing is known of it.
+    /// An object without triangles, or with a triangle that is not finite or has no area, always counts as
+    /// visible.
     ///
     /// # Errors
-    /// [`BspError::TooManyFragments`].
+    /// [`BspError::TooManyFragments`] if the triangles cut each other into too many fragments.
     pub fn new(scene: &Scene) -> Result<Self, BspError> {
         let mut represented = alloc::vec![None; scene.index_limit()];
         for id in scene.ids() {
@@ -54,11 +56,12 @@ impl SceneTree {
         Ok(Self { tree, represented, cursor: SceneCursor::at(scene) })
     }
 
-    /// Brings the tree up to date with the scene: triangles of changed objects are removed and inserted
-    /// again. Another scene than before is taken in as by [`new`](Self::new).
+    /// Updates the tree to the scene's present revision by removing and inserting the triangles of changed
+    /// objects. For another scene than before, the tree is built anew as by [`new`](Self::new).
     ///
     /// # Errors
-    /// [`BspError::TooManyFragments`]; what could not be taken in is never hidden.
+    /// [`BspError::TooManyFragments`]. Objects that could not be inserted count as visible. If a rebuild for
+    /// another scene fails, the tree stays as it was.
     pub fn sync(&mut self, scene: &Scene) -> Result<(), BspError> {
         match self.cursor.peek(scene) {
             Changes::Everything => *self = Self::new(scene)?,
@@ -70,8 +73,8 @@ impl SceneTree {
                     self.represented[id.index()] = None;
                 }
                 for &id in ids {
-                    // Listed more than once, it is in the tree already; removed, its index may be another's,
-                    // which is listed too.
+                    // An id listed twice is in the tree already. The index of a removed object may belong to
+                    // another object, which is listed too.
                     if self.represented[id.index()].is_some() || !scene.contains(id) || self.has(id) {
                         continue;
                     }
@@ -83,49 +86,57 @@ impl SceneTree {
         Ok(())
     }
 
-    /// The object with this index, if all of its triangles are in the tree.
+    /// Returns the object with this index, if all of its triangles are in the tree; otherwise `None`.
     pub(crate) fn object(&self, index: u32) -> Option<ObjectId> {
         self.represented.get(index as usize).copied().flatten()
     }
 
+    /// Tests whether the tree has any fragment of an object. Visits all fragments of the object.
     fn has(&self, id: ObjectId) -> bool {
         let mut any = false;
         self.tree.for_each_fragment(index(id), |_| any = true);
         any
     }
 
-    /// The tree, whose fragments' owners are object indices.
+    /// Returns the underlying tree. The owners of its fragments are object indices.
     pub fn tree(&self) -> &BspTree {
         &self.tree
     }
 }
 
+/// Returns an object's index, as the tree's owner number.
 fn index(id: ObjectId) -> u32 {
     id.index() as u32
 }
 
+/// Returns the triangles of an object in scene coordinates; none for an object that has no triangles or is
+/// not in the scene.
 fn corners(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [visibility_core::glam::DVec3; 3]> + '_ {
     let triangles = scene.triangles(id).unwrap_or_default();
     triangles.iter().map(|triangle| triangle.map(|corner| corner.as_dvec3()))
 }
 
-/// Whether an object has triangles, and the tree accepts all of them.
+/// Tests whether an object has at least one triangle, and the tree accepts all of its triangles.
 fn is_fully_represented(scene: &Scene, id: ObjectId) -> bool {
     let mut triangles = corners(scene, id).peekable();
     triangles.peek().is_some() && triangles.all(|triangle| BspTree::accepts(&triangle))
 }
 
-/// Which objects have changed since a shared tree was brought up to date, for one view and frame.
+/// Objects that have changed since a shared tree was last synchronized, determined once per view and frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct StaleObjects {
-    /// By object index: `frame` for objects that have changed since the tree was brought up to date.
+    /// By object index: the value of `frame` in the last frame that found the object changed. 0 if none did.
     changed: Vec<u32>,
+    /// Number of the present frame, from 1 on.
     frame: u32,
+    /// Whether the tree belongs to another scene, or more has changed than the scene lists. No object is
+    /// then current.
     lost: bool,
 }
 
 impl StaleObjects {
-    /// Compares the tree with the scene. To be called first in a frame.
+    /// Compares the tree with the scene and marks changed objects. Must be called before the queries of a
+    /// frame.
     pub(crate) fn begin(&mut self, shared: &SceneTree, scene: &Scene) {
         self.frame = self.frame.wrapping_add(1);
         if self.frame == 0 || self.changed.len() != scene.index_limit() {
@@ -144,13 +155,14 @@ impl StaleObjects {
         }
     }
 
-    /// Whether the object with this index has not changed since the tree was brought up to date.
+    /// Tests whether the object with this index is unchanged since the tree was synchronized. False for an
+    /// index beyond those of the scene.
     #[inline]
     pub(crate) fn is_current(&self, index: u32) -> bool {
         !self.lost && self.changed.get(index as usize).is_some_and(|&frame| frame != self.frame)
     }
 
-    /// Whether all triangles of an object are in the tree, as they are in the scene.
+    /// Tests whether all triangles of an object are in the tree exactly as they are in the scene.
     pub(crate) fn is_known(&self, shared: &SceneTree, id: ObjectId) -> bool {
         self.is_current(index(id)) && shared.represented.get(id.index()) == Some(&Some(id))
     }

@@ -1,66 +1,76 @@
-//! The shadow that a convex polygon casts from the eye: the planes through the eye and its edges, and the
-//! polygon's own plane (Crow, "Shadow Algorithms for Computer Graphics", 1977; Chin and Feiner, "Near
-//! Real-Time Shadow Generation Using BSP Trees", 1989).
+//! The shadow volume that a convex polygon casts from the eye, bounded by the planes through the eye and its
+//! edges and by the polygon's own plane (Crow, "Shadow Algorithms for Computer Graphics", 1977; Chin and
+//! Feiner, "Near Real-Time Shadow Generation Using BSP Trees", 1989).
 //!
 //! # Why it is sound, also for polygons that are not quite flat
-//! An occluder is a patch of triangles whose boundary is one closed loop. A line of sight that has every edge
-//! of the loop on its left is gone round by the loop, and so meets the patch. All vertices lie on the eye's
-//! side of the *back plane*, which is pushed away from the eye until they do; so whatever lies strictly
-//! beyond that plane on such a line lies beyond the patch. Neither argument asks for flatness, or for
-//! rounding to be kind: edges are those between the exact vertices.
+//! An occluder is a patch of triangles whose boundary is one closed loop. A view ray that passes every edge
+//! of the loop on its left is encircled by the loop, and so meets the patch. All vertices lie on the eye's
+//! side of the *back plane*, which is moved away from the eye until they do. So a point strictly beyond the
+//! back plane on such a ray lies beyond the patch. Neither argument requires the patch to be flat or rounding
+//! to be favourable: the edges run between the exact vertices.
 //!
 //! # The near plane
-//! What lies before it is not drawn and must not hide. A patch that crosses it is cut a little beyond it;
-//! edges keep their own exact ends, and the cut becomes an edge of its own.
+//! Geometry in front of the near plane is not drawn, so it must not hide. A patch that crosses the near plane
+//! is cut a little beyond it. The other edges keep their exact ends, and the cut becomes an edge of its own.
 
 use crate::clip_projection::{ClipProjection, Direction, Line, U, slack_of};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
-/// Maximum number of edges of an occluder polygon.
+/// Maximum number of edges of an occluder polygon; polygons with more cast no shadow.
 pub(crate) const MOST_EDGES: usize = 16;
 
-/// An edge of a polygon and the plane through it and the eye.
+/// A shadow edge: an edge of an occluder polygon and the plane through this edge and the eye.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ShadowEdge {
+    /// The plane through the edge and the eye, positive inside the shadow.
     pub(crate) line: Line,
-    /// Ends of the edge in scene coordinates, NaN for an edge made by the near plane. Edges with the same
-    /// ends in either order have the same plane.
+    /// Ends of the edge in scene coordinates; NaN for the edge cut by the near plane. Two edges with the
+    /// same ends, in either order, have the same plane up to its sign.
     pub(crate) ends: [DVec3; 2],
+    /// View rays through the two ends.
     pub(crate) directions: [Direction; 2],
 }
 
-/// A corner of the part of a polygon beyond the near plane.
+/// A corner of the part of a polygon beyond the near plane, which outlines the polygon's shadow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Corner {
+    /// Position in scene coordinates.
     pub(crate) p: DVec3,
+    /// Clip-space `(x, y, w)` of the position divided by `size`: the largest component is 1 in magnitude.
     pub(crate) v: [f64; 3],
-    /// What the clip-space x, y and w of the point were divided by to make `v`.
+    /// Largest magnitude among the position's clip-space x, y and w, by which they were divided to make `v`.
     pub(crate) size: f64,
-    /// Index of the shadow's edge that leads to the next corner, `u8::MAX` for none.
+    /// Index among the shadow's edges of the edge to the next corner; `u8::MAX` if the outline follows no
+    /// polygon edge there.
     pub(crate) edge: u8,
 }
 
-/// The shadow of one polygon: ranges of `Shadows::edges` and `Shadows::corners`, and the plane behind it.
+/// The shadow of one polygon.
 #[derive(Clone, Debug)]
 pub(crate) struct Shadow {
+    /// The shadow's edges, a range of `Shadows::edges`.
     pub(crate) edges: Range<usize>,
+    /// The outline's corners, a range of `Shadows::corners`.
     pub(crate) corners: Range<usize>,
+    /// The plane behind which points inside all edges are hidden.
     pub(crate) back: BackPlane,
 }
 
-/// The plane behind all vertices of a polygon, seen from the eye: only what lies behind it can be hidden by
-/// the polygon.
+/// The plane through or just behind all vertices of an occluder polygon as seen from the eye, in scene
+/// coordinates: `normal . p + offset = 0`. Only points behind it can be hidden by the polygon.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BackPlane {
-    /// Unit normal, pointing to the side that the eye is on.
+    /// Unit normal, pointing to the eye's side.
     pub(crate) normal: DVec3,
+    /// Plane offset in metres: `normal . p + offset` is the signed distance of `p`.
     pub(crate) offset: f64,
 }
 
 impl BackPlane {
-    /// Whether all of a box is surely behind (`-1`), surely before (`1`) or neither.
+    /// Returns the side of a box in scene coordinates: -1 if all of it is surely behind the plane, 1 if all
+    /// of it is surely in front, 0 if it crosses, touches or cannot be decided.
     #[inline]
     pub(crate) fn side(&self, min: DVec3, max: DVec3) -> i32 {
         let n = self.normal;
@@ -68,31 +78,35 @@ impl BackPlane {
             (DVec3::select(n.cmpge(DVec3::ZERO), max, min), DVec3::select(n.cmpge(DVec3::ZERO), min, max));
         let greatest = n.x * far.x + n.y * far.y + n.z * far.z + self.offset;
         let least = n.x * near.x + n.y * near.y + n.z * near.z + self.offset;
-        // As in `Plane::error_bound`: three products, three sums.
+        // Rounding of three products and three sums, as in `Plane::error_bound`.
         let size = n.abs().dot(min.abs().max(max.abs())) + self.offset.abs();
         let error = 6.0 * U * size + f64::MIN_POSITIVE;
         i32::from(least > error) - i32::from(greatest < -error)
     }
 
-    /// Signed distance of a point in metres, positive on the eye's side.
+    /// Returns the signed distance of a point in scene coordinates, in metres, positive on the eye's side.
+    /// Not bounded for rounding.
     pub(crate) fn at(&self, p: DVec3) -> f64 {
         self.normal.dot(p) + self.offset
     }
 }
 
-/// A convex polygon to cast a shadow from, almost flat, in scene coordinates.
+/// A convex, almost flat polygon in scene coordinates that casts a shadow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OccluderPolygon<'a> {
+    /// The boundary loop, at most [`MOST_EDGES`] vertices.
     pub(crate) vertices: &'a [DVec3],
-    /// Unit normal on the side from which the vertices run counter-clockwise: the front.
+    /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(crate) normal: DVec3,
-    /// Bounds on `normal . v` over the vertices, rounding included.
+    /// Least and greatest `normal . v` over the vertices in metres, widened by rounding.
     pub(crate) reach: [f64; 2],
+    /// Whether the polygon also hides for eyes behind it.
     pub(crate) two_sided: bool,
 }
 
-/// The unit normal of a loop of vertices, the least and greatest `normal . v` over them with rounding
-/// included, and the area in square metres. `None` if the loop has no area or is not finite.
+/// Returns the unit normal of a vertex loop (to the side from which it runs counter-clockwise), the least and
+/// greatest `normal . v` over the vertices in metres, widened by rounding, and the area in square metres.
+/// `None` if the loop has no area or a vertex is not finite.
 pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     let (&first, rest) = vertices.split_first()?;
     let mut sum = DVec3::ZERO;
@@ -114,30 +128,38 @@ pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     (reach[0].is_finite() && reach[1].is_finite()).then_some((normal, reach, area))
 }
 
-/// The shadows of one frame. The memory is kept from frame to frame.
+/// The shadows of one frame. Memory is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shadows {
+    /// Shadows cast in this frame, in the order of casting.
     pub(crate) list: Vec<Shadow>,
+    /// Edges of all shadows.
     pub(crate) edges: Vec<ShadowEdge>,
+    /// Outline corners of all shadows.
     pub(crate) corners: Vec<Corner>,
-    /// Scratch: by vertex of the polygon at hand, the value of the near plane's row.
+    /// Scratch: near-plane function at each vertex of the polygon being cast, positive beyond the near
+    /// plane.
     near: Vec<f64>,
+    /// Scratch: view ray through each vertex of the polygon being cast, `None` if undetermined.
     directions: Vec<Option<Direction>>,
 }
 
 impl Shadows {
+    /// Removes all shadows and keeps the memory.
     pub(crate) fn clear(&mut self) {
         self.list.clear();
         self.edges.clear();
         self.corners.clear();
     }
 
+    /// Returns the edges of a shadow of this frame.
     pub(crate) fn edges_of(&self, shadow: &Shadow) -> &[ShadowEdge] {
         &self.edges[shadow.edges.clone()]
     }
 
-    /// Adds the shadow of a polygon. False if there is none: the eye is not surely in front of it, it is
-    /// before the near plane, or rounding leaves an edge in doubt.
+    /// Appends the shadow of a polygon. Returns false and appends nothing if the polygon casts none: the eye
+    /// is not surely in front of it (or behind, for a two-sided one), it is in front of the near plane, has
+    /// more than [`MOST_EDGES`] edges, or an edge's plane is uncertain.
     pub(crate) fn cast(
         &mut self,
         projection: &ClipProjection,
@@ -159,6 +181,8 @@ impl Shadows {
         cast.is_some()
     }
 
+    /// Appends the edges and corners of a polygon's shadow and returns its back plane. On `None`, the
+    /// appended ones must be removed.
     fn try_cast(
         &mut self,
         projection: &ClipProjection,
@@ -179,7 +203,7 @@ impl Shadows {
             return None;
         };
 
-        // The near plane first: what is before it may be anywhere on the picture.
+        // The near plane comes first: a point in front of it may project anywhere.
         self.near.clear();
         let (mut farthest, mut nearest, mut doubt) = (f64::NEG_INFINITY, f64::INFINITY, 0.0f64);
         for &p in occluder_polygon.vertices {
@@ -189,8 +213,8 @@ impl Shadows {
             nearest = nearest.min(value);
             doubt = doubt.max(error);
         }
-        // Where the cut is made: beyond the plane by far more than rounding, or the unevenness of a patch,
-        // can take back.
+        // Value of the near-plane function at which the polygon is cut: beyond the near plane by far more
+        // than rounding, or the unevenness of a patch, can undo.
         let limit = (farthest * 1e-4).max(1024.0 * doubt);
         if !(farthest > limit) {
             return None;
@@ -219,12 +243,13 @@ impl Shadows {
                 let (inner, outer, ni, no) = if keeps_a { (a, b, na, nb) } else { (b, a, nb, na) };
                 let p = inner + (outer - inner) * ((ni - limit) / (ni - no));
                 let Direction { v, size, .. } = projection.direction(p)?;
-                // Where it leaves, the cut begins, whose edge comes when all is known.
+                // The cut's edge begins where the outline leaves the polygon; it is added once all corners
+                // are known.
                 self.corners.push(Corner { p, v, size, edge: if keeps_a { u8::MAX } else { number } });
             }
         }
         if !whole {
-            // A convex loop is cut once or not at all.
+            // A convex loop is cut by the near plane once or not at all.
             let corners = &self.corners[first_corner..];
             if let Some(out) = corners.iter().position(|c| c.edge == u8::MAX) {
                 let (a, b) = (corners[out].p, corners[(out + 1) % corners.len()].p);
@@ -243,8 +268,8 @@ impl Shadows {
             return None;
         }
 
-        // Inwards is where the middle is, for all edges alike, and for a polygon seen from its front always
-        // to the same hand.
+        // All edges must have the outline's mean inside. For a polygon seen from its front, the inner side is
+        // always on the same hand, known from the projection's orientation.
         let mut middle = [0.0; 3];
         for corner in corners {
             for (sum, v) in middle.iter_mut().zip(corner.v) {
@@ -271,7 +296,7 @@ mod tests {
 
     #[test]
     fn points_are_behind_or_before_a_plane_only_if_they_exactly_are() {
-        // Whole numbers, whose products a double cannot hold, but 128 bits can.
+        // Whole numbers whose products exceed the precision of a double, but fit in 128 bits.
         let mut state = 7u64;
         let mut whole = |bits: u32| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

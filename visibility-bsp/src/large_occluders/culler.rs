@@ -1,4 +1,4 @@
-//! The culler: which polygons are in use, and when that must be looked at again.
+//! The culler: chooses the polygons in use and decides when that choice must be repeated.
 
 use super::group_map::GroupMap;
 use crate::clip_projection::ClipProjection;
@@ -13,11 +13,12 @@ use visibility_core::{
     view::{Eye, MAX_PLANES},
 };
 
-/// Culls boxes behind a single large polygon, or behind two that share an edge, and keeps each answer while
-/// the eye moves within a ball in which it cannot change.
+/// Culls boxes that are behind a single large polygon, or behind two that share an edge. Answers are cached
+/// while the eye stays within a ball in which they cannot change.
 ///
-/// Put it after the frustum. It hides less than an [`OcclusionTreeCuller`](crate::OcclusionTreeCuller), since
-/// more than two occluders do not fuse; while the camera stands still or moves slowly, it costs less.
+/// Put it after the frustum culler. It culls less than an
+/// [`OcclusionTreeCuller`](crate::OcclusionTreeCuller), since at most two occluders fuse. It costs less while
+/// the camera stands still or moves slowly.
 ///
 /// ```
 /// use visibility_bsp::{LargeOccludersCuller, Occluders};
@@ -31,26 +32,32 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Debug)]
 pub struct LargeOccludersCuller {
+    /// The polygons to choose from.
     occluders: Arc<Occluders>,
+    /// Chooses polygons and tracks which objects have changed since the polygons were made.
     selector: Selector,
+    /// Maximum number of polygons in use.
     most: usize,
-    /// Spacing in metres of the grid that the eye is rounded to for choosing occluders, and the rounded eye
-    /// of the last choice.
+    /// Spacing in metres of the grid that the eye is rounded to for choosing polygons.
     pitch: f64,
+    /// Rounded eye of the last choice; `None` if a new choice is due.
     chosen_at: Option<Eye>,
+    /// Numbers of the polygons of the last choice, usable or not.
     selected: Vec<u32>,
+    /// Numbers of the selected polygons that are usable in this frame.
     active: Vec<u32>,
-    /// The objects of all active polygons, each once.
+    /// Source objects of all active polygons, each once.
     sources: Vec<ObjectId>,
     /// Numbers of the active polygons that are sections of boxes.
     sections: Vec<u32>,
     /// Whether all selected polygons are active.
     all_active: bool,
+    /// Tests the scene's hierarchy against the occlusion map.
     inner: OcclusionCuller<GroupMap>,
 }
 
 impl LargeOccludersCuller {
-    /// Uses 64 polygons at a time, with coherence.
+    /// Creates a culler that uses up to 64 polygons at a time, with the answer cache on.
     pub fn new(occluders: Arc<Occluders>) -> Self {
         let inner =
             OcclusionCuller::new(GroupMap::new()).with_selection(Selection::Interleaved).with_budget(0);
@@ -70,38 +77,40 @@ impl LargeOccludersCuller {
         }
     }
 
-    /// Sets the maximum number of polygons in use, 0 for none; any number is allowed. The cost of a test that
-    /// is not remembered grows in proportion.
+    /// Sets the maximum number of polygons in use; 0 disables culling. The cost of a test that is not cached
+    /// grows in proportion.
     pub fn with_polygons(self, most: usize) -> Self {
         Self { most, chosen_at: None, ..self }
     }
 
-    /// Turns the memory of answers on (the default) or off. Off, each frame computes everything; the answers
-    /// are the same.
+    /// Turns the answer cache on (the default) or off. Without it, every frame computes all answers. The
+    /// answers are the same.
     pub fn with_coherence(mut self, coherent: bool) -> Self {
         self.inner.map_mut().coherent = coherent;
         self
     }
 
-    /// Replaces the polygons, by those of another scene or by the same ones brought up to date. What was
-    /// remembered of others is dropped in the next frame.
+    /// Replaces the polygons, by those of another scene or an updated copy. Cached answers are dropped in the
+    /// next frame.
     pub fn set_occluders(&mut self, occluders: Arc<Occluders>) {
         self.pitch = pitch_of(&occluders);
         self.occluders = occluders;
         self.chosen_at = None;
     }
 
-    /// Number of boxes that the last frame tested against polygons; those answered from memory do not count.
+    /// Returns the number of boxes that the last frame tested against polygons. Boxes answered from the cache
+    /// do not count.
     pub fn computed(&self) -> u64 {
         self.inner.map().computed()
     }
 
-    /// The eye rounded to the grid, so that eyes near one another choose the same polygons.
+    /// Returns the eye rounded to the grid, so that nearby eyes choose the same polygons. The direction of a
+    /// parallel view is returned unchanged.
     fn place(&self, eye: Eye) -> Eye {
         let pitch = self.pitch;
         let whole = |x: f64| {
             let cells = x / pitch;
-            // Past this, numbers are whole anyway.
+            // Beyond this magnitude, adding `WHOLE` no longer rounds to whole cells.
             if cells.abs() < 2e15 { ((cells + WHOLE) - WHOLE) * pitch } else { x }
         };
         match eye {
@@ -111,14 +120,14 @@ impl LargeOccludersCuller {
     }
 }
 
-/// 1.5 times 2^52: a number of magnitude below 2^51 loses its fraction when this is added.
+/// 1.5 times 2^52. Adding and subtracting it rounds a number of magnitude below 2^51 to a whole number.
 const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
 
-/// Spacing of the grid in metres: the greatest power of two that is at most 1/32 of the largest polygon's
-/// radius, 1 if there is none.
+/// Returns the grid spacing in metres: the greatest power of two that is at most 1/32 of the largest
+/// polygon's radius; 1 without polygons.
 fn pitch_of(occluders: &Occluders) -> f64 {
     let size = occluders.largest_radius() / 32.0;
-    // The bits above the mantissa are the power of two.
+    // The exponent bits alone are the power of two.
     let power = f64::from_bits(size.to_bits() & (0x7ff << 52));
     if power.is_normal() { power } else { 1.0 }
 }
@@ -146,8 +155,8 @@ impl Culler for LargeOccludersCuller {
         let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
         let count = sides_of(view, scene, &mut sides);
         let sides = &sides[..count];
-        // While neither the scene nor the choice has changed, what remains to be tested is that the occluders
-        // are still drawn, in this view's layers too, and that the eye is outside of the boxes of sections.
+        // If neither the scene nor the choice has changed, two conditions remain to be tested: the occluders
+        // are still drawn, also in this view's layers, and the eye is outside the boxes of all sections.
         let settled = map.coherent
             && !chosen
             && self.all_active
@@ -181,7 +190,7 @@ impl Culler for LargeOccludersCuller {
             self.sections.clear();
             let is_section = |&polygon: &u32| !self.occluders.solids_of(polygon).is_empty();
             self.sections.extend(self.active.iter().copied().filter(is_section));
-            // Those that were left out may be of use in the next frame.
+            // Polygons left out now may be usable in the next frame.
             self.all_active = self.active.len() == self.selected.len();
         }
         self.inner.cull(scene, view, visible)

@@ -1,4 +1,4 @@
-//! One polygon, or two that share an edge, as what boxes are tested against.
+//! The unit that boxes are tested against: one polygon, or two that share an edge.
 
 use crate::clip_projection::U;
 use crate::shadow::{BackPlane, OccluderPolygon};
@@ -9,42 +9,51 @@ use visibility_core::view::Eye;
 /// An edge of a polygon and the plane through it and the eye of the frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
+    /// Ends of the edge in scene coordinates.
     pub(super) ends: [DVec3; 2],
-    /// A point inside the polygon, by which the inner side of the plane is told.
+    /// A point inside the polygon, in scene coordinates; it determines the inner side of the plane.
     pub(super) inner: DVec3,
+    /// Normal of the plane, to the inner side, not normalized. The plane passes through
+    /// [`base`](Self::base).
     normal: DVec3,
-    /// The bound on the error of the plane's value at a point `q` from the eye is `slope |q| + least`.
+    /// Bound on the absolute error of `normal . q`, for a point `q` relative to the base whose largest
+    /// coordinate is `s`: `slope s + least`. Infinite if the plane is not usable.
     slope: f64,
+    /// Constant term of that bound.
     least: f64,
 }
 
-/// One polygon, or two that share an edge, and the edges that bound what they hide together.
+/// One polygon, or two that share an edge, and the edges that bound the shadow that they cast together.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
+    /// Bounding edges, a range of `Groups::edges`; the shared edge is not among them.
     pub(super) edges: Range<usize>,
-    /// Indices into `Groups::faces`: twice the same for a single polygon.
+    /// Indices into `Groups::faces`; both are the same for a single polygon.
     pub(super) polygons: [usize; 2],
-    /// Whether the eye sees the two polygons on opposite sides of the shared edge. If not, one folds over
-    /// the other, and they hide nothing together.
+    /// Whether the group is usable: the eye sees the two polygons on opposite sides of the shared edge, and
+    /// the near plane of a parallel view does not cut them. Polygons that fold over each other hide nothing
+    /// together.
     pub(super) joined: bool,
 }
 
-/// The plane of a polygon and which side of it the eye of the frame is on.
+/// The plane of a polygon and the side of it that the eye of the frame is on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face {
-    /// The back planes for an eye before the front, and for one before the back; the second is used if
+    /// Back planes for an eye in front of the polygon and for one behind it. The second is used only if
     /// `two_sided`.
     front: [BackPlane; 2],
+    /// Whether the polygon also hides for eyes behind it.
     two_sided: bool,
-    /// The one of these for the side that the eye is on.
+    /// The entry of `front` for the side that the eye is on.
     pub(super) back: BackPlane,
-    /// Whether the eye is surely in front of it, farther than the near plane reaches.
+    /// Whether the eye is surely on that side, farther from the plane than the near plane reaches.
     pub(super) before: bool,
-    /// Whether the eye is on the side of the front.
+    /// Whether `back` is the back plane for an eye in front of the polygon.
     pub(super) from_front: bool,
 }
 
 impl Face {
+    /// Creates the planes of a polygon; `before` is false until the eye is known.
     pub(super) fn new(occluder_polygon: &OccluderPolygon<'_>) -> Self {
         let front = BackPlane { normal: occluder_polygon.normal, offset: -occluder_polygon.reach[0] };
         let rear = BackPlane { normal: -occluder_polygon.normal, offset: occluder_polygon.reach[1] };
@@ -52,11 +61,11 @@ impl Face {
         Self { front: [front, rear], two_sided, back: front, before: false, from_front: true }
     }
 
-    /// Determines which side of the polygon the eye is on. What is within `clear` metres of the eye may be
-    /// before the near plane, so the plane must be farther than that.
+    /// Determines the side of the polygon that the eye is on. `eye_error` bounds the eye's error in metres. A
+    /// polygon closer to the eye than `clear` metres may be cut by the near plane and counts as not usable.
     pub(super) fn look(&mut self, eye: &Eye, eye_error: f64, clear: f64) {
-        // The eye must be before the plane behind the vertices and, so that what it sees of an uneven polygon
-        // is one side, before that of the vertices too.
+        // The eye must be in front of the back plane. It must also be in front of all vertices, so that it
+        // sees an uneven polygon from one side.
         let height = |near: &BackPlane, far: &BackPlane| match eye {
             Eye::Point(eye) => {
                 let size = near.normal.abs().dot(eye.abs()) + near.offset.abs() + far.offset.abs();
@@ -77,15 +86,17 @@ impl Face {
 }
 
 impl Edge {
+    /// Creates an edge whose plane is not yet computed and holds no box.
     pub(super) fn new(ends: [DVec3; 2], inner: DVec3) -> Self {
         Self { ends, inner, normal: DVec3::ZERO, slope: f64::INFINITY, least: f64::INFINITY }
     }
 
-    /// Takes in the eye: the plane through it and the edge, its normal inwards.
+    /// Computes the plane through the eye and the edge, its normal to the side of `inner`. `eye_error` bounds
+    /// the eye's error: metres for a point, absolute for a unit direction.
     ///
-    /// Its value at a point is a determinant of three differences to the eye, six products of three factors:
-    /// rounding adds `8u` of each at most, and an eye that is off by `e` as much as `e` in the place of each
-    /// factor. 64 for the one and the other cover both.
+    /// The plane's value at a point is a determinant of three differences to the eye: six products of three
+    /// factors. Rounding adds at most `8u` of each product, and an eye that is off by `e` adds at most `e` in
+    /// place of each factor. The factors of 64 cover both.
     pub(super) fn look(&mut self, eye: &Eye, eye_error: f64) {
         match eye {
             Eye::Point(eye) => {
@@ -107,13 +118,15 @@ impl Edge {
         if self.normal.dot(inner) < 0.0 {
             self.normal = -self.normal;
         }
-        // A polygon that itself is not surely on the inner side is seen too much from the edge to be of use.
+        // An inner point that is not surely on the inner side means that the polygon is seen edge on. The
+        // plane is then made unusable.
         if !(self.normal.dot(inner) > self.error(inner.abs().max_element())) {
             self.least = f64::INFINITY;
         }
     }
 
-    /// The point that others are relative to: the eye, or for parallel views an end of the edge.
+    /// Returns the point that plane values are relative to: the eye, or for parallel views the first end of
+    /// the edge.
     fn base(&self, eye: &Eye) -> DVec3 {
         match eye {
             Eye::Point(eye) => *eye,
@@ -121,34 +134,39 @@ impl Edge {
         }
     }
 
+    /// Returns the bound on the plane's absolute error at a point whose largest coordinate relative to the
+    /// base is `size`.
     fn error(&self, size: f64) -> f64 {
         self.slope * size + self.least
     }
 
-    /// Whether a box is surely on the inner side.
+    /// Tests whether a box (`min` to `max` in scene coordinates) is surely on the inner side of the edge's
+    /// plane. False if undecided or NaN.
     pub(super) fn holds(&self, eye: &Eye, min: DVec3, max: DVec3) -> bool {
         let base = self.base(eye);
         let (low, high) = (min - base, max - base);
-        // The corner that is farthest out is told by the signs of the normal.
+        // The outermost corner follows from the signs of the normal.
         let corner = DVec3::select(self.normal.cmpge(DVec3::ZERO), low, high);
         let size = low.abs().max(high.abs()).max_element();
         self.normal.dot(corner) > self.error(size)
     }
 
-    /// By how much the eye is on the inner side of the supporting plane, through the edge and the corner of a
-    /// box behind the polygon that a plane turned about the edge meets first; negative beyond it.
+    /// Returns the signed distance in metres of the eye from the supporting plane: the plane through the edge
+    /// and the corner of a box behind the polygon that a plane turned about the edge touches first. Positive
+    /// on the inner side; rounding errors are subtracted from its magnitude. `None` if the supporting corner
+    /// is not found or the distance is not finite.
     pub(super) fn support(&self, eye: DVec3, min: DVec3, max: DVec3) -> Option<f64> {
         let [a, b] = self.ends;
         let side = b - a;
         let mut at = DVec3::select(self.normal.cmpge(DVec3::ZERO), min, max);
-        // Each turn passes at least one corner, so there are seven at most.
+        // Each turn passes at least one corner, so at most seven turns are needed.
         for _ in 0..8 {
             let normal = side.cross(at - a);
             let normal = if normal.dot(self.inner - a) < 0.0 { -normal } else { normal };
             let next = DVec3::select(normal.cmpge(DVec3::ZERO), min, max);
             if next == at || normal.dot(next - a) >= normal.dot(at - a) {
                 // The normal is off by a few roundings of its factors, which the eye's distance from the edge
-                // makes larger; a corner that was taken for another by rounding is within as much.
+                // multiplies. A corner that rounding mistakes for another is within the same bound.
                 let length = normal.length();
                 let distance = normal.dot(eye - a) / length;
                 let error = 64.0 * U * side.length() * (at - a).length() / length * (eye - a).length();

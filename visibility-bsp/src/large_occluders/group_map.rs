@@ -1,4 +1,4 @@
-//! The groups of a frame as an occlusion map, with what is remembered of each box.
+//! The occlusion map made of a frame's groups, with a cache of answers per box.
 
 use super::group::{Edge, Face, Group};
 use crate::clip_projection::ClipProjection;
@@ -9,54 +9,68 @@ use hashbrown::HashMap;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View, occlusion::Occlusion, view::Eye};
 
-/// The answer for a box, and the ball of eyes for which it holds.
+/// A cached answer for a box, and the ball of eye positions for which it holds.
 #[derive(Clone, Copy, Debug)]
 struct Known {
-    /// Centre of the ball, and its radius in metres.
+    /// Centre of the ball: the eye of the frame that computed the answer, in scene coordinates.
     eye: DVec3,
+    /// Radius of the ball in metres.
     radius: f64,
-    /// Bound on the distance of the true eye from `eye` in that frame, already subtracted from the radius.
+    /// Bound in metres on the eye's error in that frame, already subtracted from the radius.
     eye_error: f64,
+    /// The cached answer.
     answer: Occlusion,
-    /// The last frame that asked for it.
+    /// The last frame that asked for the answer.
     frame: u64,
 }
 
-/// Answers by the bits of the box's corners, so that a box that has moved is another box.
+/// The cache and the groups, which `test` updates behind a shared reference.
 #[derive(Clone, Debug, Default)]
 struct Memory {
+    /// Answers by the bits of the box's minimum and maximum corners, so that a box that has moved counts as
+    /// another box.
     known: HashMap<[u32; 6], Known>,
+    /// Number of answers computed in this frame.
     computed: u64,
+    /// The groups that boxes are tested against.
     groups: Groups,
 }
 
-/// The polygons in use, with all that depends on the eye of the frame.
+/// The polygons in use, with everything that depends on the eye of the frame.
 #[derive(Clone, Debug, Default)]
 struct Groups {
+    /// By polygon: its plane.
     faces: Vec<Face>,
+    /// Edges of all groups, in runs.
     edges: Vec<Edge>,
+    /// Single polygons, in order, followed by pairs.
     groups: Vec<Group>,
-    /// The frame for whose eye `edges` and `groups` are computed. That is put off until an answer is not
-    /// remembered.
+    /// Number of the frame for whose eye `edges` and `groups` are computed; 0 for none. The computation is
+    /// postponed until an answer is not cached.
     looked: u64,
 }
 
-/// Number of frames after which the answer for a box that is not asked for is forgotten.
+/// Number of frames after which an answer that no test has asked for is dropped.
 const FORGET: u64 = 64;
 
-/// Single polygons and pairs of them as an occlusion map that remembers its answers.
+/// An occlusion map of single polygons and pairs of them, with a cache of answers.
 #[derive(Clone, Debug)]
 pub(super) struct GroupMap {
+    /// Whether answers are cached.
     pub(super) coherent: bool,
+    /// Projection of the present frame.
     projection: ClipProjection,
+    /// Number of the present frame, from 1 on.
     frame: u64,
+    /// State that `test` changes.
     memory: RefCell<Memory>,
-    /// Scratch: the ends of each edge as ordered bits, its polygon and its number, sorted to find shared
-    /// edges.
+    /// Scratch for finding shared edges: the ends of each edge as ordered bits, the number of its polygon,
+    /// and the edge's index.
     shared: Vec<([u64; 6], usize, usize)>,
 }
 
 impl GroupMap {
+    /// Creates a map without polygons, with the cache on.
     pub(super) fn new() -> Self {
         Self {
             coherent: true,
@@ -67,10 +81,12 @@ impl GroupMap {
         }
     }
 
+    /// Returns the number of answers that this frame computed instead of taking from the cache.
     pub(super) fn computed(&self) -> u64 {
         self.memory.borrow().computed
     }
 
+    /// Removes all polygons and cached answers.
     pub(super) fn forget(&mut self) {
         let memory = self.memory.get_mut();
         memory.known.clear();
@@ -79,7 +95,8 @@ impl GroupMap {
         memory.groups.edges.clear();
     }
 
-    /// Replaces the polygons and forgets all answers.
+    /// Replaces the polygons by those with the given numbers, pairs those that share an edge, and drops all
+    /// cached answers.
     pub(super) fn group(&mut self, occluders: &Occluders, polygons: &[u32]) {
         self.forget();
         self.shared.clear();
@@ -101,7 +118,7 @@ impl GroupMap {
             faces.push(Face::new(&occluder_polygon));
             groups.push(Group { edges: first..edges.len(), polygons: [number; 2], joined: true });
         }
-        // Edges that two polygons share, whichever way they go round it.
+        // Edges shared by exactly two polygons, whichever way each polygon runs along them.
         self.shared.sort_unstable();
         for i in 1..self.shared.len() {
             let (one, two) = (self.shared[i - 1], self.shared[i]);
@@ -122,8 +139,8 @@ impl GroupMap {
         }
     }
 
-    /// Tests a box against all groups. Returns the answer and the radius in metres within which the eye may
-    /// move before it can change.
+    /// Tests a box (`min` to `max` in scene coordinates) against all groups. Returns the answer and the
+    /// radius in metres within which the eye may move before the answer can change.
     fn compute(&self, memory: &mut Memory, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         memory.computed += 1;
         if memory.groups.looked != self.frame {
@@ -135,8 +152,8 @@ impl GroupMap {
 }
 
 impl Groups {
-    /// Takes in which side of each polygon the eye is surely before, if any, and says whether that is another
-    /// than the last time.
+    /// Determines the side of each polygon that the eye is on. Returns whether the side, or its certainty,
+    /// has changed for any polygon.
     fn turn(&mut self, projection: &ClipProjection) -> bool {
         let clear = projection.clearance();
         let mut turned = false;
@@ -148,7 +165,7 @@ impl Groups {
         turned
     }
 
-    /// Computes the planes through the eye and all edges, and which pairs are joined.
+    /// Computes the planes through the eye and all edges, and which groups are usable.
     fn look(&mut self, projection: &ClipProjection) {
         let (eye, error) = (projection.eye, projection.eye_error);
         for edge in &mut self.edges {
@@ -157,9 +174,10 @@ impl Groups {
         for number in 0..self.groups.len() {
             let group = &self.groups[number];
             let joined = self.is_joined(group);
-            // Parallel views have no distance within which the near plane is: a polygon that is not beyond it
-            // all is of no use. Both ends of each edge, since of two polygons that go the same way round, the
-            // edges that are left begin nowhere at one end of the shared one.
+            // For a parallel view, no distance from the eye bounds the part cut by the near plane. A polygon
+            // that is not wholly beyond the near plane is therefore not used. Both ends of each edge are
+            // tested: with two polygons of equal orientation, no remaining edge begins at one of the ends of
+            // the shared edge.
             let surely_beyond = |end: &DVec3| {
                 let (value, error) = projection.beyond_near(*end);
                 value > error
@@ -170,14 +188,15 @@ impl Groups {
         }
     }
 
-    /// Whether the eye sees the two polygons of a group to either side of the edge that they share.
+    /// Tests whether the eye sees the two polygons of a group on opposite sides of their shared edge. True
+    /// for a single polygon.
     fn is_joined(&self, group: &Group) -> bool {
         let [a, b] = group.polygons;
         if a == b {
             return true;
         }
-        // Going round both from the sides that the eye sees, the shared edge must be gone through in opposite
-        // directions.
+        // The polygons must run along the shared edge in opposite directions, each seen from the side that
+        // the eye is on.
         let [one, two] = [a, b].map(|polygon| &self.groups[polygon]);
         for i in one.edges.clone() {
             for j in two.edges.clone() {
@@ -192,8 +211,9 @@ impl Groups {
         false
     }
 
-    /// Tests a box against all groups. Returns the answer and the radius in metres within which the eye may
-    /// move before it can change; 0 where that is not computed.
+    /// Tests a box (`min` to `max` in scene coordinates) against all groups, and returns `Hidden` or
+    /// `Partial` with the radius in metres within which the eye may move before the answer can change. The
+    /// radius is infinite if no group limits it, and has no meaning for parallel views or without `coherent`.
     fn compute(&self, eye: &Eye, coherent: bool, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         let point = match eye {
             Eye::Point(eye) if coherent => Some(*eye),
@@ -202,7 +222,8 @@ impl Groups {
         let mut radius = f64::INFINITY;
         for group in &self.groups {
             let [a, b] = group.polygons.map(|polygon| &self.faces[polygon]);
-            // All this depends on the eye only as to which side of a polygon it sees.
+            // These conditions depend on the eye only through the side of each polygon that it is on; a
+            // change of side clears the cache.
             if !(a.before && b.before && group.joined)
                 || a.back.side(min, max) != -1
                 || b.back.side(min, max) != -1
@@ -231,7 +252,7 @@ impl Groups {
     }
 }
 
-/// The ends of an edge as bits, the lesser first, so that both directions have one key.
+/// Returns the ends of an edge as bits, the lesser end first, so that both directions have the same key.
 fn key(ends: [DVec3; 2]) -> [u64; 6] {
     let [a, b] = ends.map(|p| (p + 0.0).to_array().map(f64::to_bits));
     let (a, b) = if a <= b { (a, b) } else { (b, a) };
@@ -291,8 +312,8 @@ impl OcclusionMap for GroupMap {
             return known.answer;
         }
         let (answer, radius) = self.compute(&mut memory, min, max);
-        // Well inside what was computed: distances to planes are off by far less than a millionth of the
-        // box's own distance.
+        // The radius is reduced by a margin: distances to planes are off by far less than a millionth of the
+        // box's distance.
         let size = eye.abs().max(min.abs()).max(max.abs()).max_element();
         let doubt = 1e-9 * size + 4.0 * eye_error;
         let radius = (radius * (1.0 - 1e-6) - doubt).max(0.0);

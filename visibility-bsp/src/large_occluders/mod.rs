@@ -1,24 +1,25 @@
-//! Large occluders, one by one and in pairs, with temporal coherence (Coorg and Teller, "Temporally Coherent
+//! Large occluders, used singly and in pairs, with temporal coherence (Coorg and Teller, "Temporally Coherent
 //! Conservative Visibility", 1996, and "Real-Time Occlusion Culling for Models with Large Occluders", 1997).
 //!
 //! # When a polygon hides a box
-//! If the box is behind the polygon's plane, the eye before it, and the box on the inner side of each plane
-//! through the eye and an edge. Turned round: if the eye is on the inner side of each *supporting plane*,
-//! through an edge and that corner of the box which the plane, turned about the edge, touches first. These
-//! planes depend on the edge and the box, and not on the eye.
+//! A polygon hides a box if the box is behind the polygon's plane, the eye is in front of that plane, and the
+//! box is on the inner side of each plane through the eye and an edge. Equivalently, the eye must be on the
+//! inner side of each *supporting plane*. A supporting plane passes through an edge and the first corner of
+//! the box that a plane turned about the edge touches. Supporting planes depend on the edge and the box, not
+//! on the eye.
 //!
 //! # Joined occluders
-//! Two polygons that share an edge hide together what is behind both and inside all their other edges: a line
-//! of sight to the one side of the shared edge is inside all edges of the one polygon, to the other side of
-//! the other's.
+//! Two polygons that share an edge together hide everything that is behind both and inside all their other
+//! edges. A view ray on one side of the shared edge is inside all edges of one polygon; a ray on the other
+//! side is inside all edges of the other polygon.
 //!
 //! # Coherence
-//! An answer for a box holds until the eye crosses one of the supporting planes that certify it: those of the
-//! occluder that hides it, or, for each occluder that does not, one that the eye is beyond. What is kept for
-//! a box is a ball about the eye that crosses none of them; while the eye is in the ball, one comparison is
-//! all that the box costs. Which side of each occluder the eye is before is looked at each frame, and all is
-//! forgotten when that changes. Which occluders are used depends on where the eye is to a coarse grid only,
-//! so that it seldom changes.
+//! The answer for a box holds until the eye crosses one of the supporting planes that certify it. For a
+//! hidden box these are the planes of the occluder that hides it. For a box that is not hidden, it is one
+//! plane per occluder that the eye is outside of. The cache keeps, for each box, a ball around the eye that
+//! crosses none of these planes. While the eye is inside the ball, the box costs one comparison. In each
+//! frame the map determines which side of each occluder the eye is on, and clears the cache if any side has
+//! changed. The choice of occluders depends on the eye rounded to a coarse grid, so it seldom changes.
 
 mod culler;
 mod group;

@@ -1,8 +1,8 @@
-//! Solids as trees, and what two of them have in common, together, or one without the other, by merging the
-//! trees (Naylor, Amanatides and Thibault, "Merging BSP Trees Yields Polyhedral Set Operations", 1990).
+//! Solids as BSP trees, with union, intersection and difference by merging trees (Naylor, Amanatides and
+//! Thibault, "Merging BSP Trees Yields Polyhedral Set Operations", 1990).
 //!
-//! One tree's root divides the other tree in two; each half is merged with what the first tree has on that
-//! side, until one of the two is a leaf, which decides.
+//! The plane of one tree's root splits the other tree in two. Each half is merged with the first tree's child
+//! on that side. The recursion ends where one of the two trees is a leaf, which decides the result.
 
 mod partition;
 
@@ -11,10 +11,10 @@ use core::fmt;
 use partition::{Arena, EMPTY, MOST_LEVELS, SOLID};
 use visibility_core::glam::DVec3;
 
-/// A bounded solid: the points inside a closed boundary, as a tree of planes.
+/// A bounded solid: the points inside a closed boundary, stored as a BSP tree with empty and solid leaves.
 ///
-/// The operations cost time proportional to the number of nodes that the boundaries of the two share space
-/// with, at the worst to the product of the two trees.
+/// A set operation takes time proportional to the number of nodes in whose regions both boundaries lie, at
+/// worst to the product of the two trees' sizes.
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Solid};
@@ -33,20 +33,22 @@ use visibility_core::glam::DVec3;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Solid {
+    /// Nodes of the tree.
     arena: Arena,
+    /// The root: a node index in `arena`, `EMPTY` or `SOLID`.
     root: u32,
-    /// Upper bound on the magnitude of the solid's coordinates, by axis.
+    /// Upper bound on the absolute coordinates of the solid's points, by axis.
     reach: DVec3,
 }
 
-/// Why there is no such solid.
+/// Reason why a solid cannot be made.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum SolidError {
-    /// No tree can be built of the boundary.
+    /// Building the tree of the boundary failed.
     Boundary(BspError),
-    /// A tree is too deep to be merged.
+    /// A tree has more levels than can be merged.
     TooDeep {
-        /// Number of levels of the tree.
+        /// Number of levels of the tree, more than 1000.
         levels: usize,
     },
 }
@@ -70,27 +72,33 @@ impl From<BspError> for SolidError {
     }
 }
 
-/// A set operation on two solids.
+/// A set operation on two solids, in the order of the operands.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Operation {
+    /// Points in the first or the second solid.
     Union,
+    /// Points in both solids.
     Intersection,
+    /// Points in the first solid but not in the second.
     Difference,
 }
 
 impl Solid {
-    /// The solid inside a closed boundary of convex polygons, each counter-clockwise as seen from outside.
+    /// Builds the solid inside a closed boundary of convex polygons, each counter-clockwise as seen from
+    /// outside. Polygons that are not [accepted](BspTree::accepts) are left out. No polygons give an empty
+    /// solid.
     ///
     /// # Errors
-    /// [`SolidError::Boundary`] and [`SolidError::TooDeep`].
+    /// [`SolidError::Boundary`] if the polygons cut each other into too many fragments;
+    /// [`SolidError::TooDeep`] if the tree has more than 1000 levels.
     pub fn new<P: AsRef<[DVec3]>>(boundary: impl IntoIterator<Item = P>) -> Result<Self, SolidError> {
         Self::from_tree(&BspTree::build_solid(boundary.into_iter().map(|polygon| (0, polygon)))?)
     }
 
-    /// The solid made of the solid leaves of a tree that was [built of solids](BspTree::build_solid).
+    /// Builds the solid that consists of the solid leaves of a tree made by [`BspTree::build_solid`].
     ///
     /// # Errors
-    /// [`SolidError::TooDeep`].
+    /// [`SolidError::TooDeep`] if the tree has more than 1000 levels.
     pub fn from_tree(tree: &BspTree) -> Result<Self, SolidError> {
         check(tree.depth())?;
         let bounds = tree.bounds();
@@ -101,17 +109,18 @@ impl Solid {
         Ok(Self { arena, root, reach })
     }
 
-    /// Whether the solid has no points.
+    /// Tests whether the solid contains no point.
     pub fn is_empty(&self) -> bool {
         self.root == EMPTY
     }
 
-    /// Number of nodes of its tree.
+    /// Returns the number of inner nodes of the solid's tree.
     pub fn node_count(&self) -> usize {
         self.arena.len()
     }
 
-    /// Whether a point is inside. On the boundary, within rounding, it may be or not.
+    /// Tests whether a point is inside. For a point on the boundary, within rounding, either answer is
+    /// possible. False for NaN.
     pub fn contains(&self, p: DVec3) -> bool {
         if !p.abs().cmple(self.reach).all() {
             return false;
@@ -119,30 +128,31 @@ impl Solid {
         self.arena.locate(self.root, p) == SOLID
     }
 
-    /// The union: all points in either solid.
+    /// Returns the union: all points in either solid.
     ///
     /// # Errors
-    /// [`SolidError::TooDeep`], here and in the other operations.
+    /// [`SolidError::TooDeep`] if the tree of either operand has more than 1000 levels.
     pub fn union(&self, other: &Self) -> Result<Self, SolidError> {
         self.merge(other, Operation::Union)
     }
 
-    /// The intersection: all points in both solids.
+    /// Returns the intersection: all points in both solids.
     ///
     /// # Errors
-    /// [`SolidError::TooDeep`].
+    /// [`SolidError::TooDeep`] if the tree of either operand has more than 1000 levels.
     pub fn intersection(&self, other: &Self) -> Result<Self, SolidError> {
         self.merge(other, Operation::Intersection)
     }
 
-    /// The difference: all points in this solid and not in the other.
+    /// Returns the difference: all points in this solid and not in the other.
     ///
     /// # Errors
-    /// [`SolidError::TooDeep`].
+    /// [`SolidError::TooDeep`] if the tree of either operand has more than 1000 levels.
     pub fn difference(&self, other: &Self) -> Result<Self, SolidError> {
         self.merge(other, Operation::Difference)
     }
 
+    /// Applies a set operation to this solid and another.
     fn merge(&self, other: &Self, operation: Operation) -> Result<Self, SolidError> {
         check(self.arena.depth(self.root))?;
         check(other.arena.depth(other.root))?;
@@ -151,17 +161,20 @@ impl Solid {
         let a = arena.load(&self.arena, self.root, reach);
         let b = arena.load(&other.arena, other.root, reach);
         let merged = merge(&mut arena, operation, a, b);
-        // What was made on the way is left behind.
+        // Only the nodes of the result are copied; the merge's intermediate nodes are dropped.
         let mut result = Arena::default();
         let root = result.load(&arena, merged, reach);
         Ok(Self { arena: result, root, reach })
     }
 }
 
+/// Fails for a tree of more than [`MOST_LEVELS`] levels.
 fn check(levels: usize) -> Result<(), SolidError> {
     if levels <= MOST_LEVELS { Ok(()) } else { Err(SolidError::TooDeep { levels }) }
 }
 
+/// Merges the trees `a` and `b` of one arena and region, and returns the result's root: a node index or a
+/// leaf.
 fn merge(arena: &mut Arena, operation: Operation, a: u32, b: u32) -> u32 {
     match (operation, a, b) {
         (Operation::Union, SOLID, _) | (Operation::Union, _, SOLID) => return SOLID,

@@ -1,9 +1,9 @@
-//! Dividing a tree by a plane.
+//! Splitting of a BSP tree by a plane.
 //!
-//! Only that part of a plane matters that lies within the region at hand, its *sub-hyperplane*, here a convex
-//! polygon. Two of them, that of the dividing plane and that of the node, can lie to each other in seven
-//! ways: in the same plane facing the same way or opposite ways; each in front of or behind the other's plane
-//! (four ways); or across.
+//! Only the part of a plane inside a node's region matters. This part is the node's *sub-hyperplane*, here a
+//! convex polygon. The sub-hyperplanes of the splitting plane and of a node have seven possible relations: in
+//! the same plane, facing the same way or opposite ways (two); each wholly in front of or behind the other's
+//! plane (four); or crossing (one).
 
 use crate::polygon_cut::cut;
 use alloc::vec::Vec;
@@ -12,57 +12,68 @@ use visibility_core::{
     glam::DVec3,
 };
 
-/// A leaf outside the solid.
+/// Child value of a leaf outside the solid.
 pub(super) const EMPTY: u32 = u32::MAX;
-/// A leaf inside.
+/// Child value of a leaf inside the solid.
 pub(super) const SOLID: u32 = u32::MAX - 1;
 
-/// The most levels of a tree that is merged, since that recurses by levels.
+/// Maximum number of levels of a merged tree. Merging recurses by level, so this bounds the stack.
 pub(super) const MOST_LEVELS: usize = 1000;
 
+/// Tests whether a child value stands for a leaf and not for a node index.
 fn is_leaf(child: u32) -> bool {
     child >= SOLID
 }
 
+/// A node of a solid's tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
+    /// The dividing plane, normal to the front, with its margin.
     plane: SidePlane,
-    /// Behind and in front.
+    /// Children behind and in front of the plane: node indices, [`EMPTY`] or [`SOLID`].
     pub(super) children: [u32; 2],
+    /// Part of the plane inside the node's region.
     sub: Sub,
 }
 
 impl Node {
+    /// Returns the node with other children.
     pub(super) fn with(self, children: [u32; 2]) -> Self {
         Self { children, ..self }
     }
 }
 
-/// A sub-hyperplane: where its corners begin, and how many they are. Without corners, its region was too thin
-/// to have one.
+/// A sub-hyperplane, as a range of `Arena::points`.
 #[derive(Clone, Copy, Debug)]
 struct Sub {
+    /// Index of the first corner.
     start: u32,
+    /// Number of corners; 0 if the region was too thin to determine the polygon.
     len: u32,
 }
 
-/// Nodes of several trees; they are only ever added.
+/// Nodes of several trees. Nodes are only added, never removed.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Arena {
+    /// All nodes.
     nodes: Vec<Node>,
+    /// Corners of all sub-hyperplanes.
     points: Vec<DVec3>,
 }
 
 impl Arena {
+    /// Returns the number of nodes.
     pub(super) fn len(&self) -> usize {
         self.nodes.len()
     }
 
+    /// Returns a copy of a node.
     pub(super) fn node(&self, id: u32) -> Node {
         self.nodes[id as usize]
     }
 
-    /// Adds a node, or what it amounts to: where both sides are the same leaf, that leaf.
+    /// Adds a node and returns its index. If both children are the same leaf, adds nothing and returns that
+    /// leaf.
     pub(super) fn push(&mut self, node: Node) -> u32 {
         let [back, front] = node.children;
         if back == front && is_leaf(back) {
@@ -72,11 +83,12 @@ impl Arena {
         self.nodes.len() as u32 - 1
     }
 
-    /// Adds a node of which only the plane is known.
+    /// Adds a node without a sub-hyperplane, as [`push`](Self::push) does.
     pub(super) fn push_plane(&mut self, plane: &SidePlane, children: [u32; 2]) -> u32 {
         self.push(Node { plane: *plane, children, sub: Sub { start: 0, len: 0 } })
     }
 
+    /// Returns the leaf of a tree that contains a point. A point on a plane counts as in front of it.
     pub(super) fn locate(&self, mut child: u32, p: DVec3) -> u32 {
         while !is_leaf(child) {
             let node = &self.nodes[child as usize];
@@ -85,6 +97,7 @@ impl Arena {
         child
     }
 
+    /// Returns the greatest number of nodes on a path from `root` to a leaf; 0 for a leaf.
     pub(super) fn depth(&self, root: u32) -> usize {
         let (mut open, mut deepest) = (Vec::from([(root, 0)]), 0);
         while let Some((child, depth)) = open.pop() {
@@ -96,23 +109,28 @@ impl Arena {
         deepest
     }
 
+    /// Returns the corners of a sub-hyperplane.
     fn corners(&self, sub: Sub) -> &[DVec3] {
         &self.points[sub.start as usize..][..sub.len as usize]
     }
 
+    /// Stores the corners of a sub-hyperplane.
     fn keep(&mut self, corners: &[DVec3]) -> Sub {
         let start = self.points.len() as u32;
         self.points.extend_from_slice(corners);
         Sub { start, len: corners.len() as u32 }
     }
 
-    /// Copies a tree of another arena, with the sub-hyperplanes within a box of the given reach.
+    /// Copies a tree from another arena and computes its sub-hyperplanes, clipped to a box around the origin
+    /// that contains all coordinates up to `reach` by axis. Returns the copy's root.
     pub(super) fn load(&mut self, from: &Self, root: u32, reach: DVec3) -> u32 {
         let mut above = Vec::new();
-        // A little wider, so that what lies in the sides of the box is well inside.
+        // The box is a little wider than `reach`, so that faces on its sides are well inside.
         self.load_below(from, root, reach * 1.25 + f64::MIN_POSITIVE, &mut above)
     }
 
+    /// Copies the subtree of `child`. `above` lists the planes of its ancestors, each with whether the
+    /// subtree is in front.
     fn load_below(
         &mut self,
         from: &Self,
@@ -150,7 +168,7 @@ impl Arena {
         self.push(Node { plane, children: [back, front], sub })
     }
 
-    /// What is outside where the tree is inside, and inside where it is outside.
+    /// Returns a tree with solid and empty leaves exchanged. Copies every node.
     pub(super) fn complement(&mut self, child: u32) -> u32 {
         match child {
             EMPTY => SOLID,
@@ -163,7 +181,8 @@ impl Arena {
         }
     }
 
-    /// The tree behind and the tree in front of the plane of another node, in the region that they share.
+    /// Splits a tree by the plane of the node `by`. Returns the parts behind and in front of the plane. Tree
+    /// and node must belong to the same region.
     pub(super) fn partition(&mut self, tree: u32, by: &Node) -> [u32; 2] {
         if is_leaf(tree) {
             return [tree; 2];
@@ -173,7 +192,7 @@ impl Arena {
         let of_node = by.plane.side_of_polygon(self.corners(node.sub));
         let [back, front] = node.children;
         if by.sub.len == 0 || node.sub.len == 0 {
-            // Too thin to tell: dividing both sides is right whatever the planes do.
+            // Too thin to tell: splitting both children is correct whatever the relation of the planes.
             return self.partition_across(&node, by);
         }
         match of_by {
@@ -186,8 +205,8 @@ impl Arena {
             }
             PolygonSide::Across => self.partition_across(&node, by),
             side => {
-                // The dividing plane passes one side of the node only; the other side is whole, and the node
-                // on one side of the plane.
+                // The splitting plane passes through one child's region only. The other child stays whole,
+                // and the node goes to one side of the splitting plane.
                 let divided = usize::from(side == PolygonSide::Front);
                 let parts = self.partition(node.children[divided], by);
                 let whole = |arena: &mut Self, part: u32| {
@@ -198,13 +217,14 @@ impl Arena {
                 match of_node {
                     PolygonSide::Front => [parts[0], whole(self, parts[1])],
                     PolygonSide::Back => [whole(self, parts[0]), parts[1]],
-                    // Which cannot be, but for rounding.
+                    // Possible only by rounding.
                     _ => [whole(self, parts[0]), whole(self, parts[1])],
                 }
             }
         }
     }
 
+    /// Splits both children of a node by the plane of `by`, and the node's plane into two nodes.
     fn partition_across(&mut self, node: &Node, by: &Node) -> [u32; 2] {
         let of_by = self.halves(by.sub, &node.plane);
         let of_node = self.halves(node.sub, &by.plane);
@@ -216,7 +236,8 @@ impl Arena {
         })
     }
 
-    /// The parts of a polygon behind and in front of a plane; of one that is not across it, twice the whole.
+    /// Returns the parts of a sub-hyperplane behind and in front of a plane. If the polygon is not across the
+    /// plane, both parts are the whole polygon.
     fn halves(&mut self, sub: Sub, plane: &SidePlane) -> [Sub; 2] {
         if plane.side_of_polygon(self.corners(sub)) != PolygonSide::Across {
             return [sub; 2];
@@ -227,10 +248,10 @@ impl Arena {
     }
 }
 
-/// The part of a plane in a box around the origin.
+/// Returns the polygon in which a plane cuts the box from `-reach` to `reach`. Empty if they do not meet.
 fn across_box(plane: &Plane, reach: DVec3) -> Vec<DVec3> {
     let n = plane.normal.abs();
-    // Along the axis that the plane is most across, every line through the box meets it once.
+    // Every line through the box along the axis of the normal's largest component meets the plane once.
     let axis = if n.x >= n.y && n.x >= n.z {
         0
     } else if n.y >= n.z {
@@ -250,7 +271,8 @@ fn across_box(plane: &Plane, reach: DVec3) -> Vec<DVec3> {
         .into();
     let (mut inside, mut outside) = (Vec::new(), Vec::new());
     for sign in [1.0, -1.0] {
-        // The ends that stick out of the box, with the margin that their distance asks for.
+        // Clips the polygon's ends that stick out of the box, with a margin for their distance from the
+        // origin.
         let side = SidePlane::new(Plane::new(DVec3::AXES[axis] * sign, reach[axis]), reach * 3.0);
         match side.side_of_polygon(&corners) {
             PolygonSide::Across => {

@@ -1,65 +1,77 @@
-//! The beam tree: a binary partition of the picture into what is covered already and what is still open.
+//! The beam tree: a binary partition of the image into covered (closed) and uncovered (open) convex leaves.
 //!
-//! Each line is the image of a plane through the eye and an edge, each leaf a beam of lines of visibility.
-//! Polygons come nearest first. One that reaches an open leaf is seen there, and closes the part of the leaf
-//! that it covers; one that reaches only closed leaves is hidden. A node both of whose sides are closed is
-//! closed itself, so that the tree shrinks to one leaf as the picture fills.
+//! Coordinates are normalized device coordinates (NDC): the image is the square from -1 to 1 on both axes.
+//! Each tree line is the image of a plane through the eye and an edge; each leaf is the image of a beam of
+//! view rays. Polygons are inserted nearest first. A polygon that reaches an open leaf is visible there, and
+//! the part of the leaf that it covers becomes closed. A polygon that reaches only closed leaves is hidden. A
+//! node whose children are both closed becomes a closed leaf, so the tree shrinks to one leaf as the image
+//! fills.
 //!
 //! # Rounding
-//! Corners are known up to an error `d`, for which whoever draws them answers. The line of an edge is taken
-//! from its two ends as they were drawn, never from what cuts have left of it, so that two polygons that
-//! share an edge have the same line for it, to the last bit. Where one has only a part of the edge, of length
-//! `s`, the two lines differ by up to `d (1 + 2 r / s)` at a distance of `r`, and the picture is at most 2.9
-//! wide. A point within 4 times that of a line is *on* it: once for the point, once for the line, and as much
-//! again for points that were cut along another such line. An edge on a line of the tree divides nothing
-//! again.
+//! Polygon corners have an error of at most `d` in NDC, which the caller guarantees. The line of an edge is
+//! computed from the edge's two ends as inserted, never from what cuts have left of the edge, so two polygons
+//! that share an edge have the same line to the last bit. If one polygon has only a part of length `s` of the
+//! edge, the two lines differ by up to `d (1 + 2 r / s)` at distance `r` from the part, and the image is at
+//! most 2.9 across. A point counts as *on* a line within 4 times that bound: once for the point, once for the
+//! line, and twice for points that were cut along another such line. An edge that lies on a line of the tree
+//! does not divide a leaf again.
 //!
-//! So a polygon may fail to cover a strip as wide as the margin of a line, and what lies behind it reaches an
-//! open leaf there. Margins are at most a quarter of [`NARROWEST`], and parts of wider polygons that are
-//! narrower than that are not seen. A polygon that is itself so narrow is told apart: it is cut a margin
-//! beyond each line, and where it then reaches an open leaf it is [glimpsed](Visibility::Glimpsed).
+//! So a polygon may fail to cover a strip as wide as a line's margin, and a farther polygon reaches an open
+//! leaf there. Margins are at most a quarter of [`NARROWEST`], and a part narrower than that of a wider
+//! polygon does not count as seen. A polygon that is itself so narrow is treated separately: it is cut a
+//! margin beyond each line, and where it then reaches an open leaf it is [glimpsed](Visibility::Glimpsed).
 
 use alloc::vec::Vec;
 use visibility_core::geometry::Side;
 
-/// A leaf through which nothing is seen yet.
+/// Child link of a leaf that no polygon covers yet.
 const OPEN: u32 = u32::MAX;
-/// A leaf that is covered.
+/// Child link of a covered leaf.
 const CLOSED: u32 = u32::MAX - 1;
 
-/// A vertex in the picture.
+/// A polygon corner in NDC, -1 to 1 across the image, with the edge that leaves it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Corner {
+    /// Horizontal NDC coordinate, -1 at the left and 1 at the right edge of the image.
     pub(super) x: f64,
+    /// Vertical NDC coordinate, -1 at the bottom and 1 at the top of the image.
     pub(super) y: f64,
-    /// Whether the edge from here to the next corner lies on a line above in the tree.
+    /// Whether the edge from this corner to the next lies on the line of a tree node above, so that it
+    /// divides no leaf again.
     pub(super) on_line: bool,
-    /// Which edge of the polygon it is a part of.
+    /// Index of the inserted polygon's edge that the edge from this corner is a part of. Unused if
+    /// `on_line`.
     edge: u32,
 }
 
 impl Corner {
+    /// Creates a corner at NDC `(x, y)` that starts no edge on a tree line.
     pub(super) fn new(x: f64, y: f64) -> Self {
         Self { x, y, on_line: false, edge: 0 }
     }
 }
 
-/// `a x + b y + c`, with `a` and `b` of unit length together.
+/// A line in NDC: the points with `a x + b y + c = 0`. The normal `(a, b)` has unit length and points to the
+/// front.
 #[derive(Clone, Copy, Debug)]
 struct Line {
     a: f64,
     b: f64,
     c: f64,
+    /// Distance in NDC up to which a point counts as on the line.
     margin: f64,
 }
 
 impl Line {
+    /// Creates a line whose position and points have an absolute error of at most `error` in NDC.
     fn new(a: f64, b: f64, c: f64, error: f64) -> Self {
         Self { a, b, c, margin: 4.0 * error }
     }
 
-    /// The line from one corner to another, in front on its left, and whether it is certain far from them
-    /// too; `None` if they are so close that it could be any.
+    /// Returns the line through two corners, its front on the left from `p` to `q`, and whether its margin
+    /// holds over the whole image (false: the margin was cut to a quarter of [`NARROWEST`]). `error` bounds
+    /// the absolute NDC error of the corners. `None` if the corners are closer than 64 errors or NaN, so that
+    /// the line's direction is undetermined.
     fn through(p: Corner, q: Corner, error: f64) -> Option<(Self, bool)> {
         let (dx, dy) = (q.x - p.x, q.y - p.y);
         let length = visibility_core::glam::DVec2::new(dx, dy).length();
@@ -67,7 +79,8 @@ impl Line {
             return None;
         }
         let margin = 4.0 * error * (1.0 + 5.8 / length);
-        // From the end that comes first, whichever that is, so that both neighbours get the same.
+        // Both neighbours of an edge compute its line from the lexicographically first end, so that both get
+        // the same bits.
         let (at, sign) = if (p.x, p.y) <= (q.x, q.y) { (p, 1.0) } else { (q, -1.0) };
         let (a, b) = (sign * -dy / length, sign * dx / length);
         let c = -(a * at.x + b * at.y);
@@ -76,89 +89,104 @@ impl Line {
         Some((line, margin <= widest))
     }
 
+    /// Returns the signed distance of a corner from the line in NDC, positive in front.
     #[inline]
     fn distance(&self, p: Corner) -> f64 {
         self.a * p.x + self.b * p.y + self.c
     }
 }
 
-/// Gaps that are narrower, in units of half the picture, are not seen through: at 2560 columns the 8000th
-/// part of a pixel.
+/// Width in NDC (1 is half the image) below which a gap or a visible part may be missed: 1/8000 of a pixel at
+/// 2560 columns.
 pub(super) const NARROWEST: f64 = 1e-7;
 
-/// What there is to see of a polygon.
+/// Result of testing a polygon against the beam tree.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Visibility {
-    /// Nothing, but for gaps that rounding may have made.
+    /// The polygon reaches no open leaf, except in gaps that rounding may have made.
     Hidden,
-    /// A part as narrow as such gaps, of a polygon that is as narrow itself.
+    /// The polygon is narrower than 4 [`NARROWEST`] itself, and reaches an open leaf within a margin: too
+    /// narrow to be certain.
     Glimpsed,
-    /// A part that is wide enough.
+    /// A part of the polygon wider than [`NARROWEST`] reaches an open leaf.
     Seen,
 }
 
+/// An inner node: a line and its two half-planes.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     line: Line,
-    /// Behind the line, and in front.
+    /// Children behind and in front of the line: node indices, [`OPEN`] or [`CLOSED`].
     children: [u32; 2],
+    /// Index of the parent node, [`NO_PARENT`] for the root.
     parent: u32,
 }
 
-/// A part of the polygon at hand, on its way into a side of a node.
+/// A convex part of the polygon being tested, on its way into one child of a node.
 #[derive(Clone, Copy, Debug)]
 struct Task {
+    /// Node whose child the part enters, [`NO_PARENT`] for the root of the tree.
     parent: u32,
+    /// Child that the part enters: 0 behind the line, 1 in front.
     side: u8,
-    /// Whether it was once too thin to tell which side of a line it is on. It is then in the right place, up
-    /// to rounding, but has no area to cover.
+    /// Whether the part was within the margin of some line above. Its side was then chosen by its mean,
+    /// correct up to rounding, and it has no area to cover.
     thin: bool,
-    /// Its corners are those from here to the end of the stack.
+    /// Index of the part's first corner in `Beams::corners`; the part extends to the end of that stack.
     begin: usize,
 }
 
-/// Where in the picture something was seen: the middle of a part that nothing nearer covers.
+/// A position in the image at which an object is visible: the centroid of the corners of an uncovered part.
+/// NDC, -1 to 1 across the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Witness {
-    /// From -1 on the left to 1 on the right.
+    /// Horizontal NDC coordinate, from -1 at the left to 1 at the right.
     pub x: f64,
-    /// From -1 at the bottom to 1 at the top.
+    /// Vertical NDC coordinate, from -1 at the bottom to 1 at the top.
     pub y: f64,
-    /// How wide the part is, about, across its narrowest direction, in the same units.
+    /// Approximate width of the uncovered part across its narrowest direction, in NDC units (half images).
     pub width: f64,
 }
 
-/// See the [module](self).
+/// The beam tree of one frame; see the [module](self). Memory is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Beams {
+    /// Inner nodes. Nodes closed during a frame stay in the list unused.
     nodes: Vec<Node>,
+    /// Child link of the whole plane: a node index, [`OPEN`] or [`CLOSED`].
     root: u32,
+    /// Bound on the absolute error of corners, in NDC.
     error: f64,
+    /// Stack of parts still to be taken down the tree.
     tasks: Vec<Task>,
-    /// All parts under way: a stack whose top belongs to the topmost task.
+    /// Corners of all parts on the `tasks` stack; the top of this stack belongs to the topmost task.
     corners: Vec<Corner>,
-    /// Those of the edges of the polygon at hand, each with whether it is certain; none for edges too short
-    /// to divide anything.
+    /// By edge of the polygon being added: its line and whether the line's margin holds over the whole
+    /// image. `None` for an edge too short to have a line.
     lines: Vec<Option<(Line, bool)>>,
+    /// Scratch: corners of the part being cut.
     part: Vec<Corner>,
+    /// Scratch: signed NDC distances of the part's corners from the node's line.
     sides: Vec<f64>,
+    /// Widest uncovered part found by the last `look` or `add`; its width is negative if none was found.
     witness: Witness,
 }
 
+/// Parent index that stands for the root link of the tree.
 const NO_PARENT: u32 = u32::MAX;
 
-/// Lines that divide the picture to begin with, on each axis a power of two less one: whatever comes first,
-/// the tree is no list.
+/// Number of times that each image axis is halved initially: an 8 by 8 grid of open leaves. The grid keeps
+/// the tree from degenerating into a list, whatever polygons come first.
 const GRID: u32 = 3;
 
 impl Beams {
-    /// Opens the whole picture. `error` bounds that of the points to come.
+    /// Resets the tree to an open image. `error` bounds the absolute NDC error of the corners to come.
     pub(super) fn begin(&mut self, error: f64) {
         self.error = error;
         self.nodes.clear();
         self.root = OPEN;
         let mut slot = (NO_PARENT, 0);
-        // Outside the picture nothing is seen.
+        // Leaves outside the image are closed: nothing is visible there.
         for (a, b) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)] {
             let node = self.push(slot, Line::new(a, b, 1.0, error), [CLOSED, OPEN]);
             slot = (node, 1);
@@ -166,7 +194,8 @@ impl Beams {
         self.divide(slot, [-1.0, -1.0], [2.0, 2.0], 2 * GRID);
     }
 
-    /// A balanced tree over a rectangle.
+    /// Replaces the child link `slot` (parent and side) by a balanced tree that halves a rectangle `levels`
+    /// times, alternating axes. `least` is the rectangle's minimum corner and `size` its extent, in NDC.
     fn divide(&mut self, slot: (u32, u8), least: [f64; 2], size: [f64; 2], levels: u32) {
         if levels == 0 {
             return;
@@ -181,6 +210,7 @@ impl Beams {
         self.divide((node, 1), upper, half, levels - 1);
     }
 
+    /// Appends a node, links it into `slot` (parent and side) and returns its index.
     fn push(&mut self, (parent, side): (u32, u8), line: Line, children: [u32; 2]) -> u32 {
         let node = self.nodes.len() as u32;
         self.nodes.push(Node { line, children, parent });
@@ -188,6 +218,7 @@ impl Beams {
         node
     }
 
+    /// Links `child` as the given side of `parent`, or as the root for [`NO_PARENT`].
     fn set(&mut self, parent: u32, side: u8, child: u32) {
         if parent == NO_PARENT {
             self.root = child;
@@ -196,24 +227,26 @@ impl Beams {
         }
     }
 
-    /// Whether nothing can be seen any more.
+    /// Tests whether the whole image is covered.
     pub(super) fn is_closed(&self) -> bool {
         self.root == CLOSED
     }
 
-    /// Whether anything of a convex polygon, counter-clockwise in the picture, is seen.
+    /// Tests a convex polygon against the open leaves without changing the tree. Corners run
+    /// counter-clockwise in NDC and may lie outside the image.
     pub(super) fn look(&mut self, polygon: &[Corner]) -> Visibility {
         self.run(polygon, false)
     }
 
-    /// The same, after which what lies behind the polygon is not seen any more. `error` bounds that of its
-    /// corners.
+    /// Tests a convex polygon like [`look`](Self::look) and then closes the image area that it covers.
+    /// `error` bounds the absolute NDC error of its corners. A polygon with fewer than two edges long enough
+    /// to have a line covers nothing.
     pub(super) fn add(&mut self, polygon: &[Corner], error: f64) -> Visibility {
         self.lines.clear();
         for (i, &p) in polygon.iter().enumerate() {
             self.lines.push(Line::through(p, polygon[(i + 1) % polygon.len()], error));
         }
-        // A polygon with an area has two edges at least; one that is hardly more than a point covers nothing.
+        // A polygon with an area has at least two edges; one that is hardly more than a point covers nothing.
         let closing = self.lines.iter().flatten().count() >= 2;
         if !closing {
             return self.look(polygon);
@@ -222,7 +255,7 @@ impl Beams {
         if !is_narrow(polygon) {
             return self.run(polygon, true);
         }
-        // What is looked for beyond margins must not be covered there.
+        // A narrow polygon is tested with margins but must cover without them, so it is run twice.
         let visibility = self.look(polygon);
         let witness = self.witness;
         self.run(polygon, true);
@@ -230,8 +263,9 @@ impl Beams {
         visibility
     }
 
-    /// Edges too short to have a line: their neighbours may be all but parallel, and would cover a strip
-    /// without an end. It ends square to the edge before, at that end of the short edge which comes first.
+    /// Gives edges too short to have a line a substitute line in `lines`. Without it, nearly parallel
+    /// neighbours would cover an endless strip. The substitute is perpendicular to the last preceding edge
+    /// that has a line, and passes through whichever end of the short edge comes first along that edge.
     fn end_strips(&mut self, polygon: &[Corner], error: f64) {
         let count = polygon.len();
         for i in 0..count {
@@ -245,13 +279,15 @@ impl Beams {
             else {
                 continue;
             };
-            // The edge before runs along (b, -a).
+            // The preceding edge runs along (b, -a).
             let along = |p: Corner| b * p.x - a * p.y;
             let c = along(polygon[i]).min(along(polygon[(i + 1) % count]));
             self.lines[i] = Some((Line { a: -b, b: a, c, margin }, false));
         }
     }
 
+    /// Takes a polygon down the tree and returns its visibility. With `closing`, also closes the area of the
+    /// open leaves that it covers; otherwise stops at the first part that is surely seen.
     fn run(&mut self, polygon: &[Corner], closing: bool) -> Visibility {
         self.witness.width = -1.0;
         self.tasks.clear();
@@ -296,12 +332,15 @@ impl Beams {
         visibility
     }
 
-    /// The widest place where the polygon at hand was seen.
+    /// Returns the widest uncovered part found by the last [`look`](Self::look) or [`add`](Self::add). The
+    /// width is negative if that call reached no open leaf.
     pub(super) fn witness(&self) -> Witness {
         self.witness
     }
 
-    /// Sends the topmost part to the sides of a node.
+    /// Moves the topmost part into the children of node `id`, cut in two if it extends beyond the line's
+    /// margin on both sides. Parts that would enter a closed leaf are dropped. `generous` selects
+    /// [`pass_generously`](Self::pass_generously).
     fn pass(&mut self, id: u32, task: Task, generous: bool) {
         let Node { line, children, .. } = self.nodes[id as usize];
         let (mut least, mut greatest, mut sum) = (0.0f64, 0.0f64, 0.0);
@@ -368,8 +407,8 @@ impl Beams {
         }
     }
 
-    /// Sends what is in front of a node or less than its margin behind it to the front, and likewise to the
-    /// back.
+    /// Moves the topmost part into the children of node `id`, cut one margin beyond the line on either side,
+    /// so that the strip within the margin goes to both children. Used for narrow polygons.
     fn pass_generously(&mut self, id: u32, task: Task) {
         let Node { line: Line { margin, .. }, children, .. } = self.nodes[id as usize];
         self.part.clear();
@@ -398,12 +437,13 @@ impl Beams {
         }
     }
 
-    /// Closes the part of an open leaf that the topmost corners cover.
+    /// Closes the part of an open leaf that the topmost part covers, by a chain of nodes with the part's edge
+    /// lines. A part whose edges all lie on tree lines closes the whole leaf.
     fn close(&mut self, task: Task) {
         let mut slot = (task.parent, task.side);
         let mut divided = false;
-        // Uncertain lines come last: they divide no more than the strip that the others leave, where they are
-        // close to their edge.
+        // Lines whose margin does not hold everywhere are inserted last. They then divide only the strip that
+        // the other lines leave, close to their own edge.
         for certain in [true, false] {
             for i in task.begin..self.corners.len() {
                 let Corner { on_line, edge, .. } = self.corners[i];
@@ -423,7 +463,7 @@ impl Beams {
         }
     }
 
-    /// Closes nodes both of whose sides are closed.
+    /// Replaces node `id` by a closed leaf if both its children are closed, and repeats with its ancestors.
     fn close_above(&mut self, mut id: u32) {
         while id != NO_PARENT {
             let Node { children, parent, .. } = self.nodes[id as usize];
@@ -442,12 +482,13 @@ impl Beams {
     }
 }
 
-/// Whether a polygon is hardly wider than the gaps that are not seen through.
+/// Tests whether a polygon is at most 4 [`NARROWEST`] wide in NDC.
 fn is_narrow(polygon: &[Corner]) -> bool {
     witness(polygon).width <= 4.0 * NARROWEST
 }
 
-/// The middle of a part, and its area by its longest side.
+/// Returns the mean of a part's corners and its approximate width: area divided by the longest edge, 0 for a
+/// point. `part` must not be empty.
 fn witness(part: &[Corner]) -> Witness {
     let (mut x, mut y, mut area, mut longest) = (0.0, 0.0, 0.0f64, 0.0f64);
     let first = part[0];
@@ -461,7 +502,8 @@ fn witness(part: &[Corner]) -> Witness {
     Witness { x, y, width: if longest > 0.0 { 0.5 * area.abs() / longest } else { 0.0 } }
 }
 
-/// Where an edge meets a line, the same from both ends.
+/// Returns the point at which the edge from `p` to `q` meets a line with signed distances `dp` and `dq` at
+/// its ends, of opposite signs. Swapping the ends gives the same bits.
 fn crossing(p: Corner, q: Corner, dp: f64, dq: f64) -> Corner {
     let (p, q, dp, dq) = if (p.x, p.y) <= (q.x, q.y) { (p, q, dp, dq) } else { (q, p, dq, dp) };
     let t = dp / (dp - dq);
@@ -472,16 +514,18 @@ fn crossing(p: Corner, q: Corner, dp: f64, dq: f64) -> Corner {
 mod tests {
     use super::*;
 
+    /// Builds a polygon from NDC corners.
     fn polygon(corners: &[(f64, f64)]) -> Vec<Corner> {
         corners.iter().map(|&(x, y)| Corner::new(x, y)).collect()
     }
 
+    /// Bound on the absolute NDC error of the corners in these tests.
     const ERROR: f64 = 1e-13;
 
     #[test]
     fn a_picture_covered_by_polygons_is_closed_though_their_corners_are_rounded() {
-        // Rows of quadrangles, each divided at other places, their common edge slanted: corners of one row
-        // lie on edges of the next, within rounding.
+        // Rows of quadrilaterals that are divided at different positions, their common edges slanted. Corners
+        // of one row lie on edges of the next, within rounding.
         let mut beams = Beams::default();
         beams.begin(ERROR);
         let (rows, slant) = (9, 0.0371);
@@ -523,7 +567,7 @@ mod tests {
 
     #[test]
     fn polygons_with_short_edges_hide_what_is_behind_them() {
-        // A spike without its tip, and a strip: their short edges have any direction.
+        // A spike without its tip, and a strip. The direction of their short edges is undetermined.
         for shape in [
             &[(-0.9, -0.5), (0.9, 1e-9), (0.9, 2e-9), (-0.9, 0.5)][..],
             &[(-0.9, 0.0), (0.9, 0.0), (0.9, 1e-6), (-0.9, 1e-6)],
@@ -533,14 +577,14 @@ mod tests {
             let shape = polygon(shape);
             assert_eq!(beams.add(&shape, ERROR), Visibility::Seen);
             assert_eq!(beams.look(&shape), Visibility::Hidden);
-            // And nothing beside them.
+            // Polygons beside the shape stay visible.
             assert_eq!(
                 beams.look(&polygon(&[(0.91, -0.1), (0.95, -0.1), (0.95, 0.1), (0.91, 0.1)])),
                 Visibility::Seen
             );
             assert_eq!(beams.look(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])), Visibility::Seen);
         }
-        // What is hardly more than a point hides nothing.
+        // A polygon that is hardly more than a point hides nothing.
         let mut beams = Beams::default();
         beams.begin(ERROR);
         beams.add(&polygon(&[(0.3, 0.3), (0.3 + 1e-13, 0.3), (0.3, 0.3 + 1e-13)]), ERROR);
@@ -551,13 +595,14 @@ mod tests {
     fn what_is_narrow_itself_is_glimpsed_unless_it_is_covered_for_sure() {
         let mut beams = Beams::default();
         beams.begin(ERROR);
-        // Nothing is before it: a needle, in the middle of the picture, and one on a line of the tree.
+        // With nothing in front: a needle in the middle of the image, and one on a line of the tree.
         let needle = |x: f64, low: f64, high: f64| {
             polygon(&[(x, low), (x + 1e-12, low), (x + 1e-12, high), (x, high)])
         };
         assert_eq!(beams.look(&needle(0.3, -0.5, 0.5)), Visibility::Glimpsed);
         assert_eq!(beams.look(&needle(0.0, -0.5, 0.5)), Visibility::Glimpsed);
-        // Half of it is covered, or all of it, or it is in the margin of the edge of what covers.
+        // Half of the needle is covered, or all of it, or the needle is within the margin of the covering
+        // polygon's edge.
         assert_eq!(
             beams.add(&polygon(&[(0.2, -0.6), (0.4, -0.6), (0.4, 0.1), (0.2, 0.1)]), ERROR),
             Visibility::Seen
@@ -566,7 +611,7 @@ mod tests {
         assert_eq!(beams.look(&needle(0.3, -0.5, 0.0)), Visibility::Hidden);
         assert_eq!(beams.look(&needle(0.4, -0.5, 0.0)), Visibility::Glimpsed);
         assert_eq!(beams.look(&needle(0.4 - 5e-13, -0.5, 0.0)), Visibility::Glimpsed);
-        // A needle covers, but not what is beside it.
+        // A needle covers its own area, but not a needle beside it.
         assert_eq!(beams.add(&needle(-0.3, -0.5, 0.5), 1e-16), Visibility::Glimpsed);
         assert_eq!(beams.look(&needle(-0.3 + 2e-12, -0.5, 0.5)), Visibility::Glimpsed);
     }

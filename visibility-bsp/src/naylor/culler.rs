@@ -1,4 +1,4 @@
-//! The culler: a walk of the scene's tree, front to back, into the tree of the picture.
+//! The exact culler: a front-to-back walk of the scene's tree that inserts polygons into the beam tree.
 
 use super::beams::{Beams, Visibility, Witness};
 use super::screen_projection::{ProjectedPolygon, ScreenProjection};
@@ -8,21 +8,23 @@ use alloc::vec::Vec;
 use core::borrow::Borrow;
 use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
 
-/// Hides exactly those objects of which no part of a triangle is seen: what is left is the visible set.
+/// Removes every object of which no triangle part is visible, so that exactly the visible objects remain,
+/// within the tolerance below.
 ///
-/// Triangles have two faces. Those of objects that are flagged as occluders hide what is behind them; the
-/// others are only seen. Of triangles in one plane none hides another. Objects without triangles, with broken
-/// ones, or that have changed since the [tree](SceneTree::sync) was brought up to date, are visible.
+/// Triangles are seen from both sides. The triangles of objects flagged as occluders hide what lies behind
+/// them; the triangles of other objects are visible but hide nothing. Triangles in one plane do not hide each
+/// other. An object counts as visible if it has no triangles, has a triangle that is not finite or has no
+/// area, or has changed since the last [`sync`](SceneTree::sync) of the tree.
 ///
 /// # Tolerance
-/// What is narrower than a ten-millionth of half the picture, an 8000th of a pixel of 2560, may be missed,
-/// such as gaps and faces seen edge on; but not an object before the near plane whose whole box is no wider:
-/// that one is reported. Where the coordinates of the scene are so large that single precision of the picture
-/// is not to be had, nothing is hidden.
+/// A gap or a visible part narrower than 1e-7 of half the image (1/8000 of a pixel at 2560 pixels across) may
+/// be missed, such as a face seen edge on. An object wholly beyond the near plane whose whole box is that
+/// narrow is reported visible. Where the scene's coordinates are so large that image positions are not known
+/// to 1e-8 of half the image, every object stays visible.
 ///
 /// # Cost
-/// Follows what is seen: about a microsecond for each fragment that is visible or on the boundary of what is;
-/// memory likewise.
+/// About a microsecond per fragment that is visible or on the boundary of a visible region. Memory grows with
+/// the number of such fragments.
 ///
 /// ```
 /// use visibility_bsp::{NaylorCuller, SceneTree};
@@ -45,32 +47,40 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 /// ```
 #[derive(Clone, Debug)]
 pub struct NaylorCuller<S> {
+    /// The tree of the scene's triangles, usually shared by the cullers of several views.
     shared: S,
+    /// Objects that have changed since the tree was last synchronized with the scene.
     stale: StaleObjects,
+    /// Stack of the tree walk, kept to avoid allocation.
     order: Order,
+    /// The beam tree: image area already covered in this frame.
     beams: Beams,
+    /// The polygon projected last, with its scratch memory.
     image: ProjectedPolygon,
-    /// By object index: the state of the object in this frame.
+    /// State of each object in this frame, by object index.
     parts: Vec<Part>,
-    /// By index: the object that was seen in the last frame, and where it was seen first.
+    /// By object index: the object seen in the last frame and the position of its first visible part. `None`
+    /// for an object that was hidden or not tested.
     witnesses: Vec<Option<(ObjectId, Witness)>>,
 }
 
-/// State of an object in a frame.
+/// Visibility of an object in this frame, as far as it is known.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Part {
-    /// None of its fragments has been reached.
+    /// No fragment of the object has been reached.
     Unknown,
-    /// Not in the set, or not in the tree as it is in the scene: its fragments are skipped.
+    /// The object is not in the visible set, not on a layer of the view, or not in the tree as it is in the
+    /// scene. Its fragments are skipped.
     None,
-    /// No part of it was surely seen so far.
+    /// No fragment has been surely seen so far. `occluder`: the object hides others. `glimpsed`: a fragment
+    /// too narrow to be certain has reached uncovered image area.
     Hidden { occluder: bool, glimpsed: bool },
-    /// A part of it was seen.
+    /// A fragment has been seen. `occluder`: the object hides others, so its further fragments still matter.
     Seen { occluder: bool },
 }
 
 impl<S: Borrow<SceneTree>> NaylorCuller<S> {
-    /// For one view.
+    /// Creates the culler of one view, with a tree or a shared pointer to a tree.
     pub fn new(shared: S) -> Self {
         Self {
             shared,
@@ -83,14 +93,15 @@ impl<S: Borrow<SceneTree>> NaylorCuller<S> {
         }
     }
 
-    /// Where an object was seen in the last frame, before all of its other parts; `None` if it was hidden, or
-    /// is visible only because nothing is known of it.
+    /// Returns the position in the image at which an object was first found visible in the last frame. `None`
+    /// if the object was hidden, was visible only because its triangles are unknown or stale, or if the last
+    /// frame culled nothing.
     pub fn witness(&self, id: ObjectId) -> Option<Witness> {
         let (seen, witness) = self.witnesses.get(id.index()).copied().flatten()?;
         (seen == id).then_some(witness)
     }
 
-    /// The tree, to replace it, or to bring it up to date if it is this culler's own.
+    /// Returns the tree for replacement, or for [`sync`](SceneTree::sync) if this culler owns the tree.
     pub fn shared_mut(&mut self) -> &mut S {
         &mut self.shared
     }
@@ -134,7 +145,9 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
         let Frame { mut stats, projection, .. } = frame;
         let kept = visible.retain(scene, |id, bounds| match parts[id.index()] {
             Part::Seen { .. } => true,
-            // Of other objects, what is glimpsed are faces that are seen edge on.
+            // What is glimpsed of a wide object is a face seen edge on, which does not count. `glimpsed`
+            // decides only for a box that reaches in front of the near plane, since the width of
+            // its image is unknown.
             Part::Hidden { glimpsed, .. } => projection.is_narrow(bounds).unwrap_or(glimpsed),
             _ => !stale.is_known(shared, id) || projection.is_narrow(bounds) == Some(true),
         });
@@ -143,6 +156,7 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
     }
 }
 
+/// Inputs and state of one frame's tree walk.
 struct Frame<'a> {
     shared: &'a SceneTree,
     scene: &'a Scene,
@@ -158,6 +172,8 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
+    /// Returns the state of the object with index `owner`, determined on the first call of a frame.
+    /// `Part::None` for an index beyond the scene's.
     fn part(&mut self, owner: u32) -> Part {
         let Some(&part) = self.parts.get(owner as usize) else { return Part::None };
         if part != Part::Unknown {
@@ -178,7 +194,8 @@ impl Frame<'_> {
         part
     }
 
-    /// Draws a fragment, as far as it matters: to see whether it is seen, or for what it hides.
+    /// Projects a fragment, tests it against the beam tree and updates its object's state. With `hides`, a
+    /// fragment of an occluder also covers image area. Fragments that can change neither are skipped.
     fn draw(&mut self, fragment: &Fragment<'_>, hides: bool) {
         let part = self.part(fragment.owner());
         let occluder = match part {
@@ -225,7 +242,7 @@ impl Walk for Frame<'_> {
     }
 
     fn visit(&mut self, fragments: Fragments<'_>, _: u32) {
-        // Of two in one plane none hides the other: all are looked at before any hides.
+        // Coplanar fragments do not hide each other, so all are tested before any of them covers image area.
         if fragments.clone().nth(1).is_some() {
             for fragment in fragments.clone() {
                 self.draw(&fragment, false);

@@ -1,11 +1,12 @@
 //! Exact culling with a BSP tree of the scene (Naylor, "Partitioning Tree ProjectedPolygon Representation and
 //! Generation from 3D Geometric Models", 1992).
 //!
-//! The scene's tree is walked front to back, and each polygon cut off by those before it: what they cover is
-//! kept in a tree of the [picture](beams). Naylor merges the two trees; here the fragments of the scene's
-//! tree, and before them the box around each subtree, are inserted into the picture's tree one by one. The
-//! answer is the same, since the merge too visits an unhidden node of the scene for each open beam that its
-//! region reaches; what is merged here is only the box of a subtree in place of its region.
+//! [`NaylorCuller`] walks the scene's BSP tree front to back and clips each polygon against the nearer ones.
+//! The image area that nearer polygons cover is kept in a second, two-dimensional BSP tree, the [beam
+//! tree](beams). Naylor merges the two trees. Here each fragment of the scene's tree is inserted into the
+//! beam tree on its own, after a test of the box around its subtree. The answers are equal, since merging
+//! also visits a visible scene node once for each open beam that the node's region reaches. The one
+//! difference is that a subtree is tested by its bounding box instead of its region.
 
 mod beams;
 mod culler;

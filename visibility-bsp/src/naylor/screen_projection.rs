@@ -1,4 +1,4 @@
-//! From polygons and boxes of the scene to polygons of the picture.
+//! Clipping and projection of the scene's polygons and boxes to NDC.
 
 use super::beams::{Corner, NARROWEST};
 use crate::polygon_cut::cut;
@@ -11,60 +11,70 @@ use visibility_core::{
     view::MAX_PLANES,
 };
 
-/// A polygon in the picture, with scratch memory for clipping it.
+/// A polygon projected to NDC, with the scratch memory for clipping it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProjectedPolygon {
+    /// Scratch: the polygon in scene coordinates, and the two parts of a cut.
     space: [Vec<DVec3>; 3],
+    /// Corners in NDC, counter-clockwise.
     polygon: Vec<Corner>,
+    /// Bound on the absolute NDC error of `polygon`.
     error: f64,
 }
 
 impl ProjectedPolygon {
-    /// Bound on the error of its corners, in halves of the picture.
+    /// Returns a bound on the absolute error of the corners projected last, in NDC (1 is half the image).
     pub(super) fn error(&self) -> f64 {
         self.error
     }
 
-    /// Corners of the polygon projected last, counter-clockwise.
+    /// Returns the NDC corners of the polygon projected last, counter-clockwise. They may lie outside the
+    /// image. Empty before the first projection.
     pub(super) fn polygon(&self) -> &[Corner] {
         &self.polygon
     }
 }
 
-/// The projection of scene coordinates to the picture, with bounds on its rounding.
+/// The projection from scene coordinates to NDC, with bounds on its rounding errors.
 #[derive(Clone, Debug)]
 pub(super) struct ScreenProjection {
+    /// Matrix from scene coordinates (relative to `Scene::origin`) to clip space.
     clip: DMat4,
-    /// Near, far, those of the view's own, and the sides of a wider picture.
+    /// Clipping planes in scene coordinates, inner side in front: near, far, the view's own clip planes, and
+    /// the four sides of an image [`WIDER`] times as wide. Only the first `count` are valid.
     planes: [SidePlane; MAX_PLANES],
+    /// Number of valid entries in `planes`.
     count: usize,
+    /// The view volume, for boxes that reach behind the near plane.
     volume: ViewVolume,
-    /// Lower bound on `w` in view.
+    /// Positive lower bound on clip-space `w` over the view volume.
     least_w: f64,
-    /// Bound on the error of clip-space `x`, `y` and `w`.
+    /// Bound on the absolute error of clip-space `x`, `y` and `w` of any point in the scene's bounds.
     error: f64,
 }
 
-/// Maximum error of a point of the picture; a view with more is not culled.
+/// Maximum absolute error of an NDC position. A view with a larger error is not culled.
 const WORST: f64 = 1e-8;
 
-/// How many times as wide as the picture polygons are cut in space. What is left is cut in the picture, where
-/// an edge keeps its line.
+/// Width of the clipping volume in image widths. Polygons are clipped to it in space; the rest is cut in the
+/// image by the beam tree, where an edge keeps its line.
 const WIDER: f64 = 4.0;
 
 impl ScreenProjection {
-    /// `None` where the coordinates of the scene are so large, or its near plane so near, that rounding blurs
-    /// the picture.
+    /// Builds the projection for points within `bounds`, in scene coordinates. `None` if NDC positions are
+    /// not known to within [`WORST`], because the coordinates are too large or the near plane too close, or
+    /// if `bounds` is infinite.
     ///
-    /// `x`, `y` and `w` are sums of four products, rounded by at most `5 u` of the sum of magnitudes `m`; the
-    /// matrix is rounded once, and the vertex itself, if it was cut, by another `6 u` of its magnitude: `12 u
-    /// m` in all. `x / w` is then known up to `12 u m (1 + |x / w|) / w`.
+    /// Derivation of the error: `x`, `y` and `w` are sums of four products, each sum rounded by at most `5 u`
+    /// times the sum `m` of the products' magnitudes. The matrix is rounded once, and a vertex made by a cut
+    /// by another `6 u` of its magnitude. The total is `12 u m`. So `x / w` has an absolute error of at most
+    /// `12 u m (1 + |x / w|) / w`.
     pub(super) fn new(view: &View, scene: &Scene, bounds: &Aabb) -> Option<Self> {
         let origin = scene.origin();
         let clip = view.clip_from(origin);
         let reach = bounds.min.abs().max(bounds.max.abs()).as_dvec3();
-        // Rounded outwards, the largest numbers are infinite, and nothing that is computed from them tells
-        // so.
+        // Bounds rounded outwards are infinite for the largest numbers, and later checks would not detect
+        // that.
         if !reach.is_finite() {
             return None;
         }
@@ -80,7 +90,7 @@ impl ScreenProjection {
             least_w,
             error,
         };
-        // The first four are the sides of the picture.
+        // The view's first four planes are the sides of the image; wider ones replace them.
         for plane in view.planes(origin).as_slice().iter().skip(4) {
             let side = SidePlane::new(plane.plane, reach);
             projection.push(SidePlane { margin: side.margin + plane.error, ..side });
@@ -92,6 +102,7 @@ impl ScreenProjection {
         (projection.error_at(least_w) <= WORST).then_some(projection)
     }
 
+    /// Appends a clipping plane; ignored if the array is full.
     fn push(&mut self, plane: SidePlane) {
         if self.count < MAX_PLANES {
             self.planes[self.count] = plane;
@@ -99,17 +110,19 @@ impl ScreenProjection {
         }
     }
 
-    /// Bound on the error of points of the wider picture whose `w` is at least this.
+    /// Returns a bound on the absolute NDC error of points whose clip-space `w` is at least `w`, anywhere in
+    /// the image widened by [`WIDER`].
     fn error_at(&self, w: f64) -> f64 {
         (self.error * (1.0 + WIDER) / w).max(4.0 * f64::EPSILON)
     }
 
-    /// Bound on the error of points of the picture, in halves of it.
+    /// Returns a bound on the absolute NDC error of any projected point.
     pub(super) fn error(&self) -> f64 {
         self.error_at(self.least_w)
     }
 
-    /// Clips a polygon to the view and projects it. False if nothing is left.
+    /// Clips a convex polygon in scene coordinates to the planes and replaces `image` by its projection in
+    /// NDC. Returns false if fewer than three corners are left.
     pub(super) fn draw(&self, vertices: &[DVec3], image: &mut ProjectedPolygon) -> bool {
         let [polygon, inner, outer] = &mut image.space;
         polygon.clear();
@@ -147,8 +160,8 @@ impl ScreenProjection {
         image.polygon.len() >= 3
     }
 
-    /// Whether all of a box is before the near plane and no wider in the picture, in some direction, than
-    /// gaps that are not seen through; `None` where it reaches behind the near plane.
+    /// Tests whether a box is at most about 4 [`NARROWEST`] wide in NDC in some direction: every corner lies
+    /// within 2 [`NARROWEST`] of one line. `None` if a corner may be in front of the near plane, or is NaN.
     pub(super) fn is_narrow(&self, bounds: &Aabb) -> Option<bool> {
         let mut corners = [[0.0; 2]; 8];
         for (place, corner) in corners.iter_mut().zip(bounds.corners()) {
@@ -170,13 +183,15 @@ impl ScreenProjection {
         };
         let (_, a) = farthest(corners[0]);
         let (length, b) = farthest(a);
-        // Distances from the longest line through it, times its length.
+        // Distances of the corners from the longest line between corners, times that line's length.
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let off = |p: &[f64; 2]| (dx * (p[1] - a[1]) - dy * (p[0] - a[0])).abs();
         Some(corners.iter().all(|p| off(p) <= 2.0 * NARROWEST * length))
     }
 
-    /// Projects a box to a rectangle around it. False if the box is outside the view.
+    /// Replaces `image` by a rectangle in NDC that contains the projection of a box, clamped to the image.
+    /// The rectangle is the whole image if the box may reach in front of the near plane. Returns false if the
+    /// box is outside the view.
     pub(super) fn draw_box(&self, bounds: &Aabb, image: &mut ProjectedPolygon) -> bool {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for corner in bounds.corners() {
@@ -185,7 +200,7 @@ impl ScreenProjection {
                 if self.volume.is_outside(bounds) {
                     return false;
                 }
-                // Beside the eye it may be anywhere.
+                // A box that reaches beside the eye may project anywhere.
                 (min, max) = ([-1.0; 2], [1.0; 2]);
                 break;
             }
@@ -203,22 +218,24 @@ impl ScreenProjection {
     }
 }
 
-/// A lower bound on `w` in view, `None` if there is no positive one.
+/// Returns a positive lower bound on clip-space `w` over the view volume; `None` if there is none.
 fn nearest_w(view: &View) -> Option<f64> {
     let clip = view.clip_from(view.origin());
-    // Along the near plane w is constant for every camera by the book; an oblique one may have less at a
-    // corner of the picture.
+    // Clip-space w is constant over the near plane of an ordinary camera. With an oblique near plane, it may
+    // be smaller at one corner of the image.
     let inverse = clip.inverse();
     let near = view.depth().at_near();
     let mut least = f64::INFINITY;
     for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
-        // A point of the picture comes from a point p with clip * p = w (x, y, near, 1).
+        // An NDC point at near depth comes from a point p with clip * p = w (x, y, near, 1).
         let p = inverse * DVec4::new(x, y, near, 1.0);
         least = least.min(1.0 / p.w);
     }
     (least > 0.0 && least.is_finite()).then_some(least * 0.999)
 }
 
+/// Returns twice the signed area of a polygon in square NDC units, positive if counter-clockwise. The polygon
+/// must not be empty.
 fn area(polygon: &[Corner]) -> f64 {
     let first = polygon[0];
     polygon

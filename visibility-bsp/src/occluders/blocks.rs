@@ -1,11 +1,12 @@
-//! Runs of things that are near one another in space.
+//! Grouping of items that are near each other in space into runs of fixed length.
 
 use visibility_core::glam::DVec3;
 
-/// The number of polygons, or boxes, in a block.
+/// Number of polygons or boxes per block.
 pub(super) const BLOCK: usize = 32;
 
-/// Puts what is near in space near in order: halves at the middle of the longest side until a block is left.
+/// Reorders indices into `centers` so that consecutive blocks of [`BLOCK`] are compact in space: splits at
+/// the median of the longest axis until one block is left.
 pub(super) fn halve(order: &mut [u32], centers: &[DVec3]) {
     if order.len() <= BLOCK {
         return;
@@ -22,7 +23,7 @@ pub(super) fn halve(order: &mut [u32], centers: &[DVec3]) {
     } else {
         2
     };
-    // Whole blocks to the left, so that only the last is not full.
+    // The left part consists of whole blocks, so that only the last block is not full.
     let half = (order.len() / 2).next_multiple_of(BLOCK).min(order.len() - 1);
     order.select_nth_unstable_by(half, |&a, &b| {
         centers[a as usize][axis].total_cmp(&centers[b as usize][axis]).then(a.cmp(&b))

@@ -1,8 +1,8 @@
-//! The largest rectangles in a group of rectangles of one plane.
+//! Maximal rectangles in a group of axis-aligned rectangles of one plane.
 //!
-//! The group is laid out on the grid of its sides. Of the grid's cells, all the rectangles without a gap that
-//! no other contains are found row by row, as the largest rectangles under a histogram are; of these, the
-//! ones that add most area are taken until all cells are covered.
+//! The sides of the rectangles make a grid. All maximal rectangles of covered cells (those that no other
+//! contains) are found row by row, as the largest rectangles under a histogram are. Of these, the ones that
+//! add most area are taken greedily until all cells are covered.
 
 use super::overlaps::Rectangle;
 use super::work;
@@ -10,18 +10,21 @@ use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Ordering;
 
-/// Cells of a grid beyond which a group is joined no further.
+/// Maximum number of grid cells of a group that is joined.
 const MOST_CELLS: usize = 1 << 14;
-/// No more rectangles than this from one group.
+/// Maximum number of rectangles made from one group.
 const MOST_PICKS: usize = 64;
 
-/// The cells that a group covers: columns and rows are the sides of its rectangles.
+/// A grid whose lines are the sides of a group's rectangles, with the cells that the group covers.
 struct Grid {
+    /// Ascending coordinates of the column lines and of the row lines, in metres.
     lines: [Vec<f64>; 2],
+    /// Whether each cell is covered, row by row.
     filled: Vec<bool>,
 }
 
 impl Grid {
+    /// Lays out a group of rectangles. `None` if the grid has more than [`MOST_CELLS`] cells.
     fn new(group: &[&Rectangle]) -> Option<Self> {
         let lines = [0, 1].map(|i| {
             let mut lines: Vec<f64> = group.iter().flat_map(|r| [r.low[i], r.high[i]]).collect();
@@ -34,8 +37,8 @@ impl Grid {
             return None;
         }
         let mut grid = Self { lines, filled: alloc::vec![false; cells] };
-        // How many rectangles begin less how many end, by row and column; sums of these are how many there
-        // are.
+        // By row and column: number of rectangles that begin there minus number that end. Prefix sums of
+        // these are the numbers of rectangles that cover each cell.
         let width = grid.columns() + 1;
         let mut layers = alloc::vec![0i32; width * (grid.rows() + 1)];
         for rectangle in group {
@@ -61,18 +64,22 @@ impl Grid {
         Some(grid)
     }
 
+    /// Returns the number of columns of cells.
     fn columns(&self) -> usize {
         self.lines[0].len() - 1
     }
 
+    /// Returns the number of rows of cells.
     fn rows(&self) -> usize {
         self.lines[1].len() - 1
     }
 
+    /// Returns the index of a cell in `filled`.
     fn cell(&self, column: usize, row: usize) -> usize {
         row * self.columns() + column
     }
 
+    /// Returns the ranges of columns and rows between two corners that lie on grid lines.
     fn range(&self, low: [f64; 2], high: [f64; 2]) -> [core::ops::Range<usize>; 2] {
         [0, 1].map(|i| {
             let place = |x: f64| self.lines[i].partition_point(|&line| line < x);
@@ -80,17 +87,17 @@ impl Grid {
         })
     }
 
-    /// Every rectangle of filled cells that no larger one contains, as columns and rows from and to, by its
-    /// first row, then last row, then column.
+    /// Returns every maximal rectangle of covered cells as `[first column, end column, first row, end row]`
+    /// (ends exclusive), sorted by first row, then end row, then first column.
     fn largest(&self) -> Vec<[usize; 4]> {
         let (columns, rows) = (self.columns(), self.rows());
         let mut found = Vec::new();
-        // By column, how many filled cells there are from this row up without a gap.
+        // By column: number of consecutive covered cells from this row upwards.
         let mut heights = alloc::vec![0usize; columns];
-        // By column, how many cells up to it are filled in the row below.
+        // By column: number of covered cells in the row below, up to the column.
         let mut filled_below = alloc::vec![0usize; columns + 1];
-        // Rectangles that end in this row and are still growing to the right: the first column and the
-        // height, which ascends.
+        // Rectangles that end in this row and still grow to the right, as first column and height; heights
+        // ascend.
         let mut open: Vec<(usize, usize)> = Vec::new();
         for row in 0..rows {
             for column in 0..columns {
@@ -107,7 +114,7 @@ impl Grid {
                 {
                     open.pop();
                     first = start;
-                    // One that goes on in the row below is found there.
+                    // A rectangle that continues in the row below is found there.
                     if tall > height && filled_below[column] - filled_below[start] < column - start {
                         found.push([start, column, row + 1 - tall, row + 1]);
                     }
@@ -121,19 +128,23 @@ impl Grid {
         found
     }
 
+    /// Returns the length of a cell along an axis, in metres.
     fn size(&self, axis: usize, index: usize) -> f64 {
         self.lines[axis][index + 1] - self.lines[axis][index]
     }
 }
 
-/// A rectangle that may be taken.
+/// Queue entry: a maximal rectangle that may be taken.
 #[derive(Clone, Copy, PartialEq)]
 struct Candidate {
-    /// The area that it adds to what is taken; no less, if that has become more since.
+    /// Area that the rectangle adds to those taken, in square metres; an upper bound once more rectangles
+    /// have been taken.
     new: f64,
+    /// Whole area in square metres.
     area: f64,
+    /// Index in the list of maximal rectangles.
     number: usize,
-    /// How many had been taken when `new` was found.
+    /// Number of rectangles that had been taken when `new` was computed.
     asked: usize,
 }
 
@@ -146,15 +157,17 @@ impl PartialOrd for Candidate {
 }
 
 impl Ord for Candidate {
-    /// By the area added, then by all of the area; of equal ones the first is the greatest.
+    /// Orders by added area, then by whole area; of equal ones, the rectangle with the lower number is
+    /// greater.
     fn cmp(&self, other: &Self) -> Ordering {
         let by_area = self.new.total_cmp(&other.new).then(self.area.total_cmp(&other.area));
         by_area.then(other.number.cmp(&self.number))
     }
 }
 
-/// Hands over up to 64 rectangles that together cover what a group covers, those that add most first, each
-/// with its sources. A group whose grid has more than 16,384 cells is handed over as it is.
+/// Calls `each` with up to 64 rectangles (low corner, high corner, sources) that together cover what a group
+/// covers, greatest added area first. A single rectangle, or a group whose grid has more than 16,384 cells,
+/// is passed on unchanged.
 pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f64; 2], Vec<u32>)) {
     let grid = if group.len() > 1 { Grid::new(group) } else { None };
     let Some(grid) = grid else {
@@ -190,7 +203,7 @@ pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f
     while taken < MOST_PICKS
         && let Some(best) = candidates.pop()
     {
-        // What one adds only shrinks as others are taken.
+        // The added area of a rectangle only shrinks as others are taken.
         if best.asked < taken {
             let (new, _) = measure(best.number, &open);
             candidates.push(Candidate { new, asked: taken, ..best });

@@ -1,12 +1,14 @@
-//! The triangles of an occluder's mesh, where it is in the scene.
+//! The triangles of an occluder's mesh in scene coordinates.
 
 use super::outline::OccluderTriangle;
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 
-/// The triangles of a mesh where it is; whether it has an inside is for the caller to say. Whether they hide
-/// from behind as well: only if the mesh says so and has an inside that can be seen.
+/// Appends the triangles of a mesh, transformed to scene coordinates, with `source` as their object. `closed`
+/// tells whether the mesh encloses a volume. The triangles of a two-sided mesh also hide for eyes behind them
+/// if the mesh is not closed; if closed, they are turned outwards. Appends nothing if a position is not
+/// finite.
 pub(crate) fn triangles_of(
     mesh: &OccluderMesh,
     transform: &Affine3A,
@@ -28,7 +30,8 @@ pub(crate) fn triangles_of(
         pieces.push(OccluderTriangle { corners, source, two_sided });
     }
     if mesh.is_two_sided() && closed {
-        // Where the file turned the mesh inside out, its outside is what a two-sided one shows.
+        // If a closed two-sided mesh is stored inside out, its triangles are turned so that their fronts face
+        // outwards.
         let origin = at(0);
         let volume: f64 = pieces[first..]
             .iter()
@@ -45,7 +48,7 @@ pub(crate) fn triangles_of(
     }
 }
 
-/// Applies a transform in `f64`; the identity changes nothing, not even by rounding.
+/// Returns a function that applies a transform in `f64`. The identity returns points unchanged.
 fn placer(transform: &Affine3A) -> impl Fn(DVec3) -> DVec3 {
     let identity = *transform == Affine3A::IDENTITY;
     let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
@@ -54,8 +57,8 @@ fn placer(transform: &Affine3A) -> impl Fn(DVec3) -> DVec3 {
     move |p| if identity { p } else { x * p.x + y * p.y + z * p.z + shift }
 }
 
-/// Whether every edge is gone through as often one way as the other: the mesh then has an inside, however its
-/// solids touch.
+/// Tests whether every edge of an indexed mesh is used equally often in both directions. Such a mesh encloses
+/// a volume, even if parts of it touch. True without triangles.
 pub(super) fn is_closed(triangles: &[[u32; 3]]) -> bool {
     let mut sides: Vec<(u32, u32, bool)> = Vec::with_capacity(triangles.len() * 3);
     for t in triangles {

@@ -1,10 +1,10 @@
-//! What hides: large convex polygons, made in advance from the occluder meshes of a scene.
+//! Large convex occluder polygons, made in advance from the occluder meshes of a scene.
 //!
-//! A wall of a model is many triangles, often of several objects; what it hides is best described by few
-//! large polygons. So triangles are joined wherever they surely lie in one plane and leave nothing open:
-//! along the axes into all the largest rectangles of which every point is covered (`rectangles`), in other
-//! directions across shared edges (`patches`). Where closed boxes abut or overlap, rectangles inside of them
-//! are larger than any face (`sections`). Faces of closed meshes count from outside only; their backs hide
+//! A wall of a model is many triangles, often of several objects, but its shadow is best described by few
+//! large polygons. So triangles are joined wherever they surely lie in one plane without gaps between them.
+//! Axis-aligned faces are joined into all maximal covered rectangles (`rectangles`), other triangles across
+//! shared edges (`patches`). Where closed boxes abut or overlap, rectangles inside them can be larger than
+//! any face (`sections`). Faces of closed meshes hide only for eyes in front of them; their backs hide
 //! nothing that their fronts do not.
 
 mod blocks;

@@ -1,57 +1,65 @@
-//! Which rectangles of a plane hang together: groups of rectangles that overlap, or touch along a side,
-//! directly or by way of others.
+//! Connected groups of rectangles in a plane: rectangles that overlap or touch along a side belong to one
+//! group.
 //!
-//! Two sweeps, one along each of the two axes, look for pairs whose intervals along the sweep meet and whose
-//! intervals across it share more than a point. A segment tree across the sweep holds, for each of its
-//! intervals, the rectangle that reaches farthest along the sweep: all others there are of its group. A
-//! subtree that holds one group only is not entered again, so that a sweep takes `n log n` steps however many
-//! pairs there are.
+//! Two sweeps, one along each axis, find pairs of rectangles whose intervals along the sweep meet and whose
+//! intervals across it share more than a point. A segment tree across the sweep stores, for each of its
+//! intervals, the rectangle that reaches farthest along the sweep; all other rectangles of the interval
+//! belong to that rectangle's group. A subtree with rectangles of only one group is not entered again. A
+//! sweep therefore takes `O(n log n)` steps, however many pairs there are.
 
 use super::work;
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 
-/// A rectangle of a plane along the axes.
+/// An axis-aligned rectangle in a plane. Coordinates are in metres along the plane's two axes.
 #[derive(Clone, Debug)]
 pub(super) struct Rectangle {
+    /// Minimum corner.
     pub(super) low: [f64; 2],
+    /// Maximum corner.
     pub(super) high: [f64; 2],
+    /// Caller's index of what the rectangle belongs to: an object or a box.
     pub(super) source: u32,
 }
 
-/// No rectangle.
+/// Index that stands for no rectangle.
 const NONE: u32 = u32::MAX;
 
-/// An interval across the sweep, a node of the segment tree.
+/// Node of the segment tree: an interval across the sweep.
 #[derive(Clone, Copy)]
 struct Interval {
-    /// Of the rectangles that span this interval, but not the one above it, the one with the greatest end
-    /// along the sweep.
+    /// Of the rectangles that span this interval but not its parent's, the one with the greatest end along
+    /// the sweep. [`NONE`] without such a rectangle.
     spanning: u32,
-    /// Any rectangle of the subtree.
+    /// Any rectangle of the subtree, [`NONE`] if there is none.
     any: u32,
-    /// The greatest end of all rectangles of the subtree.
+    /// Greatest end along the sweep of all rectangles of the subtree.
     end: f64,
-    /// Whether all rectangles of the subtree that are not passed yet are of one group.
+    /// Whether all rectangles of the subtree that the sweep has not passed belong to one group.
     one_group: bool,
 }
 
 impl Interval {
+    /// Interval without rectangles.
     const EMPTY: Self = Self { spanning: NONE, any: NONE, end: f64::NEG_INFINITY, one_group: true };
 }
 
-/// A sweep along an axis.
+/// State of a sweep along one axis.
 struct Sweep<'a> {
+    /// All rectangles.
     rectangles: &'a [Rectangle],
-    /// The axis of the sweep: 0 or 1.
+    /// Axis of the sweep: 0 or 1.
     along: usize,
-    /// Interval `i` has the halves `2 i` and `2 i + 1`; the whole is 1.
+    /// Segment tree as a binary heap: the root is at index 1, the children of node `i` at `2 i` and `2 i +
+    /// 1`.
     tree: Vec<Interval>,
-    /// By rectangle, one of its group with a lower number, or itself.
+    /// Union-find forest. By rectangle: a rectangle of the same group with a lower number, or itself for the
+    /// group's first.
     leaders: &'a mut [u32],
 }
 
-/// The groups, in the order of their first members, and the members of each in order.
+/// Returns the connected groups, in the order of their first members. Members keep their order. Corner
+/// contact alone does not connect. Takes `O(n log n)` steps.
 pub(super) fn groups(rectangles: &[Rectangle]) -> Vec<Vec<&Rectangle>> {
     let mut leaders: Vec<u32> = (0..rectangles.len() as u32).collect();
     if rectangles.len() > 1 {
@@ -66,7 +74,7 @@ pub(super) fn groups(rectangles: &[Rectangle]) -> Vec<Vec<&Rectangle>> {
     groups.into_values().collect()
 }
 
-/// The first rectangle of a group.
+/// Returns the first rectangle of a rectangle's group, and shortens the path to it.
 fn leader(leaders: &mut [u32], mut number: u32) -> u32 {
     while leaders[number as usize] != number {
         let above = leaders[number as usize];
@@ -77,6 +85,7 @@ fn leader(leaders: &mut [u32], mut number: u32) -> u32 {
 }
 
 impl Sweep<'_> {
+    /// Unites all rectangles that the sweep finds connected.
     fn run(&mut self) {
         let across = 1 - self.along;
         let mut lines: Vec<f64> =
@@ -96,23 +105,25 @@ impl Sweep<'_> {
         }
     }
 
+    /// Returns the end of a rectangle along the sweep.
     fn end_of(&self, number: u32) -> f64 {
         self.rectangles[number as usize].high[self.along]
     }
 
-    /// Whether a rectangle still reaches to where another begins.
+    /// Tests whether rectangle `number` reaches the beginning of rectangle `other` along the sweep; touching
+    /// counts. False for [`NONE`].
     fn reaches(&self, number: u32, other: u32) -> bool {
         number != NONE && self.end_of(number) >= self.rectangles[other as usize].low[self.along]
     }
 
-    /// Makes one group of two.
+    /// Unites the groups of two rectangles.
     fn unite(&mut self, one: u32, two: u32) {
         let (a, b) = (leader(self.leaders, one), leader(self.leaders, two));
         self.leaders[a.max(b) as usize] = a.min(b);
     }
 
-    /// Unites a rectangle with all that it meets between two lines, and puts it there. `node` spans the lines
-    /// of `span`.
+    /// Unites rectangle `number` with all that it meets in the lines `range` (half-open) below a node, and
+    /// stores it there. The node covers the lines of `span`, half-open.
     fn insert(&mut self, node: usize, span: [usize; 2], range: [usize; 2], number: u32) {
         if range[0].max(span[0]) >= range[1].min(span[1]) {
             return;
@@ -136,7 +147,8 @@ impl Sweep<'_> {
         self.sum_up(node, number);
     }
 
-    /// Unites a rectangle with all of a subtree that it spans, but for what the sweep has passed.
+    /// Unites rectangle `number`, which spans the node's whole interval, with all rectangles of the subtree
+    /// that the sweep has not passed.
     fn unite_below(&mut self, node: usize, number: u32) {
         work::step();
         let Interval { spanning, any, end, one_group } = self.tree[node];
@@ -154,7 +166,8 @@ impl Sweep<'_> {
         self.sum_up(node, number);
     }
 
-    /// Tells what is in a subtree from its parts, when the sweep is where a rectangle begins.
+    /// Recomputes a node from its own rectangle and its children. The sweep is at the beginning of rectangle
+    /// `at`; rectangles that end before it are ignored.
     fn sum_up(&mut self, node: usize, at: u32) {
         let low = self.rectangles[at as usize].low[self.along];
         let spanning = self.tree[node].spanning;
@@ -166,7 +179,7 @@ impl Sweep<'_> {
         let below = |half: usize| self.tree.get(2 * node + half).copied().unwrap_or(Interval::EMPTY);
         let mut sum = Interval { spanning, ..Interval::EMPTY };
         for part in [own, below(0), below(1)] {
-            // Passed; nothing at all has no end to reach with.
+            // Passed by the sweep. An empty part has the end minus infinity.
             if part.end < low {
                 continue;
             }
@@ -195,7 +208,7 @@ mod tests {
             let rectangles: Vec<Rectangle> = (0..count)
                 .map(|source| {
                     let low = [below(reach), below(reach)];
-                    // Small ones that touch at sides and corners, and long ones.
+                    // Small rectangles that touch at sides and corners, and long ones.
                     let size = if round % 3 == 0 { [1, 1] } else { [1 + round % 5, 1 + round % 9] };
                     let high = [low[0] + 1.0 + below(size[0]), low[1] + 1.0 + below(size[1])];
                     Rectangle { low, high, source: source as u32 }

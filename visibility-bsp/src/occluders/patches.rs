@@ -1,8 +1,8 @@
-//! Triangles in any direction, joined across shared edges into convex polygons.
+//! Joining of triangles in any orientation, across shared edges, into convex polygons.
 //!
-//! Two polygons are joined if they go through one edge in opposite directions, bit for bit the same ends, lie
-//! in one plane within what rounding of the vertices explains, and make a convex polygon. Whatever is left of
-//! flatness and convexity by rounding does no harm: see `shadow`.
+//! Two polygons are joined if they run along one edge in opposite directions, with bit-identical ends, lie in
+//! one plane up to what rounding of the vertices explains, and form a convex polygon. Small deviations from
+//! flatness and convexity are harmless; see `shadow`.
 
 use super::outline::{OccluderTriangle, Outline};
 use crate::shadow::{MOST_EDGES, plane_of};
@@ -10,18 +10,23 @@ use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// How far vertices may be off the plane, relative to the size of what is joined.
+/// Maximum deviation of vertices from the plane, as a fraction of the joined polygon's size.
 const FLAT: f64 = 1e-6;
-/// Polygons with more vertices are joined no further: each costs a plane.
+/// Maximum number of vertices of a joined polygon, since each edge costs a plane in every frame.
 const MOST_VERTICES: usize = if MOST_EDGES < 10 { MOST_EDGES } else { 10 };
 
+/// A polygon under construction.
 struct Polygon {
+    /// Indices of welded positions, counter-clockwise as seen from the front.
     vertices: Vec<u32>,
+    /// Indices of the polygon's objects, ascending.
     sources: Vec<u32>,
+    /// Whether the polygon also hides for eyes behind it.
     two_sided: bool,
 }
 
-/// Joins what can be joined.
+/// Joins triangles greedily and returns the resulting polygons; a triangle that joins with none becomes a
+/// polygon of its own.
 pub(super) fn join(pieces: &[OccluderTriangle]) -> Vec<Outline> {
     let (positions, corners) = weld(pieces);
     let mut polygons: Vec<Option<Polygon>> = Vec::with_capacity(pieces.len());
@@ -75,7 +80,8 @@ pub(super) fn join(pieces: &[OccluderTriangle]) -> Vec<Outline> {
         .collect()
 }
 
-/// Each place once, and the corners of the pieces by place.
+/// Returns the distinct positions, equal only if bit-identical (both zeros count as one), and each triangle's
+/// corners as indices of positions.
 fn weld(pieces: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut places: BTreeMap<[u64; 3], u32> = BTreeMap::new();
     let mut positions = Vec::new();
@@ -91,7 +97,9 @@ fn weld(pieces: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (positions, corners)
 }
 
-/// Two polygons as one, if they share the edge from vertex `i` of the first and make a flat convex one.
+/// Returns the union of two polygons that share the edge from vertex `i` of `ours`. `None` if `theirs` does
+/// not have that edge in reverse, if the sidedness differs, or if the union is not flat and convex or has too
+/// many vertices.
 fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Option<Polygon> {
     let (n, m) = (ours.vertices.len(), theirs.vertices.len());
     if ours.two_sided != theirs.two_sided {
@@ -99,10 +107,10 @@ fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Op
     }
     let (a, b) = (ours.vertices[i], ours.vertices[(i + 1) % n]);
     let j = (0..m).find(|&j| theirs.vertices[j] == b && theirs.vertices[(j + 1) % m] == a)?;
-    // From b around ours to a, then from what follows a around theirs to what comes before b.
+    // From b around `ours` to a, then from the vertex after a around `theirs` to the vertex before b.
     let mut vertices: Vec<u32> = (0..n).map(|k| ours.vertices[(i + 1 + k) % n]).collect();
     vertices.extend((0..m - 2).map(|k| theirs.vertices[(j + 2 + k) % m]));
-    // Where they share more than one edge, the loop runs there and back.
+    // If they share more than one edge, the loop runs there and back; these spikes are removed.
     while vertices.len() > 3 {
         let count = vertices.len();
         let Some(k) = (0..count).find(|&k| vertices[k] == vertices[(k + 2) % count]) else { break };
@@ -125,6 +133,7 @@ fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Op
     })
 }
 
+/// Tests whether a loop of points is flat to [`FLAT`] of its size, convex up to rounding, and has an area.
 fn is_flat_and_convex(points: &[DVec3]) -> bool {
     let Some((normal, reach, _)) = plane_of(points) else { return false };
     let size = points.iter().map(|p| p.distance(points[0])).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! The polygons of a scene's occluders, in blocks of those near one another.
+//! The occluder polygons of a scene, stored in spatially compact blocks.
 
 use super::blocks::{BLOCK, halve};
 use super::mesh_triangles::{is_closed, triangles_of};
@@ -14,50 +14,61 @@ use visibility_core::{
     stamp::Stamp,
 };
 
-/// A convex occluder polygon.
+/// A convex occluder polygon in scene coordinates.
 #[derive(Clone, Debug)]
 pub(super) struct Polygon {
-    /// Index of the first vertex in `Occluders::vertices`, and the number of vertices: 0 once the polygon is
-    /// dropped.
+    /// Index of the first vertex in `Occluders::vertices`.
     pub(super) first: u32,
+    /// Number of vertices; 0 once the polygon is dropped.
     pub(super) count: u32,
-    /// Index of the first source object in `Occluders::sources`, and the number of sources.
+    /// Index of the first source object in `Occluders::sources`.
     pub(super) first_source: u32,
+    /// Number of source objects.
     pub(super) sources: u32,
-    /// Index of the first box in `Occluders::solids` that the polygon is a section of, and the number of
-    /// boxes.
+    /// Index of the first box in `Occluders::solids` that contains the polygon, for a section.
     pub(super) first_solid: u32,
+    /// Number of boxes that contain the polygon; 0 if it is no section.
     pub(super) solids: u32,
+    /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(super) normal: DVec3,
+    /// Least and greatest `normal . v` over the vertices in metres, widened by rounding.
     pub(super) reach: [f64; 2],
+    /// Area in square metres.
     pub(super) area: f64,
+    /// Mean of the vertices.
     pub(super) center: DVec3,
+    /// Greatest distance of a vertex from `center`, in metres.
     pub(super) radius: f64,
+    /// Whether the polygon also hides for eyes behind it.
     pub(super) two_sided: bool,
 }
 
-/// A run of polygons that are near one another in space, with a sphere around them.
+/// A run of polygons that are near each other in space and of similar area, with a bounding sphere.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
+    /// Centre of the sphere, in scene coordinates.
     pub(super) center: DVec3,
+    /// Radius of the sphere in metres.
     pub(super) radius: f64,
     /// Area of the largest polygon of the run, in square metres.
     pub(super) area: f64,
+    /// Index of the run's first polygon in `Occluders::polygons`.
     pub(super) first: u32,
+    /// Number of polygons in the run.
     pub(super) count: u32,
 }
 
-/// Large convex occluder polygons of a scene, and the objects that each is made of.
+/// Large convex occluder polygons of a scene, each with the objects that it is made of.
 ///
 /// Made when a scene is loaded, and shared by the cullers of all views. An occluder that is moved, removed,
-/// put on another layer or no longer flagged stops hiding at once, whether [`sync`](Self::sync) has been
-/// called or not; with `sync` it hides from where it is now.
+/// put on another layer or no longer flagged as an occluder stops hiding at once, even without a call of
+/// [`sync`](Self::sync). After `sync` it hides from its new position.
 ///
 /// # Cost
-/// About 200 bytes a polygon. Making `n` polygons takes `n log n` steps, some microseconds a triangle,
-/// however the triangles lie. For that, joining has limits, beyond which polygons stay smaller than they
-/// could be: rectangles of one plane that hang together are joined if their sides make a grid of at most
-/// 16,384 cells, into at most 64 rectangles; boxes are cut by a common plane in groups of at most 256.
+/// About 200 bytes per polygon. Making polygons of `n` triangles takes `O(n log n)` steps, some microseconds
+/// per triangle, however the triangles lie. This bound requires limits beyond which polygons stay smaller
+/// than they could be. Connected rectangles of one plane are joined only if their sides make a grid of at
+/// most 16,384 cells, and into at most 64 rectangles. At most 256 boxes are cut together by a common plane.
 ///
 /// ```
 /// use visibility_bsp::Occluders;
@@ -79,22 +90,26 @@ pub(super) struct Block {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Occluders {
+    /// All polygons, dropped ones included.
     pub(super) polygons: Vec<Polygon>,
+    /// Runs of `polygons` with bounding spheres.
     pub(super) blocks: Vec<Block>,
+    /// Vertices of all polygons, in scene coordinates.
     pub(super) vertices: Vec<DVec3>,
+    /// Source objects of all polygons.
     pub(super) sources: Vec<ObjectId>,
-    /// Least and greatest corners of the boxes that sections cut, in scene coordinates.
+    /// Minimum and maximum corners of the boxes that contain sections, in scene coordinates.
     pub(super) solids: Vec<[DVec3; 2]>,
-    /// Numbers of the polygons made from each object, by object index; dropped polygons may be among them.
+    /// By object index: numbers of the polygons made from the object, dropped ones included.
     pub(super) of_object: BTreeMap<u32, Vec<u32>>,
-    /// The scene, and the revision of it, that the polygons were made from.
+    /// The scene and the revision of it that the polygons represent.
     pub(super) cursor: SceneCursor,
-    /// Identifies these polygons and their numbers: a new stamp after every change.
+    /// Identifies this set of polygons and their numbering; renewed by every change.
     pub(super) stamp: Stamp,
 }
 
 impl Default for Occluders {
-    /// No polygons, made from no scene.
+    /// Creates an empty set that belongs to no scene.
     fn default() -> Self {
         Self {
             polygons: Vec::new(),
@@ -110,7 +125,8 @@ impl Default for Occluders {
 }
 
 impl Occluders {
-    /// Makes polygons of the meshes of all occluders of a scene, as they are now.
+    /// Makes polygons of the meshes of all present occluders of a scene, joined across objects. Takes some
+    /// microseconds per triangle.
     pub fn new(scene: &Scene) -> Self {
         let ids: Vec<ObjectId> = scene.ids().filter(|&id| scene.occluder(id).is_some()).collect();
         let mut occluders = Self { cursor: SceneCursor::at(scene), ..Self::default() };
@@ -118,10 +134,11 @@ impl Occluders {
         occluders
     }
 
-    /// Brings the polygons up to date with the scene: those of changed objects are dropped, and made anew
-    /// object by object. [`new`](Self::new), which also joins polygons across objects, makes larger ones.
-    /// Making takes time in proportion to the changed objects, and counting what was dropped some nanoseconds
-    /// a polygon. Another scene than before is taken in as by `new`.
+    /// Updates the polygons to the scene's present revision. Polygons of changed objects are dropped and made
+    /// anew, one object at a time. They are smaller than those of [`new`](Self::new), which also joins across
+    /// objects. Takes time in proportion to the changed objects, plus some nanoseconds per polygon. For
+    /// another scene than before, or once most polygons are dropped ones, everything is made anew as by
+    /// `new`.
     pub fn sync(&mut self, scene: &Scene) {
         let Changes::Objects(changed) = self.cursor.follow(scene) else {
             *self = Self::new(scene);
@@ -131,7 +148,8 @@ impl Occluders {
             return;
         }
         self.stamp = Stamp::new();
-        // Those that shared a polygon with a changed object lose it too, and bring in their own part again.
+        // An object that shared a polygon with a changed object loses that polygon too, so its own part is
+        // made again.
         let mut affected: Vec<ObjectId> = changed.to_vec();
         for id in changed {
             for &polygon in self.of_object.get(&(id.index() as u32)).into_iter().flatten() {
@@ -153,7 +171,7 @@ impl Occluders {
         }
         let dropped = self.polygons.iter().filter(|polygon| polygon.count == 0).count();
         if dropped > 64 && dropped * 2 > self.polygons.len() {
-            // More holes than polygons: time to begin anew, which costs as much as made the holes.
+            // More dropped polygons than present ones: a rebuild costs as much as the changes that led here.
             *self = Self::new(scene);
             return;
         }
@@ -162,55 +180,60 @@ impl Occluders {
         }
     }
 
-    /// Number of polygons.
+    /// Returns the number of polygons. Visits all of them.
     pub fn len(&self) -> usize {
         self.polygons.iter().filter(|polygon| polygon.count > 0).count()
     }
 
-    /// Whether there is no polygon.
+    /// Tests whether there are no polygons.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Area of the largest polygon in square metres, 0 if there is none.
+    /// Returns the area of the largest polygon in square metres, 0 without polygons.
     pub fn largest_area(&self) -> f64 {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| p.area).fold(0.0, f64::max)
     }
 
-    /// Radius of the largest polygon about the mean of its vertices, in metres; 0 if there is none.
+    /// Returns the greatest radius of a polygon in metres, measured from the mean of its vertices; 0 without
+    /// polygons.
     pub(crate) fn largest_radius(&self) -> f64 {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| p.radius).fold(0.0, f64::max)
     }
 
-    /// Vertices of each polygon in scene coordinates, counter-clockwise as seen from its front.
+    /// Returns the vertices of each polygon in scene coordinates, counter-clockwise as seen from the
+    /// polygon's front.
     pub fn polygons(&self) -> impl Iterator<Item = &[DVec3]> {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| self.vertices_of(p))
     }
 
+    /// Returns the vertices of a polygon in scene coordinates; none for a dropped one.
     fn vertices_of(&self, polygon: &Polygon) -> &[DVec3] {
         &self.vertices[polygon.first as usize..(polygon.first + polygon.count) as usize]
     }
 
-    /// The objects that a polygon was made from: it hides only while all of them are drawn and unchanged.
+    /// Returns the objects that a polygon was made from. The polygon hides only while all of them are drawn
+    /// and unchanged.
     pub(crate) fn sources_of(&self, polygon: u32) -> &[ObjectId] {
         let polygon = &self.polygons[polygon as usize];
         &self.sources[polygon.first_source as usize..(polygon.first_source + polygon.sources) as usize]
     }
 
-    /// The boxes that a polygon is a section of, by least and greatest corner: it hides only from eyes
-    /// outside all of them. Empty for a polygon that is part of a surface.
+    /// Returns the boxes that contain a section, as minimum and maximum corners in scene coordinates. The
+    /// section hides only for eyes outside all of them. Empty for a polygon on a surface.
     pub(crate) fn solids_of(&self, polygon: u32) -> &[[DVec3; 2]] {
         let polygon = &self.polygons[polygon as usize];
         &self.solids[polygon.first_solid as usize..(polygon.first_solid + polygon.solids) as usize]
     }
 
-    /// The mean of a polygon's vertices, and the greatest distance of a vertex from it in metres.
+    /// Returns the mean of a polygon's vertices in scene coordinates, and the greatest distance of a vertex
+    /// from it in metres.
     pub(crate) fn about(&self, polygon: u32) -> (DVec3, f64) {
         let p = &self.polygons[polygon as usize];
         (p.center, p.radius)
     }
 
-    /// A polygon in the form that shadows are cast from.
+    /// Returns a polygon in the form from which shadows are cast.
     pub(crate) fn occluder_polygon(&self, polygon: u32) -> OccluderPolygon<'_> {
         let p = &self.polygons[polygon as usize];
         OccluderPolygon {
@@ -221,7 +244,7 @@ impl Occluders {
         }
     }
 
-    /// Adds the polygons of some objects, joined across these objects but not with polygons made before.
+    /// Appends the polygons of some objects, joined across these objects but not with earlier polygons.
     fn add_from(&mut self, scene: &Scene, ids: &[ObjectId]) {
         let mut pieces = Vec::new();
         for (source, &id) in (0..).zip(ids) {
@@ -243,7 +266,8 @@ impl Occluders {
             center
         };
         let centers: Vec<DVec3> = outlines.iter().map(middle).collect();
-        // Those of one size together, so that a block of small ones is passed over as soon as it is not near.
+        // Polygons of similar area share blocks, so that a block of small ones is skipped as soon as it is
+        // not near.
         let planes: Vec<_> = outlines.iter().map(|outline| plane_of(&outline.vertices)).collect();
         let class = |number: u32| planes[number as usize].map_or(0, |(.., area)| area.to_bits() >> 53);
         let mut order: Vec<u32> =

@@ -1,10 +1,10 @@
-//! Faces along the axes, joined into the largest rectangles of which no point is open.
+//! Joining of axis-aligned faces into maximal covered rectangles.
 //!
-//! Pairs of triangles that make a rectangle along the axes are taken as one; rectangles that lie in exactly
-//! the same plane, bit for bit, and touch, are laid out on the grid of their sides; and of the grid's cells
-//! all the largest rectangles without a gap are found. Everything is compared, nothing computed, so that what
-//! is joined covers exactly what its parts cover. The rectangles may overlap one another: fewer are then
-//! needed, and no crack runs between them.
+//! Two triangles that form an axis-aligned rectangle are replaced by it. Rectangles that lie in exactly the
+//! same plane, bit for bit, and are connected are laid out on the grid of their sides. Of the grid's cells,
+//! all maximal covered rectangles are found. Coordinates are only compared, never computed, so a joined
+//! rectangle covers only what its parts cover. Joined rectangles may overlap, so that fewer are needed and no
+//! crack runs between them.
 
 use super::cover::join_group;
 use super::outline::{OccluderTriangle, Outline};
@@ -13,13 +13,15 @@ use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Planes along the axes: which axis they are across, where on it (as ordered bits), and which way they face
-/// (0 down, 1 up, 2 both).
+/// An axis-aligned plane: the axis that it is perpendicular to (0 to 2), its coordinate on that axis as
+/// [`ordered`] bits, and the way its faces look (0 along the negative axis, 1 along the positive axis, 2
+/// both).
 pub(super) type Level = (usize, u64, u8);
-/// The rectangles in each plane.
+/// The rectangles in each axis-aligned plane. A rectangle's two coordinates are along the next and the second
+/// next axis, cyclically.
 pub(super) type Levels = BTreeMap<Level, Vec<Rectangle>>;
 
-/// Joins the rectangles of each plane into fewer and larger ones.
+/// Joins the rectangles of each plane into fewer and larger ones and returns them as polygons.
 pub(super) fn join(levels: &Levels) -> Vec<Outline> {
     let mut outlines = Vec::new();
     for (&(axis, bits, facing), rectangles) in levels {
@@ -38,17 +40,20 @@ pub(super) fn join(levels: &Levels) -> Vec<Outline> {
     outlines
 }
 
-/// The bits of a number, mapped so that they are ordered as the numbers are; both zeros have the same.
+/// Returns the bits of a number, mapped so that their unsigned order is the order of the numbers. Both zeros
+/// map to the same bits.
 pub(super) fn ordered(x: f64) -> u64 {
     let bits = (x + 0.0).to_bits();
     if bits >> 63 != 0 { !bits } else { bits | 1 << 63 }
 }
 
+/// Returns the number whose [`ordered`] bits are given.
 pub(super) fn from_ordered(bits: u64) -> f64 {
     f64::from_bits(if bits >> 63 != 0 { bits & !(1 << 63) } else { !bits })
 }
 
-/// The corners of a rectangle, counter-clockwise as seen from the side that it faces.
+/// Returns the corners of a rectangle in the plane at coordinate `at` of `axis`, counter-clockwise as seen
+/// from the positive axis, or from the negative axis if `down`.
 pub(super) fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down: bool) -> Vec<DVec3> {
     let mut around = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
     if down {
@@ -65,11 +70,12 @@ pub(super) fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down:
         .into()
 }
 
-/// Removes pairs of triangles that make a rectangle along the axes, and returns the rectangles.
+/// Removes all pairs of triangles of one object that form an axis-aligned rectangle, and returns the
+/// rectangles.
 pub(super) fn take_rectangles(pieces: &mut Vec<OccluderTriangle>) -> Levels {
     let mut levels = Levels::new();
-    // Halves that wait for their other half: by level, rectangle and source, the piece with each corner
-    // missing.
+    // Triangles that wait for the other half of their rectangle. By plane, rectangle and source: the index of
+    // the triangle that lacks each of the four corners.
     type Key = (Level, [u64; 4], u32);
     let mut halves: BTreeMap<Key, [Option<usize>; 4]> = BTreeMap::new();
     let mut taken = alloc::vec![false; pieces.len()];
@@ -82,7 +88,7 @@ pub(super) fn take_rectangles(pieces: &mut Vec<OccluderTriangle>) -> Levels {
         if low[0] >= high[0] || low[1] >= high[1] {
             continue;
         }
-        // Each vertex must be at a corner, each corner but one be taken.
+        // Each vertex must be at a corner of the rectangle, and all corners but one must be taken.
         let mut missing = 0b1111u32;
         for p in flat {
             let at = [0, 1].map(|i| (p[i] == low[i], p[i] == high[i]));
@@ -116,7 +122,7 @@ pub(super) fn take_rectangles(pieces: &mut Vec<OccluderTriangle>) -> Levels {
 mod tests {
     use super::*;
 
-    /// A quad in the plane x = 1, facing +x.
+    /// Returns two triangles of a rectangle in the plane x = 1, facing +x, between (y, z) = `low` and `high`.
     fn quad(low: [f64; 2], high: [f64; 2], source: u32) -> [OccluderTriangle; 2] {
         let p = |y: f64, z: f64| DVec3::new(1.0, y, z);
         let [a, b, c, d] = [p(low[0], low[1]), p(high[0], low[1]), p(high[0], high[1]), p(low[0], high[1])];
@@ -125,7 +131,7 @@ mod tests {
 
     #[test]
     fn a_wall_with_a_window_becomes_the_four_strips_around_it() {
-        // Full-height strips beside the window, a piece below and one above it.
+        // Full-height strips beside the window, one piece below it and one above.
         let parts = [
             ([0.0, 0.0], [2.0, 3.0]),
             ([2.0, 0.0], [3.0, 1.0]),

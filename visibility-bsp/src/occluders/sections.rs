@@ -1,21 +1,21 @@
-//! Sections of solids: rectangles inside closed boxes, which hide like walls though no face is there (the
-//! inside of what is opaque as an occluder: Schaufler, Dorsey, Decoret, Sillion, "Conservative Volumetric
-//! Visibility with Occluder Fusion", 2000).
+//! Sections of solids: rectangles inside closed boxes, which hide like walls although no face is there. The
+//! inside of opaque solids was first used as an occluder by Schaufler, Dorsey, Decoret and Sillion,
+//! "Conservative Volumetric Visibility with Occluder Fusion", 2000.
 //!
 //! # Why it is sound
-//! A line of sight that meets a point of a closed box has met a face of that box before, or at that point, if
-//! it begins outside. So a rectangle of which every point is in a box of some set hides what is behind it
-//! from every eye outside of them all; `Selector` sees to that, and to it that no such face is cut away by
-//! the near plane. Boxes may abut or overlap, their faces need not lie in one plane: a front of walls, of the
-//! edges of the floors between them and of the ends of other walls is cut by one plane, and has no slits in
-//! it.
+//! A view ray that begins outside a closed box and meets a point of the box has met a face of the box before,
+//! or at that point. So a rectangle whose every point is in some box of a set hides everything behind it, for
+//! every eye outside all boxes of the set. `Selector` ensures that the eye is outside and that the near plane
+//! does not cut away such a face. Boxes may abut or overlap, and their faces need not lie in one plane. For
+//! example, one plane cuts a façade of walls, of the edges of the floors between them and of the ends of
+//! other walls, and the section has no slits.
 //!
 //! # Which
-//! Boxes along the axes are found as six rectangles of one object. Of all planes across an axis, those
-//! through the near sides of boxes cut the largest sets of boxes at once, since nothing more is cut until the
-//! next one begins; of what a plane cuts, only what touches a box that begins there is looked at. Sections
-//! that are little larger than what faces of their boxes make up are left out, and faces that a section close
-//! by covers are dropped: one polygon is to hide what several did.
+//! Axis-aligned boxes are found as six rectangles of one object. Of all planes across an axis, those through
+//! the near sides of boxes cut the largest sets of boxes at once, since no further box is cut until the next
+//! one begins. Of the boxes that a plane cuts, only those that touch a box beginning there are considered.
+//! Sections that are little larger than the rectangles made of their boxes' faces are left out. Faces covered
+//! by a section close to them are dropped, so that one polygon replaces several.
 
 use super::blocks::{BLOCK, halve};
 use super::cover::join_group;
@@ -27,26 +27,30 @@ use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// A closed box of one object.
+/// A closed axis-aligned box of one object, in scene coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Solid {
+    /// Minimum corner.
     pub(crate) min: DVec3,
+    /// Maximum corner.
     pub(crate) max: DVec3,
+    /// Index of the box's object in the list of objects being processed.
     pub(super) source: u32,
 }
 
-/// Least area of a section, in areas of the largest rectangle that faces of its boxes make in one plane.
+/// Minimum area of a section, relative to the largest rectangle that faces of its boxes form in one plane.
 const GAIN: f64 = 1.25;
-/// Greatest distance of a section from a face that is dropped for it, in smaller sides of the face.
+/// Maximum distance of a section from a face that it replaces, relative to the face's shorter side.
 const CLOSE: f64 = 0.25;
-/// Maximum number of boxes that are cut together. A box that more than these touch begins no section.
+/// Maximum number of boxes that are cut together. A box that touches more than these begins no section.
 const MOST_BOXES: usize = 256;
 /// Maximum number of faces near a section that are tested for being covered by it.
 const MOST_FACES: usize = 4096;
 
-/// Finds the boxes of which all six faces are there.
+/// Finds the boxes of which all six faces are present as rectangles of one object, facing outwards or both
+/// ways.
 pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
-    // Faces by object, level and sides; and pairs of those across x, which a box is found by.
+    // Faces by object, plane and sides; and the faces across x, in pairs of which boxes are found.
     let mut faces: BTreeSet<(u32, Level, [u64; 4])> = BTreeSet::new();
     let mut pairs: Vec<(u32, [u64; 4], u64, u8)> = Vec::new();
     for (&(axis, at, facing), rectangles) in levels {
@@ -63,8 +67,8 @@ pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
     pairs.sort_unstable();
     let mut solids = Vec::new();
     for alike in pairs.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        // From each of them on, the first far side; the greatest number, which no finite coordinate has, if
-        // there is none.
+        // For each face and those after it: the first far side, or `u64::MAX`, which no finite coordinate
+        // has, if there is none.
         let mut far_sides = alloc::vec![u64::MAX; alike.len()];
         let mut next_far = u64::MAX;
         for (&(_, _, x1, far), side) in alike.iter().zip(&mut far_sides).rev() {
@@ -72,7 +76,7 @@ pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
             *side = next_far;
         }
         for &(source, sides, x0, near) in alike {
-            // Where boxes abut, the far side of the one comes with the near side of the next.
+            // Where boxes abut, the far side of one has the same coordinate as the near side of the next.
             let next = alike.partition_point(|&(_, _, x1, _)| x1 <= x0);
             let Some(&x1) = far_sides.get(next).filter(|&&x1| near != 1 && x1 != u64::MAX) else { continue };
             let [y0, z0, y1, z1] = sides;
@@ -88,20 +92,24 @@ pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
     solids
 }
 
-/// The coordinates along the two other axes.
+/// Returns the coordinates of a point along the two axes after `axis`, cyclically.
 fn flat(v: DVec3, axis: usize) -> [f64; 2] {
     [v[(axis + 1) % 3], v[(axis + 2) % 3]]
 }
 
-/// A hierarchy of boxes, to find those that touch a box.
+/// A hierarchy of boxes for finding those that touch a given box.
 struct Near {
+    /// Indices of the boxes, in spatially compact runs of [`BLOCK`].
     order: Vec<u32>,
+    /// Minimum and maximum corner of each box.
     boxes: Vec<(DVec3, DVec3)>,
-    /// By level, a box around each block of the level below; the lowest blocks are runs of `order`.
+    /// By level, from the bottom: bounds of each block of the level below. The lowest blocks are runs of
+    /// `order`.
     levels: Vec<Vec<(DVec3, DVec3)>>,
 }
 
 impl Near {
+    /// Builds the hierarchy of boxes given by minimum and maximum corners.
     fn new(boxes: Vec<(DVec3, DVec3)>) -> Self {
         let centers: Vec<DVec3> = boxes.iter().map(|(min, max)| *min * 0.5 + *max * 0.5).collect();
         let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
@@ -119,11 +127,12 @@ impl Near {
         Self { order, boxes, levels }
     }
 
-    /// Calls `each` with up to `most` boxes that touch a box, and returns whether these are all.
+    /// Calls `each` with the indices of up to `most` boxes that overlap or touch the box from `min` to `max`.
+    /// Returns whether these are all.
     fn touching(&self, min: DVec3, max: DVec3, most: usize, mut each: impl FnMut(u32)) -> bool {
         let mut left = most;
         let touches = |b: &(DVec3, DVec3)| b.0.cmple(max).all() && b.1.cmpge(min).all();
-        // Blocks by level and number, those of the last level first.
+        // Stack of (level, block number), beginning with the blocks of the highest level.
         let last = self.levels.len();
         let all = self.levels.last().map_or(self.order.len(), Vec::len);
         let mut open: Vec<(usize, usize)> = (0..all).map(|block| (last, block)).collect();
@@ -149,7 +158,7 @@ impl Near {
     }
 }
 
-/// Finds all sections of boxes that are larger than the faces there.
+/// Finds all sections of boxes that are sufficiently larger than the faces of these boxes.
 pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
     let near = Near::new(solids.iter().map(|solid| (solid.min, solid.max)).collect());
     let mut outlines = Vec::new();
@@ -165,7 +174,7 @@ pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
                 let Solid { min, mut max, .. } = solids[number as usize];
                 max[axis] = at;
                 let start = cut.len();
-                // Itself, too.
+                // The box touches itself, too.
                 if !near.touching(min, max, MOST_BOXES, |other| cut.push(other)) {
                     cut.truncate(start);
                 }
@@ -202,7 +211,8 @@ pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
     outlines
 }
 
-/// Whether a section is much larger than what faces of its boxes in one plane make up of it.
+/// Tests whether a section is at least [`GAIN`] times larger than the largest rectangle that faces of its
+/// boxes in one plane form within it.
 fn is_gain(solids: &[Solid], axis: usize, low: [f64; 2], high: [f64; 2], boxes: &[u32]) -> bool {
     let area = |low: [f64; 2], high: [f64; 2]| (high[0] - low[0]) * (high[1] - low[1]);
     let mut level: Vec<(u64, u32)> = Vec::new();
@@ -233,7 +243,7 @@ fn is_gain(solids: &[Solid], axis: usize, low: [f64; 2], high: [f64; 2], boxes: 
     area(low, high) > GAIN * largest
 }
 
-/// Drops faces and sections that a section close by covers.
+/// Drops faces and sections that are covered by a section close to them and made of no other objects.
 pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
     let about = |outline: &Outline| {
         outline
@@ -268,7 +278,7 @@ pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
                     .sources
                     .iter()
                     .all(|source| section.sources.binary_search(source).is_ok());
-            // Of two sections alike, one stays.
+            // Of two equal sections, the first is kept.
             let alike = !outlines[other as usize].solids.is_empty() && within_min == from && within_max == to;
             if covered && !(alike && number > other as usize) {
                 kept[other as usize] = false;

@@ -1,6 +1,6 @@
-//! Which polygons hide most from where the eye is, by solid angle (Coorg and Teller, "Real-Time Occlusion
-//! Culling for Models with Large Occluders", 1997): first by a bound that costs a few operations, then, of
-//! the best, by what is in the picture.
+//! Selection of the polygons that hide most from the eye, by solid angle (Coorg and Teller, "Real-Time
+//! Occlusion Culling for Models with Large Occluders", 1997). A first pass uses a bound that costs a few
+//! operations; a second pass ranks the best by their worth in the image.
 
 use super::polygons::{Block, Occluders, Polygon};
 use crate::clip_projection::{ClipProjection, corners_of};
@@ -15,30 +15,35 @@ use visibility_core::{
     view::Eye,
 };
 
-/// Solid angle of half of all directions, in steradians.
+/// Solid angle of a half-space, 2 pi steradians.
 const MOST_ANGLE: f32 = core::f32::consts::TAU;
 
-/// A polygon that is chosen for this frame, unless it turns out to be unusable.
+/// A polygon selected for this frame, if it turns out to be usable.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chosen {
+    /// Number of the polygon in `Occluders::polygons`.
     pub(crate) polygon: u32,
-    /// Upper bound on its solid angle in steradians; later its worth.
+    /// Upper bound on the polygon's solid angle in steradians; for parallel views, the projected area in
+    /// square metres. After [`Selector::keep_worthy`], the polygon's worth.
     pub(crate) bound: f32,
 }
 
-/// Chooses polygons for one view, and knows which objects have changed since the polygons were made.
+/// Selects polygons for one view, and tracks which objects have changed since the polygons were made.
 #[derive(Clone, Debug)]
 pub(crate) struct Selector {
+    /// The selected polygons, best first unless ranked by worth.
     pub(crate) chosen: Vec<Chosen>,
+    /// Scratch: bound on the solid angle of each block that may be in view, with the block's number.
     blocks: Vec<(f32, u32)>,
-    /// Stamp of the polygons that the other fields are about; `Stamp::NONE` before the first frame and after
+    /// Stamp of the polygons that the other fields refer to; `Stamp::NONE` before the first frame and after
     /// a reset.
     occluders: Stamp,
-    /// The scene and revision up to which changes are in `stale`.
+    /// The scene and revision up to which changes are recorded in `stale`.
     seen: SceneCursor,
-    /// By object index, one bit: whether the object has changed since the polygons were made.
+    /// Bitset by object index: whether the object has changed since the polygons were made.
     stale: Vec<u64>,
-    /// The polygons are of another scene, or more has changed than was listed: none of them can be trusted.
+    /// Whether the polygons belong to another scene, or more has changed than the scene lists. No polygon is
+    /// then usable.
     lost: bool,
 }
 
@@ -56,14 +61,14 @@ impl Default for Selector {
 }
 
 impl Selector {
-    /// Takes in changes of the scene and of the polygons. Returns whether any polygon may be another, or has
-    /// become usable or unusable, since the last call.
+    /// Records changes of the scene and of the polygons. Returns whether any polygon may have changed, or
+    /// become usable or unusable, since the last call. Must be called first in a frame.
     pub(crate) fn follow(&mut self, occluders: &Occluders, scene: &Scene) -> bool {
         let mut news = self.occluders != occluders.stamp;
         let mut changes = self.seen.peek(scene);
         if news || self.lost || changes == Changes::Everything {
-            // Other polygons, or another scene than in the last frame: what has changed is counted again from
-            // where the polygons were made.
+            // With other polygons or another scene than in the last frame, changes are counted again from the
+            // revision that the polygons represent.
             self.occluders = occluders.stamp;
             self.stale.clear();
             changes = occluders.cursor.peek(scene);
@@ -86,19 +91,19 @@ impl Selector {
         news
     }
 
-    /// Forgets which polygons the memory is about: the next call of `follow` begins anew.
+    /// Forgets the last polygons, so that the next call of [`follow`](Self::follow) begins anew.
     pub(crate) fn reset(&mut self) {
         self.occluders = Stamp::NONE;
     }
 
-    /// Whether an object is in the scene and has not changed since the polygons were made.
+    /// Tests whether an object is in the scene and has not changed since the polygons were made.
     fn is_fresh(&self, scene: &Scene, id: ObjectId) -> bool {
         let stale = self.stale.get(id.index() / 64).is_none_or(|word| word >> (id.index() % 64) & 1 != 0);
         !stale && !self.lost && scene.contains(id)
     }
 
-    /// Whether all objects that a polygon was made from are unchanged, flagged as occluders, and on a layer
-    /// of the view.
+    /// Tests whether all objects that a polygon was made from are unchanged, flagged as occluders, and on a
+    /// layer of the view.
     pub(crate) fn is_usable(&self, occluders: &Occluders, polygon: u32, scene: &Scene, view: &View) -> bool {
         occluders.sources_of(polygon).iter().all(|&id| {
             self.is_fresh(scene, id)
@@ -106,15 +111,16 @@ impl Selector {
         })
     }
 
-    /// Chooses up to `count` polygons by the bound on their solid angle, of those that may be in the picture,
-    /// or all around.
+    /// Replaces the selection by the `count` polygons with the greatest bound on their solid angle, greatest
+    /// first. With `sides`, only polygons that may be in front of all these planes (scene coordinates) are
+    /// considered; with `None`, those in all directions.
     pub(crate) fn choose(&mut self, occluders: &Occluders, eye: &Eye, sides: Option<&[Plane]>, count: usize) {
         self.chosen.clear();
         self.blocks.clear();
         if self.lost || count == 0 {
             return;
         }
-        // Only a choice: rounding does no harm.
+        // Only a selection: rounding is harmless.
         let is_in = |center: DVec3, radius: f64| {
             sides.is_none_or(|sides| sides.iter().all(|side| side.signed_distance(center) > -radius))
         };
@@ -148,8 +154,9 @@ impl Selector {
         self.chosen.truncate(count);
     }
 
-    /// Keeps the `count` chosen polygons of greatest worth. `worth` is given a polygon and the bound on its
-    /// solid angle.
+    /// Keeps the `count` selected polygons with the greatest worth, in no particular order. `worth` is called
+    /// with a polygon's number and the bound on its solid angle. Does nothing if no more than `count` are
+    /// selected or `count` is 0.
     pub(crate) fn keep_worthy(&mut self, count: usize, mut worth: impl FnMut(u32, f32) -> f32) {
         if self.chosen.len() <= count || count == 0 {
             return;
@@ -162,8 +169,9 @@ impl Selector {
         self.chosen.truncate(count);
     }
 
-    /// Keeps the chosen polygons that may hide in this frame: those whose objects are unchanged and drawn in
-    /// this view, on the inner side of its clip planes; and sections only if the eye is outside their boxes.
+    /// Keeps the selected polygons that may hide in this frame. All objects of a polygon must be unchanged,
+    /// drawn in this view, and on the inner side of the view's clip planes. For a section, the eye must also
+    /// be outside all its boxes.
     pub(crate) fn keep_usable(
         &mut self,
         occluders: &Occluders,
@@ -178,7 +186,7 @@ impl Selector {
         let clear = projection.clearance();
         chosen.retain(|chosen| {
             let solids = occluders.solids_of(chosen.polygon);
-            // Of a section, what is drawn are the faces of its boxes.
+            // The drawn geometry of a section is the faces of its boxes.
             let within = view.clip_planes().is_empty()
                 || occluders
                     .occluder_polygon(chosen.polygon)
@@ -195,8 +203,8 @@ impl Selector {
     }
 }
 
-/// Whether an object is in the set, or outside the view. An object in view that an earlier culler removed is
-/// not drawn, so it must not hide.
+/// Tests whether an object is in the visible set, or surely outside one of the view's planes `sides`. An
+/// object in view that an earlier culler has removed is not drawn, so it must not hide.
 pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, sides: &[Plane], id: ObjectId) -> bool {
     visible.contains(scene, id)
         || scene.bounds(id).is_ok_and(|bounds| {
@@ -204,8 +212,8 @@ pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, sides: &[Plane], id:
         })
 }
 
-/// Writes the planes of a view, each moved outwards by its rounding error, to `out`, and returns their
-/// number.
+/// Writes the planes of a view to `out`, in scene coordinates, normals inwards, each moved outwards by its
+/// rounding error. Returns their number.
 pub(crate) fn sides_of(
     view: &View,
     scene: &Scene,
@@ -219,7 +227,8 @@ pub(crate) fn sides_of(
 }
 
 impl Block {
-    /// Upper bound on the solid angle of any polygon in the block.
+    /// Returns an upper bound on the solid angle of any polygon in the block, in steradians; for parallel
+    /// views, on the area in square metres.
     fn bound(&self, eye: &Eye) -> f32 {
         match eye {
             Eye::Point(eye) => {
@@ -231,8 +240,9 @@ impl Block {
     }
 }
 
-/// No less than the solid angle of a polygon, if it is before the eye: its height over the eye times its area
-/// over the cube of the least distance.
+/// Returns an upper bound on the solid angle of a polygon seen from `eye`, in steradians: its height over the
+/// eye times its area, divided by the cube of the least distance. For parallel views, the projected area in
+/// square metres. Negative if the eye is behind a one-sided polygon.
 fn bound(polygon: &Polygon, eye: &Eye) -> f32 {
     match eye {
         Eye::Point(eye) => {
@@ -241,7 +251,8 @@ fn bound(polygon: &Polygon, eye: &Eye) -> f32 {
             let shown = if polygon.two_sided { height.abs() } else { height };
             let least = (to_eye.length() - polygon.radius).max(height.abs());
             let angle = shown * polygon.area / (least * least * least);
-            // A half-space at most. NaN, of an eye in the plane, is no candidate.
+            // Limited to a half-space. NaN, from an eye in the polygon's plane, makes the polygon no
+            // candidate.
             (angle as f32).min(MOST_ANGLE)
         }
         Eye::Direction(along) => {
@@ -251,8 +262,9 @@ fn bound(polygon: &Polygon, eye: &Eye) -> f32 {
     }
 }
 
-/// The solid angle of a convex polygon, in steradians; for parallel views its share of the picture, four for
-/// all of it. Good to a few percent, which is enough to choose by.
+/// Returns the solid angle of a convex polygon in steradians, given the corners of its projection; for
+/// parallel views, its area in square NDC units (4 for the whole image). Accurate to a few percent, which is
+/// enough for ranking. 0 without corners.
 pub(crate) fn angle_of(projection: &ClipProjection, corners: &[Corner]) -> f32 {
     let Some((first, rest)) = corners.split_first() else { return 0.0 };
     let mut sum = 0.0;
@@ -281,12 +293,12 @@ pub(crate) fn angle_of(projection: &ClipProjection, corners: &[Corner]) -> f32 {
     sum as f32
 }
 
-/// Solid angle of a triangle of unit vectors, in steradians (Van Oosterom and Strackee, "The Solid Angle of a
-/// Plane Triangle", 1983).
+/// Returns the solid angle of a triangle of unit vectors in steradians, to a few thousandths (Van Oosterom
+/// and Strackee, "The Solid Angle of a Plane Triangle", 1983). 0 for degenerate triangles.
 fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     let y = a.dot(b.cross(c)).abs();
     let x = 1.0 + a.dot(b) + b.dot(c) + c.dot(a);
-    // The arc tangent to a few thousandths: t (1.0584 - 0.273 t) between 0 and 1.
+    // The arc tangent of t from 0 to 1, to a few thousandths: t (1.0584 - 0.273 t).
     let arc = |t: f64| t * (core::f64::consts::FRAC_PI_4 + 0.273 * (1.0 - t));
     let angle = if x >= y {
         arc(y / x)

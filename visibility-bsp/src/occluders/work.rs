@@ -1,19 +1,20 @@
-//! Counts the elementary steps of making polygons, in tests only: how they grow with the input is what tests
-//! of cost assert.
+//! Counter of the elementary steps of making polygons, for tests only. Tests of cost assert how the steps
+//! grow with the input.
 
 #[cfg(test)]
 std::thread_local! {
+    /// Steps counted on this thread.
     static STEPS: core::cell::Cell<u64> = const { core::cell::Cell::new(0) };
 }
 
-/// Counts one step.
+/// Counts one step; does nothing outside tests.
 #[inline]
 pub(super) fn step() {
     #[cfg(test)]
     STEPS.set(STEPS.get() + 1);
 }
 
-/// The steps that something takes on this thread.
+/// Returns the number of steps that `run` takes on this thread.
 #[cfg(test)]
 pub(super) fn steps_of(run: impl FnOnce()) -> u64 {
     let before = STEPS.get();
@@ -29,6 +30,7 @@ mod tests {
     use visibility_core::glam::Vec3;
     use visibility_core::{Aabb, Object, OccluderMesh, Scene, occlusion::Preparation};
 
+    /// Creates a scene of occluder boxes, with their twelve triangles each, and prepares the occluders.
     fn scene(boxes: impl Iterator<Item = Aabb>) -> Scene {
         let mut scene = Scene::new();
         for bounds in boxes {
@@ -42,8 +44,8 @@ mod tests {
         scene
     }
 
-    /// Twice the boxes may take a little more than twice the steps, where each with each would take four
-    /// times as many.
+    /// Doubling the boxes may take a little more than twice the steps. Comparing each box with each would
+    /// take four times as many.
     #[test]
     fn steps_grow_as_boxes_do() {
         type Input = (&'static str, fn(usize, usize) -> Aabb);
@@ -71,7 +73,7 @@ mod tests {
                 steps_of(|| drop(Occluders::new(&scene))) as f64
             });
             std::println!("{what}: {steps:?}");
-            // Where a limit is passed between the two, there are even fewer.
+            // Where a limit is passed between two sizes, the growth is even smaller.
             assert!(steps[1] < 2.6 * steps[0] && steps[2] < 2.6 * steps[1], "{what}: {steps:?}");
             assert!(steps[2] < 4000.0 * 3000.0, "{what}: {steps:?}");
         }

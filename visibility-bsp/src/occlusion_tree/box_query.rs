@@ -1,50 +1,57 @@
-//! Boxes against the tree: down one side while that is certain, in two parts where it is not.
+//! Test of a box against the occlusion tree. The box follows one child while that is certain, and is cut in
+//! two parts where it is not.
 //!
 //! # Why it is sound
-//! Parts of a box are kept as the corners of a convex set whose cone holds every direction that the part has,
-//! when each corner may be moved by the part's error. A plane parts it at twice the slack beyond itself to
-//! either side, so that each part holds all the box's directions that are exactly on that side, and those
-//! within rounding of the plane go both ways: they are hidden only if both sides say so, and one of them is
-//! theirs. So two shadows that share an edge leave no gap, and none is wider than it is. Each cut adds four
-//! roundings to the error.
+//! A part of a box is represented by the corner directions of a convex cone. The cone contains every
+//! direction of the part if each corner may be moved by the part's error. A plane cuts a part at twice the
+//! slack beyond the plane on either side. So each half contains all the box's directions that are exactly on
+//! that side. Directions within rounding of the plane go to both halves; they are hidden only if both sides
+//! hide them, and one of the sides is their own. Two shadows that share an edge therefore leave no gap, and
+//! no shadow becomes wider than it is. Each cut adds four roundings to the error.
 
 use super::nodes::{AWAY, Child, HIDDEN, LIT, MOST_PLANES, Nodes};
 use crate::clip_projection::{BoxProjection, ClipProjection, U, dot, slack_of};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, occlusion::Occlusion, view::Eye};
 
-/// Maximum number of corners of a part of a box. A part that would get more counts as visible in part.
+/// Maximum number of corners of a part. If a cut would make more, the box counts as partially visible.
 const MOST: usize = 24;
 
-/// Whether parts of a box reached leaves that hide them, and leaves that do not.
+/// Which kinds of leaves the parts of a box have reached so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct Found {
+    /// Whether some part is hidden in its leaf.
     hidden: bool,
+    /// Whether some part is surely not hidden in its leaf.
     lit: bool,
 }
 
-/// A convex part of a box's outline: directions of its corners, and the bound on the error of `n . v` for
-/// them.
+/// A convex part of a box's projection.
 #[derive(Clone, Copy)]
 struct Part {
+    /// Clip-space directions of the corners, in boundary order. Only the first `count` are valid.
     corners: [[f64; 3]; MOST],
+    /// Number of corners.
     count: usize,
+    /// Bound on the absolute error of `n . v` for any corner `v` and any `n` with components up to 1.
     slack: f64,
 }
 
-/// Each face of a box by the numbers of its corners, counter-clockwise from outside: -x, +x, -y, +y, -z, +z.
+/// Corner numbers of each face of a box, counter-clockwise from outside. Faces are numbered -x, +x, -y, +y,
+/// -z, +z from 0; bits 0, 1 and 2 of a corner number choose max x, y and z.
 const FACES: [[u8; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
-/// For each set of faces that an eye can be before, by mask, the corners of the outline in order, and how
-/// many they are (Schmalstieg and Tobler, "Fast Projected Area Computation for Three-Dimensional Bounding
-/// Boxes", 1999).
+/// Silhouette of a box for each set of faces turned to the eye: the corner numbers in order around the
+/// silhouette, and their count. The index is a mask in which bit i stands for face i of [`FACES`]; masks with
+/// two opposite faces do not occur (Schmalstieg and Tobler, "Fast Projected Area Computation for
+/// Three-Dimensional Bounding Boxes", 1999).
 const OUTLINES: [([u8; 6], u8); 64] = {
     let mut table = [([0; 6], 0); 64];
     let mut mask = 1;
     while mask < 64 {
-        // Edges of front faces whose other way round is in no front face lead from corner to corner around
-        // the outline.
+        // The silhouette consists of the edges of front faces that no other front face runs along in reverse.
+        // `next` leads from corner to corner along it.
         let mut next = [u8::MAX; 8];
         let mut face = 0;
         while face < 6 {
@@ -88,19 +95,26 @@ const OUTLINES: [([u8; 6], u8); 64] = {
     table
 };
 
-/// The test of one box.
+/// State of testing one box against the tree.
 struct Walk<'a> {
+    /// The occlusion tree.
     nodes: &'a Nodes,
+    /// Projection of the present frame.
     projection: &'a ClipProjection,
+    /// Minimum corner of the box in scene coordinates.
     min: DVec3,
+    /// Maximum corner of the box in scene coordinates.
     max: DVec3,
-    /// Mask of the faces that the eye is before.
+    /// Mask of the faces turned to the eye, bit i for face i of [`FACES`]; 0 if that is uncertain.
     faces: usize,
+    /// Result so far.
     found: Found,
 }
 
 impl Nodes {
-    /// Tests a box against the tree.
+    /// Tests a box in scene coordinates against the tree. `Visible` for a box that is not finite. `Partial`
+    /// for one that is not surely beyond the near plane, and wherever rounding leaves the answer open.
+    /// `Hidden` for a box outside the image.
     pub(crate) fn test(&self, projection: &ClipProjection, bounds: &Aabb) -> Occlusion {
         if !bounds.is_finite() {
             return Occlusion::Visible;
@@ -134,7 +148,7 @@ impl Nodes {
                 let (outline, count) = &OUTLINES[faces];
                 walk.visit(child, &Part::new(&cone, &outline[..usize::from(*count)]))
             }
-            // Where it is not certain which faces the eye is before, all that it may be.
+            // If it is uncertain which faces are turned to the eye, every face that may be is tested.
             None => (0..6).all(|face| {
                 !may_be_before(projection, face, min, max)
                     || walk.visit(child, &Part::new(&cone, &FACES[face]))
@@ -145,8 +159,8 @@ impl Nodes {
 }
 
 impl Walk<'_> {
-    /// Notes whether a leaf hides a part. False if it neither hides nor surely shows it, or if another part
-    /// had the other answer: the box is then visible in part.
+    /// Records whether a leaf hides a part. Returns false if this is undecided, or if another part got the
+    /// opposite answer; the box is then partially visible.
     fn look(&mut self, leaf: Child, part: &Part) -> bool {
         let lit = match leaf {
             AWAY => return true,
@@ -161,7 +175,8 @@ impl Walk<'_> {
         !(self.found.lit && self.found.hidden)
     }
 
-    /// Whether a part of a box is hidden in a leaf (`-1`), before all that hides there (`1`) or neither.
+    /// Returns -1 if a leaf surely hides a part of the box, 1 if the box is in front of all polygons of the
+    /// leaf, and 0 if undecided.
     fn side_of(&self, leaf: Child, part: &Part) -> i32 {
         let (mut leaf, mut all) = (leaf, 1);
         for _ in 0..MOST_PLANES {
@@ -179,9 +194,9 @@ impl Walk<'_> {
         all
     }
 
-    /// Whether a part of a box that itself is on both sides of a plane is behind it: if along each of its
-    /// lines of sight, the plane comes before the plane of one of the faces that the box is entered by, which
-    /// is no farther than where it is entered.
+    /// Tests whether a part of the box is surely behind a back plane that crosses the box. This holds if,
+    /// along each view ray of the part, the back plane comes before the plane of one of the box's front
+    /// faces. That face's plane is no farther than the point where the ray enters the box.
     fn is_behind(&self, plane: usize, part: &Part) -> bool {
         let Some(first) = &self.nodes.approaches[plane] else { return false };
         (0..6).filter(|face| self.faces >> face & 1 != 0).any(|face| {
@@ -196,8 +211,8 @@ impl Walk<'_> {
         })
     }
 
-    /// Tests a part of a box against a child and all below. False as soon as the box is known to be visible
-    /// in part.
+    /// Tests a part of the box against the subtree `child`. Returns false as soon as the box is known to be
+    /// partially visible.
     fn visit(&mut self, child: Child, part: &Part) -> bool {
         if part.count == 0 {
             return true;
@@ -231,6 +246,7 @@ impl Walk<'_> {
 }
 
 impl Found {
+    /// Returns the answer for the box; `whole` tells whether every part was decided alike.
     fn verdict(self, whole: bool) -> Occlusion {
         match (whole, self.hidden, self.lit) {
             (false, ..) | (true, true, true) => Occlusion::Partial,
@@ -241,10 +257,12 @@ impl Found {
 }
 
 impl Part {
+    /// Creates a part without corners.
     fn empty(slack: f64) -> Self {
         Self { corners: [[0.0; 3]; MOST], count: 0, slack }
     }
 
+    /// Creates the part that consists of the given corners of a box, in boundary order.
     fn new(cone: &BoxProjection, numbers: &[u8]) -> Self {
         let mut part = Self { count: numbers.len(), ..Self::empty(cone.slack) };
         for (corner, &number) in part.corners.iter_mut().zip(numbers) {
@@ -253,8 +271,9 @@ impl Part {
         part
     }
 
-    /// Puts what of it is where `sign * value >= limit` into another, whose slack is that of a cut more;
-    /// false if that has too many corners.
+    /// Replaces `out` by the part of this polygon where `sign * value >= limit`; `values` holds one value per
+    /// corner, and the slack of `out` is left to the caller. Returns false if `out` would get more than
+    /// [`MOST`] corners.
     fn beyond(&self, values: &[f64; MOST], sign: f64, limit: f64, out: &mut Self) -> bool {
         let mut count = 0;
         let mut j = self.count - 1;
@@ -282,7 +301,8 @@ impl Part {
     }
 }
 
-/// Mask of the faces that the eye is before, `None` if that is uncertain for any of the six.
+/// Returns the mask of the box's faces turned to the eye, bit i for face i of [`FACES`]. `None` if this is
+/// uncertain for any face, or if the eye is inside the box.
 fn faces_before(projection: &ClipProjection, min: DVec3, max: DVec3) -> Option<usize> {
     let mut mask = 0;
     let certain = match projection.eye {
@@ -291,7 +311,7 @@ fn faces_before(projection: &ClipProjection, min: DVec3, max: DVec3) -> Option<u
             for axis in 0..3 {
                 let error = projection.eye_error;
                 let (below, above) = (min[axis] - eye[axis], eye[axis] - max[axis]);
-                // The differences are rounded by less than the error is.
+                // Rounding of the differences is smaller than the eye's error.
                 mask |= usize::from(below > 0.0) << (2 * axis) | usize::from(above > 0.0) << (2 * axis + 1);
                 certain &= below.abs() > 2.0 * error && above.abs() > 2.0 * error;
             }
@@ -310,7 +330,7 @@ fn faces_before(projection: &ClipProjection, min: DVec3, max: DVec3) -> Option<u
     (certain && mask != 0).then_some(mask)
 }
 
-/// Whether the eye may be before a face.
+/// Tests whether a face of the box may be turned to the eye. False only if it surely is not.
 fn may_be_before(projection: &ClipProjection, face: usize, min: DVec3, max: DVec3) -> bool {
     let axis = face / 2;
     match projection.eye {

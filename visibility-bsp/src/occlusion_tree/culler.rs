@@ -1,4 +1,4 @@
-//! The occlusion tree with large polygons made in advance.
+//! The culler that uses an occlusion tree of large polygons made in advance.
 
 use super::map::OcclusionTree;
 use crate::clip_projection::ClipProjection;
@@ -12,10 +12,11 @@ use visibility_core::{
     view::{Eye, MAX_PLANES},
 };
 
-/// Culls what is behind the large polygons of a scene, by an [`OcclusionTree`] that is built anew each frame.
+/// Culls objects behind the large occluder polygons of a scene, with an [`OcclusionTree`] that is rebuilt
+/// every frame. Shadows of several polygons fuse.
 ///
-/// Put it after the frustum. Costs for each polygon that the scene has a few nanoseconds, for each of those
-/// used about a microsecond, and for each box tested a few hundred nanoseconds.
+/// Put it after the frustum culler. Costs a few nanoseconds per polygon of the scene, about a microsecond per
+/// polygon used, and a few hundred nanoseconds per box tested.
 ///
 /// ```
 /// use visibility_bsp::{Occluders, OcclusionTreeCuller};
@@ -29,39 +30,46 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Debug)]
 pub struct OcclusionTreeCuller {
+    /// The polygons to choose from.
     occluders: Arc<Occluders>,
+    /// Chooses polygons and tracks which objects have changed since the polygons were made.
     selector: Selector,
+    /// Tests the scene's hierarchy against the occlusion tree.
     inner: OcclusionCuller<OcclusionTree>,
 }
 
-/// So many times more polygons than are used are looked at, by where they are, and so many of these closely.
+/// Number of candidates chosen by their bound on the solid angle, as a multiple of the maximum number of
+/// polygons used.
 const LOOKED_AT: usize = 6;
+/// Number of candidates kept by their estimated worth, as a multiple of the maximum number of polygons used.
 const CLOSER: usize = 2;
-/// What is close by is worth more than anything else, and among itself by its solid angle.
+/// Worth in objects of one steradian of a polygon so close or large that its worth cannot be estimated. It
+/// ranks such polygons before all others, in the order of their solid angles.
 const CERTAIN: f32 = 1e30;
 
 impl OcclusionTreeCuller {
-    /// Uses the 64 polygons that cover most of the picture.
+    /// Creates a culler that uses up to 64 polygons per frame, those whose shadows cover most of the objects
+    /// in the image.
     pub fn new(occluders: Arc<Occluders>) -> Self {
-        // What is in the meshes is in the polygons, so none are added, nor looked for.
+        // The meshes are represented by the polygons, so the inner culler adds no meshes.
         let inner =
             OcclusionCuller::new(OcclusionTree::new()).with_selection(Selection::Interleaved).with_budget(0);
         Self { occluders, selector: Selector::default(), inner }
     }
 
-    /// Sets the maximum number of polygons used a frame, 0 for none; any number is allowed.
+    /// Sets the maximum number of polygons used per frame; 0 disables culling.
     pub fn with_polygons(mut self, most: usize) -> Self {
         self.inner.map_mut().most = most;
         self
     }
 
-    /// Replaces the polygons, by those of another scene or by the same ones brought up to date. What was
-    /// remembered of others is dropped in the next frame.
+    /// Replaces the polygons, by those of another scene or an updated copy. State about the previous polygons
+    /// is dropped in the next frame.
     pub fn set_occluders(&mut self, occluders: Arc<Occluders>) {
         self.occluders = occluders;
     }
 
-    /// The tree of the last frame.
+    /// Returns the occlusion tree as the last frame left it. Empty before the first frame.
     pub fn tree(&self) -> &OcclusionTree {
         self.inner.map()
     }
@@ -100,7 +108,8 @@ impl Culler for OcclusionTreeCuller {
         );
         self.selector.keep_worthy(tree.most.saturating_mul(CLOSER), |polygon, bound| {
             let (middle, radius) = occluders.about(polygon);
-            // A solid angle is an area at a distance of one; of a parallel view it is one as it is.
+            // A solid angle is an area at distance 1. For a parallel view, the bound is the projected area
+            // itself.
             let area = if let Eye::Point(eye) = projection.eye {
                 f64::from(bound) * eye.distance_squared(middle)
             } else {

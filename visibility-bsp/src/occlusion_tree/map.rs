@@ -1,4 +1,4 @@
-//! The tree as an occlusion map: which polygons are added, and in which order.
+//! The occlusion tree as an occlusion map: which polygons are inserted, and in which order.
 
 use super::nodes::{Nodes, Worth};
 use super::screen_density::ScreenDensity;
@@ -13,27 +13,35 @@ use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View, occlusion::Occlusion};
 
-/// A polygon that has been added and takes effect at the next flush.
+/// A polygon added to the map that takes effect at the next flush.
 #[derive(Clone, Debug)]
 pub(super) struct Waiting {
+    /// Its vertices, a range of `OcclusionTree::vertices`.
     vertices: Range<usize>,
+    /// Unit normal of the front, in scene coordinates.
     normal: DVec3,
+    /// Least and greatest `normal . v` over the vertices, in metres.
     reach: [f64; 2],
+    /// Whether the polygon also hides for eyes behind it.
     two_sided: bool,
 }
 
-/// Polygons that would put less than this solid angle in shadow, in steradians, are left out.
+/// Minimum gain for which a polygon is inserted, in steradians or objects as [`Worth`] measures it.
 const LEAST_GAIN: f32 = 1e-6;
 
-/// A polygon is added without another comparison if its gain is at least this share of the greatest.
+/// Fraction of the greatest remaining gain from which a polygon is inserted without comparing it again.
 const NEARLY: f32 = 0.7;
 
-/// How much of the picture a shadow would put in shadow that is not yet, with its number.
+/// Queue entry: the gain of inserting a shadow.
 #[derive(Clone, Copy, Debug)]
 struct Gain {
+    /// The shadow's additional shadowed image area, in steradians or objects as [`Worth`] measures it. An
+    /// upper bound once further polygons have been inserted.
     angle: f32,
+    /// Index of the shadow in `Shadows::list`.
     number: u32,
-    /// Number of polygons that had been added when `angle` was computed.
+    /// Number of polygons that had been inserted when `angle` was computed; `u32::MAX` for an initial
+    /// estimate.
     asked: u32,
 }
 
@@ -57,11 +65,12 @@ impl Ord for Gain {
     }
 }
 
-/// An occlusion map in object space: exact up to rounding, at any resolution.
+/// An occlusion map in object space, exact up to rounding and independent of the image resolution.
 ///
-/// Of what is added, the polygons that cover most of the picture are used, 64 unless set otherwise. It is at
-/// its best with few large convex polygons, as [`OcclusionTreeCuller`](crate::OcclusionTreeCuller) gives it;
-/// meshes, as [`OcclusionCuller`](visibility_core::OcclusionCuller) gives it, are taken by their faces.
+/// Of the added polygons, those with the greatest gain are used, up to 64 per frame unless set otherwise. The
+/// tree works best with few large convex polygons, as [`OcclusionTreeCuller`](crate::OcclusionTreeCuller)
+/// supplies them. Meshes, as [`OcclusionCuller`](visibility_core::OcclusionCuller) supplies them, are added
+/// face by face.
 ///
 /// ```
 /// use visibility_bsp::OcclusionTree;
@@ -83,19 +92,28 @@ impl Ord for Gain {
 /// ```
 #[derive(Clone, Debug)]
 pub struct OcclusionTree {
+    /// Projection of the present frame.
     projection: ClipProjection,
-    /// Clip planes of the frame\'s view, relative to the scene\'s origin.
+    /// Clip planes of the frame's view, in scene coordinates.
     clip_planes: ViewPlanes,
+    /// The tree of planes.
     pub(super) nodes: Nodes,
+    /// Shadows cast in this frame.
     shadows: Shadows,
-    /// Number of polygons that may still be used this frame, and the maximum per frame.
+    /// Number of polygons that may still be inserted in this frame.
     left: usize,
+    /// Maximum number of polygons inserted per frame.
     pub(super) most: usize,
+    /// Vertices of the waiting polygons, in scene coordinates.
     pub(super) vertices: Vec<DVec3>,
+    /// Polygons that take effect at the next flush.
     pub(super) waiting: Vec<Waiting>,
+    /// Scratch: queue of shadows by gain.
     heap: BinaryHeap<Gain>,
+    /// Scratch: triangles of the mesh being added.
     pieces: Vec<OccluderTriangle>,
-    /// Density of objects in the picture, where it is known: shadows are chosen by what they may fall on.
+    /// Number of objects in each part of the image, if known. Shadows are then chosen by the number of
+    /// objects that they may hide.
     pub(super) density: Option<ScreenDensity>,
 }
 
@@ -106,7 +124,7 @@ impl Default for OcclusionTree {
 }
 
 impl OcclusionTree {
-    /// An empty tree, for 64 polygons a frame.
+    /// Creates an empty tree that uses up to 64 polygons per frame.
     pub fn new() -> Self {
         let mut nodes = Nodes::default();
         nodes.clear();
@@ -125,22 +143,22 @@ impl OcclusionTree {
         }
     }
 
-    /// Sets the maximum number of polygons used a frame, 0 for none; any number is allowed.
+    /// Sets the maximum number of polygons used per frame; 0 for none.
     pub fn with_polygons(self, most: usize) -> Self {
         Self { most, ..self }
     }
 
-    /// Number of planes through the eye in the tree, the four sides of the picture included.
+    /// Returns the number of planes through the eye in the tree, including the four sides of the image.
     pub fn len(&self) -> usize {
         self.nodes.nodes.len()
     }
 
-    /// Whether no polygon is in use this frame.
+    /// Tests whether no polygon has been inserted in this frame.
     pub fn is_empty(&self) -> bool {
         self.nodes.planes.is_empty()
     }
 
-    /// Adds a polygon for the next flush. It is kept if a frame begins in between.
+    /// Adds a polygon that takes effect at the next flush, also if a frame begins in between.
     pub(super) fn wait(&mut self, occluder_polygon: &OccluderPolygon<'_>) {
         let first = self.vertices.len();
         self.vertices.extend_from_slice(occluder_polygon.vertices);
@@ -177,7 +195,7 @@ impl OcclusionMap for OcclusionTree {
         triangles_of(occluder, transform, 0, occluder.is_closed(), &mut pieces);
         let mut i = 0;
         while i < pieces.len() {
-            // Two triangles after one another often are a face.
+            // Two consecutive triangles often form a quadrilateral face.
             let [a, b, c] = pieces[i].corners;
             let face = pieces.get(i + 1).and_then(|next| quad(&pieces[i], next));
             let two_sided = pieces[i].two_sided;
@@ -210,8 +228,8 @@ impl OcclusionMap for OcclusionTree {
         }
         self.waiting.clear();
         self.vertices.clear();
-        // The largest first. What one adds only shrinks as others are added, so that one whose gain, asked
-        // again, still is about the greatest need not be compared with the rest.
+        // Greatest gain first. The gain of a shadow only shrinks as others are inserted. So if a gain,
+        // computed again, is still about the greatest, it need not be compared with the rest.
         while let Some(Gain { number, asked, .. }) = self.heap.pop() {
             if self.left == 0 {
                 break;
@@ -236,7 +254,8 @@ impl OcclusionMap for OcclusionTree {
     }
 }
 
-/// Two triangles as one flat convex quadrilateral, if they share an edge.
+/// Returns the convex quadrilateral that two triangles form, in boundary order. `None` if they share no edge
+/// in opposite directions, or the quadrilateral is not flat to 1e-6 of its diagonal or not strictly convex.
 fn quad(one: &OccluderTriangle, two: &OccluderTriangle) -> Option<[DVec3; 4]> {
     let (p, q) = (one.corners, two.corners);
     for i in 0..3 {

@@ -1,5 +1,5 @@
-//! The tree itself: planes through the eye that part lit directions from shadowed ones, and how shadows are
-//! added.
+//! The tree of planes through the eye, which separates lit view directions from shadowed ones, and the
+//! insertion of shadows.
 
 use super::screen_density::ScreenDensity;
 use crate::clip_projection::{Approach, ClipProjection, Line, U, slack_of};
@@ -9,94 +9,114 @@ use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
-/// A child of a node: the number of another node, or one of the leaves `LIT`, `AWAY` and `HIDDEN | number`.
+/// Child of a node: the index of another node, or a leaf (`LIT`, `AWAY` or `HIDDEN | index`).
 pub(crate) type Child = u32;
-/// A leaf in whose directions nothing hides.
+/// Leaf of directions in which nothing hides.
 pub(crate) const LIT: Child = u32::MAX;
-/// A leaf of directions outside the picture.
+/// Leaf of directions outside the image.
 pub(crate) const AWAY: Child = u32::MAX - 1;
-/// Flag of a leaf in shadow. The other bits are an index into `Nodes::hides`; what is behind the back planes
-/// listed there is hidden.
+/// Flag of a shadow leaf. The other bits are an index into `Nodes::hides`; a point behind one of the back
+/// planes listed there is hidden.
 pub(crate) const HIDDEN: Child = 1 << 31;
 
-/// Maximum number of nodes: a bound on time and memory for hostile occluders.
+/// Maximum number of nodes, which bounds time and memory for adversarial occluders. Polygons that would
+/// exceed it are not inserted.
 const MOST_NODES: usize = 1 << 16;
-/// Maximum depth of a node, which bounds the recursion of tests.
+/// Maximum depth of a node, which bounds the recursion of box tests.
 const DEEPEST: u16 = 480;
 
-/// Maximum number of polygons of one leaf that are tested, the last added first.
+/// Maximum number of a leaf's polygons that are tested, the one inserted last first.
 pub(crate) const MOST_PLANES: usize = 16;
 
-/// A node: a plane through the eye and an edge of an occluder, or a side of the picture.
+/// A node: the plane through the eye and an edge of an occluder, or a side of the image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Node {
+    /// The plane; positive inside.
     pub(crate) line: Line,
-    /// The children outside and inside of the plane.
+    /// Children outside and inside the plane.
     pub(crate) children: [Child; 2],
-    /// Twice the number of the parent, plus which of its children this is; `NO_PARENT` for the root.
+    /// Slot of this node in its parent: twice the parent's index, plus 1 if it is the inside child.
+    /// `NO_PARENT` for the root.
     parent: u32,
+    /// Number of nodes above.
     depth: u16,
+    /// Ends of the occluder edge in scene coordinates; NaN for a side of the image.
     ends: [DVec3; 2],
 }
 
-/// A fragment of a polygon and the place in the tree that it has reached: `parent` is twice a node plus the
-/// child, `first` and `count` are a range of corners.
+/// A fragment of a shadow's outline and the position in the tree that it has reached.
 #[derive(Clone, Copy, Debug)]
 struct Task {
+    /// Slot that the fragment enters: twice the parent's index, plus 1 for the inside child. `NO_PARENT` for
+    /// the root.
     parent: u32,
+    /// Index of the fragment's first corner.
     first: u32,
+    /// Number of corners.
     count: u32,
 }
 
 impl Task {
+    /// Returns the range of the fragment's corners.
     fn range(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
 }
 
-/// A polygon that hides in a leaf, and the leaf that was there before it was added. The leaf is inside the
-/// shadows of both, so whatever is behind either is hidden; of polygons that cross, neither is nearer
-/// everywhere.
+/// Entry of a leaf's list of occluders. The leaf is inside the shadows of all of them, so a point behind any
+/// of their back planes is hidden. There is no order among occluders that cross each other.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hide {
+    /// Index into `Nodes::planes` of the occluder's back plane.
     pub(crate) plane: u32,
+    /// The leaf before this occluder was inserted: `LIT`, or the rest of the list.
     pub(crate) under: Child,
 }
 
-/// The occlusion tree of one frame. The memory is kept from frame to frame.
+/// The occlusion tree of one frame. Memory is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nodes {
+    /// All nodes.
     pub(crate) nodes: Vec<Node>,
+    /// Back planes of the inserted polygons, in the order of insertion.
     pub(crate) planes: Vec<BackPlane>,
-    /// The back planes as functions of the direction, `None` for parallel views.
+    /// By inserted polygon: its back plane as a function of the direction, `None` for parallel views.
     pub(crate) approaches: Vec<Option<Approach>>,
+    /// Occluder lists of the shadow leaves.
     pub(crate) hides: Vec<Hide>,
+    /// The root: a node index or a leaf.
     pub(crate) root: Child,
+    /// Scratch: corners of the fragments on the `tasks` stack.
     corners: Vec<Corner>,
-    /// Scratch: values of a plane at the corners of the fragment that it divides.
+    /// Scratch: values of a plane at the corners of the fragment that it cuts.
     values: Vec<f64>,
+    /// Scratch: stack of fragments to be taken down the tree.
     tasks: Vec<Task>,
-    /// Fragments of shadows at the leaves that they reached, with their corners in `arrived`. The next call
-    /// of `reach` for the same shadow goes on from there.
+    /// Fragments at the leaves that they have reached, with their corners in `arrived`. The next call of
+    /// `reach` for the same shadow continues from them.
     arrivals: Vec<Task>,
+    /// Corners of the fragments in `arrivals`.
     arrived: Vec<Corner>,
-    /// By shadow, the range of its fragments in `arrivals`; `None` before the first call of `reach` and
+    /// By shadow: the range of its fragments in `arrivals`. `None` before the first call of `reach` and
     /// after `add`.
     reached: Vec<Option<Range<usize>>>,
 }
 
+/// Slot of the root.
 const NO_PARENT: u32 = u32::MAX;
 
-/// How the benefit of putting a part of the picture in shadow is measured.
+/// Measure of the benefit of putting a part of the image in shadow.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Worth<'a> {
-    /// By its solid angle in steradians.
+    /// The solid angle in steradians; for parallel views the area in square NDC units (4 for the whole
+    /// image).
     Angle,
-    /// By the objects whose centres are there.
+    /// The number of objects whose centres are in the part.
     Density(&'a ScreenDensity),
 }
 
 impl Worth<'_> {
+    /// Returns the benefit of shadowing a convex part of the image, given its corners in boundary order.
     pub(super) fn of(self, projection: &ClipProjection, corners: &[Corner]) -> f32 {
         match self {
             Worth::Angle => angle_of(projection, corners),
@@ -106,7 +126,7 @@ impl Worth<'_> {
 }
 
 impl Nodes {
-    /// Empties the tree: one lit leaf inside the four sides of the picture.
+    /// Resets the tree to one lit leaf inside the four sides of the image.
     pub(crate) fn clear(&mut self) {
         self.nodes.clear();
         self.planes.clear();
@@ -116,8 +136,8 @@ impl Nodes {
         self.arrived.clear();
         self.reached.clear();
         self.root = LIT;
-        // -w <= x <= w and -w <= y <= w: what violates one of them is not in view, and these numbers are
-        // exact.
+        // -w <= x <= w and -w <= y <= w: a direction that violates one of them is outside the image. The
+        // coefficients are exact.
         let mut parent = NO_PARENT;
         for n in [[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]] {
             let line = Line { n, slack: 16.0 * U };
@@ -125,8 +145,8 @@ impl Nodes {
         }
     }
 
-    /// Replaces a leaf by a node with `outside` as its outer child and a lit leaf as its inner one; returns
-    /// its number.
+    /// Replaces the leaf in slot `parent` by a node with `outside` as its outer child and a lit leaf as its
+    /// inner child. Returns the node's index.
     fn add_node(&mut self, parent: u32, line: Line, outside: Child, ends: [DVec3; 2]) -> u32 {
         let number = self.nodes.len() as u32;
         let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth + 1 };
@@ -135,6 +155,7 @@ impl Nodes {
         number
     }
 
+    /// Puts a child in slot `parent`.
     fn set_child(&mut self, parent: u32, child: Child) {
         match parent {
             NO_PARENT => self.root = child,
@@ -142,9 +163,9 @@ impl Nodes {
         }
     }
 
-    /// Takes a shadow's polygon down to the leaves that it reaches, and says how much of the picture it would
-    /// put in shadow: what of it comes to lit leaves, and a tenth of what comes to shadows of what is
-    /// farther, since only what is between is gained there.
+    /// Takes the outline of shadow `number` down to the leaves and returns the gain of inserting it, measured
+    /// by `worth`. Fragments in lit leaves count in full. Of fragments in shadow leaves, the parts in front
+    /// of the present occluders count one tenth, since they hide only objects between the two.
     pub(super) fn reach(
         &mut self,
         projection: &ClipProjection,
@@ -157,7 +178,8 @@ impl Nodes {
         if self.reached.len() <= number {
             self.reached.resize(number + 1, None);
         }
-        // Leaves only ever get nearer, so what did not count the last time does not now.
+        // Occluders in a leaf only become nearer, so fragments that did not count the last time do not count
+        // now.
         if let Some(before) = self.reached[number].take() {
             for task in &self.arrivals[before] {
                 let first = self.corners.len() as u32;
@@ -185,8 +207,8 @@ impl Nodes {
             let (front, weight) = match leaf {
                 AWAY => continue,
                 LIT => (task, 1.0),
-                // The order of occluders is approximate, and those that cross one another have none: so
-                // something nearer may come late.
+                // The insertion order is only approximately front to back, and occluders that cross each
+                // other have no order. A nearer one may therefore come later.
                 _ => match self.before(&task, leaf) {
                     Some(front) => (front, 0.1),
                     None => continue,
@@ -201,8 +223,8 @@ impl Nodes {
         gain
     }
 
-    /// Adds a shadow that has just been taken down: the leaves that are lit, or hidden by something farther,
-    /// are parted by its edges.
+    /// Inserts shadow `number`, which must have been taken down by `reach` just before. In the leaves that
+    /// its fragments have reached, directions inside all its edges become shadowed.
     pub(crate) fn add(&mut self, projection: &ClipProjection, shadows: &Shadows, number: usize) {
         let shadow = &shadows.list[number];
         let plane = self.planes.len() as u32;
@@ -217,7 +239,8 @@ impl Nodes {
         }
     }
 
-    /// The part of a fragment that is in front of all back planes of a leaf, `None` if there is none.
+    /// Returns the part of a fragment in front of all back planes of a leaf, `None` if it is empty. Its
+    /// corners are appended to `corners`.
     fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
         let (mut task, mut leaf) = (*task, leaf);
         for _ in 0..MOST_PLANES {
@@ -230,6 +253,7 @@ impl Nodes {
         Some(task)
     }
 
+    /// Returns the part of a fragment in front of back plane `plane`, `None` if it is empty.
     fn before_plane(&mut self, task: &Task, plane: u32) -> Option<Task> {
         let plane = self.planes[plane as usize];
         let size = plane.offset.abs() * 1e-12;
@@ -265,6 +289,7 @@ impl Nodes {
         (count >= 3).then_some(Task { first: first as u32, count, ..*task })
     }
 
+    /// Returns the child in slot `parent`.
     fn child(&self, parent: u32) -> Child {
         match parent {
             NO_PARENT => self.root,
@@ -272,9 +297,9 @@ impl Nodes {
         }
     }
 
-    /// On which side of a plane a fragment is; where on both, its two parts. Nothing depends on these being
-    /// exact: what is hidden is decided by the planes above a leaf, and the fragments only choose which to
-    /// add.
+    /// Returns the side of a plane that a fragment is on, or its two parts if it is on both. Soundness does
+    /// not depend on the parts being exact: the planes above a leaf decide what is hidden, and fragments only
+    /// choose which planes to insert.
     fn part(&mut self, task: &Task, line: &Line) -> Parted {
         let range = task.range();
         let slack = 4.0 * line.slack + 64.0 * U;
@@ -304,7 +329,8 @@ impl Nodes {
                 }
                 let a = self.corners[range.start + i];
                 if in_a {
-                    // An edge that leads from the plane itself away from here is none of this part's.
+                    // A polygon edge that leads away from the plane, to the other side, does not belong to
+                    // this part.
                     let edge = if !in_b && sa <= slack { u8::MAX } else { a.edge };
                     self.corners.push(Corner { edge, ..a });
                 }
@@ -320,8 +346,9 @@ impl Nodes {
         Parted::Both(parts[0], parts[1])
     }
 
-    /// Puts the edges of a shadow below a leaf, so that what is inside all of them is hidden behind its
-    /// plane; outside, the leaf stays what it was. Edges that surely do not reach into the leaf are left out.
+    /// Inserts a shadow's edges below the leaf that a fragment has reached. Directions inside all edges
+    /// become hidden behind back plane `plane`; directions outside keep the leaf `old`. Edges that surely do
+    /// not reach into the leaf are left out. Does nothing if the tree is full or too deep.
     fn augment(&mut self, shadows: &Shadows, shadow: &Shadow, task: &Task, old: Child, plane: u32) {
         let parent = task.parent;
         let corners = &self.corners[task.range()];
@@ -350,19 +377,21 @@ impl Nodes {
                 parent = self.add_node(parent, edge.line, old, edge.ends) << 1 | 1;
             }
         }
-        // With no edge at all the whole leaf is in shadow.
+        // Without any edge, the whole leaf is in shadow.
         let hide = self.hides.len() as u32;
         self.hides.push(Hide { plane, under: old });
         self.set_child(parent, HIDDEN | hide);
     }
 
-    /// The edges, as a mask, without which the rest of a leaf's directions still are in the shadow.
+    /// Returns a mask of the edges (bit i for `edges[i]`) that may be left out, because without them the
+    /// leaf's directions still are in the shadow.
     ///
-    /// Let a direction be surely inside all edges and all planes above the leaf: the leaf and the shadow
-    /// meet. If the leaf also reached beyond an edge (and not beyond another), the way there from that
-    /// direction would cross the edge itself, between its ends, within the leaf. So an edge is needless if no
-    /// point of it can be in the leaf; and also if a plane above is that very edge, of a neighbour or of
-    /// another part of the polygon.
+    /// Let a direction be surely inside all edges and all planes above the leaf, so that the leaf and the
+    /// shadow meet. If the leaf also reached beyond one edge, and not beyond another, the path there from
+    /// that direction would cross the edge itself, between its ends and within the leaf. So an edge can be
+    /// left out if no point of it can be in the leaf. It can also be left out if a plane above is through the
+    /// same edge, of a neighbouring polygon or of another part of this polygon. `middle` is a direction in
+    /// the fragment, `present` the mask of edges that bound the fragment, and `parent` the leaf's slot.
     fn needless(
         &self,
         edges: &[crate::shadow::ShadowEdge],
@@ -387,7 +416,7 @@ impl Nodes {
                 let same =
                     edge.ends == node.ends || (edge.ends[0] == node.ends[1] && edge.ends[1] == node.ends[0]);
                 if same {
-                    // Its inner side is the leaf's: the middle says so, of both.
+                    // `middle` is inside both, so the inner side of both planes is the leaf's side.
                     needless |= 1 << i;
                     continue;
                 }
@@ -398,8 +427,8 @@ impl Nodes {
                 let slack = node.line.slack + slack_of(a.error.max(b.error)) + 8.0 * U;
                 let (sa, sb) = (node.line.at(a.v) * sign + slack, node.line.at(b.v) * sign + slack);
                 let span = &mut spans[i];
-                // Directions between the ends are a.v + t (b.v - a.v) up to a factor: where that is below
-                // zero they are outside.
+                // Directions between the ends are a.v + t (b.v - a.v), up to a factor. Where the plane's
+                // value is negative, they are outside the leaf.
                 if sa < 0.0 && sb < 0.0 {
                     *span = [1.0, 0.0];
                 } else if sa < 0.0 {
@@ -417,22 +446,24 @@ impl Nodes {
     }
 }
 
-/// Where a fragment lies relative to a plane.
+/// Position of a fragment relative to a plane.
 enum Parted {
     /// On one side: 0 is outside, 1 is inside.
     Side(u32),
-    /// Across the plane: the parts outside and inside.
+    /// On both sides: the parts outside and inside.
     Both(Task, Task),
 }
 
-/// Where a segment meets a plane through the eye that has these values at its ends. Directions are scaled one
-/// by one, points are not: so the values are taken back to the points.
+/// Returns the corner at which a segment meets a plane through the eye; `at_a` and `at_b` are the plane's
+/// values at the ends' directions. Each direction has its own scale, so the values are first multiplied by
+/// the corners' `size`. `None` if the segment does not meet the plane.
 fn crossing(a: &Corner, b: &Corner, at_a: f64, at_b: f64) -> Option<Corner> {
     let (at_a, at_b) = (at_a * a.size, at_b * b.size);
     between(a, b, at_a / (at_a - at_b))
 }
 
-/// The corner at `a + t (b - a)`, `None` if `t` is not from 0 to 1 or the point has no direction.
+/// Returns the corner at `a + t (b - a)` on a segment of points, with no edge. `None` if `t` is not from 0 to
+/// 1, or if the point has no finite direction.
 fn between(a: &Corner, b: &Corner, t: f64) -> Option<Corner> {
     let v = [0, 1, 2].map(|i| a.v[i] * a.size * (1.0 - t) + b.v[i] * b.size * t);
     let size = v[0].abs().max(v[1].abs()).max(v[2].abs());

@@ -1,35 +1,39 @@
-//! Where in the picture the objects are: a shadow is worth what it may fall on, and empty sky is worth
-//! little.
+//! Distribution of the objects in the image. A shadow is worth the objects that it may hide, and empty sky is
+//! worth little.
 
 use crate::clip_projection::ClipProjection;
 use crate::shadow::Corner;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Number of cells of the picture along each side.
+/// Number of grid cells along each side of the image.
 const CELLS: usize = 32;
+/// Number of grid lines along each axis.
 const LINES: usize = CELLS + 1;
-/// Share of the worth that is spread evenly over the picture, since objects extend beyond their centres.
+/// Number of objects spread evenly over the image, as a fraction of the objects counted, since objects extend
+/// beyond their centres.
 const EVEN: f64 = 0.25;
 
-/// Number of objects in each part of the picture, counted at their centres. Only for choosing occluders, so
-/// rounding does no harm.
+/// Number of object centres in each cell of a grid over the image. Used only to choose occluders, so rounding
+/// is harmless.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ScreenDensity {
-    /// By crossing of the grid's lines, row by row: the number of centres to the left of it and below.
+    /// By crossing of grid lines, row by row from the bottom left: the number of centres below and to the
+    /// left. Counts per cell before `finish`.
     sums: Vec<f32>,
+    /// Number of centres counted.
     all: f64,
 }
 
 impl ScreenDensity {
-    /// Empties the grid.
+    /// Resets all counts to zero.
     pub(super) fn clear(&mut self) {
         self.all = 0.0;
         self.sums.clear();
         self.sums.resize(LINES * LINES, 0.0);
     }
 
-    /// Counts an object with this centre, if that is in the picture.
+    /// Counts an object with this centre in scene coordinates. A centre outside the image or NaN is ignored.
     pub(super) fn add(&mut self, projection: &ClipProjection, middle: DVec3) {
         let [x, y, w] = projection.values(middle);
         if w > 0.0 && x.abs() <= w && y.abs() <= w {
@@ -39,8 +43,8 @@ impl ScreenDensity {
         }
     }
 
-    /// Turns counts of cells into sums over all cells to the left and below. To be called after the last
-    /// `add`.
+    /// Turns the counts of cells into sums over all cells below and to the left. Must be called after the
+    /// last `add` and before the queries.
     pub(super) fn finish(&mut self) {
         for row in 1..LINES {
             let mut sum = 0.0;
@@ -51,7 +55,8 @@ impl ScreenDensity {
         }
     }
 
-    /// Number of centres to the left of and below a place on the grid, taken as evenly spread over each cell.
+    /// Returns the number of centres below and to the left of a position in cells, with the centres of each
+    /// cell taken as evenly spread.
     fn below(&self, [x, y]: [f64; 2]) -> f64 {
         let [column, row] = [x, y].map(|a| (a as usize).min(CELLS - 1));
         let (s, t) = (x - column as f64, y - row as f64);
@@ -61,7 +66,7 @@ impl ScreenDensity {
         low * (1.0 - t) + high * t
     }
 
-    /// Worth of a rectangle of the grid in objects, and its area in cells.
+    /// Returns the worth of the rectangle from `low` to `high` (in cells) in objects, and its area in cells.
     fn rectangle(&self, low: [f64; 2], high: [f64; 2]) -> (f64, f64) {
         let count = self.below(high) - self.below([low[0], high[1]]) - self.below([high[0], low[1]])
             + self.below(low);
@@ -69,8 +74,8 @@ impl ScreenDensity {
         (count.max(0.0) + area * (EVEN * self.all + 1.0) / (CELLS * CELLS) as f64, area)
     }
 
-    /// Worth of a convex part of the picture: that of its bounding rectangle times its share of the
-    /// rectangle's area.
+    /// Returns the worth in objects of a convex part of the image, given its corners: the worth of the
+    /// bounding rectangle, times the fraction of the rectangle that the part fills. 0 for an empty part.
     pub(super) fn within(&self, corners: &[Corner]) -> f32 {
         let flat = |corner: &Corner| [0, 1].map(|i| place(corner.v[i] / corner.v[2]));
         let Some((first, rest)) = corners.split_first() else { return 0.0 };
@@ -88,8 +93,9 @@ impl ScreenDensity {
         if area > 0.0 { (worth * (0.5 * twice.abs() / area).min(1.0)) as f32 } else { 0.0 }
     }
 
-    /// About what a polygon is worth of which only the middle, the radius and the area, as seen from the eye,
-    /// are known; none of one that is close, or large.
+    /// Estimates the worth in objects of a polygon from its centre in scene coordinates, its radius in metres
+    /// and its area in square metres as projected towards the eye. `None` if the centre is behind the eye or
+    /// the polygon extends over half the image or more.
     pub(super) fn about(
         &self,
         projection: &ClipProjection,
@@ -109,8 +115,8 @@ impl ScreenDensity {
     }
 }
 
-/// Place on the grid, in cells, of a picture coordinate from -1 to 1.
+/// Converts an NDC coordinate from -1 to 1 to a grid position in cells, clamped to the grid.
 fn place(a: f64) -> f64 {
-    // What is not a number is somewhere, too.
+    // NaN is mapped to 0.
     if a > -1.0 { (a * 0.5 + 0.5).min(1.0) * CELLS as f64 } else { 0.0 }
 }

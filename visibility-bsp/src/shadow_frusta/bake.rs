@@ -1,4 +1,4 @@
-//! Choosing the occluders of each region, in advance.
+//! Choice of occluders for each region, made in advance.
 
 use crate::occluders::{Occluders, Selector};
 use crate::shadow::plane_of;
@@ -6,29 +6,32 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{Scene, view::Eye};
 
-/// Number of eyes that stand for a region: its middle, and places near four of its corners.
+/// Number of sample eyes per region: its centre, and points near four of its corners.
 const SAMPLES: usize = 5;
-/// Maximum number of candidates compared for a region, half of them for each eye.
+/// Twice the maximum number of candidate polygons per sample eye.
 const CANDIDATES: usize = 96;
-/// Maximum number of objects that stand for all objects.
+/// Maximum number of objects whose centres are sampled to count hidden objects.
 const OBJECTS: usize = 512;
-/// Number of 64-bit words of a set of pairs of eye and object.
+/// Number of 64-bit words of a bitset with one bit for each pair of a sample eye and a sampled object.
 const WORDS: usize = SAMPLES * OBJECTS / 64;
 
-/// A node of the kd-tree: its plane and children, or the range of `chosen` of a leaf.
+/// A node of the kd-tree over the scene's bounds.
 #[derive(Clone, Copy, Debug)]
 enum Region {
+    /// An inner node: the axis (0 to 2) and the coordinate of the dividing plane in scene coordinates, and
+    /// the indices of the children below it and at or above it.
     Split { axis: usize, at: f64, children: [u32; 2] },
+    /// A region: `count` polygons from index `first` of `ShadowFrusta::chosen`.
     Leaf { first: u32, count: u32 },
 }
 
-/// For each region of space, the polygons that hide most from there.
+/// For each region of space, the occluder polygons that hide most objects from eyes in the region.
 ///
-/// Made when a scene is loaded, and shared by the cullers of all views. Eyes outside the scene's bounds are
-/// served by the nearest region. Polygons of objects that have changed since are not used until it is made
-/// anew.
+/// Made when a scene is loaded, and shared by the cullers of all views. An eye outside the scene's bounds
+/// uses the nearest region. Polygons of objects that have changed since are not used until the frusta are
+/// made anew.
 ///
-/// Making it costs about a millisecond a region.
+/// Takes about a millisecond per region.
 ///
 /// ```
 /// use visibility_bsp::{Occluders, ShadowFrusta};
@@ -39,23 +42,32 @@ enum Region {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ShadowFrusta {
+    /// The polygons that the choices refer to.
     pub(super) occluders: Occluders,
+    /// Nodes of the kd-tree; the root is at index 0.
     regions: Vec<Region>,
+    /// Numbers of the chosen polygons of all regions, best first within each region.
     chosen: Vec<u32>,
+    /// Maximum number of polygons per region.
     most: usize,
 }
 
-/// What the choice for every region needs.
+/// Data for choosing the polygons of every region.
 struct Bake<'a> {
+    /// All polygons of the scene.
     occluders: &'a Occluders,
-    /// Centres of the objects that stand for all.
+    /// Centres of the sampled objects, in scene coordinates.
     objects: Vec<DVec3>,
+    /// Finds candidates by solid angle.
     selector: Selector,
+    /// Maximum number of polygons per region.
     most: usize,
 }
 
 impl ShadowFrusta {
-    /// Chooses up to `polygons` occluders for each of about `regions` regions.
+    /// Chooses up to `polygons` of the `occluders` of a scene for each of `regions` regions of the scene's
+    /// bounds. `regions` is clamped to 1 to 65,536. A scene without finite bounds gets one region without
+    /// occluders.
     pub fn new(scene: &Scene, occluders: Occluders, regions: usize, polygons: usize) -> Self {
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let mut objects = Vec::new();
@@ -67,7 +79,7 @@ impl ShadowFrusta {
                 objects.push(bounds.center().as_dvec3());
             }
         }
-        // Some of them, evenly: neighbours in the list are neighbours in the scene.
+        // An even sample: neighbours in the list are neighbours in the scene.
         let step = objects.len().div_ceil(OBJECTS).max(1);
         let objects: Vec<DVec3> = objects.into_iter().step_by(step).take(OBJECTS).collect();
         let mut made = Self { occluders, regions: Vec::new(), chosen: Vec::new(), most: polygons };
@@ -82,18 +94,18 @@ impl ShadowFrusta {
         made
     }
 
-    /// Number of regions.
+    /// Returns the number of regions, at least 1.
     pub fn regions(&self) -> usize {
         self.regions.iter().filter(|region| matches!(region, Region::Leaf { .. })).count()
     }
 
-    /// Maximum number of polygons of a region.
+    /// Returns the maximum number of polygons per region.
     pub(super) fn most(&self) -> usize {
         self.most
     }
 
-    /// Numbers of the polygons that are used from an eye; for an eye outside the bounds, those of the nearest
-    /// region.
+    /// Returns the numbers of the polygons chosen for the region that contains the eye, in scene coordinates;
+    /// for an eye outside the bounds, those of the nearest region.
     pub(super) fn chosen_at(&self, eye: DVec3) -> &[u32] {
         let mut region = 0;
         loop {
@@ -108,8 +120,8 @@ impl ShadowFrusta {
         }
     }
 
-    /// Divides a box into so many regions, halving across the longest side, and returns the number of its
-    /// node.
+    /// Divides a box in scene coordinates into `regions` regions, halving it across its longest side, and
+    /// chooses the polygons of each. Returns the index of the box's node.
     fn part(&mut self, bake: &mut Bake<'_>, min: DVec3, max: DVec3, regions: usize) -> u32 {
         let number = self.regions.len();
         self.regions.push(Region::Leaf { first: 0, count: 0 });
@@ -138,10 +150,11 @@ impl ShadowFrusta {
 }
 
 impl Bake<'_> {
-    /// Appends the polygons that together hide most objects from eyes in a region, best first.
+    /// Appends the numbers of the polygons that together hide most sampled objects from eyes in the region
+    /// from `min` to `max`, best first.
     fn choose(&mut self, min: DVec3, max: DVec3, out: &mut Vec<u32>) {
         let at = |share: [f64; 3]| min + (max - min) * DVec3::from_array(share);
-        // Opposite corners of the region, four of the eight.
+        // The centre, and points near four alternate corners of the region.
         let eyes: [DVec3; SAMPLES] =
             [[0.5, 0.5, 0.5], [0.1, 0.1, 0.1], [0.9, 0.9, 0.1], [0.9, 0.1, 0.9], [0.1, 0.9, 0.9]].map(at);
         let mut candidates: Vec<(u32, f32)> = Vec::new();
@@ -174,8 +187,8 @@ impl Bake<'_> {
         }
     }
 
-    /// Which objects, by their middles, a polygon hides from each of the eyes: a bit each. Only a choice, so
-    /// nothing here is careful of rounding.
+    /// Returns the bitset of sampled objects whose centres a polygon hides: bit `sample * OBJECTS + object`
+    /// stands for a sample eye and an object. Not bounded for rounding, since it only guides the choice.
     fn hidden_by(&self, polygon: u32, eyes: &[DVec3; SAMPLES]) -> [u64; WORDS] {
         let occluder_polygon = self.occluders.occluder_polygon(polygon);
         let mut set = [0u64; WORDS];

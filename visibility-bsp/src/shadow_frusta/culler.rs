@@ -1,4 +1,4 @@
-//! Testing boxes against the frusta of the eye's region.
+//! The culler that tests boxes against the shadow frusta of the eye's region.
 
 use super::bake::ShadowFrusta;
 use crate::clip_projection::ClipProjection;
@@ -13,17 +13,19 @@ use visibility_core::{
     view::{Eye, MAX_PLANES},
 };
 
-/// The shadow frusta of one frame as an occlusion map.
+/// Occlusion map made of the shadow frusta of one frame.
 #[derive(Clone, Debug)]
 struct Frusta {
+    /// Projection of the present frame.
     projection: ClipProjection,
+    /// Shadows of the polygons in use.
     shadows: Shadows,
 }
 
-/// Culls what is inside the shadow of a single occluder, of those that were chosen for the region that the
-/// eye is in.
+/// Culls boxes that are inside the shadow of a single occluder, using the occluders chosen in advance for the
+/// region that contains the eye. Shadows of several occluders do not fuse.
 ///
-/// Put it after the frustum.
+/// Put it after the frustum culler. A test costs time proportional to the number of polygons in use.
 ///
 /// ```
 /// use visibility_bsp::{Occluders, ShadowFrusta, ShadowFrustaCuller};
@@ -37,25 +39,28 @@ struct Frusta {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ShadowFrustaCuller {
+    /// Polygons chosen in advance, by region.
     frusta: Arc<ShadowFrusta>,
+    /// Selects usable polygons and tracks changed objects.
     selector: Selector,
+    /// Tests the scene's hierarchy against the occlusion map.
     inner: OcclusionCuller<Frusta>,
 }
 
 impl ShadowFrustaCuller {
-    /// Uses the polygons chosen in advance, shared by all views.
+    /// Creates the culler of one view, with frusta that are shared by all views.
     pub fn new(frusta: Arc<ShadowFrusta>) -> Self {
         let map = Frusta { projection: ClipProjection::BLIND, shadows: Shadows::default() };
         let inner = OcclusionCuller::new(map).with_selection(Selection::Interleaved).with_budget(0);
         Self { frusta, selector: Selector::default(), inner }
     }
 
-    /// Replaces the frusta, from the next frame on.
+    /// Replaces the frusta; takes effect in the next frame.
     pub fn set_frusta(&mut self, frusta: Arc<ShadowFrusta>) {
         self.frusta = frusta;
     }
 
-    /// Number of shadow frusta in the last frame.
+    /// Returns the number of shadow frusta used in the last frame.
     pub fn frusta(&self) -> usize {
         self.inner.map().shadows.list.len()
     }
@@ -75,8 +80,8 @@ impl Culler for ShadowFrustaCuller {
         self.selector.follow(occluders, scene);
         let projection = ClipProjection::new(view, scene.origin());
         self.selector.chosen.clear();
-        // A parallel view is in no region: those of where its picture is taken from would do, but hide
-        // little.
+        // A parallel view has no eye position and so no region. The polygons with the largest projected area
+        // are chosen instead.
         match projection.eye {
             Eye::Point(eye) => {
                 let chosen = self.frusta.chosen_at(eye).iter();
@@ -111,7 +116,7 @@ impl OcclusionMap for Frusta {
     }
 
     fn begin(&mut self, view: &View, origin: DVec3) {
-        // The shadows have been cast before.
+        // The shadows were cast before, in `cull`.
         self.projection = ClipProjection::new(view, origin);
     }
 
@@ -129,7 +134,8 @@ impl OcclusionMap for Frusta {
         let mut all = Occlusion::Visible;
         for shadow in &self.shadows.list {
             match shadow.back.side(min, max) {
-                // All of it behind: inside all edges it is hidden, outside one of them not touched.
+                // The whole box is behind the polygon: it is hidden if inside all edges, and untouched if
+                // outside one.
                 -1 => {
                     let mut inside = true;
                     let mut outside = false;
@@ -149,7 +155,7 @@ impl OcclusionMap for Frusta {
                         all = Occlusion::Partial;
                     }
                 }
-                // All of it before: it cannot be hidden by this one.
+                // The whole box is in front of the polygon, which cannot hide it.
                 1 => {}
                 _ => all = Occlusion::Partial,
             }

@@ -1,12 +1,12 @@
-//! Shadow frusta: occluders chosen in advance for each region of space, each a pyramid that boxes are tested
-//! against (Hudson, Manocha, Cohen, Lin, Hoff and Zhang, "Accelerated Occlusion Culling Using Shadow Frusta",
-//! 1997).
+//! Shadow frusta: for each region of space, occluders are chosen in advance, and boxes are tested against the
+//! pyramids of their shadows (Hudson, Manocha, Cohen, Lin, Hoff and Zhang, "Accelerated Occlusion Culling
+//! Using Shadow Frusta", 1997).
 //!
-//! A kd-tree parts the scene into regions, and for each the occluders are found that serve best for eyes in
-//! it. Their quality is, after the paper: solid angle, by which candidates are found; depth complexity, how
-//! many objects they hide, counted from eyes in the middle and near the corners of the region; and coherence,
-//! that they hide them from all of these and not from one. Occluders are taken by how much each adds to what
-//! those before it hide.
+//! A kd-tree divides the scene into regions. For each region, the bake chooses the occluders that are best
+//! for eyes in it, by the paper's three measures. Candidates are found by solid angle. Depth complexity is
+//! the number of objects that an occluder hides, counted from eyes in the middle and near the corners of the
+//! region. Coherence means that objects are hidden from all of these eyes and not from one. Occluders are
+//! taken greedily, by the number of hidden objects that each adds.
 
 mod bake;
 mod culler;

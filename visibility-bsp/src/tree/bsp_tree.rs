@@ -1,4 +1,4 @@
-//! The tree as it is kept, and what can be asked of it at once.
+//! The BSP tree's data structure and its simple queries.
 
 use super::builder::Builder;
 use super::node::{EMPTY, Node, is_leaf};
@@ -8,7 +8,7 @@ use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::{Aabb, glam::DVec3};
 
-/// What a convex region at the bottom of a tree is.
+/// Content of a leaf, a convex region of space at the bottom of a tree.
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Leaf};
@@ -17,28 +17,28 @@ use visibility_core::{Aabb, glam::DVec3};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum Leaf {
-    /// Free space.
+    /// Outside all solids. The only kind of leaf in trees that were not built from solids.
     Empty,
-    /// The inside of a solid.
+    /// Inside a solid.
     Solid,
 }
 
-/// A binary space partition of convex polygons, each of which belongs to an owner: an object, or anything
-/// with a number.
+/// A binary space partition of convex polygons in `f64` coordinates. Each polygon belongs to an owner,
+/// identified by a number, such as an object's index.
 ///
-/// Built at once from many polygons ([`build`](Self::build)), it is later changed by owners that come and go
-/// ([`insert`](Self::insert), [`remove`](Self::remove)) without being built anew.
+/// [`build`](Self::build) makes a tree of many polygons at once. [`insert`](Self::insert) and
+/// [`remove`](Self::remove) change the polygons of single owners without a rebuild.
 ///
 /// # Robustness
-/// Sides are told by [`SidePlane`](visibility_core::geometry::SidePlane): a polygon that reaches no
-/// farther than
-/// rounding to one side of a plane goes whole to the other, so cuts make no slivers out of rounding, and
-/// polygons in one plane share a node. Cut points depend on nothing but the two ends of the edge and the
-/// plane, so that two polygons that share an edge are cut in the same points, to the last bit.
+/// Sides are decided with the margin of [`SidePlane`](visibility_core::geometry::SidePlane). A polygon that reaches
+/// beyond the margin on one side only goes whole to that side, so rounding makes no slivers, and polygons in
+/// one plane share a node. A cut point depends only on the plane and the two ends of the cut edge, so two
+/// polygons that share an edge are cut in bit-identical points.
 ///
 /// # Cost
-/// Building sorts: some microseconds a polygon; quadratic time for polygons that no plane parts without
-/// cutting half of them, such as nested shells. Around 64 bytes a node, 36 a fragment and 24 a vertex.
+/// Building takes some microseconds per polygon. The time is quadratic for polygons that no plane separates
+/// without cutting half of them, such as nested shells. Memory is about 64 bytes per node, 36 per fragment
+/// and 24 per vertex.
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Order};
@@ -58,29 +58,36 @@ pub enum Leaf {
 /// ```
 #[derive(Clone, Debug)]
 pub struct BspTree {
+    /// Index of the root node, or the kind of leaf that fills all space.
     pub(super) root: u32,
+    /// All nodes, unused ones included.
     pub(super) nodes: Vec<Node>,
-    /// By node: bounds and owner of everything in it and below.
+    /// By node: bounds and owner of all fragments in the node and below it.
     pub(super) subtrees: Vec<Subtree>,
+    /// Indices of unused nodes.
     pub(super) free_nodes: Vec<u32>,
+    /// All fragments and their vertices.
     pub(super) store: Store,
-    /// Upper bound on the magnitude of coordinates, by axis; the margins of the planes hold up to it.
+    /// Upper bound on the absolute value of coordinates, by axis. The margins of all planes are valid up to
+    /// it.
     pub(super) magnitude: DVec3,
-    /// The leaf behind a polygon where nothing else is: `SOLID` in trees of solids, else `EMPTY`.
+    /// Kind of leaf behind a polygon that has nothing else behind it: `SOLID` in trees of solids, otherwise
+    /// `EMPTY`.
     pub(super) behind: u32,
-    /// Upper bound on the depth of the tree: removing nodes does not lower it.
+    /// Upper bound on the number of levels; it does not shrink when nodes are removed.
     pub(super) most_levels: u32,
+    /// Scratch memory for sorting polygons in.
     pub(super) builder: Builder,
 }
 
-/// Why a tree cannot be built.
+/// Reason why a tree cannot be built or extended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum BspError {
-    /// The polygons cut each other into so many parts that a tree of them is of no use.
+    /// The polygons cut each other into more fragments than the limit.
     TooManyFragments {
-        /// Number of polygons.
+        /// Number of polygons given to the call.
         polygons: usize,
-        /// Maximum number of cuts for so many polygons.
+        /// Maximum number of cuts for that number of polygons.
         limit: usize,
     },
 }
@@ -104,7 +111,7 @@ impl Default for BspTree {
 }
 
 impl BspTree {
-    /// A tree without polygons: one empty leaf.
+    /// Creates a tree without polygons: a single empty leaf.
     pub fn new() -> Self {
         Self {
             root: EMPTY,
@@ -119,22 +126,23 @@ impl BspTree {
         }
     }
 
-    /// Number of nodes, each of which has a plane.
+    /// Returns the number of inner nodes, each of which has one plane. O(1).
     pub fn node_count(&self) -> usize {
         self.nodes.len() - self.free_nodes.len()
     }
 
-    /// Number of fragments: that of the polygons if none was cut.
+    /// Returns the number of fragments, which equals the number of polygons if none was cut. O(1).
     pub fn fragment_count(&self) -> usize {
         self.store.len()
     }
 
-    /// Whether there is no polygon in the tree.
+    /// Tests whether the tree contains no polygon. O(1).
     pub fn is_empty(&self) -> bool {
         self.fragment_count() == 0
     }
 
-    /// Greatest number of planes between the root and a leaf. Visits every node.
+    /// Returns the greatest number of planes on a path from the root to a leaf; 0 for a tree without planes.
+    /// Visits every node.
     pub fn depth(&self) -> usize {
         let mut deepest = 0;
         let mut open = Vec::from([(self.root, 0)]);
@@ -147,12 +155,13 @@ impl BspTree {
         deepest
     }
 
-    /// A box around all fragments, rounded outwards; [`Aabb::EMPTY`] if there are none.
+    /// Returns a box around all fragments, rounded outwards to `f32`; [`Aabb::EMPTY`] for a tree without
+    /// polygons. O(1).
     pub fn bounds(&self) -> Aabb {
         if is_leaf(self.root) { Aabb::EMPTY } else { self.subtrees[self.root as usize].bounds }
     }
 
-    /// Bytes of memory held.
+    /// Returns the approximate number of bytes of heap memory that the tree holds.
     pub fn memory(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>()
             + self.subtrees.capacity() * size_of::<Subtree>()

@@ -1,5 +1,5 @@
-//! Sorting polygons into a tree: the same for a new tree, for one that grows, and for a leaf that gets its
-//! first polygons.
+//! Sorting of polygons into a tree. One procedure serves new trees, growing trees, and leaves that receive
+//! their first polygons.
 
 use super::bsp_tree::{BspError, BspTree};
 use super::builder::{Builder, Piece, Source, Task};
@@ -12,32 +12,35 @@ use visibility_core::{
     glam::DVec3,
 };
 
-/// Fragments that may come of each polygon, on average, before a tree is given up.
+/// Maximum number of cuts per inserted polygon, on average, before building fails.
 const GROWTH: usize = 256;
 
 impl BspTree {
-    /// The tree of some polygons, each with its owner. Both faces of a polygon count; there is no inside.
+    /// Builds a tree of polygons, each given with its owner number. Both faces of a polygon count, and all
+    /// leaves are empty.
     ///
-    /// Polygons must be convex and flat, up to rounding, with their vertices in order. One that is not finite
-    /// or has no area is [left out](Self::accepts).
+    /// Polygons must be convex and flat, up to rounding, with their vertices in boundary order. A polygon
+    /// that is not [accepted](Self::accepts) is left out. Takes some microseconds per polygon.
     ///
     /// # Errors
-    /// [`BspError::TooManyFragments`].
+    /// [`BspError::TooManyFragments`] if the polygons cut each other into too many fragments.
     pub fn build<P: AsRef<[DVec3]>>(polygons: impl IntoIterator<Item = (u32, P)>) -> Result<Self, BspError> {
         Self::build_with(EMPTY, polygons)
     }
 
-    /// The tree of the boundary of solids: closed, every polygon counter-clockwise as seen from outside. What
-    /// is behind it is [solid](super::Leaf::Solid).
+    /// Builds a tree of the boundary of solids. The polygons must form closed surfaces, each polygon
+    /// counter-clockwise as seen from outside. Leaves behind polygons are [solid](super::Leaf::Solid). A
+    /// polygon that is not [accepted](Self::accepts) is left out.
     ///
     /// # Errors
-    /// [`BspError::TooManyFragments`].
+    /// [`BspError::TooManyFragments`] if the polygons cut each other into too many fragments.
     pub fn build_solid<P: AsRef<[DVec3]>>(
         polygons: impl IntoIterator<Item = (u32, P)>,
     ) -> Result<Self, BspError> {
         Self::build_with(SOLID, polygons)
     }
 
+    /// Builds a packed tree; `behind` is the kind of leaf behind polygons, `EMPTY` or `SOLID`.
     fn build_with<P: AsRef<[DVec3]>>(
         behind: u32,
         polygons: impl IntoIterator<Item = (u32, P)>,
@@ -52,12 +55,13 @@ impl BspTree {
         Ok(tree)
     }
 
-    /// Whether a polygon can be in a tree: all its vertices are finite, and they span an area.
+    /// Tests whether a polygon can be inserted: at least three vertices, all finite, that span an area.
     pub fn accepts(polygon: &[DVec3]) -> bool {
         plane_of(polygon).is_some()
     }
 
-    /// Sorts polygons into what is there.
+    /// Sorts polygons, given with their owners, into the present tree. Returns the number of accepted
+    /// polygons. On an error, a part of them has been inserted.
     pub(super) fn sort_in<P: AsRef<[DVec3]>>(
         &mut self,
         polygons: impl IntoIterator<Item = (u32, P)>,
@@ -85,7 +89,8 @@ impl BspTree {
         result.map(|()| count)
     }
 
-    /// Widens the margins of all planes for greater coordinates; by powers of two, so that it happens rarely.
+    /// Raises the bound on coordinates to at least `magnitude` (by axis) and widens the margins of all planes
+    /// accordingly. In a tree with polygons the bound at least doubles, so that this happens rarely.
     fn reach(&mut self, magnitude: DVec3) {
         if magnitude.cmple(self.magnitude).all() {
             return;
@@ -96,6 +101,8 @@ impl BspTree {
         }
     }
 
+    /// Sorts `builder.pieces` into the tree until all are in nodes. On an error, the remaining pieces are
+    /// freed.
     fn run(&mut self, builder: &mut Builder) -> Result<(), BspError> {
         let limit = 4096 + GROWTH * builder.sources.len();
         let mut cuts = 0;
@@ -126,6 +133,7 @@ impl BspTree {
         Ok(())
     }
 
+    /// Returns the child value that a task's pieces enter.
     fn child(&self, task: Task) -> u32 {
         if task.parent == NONE {
             self.root
@@ -134,6 +142,7 @@ impl BspTree {
         }
     }
 
+    /// Returns a reference to the child value that a task's pieces enter.
     fn child_mut(&mut self, task: Task) -> &mut u32 {
         if task.parent == NONE {
             &mut self.root
@@ -142,11 +151,12 @@ impl BspTree {
         }
     }
 
-    /// Makes a node out of a leaf that pieces have come to, and tells the side of each of them.
+    /// Makes a node in place of the leaf that a task's pieces have reached, and writes the side of each piece
+    /// to `builder.sides`. Returns the node's index.
     fn divide_leaf(&mut self, builder: &mut Builder, task: Task) -> u32 {
         let set = &builder.pieces[task.begin..];
-        // A plane of the box, if one divides well; it must leave less on each side than there was, and
-        // something on both, so that every leaf is beside a polygon which says what the leaf is.
+        // An axis-aligned plane is used if it splits well. It must leave fewer pieces on each side than there
+        // were, and some on both, so that every leaf is next to a polygon that determines the leaf's kind.
         let mut chosen = None;
         if let Some(plane) = splitter::box_plane(set) {
             let plane = SidePlane::new(plane, self.magnitude);
@@ -188,8 +198,8 @@ impl BspTree {
         }
     }
 
-    /// Moves the pieces of a task to a node and to both sides of it, as `builder.sides` says. Returns how
-    /// many were cut.
+    /// Moves the pieces of a task into node `node` and its two children, as `builder.sides` says. Pieces
+    /// across the plane are cut. Returns the number of cut pieces.
     fn distribute(&mut self, builder: &mut Builder, Task { begin, level, .. }: Task, node: u32) -> usize {
         let Builder { sources, pieces, tasks, sides, front, back, cut, .. } = builder;
         let plane = self.nodes[node as usize].plane;
@@ -224,6 +234,7 @@ impl BspTree {
         cuts
     }
 
+    /// Stores a piece as a fragment in the plane of node `node`.
     fn attach(&mut self, piece: &Piece, source: &Source, node: u32) {
         let target = &mut self.nodes[node as usize];
         let record = Record {
@@ -242,7 +253,7 @@ impl BspTree {
     }
 }
 
-/// Tells the side of each of the topmost pieces.
+/// Replaces `builder.sides` by the side of `plane` on which each piece from index `begin` lies.
 fn classify(tree: &BspTree, builder: &mut Builder, begin: usize, plane: &SidePlane) {
     builder.sides.clear();
     for piece in &builder.pieces[begin..] {
@@ -250,7 +261,8 @@ fn classify(tree: &BspTree, builder: &mut Builder, begin: usize, plane: &SidePla
     }
 }
 
-/// The plane of a polygon, from all its vertices; `None` if there is none.
+/// Returns the plane of a polygon, computed from all its vertices. `None` if there are fewer than three
+/// vertices, a vertex is not finite, or they span no area.
 fn plane_of(vertices: &[DVec3]) -> Option<Plane> {
     if vertices.len() < 3 || !vertices.iter().all(|v| v.is_finite()) {
         return None;

@@ -1,4 +1,4 @@
-//! The memory of sorting polygons into a tree.
+//! Scratch memory for sorting polygons into a tree.
 
 use alloc::vec::Vec;
 use visibility_core::{
@@ -7,49 +7,65 @@ use visibility_core::{
     glam::DVec3,
 };
 
-/// A polygon that is being sorted in.
+/// A polygon that is being inserted.
 #[derive(Clone, Debug)]
 pub(super) struct Source {
+    /// Owner number of the polygon.
     pub(super) owner: u32,
-    /// Its number among those given together.
+    /// Index of the polygon among those of the same `build` or `insert` call.
     pub(super) number: u32,
+    /// Plane of the polygon, its unit normal to the polygon's front.
     pub(super) plane: Plane,
 }
 
 /// A part of a polygon on its way down the tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
+    /// Index in `Builder::sources` of the polygon.
     pub(super) source: u32,
+    /// Index of the first vertex in the tree's store.
     pub(super) start: u32,
+    /// Number of vertices.
     pub(super) len: u32,
+    /// Box around the vertices, rounded outwards to `f32`.
     pub(super) bounds: Aabb,
 }
 
-/// Pieces to be sorted into what is on one side of a node (or, for `NONE`, into the whole tree): those from
-/// `begin` to the end of the stack.
+/// A set of pieces to be sorted into one child of a node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Task {
+    /// Index in `Builder::pieces` of the set's first piece; the set extends to the end of that stack.
     pub(super) begin: usize,
+    /// The node whose child receives the pieces, `NONE` for the root of the tree.
     pub(super) parent: u32,
+    /// Child of `parent`: 0 behind the plane, 1 in front.
     pub(super) side: u8,
-    /// Number of nodes above.
+    /// Depth of the child: number of nodes above it.
     pub(super) level: u32,
 }
 
-/// The memory of the sorting, kept by the tree so that an object that moves every frame allocates nothing.
+/// Scratch memory for sorting polygons in. The tree keeps it, so that an object that moves every frame
+/// allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Builder {
+    /// The polygons of the present call.
     pub(super) sources: Vec<Source>,
-    /// All pieces under way: a stack whose top belongs to the topmost task.
+    /// Pieces of all open tasks: a stack whose top belongs to the topmost task.
     pub(super) pieces: Vec<Piece>,
+    /// Stack of open tasks.
     pub(super) tasks: Vec<Task>,
+    /// Side of the node's plane on which each piece of the present task lies, in order.
     pub(super) sides: Vec<PolygonSide>,
+    /// Scratch: pieces of the present task in front of the node's plane.
     pub(super) front: Vec<Piece>,
+    /// Scratch: pieces of the present task behind the node's plane.
     pub(super) back: Vec<Piece>,
+    /// Scratch for cutting a polygon: the whole, the front part and the back part.
     pub(super) cut: [Vec<DVec3>; 3],
 }
 
 impl Builder {
+    /// Returns the approximate number of bytes of heap memory held.
     pub(super) fn memory(&self) -> usize {
         self.sources.capacity() * size_of::<Source>()
             + (self.pieces.capacity() + self.front.capacity() + self.back.capacity()) * size_of::<Piece>()

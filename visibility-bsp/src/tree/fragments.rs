@@ -1,11 +1,11 @@
-//! The parts of polygons in a tree, as they are given to callers.
+//! Access to the fragments of polygons in a tree.
 
 use super::bsp_tree::BspTree;
 use super::node::NONE;
 use super::store::Record;
 use visibility_core::{geometry::Plane, glam::DVec3};
 
-/// A part of a polygon, in a node of a [`BspTree`].
+/// A fragment: a convex part of one polygon that lies in the plane of one node of a [`BspTree`].
 ///
 /// ```
 /// use visibility_bsp::BspTree;
@@ -16,33 +16,39 @@ use visibility_core::{geometry::Plane, glam::DVec3};
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Fragment<'a> {
+    /// The tree that holds the fragment.
     pub(super) tree: &'a BspTree,
+    /// Index of the fragment's record in the tree's store.
     pub(super) id: u32,
 }
 
 impl<'a> Fragment<'a> {
+    /// Returns the stored record of the fragment.
     fn record(&self) -> &'a Record {
         self.tree.store.record(self.id)
     }
 
-    /// Owner of the polygon that it is a part of.
+    /// Returns the owner number of the polygon that the fragment is a part of.
     #[inline]
     pub fn owner(&self) -> u32 {
         self.record().owner
     }
 
-    /// Number of its polygon among those given in the same call of `build` or `insert`, counted from 0.
+    /// Returns the index of the fragment's polygon among the polygons of the same `build` or `insert` call,
+    /// from 0; rejected polygons count too.
     pub fn polygon(&self) -> u32 {
         self.record().polygon
     }
 
-    /// Its vertices, in order around it, counter-clockwise as seen from the front of the polygon.
+    /// Returns the vertices of the fragment in the tree's coordinates, in boundary order, counter-clockwise
+    /// as seen from the polygon's front.
     #[inline]
     pub fn vertices(&self) -> &'a [DVec3] {
         self.tree.store.vertices(self.record())
     }
 
-    /// The plane that it lies in, with the normal to the front of the polygon.
+    /// Returns the plane of the node that holds the fragment, with the normal turned to the front of the
+    /// fragment's polygon.
     pub fn plane(&self) -> Plane {
         let record = self.record();
         let plane = self.tree.nodes[record.node as usize].plane.plane;
@@ -51,7 +57,8 @@ impl<'a> Fragment<'a> {
 }
 
 impl BspTree {
-    /// Calls `each` for every fragment of an owner, in no particular order.
+    /// Calls `each` for every fragment of an owner, in no particular order. Takes time proportional to the
+    /// number of these fragments; an unknown owner has none.
     pub fn for_each_fragment(&self, owner: u32, mut each: impl FnMut(Fragment<'_>)) {
         let mut id = self.store.first_of(owner);
         while id != NONE {
@@ -61,10 +68,11 @@ impl BspTree {
     }
 }
 
-/// The fragments in the plane of one node.
+/// Iterator over the fragments in the plane of one node, in no particular order. They do not hide each other.
 #[derive(Clone, Debug)]
 pub struct Fragments<'a> {
     pub(super) tree: &'a BspTree,
+    /// Index of the next fragment, `NONE` at the end.
     pub(super) next: u32,
 }
 

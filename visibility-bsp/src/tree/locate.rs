@@ -1,4 +1,4 @@
-//! Which leaf a point is in.
+//! Point location, and copying of a tree's planes.
 
 use super::bsp_tree::{BspTree, Leaf};
 use super::node::{EMPTY, SOLID, is_leaf};
@@ -6,9 +6,12 @@ use alloc::vec::Vec;
 use visibility_core::{geometry::SidePlane, glam::DVec3};
 
 impl BspTree {
-    /// Whether a point is in free space or inside a solid. A point in a plane counts as in front of it.
+    /// Returns the kind of leaf that contains a point: free space or the inside of a solid. A point on a
+    /// plane counts as in front of it. A NaN point counts as behind every plane. Costs one plane test per
+    /// level.
     ///
-    /// Only trees of [solids](Self::build_solid) have solid leaves.
+    /// Only trees of [solids](Self::build_solid) have solid leaves; in any other tree the result is
+    /// [`Leaf::Empty`].
     pub fn locate(&self, p: DVec3) -> Leaf {
         let mut child = self.root;
         while !is_leaf(child) {
@@ -18,9 +21,9 @@ impl BspTree {
         if child == SOLID { Leaf::Solid } else { Leaf::Empty }
     }
 
-    /// Hands the planes of the tree to `make`, children before parents, each with what `make` returned for
-    /// the tree behind it and in front; leaves are `u32::MAX` where empty and one less where solid. Returns
-    /// what was made of the root.
+    /// Calls `make` for every plane of the tree, children before parents. The second argument of `make` holds
+    /// the results for the subtrees behind and in front of the plane; an empty leaf is `u32::MAX` and a solid
+    /// leaf `u32::MAX - 1`. Returns the result for the root.
     pub(crate) fn copy_planes(&self, make: &mut dyn FnMut(&SidePlane, [u32; 2]) -> u32) -> u32 {
         let (mut open, mut made) = (Vec::from([(self.root, false)]), Vec::new());
         while let Some((child, visited)) = open.pop() {

@@ -1,10 +1,11 @@
 //! The binary space partition of a set of polygons.
 //!
-//! Every node divides its region of space by a plane and holds the parts of polygons that lie in that plane;
-//! what is in front of it goes to one child, what is behind to the other, and what crosses is cut. Seen from
-//! any point, the near side comes before the node's own polygons and these before the far side: an exact
-//! order of depth, cycles or not, at the cost of walking the tree (Fuchs, Kedem and Naylor, "On Visible
-//! Surface Generation by A Priori Tree Structures", 1980).
+//! Every node divides its convex region of space by a plane and holds the polygon parts (fragments) that lie
+//! in that plane. Polygons in front of the plane go to one child and polygons behind to the other; polygons
+//! that cross the plane are cut. Seen from any point, the near child comes before the node's own fragments,
+//! and these come before the far child. Walking the tree therefore gives an exact depth order, even for
+//! polygons that overlap cyclically (Fuchs, Kedem and Naylor, "On Visible Surface Generation by A Priori Tree
+//! Structures", 1980).
 
 mod bsp_tree;
 mod build;

@@ -1,32 +1,35 @@
-//! The nodes of a tree.
+//! Nodes of a tree and the values that stand for leaves.
 
 use visibility_core::{Aabb, geometry::SidePlane, glam::DVec3};
 
-/// No node, no fragment.
+/// Index that stands for no node or no fragment.
 pub(super) const NONE: u32 = u32::MAX;
-/// In place of a child: a leaf outside all solids.
+/// Child value of an empty leaf, outside all solids.
 pub(super) const EMPTY: u32 = u32::MAX;
-/// In place of a child: a leaf inside a solid.
+/// Child value of a solid leaf, inside a solid.
 pub(super) const SOLID: u32 = u32::MAX - 1;
 
-/// Whether a child is a leaf.
+/// Tests whether a child value stands for a leaf and not for a node index.
 pub(super) const fn is_leaf(child: u32) -> bool {
     child >= SOLID
 }
 
-/// A plane, what lies in it, and what is on either side of it. One cache line.
+/// A node: its plane, the list of fragments in the plane, and the two children. Fills one cache line of 64
+/// bytes.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub(super) struct Node {
+    /// The dividing plane, with the margin within which points are on it.
     pub(super) plane: SidePlane,
-    /// Behind the plane, and in front of it.
+    /// Children behind and in front of the plane: node indices, [`EMPTY`] or [`SOLID`].
     pub(super) children: [u32; 2],
-    /// The first fragment in the plane; `NONE` for a plane that only divides.
+    /// Index of the first fragment in the plane; [`NONE`] if the plane only divides.
     pub(super) first: u32,
+    /// Index of the parent node, [`NONE`] for the root.
     pub(super) parent: u32,
 }
 
-/// The smallest box in `f32` around points in `f64`.
+/// Returns the smallest `f32` box that contains `f64` points. Empty (inverted) without points.
 pub(super) fn bounds_of(points: &[DVec3]) -> Aabb {
     let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
     for &p in points {

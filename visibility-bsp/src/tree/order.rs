@@ -1,4 +1,4 @@
-//! Walking a tree in the order of depth, whole or only what is in view.
+//! Depth-ordered walks of a tree, over all nodes or only those that the visitor enters.
 
 use super::bsp_tree::BspTree;
 use super::fragments::Fragments;
@@ -7,8 +7,8 @@ use super::subtree::Subtree;
 use alloc::vec::Vec;
 use visibility_core::{glam::DVec4, view::Eye};
 
-/// The memory of a walk: a stack of the nodes whose near side is being walked. A walk makes room for as many
-/// as the tree has levels, so that later walks of the same tree allocate nothing.
+/// Reusable memory of a tree walk: a stack of the nodes whose near side is being walked. A walk reserves one
+/// entry per level of the tree, so later walks of the same tree allocate nothing.
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Order};
@@ -18,40 +18,42 @@ use visibility_core::{glam::DVec4, view::Eye};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Order {
-    /// Of the nodes whose near side is being walked, all that is still wanted: looking a node up again would
-    /// cost more.
+    /// One step for each node whose near side is being walked. The step copies what the walk needs later,
+    /// which is cheaper than reading the node again.
     path: Vec<Step>,
 }
 
-/// What remains to be visited of a node once its near side is done.
+/// The part of a node that remains to be visited after its near side.
 #[derive(Clone, Copy, Debug)]
 struct Step {
-    /// Number of the first fragment in its plane, `NONE` if there is none.
+    /// Index of the first fragment in the node's plane, `NONE` if there is none.
     first: u32,
-    /// The child on its far side.
+    /// The child on the side of the plane that the walk visits second.
     far: u32,
-    /// The marks that `Walk::enter` returned for it.
+    /// The marks that `Walk::enter` returned for the node.
     marks: u32,
 }
 
 impl Order {
-    /// No memory yet.
+    /// Creates a stack without memory; the first walk allocates.
     pub const fn new() -> Self {
         Self { path: Vec::new() }
     }
 }
 
-/// The visitor of a [walk](BspTree::walk).
+/// Visitor of a [tree walk](BspTree::walk).
 pub trait Walk {
-    /// Asked before anything of a node or below is looked at: whether to go there. The walk keeps some marks
-    /// for every node, of which it knows no meaning; those of the node above, or 0 for the root, come in,
-    /// those of this one are returned, and `None` passes it by.
+    /// Decides whether the walk enters a node, before anything in the node or below it is visited. `subtree`
+    /// describes the node and everything below. `above` is the value returned for the parent node, 0 for the
+    /// root. Returns a value of the visitor's choice (marks, which the walk only passes on) to enter the
+    /// node, or `None` to skip the whole subtree.
     fn enter(&mut self, subtree: &Subtree, above: u32) -> Option<u32> {
         let _ = subtree;
         Some(above)
     }
 
-    /// The fragments in the plane of one node, none of which hides another, and the marks of the node.
+    /// Receives the fragments in the plane of one node, which do not hide each other, and the marks returned
+    /// by [`enter`](Self::enter) for that node. Not called for nodes without fragments.
     fn visit(&mut self, fragments: Fragments<'_>, marks: u32);
 }
 
@@ -63,28 +65,32 @@ impl<F: FnMut(Fragments<'_>)> Walk for F {
 }
 
 impl BspTree {
-    /// Calls `visit` with the fragments of node after node, nearest first: none of a later node hides any of
-    /// an earlier one, seen from the eye, in any direction. An eye in the plane of a node sees the node's
-    /// fragments edge on, and neither side through the other, so that every order of the two is right.
+    /// Calls `visit` with the fragments of each node, nearest node first. Seen from the eye, no fragment of a
+    /// later node hides any part of one of an earlier node, in any direction. An eye in a node's plane sees
+    /// the node's fragments edge on and neither side through the other, so either order of the sides is
+    /// correct.
     ///
-    /// Some nanoseconds a node.
+    /// Costs some nanoseconds per node.
     pub fn front_to_back(&self, eye: Eye, order: &mut Order, mut visit: impl FnMut(Fragments<'_>)) {
         self.walk_ordered(eye, false, order, &mut visit);
     }
 
-    /// As [`front_to_back`](Self::front_to_back), farthest first: the painter's order.
+    /// Calls `visit` with the fragments of each node, farthest node first (painter's order); the reverse of
+    /// [`front_to_back`](Self::front_to_back).
     pub fn back_to_front(&self, eye: Eye, order: &mut Order, mut visit: impl FnMut(Fragments<'_>)) {
         self.walk_ordered(eye, true, order, &mut visit);
     }
 
-    /// Front to back through what `walk` cares to enter: the view volume, what is not hidden yet.
+    /// Walks the nodes front to back, skipping the subtrees that `walk` does not enter, such as those outside
+    /// the view or already hidden.
     pub fn walk(&self, eye: Eye, order: &mut Order, walk: &mut impl Walk) {
         self.walk_ordered(eye, false, order, walk);
     }
 
+    /// Walks the tree front to back, or back to front with `reverse`.
     fn walk_ordered(&self, eye: Eye, reverse: bool, order: &mut Order, walk: &mut impl Walk) {
-        // The eye is in front where normal . eye + offset > 0; an eye at infinity where it looks against the
-        // normal.
+        // The eye as homogeneous coordinates. A point is in front of a plane if normal . eye + offset > 0; an
+        // eye at infinity, if the view direction runs against the normal.
         let eye = match eye {
             Eye::Point(eye) => eye.extend(1.0),
             Eye::Direction(direction) => (-direction).extend(0.0),
@@ -112,6 +118,7 @@ impl BspTree {
     }
 }
 
+/// Tests whether a homogeneous eye is strictly in front of a node's plane.
 #[inline]
 fn in_front(node: &Node, eye: DVec4) -> bool {
     let plane = &node.plane.plane;

@@ -1,5 +1,5 @@
-//! Which plane to divide by: one that cuts few polygons and leaves about as many on either side, estimated on
-//! a sample.
+//! Choice of splitting planes: planes that cut few polygons and leave about equal numbers on both sides,
+//! estimated on a sample.
 
 use super::builder::{Piece, Source};
 use visibility_core::{
@@ -7,26 +7,26 @@ use visibility_core::{
     glam::DVec3,
 };
 
-/// Sets larger than this are first divided by planes across an axis, between objects rather than through
-/// them.
+/// Number of pieces above which a set is first split by axis-aligned planes between objects, rather than by
+/// planes of polygons.
 const BOXES: usize = 12;
-/// Pieces that a candidate is judged by.
+/// Maximum number of pieces on which a candidate plane is evaluated.
 const SAMPLE: usize = 96;
-/// Candidates among the planes of polygons.
+/// Maximum number of polygons whose planes are candidates.
 const CANDIDATES: usize = 10;
-/// Candidates on each axis.
+/// Maximum number of boxes whose sides give axis-aligned candidate planes; each box gives six.
 const PLANES: usize = 12;
-/// What a cut costs, in pieces out of balance.
+/// Cost of cutting one piece, in units of one piece of imbalance between the two sides.
 const CUT: f32 = 6.0;
 
-/// Every so-many-th of a set, so that a sample of it is spread over all of it.
+/// Returns up to `most` indices below `len` in ascending order, evenly spread over the whole range.
 fn sample(len: usize, most: usize) -> impl Iterator<Item = usize> + Clone {
     let count = len.min(most);
     (0..count).map(move |i| i * len / count)
 }
 
-/// A plane across an axis, along sides of the boxes of pieces; `None` where there are few, or all such planes
-/// cut too many.
+/// Returns the best axis-aligned splitting plane along a side of a piece's bounding box. `None` if there are
+/// at most [`BOXES`] pieces, or if each candidate leaves one side empty or costs as much as the whole sample.
 pub(super) fn box_plane(set: &[Piece]) -> Option<Plane> {
     if set.len() <= BOXES {
         return None;
@@ -39,7 +39,7 @@ pub(super) fn box_plane(set: &[Piece]) -> Option<Plane> {
                 let (mut front, mut back, mut across) = (0u32, 0u32, 0u32);
                 for i in sample(set.len(), SAMPLE) {
                     let (min, max) = (set[i].bounds.min[axis], set[i].bounds.max[axis]);
-                    // Boxes are rounded outwards by a step; what only touches is not across.
+                    // Boxes are rounded outwards by one step; a box that only touches the plane is not cut.
                     let (is_front, is_back) =
                         (min.next_up() >= at.next_down(), max.next_down() <= at.next_up());
                     front += u32::from(is_front);
@@ -57,7 +57,9 @@ pub(super) fn box_plane(set: &[Piece]) -> Option<Plane> {
     (cost < set.len().min(SAMPLE) as f32).then(|| Plane::new(DVec3::AXES[axis], -f64::from(at)))
 }
 
-/// The piece whose plane divides best.
+/// Returns the index in `set` of the piece whose own plane is the cheapest split among the sampled
+/// candidates. `vertices` returns a piece's vertices; `magnitude` bounds the absolute coordinates on each
+/// axis. `set` must not be empty.
 pub(super) fn polygon<'a>(
     set: &[Piece],
     sources: &[Source],

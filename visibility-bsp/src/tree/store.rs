@@ -1,42 +1,53 @@
-//! The parts of polygons that a tree holds: in a list per node and a list per owner, their vertices in one
-//! array.
+//! Storage of a tree's fragments: records in one list per node and one list per owner, and their vertices in
+//! one array.
 
 use super::node::NONE;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// A fragment as it is stored.
+/// Stored data of one fragment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Record {
+    /// Owner number of the fragment's polygon.
     pub(super) owner: u32,
+    /// Index of the polygon among those of the same `build` or `insert` call.
     pub(super) polygon: u32,
-    /// Where its vertices begin, and how many they are.
+    /// Index in `Store::vertices` of the first vertex.
     pub(super) start: u32,
+    /// Number of vertices.
     pub(super) len: u32,
+    /// Index of the node in whose plane the fragment lies.
     pub(super) node: u32,
-    /// The neighbours in the node's list.
+    /// Next fragment in the node's list, `NONE` at the end.
     pub(super) next: u32,
+    /// Previous fragment in the node's list, `NONE` for the first.
     pub(super) previous: u32,
+    /// Next fragment in the owner's list, `NONE` at the end.
     pub(super) next_of_owner: u32,
-    /// Whether its front is the front of the node's plane.
+    /// Whether the front of the polygon is the front of the node's plane.
     pub(super) same_way: bool,
 }
 
-/// Longest polygons whose room is kept for others of the same length; longer ones share by powers of two.
+/// Number of size classes of vertex ranges. Freed ranges are reused within their class: lengths up to 8 have
+/// one class each, longer ones share a class per power of two.
 const CLASSES: usize = 40;
 
-/// All fragments of a tree and their vertices. What is freed is used again by fragments as long.
+/// All fragments of a tree and their vertices. Freed memory is reused for fragments of the same size class.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Store {
+    /// Records by fragment index, free ones included.
     records: Vec<Record>,
+    /// Indices of free records.
     free: Vec<u32>,
+    /// Vertices of all fragments, in the tree's coordinates.
     vertices: Vec<DVec3>,
+    /// By size class: start indices of free ranges of `vertices`. Empty until the first range is freed.
     room: Vec<Vec<u32>>,
-    /// By owner, the number of its first fragment, `NONE` if it has none.
+    /// By owner: index of the owner's first fragment, `NONE` if it has none.
     owners: Vec<u32>,
 }
 
-/// How much room a polygon of `len` vertices takes, and in which class of equal rooms that is.
+/// Returns the capacity, in vertices, of the range that stores `len` vertices, and its size class.
 fn room_for(len: usize) -> (usize, usize) {
     if len <= 8 {
         (len, len)
@@ -46,22 +57,27 @@ fn room_for(len: usize) -> (usize, usize) {
 }
 
 impl Store {
+    /// Returns the number of fragments in use.
     pub(super) fn len(&self) -> usize {
         self.records.len() - self.free.len()
     }
 
+    /// Returns the approximate number of bytes of heap memory held.
     pub(super) fn memory(&self) -> usize {
         self.records.capacity() * size_of::<Record>() + self.vertices.capacity() * size_of::<DVec3>()
     }
 
+    /// Returns the record of a fragment.
     pub(super) fn record(&self, id: u32) -> &Record {
         &self.records[id as usize]
     }
 
+    /// Returns the vertices of a fragment.
     pub(super) fn vertices(&self, record: &Record) -> &[DVec3] {
         self.vertices_at(record.start, record.len)
     }
 
+    /// Returns `len` vertices from index `start`.
     #[inline]
     pub(super) fn vertices_at(&self, start: u32, len: u32) -> &[DVec3] {
         &self.vertices[start as usize..][..len as usize]
@@ -80,7 +96,7 @@ impl Store {
         start as u32
     }
 
-    /// Gives the room of vertices back.
+    /// Frees the range of `len` vertices that begins at index `start`.
     pub(super) fn give_back(&mut self, start: u32, len: u32) {
         let class = room_for(len as usize).1;
         if self.room.is_empty() {
@@ -89,8 +105,8 @@ impl Store {
         self.room[class].push(start);
     }
 
-    /// Puts a fragment at the head of the list of its owner and of a node's list, which begins with `head`.
-    /// Returns its number.
+    /// Stores a fragment and puts it at the head of its owner's list and of a node's list, whose head so far
+    /// is `head` (`NONE` if empty). Returns the fragment's index, the new head of both lists.
     pub(super) fn add(&mut self, record: Record, head: u32) -> u32 {
         let owner = record.owner as usize;
         if self.owners.len() <= owner {
@@ -114,17 +130,19 @@ impl Store {
         id
     }
 
+    /// Returns the first fragment of an owner, `NONE` if it has none.
     pub(super) fn first_of(&self, owner: u32) -> u32 {
         self.owners.get(owner as usize).copied().unwrap_or(NONE)
     }
 
-    /// Makes an owner have no fragments, which are still to be freed one by one, from the one returned.
+    /// Empties an owner's list and returns its first fragment, `NONE` if it had none. The caller must free
+    /// the list's fragments one by one.
     pub(super) fn take_owner(&mut self, owner: u32) -> u32 {
         self.owners.get_mut(owner as usize).map_or(NONE, |first| core::mem::replace(first, NONE))
     }
 
-    /// Frees a fragment, taken out of its node's list. Returns what it was; if it was the list's first, the
-    /// list now begins with its `next`.
+    /// Frees a fragment and unlinks it from its node's list. Returns its record. If the fragment was the
+    /// list's head, the caller must make `next` of the record the new head.
     pub(super) fn free(&mut self, id: u32) -> Record {
         let record = self.records[id as usize];
         if record.previous != NONE {
@@ -138,8 +156,8 @@ impl Store {
         record
     }
 
-    /// Copies records and vertices into new memory in the order of `lists` (the first fragment of each node),
-    /// so that walking the nodes is walking memory; the heads are brought up to date.
+    /// Copies records and vertices into new memory in the order of `lists`, so that walking the nodes reads
+    /// memory sequentially. `lists` yields the head of each node's list, which is updated.
     pub(super) fn pack<'a>(&mut self, lists: impl Iterator<Item = &'a mut u32>) {
         let old = core::mem::take(self);
         self.owners.resize(old.owners.len(), NONE);
@@ -150,7 +168,7 @@ impl Store {
             while id != NONE {
                 let record = old.record(id);
                 let start = self.keep(old.vertices(record));
-                // Appended behind the one before, by hand, since `add` puts at the head.
+                // Appended behind the previous fragment, since `add` inserts at the head.
                 let new = self.add(Record { start, ..*record }, NONE);
                 self.records[new as usize].previous = last;
                 match last {

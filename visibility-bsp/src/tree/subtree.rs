@@ -1,9 +1,9 @@
-//! What is below a node, summed up: where it is, and whose.
+//! Summary of a subtree: the bounds and the common owner of its fragments.
 
 use super::node::NONE;
 use visibility_core::Aabb;
 
-/// Bounds and owner of all fragments in a node and below it.
+/// Bounds and owner of all fragments in a node and below it. Passed to [`Walk::enter`](crate::Walk::enter).
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Fragments, Order, Subtree, Walk};
@@ -27,21 +27,25 @@ use visibility_core::Aabb;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Subtree {
+    /// Box around all fragments, rounded outwards to `f32`; [`Aabb::EMPTY`] without fragments.
     pub(super) bounds: Aabb,
-    /// The owner of all fragments, `NONE` if there is no fragment, `MANY` if there is more than one owner.
+    /// The common owner of all fragments, `NONE` without fragments, `MANY` for two or more owners.
     owner: u32,
 }
 
-/// In place of an owner: there is more than one.
+/// Owner value that stands for two or more different owners.
 const MANY: u32 = u32::MAX - 1;
 
 impl Subtree {
+    /// Summary of a subtree without fragments.
     pub(super) const NOTHING: Self = Self { bounds: Aabb::EMPTY, owner: NONE };
 
+    /// Summary of fragments of one owner. An owner number too large to be stored counts as several owners.
     pub(super) fn of(bounds: Aabb, owner: u32) -> Self {
         Self { bounds, owner: owner.min(MANY) }
     }
 
+    /// Returns the summary of the fragments of two subtrees together.
     pub(super) fn union(&self, other: &Self) -> Self {
         let owner = match (self.owner, other.owner) {
             (NONE, owner) | (owner, NONE) => owner,
@@ -51,13 +55,15 @@ impl Subtree {
         Self { bounds: self.bounds.union(&other.bounds), owner }
     }
 
-    /// A box around all fragments, rounded outwards.
+    /// Returns a box around all fragments of the subtree, rounded outwards to `f32`; [`Aabb::EMPTY`] without
+    /// fragments.
     #[inline]
     pub fn bounds(&self) -> &Aabb {
         &self.bounds
     }
 
-    /// The owner of all fragments, `None` if there are several.
+    /// Returns the owner of all fragments of the subtree. `None` if they have several owners or there are
+    /// none.
     #[inline]
     pub fn owner(&self) -> Option<u32> {
         (self.owner < MANY).then_some(self.owner)

@@ -1,6 +1,6 @@
-//! Owners that come and go, without a new tree (Chrysanthou and Slater, "Computing Dynamic Changes to BSP
-//! Trees", 1992): what comes is sorted down to the leaves, what goes is taken out of its nodes, and nodes
-//! that neither hold nor divide anything any more are closed.
+//! Incremental changes of a tree (Chrysanthou and Slater, "Computing Dynamic Changes to BSP Trees", 1992).
+//! New polygons are sorted down to the leaves. Removed polygons are taken out of their nodes. A node without
+//! polygons is removed once one of its sides is a leaf.
 
 use super::bsp_tree::{BspError, BspTree};
 use super::node::{EMPTY, NONE, bounds_of, is_leaf};
@@ -8,14 +8,15 @@ use super::subtree::Subtree;
 use visibility_core::glam::DVec3;
 
 impl BspTree {
-    /// Adds polygons of an owner, in addition to those that it has. Returns how many were
-    /// [accepted](Self::accepts).
+    /// Inserts polygons of an owner, in addition to those that the owner has. Returns the number of
+    /// [accepted](Self::accepts) polygons; the others are left out.
     ///
-    /// Costs some 100 ns a polygon and level of the tree, and no allocation once an owner as large has been
-    /// removed.
+    /// Costs some 100 ns per polygon and level of the tree. Allocates nothing if an owner with as many
+    /// polygons has been removed before.
     ///
     /// # Errors
-    /// [`BspError::TooManyFragments`]; the owner then has no polygons in the tree.
+    /// [`BspError::TooManyFragments`] if the polygons are cut into too many fragments. All polygons of the
+    /// owner are then removed from the tree, including earlier ones.
     pub fn insert<P: AsRef<[DVec3]>>(
         &mut self,
         owner: u32,
@@ -28,10 +29,10 @@ impl BspTree {
         result
     }
 
-    /// Takes out all polygons of an owner. Returns whether it had any.
+    /// Removes all polygons of an owner. Returns whether the owner had any.
     ///
-    /// Planes that no polygon lies in any more stay only while they divide polygons of others on both sides:
-    /// never more than there are nodes with polygons.
+    /// A plane in which no polygon is left stays in the tree only while it separates other polygons on both
+    /// of its sides. There are never more such planes than nodes with polygons.
     pub fn remove(&mut self, owner: u32) -> bool {
         let first = self.store.take_owner(owner);
         let mut id = first;
@@ -51,8 +52,8 @@ impl BspTree {
         first != NONE
     }
 
-    /// Takes a node without polygons out of the tree if one of its sides is a leaf, and then those above it
-    /// that were waiting for that.
+    /// Removes a node from the tree if no polygon is in its plane and one of its sides is a leaf, and repeats
+    /// with its ancestors. Tightens the bounds of the first ancestor that stays, and of those above.
     fn close(&mut self, mut id: u32) {
         loop {
             let node = &self.nodes[id as usize];
@@ -61,8 +62,8 @@ impl BspTree {
             if node.first != NONE || (!is_leaf(back) && !is_leaf(front)) {
                 return self.shrink(id);
             }
-            // What is left in its place: the side that is not a leaf. Of two leaves, the one in front, where
-            // there was nothing solid.
+            // The node is replaced by its side that is not a leaf. If both are leaves, the front leaf takes
+            // its place, which is never solid.
             let rest = if is_leaf(front) && !is_leaf(back) { back } else { front };
             if !is_leaf(rest) {
                 self.nodes[rest as usize].parent = parent;
@@ -82,7 +83,7 @@ impl BspTree {
         }
     }
 
-    /// Makes the summary of a node and of those above contain another.
+    /// Extends the bounds and owner of a node and of its ancestors to include `by`.
     pub(super) fn grow(&mut self, mut node: u32, by: &Subtree) {
         while node != NONE {
             let of = &mut self.subtrees[node as usize];
@@ -95,7 +96,8 @@ impl BspTree {
         }
     }
 
-    /// Makes the summary of a node and of those above as tight as it can be.
+    /// Recomputes the bounds and owner of a node and of its ancestors, as tight as possible. Stops at the
+    /// first unchanged one.
     fn shrink(&mut self, mut id: u32) {
         while id != NONE {
             let mut subtree = Subtree::NOTHING;
@@ -104,7 +106,7 @@ impl BspTree {
                 subtree = subtree.union(&self.subtrees[child as usize]);
             }
             let mut fragment = node.first;
-            // Most often nothing changes; then there is no need to look at all of the fragments.
+            // Most often nothing changes; the comparison then ends the loop before all fragments are visited.
             while fragment != NONE && subtree != self.subtrees[id as usize] {
                 let record = self.store.record(fragment);
                 let bounds = bounds_of(self.store.vertices(record));
