@@ -1,4 +1,5 @@
-//! A town of walls and small boxes, seen by one camera: how many objects each culler of the crate leaves.
+//! Example: a town of walls and small boxes, seen by one camera, with the number of objects that each culler
+//! of the crate leaves visible.
 //!
 //! `cargo run -p visibility-bsp --example walls`
 
@@ -13,7 +14,7 @@ use visibility_core::{
     occlusion::Preparation,
 };
 
-/// Inserts a box with its twelve triangles.
+/// Inserts a box with its twelve triangles. `occluder` flags it as opaque.
 fn insert_box(scene: &mut Scene, bounds: Aabb, occluder: bool) -> Result<(), Box<dyn std::error::Error>> {
     let id = scene.insert(Object { occluder, ..Object::new(bounds) });
     let corners = bounds.corners();
@@ -40,7 +41,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     scene.prepare_occluders(&Preparation::default());
     scene.rebuild();
 
-    // Made once, shared by all views.
+    // Made once and shared by all views.
     let occluders = Arc::new(Occluders::new(&scene));
     let frusta = Arc::new(ShadowFrusta::new(&scene, (*occluders).clone(), 64, 32));
     let tree = Arc::new(SceneTree::new(&scene)?);

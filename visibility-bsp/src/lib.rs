@@ -1,20 +1,20 @@
 //! Visibility culling in object space. An occluder's shadow is bounded by planes through the eye and the
 //! occluder's edges, so tests are independent of image resolution and nothing is rasterized.
 //!
-//! | Task | Type | Scene data needed | Accuracy |
+//! | Task | Type | Needs | Accuracy |
 //! |---|---|---|---|
-//! | Culls boxes behind the fused shadows of large polygons | [`OcclusionTreeCuller`] | occluder meshes | conservative |
-//! | Culls boxes behind one large polygon or two that share an edge; caches answers between frames | [`LargeOccludersCuller`] | occluder meshes | conservative |
-//! | Culls boxes behind one polygon chosen in advance for the eye's region | [`ShadowFrustaCuller`] | occluder meshes | conservative |
-//! | Culls every object without a visible triangle part | [`NaylorCuller`] | triangles | exact |
-//! | Culls objects outside the view and sorts the others front to back | [`BspOrderCuller`] | triangles | conservative |
-//! | Tests boxes against occluders, for a traversal of your own | [`OcclusionTree`] | occluder meshes | conservative |
+//! | Culls boxes behind fused shadows of polygons | [`OcclusionTreeCuller`] | meshes | conservative |
+//! | Culls boxes behind one or two polygons, caching | [`LargeOccludersCuller`] | meshes | conservative |
+//! | Culls boxes behind polygons chosen by region | [`ShadowFrustaCuller`] | meshes | conservative |
+//! | Culls objects without a visible triangle part | [`NaylorCuller`] | triangles | exact |
+//! | Culls by the view volume, sorts front to back | [`BspOrderCuller`] | triangles | conservative |
+//! | Tests boxes, for a traversal of your own | [`OcclusionTree`] | meshes | conservative |
 //!
 //! The first three cullers share [`Occluders`], large polygons made when a scene is loaded. `NaylorCuller`
 //! and `BspOrderCuller` share a [`SceneTree`]. `Occluders` and `SceneTree` have a `sync` method for scenes
-//! that change. An object that has changed since the last `sync` hides nothing and counts as visible. The
-//! lower layers are public too: [`BspTree`], a binary space partition of any convex polygons, and [`Solid`],
-//! set operations on closed meshes.
+//! that change. An object that has changed since the last `sync` hides nothing, and is never culled by its
+//! old state. The lower layers are public too: [`BspTree`], a binary space partition of any convex polygons,
+//! and [`Solid`], set operations on closed meshes.
 //!
 //! ```
 //! use visibility_bsp::{Occluders, OcclusionTreeCuller};

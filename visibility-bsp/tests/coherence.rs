@@ -1,5 +1,5 @@
-//! What is remembered changes no answer; what has changed in the scene is never trusted; nothing is allocated
-//! once warm.
+//! Tests of temporal coherence: cached answers change no result, no answer outlives a change of the scene,
+//! and warm frames allocate nothing.
 #![allow(missing_docs)]
 
 mod common;
@@ -20,6 +20,7 @@ use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
+/// Returns the objects that remain after the frustum culler and then `culler`.
 fn reported(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<ObjectId> {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);
@@ -28,7 +29,8 @@ fn reported(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<ObjectId
     visible.iter(scene).collect()
 }
 
-/// A slow walk, a still stretch, and cuts.
+/// Returns the view of a frame on a path of slow movement (26 frames of 40), standstill, and a cut every 40
+/// frames.
 fn walk(frame: usize) -> View {
     let cut = (frame / 40) as f64;
     let step = (frame % 40).min(25) as f64 * 0.01;
@@ -96,7 +98,7 @@ fn answers_depend_on_nothing_before_a_reset() {
     }
 }
 
-/// A wall, a box behind it, and the cullers that hide the box.
+/// A scene of a wall and a box behind the wall, with a view in which the wall hides the box.
 struct Room {
     scene: Scene,
     wall: ObjectId,
@@ -105,6 +107,7 @@ struct Room {
 }
 
 impl Room {
+    /// Bounds of the wall, in metres.
     const WALL: Aabb = Aabb::from_arrays([4.0, -5.0, -5.0], [4.5, 5.0, 5.0]);
 
     fn new() -> Self {
@@ -112,7 +115,7 @@ impl Room {
         let wall = scene.insert(Object { occluder: true, ..Object::new(Self::WALL) });
         scene.set_triangles(wall, triangles_of(&Self::WALL)).unwrap();
         let target = scene.insert(Aabb::from_arrays([8.0, -1.0, -1.0], [9.0, 1.0, 1.0]));
-        // Behind the eye, so that the eye is within the scene, for which regions are made.
+        // A box behind the eye makes the scene's bounds, for which regions are made, contain the eye.
         scene.insert(Aabb::from_arrays([-6.0, -1.0, -1.0], [-5.0, 1.0, 1.0]));
         scene.prepare_occluders(&Preparation::default());
         let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
@@ -120,6 +123,7 @@ impl Room {
         Self { scene, wall, target, view }
     }
 
+    /// Returns every culler that must hide the box.
     fn cullers(&self) -> Vec<Box<dyn Culler>> {
         let occluders = Arc::new(Occluders::new(&self.scene));
         let frusta = ShadowFrusta::new(&self.scene, Occluders::new(&self.scene), 8, 8);
@@ -131,6 +135,7 @@ impl Room {
         ]
     }
 
+    /// Tests whether a culler removes the target box.
     fn hides(&self, culler: &mut dyn Culler) -> bool {
         !reported(&self.scene, &self.view, culler).contains(&self.target)
     }
@@ -142,19 +147,19 @@ fn a_wall_that_the_eye_comes_too_close_to_hides_no_longer() {
     let occluders = Arc::new(Occluders::new(&room.scene));
     let mut culler = LargeOccludersCuller::new(occluders);
     let mut hidden = Vec::new();
-    // Steps are small, so that the same occluders stay chosen and all boxes are remembered.
+    // The steps are small, so the same occluders stay selected and the answers for all boxes are cached.
     for step in 0..20 {
         let eye = DVec3::X * (3.94 + 0.003 * f64::from(step));
         let pose = Pose::look_at(eye, DVec3::X * 20.0, DVec3::Z);
         room.view = View::perspective(pose, 1.0, 1.5, 0.02, f64::INFINITY).unwrap();
         hidden.push(room.hides(&mut culler));
-        // Beyond 3.98, the near plane cuts the wall away.
+        // Beyond x = 3.98, the near plane cuts the wall away.
         assert!(!(eye.x > 3.98 && hidden[step as usize]), "{eye}");
     }
     assert!(hidden[0] && !hidden[19]);
 }
 
-/// Boxes whose edges are next to the edge of the wall's shadow, by a hair or by a hand.
+/// The boxes end between 1e-7 and 0.1 metres inside the edge of the wall's shadow.
 #[test]
 fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_better() {
     let mut random = Random(15);
@@ -171,7 +176,7 @@ fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_bett
     let occluders = Arc::new(Occluders::new(&room.scene));
     let mut counts = Vec::new();
     for blur in [1e-6, 1e-8, 1e-10, 1e-11, 1e-12] {
-        // Rows of x and y that are all but opposite tell little of where the eye is along one of the two.
+        // Nearly opposite rows x and y determine the eye's position badly along one of the axes.
         let matrix = sharp.clip_from(DVec3::ZERO);
         let (x, y) = (matrix.row(0), matrix.row(1));
         let mut rows = matrix.transpose();
@@ -183,8 +188,8 @@ fn a_view_that_knows_its_eye_less_well_trusts_no_answer_of_one_that_knew_it_bett
         let live = reported(&room.scene, &blurred, &mut live);
         let fresh = reported(&room.scene, &blurred, &mut LargeOccludersCuller::new(occluders.clone()));
         println!("{blur}: {all} sharp, {} live, {} fresh", live.len(), fresh.len());
-        // An eye that surely is within the ball of an answer has that answer, though a new culler may not
-        // find it.
+        // An eye that is surely within an answer's ball keeps the answer, even where a new culler could not
+        // derive it.
         assert!(live.len() <= fresh.len());
         counts.push(live.len());
     }
@@ -228,7 +233,7 @@ fn an_occluder_that_has_changed_hides_no_longer() {
     }
 }
 
-/// Walls that face inwards hide nothing from outside, also of a room that is two units of the last place
+/// Walls that face inwards hide nothing from outside, even if the room is only two units in the last place
 /// wide.
 #[test]
 fn a_room_turned_inside_out_does_not_hide_its_contents() {

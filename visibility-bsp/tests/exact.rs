@@ -1,5 +1,5 @@
-//! Naylor's exact culling against an item buffer: nothing that has a pixel is hidden, and what is reported
-//! without one is seen when one looks closely at where it says.
+//! Naylor's exact culling against an item buffer: no object with a pixel is hidden, and an object reported
+//! without a pixel is found in a close-up of its witness.
 #![allow(missing_docs)]
 
 mod shapes;
@@ -15,7 +15,8 @@ use visibility_core::{
 use visibility_measure::ItemBuffer;
 use visibility_testing::Random;
 
-/// Objects of a few triangles each: scraps, boxes on the grid, walls.
+/// Returns a scene of `count` objects with a few triangles each: random scraps, boxes on a grid, and slanted
+/// walls. One in five is no occluder.
 fn scene(random: &mut Random, count: usize) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..count {
@@ -42,10 +43,12 @@ fn scene(random: &mut Random, count: usize) -> Scene {
     scene
 }
 
+/// Rounds a triangle to `f32`.
 fn corners(t: [DVec3; 3]) -> Triangle {
     t.map(|v| v.as_vec3())
 }
 
+/// Inserts an object with the given triangles and their bounds.
 fn add(scene: &mut Scene, triangles: &[Triangle], occluder: bool) -> ObjectId {
     let bounds = Aabb::from_points(triangles.iter().flatten().copied());
     let id = scene.insert(Object { occluder, ..Object::new(bounds) });
@@ -53,11 +56,13 @@ fn add(scene: &mut Scene, triangles: &[Triangle], occluder: bool) -> ObjectId {
     id
 }
 
+/// Returns the two triangles of a square of half-width `r` metres in the plane at `x`, centred on the x axis.
 fn square(x: f32, r: f32) -> [Triangle; 2] {
     let [a, b, c, d] = [(-r, -r), (r, -r), (r, r), (-r, r)].map(|(y, z)| Vec3::new(x, y, z));
     [[a, b, c], [a, c, d]]
 }
 
+/// Returns a random orthographic or perspective view.
 fn view(random: &mut Random) -> View {
     let pose = Pose::look_at(random.fine_vector(12.0), random.fine_vector(6.0), DVec3::Z);
     match random.below(3) {
@@ -68,6 +73,7 @@ fn view(random: &mut Random) -> View {
     }
 }
 
+/// Returns the indices of the objects that a culler leaves visible.
 fn reported(culler: &mut impl Culler, scene: &Scene, view: &View) -> HashSet<u32> {
     let mut set = VisibleSet::new();
     set.fill(scene, view);
@@ -75,8 +81,8 @@ fn reported(culler: &mut impl Culler, scene: &Scene, view: &View) -> HashSet<u32
     set.iter(scene).map(|id| id.index() as u32).collect()
 }
 
-/// Objects with a pixel. Glass is drawn where nothing opaque is before it: each alone with all that is
-/// opaque.
+/// Returns the indices of the objects that have a pixel. Each object that is no occluder is drawn on its own
+/// together with all occluders, so that such objects do not hide each other.
 fn pixels(buffer: &mut ItemBuffer, scene: &Scene, view: &View) -> HashSet<u32> {
     let opaque = |id: &ObjectId| scene.object(*id).unwrap().occluder;
     let item = |id: ObjectId| (id.index() as u32, scene.triangles(id).unwrap());
@@ -92,7 +98,7 @@ fn pixels(buffer: &mut ItemBuffer, scene: &Scene, view: &View) -> HashSet<u32> {
     seen
 }
 
-/// Whether an object is seen in a picture of nothing but the witness.
+/// Tests whether an object is visible in a 63 by 63 pixel image zoomed to its witness.
 fn is_confirmed(scene: &Scene, view: &View, id: ObjectId, witness: Witness) -> bool {
     let scale = 0.3 / witness.width;
     let zoom = DMat4::from_scale_rotation_translation(
@@ -160,14 +166,14 @@ fn glass_hides_nothing_and_what_is_not_known_is_visible() {
             && culler.witness(behind).is_none()
             && culler.witness(empty).is_none()
     );
-    // Two in one plane: neither hides the other.
+    // Two objects in one plane do not hide each other.
     let twin = add(&mut scene, &square(4.0, 3.0), true);
     let tree = SceneTree::new(&scene).unwrap();
     assert_eq!(
         reported(&mut NaylorCuller::new(&tree), &scene, &view),
         ids(&[glass, wall, empty, broken, twin])
     );
-    // What a view does not show hides nothing in it.
+    // An object on a layer that the view does not show hides nothing.
     scene.set_layers(wall, 2).unwrap();
     scene.set_layers(twin, 2).unwrap();
     let tree = SceneTree::new(&scene).unwrap();
@@ -186,20 +192,20 @@ fn changes_count_once_they_are_taken_in() {
     let mut tree = SceneTree::new(&scene).unwrap();
     let both = HashSet::from([wall.index() as u32, behind.index() as u32]);
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view).len(), 1);
-    // The wall goes away: at once it hides nothing, where the tree still has it.
+    // The wall moves away. It hides nothing at once, even while the tree still contains its old triangles.
     let away = square(20.0, 30.0);
     scene.set_triangles(wall, away).unwrap();
     scene.set_bounds(wall, Aabb::from_points(away.iter().flatten().copied())).unwrap();
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
     tree.sync(&scene).unwrap();
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
-    // And comes back.
+    // The wall moves back.
     scene.set_triangles(wall, square(4.0, 3.0)).unwrap();
     scene.set_bounds(wall, Aabb::from_points(square(4.0, 3.0).iter().flatten().copied())).unwrap();
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
     tree.sync(&scene).unwrap();
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), HashSet::from([wall.index() as u32]));
-    // One is replaced by another with the same index.
+    // The wall is replaced by an object with the same index.
     scene.remove(wall).unwrap();
     let small = add(&mut scene, &square(4.0, 0.5), true);
     assert_eq!(small.index(), wall.index());
@@ -207,7 +213,7 @@ fn changes_count_once_they_are_taken_in() {
     tree.sync(&scene).unwrap();
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
     assert!(reported(&mut BspOrderCuller::new(&tree), &scene, &view) == both);
-    // Another scene altogether: nothing is known of it.
+    // Nothing is known of another scene, so nothing is hidden.
     let other = scene.clone();
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &other, &view), both);
 }
@@ -233,13 +239,13 @@ fn synced_and_built_trees_give_the_same_answers() {
         let mut cullers = [&tree, &fresh].map(NaylorCuller::new);
         let [synced, built] = cullers.each_mut().map(|culler| reported(culler, &scene, &view));
         for &index in synced.symmetric_difference(&built) {
-            // Moved objects are rounded; where two of them touch, gaps are about as narrow as the tolerance,
-            // and trees may differ about them.
+            // Coordinates of moved objects are rounded. Where two of them touch, gaps are about as narrow as
+            // the tolerance, and the trees may differ about these gaps.
             let id = scene.ids().find(|id| id.index() == index as usize).unwrap();
             let width = cullers.iter().filter_map(|culler| culler.witness(id)).map(|w| w.width).sum::<f64>();
             assert!(width < 1e-5, "round {round}: object {id}, {width} wide");
         }
-        // What is seen is in view.
+        // Every visible object is in view.
         for tree in [&tree, &fresh] {
             let in_view = reported(&mut BspOrderCuller::new(tree), &scene, &view);
             assert!(in_view.is_superset(&synced) && in_view.len() < scene.len(), "round {round}");
@@ -288,7 +294,7 @@ fn an_order_that_stops_early_hides_nothing_more_and_begins_as_the_whole_one() {
             stopped += usize::from(cut != whole);
         }
         assert!(walk(all.nodes).0 == whole);
-        // Half the nodes go first in the same order.
+        // With half of the nodes, the order begins the same.
         let same = walk(all.nodes / 2).0.iter().zip(&whole).take_while(|(a, b)| a == b).count();
         assert!(same * 4 >= whole.len(), "{same} of {}", whole.len());
     }
@@ -297,7 +303,8 @@ fn an_order_that_stops_early_hides_nothing_more_and_begins_as_the_whole_one() {
 
 #[test]
 fn a_flat_world_narrower_than_the_tolerance_hides_only_what_is_covered() {
-    // As thin as 1e-11 of what is seen of it, from within: boxes beside each other, and one behind the first.
+    // A world only 1e-11 thick relative to its extent in view, seen from within: two boxes beside each other,
+    // and one behind the first.
     let block = |x: f64, y: f64| {
         let min = DVec3::new(x, y, 2e-11);
         let faces = shapes::box_faces(min, min + DVec3::new(1.0, 1.0, 3e-11));
@@ -306,7 +313,7 @@ fn a_flat_world_narrower_than_the_tolerance_hides_only_what_is_covered() {
     let mut scene = Scene::new();
     let first = add(&mut scene, &block(5.0, -0.5), true);
     let second = add(&mut scene, &block(8.0, 1.0), true);
-    // A sliver beside a wide triangle of the same object, which is hidden.
+    // A sliver and a wide triangle of one object; the triangle is hidden.
     let mut mixed = block(9.0, -0.4);
     mixed.push([[20.0, 3.0, 3e-11], [20.0, 5.0, 3e-11], [20.0, 4.0, 4e-11]].map(Vec3::from));
     let third = add(&mut scene, &mixed, true);
@@ -326,7 +333,7 @@ fn nothing_is_hidden_where_coordinates_are_the_largest_that_there_are() {
     let mut scene = Scene::new();
     let corner = Vec3::new(4.0, 4.0, -4.0);
     let wall = add(&mut scene, &[[Vec3::new(4.0, 2.0, -4.0), Vec3::new(4.0, 4.0, -2.0), corner]], true);
-    // Two slivers that reach past everything, behind it.
+    // Two slivers that extend past everything, behind the wall.
     let slivers = [
         [[2.03, 2.12, -1.918], [2.025, 2.11, -1.92], [2.025, f32::MAX, -1.92]],
         [[2.03, 2.12, -1.918], [-f32::MAX, 2.11, -1.92], [2.025, 2.11, -1.92]],

@@ -1,4 +1,4 @@
-//! The laws of set operations on solids, and membership of points.
+//! Tests of set operations on solids: set laws, and membership of points in the results.
 #![allow(missing_docs)]
 
 mod shapes;
@@ -8,9 +8,11 @@ use visibility_bsp::Solid;
 use visibility_core::glam::{DQuat, DVec3};
 use visibility_testing::Random;
 
-/// A box or a ball, turned or on the grid, and how to tell what is inside; `None` near its boundary.
+/// A random convex solid, a box or a ball, axis-aligned or rotated.
 struct Shape {
+    /// Faces, counter-clockwise as seen from outside.
     faces: Vec<Vec<DVec3>>,
+    /// Plane of each face as outward unit normal and offset.
     planes: Vec<(DVec3, f64)>,
 }
 
@@ -38,13 +40,14 @@ impl Shape {
         Self::new(faces.iter().map(|f| f.iter().map(|&v| turn * v + place).collect()).collect())
     }
 
+    /// Returns whether a point is inside; `None` within 1e-9 of the boundary.
     fn contains(&self, p: DVec3) -> Option<bool> {
         let far = self.planes.iter().map(|(n, d)| n.dot(p) + d).fold(f64::NEG_INFINITY, f64::max);
         (far.abs() > 1e-9).then_some(far < 0.0)
     }
 }
 
-/// A convex ball of radius 2.5: faces between meridians and parallels.
+/// Returns the faces of a convex ball of radius 2.5, between `around` meridians and `down` bands of latitude.
 fn ball(around: usize, down: usize) -> Vec<Vec<DVec3>> {
     let at = |i: usize, j: usize| {
         let (a, b) = (
@@ -85,6 +88,7 @@ fn membership_and_laws_hold_of_many_solids() {
     check_laws(1012, 20_000);
 }
 
+/// Checks that points are in unions, intersections and differences as membership in the operands implies.
 fn check_membership(seed: u64, rounds: usize) {
     let mut random = Random(seed);
     let mut counts = [0; 3];
@@ -94,7 +98,7 @@ fn check_membership(seed: u64, rounds: usize) {
         let union = sa.union(&sb).unwrap();
         let both = sa.intersection(&sb).unwrap();
         let less = sa.difference(&sb).unwrap();
-        // And of what was merged already.
+        // Operations on results of earlier operations.
         let more = union.difference(&sc).unwrap();
         let rest = sc.intersection(&less).unwrap();
         for _ in 0..300 {
@@ -116,6 +120,7 @@ fn check_membership(seed: u64, rounds: usize) {
     assert!(counts.iter().all(|&count| count > 200), "{counts:?}");
 }
 
+/// Checks the laws of sets on random solids.
 fn check_laws(seed: u64, rounds: usize) {
     let mut random = Random(seed);
     let empty = Solid::new::<Vec<DVec3>>([]).unwrap();
@@ -123,13 +128,13 @@ fn check_laws(seed: u64, rounds: usize) {
     for _ in 0..rounds {
         let [a, b] = [(); 2].map(|()| Shape::random(&mut random));
         let [sa, sb] = [&a, &b].map(|s| Solid::new(&s.faces).unwrap());
-        // A union A and A intersected with A are A, node for node; A minus A is nothing at all.
+        // A union A and A intersected with A equal A, node for node; A minus A is empty.
         assert_eq!(sa.union(&sa).unwrap().node_count(), sa.node_count());
         assert_eq!(sa.intersection(&sa).unwrap().node_count(), sa.node_count());
         assert!(sa.difference(&sa).unwrap().is_empty());
         assert!(sa.difference(&empty).unwrap().node_count() == sa.node_count());
         assert!(sa.intersection(&empty).unwrap().is_empty() && empty.difference(&sa).unwrap().is_empty());
-        // (A minus B) with (A and B) is A again; what is in none of them has no points.
+        // (A minus B) union (A and B) equals A again.
         let again = sa.difference(&sb).unwrap().union(&sa.intersection(&sb).unwrap()).unwrap();
         let pairs = [
             (sa.union(&sb).unwrap(), sb.union(&sa).unwrap()),
@@ -147,7 +152,7 @@ fn check_laws(seed: u64, rounds: usize) {
 
 #[test]
 fn turned_copies_and_scales_are_no_trouble() {
-    // The same solid from the same faces in another order has another tree.
+    // The same faces in another order give another tree of the same solid.
     let mut random = Random(13);
     for scale in [1e-6, 1.0, 1e9] {
         for _ in 0..40 {
@@ -167,8 +172,8 @@ fn turned_copies_and_scales_are_no_trouble() {
 
 #[test]
 fn many_faces_are_no_trouble() {
-    // Convex, so that every plane of a face has all others behind it: a list, if it were not divided
-    // otherwise.
+    // A convex solid: every face's plane has all other faces behind it. A tree of face planes only would
+    // degenerate into a list.
     let n = 1500;
     let at = |i: usize, z: f64| {
         let a = (i % n) as f64 / n as f64 * core::f64::consts::TAU;

@@ -1,5 +1,5 @@
-//! Nothing visible is hidden: segments from the eye to points of hidden boxes must all be blocked, on random
-//! soups with eyes at the worst places.
+//! No visible point is hidden: segments from the eye to points of hidden boxes must all be blocked, in random
+//! scenes with eyes at degenerate positions.
 #![allow(missing_docs)]
 
 mod common;
@@ -13,15 +13,18 @@ use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, FrustumCuller, OcclusionCuller, Scene, View, VisibleSet, view::Eye};
 use visibility_testing::Random;
 
-/// Segments that must be blocked, and how many were tried.
+/// Counts of the checks made.
 #[derive(Default)]
 struct Judge {
+    /// Number of segments tested.
     rays: usize,
+    /// Number of hidden boxes tested.
     hidden: usize,
 }
 
 impl Judge {
-    /// Points of a box that are in view must be behind something.
+    /// Asserts that the points of a hidden box in view are blocked by an occluder triangle. `what` names the
+    /// culler.
     fn check(&mut self, random: &mut Random, soup: &Soup, view: &View, bounds: &Aabb, what: &str) {
         let planes = view.planes(soup.scene.origin());
         self.hidden += 1;
@@ -36,7 +39,7 @@ impl Judge {
                 _ => DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit()),
             };
             let p = bounds.min.as_dvec3() + (bounds.max - bounds.min).as_dvec3() * share;
-            // Only what is well in view counts, and occluders count from the near plane on.
+            // Only points clearly in view count, and occluders block from the near plane on.
             let inside = |p: DVec3| {
                 planes.as_slice().iter().map(|q| q.plane.signed_distance(p)).fold(f64::INFINITY, f64::min)
             };
@@ -60,6 +63,7 @@ impl Judge {
     }
 }
 
+/// Returns the bounds of the objects that the frustum culler keeps and `culler` removes.
 fn hidden_boxes(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<Aabb> {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);
@@ -73,7 +77,7 @@ fn hidden_boxes(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<Aabb
         .collect()
 }
 
-/// The cullers under test, made for a scene.
+/// Creates the cullers under test for a scene, with a name for each.
 fn cullers(scene: &Scene) -> Vec<(&'static str, Box<dyn Culler>)> {
     let occluders = Arc::new(Occluders::new(scene));
     let frusta = ShadowFrusta::new(scene, Occluders::new(scene), 32, 24);
@@ -87,6 +91,8 @@ fn cullers(scene: &Scene) -> Vec<(&'static str, Box<dyn Culler>)> {
     ]
 }
 
+/// Checks all hidden boxes of several views in `soups` random scenes with `occluders` occluders each. Returns
+/// the counts.
 fn fuzz(seed: u64, soups: usize, occluders: usize, scale: f32) -> Judge {
     let mut random = Random(seed);
     let mut judge = Judge::default();
@@ -123,7 +129,8 @@ fn nor_at_other_magnitudes() {
     }
 }
 
-/// A wall of two slabs before a box, scaled: clear by far, so the answer is known at any magnitude.
+/// A wall of two slabs in front of a box, scaled. The margins are wide, so the answer is known at any
+/// magnitude.
 #[test]
 fn clear_cases_are_decided_at_any_magnitude() {
     for exponent in -15..=15 {
@@ -160,7 +167,8 @@ fn clear_cases_are_decided_at_any_magnitude() {
                 visible.fill(&scene, &view);
                 culler.cull(&scene, &view, &mut visible);
                 let kept: Vec<bool> = ids.iter().map(|&id| visible.contains(&scene, id)).collect();
-                // All but the frusta join the two slabs, which share no edge that is not merged away.
+                // The front faces of the two slabs are joined into one polygon, or the shadows of their
+                // meshes fuse.
                 assert_eq!(kept, [true, true, false, false, true, true], "{name} at {scale:e}");
             }
         }
@@ -194,8 +202,8 @@ fn hostile_boxes_and_views_do_no_harm() {
     }
 }
 
-/// The near plane cuts one end off a ridge, and with it what two slopes would hide there; whichever way round
-/// their corners go.
+/// The near plane cuts off one end of the ridge that two slopes share. A box behind the cut end must stay
+/// visible, and one behind the rest be hidden, in both orientations of each slope's triangles.
 #[test]
 fn two_polygons_hide_nothing_where_the_near_plane_cuts_the_edge_that_they_share() {
     let mut hidden = 0;
@@ -220,7 +228,7 @@ fn two_polygons_hide_nothing_where_the_near_plane_cuts_the_edge_that_they_share(
         });
         let small = |y: f32| Aabb::new(Vec3::new(-0.1, y - 0.05, -0.6), Vec3::new(0.1, y + 0.05, -0.5));
         let [behind_what_is_cut, behind] = [3.6, 1.0].map(|y| scene.insert(small(y)));
-        // 1.15 of depth at the far end of the ridge, 0.2 at the eaves there.
+        // At the far end of the ridge the depth is 1.15, at the eaves there 0.2.
         let along = DVec3::new(0.0, -0.3, -1.0);
         let start = DVec3::ZERO + along.normalize() * (-0.7 / along.length());
         let pose = visibility_core::Pose::look_at(start, start + along, DVec3::X);

@@ -1,4 +1,4 @@
-//! The order of depth, from eyes anywhere: checked by rays against the fragments.
+//! Depth order from random eyes, checked by rays against the fragments.
 #![allow(missing_docs)]
 
 mod shapes;
@@ -8,7 +8,8 @@ use visibility_bsp::{BspTree, Order};
 use visibility_core::{glam::DVec3, view::Eye};
 use visibility_testing::Random;
 
-/// The fragments in the order in which they are visited, each with the number of its node.
+/// Replaces `out` by the vertices of all fragments in the order of the walk, each with the ordinal number of
+/// its node. `back` walks back to front.
 fn visited(tree: &BspTree, eye: Eye, back: bool, order: &mut Order, out: &mut Vec<(usize, Vec<DVec3>)>) {
     out.clear();
     let mut node = 0;
@@ -19,8 +20,8 @@ fn visited(tree: &BspTree, eye: Eye, back: bool, order: &mut Order, out: &mut Ve
     if back { tree.back_to_front(eye, order, visit) } else { tree.front_to_back(eye, order, visit) }
 }
 
-/// Rays through points of fragments: along each, what is nearer must not come after what is farther. Returns
-/// how many pairs were compared.
+/// Asserts along random rays through fragments that a nearer fragment does not come after a farther one of
+/// another node. Returns the number of pairs compared.
 fn check(random: &mut Random, fragments: &[(usize, Vec<DVec3>)], eye: Eye, rays: usize) -> usize {
     let mut pairs = 0;
     let mut hits = Vec::new();
@@ -37,7 +38,7 @@ fn check(random: &mut Random, fragments: &[(usize, Vec<DVec3>)], eye: Eye, rays:
         hits.extend(fragments.iter().filter_map(|(node, f)| Some((hit(start, direction, f)?, *node))));
         for (i, &(t, node)) in hits.iter().enumerate() {
             for &(later_t, later) in &hits[i + 1..] {
-                // In the list, `later` comes after. It must not be nearer, by more than rounding.
+                // `later` comes later in the list, so it must not be nearer by more than rounding.
                 let allowed = 1e-7 * t.max(1.0);
                 assert!(later_t > t - allowed || later == node, "{later_t} after {t}, from {eye:?}");
                 pairs += 1;
@@ -53,7 +54,7 @@ fn eye(random: &mut Random, polygons: &[Vec<DVec3>]) -> Eye {
         0 => shapes::grid_point(random, 9.0),
         1 => polygon[0],
         2 => polygon[0] + (polygon[1] - polygon[0]) * random.fine_range(0.0, 1.0),
-        // In the plane of the polygon, inside it and beyond.
+        // In the polygon's plane, inside the polygon or outside it.
         3 => {
             let [s, t] = [random.fine_range(-2.0, 2.0), random.fine_range(-2.0, 2.0)];
             polygon[0] + (polygon[1] - polygon[0]) * s + (polygon[2] - polygon[0]) * t
@@ -132,7 +133,7 @@ fn owners_that_come_and_go_leave_the_order_right() {
                 assert!((area - area_of(&polygons[owner])).abs() < 1e-9, "parts of {owner} are missing");
             }
         }
-        // Guests alone leave the tree as it was.
+        // Inserting and removing guests leaves the tree as it was.
         let mut tree = BspTree::build((0..20).zip(polygons.iter().map(|p| &p[..]))).unwrap();
         for owner in 20..40 {
             tree.insert(owner, [&polygons[owner as usize][..]]).unwrap();

@@ -1,6 +1,6 @@
-//! At the rims of shadows, where rounding would decide if it were let: what sticks out of every shadow by a
-//! few units of round-off must not be hidden. Sides are judged in exact arithmetic on the elements of the
-//! view's matrix.
+//! Tests at the boundaries of shadows, where rounding could decide: a point that lies outside every shadow by
+//! a few units of round-off must not be hidden. The oracle decides sides in exact arithmetic on the elements
+//! of the view's matrix.
 #![allow(missing_docs)]
 
 mod common;
@@ -18,31 +18,37 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
-/// How the smaller triangle lies to the larger.
+/// Position of the smaller triangle relative to the larger one.
 #[derive(Clone, Copy)]
 enum Kind {
-    /// They share an edge.
+    /// The triangles share an edge.
     Joined,
-    /// An edge of each is in one plane with the eye, and they are to either side of it.
+    /// An edge of each triangle lies in one plane through the eye; the triangles are on opposite sides of
+    /// that plane.
     Beside,
-    /// A corner of the smaller is in the plane of an edge of the larger, and its other corners are to either
-    /// side.
+    /// A corner of the smaller triangle lies in the plane through the eye and an edge of the larger one; its
+    /// other two corners are on opposite sides of that plane.
     Across,
 }
 
+/// All relative positions.
 const KINDS: [Kind; 3] = [Kind::Joined, Kind::Beside, Kind::Across];
 
-/// Occluders with edges that lie in one plane through a point, boxes with a corner in that plane, and a view
-/// from all but that point.
+/// Two occluder triangles whose edges lie in one plane through a point, boxes with a corner in that plane,
+/// and a view from nearly that point.
 struct Rim {
+    /// The larger and the smaller triangle, in world coordinates.
     triangles: Vec<Triangle>,
+    /// Boxes to be tested, in world coordinates.
     boxes: Vec<Aabb>,
+    /// A perspective view whose eye is a few round-off units away from the common point.
     view: View,
 }
 
 impl Rim {
-    /// All is whole numbers, times a power of two, so nothing but the eye is rounded. In front of a large
-    /// triangle, or behind it, comes a smaller one.
+    /// Creates a random case. All coordinates are whole numbers times `scale`, a power of two, so only the
+    /// eye is rounded. The smaller triangle is in front of the larger one or behind it. `None` if the random
+    /// axes are too close to one plane, or the view is invalid.
     fn new(random: &mut Random, scale: f64, kind: Kind) -> Option<Self> {
         let whole = |random: &mut Random, reach: f64| random.fine_vector(reach).round();
         let eye = whole(random, 2000.0);
@@ -74,12 +80,12 @@ impl Rim {
         for number in 0..24 {
             let (mut i, mut j) = (share(random, 1.0, 24.0), share(random, 1.0, 24.0));
             if number % 2 == 0 {
-                // In line with the corner.
+                // On the view ray through the smaller triangle's corner.
                 let depth = share(random, 3.0, 12.0);
                 (i, j) = (along[0] * depth, along[1] * depth);
             }
             let p = at(i, j, 0.0);
-            // A point, or a box that lies to any side of it.
+            // A point, or a box that extends from the point to any side.
             let reach = if number % 3 == 0 { DVec3::ZERO } else { whole(random, 9.0) };
             boxes.push(Aabb::from_points([p, p + reach].map(|p| (p * scale).as_vec3())));
         }
@@ -90,7 +96,8 @@ impl Rim {
         Some(Self { triangles, boxes, view })
     }
 
-    /// No corner that is in the picture may be outside the cones of both.
+    /// Asserts that each corner of a hidden box inside the image is in the exact shadow of one of the two
+    /// triangles. `what` names the culler.
     fn check(&self, bounds: &Aabb, what: &str) {
         let view = &self.view;
         let cones: Vec<Cone> =
@@ -111,6 +118,7 @@ impl Rim {
     }
 }
 
+/// Binary exponents of the scales of the test scenes.
 const SCALES: [i32; 5] = [-45, -13, 0, 17, 45];
 
 #[test]
@@ -140,8 +148,8 @@ fn what_sticks_out_of_a_shadow_by_rounding_is_not_hidden_by_the_tree() {
     assert!(hidden > 5_000 && shown > 10_000);
 }
 
-/// Triangles as occluders and boxes as what may be hidden, with the cullers that use polygons made in
-/// advance.
+/// Creates a scene with triangles as two-sided occluders and boxes as occludees. Returns the scene and the
+/// ids of the boxes.
 fn scene_of(triangles: &[Triangle], boxes: &[Aabb]) -> (Scene, Vec<visibility_core::ObjectId>) {
     let mut scene = Scene::new();
     for triangle in triangles {
@@ -154,6 +162,7 @@ fn scene_of(triangles: &[Triangle], boxes: &[Aabb]) -> (Scene, Vec<visibility_co
     (scene, ids)
 }
 
+/// Creates the cullers that use polygons made in advance.
 fn cullers(scene: &Scene) -> Vec<Box<dyn Culler>> {
     let occluders = Arc::new(Occluders::new(scene));
     let frusta = ShadowFrusta::new(scene, Occluders::clone(&occluders), 1, 4);
@@ -188,7 +197,8 @@ fn nor_by_the_cullers() {
     assert!(hidden.iter().all(|&hidden| hidden > 200), "{hidden:?}");
 }
 
-/// The greatest common divisor of two numbers, and the multiples of them that sum up to it.
+/// Returns the greatest common divisor `d` of two numbers and the factors `x`, `y` with `a x + b y = d`. The
+/// sign of `d` is that of the last remainder.
 fn divisor(a: i128, b: i128) -> (i128, i128, i128) {
     if b == 0 {
         return (a, 1, 0);
@@ -197,8 +207,9 @@ fn divisor(a: i128, b: i128) -> (i128, i128, i128) {
     (d, y, x - a.div_euclid(b) * y)
 }
 
-/// A point of whole numbers within a triangle of whole numbers, but for being nearer to the front by the
-/// least that whole numbers can be.
+/// Returns a point with whole coordinates that is in front of the plane of a triangle with whole corners by
+/// the least possible amount (the determinant is 1), and projects near the triangle. `None` if there is no
+/// such point, or its coordinates exceed 2^24.
 fn in_front_by_nothing(t: [[i128; 3]; 3]) -> Option<[i128; 3]> {
     let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| t[k][i] - t[0][i]));
     let n = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
@@ -208,8 +219,8 @@ fn in_front_by_nothing(t: [[i128; 3]; 3]) -> Option<[i128; 3]> {
         return None;
     }
     let mut q = [x * s * one, y * s * one, z * one];
-    // That is far off along the plane: sides of the triangle bring it back. Along them it is at shares of
-    // these determinants.
+    // The point is far away along the plane. Multiples of the triangle's sides bring it back; these
+    // determinants give its coordinates along the sides.
     let dot = |a: [i128; 3], b: [i128; 3]| (0..3).map(|i| a[i] as f64 * b[i] as f64).sum::<f64>();
     for _ in 0..8 {
         let (uu, uv, vv, qu, qv) = (dot(u, u), dot(u, v), dot(v, v), dot(q, u), dot(q, v));

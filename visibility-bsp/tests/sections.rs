@@ -1,5 +1,5 @@
-//! Sections of solids as occluders: what they hide, and that they hide nothing from eyes that see a solid
-//! from within, or past a face of it that is cut away.
+//! Sections of solids as occluders: what they hide, and that they hide nothing from an eye inside a solid, or
+//! where a clip plane has cut away the face in front of the section.
 #![allow(missing_docs)]
 
 mod common;
@@ -19,7 +19,8 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
-/// Solids as occluders, one object each; among them boxes that are not.
+/// Creates a scene with `solids` as occluder objects and `others` as boxes that hide nothing. Returns the ids
+/// of `others`.
 fn scene_of(solids: &[Aabb], others: &[Aabb]) -> (Scene, Vec<ObjectId>) {
     let mut scene = Scene::new();
     for &bounds in solids {
@@ -31,6 +32,7 @@ fn scene_of(solids: &[Aabb], others: &[Aabb]) -> (Scene, Vec<ObjectId>) {
     (scene, ids)
 }
 
+/// Creates the three cullers of large polygons, with at most `polygons` polygons each.
 fn cullers(scene: &Scene, polygons: usize) -> Vec<Box<dyn Culler>> {
     let occluders = Arc::new(Occluders::new(scene));
     let frusta = ShadowFrusta::new(scene, Occluders::clone(&occluders), 8, polygons);
@@ -41,6 +43,7 @@ fn cullers(scene: &Scene, polygons: usize) -> Vec<Box<dyn Culler>> {
     ]
 }
 
+/// Tests whether a culler removes an object from a view's candidates.
 fn hides(scene: &Scene, view: &View, culler: &mut dyn Culler, id: ObjectId) -> bool {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);
@@ -48,8 +51,8 @@ fn hides(scene: &Scene, view: &View, culler: &mut dyn Culler, id: ObjectId) -> b
     !visible.contains(scene, id)
 }
 
-/// Two storeys of a wall, the slab between them, whose edge is set back, and another wall that ends at
-/// theirs.
+/// Two storeys of a wall, the slab between them with its edge set back, and a second wall that ends at the
+/// first.
 const HOUSE: [Aabb; 4] = [
     Aabb::from_arrays([4.0, -5.0, 0.0], [4.25, 5.0, 3.0]),
     Aabb::from_arrays([4.125, -5.0, 3.0], [12.0, 5.0, 3.25]),
@@ -57,6 +60,7 @@ const HOUSE: [Aabb; 4] = [
     Aabb::from_arrays([4.125, 5.0, 0.0], [12.0, 5.25, 6.0]),
 ];
 
+/// Returns a perspective view from `eye` towards `target` with near distance `near`, in metres.
 fn towards(eye: DVec3, target: DVec3, near: f64) -> View {
     View::perspective(Pose::look_at(eye, target, DVec3::Z), 2.0, 1.5, near, f64::INFINITY).unwrap()
 }
@@ -70,7 +74,7 @@ fn one_section_hides_what_no_face_does() {
     assert!(occluders.polygons().any(|p| section.iter().all(|corner| p.contains(corner))));
     for eye in [DVec3::new(-4.0, 0.0, 2.0), DVec3::new(-2.0, 3.0, 4.0)] {
         let view = towards(eye, DVec3::new(4.0, 0.0, 3.0), 0.1);
-        // Frusta are chosen by regions, of which none is about this eye.
+        // Shadow frusta are chosen by regions, and no region contains this eye.
         for mut culler in cullers(&scene, 1).into_iter().take(2) {
             assert!(hides(&scene, &view, &mut *culler, ids[0]), "{}", culler.name());
         }
@@ -79,7 +83,7 @@ fn one_section_hides_what_no_face_does() {
 
 #[test]
 fn what_is_before_the_section_within_a_solid_is_not_hidden() {
-    // The plane is at x = 4.125, and the face before it is dropped for it.
+    // The section's plane is at x = 4.125; the face in front of it is dropped for it.
     let inside = Aabb::from_arrays([4.05, -1.0, 1.0], [4.1, 1.0, 2.0]);
     let (scene, ids) = scene_of(&HOUSE, &[inside]);
     let view = towards(DVec3::new(-4.0, 0.0, 2.0), DVec3::new(4.0, 0.0, 3.0), 0.1);
@@ -91,7 +95,7 @@ fn what_is_before_the_section_within_a_solid_is_not_hidden() {
     }
 }
 
-/// Where an eye sees what is behind a section, the section must not hide it.
+/// Asserts that no culler hides `target`, which the view's eye sees.
 fn nothing_hides(solids: &[Aabb], view: &View, target: Aabb) {
     let (scene, ids) = scene_of(solids, &[target]);
     for polygons in [1, 64] {
@@ -103,15 +107,15 @@ fn nothing_hides(solids: &[Aabb], view: &View, target: Aabb) {
 
 #[test]
 fn an_eye_inside_a_solid_sees_what_is_in_it() {
-    // A slab set back from the face of a larger box below; faces are drawn from outside, so that from inside
-    // the box nothing is before the target.
+    // A slab is set back from the face of a larger box below it. Faces are drawn from outside only, so for an
+    // eye inside the box nothing is in front of the target.
     let solids = [
         Aabb::from_arrays([0.0, -5.0, -4.0], [9.0, 5.0, 1.0]),
         Aabb::from_arrays([5.0, -5.0, 1.0], [9.0, 5.0, 5.0]),
     ];
     let target = Aabb::from_arrays([7.0, -0.5, -1.0], [7.5, 0.5, -0.5]);
     nothing_hides(&solids, &towards(DVec3::new(2.0, 0.0, -1.0), DVec3::new(7.0, 0.0, 0.0), 0.1), target);
-    // From before the box it is hidden.
+    // From outside the box, the target is hidden.
     let (scene, ids) = scene_of(&solids, &[target]);
     let view = towards(DVec3::new(-4.0, 0.0, -1.0), DVec3::new(7.0, 0.0, 0.0), 0.1);
     assert!(hides(&scene, &view, &mut *cullers(&scene, 64).remove(0), ids[0]));
@@ -119,15 +123,15 @@ fn an_eye_inside_a_solid_sees_what_is_in_it() {
 
 #[test]
 fn a_face_before_the_near_plane_does_not_hide() {
-    // The eye is outside, but so close that the wall's face is cut away where it looks; the section behind it
-    // is not.
+    // The eye is outside, but so close that the near plane cuts the wall's face away along the view; the
+    // section behind the face is not cut.
     let target = Aabb::from_arrays([9.0, -0.5, 0.5], [9.5, 0.5, 1.5]);
     let eye = DVec3::new(3.95, 0.0, 1.0);
     let window = Window::centered(3.0, 3.0);
     let pose = Pose::look_at(eye, DVec3::new(9.0, 0.0, 1.0), DVec3::Z);
     nothing_hides(&HOUSE, &towards(eye, DVec3::new(9.0, 0.0, 1.0), 0.1), target);
     nothing_hides(&HOUSE, &View::orthographic(pose, window, 0.1, 50.0).unwrap(), target);
-    // Nor does one that a plane of the user's cuts away.
+    // A face that a user clip plane cuts away hides nothing either.
     let eye = DVec3::new(0.0, 0.0, 1.0);
     let clip = Plane::new(DVec3::X, -4.06);
     let view = towards(eye, DVec3::new(9.0, 0.0, 1.0), 0.1).with_clip_planes(&[clip]).unwrap();
@@ -160,7 +164,7 @@ fn a_box_without_one_of_its_faces_is_no_solid() {
 
 #[test]
 fn the_near_plane_counts_even_where_no_polygon_is_cut() {
-    // As above, and all corners of the section are beyond the near plane.
+    // Like the previous case, but with all corners of the section beyond the near plane.
     let solids = [
         Aabb::from_arrays([4.0, -1.0, 0.0], [4.5, 1.0, 1.0]),
         Aabb::from_arrays([4.3, -1.0, 1.0], [9.0, 1.0, 2.0]),
@@ -169,13 +173,13 @@ fn the_near_plane_counts_even_where_no_polygon_is_cut() {
     nothing_hides(&solids, &towards(DVec3::new(3.9, 0.0, 0.5), DVec3::new(9.0, 0.0, 0.5), 0.2), target);
 }
 
-/// Whether the middle of a polygon is inside of a solid.
+/// Tests whether the centre of a rectangle is strictly inside a solid.
 fn is_inside(polygon: &[DVec3], solids: &[Aabb]) -> bool {
     let middle = (polygon[0] + polygon[2]) * 0.5;
     solids.iter().any(|s| s.min.as_dvec3().cmplt(middle).all() && middle.cmplt(s.max.as_dvec3()).all())
 }
 
-/// Faces of solids are met from outside only, and from the near plane on.
+/// Tests whether a segment is blocked by a triangle. Only front faces beyond the near plane block.
 fn is_blocked(from: DVec3, to: DVec3, near: &Plane, triangles: &[Triangle]) -> bool {
     triangles.iter().any(|t| {
         let [a, b, c] = t.map(|p| p.as_dvec3());
@@ -194,7 +198,7 @@ fn hidden_boxes_among_solids_cannot_be_seen_from_outside_or_inside() {
     for _ in 0..60 {
         let mut solids: Vec<Aabb> = Vec::new();
         for _ in 0..14 {
-            // Halves, so that many abut, overlap, and lie in one plane.
+            // Multiples of one half, so that many solids abut, overlap, or have faces in one plane.
             let half = |p: DVec3| (p * 2.0).round().as_vec3() * 0.5;
             let at = half(random.fine_vector(4.0));
             let mut size = half(random.fine_vector(3.5)).abs() + Vec3::splat(0.5);
@@ -214,7 +218,7 @@ fn hidden_boxes_among_solids_cannot_be_seen_from_outside_or_inside() {
             let solid = solids[random.below(solids.len())];
             let share = DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit());
             let eye = match frame % 3 {
-                // In a solid, close before one, anywhere.
+                // In a solid, close in front of one, or anywhere.
                 0 => solid.min.as_dvec3() + (solid.max - solid.min).as_dvec3() * share,
                 1 => {
                     let mut p = solid.min.as_dvec3() + (solid.max - solid.min).as_dvec3() * share;

@@ -1,5 +1,5 @@
-//! Scenes, occluders and trees that are swapped, cloned, reverted or dropped under a live culler: it must
-//! answer as a new one does.
+//! A culler must answer as a new one does, after its scene, occluders or trees have been swapped, cloned,
+//! reverted or dropped.
 #![allow(missing_docs)]
 
 mod common;
@@ -17,18 +17,21 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
+/// Inserts an occluder box with its triangles on the given layers.
 fn insert_wall(scene: &mut Scene, bounds: Aabb, layers: u32) -> ObjectId {
     let id = scene.insert(Object { occluder: true, layers, ..Object::new(bounds) });
     scene.set_triangles(id, triangles_of(&bounds)).unwrap();
     id
 }
 
+/// Prepares the occluders of a scene and rebuilds its hierarchy.
 fn prepared(mut scene: Scene) -> Scene {
     scene.prepare_occluders(&Preparation::default());
     scene.rebuild();
     scene
 }
 
+/// Tests whether a culler removes an object from a view's candidates.
 fn hides(culler: &mut dyn Culler, scene: &Scene, view: &View, id: ObjectId) -> bool {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);
@@ -36,8 +39,8 @@ fn hides(culler: &mut dyn Culler, scene: &Scene, view: &View, id: ObjectId) -> b
     !visible.contains(scene, id)
 }
 
-/// Two sets of polygons of one revision, in which the same number means the near wall once and the far wall
-/// once.
+/// Two polygon sets of the same scene revision: a polygon number means the near wall in one set and the far
+/// wall in the other.
 #[test]
 fn other_occluders_of_the_same_revision_are_taken_in() {
     let mut scene = Scene::new();
@@ -48,7 +51,7 @@ fn other_occluders_of_the_same_revision_are_taken_in() {
     let old = Occluders::new(&scene);
     let touch =
         |scene: &mut Scene, id| scene.set_occluder(id, false).and(scene.set_occluder(id, true)).unwrap();
-    // Polygons that are made anew get the next numbers: far before near, or near before far.
+    // Polygons made anew get the next numbers: those of the far wall first, or those of the near wall first.
     let mut far_first = old.clone();
     touch(&mut scene, far);
     far_first.sync(&scene);
@@ -59,7 +62,7 @@ fn other_occluders_of_the_same_revision_are_taken_in() {
 
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
-    // Far has the numbers in the one set that near has in the other.
+    // The far wall has the numbers in one set that the near wall has in the other.
     for (first, second) in [(&near_first, &far_first), (&far_first, &near_first)] {
         assert_eq!((first.len(), second.len()), (12, 12));
         let mut culler = LargeOccludersCuller::new(Arc::new(first.clone()));
@@ -70,7 +73,7 @@ fn other_occluders_of_the_same_revision_are_taken_in() {
     }
 }
 
-/// A small world of walls on whole coordinates, some of which abut, and boxes.
+/// Returns a small scene of walls on whole coordinates, some of which abut, and of boxes.
 fn world(random: &mut Random) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..24 {
@@ -83,13 +86,13 @@ fn world(random: &mut Random) -> Scene {
         let min = random.fine_vector(12.0).as_vec3();
         let bounds = Aabb::new(min, min + random.fine_vector(0.5).abs().as_vec3() + 0.01);
         let id = scene.insert(bounds);
-        // The trees know only what has triangles.
+        // The trees know only objects with triangles.
         scene.set_triangles(id, triangles_of(&bounds)).unwrap();
     }
     prepared(scene)
 }
 
-/// A scene with what was made from it, at different times.
+/// A scene and the data made from it, possibly at earlier revisions.
 #[derive(Clone)]
 struct Place {
     scene: Scene,
@@ -106,7 +109,7 @@ impl Place {
         Self { scene, occluders, frusta, tree }
     }
 
-    /// Changes one object.
+    /// Changes one random object.
     fn mutate(&mut self, random: &mut Random) {
         let ids: Vec<ObjectId> = self.scene.ids().collect();
         let id = ids[random.below(ids.len())];
@@ -115,7 +118,7 @@ impl Place {
             0 => self.scene.set_layers(id, [u32::MAX, 1, 2][random.below(3)]).unwrap(),
             1 => self.scene.set_occluder(id, !occluder && self.scene.occluder(id).is_some()).unwrap(),
             2 => {
-                // Another takes its index.
+                // Another object takes the removed object's index.
                 self.scene.remove(id).unwrap();
                 let min = random.fine_vector(10.0).round().as_vec3();
                 insert_wall(&mut self.scene, Aabb::new(min, min + Vec3::new(1.0, 3.0, 3.0)), u32::MAX);
@@ -132,7 +135,7 @@ impl Place {
         }
     }
 
-    /// Brings some of what was made from the scene up to date, or makes it anew.
+    /// Updates some of the data made from the scene, or makes it anew.
     fn sync(&mut self, random: &mut Random) {
         match random.below(5) {
             0 => self.occluders = Arc::new(Occluders::new(&self.scene)),
@@ -144,7 +147,7 @@ impl Place {
     }
 }
 
-/// The cullers of the crate, as live ones are kept, and given what was made from a place.
+/// One of each culler of the crate, with the data of some `Place`.
 #[derive(Clone)]
 struct Cullers {
     tree: OcclusionTreeCuller,
@@ -167,6 +170,7 @@ impl Cullers {
         }
     }
 
+    /// Replaces the cullers' data by those of a place.
     fn give(&mut self, place: &Place) {
         self.tree.set_occluders(place.occluders.clone());
         self.large.set_occluders(place.occluders.clone());
@@ -175,12 +179,14 @@ impl Cullers {
         *self.naylor.shared_mut() = place.tree.clone();
     }
 
+    /// Returns all cullers.
     fn each(&mut self) -> [&mut dyn Culler; 6] {
         let Self { tree, large, frusta, meshes, order, naylor } = self;
         [tree, large, frusta, meshes, order, naylor]
     }
 }
 
+/// Returns the objects that remain after the frustum culler and then `culler`.
 fn answer(culler: &mut dyn Culler, scene: &Scene, view: &View) -> Vec<ObjectId> {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);
@@ -195,10 +201,10 @@ fn a_live_culler_answers_as_a_new_one_whatever_is_swapped() {
     for seed in 0..12 {
         let mut random = Random(seed);
         let mut places = vec![Place::new(world(&mut random)), Place::new(world(&mut random))];
-        // The same world twice, with ids and counts alike, is what is told apart least easily.
+        // Two copies of the same scene, with equal ids and counts, are the hardest to tell apart.
         places.push(Place::new(places[0].scene.clone()));
         places.push(places[0].clone());
-        // What a culler has been given, and the scene that it is used with, need not belong together.
+        // A culler's data and the scene that it is used with need not belong together.
         let mut live: Vec<(Cullers, Place)> =
             places.iter().map(|place| (Cullers::new(place), place.clone())).collect();
         let (mut eye, mut at) = (random.fine_vector(14.0), 0);
@@ -208,7 +214,7 @@ fn a_live_culler_answers_as_a_new_one_whatever_is_swapped() {
             match random.below(12) {
                 0 | 1 => places[i].mutate(&mut random),
                 2 | 3 => places[i].sync(&mut random),
-                // Reverts to an earlier or other state; what was there is dropped.
+                // Reverts to an earlier or another state and drops the present one.
                 4 => places[i] = places[j].clone(),
                 5 => {
                     live[k].1 = places[i].clone();
@@ -216,14 +222,14 @@ fn a_live_culler_answers_as_a_new_one_whatever_is_swapped() {
                     cullers.give(place);
                 }
                 6 => {
-                    // Polygons of the one, trees of the other.
+                    // Polygons of one place, trees of another.
                     let mixed = Place { tree: places[j].tree.clone(), ..places[i].clone() };
                     live[k].0.give(&mixed);
                     live[k].1 = mixed;
                 }
                 7 => live[k] = live[random.below(live.len())].clone(),
                 8 => live[k].0.each().into_iter().for_each(|culler| culler.reset()),
-                // Nothing changes but the view.
+                // Only the view changes.
                 _ => {}
             }
             eye =

@@ -1,5 +1,5 @@
-//! What is in a tree: fragments that add up to the polygons, shared nodes, solid and empty leaves, hostile
-//! input.
+//! Contents of trees: fragments that add up to their polygons, shared nodes, solid and empty leaves, and
+//! adversarial input.
 #![allow(missing_docs)]
 
 mod shapes;
@@ -49,7 +49,7 @@ fn polygons_in_one_plane_share_a_node_and_are_not_cut_by_each_other() {
     let tiles: Vec<_> = (0..10).map(|i| tile(f64::from(i % 4), f64::from(i / 4))).collect();
     let tree = build(&tiles);
     assert_eq!((tree.node_count(), tree.fragment_count(), tree.depth()), (1, 10, 1));
-    // The same where no coordinate is exact.
+    // The same floor, rotated and scaled so that no coordinate is exact.
     let turn = |v: DVec3| DVec3::new(v.x * 0.6 - v.z * 0.8, v.y, v.x * 0.8 + v.z * 0.6) * 0.1;
     let turned: Vec<Vec<_>> = tiles.iter().map(|tile| tile.iter().map(|&v| turn(v)).collect()).collect();
     assert_eq!(build(&turned).node_count(), 1);
@@ -60,7 +60,7 @@ fn a_shared_edge_is_cut_in_the_same_points_to_the_last_bit() {
     let mut random = Random(4);
     let mut cut = 0;
     for _ in 0..500 {
-        // Two triangles with an edge in common, and a knife through both.
+        // Two triangles with a common edge, and a large triangle that cuts both.
         let [a, b, c, d] = core::array::from_fn(|_| random.fine_vector(8.0));
         let middle = (a + b) * 0.5;
         let knife = vec![middle, middle + random.fine_vector(1000.0), middle + random.fine_vector(1000.0)];
@@ -75,7 +75,7 @@ fn a_shared_edge_is_cut_in_the_same_points_to_the_last_bit() {
             });
             points
         };
-        // The plane of the first may cut the second, but not in the edge that they share.
+        // The plane of the first triangle may cut the second, but not on their common edge.
         let (one, two) = (points(1), points(2));
         assert_eq!(one, two);
         cut += one.difference(&corners).count();
@@ -152,7 +152,7 @@ fn walks_enter_only_what_they_want() {
 
 #[test]
 fn few_planes_cut_much() {
-    // A town of boxes: planes of their faces would cut all others, planes between them cut none.
+    // Boxes on a grid: planes of their faces would cut all others, planes between them cut none.
     let boxes = (0..400).map(|i| {
         let corner = DVec3::new(f64::from(i % 20), f64::from(i / 20), 0.0) * 10.0;
         box_faces(corner, corner + DVec3::new(6.0, 7.0, 3.0 + f64::from(i % 7)))
@@ -203,20 +203,20 @@ fn hostile_polygons_are_left_out_or_survive() {
 
 #[test]
 fn polygons_that_cut_each_other_without_end_are_refused() {
-    // Slats across slats across slats: every plane cuts all of the other two kinds.
+    // Three sets of mutually perpendicular slats: every plane cuts all slats of the other two sets.
     let n = 40;
     let mut polygons = Vec::new();
     for axis in 0..3 {
         for i in 0..n {
             let at = f64::from(i) - 0.013 * f64::from(axis);
-            // A little askew, so that no plane is shared.
+            // Slightly skewed, so that no two slats share a plane.
             let skew = 1e-4 * f64::from(i);
             let [u, v, w] = [axis, (axis + 1) % 3, (axis + 2) % 3].map(|a| DVec3::AXES[a as usize]);
             let corner = |s: f64, t: f64| u * (at + skew * s) + v * (s * 50.0) + w * (t * 50.0);
             polygons.push(vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
         }
     }
-    // 3 n^3 at the worst, which is what it takes: allowed here, refused where it is more than 256 a polygon.
+    // At worst 3 n^3 fragments: accepted up to 256 cuts per polygon, refused beyond.
     let tree = BspTree::build((0..).zip(polygons.iter().map(|p| &p[..])));
     match tree {
         Ok(tree) => assert!(tree.fragment_count() < 256 * polygons.len() + 4096),

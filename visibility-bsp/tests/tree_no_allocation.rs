@@ -1,5 +1,5 @@
-//! Frames of the cullers and objects that move through a tree allocate nothing once warm. Counted by an
-//! allocator of our own.
+//! Once warm, the cullers' frames and objects that move through a tree allocate no memory, as a counting
+//! allocator shows.
 #![allow(missing_docs)]
 
 mod shapes;
@@ -13,6 +13,7 @@ use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
+/// Returns a scene of 300 random occluder triangles.
 fn scene(random: &mut Random) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..300 {
@@ -56,7 +57,8 @@ fn warm_frames_allocate_nothing() {
     assert_eq!((warm, second), (0, first));
 }
 
-/// The memory of a walk is bounded by the depth of the tree, so the first frame makes room for all others.
+/// The memory of a walk is bounded by the depth of the tree, so the first frame allocates enough for all
+/// later ones.
 #[test]
 fn views_from_elsewhere_allocate_nothing_either() {
     let mut random = Random(33);
@@ -66,7 +68,7 @@ fn views_from_elsewhere_allocate_nothing_either() {
     let mut set = VisibleSet::new();
     let mut allocations = Vec::new();
     for frame in 0..400 {
-        // The first sees nothing.
+        // The first view sees nothing.
         let eye = if frame == 0 { DVec3::X * 900.0 } else { random.fine_vector(25.0) };
         let target = if frame == 0 { DVec3::X * 950.0 } else { random.fine_vector(5.0) };
         let fov = 0.3 + f64::from(frame % 12) * 0.2;

@@ -1,14 +1,16 @@
-//! Numbers without rounding: sums of `f64` that do not overlap (Shewchuk, "Adaptive Precision Floating-Point
-//! Arithmetic and Fast Robust Geometric Predicates", 1997: two-product and grow-expansion).
+//! Exact arithmetic: a number is a sum of non-overlapping `f64` values (Shewchuk, "Adaptive Precision
+//! Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997: two-product and grow-expansion).
 
 use visibility_core::View;
 use visibility_core::glam::DVec3;
 
-/// A number, as its parts in order of growing magnitude.
+/// An exact number as the sum of its components, in order of increasing magnitude and without zeros; empty
+/// for 0. Exact unless a component overflows or underflows.
 #[derive(Clone, Debug, Default)]
 pub struct Exact(Vec<f64>);
 
 impl Exact {
+    /// Adds a number.
     fn add(&mut self, mut q: f64) {
         let mut kept = 0;
         for i in 0..self.0.len() {
@@ -28,18 +30,21 @@ impl Exact {
         }
     }
 
+    /// Adds the product of two numbers.
     fn add_product(&mut self, a: f64, b: f64) {
         let high = a * b;
         self.add(a.mul_add(b, -high));
         self.add(high);
     }
 
+    /// Returns the difference.
     pub fn minus(&self, other: &Self) -> Self {
         let mut all = self.clone();
         other.0.iter().for_each(|&x| all.add(-x));
         all
     }
 
+    /// Returns the product.
     pub fn times(&self, other: &Self) -> Self {
         let mut all = Self::default();
         for &a in &self.0 {
@@ -50,12 +55,13 @@ impl Exact {
         all
     }
 
+    /// Returns 1, 0 or -1.
     pub fn sign(&self) -> i32 {
         self.0.last().map_or(0, |&x| if x > 0.0 { 1 } else { -1 })
     }
 }
 
-/// Clip-space x, y and w of a point, as the view's matrix says.
+/// Returns exact clip-space x, y and w of a point in world coordinates, by the elements of the view's matrix.
 pub fn clip(view: &View, p: DVec3) -> [Exact; 3] {
     let (matrix, origin) = (view.clip_from(view.origin()), view.origin());
     [0, 1, 3].map(|row| {
@@ -70,7 +76,8 @@ pub fn clip(view: &View, p: DVec3) -> [Exact; 3] {
     })
 }
 
-/// On which side of the plane through the eye and the first two the third is.
+/// Returns the sign of the determinant of three directions: the side of the plane through the eye, `a` and
+/// `b` on which `c` lies. 0 on the plane.
 pub fn side(a: &[Exact; 3], b: &[Exact; 3], c: &[Exact; 3]) -> i32 {
     let mut sum = Exact::default();
     for (i, last) in c.iter().enumerate() {
@@ -82,20 +89,23 @@ pub fn side(a: &[Exact; 3], b: &[Exact; 3], c: &[Exact; 3]) -> i32 {
     sum.sign()
 }
 
-/// The directions of a triangle.
+/// The exact cone of view rays through a triangle.
 pub struct Cone {
+    /// Clip-space directions of the triangle's corners.
     corners: [[Exact; 3]; 3],
+    /// Sign of the corners' determinant; 0 for a triangle seen edge on.
     turn: i32,
 }
 
 impl Cone {
+    /// Creates the cone of a triangle in world coordinates.
     pub fn new(view: &View, triangle: [DVec3; 3]) -> Self {
         let corners = triangle.map(|p| clip(view, p));
         let turn = side(&corners[0], &corners[1], &corners[2]);
         Self { corners, turn }
     }
 
-    /// Whether a point is in it or on its rim.
+    /// Tests whether a clip-space direction is in the cone or on its boundary.
     pub fn holds(&self, p: &[Exact; 3]) -> bool {
         let [a, b, c] = &self.corners;
         [(a, b), (b, c), (c, a)].iter().all(|(s, e)| side(s, e, p) * self.turn >= 0)

@@ -1,4 +1,4 @@
-//! Random scenes, and rays that judge what was hidden.
+//! Random scenes, and a ray test to judge which boxes may be hidden.
 #![allow(dead_code, missing_docs, unreachable_pub)]
 
 pub mod exact;
@@ -9,20 +9,23 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
+/// Returns the twelve triangles of a box, counter-clockwise as seen from outside.
 pub fn triangles_of(bounds: &Aabb) -> Vec<Triangle> {
     let corners = bounds.corners();
     visibility_core::OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect()
 }
 
-/// A scene of solid boxes, walls, slanted and sliver triangles, all of them occluders, among small boxes that
-/// are not.
+/// A random scene of occluders (solid boxes, walls, slanted and sliver triangles) and of 600 small boxes that
+/// are not occluders.
 pub struct Soup {
+    /// The scene, with occluders prepared.
     pub scene: Scene,
-    /// The triangles of all occluders.
+    /// Triangles of all occluders, in scene coordinates.
     pub solid: Vec<Triangle>,
 }
 
 impl Soup {
+    /// Creates a scene with `occluders` occluder objects; all coordinates are multiplied by `scale`.
     pub fn new(random: &mut Random, scale: f32, occluders: usize) -> Self {
         let mut scene = Scene::new();
         let mut solid = Vec::new();
@@ -30,13 +33,13 @@ impl Soup {
         for i in 0..occluders {
             let at = whole(random, 12.0);
             let triangles = match i % 6 {
-                // Walls and slabs that touch one another, since corners are whole.
+                // Walls and slabs on whole coordinates, so that many touch.
                 0 | 1 => {
                     let mut size = Vec3::new(1.0, 1.0, 1.0) + whole(random, 4.0).abs();
                     size[random.below(3)] = 0.25;
                     triangles_of(&Aabb::new(at * scale, (at + size) * scale))
                 }
-                // Two slabs side by side, which are one.
+                // Two abutting slabs of one object.
                 2 => {
                     let (mut size, axis) = (Vec3::splat(0.5), random.below(3));
                     size[(axis + 1) % 3] = 3.0;
@@ -47,14 +50,14 @@ impl Soup {
                     both.extend(triangles_of(&Aabb::new(next * scale, (next + size) * scale)));
                     both
                 }
-                // A slanted quadrilateral, a loose triangle.
+                // A slanted quadrilateral, and (next arm) a single triangle.
                 3 => {
                     let (u, v) = (random.fine_vector(6.0).as_vec3(), random.fine_vector(6.0).as_vec3());
                     let [a, b, c, d] = [at, at + u, at + u + v, at + v].map(|p| p * scale);
                     vec![[a, b, c], [a, c, d]]
                 }
                 4 => vec![[at * scale, (at + whole(random, 6.0)) * scale, (at + whole(random, 6.0)) * scale]],
-                // A sliver, nothing, and a point.
+                // A sliver and a triangle collapsed to a point.
                 _ => {
                     let u = random.fine_vector(8.0).as_vec3();
                     let v = u + random.fine_vector(1e-4).as_vec3();
@@ -76,7 +79,8 @@ impl Soup {
         Self { scene, solid }
     }
 
-    /// An eye anywhere, on the plane of a triangle, at a vertex, or in a box, and a view from there.
+    /// Returns a random perspective or orthographic view. Its eye is anywhere, in the plane of an occluder
+    /// triangle, at a vertex, or next to an edge.
     pub fn view(&self, random: &mut Random, scale: f64) -> View {
         let triangle = self.solid[random.below(self.solid.len())].map(|p| p.as_dvec3());
         let eye = match random.below(8) {
@@ -103,8 +107,9 @@ impl Soup {
     }
 }
 
-/// Where a segment first meets a triangle, as a share of it, with both sides counted and the rim widened by a
-/// little: that much is the oracle's own rounding.
+/// Returns the parameter `t` at which the segment `from + t (to - from)` crosses a triangle's plane inside
+/// the triangle; `t` may be outside 0 to 1. `None` if the line misses the triangle or is parallel to it. Both
+/// sides count, and the boundary is widened by 1e-9 for the oracle's own rounding.
 pub fn meets(from: DVec3, to: DVec3, triangle: &Triangle) -> Option<f64> {
     let [a, b, c] = triangle.map(|p| p.as_dvec3());
     let (u, v, along) = (b - a, c - a, to - from);

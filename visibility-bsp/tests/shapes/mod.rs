@@ -1,15 +1,17 @@
-//! Random scenes for tests of trees.
+//! Random polygons for tests of trees.
 #![allow(dead_code)]
 
 use visibility_core::glam::DVec3;
 use visibility_testing::Random;
 
-/// A point of whole coordinates, so that polygons touch, coincide and lie in common planes.
+/// Returns a random point with whole coordinates up to `reach`, so that polygons touch, coincide and lie in
+/// common planes.
 pub(crate) fn grid_point(random: &mut Random, reach: f64) -> DVec3 {
     random.fine_vector(reach).round()
 }
 
-/// Triangles that cross each other, and rectangles on a grid that touch and coincide.
+/// Returns `count` polygons that a tree accepts: triangles that cross each other, and rectangles on a grid
+/// that touch and coincide.
 pub(crate) fn polygons(random: &mut Random, count: usize) -> Vec<Vec<DVec3>> {
     let mut polygons = Vec::new();
     while polygons.len() < count {
@@ -35,7 +37,7 @@ pub(crate) fn polygons(random: &mut Random, count: usize) -> Vec<Vec<DVec3>> {
     polygons
 }
 
-/// The boundary of a box, counter-clockwise as seen from outside.
+/// Returns the six faces of a box, counter-clockwise as seen from outside.
 pub(crate) fn box_faces(min: DVec3, max: DVec3) -> Vec<Vec<DVec3>> {
     let corner = |i: usize| {
         DVec3::new(
@@ -48,7 +50,8 @@ pub(crate) fn box_faces(min: DVec3, max: DVec3) -> Vec<Vec<DVec3>> {
     faces.iter().map(|face| face.iter().map(|&i| corner(i)).collect()).collect()
 }
 
-/// Where a ray meets a convex polygon, if clearly inside it; as a multiple of `direction`.
+/// Returns the parameter `t` at which the ray `eye + t direction` meets a convex polygon, if clearly inside
+/// the polygon and in front of the eye. `None` otherwise, also for a ray nearly parallel to the plane.
 pub(crate) fn hit(eye: DVec3, direction: DVec3, polygon: &[DVec3]) -> Option<f64> {
     let normal = (2..polygon.len())
         .map(|i| (polygon[i - 1] - polygon[0]).cross(polygon[i] - polygon[0]))
@@ -62,7 +65,7 @@ pub(crate) fn hit(eye: DVec3, direction: DVec3, polygon: &[DVec3]) -> Option<f64
     let p = eye + direction * t;
     let inside = (0..polygon.len()).all(|i| {
         let (a, b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
-        // A ray within a node's plane runs along the edges of what that plane has cut.
+        // A ray within a node's plane would run along the edges that the plane has cut.
         (b - a).cross(p - a).dot(normal) > 1e-7 * (b - a).length()
     });
     (t > 1e-9 && inside).then_some(t)
