@@ -262,8 +262,9 @@ impl VisibleSet {
         self.mask_if(self.is_current(scene), scene, node)
     }
 
-    /// Like [`mask`](Self::mask), for callers that evaluate [`is_current`](Self::is_current) once per walk
-    /// and pass its result. Bit i stands for lane i of `node`.
+    /// Returns the mask of a node like [`mask`](Self::mask), bit i for lane i, for callers that have
+    /// evaluated [`is_current`](Self::is_current) already: `is_current` tells whether this set's masks
+    /// describe the scene's present layout. If not, the mask holds every lane on the set's layers.
     #[inline(always)]
     pub(crate) fn mask_if(&self, is_current: bool, scene: &Scene, node: usize) -> u64 {
         if is_current {
@@ -286,8 +287,9 @@ impl VisibleSet {
         self.everything = false;
     }
 
-    /// Copies the masks of `node` and everything below it into the set unchanged, so that all candidates
-    /// there stay. Returns the number of objects kept.
+    /// Keeps all candidates in and below `node`: copies their masks unchanged. `is_current` tells whether
+    /// this set's masks were made for the scene's present layout; if not, every object on the set's
+    /// layers is a candidate. Returns the number of objects kept.
     pub(crate) fn keep_below(&mut self, is_current: bool, scene: &Scene, node: usize) -> u64 {
         let mask = self.mask_if(is_current, scene, node);
         self.words[node] = mask;

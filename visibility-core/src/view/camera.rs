@@ -100,8 +100,9 @@ impl View {
     }
 
     /// Builds a perspective view through any window, such as one eye of a headset or one tile of a picture.
-    /// `window` is in tangents; `near` and `far` are as for [`perspective`](Self::perspective), and so are
-    /// the depth convention and the origin.
+    /// `window` holds tangents of angles; `near` and `far` are distances of the planes from the eye in
+    /// metres, with `0 < near < far`, and `far` may be infinite. The clip matrix has
+    /// [reversed](Depth::Reversed) depth, with 1 at the near plane, and is relative to the eye.
     ///
     /// # Errors
     /// [`ViewError::Parameter`] names the first parameter that is out of range: `width` or `height` if the

@@ -87,7 +87,7 @@ pub struct ViewProjection {
     /// Rows of the clip matrix for points relative to the view's origin, all scaled by one power of two.
     rows: [DVec4; 4],
     depth: Depth,
-    /// Anchor of the rows, relative to the view's origin.
+    /// Anchor of the rows, relative to the view's origin: the eye of a perspective view, zero otherwise.
     local: DVec3,
     /// Origin of the view, relative to the origin that the caller chose.
     offset: DVec3,

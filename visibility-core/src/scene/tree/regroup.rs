@@ -98,7 +98,8 @@ impl Tree {
         group
     }
 
-    /// Redistributes the contents of a group's nodes if the sum of the sizes of their bounds shrinks enough,
+    /// Redistributes the contents of a group's nodes if the sum of the sizes of their bounds shrinks below
+    /// [`WORTH`] of the former sum,
     /// or if fewer nodes suffice and that sum does not grow. With `merge`, fewer nodes are enough, whatever
     /// the sizes. Nodes left empty are freed.
     ///
