@@ -59,10 +59,10 @@ impl ChangeLog {
         Self::LEAST.max(objects / 4)
     }
 
-    /// Records a change of one object. `objects` is the number of object indices of the scene. A full log,
-    /// with a quarter as many entries as there are objects, drops its older half: beyond that, processing all
-    /// objects costs little more than following the log. Takes amortised constant time, and memory stays
-    /// bounded.
+    /// Records a change of one object. `objects` is the number of object indices of the scene. The log holds
+    /// [`LEAST`](Self::LEAST) entries or, if that is more, a quarter of `objects`, and drops its older half
+    /// when full: beyond that, processing all objects costs little more than following the log. Takes
+    /// amortised constant time.
     pub(crate) fn push(&mut self, id: ObjectId, objects: usize) {
         let limit = Self::limit(objects);
         if self.entries.len() >= limit {

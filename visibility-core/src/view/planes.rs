@@ -75,7 +75,8 @@ impl ViewPlanes {
 
     /// Appends the half-space `normal . p + offset >= 0`, where `plane` is for points relative to the view's
     /// own origin and the result for points relative to that origin moved by `shift`. A plane with a zero
-    /// normal, or outside the range of `f64`, is left out, which only enlarges the view.
+    /// normal, or outside the range of `f64`, is left out, which only enlarges the view. `slot` is recorded
+    /// with the plane.
     fn push(&mut self, slot: u8, plane: Plane, shift: DVec3) {
         // Scaled before anything is multiplied, because products with very small matrix elements would
         // underflow.

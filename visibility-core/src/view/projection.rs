@@ -131,33 +131,33 @@ impl ViewProjection {
         self.eye_error
     }
 
-    /// Returns clip-space `x` as a function of the point, in the scale of [`w`](Self::w).
+    /// Returns clip-space `x` as a function of points relative to the anchor, in the scale of [`w`](Self::w).
     pub fn x(&self) -> ClipRow {
         self.row(self.rows[0])
     }
 
-    /// Returns clip-space `y` as a function of the point, in the scale of [`w`](Self::w).
+    /// Returns clip-space `y` as a function of points relative to the anchor, in the scale of [`w`](Self::w).
     pub fn y(&self) -> ClipRow {
         self.row(self.rows[1])
     }
 
-    /// Returns clip-space `w`, up to a constant positive power of two, as a function of the point: positive
-    /// in front of the eye of a perspective view, constant for a parallel view.
+    /// Returns clip-space `w`, up to a constant positive power of two, as a function of points relative to
+    /// the anchor: positive in front of the eye of a perspective view, constant for a parallel view.
     pub fn w(&self) -> ClipRow {
         self.row(self.rows[3])
     }
 
-    /// Returns a function of the point that is positive beyond the near plane and 0 on it. Its scale is
-    /// arbitrary, so only the sign is meaningful.
+    /// Returns a function of points relative to the anchor that is positive beyond the near plane and 0 on
+    /// it. Its scale is arbitrary, so only the sign is meaningful.
     pub fn near(&self) -> ClipRow {
         let near = self.depth.rows(self.rows[2], self.rows[3]).0;
         self.row(near * scale_to_one(near))
     }
 
-    /// Returns the depth key times `w` as a function of the point. Over a plane, the depth key is linear in
-    /// screen coordinates; along every view ray away from the eye, it falls. For perspective views the key is
-    /// `1 / w`, so the function is the constant 1. For parallel views the key is clip depth, negated unless
-    /// depth is [reversed](Depth::is_reversed).
+    /// Returns the depth key times `w` as a function of points relative to the anchor. Over a plane, the
+    /// depth key is linear in screen coordinates; along every view ray away from the eye, it falls. For
+    /// perspective views the key is `1 / w`, so the function is the constant 1. For parallel views the
+    /// key is clip depth, negated unless depth is [reversed](Depth::is_reversed).
     pub fn depth_key(&self) -> ClipRow {
         self.row(match (self.eye, self.depth.is_reversed()) {
             (Eye::Point(_), _) => DVec4::W,
@@ -166,17 +166,18 @@ impl ViewProjection {
         })
     }
 
-    /// Returns the pixel coordinates times `w`, column first, as functions of the point. `width` and `height`
-    /// are the size of the picture in pixels. Columns grow to the right and rows downwards; the first pixel
-    /// spans 0 to 1.
+    /// Returns the pixel coordinates times `w`, column first, as functions of points relative to the anchor.
+    /// `width` and `height` are the size of the picture in pixels. Columns grow to the right and rows
+    /// downwards; the first pixel spans 0 to 1.
     pub fn pixels(&self, width: f64, height: f64) -> [ClipRow; 2] {
         let [x, y, _, w] = self.rows;
         [self.row((x + w) * (0.5 * width)), self.row((w - y) * (0.5 * height))]
     }
 
-    /// Returns the orientation of the view: the sign of the determinant of the clip-space `(x, y, w)` of
-    /// three points in view whose triangle, counter-clockwise by its normal, faces away from the eye. 1 for
-    /// the matrix of an unmirrored camera, -1 for a mirrored one, 0 where rounding leaves the sign undecided.
+    /// Returns 1 for the matrix of an unmirrored camera, -1 for a mirrored one. This is the sign of the
+    /// determinant of the clip-space `(x, y, w)` of any three points `a`, `b`, `c` in view for which the
+    /// normal `(b - a) x (c - a)` points away from the eye. Returns 0 if the computed determinant is 0 or
+    /// NaN.
     pub fn orientation(&self) -> f64 {
         let [x, y, w] = [self.rows[0], self.rows[1], self.rows[3]].map(DVec4::truncate);
         let turn = match self.eye {

@@ -200,8 +200,8 @@ impl Tree {
     }
 }
 
-/// Nodes of a group are merged as long as the remaining ones hold at most this many items each on average, of
-/// 64.
+/// Greatest average number of items per remaining node, out of 64 lanes, up to which the nodes of a group are
+/// merged.
 const FILL: usize = 60;
 /// Regrouping is carried out if it reduces the sum of the nodes' sizes below this fraction of the former sum.
 const WORTH: f32 = 0.97;
