@@ -14,7 +14,8 @@ pub const LONG: [usize; 6] = [0, 60, 250, 500, 750, 1000];
 /// Budget in blocks per call of `Scene::maintain` that users are likely to begin with.
 pub const BUDGET: usize = 256;
 
-/// Boxes of which some move by a fixed step per frame, and the others stand still, as in most worlds.
+/// All boxes of a scene, of which some move by a fixed step per frame while the others stand still, as in
+/// most worlds.
 #[derive(Clone, Debug)]
 pub struct Movers {
     boxes: Vec<Aabb>,

@@ -15,7 +15,7 @@ use std::path::Path;
 /// Makes the scene that a user names: a recipe with or without sizes (`office:7,24`), the path of a scene
 /// file, or `cars5:FILE`, which is [`cars5`] of that file.
 ///
-/// A name without an extension counts as a recipe.
+/// A name without an extension counts as a recipe even if there is a file of that name.
 ///
 /// # Errors
 ///

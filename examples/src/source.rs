@@ -64,8 +64,8 @@ pub fn clearance(cells: &Viewcells) -> f64 {
     (extent * 2.0f64.powi(-26)).max(farthest * 2.0f64.powi(-32))
 }
 
-/// Returns the largest side of the box around all cells, and the largest absolute coordinate of the cells, in
-/// metres. Without cells both are infinite.
+/// Returns the largest side of the box around all cells, then the largest absolute coordinate of the cells,
+/// in metres. Neither is finite without cells.
 fn size(cells: &Viewcells) -> (f64, f64) {
     let (min, max) = cells.cells().iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), cell| {
         (min.min(cell.min), max.max(cell.max))

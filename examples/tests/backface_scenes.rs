@@ -60,8 +60,8 @@ impl Judge {
         Self { clusters, cones, planes, bounds: [low.as_dvec3(), high.as_dvec3()] }
     }
 
-    /// Returns a random eye: with even chance inside the scene's box, or up to four half-sizes of the box
-    /// away from its centre.
+    /// Returns a random eye: with even chance inside the scene's box, or around it, at most four times the
+    /// box's greatest half-size away from its centre on each axis.
     fn eye(&self, rng: &mut Random) -> DVec3 {
         let [low, high] = self.bounds;
         let (center, half) = ((low + high) * 0.5, (high - low) * 0.5);

@@ -17,7 +17,8 @@ pub(crate) struct Module {
     imports: HashMap<String, Vec<String>>,
     /// Paths of the `use ...::*` declarations, without the `*`.
     globs: Vec<Vec<String>>,
-    /// Paths that the module's own code mentions, without tests and re-exports.
+    /// Paths that the module's own code mentions, as lists of names, without the code of tests and without
+    /// re-exports.
     mentions: Vec<Vec<String>>,
 }
 

@@ -48,8 +48,9 @@ struct Target {
     at_least: bool,
 }
 
-/// Prints the time of every contender for every view and order as a multiple of this library's time, and
-/// appends the targets.
+/// Prints a table of the time of every contender, for every share in view and order of boxes, as a multiple
+/// of this library's time. Appends the targets that depend on these times to `targets`. `size` is the name of
+/// `count` in tables.
 fn frustum(count: usize, size: &str, targets: &mut Vec<Target>) {
     let mut names = Vec::new();
     let mut columns = Vec::new();
@@ -127,8 +128,8 @@ fn frustum(count: usize, size: &str, targets: &mut Vec<Target>) {
     }
 }
 
-/// Prints construction times as multiples of one sort, and appends the targets. Returns the time in seconds
-/// to sort a million keys.
+/// Prints a table of construction times as multiples of the time of one sort, and appends the targets that
+/// depend on these times to `targets`. Returns the time in seconds to sort a million keys.
 fn construction(targets: &mut Vec<Target>) -> f64 {
     let mut columns = Vec::new();
     let names = [
@@ -172,8 +173,9 @@ fn construction(targets: &mut Vec<Target>) -> f64 {
     large[0]
 }
 
-/// Prints the times to move objects as multiples of one sort, and the effect on culling, and appends the
-/// targets. `sort_before` is the time in seconds to sort a million keys, for comparison.
+/// Prints a table of the times to move objects, as multiples of the time of one sort, and of the effect on
+/// culling. Appends the targets that depend on these times to `targets`. `sort_before` is the time in seconds
+/// to sort a million keys, for comparison.
 fn moving(sort_before: f64, targets: &mut Vec<Target>) {
     println!("## Moving\n");
     println!(
@@ -225,7 +227,8 @@ struct Drift {
     culling: [f64; 3],
 }
 
-/// Measures moving `percent` percent of `count` objects over many frames.
+/// Measures [`DRIFT`] frames in which `percent` percent of `count` boxes move, and culling afterwards. Panics
+/// if an answer after moving is wrong.
 fn drift(count: usize, percent: usize) -> Drift {
     let boxes = boxes(count, Order::Random);
     let mut scenes = [Scene::new(), Scene::new(), Scene::new()];
@@ -286,8 +289,9 @@ fn drift(count: usize, percent: usize) -> Drift {
     Drift { sort, set_bounds, some, all, parry: insert.min(refit), culling }
 }
 
-/// Prints the times of `maintain` and of culling while all objects move for a long time, as multiples of
-/// those of a rebuilt scene, and appends the targets.
+/// Prints a table of the times of `maintain` and of culling while all objects move for [`LONG`] frames, as
+/// multiples of the times of a rebuild and of culling after a rebuild. Appends the targets that depend on
+/// these times to `targets`.
 fn moving_for_long(targets: &mut Vec<Target>) {
     println!("## Moving for long\n");
     println!(

@@ -44,8 +44,8 @@ struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     slowest: usize,
 
-    /// Maximum number of chains of portals to test for one cell. A cell that reaches it counts as seeing all
-    /// that is not proven hidden.
+    /// Maximum number of chains of portals to test for one cell. A cell that reaches the maximum counts as
+    /// seeing every cell not yet proven hidden.
     #[arg(long, value_name = "STEPS")]
     limit: Option<u64>,
 

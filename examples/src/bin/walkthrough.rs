@@ -67,7 +67,8 @@ struct Arguments {
     #[arg(long, value_name = "OBJECT")]
     explain: Option<String>,
 
-    /// Frame to freeze: also draw what culling leaves of it, from above and from later cameras.
+    /// Frame to freeze, by its number: also draw the objects that culling leaves of this frame, from above
+    /// and from later cameras.
     #[arg(long, value_name = "FRAME")]
     freeze: Option<usize>,
 
@@ -194,8 +195,8 @@ fn write_file(
     Ok(())
 }
 
-/// Writer of pictures: their folder, the world that they show, and the index of the object that is marked in
-/// them.
+/// Writer of pictures of a world into a folder. `marked` is the index of the object that is marked in the
+/// pictures.
 struct Album<'a> {
     folder: &'a Path,
     world: &'a World,

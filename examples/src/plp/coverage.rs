@@ -40,8 +40,8 @@ impl<'a> Method<'a> {
         Self { name: "perfect knowledge".to_owned(), order: Box::new(order) }
     }
 
-    /// Creates prioritized-layered projection with the largest of [`BUDGETS`]. `tessellation` must have been
-    /// made of the world's scene.
+    /// Creates the method that projects by prioritized layers, up to the largest of [`BUDGETS`].
+    /// `tessellation` must have been made of the world's scene; `name` is the name in tables and plots.
     pub fn plp<S>(name: &str, world: &'a TriangleWorld, tessellation: S, solidity: Solidity) -> Self
     where
         S: Deref<Target: Tessellation> + Send + 'static,

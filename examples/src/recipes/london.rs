@@ -158,8 +158,8 @@ impl City {
     fn terrace(&mut self, side: Side, block: DVec2, [start, end]: [f64; 2], depth: f64) {
         /// Minimum length of the rest of a terrace, in metres. A shorter rest is added to the lot before it.
         const NARROWEST: f64 = 4.0;
-        /// Length of the rest of a terrace, in metres, from which on the rest is left open instead of built
-        /// on.
+        /// Maximum length, in metres, of the rest at the end of a terrace that stays open; a longer rest gets
+        /// another lot.
         const SLACK: f64 = 3.0;
         let mut from = start;
         while from < end - SLACK {

@@ -30,8 +30,8 @@ pub use town::town;
 use crate::error::SourceError;
 use crate::source::SceneSource;
 
-/// Entry of the table of recipes: `name` and the names of the sizes as the user types them, the sample's
-/// sizes, and the function that makes the scene.
+/// Entry of the table of recipes: the recipe's name, the names of its sizes and the sizes of the stored
+/// sample, as a user types them, and the function that makes the scene.
 struct Recipe {
     name: &'static str,
     sizes: &'static str,

@@ -6,7 +6,7 @@ use comfy_table::{CellAlignment, Table, presets};
 use std::io::Write;
 use visibility_core::Accuracy;
 
-/// Writes all points as CSV, a line per point below a line of column names.
+/// Writes all points as CSV, a line per point below a line of column names. Returns the error of the writer.
 pub fn csv(out: impl Write, points: &[Point]) -> csv::Result<()> {
     let mut writer = csv::Writer::from_writer(out);
     points.iter().try_for_each(|point| writer.serialize(point))?;

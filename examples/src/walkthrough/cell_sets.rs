@@ -46,7 +46,8 @@ pub fn sets_of(world: &World, origin: Origin, detail: Detail) -> Result<Arc<Scen
     })
 }
 
-/// Bakes the potentially visible sets of cells and binds them to a scene.
+/// Bakes the potentially visible sets of cells, with the targets that `detail` selects, and binds the sets to
+/// `scene`. The graph must list the objects in each cell.
 ///
 /// # Errors
 ///

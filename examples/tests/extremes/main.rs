@@ -79,8 +79,8 @@ fn check(entry: &str, case: &strategies::Case, rng: &mut Random, tally: &mut Tal
         if !accuracy.never_hides() {
             continue;
         }
-        // Where the culler shows the same as the frustum alone, rounding may blur the picture, and exactness
-        // promises nothing.
+        // An exact culler hides nothing beyond the frustum in views whose picture rounding blurs; such views
+        // are not checked.
         if accuracy == Accuracy::Exact && shown(world, &mut frustum, view, &mut visible) != seen {
             for index in (0..seen.len()).filter(|&index| exact::surely_hidden(world, view, index)) {
                 tally.surely += 1;

@@ -15,7 +15,8 @@ use visibility_core::{
 use visibility_examples::source::SourceCells;
 use visibility_testing::Random;
 
-/// Change of a world that leaves every picture unchanged. With `shuffle` the objects get a random order.
+/// Change of a world that leaves every picture unchanged: a linear map, and with `shuffle` a random order of
+/// the objects.
 struct Change {
     name: &'static str,
     /// Linear map of the world: a power of two times a signed permutation of the axes.
