@@ -59,7 +59,7 @@ fn check_boxes(
 }
 
 /// Checks boxes that touch planes of the view with a corner, and boxes around points near those planes.
-/// Returns the counts of `check_boxes`.
+/// Returns the number of boxes that touch the view and the number of boxes hidden.
 fn check_camera(rng: &mut Random, camera: &Camera, base: &DMat4, exponents: [i32; 3]) -> (usize, usize) {
     let (mut boxes, mut inner) = (Vec::new(), Vec::new());
     for _ in 0..96 {

@@ -229,8 +229,8 @@ impl Scene {
         *word = *word & !(1 << (index % 64)) | u64::from(value) << (index % 64);
     }
 
-    /// Assigns an id to a new object and stores all its properties outside the tree. The object has no slot
-    /// in the tree yet.
+    /// Assigns an id to a new object and stores its cost and flags. Returns the properties that the tree
+    /// stores beside the bounds. The object has no slot in the tree yet.
     fn register(&mut self, object: &Object) -> Payload {
         let index = self.free.pop().unwrap_or_else(|| {
             self.generations.push(0);
