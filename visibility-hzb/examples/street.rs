@@ -25,7 +25,7 @@ fn house(row: i32, column: i32) -> Aabb {
 /// Builds the town's scene: houses as occluders, and twelve small objects around each house.
 ///
 /// # Errors
-/// Fails if a mesh or transform is refused, which does not happen here.
+/// Returns the error of a mesh or transform that the library rejects. These houses cause none.
 fn town() -> Result<Scene, Box<dyn Error>> {
     let mut scene = Scene::new();
     for (row, column) in (-BLOCKS..BLOCKS).flat_map(|row| (-BLOCKS..BLOCKS).map(move |column| (row, column)))

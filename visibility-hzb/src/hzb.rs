@@ -252,7 +252,7 @@ impl Hzb {
             if self.simd.may_be_seen(&self.tiles, &self.queue.projected, i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
                 // The queue holds the screen bounds of the axis-aligned box around the transformed box. They
-                // are tight only without a transform.
+                // are tight only for the identity transform.
                 let extent = if transform == Affine3A::IDENTITY {
                     let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
                     self.queue.projected.extent(i, self.size, padded)
@@ -271,7 +271,7 @@ impl Hzb {
     }
 
     /// Draws a box. `extent` gives its screen bounds if they are known, which implies that the whole box is
-    /// before the eye. `two_sided` tells whether the inner sides of its faces hide too.
+    /// in front of the eye. `two_sided` tells whether the inner sides of its faces hide too.
     fn draw_box(
         &mut self,
         bounds: &Aabb,

@@ -37,7 +37,7 @@ fn area(polygon: &[DVec2]) -> f64 {
 
 /// Projects a triangle and cuts it at the near plane. Returns its corners as column, row (in pixels) and
 /// depth key, ordered so that the signed area is not negative. Empty for the back of a one-sided triangle, or
-/// if the whole triangle is before the near plane.
+/// if the whole triangle is nearer than the near plane.
 fn project(view: &View, size: [usize; 2], Face { corners, one_sided }: &Face) -> Vec<DVec3> {
     let matrix = view.clip_from(DVec3::ZERO);
     let perspective = matrix.row(3).truncate() != DVec3::ZERO;

@@ -14,7 +14,7 @@ use visibility_core::{
 use visibility_hzb::{Coverage, DepthEstimate, Hom, Hzb};
 use visibility_testing::Random;
 
-/// All depth estimates.
+/// All depth estimates of an occlusion map.
 const ESTIMATES: [DepthEstimate; 3] =
     [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground];
 
@@ -32,7 +32,7 @@ fn draw<M: OcclusionMap>(mut map: M, occluders: &[Occluder], view: &View) -> M {
 }
 
 /// Returns a huge, tiny or nearly degenerate triangle, for which the rays of these tests are too imprecise.
-/// `None` if the mesh is refused.
+/// `None` if [`OccluderMesh`] rejects the triangle.
 fn extreme(random: &mut Random) -> Option<Occluder> {
     let scale = [1e-20, 1e-6, 1e3, 1e6, 1e12, 1e30][random.below(6)] as f32;
     let a = random.vec3(-1.0, 1.0) * scale;
@@ -49,8 +49,8 @@ fn random_box(random: &mut Random) -> Aabb {
     Aabb::new(middle - half, middle + half)
 }
 
-/// Tests random boxes on `views` random views: a hidden box must be hidden by the z-buffer too (no-background
-/// estimate), and view rays to points of the box must meet an occluder before.
+/// Tests random boxes on `views` random views. A box that is hidden by the no-background estimate must be
+/// hidden by the z-buffer too. View rays to points of a hidden box must meet an occluder in front of the box.
 fn run(views: u64, seed: u64) {
     let mut random = Random(seed);
     let (mut hidden, mut rays) = ([0u64; 3], 0u64);
@@ -132,7 +132,7 @@ fn nothing_that_a_ray_reaches_is_hidden_by_any_depth_estimate() {
     run(6_000, 11);
 }
 
-/// Takes some minutes.
+/// Tests 100,000 random views, which takes some minutes.
 #[test]
 #[ignore = "the long form of the test above"]
 fn nothing_that_a_ray_reaches_is_hidden_in_a_hundred_thousand_views() {

@@ -6,7 +6,7 @@ use visibility_hzb::{Hom, Hzb};
 use visibility_testing::Random;
 use visibility_testing::swapped::{Swapped, hold_against_fresh};
 
-/// Test subject: the occlusion driver over a map that the function `.0` creates.
+/// Test subject: an occlusion culler over a map that the contained function creates.
 struct Maps<M>(fn() -> M);
 
 impl<M: OcclusionMap> Swapped for Maps<M> {
@@ -22,8 +22,8 @@ impl<M: OcclusionMap> Swapped for Maps<M> {
     fn give(&self, _: &mut Self::Culler, (): &(), _: &Scene) {}
 }
 
-/// Runs the random swaps for four seeds, and asserts that enough objects were hidden for the test to mean
-/// anything.
+/// Swaps scenes at random under live cullers for four seeds of 250 frames, and asserts that enough objects
+/// were hidden for the test to mean anything.
 fn hold<M: OcclusionMap>(make: fn() -> M) {
     let hidden: usize = (0..4).map(|seed| hold_against_fresh(&Maps(make), seed, 250)).sum();
     assert!(hidden > 250, "{hidden} objects are no test");

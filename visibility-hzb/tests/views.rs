@@ -14,7 +14,7 @@ use visibility_hzb::{Coverage, Hzb};
 use visibility_testing::Random;
 
 /// Returns huge, tiny or nearly degenerate triangles, for which the rays of the pixel tests are too
-/// imprecise. `None` if the mesh is refused.
+/// imprecise. `None` if [`OccluderMesh`] rejects the triangles.
 fn extreme(random: &mut Random) -> Option<Occluder> {
     let scale = [1e-20, 1e-6, 1e3, 1e6, 1e12, 1e30][random.below(6)] as f32;
     let triangles: Vec<_> = (0..random.below(3) + 1)
@@ -27,7 +27,7 @@ fn extreme(random: &mut Random) -> Option<Occluder> {
     Some(Occluder { mesh: mesh.with_two_sided(random.below(2) == 0), transform: Affine3A::IDENTITY })
 }
 
-/// Creates a z-buffer of `size` pixels (width, height) and draws the occluders into it.
+/// Creates a z-buffer of the given width and height in pixels and draws the occluders into it.
 fn draw(occluders: &[Occluder], view: &View, size: [usize; 2], simd: Simd, coverage: Coverage) -> Hzb {
     let mut hzb = Hzb::new(size[0], size[1]).unwrap().with_simd(simd).with_coverage(coverage);
     hzb.begin(view, DVec3::ZERO);
@@ -39,7 +39,7 @@ fn draw(occluders: &[Occluder], view: &View, size: [usize; 2], simd: Simd, cover
 }
 
 /// Tests random boxes on `views` random views: instruction sets must agree, and view rays to points of a
-/// hidden box must meet an occluder before the box.
+/// hidden box must meet an occluder in front of the box.
 fn run(views: u64, seed: u64) {
     let mut random = Random(seed);
     let (mut hidden, mut rays) = (0u64, 0u64);
@@ -121,7 +121,7 @@ fn nothing_that_a_ray_reaches_is_hidden() {
     run(4_000, 1);
 }
 
-/// Takes a minute or two.
+/// Tests 100,000 random views, which takes a minute or two.
 #[test]
 #[ignore = "the long form of the test above"]
 fn nothing_that_a_ray_reaches_is_hidden_in_a_hundred_thousand_views() {

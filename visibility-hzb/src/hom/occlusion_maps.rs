@@ -65,7 +65,7 @@ pub struct Hom {
     opacity: OpacityPyramid,
     /// Lower bounds on the depth keys of the drawn occluders.
     boundary: DepthBoundary,
-    /// Boxes around added occluders that are not in `boundary` and `stale` yet.
+    /// Boxes around added occluders that `boundary` and `stale` do not take into account yet.
     queue: BoxQueue,
     /// Tiles that may have changed since the last flush.
     stale: TileRange,
@@ -98,8 +98,8 @@ impl Hom {
 
     /// Sets the opacity threshold of texels of 8 x 8 pixels: the fraction of pixels, 0 to 1, that must be
     /// covered for the texel to count as opaque. NaN and numbers above 1 count as 1, negative numbers as 0.
-    /// Coarser texels may have as many uncovered pixels as one of 8 x 8, finer texels none. A threshold below
-    /// 1 makes the maps approximate. Takes effect at once.
+    /// Coarser texels may have as many uncovered pixels as one of 8 x 8, finer texels none. Replaces the
+    /// thresholds of all levels. A threshold below 1 makes the maps approximate. Takes effect at once.
     pub fn with_threshold(mut self, threshold: f32) -> Self {
         self.opacity.set(Thresholds::from_dial(threshold));
         self

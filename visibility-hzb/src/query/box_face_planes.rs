@@ -29,16 +29,18 @@ pub(crate) const LANES: usize = 8;
 /// Sign of the outward normal of each face along its axis; 0 in the two unused lanes.
 const SIGNS: [f64; LANES] = [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
 
-/// Terms of the face bounds that depend only on the view, one lane for each face of a box.
+/// View-dependent terms for bounding a box's depth key by the planes of its faces, one lane for each face.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FacePlaneSetup {
-    /// Coordinate of the projection's anchor (the eye) along the face's axis, in scene coordinates.
+    /// Coordinate of the projection's anchor (the eye) along the face's axis, in metres in scene
+    /// coordinates.
     anchor: [f64; LANES],
-    /// Coefficients `a`, `b`, `c` of a linear function `a x + b y + c` of pixel coordinates, for each face:
-    /// the dot product of the view ray through the pixel with the inward normal of the face, times the
-    /// determinant of the projection.
+    /// Coefficients `a`, `b`, `c` of a linear function `a x + b y + c` of pixel coordinates, for each face.
+    /// Its value is the dot product of the view ray through the pixel with the inward normal of the face,
+    /// times the determinant of the projection.
     along: [[f64; LANES]; 3],
-    /// Upper bound on the absolute error of that linear function anywhere in the picture, for each face.
+    /// Upper bound on the absolute error of the linear function `along` anywhere in the picture, for each
+    /// face.
     error: [f64; LANES],
     /// Magnitude of the determinant of the rows `x`, `y`, `w` of the projection. 0 for parallel views and
     /// where rounding leaves the determinant open: then no box is hidden by its faces.
@@ -46,8 +48,8 @@ pub(crate) struct FacePlaneSetup {
     /// Constant part of the upper bound on the error of each face's denominator. The denominator is `scale`
     /// times the distance between anchor and face.
     shift: [f64; LANES],
-    /// Part of the upper bound on the error of a face's denominator that grows with the distance between
-    /// anchor and face, for each metre of that distance.
+    /// Factor of the upper bound on the error of a face's denominator that grows with the distance between
+    /// anchor and face: error for each metre.
     spread: f64,
 }
 
@@ -59,15 +61,15 @@ pub(crate) struct BoxFacePlanes {
     slope: [[f64; LANES]; 2],
     /// Value of the bound at the upper left corner of the picture, error included.
     constant: [f64; LANES],
-    /// 0 in lanes with an upper bound, else infinity. Adding it to the values removes other lanes from a
-    /// minimum.
+    /// 0 in lanes with an upper bound, else infinity. Added to the lanes' values, so that a minimum ignores
+    /// other lanes.
     upper: [f64; LANES],
-    /// 0 in lanes with the negative of a lower bound, else infinity. Adding it to the values removes other
-    /// lanes from a minimum.
+    /// 0 in lanes with the negative of a lower bound, else infinity. Added to the lanes' values, so that a
+    /// minimum ignores other lanes.
     lower: [f64; LANES],
 }
 
-/// Returns the least of all lanes.
+/// Returns the least of the eight lanes.
 #[inline(always)]
 fn lowest(values: &[f64; LANES]) -> f64 {
     let mut low = [0.0; LANES / 2];
@@ -128,8 +130,8 @@ impl FacePlaneSetup {
     }
 
     /// Computes the bounds of a box, given by its least x, y, z and greatest x, y, z in scene coordinates. A
-    /// face bounds nothing if its coordinate is NaN, or if its distance from the eye is not certain to at
-    /// least half of itself.
+    /// face is left without a bound if its coordinate is NaN, or if the error bound of its distance from the
+    /// eye exceeds half of that distance.
     #[inline(always)]
     pub(crate) fn of_box(&self, [x0, y0, z0, x1, y1, z1]: [f32; 6]) -> BoxFacePlanes {
         let sides = [x1, y1, z1, x0, y0, z0, 0.0, 0.0];
@@ -197,7 +199,8 @@ mod tests {
     use visibility_core::glam::{DMat3, DVec3};
     use visibility_core::{Pose, View};
 
-    /// Exact points on the faces satisfy the bounds, also where the eye is almost in the plane of a face.
+    /// Exact points on the faces of a box satisfy the computed bounds, also where the eye is almost in the
+    /// plane of a face.
     #[test]
     fn bounds_hold_on_the_faces() {
         let mut random = random(5);

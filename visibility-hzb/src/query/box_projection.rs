@@ -17,7 +17,8 @@ use crate::lanes::{WIDTH, round_to_i32};
 use crate::setup::screen_projection::{ScreenProjection, ScreenRow};
 use crate::setup::screen_shape::ScreenExtent;
 
-/// Sixteen times the unit round-off of `f32`: relative error bound of a row's value.
+/// Sixteen times the unit round-off of `f32`: error bound of a row's value, relative to the sum of the
+/// magnitudes of its terms.
 const MARGIN: f32 = 8.0 * f32::EPSILON;
 
 /// A [`ScreenRow`] in `f32`: a linear function of points relative to the anchor.
@@ -25,7 +26,7 @@ const MARGIN: f32 = 8.0 * f32::EPSILON;
 struct ScreenRow32 {
     /// Change of the value for each metre along x, y and z.
     linear: [f32; 3],
-    /// Value at the anchor.
+    /// Value of the linear function at the anchor.
     constant: f32,
     /// Upper bound on the part of the absolute error that does not grow with the point: errors of the
     /// constant and of the anchor, and losses to flushed denormals.
@@ -52,7 +53,8 @@ impl ScreenRow32 {
     }
 }
 
-/// A [`ScreenProjection`] in `f32`.
+/// The projection of one frame's view to homogeneous screen coordinates, in `f32` with error bounds. The
+/// `f64` form is [`ScreenProjection`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ScreenProjection32 {
     /// Anchor in scene coordinates, rounded to `f32`.
@@ -106,16 +108,16 @@ pub(crate) struct ProjectedBoxes<const N: usize> {
     /// Lower bound on the depth keys of each box. Meaningless unless `known`.
     pub(crate) farthest: [f32; N],
     /// Whether each box is certainly out of view: beyond a side of the picture, or, for a box at or behind
-    /// the plane of the eye, beyond a side or before the near plane. False means undecided.
+    /// the plane of the eye, beyond a side or nearer than the near plane. False means undecided.
     pub(crate) outside: [bool; N],
-    /// Whether each box lies certainly before the plane of the eye, so that its other bounds are valid.
+    /// Whether each box lies certainly in front of the plane of the eye, so that its other bounds are valid.
     pub(crate) known: [bool; N],
     /// Whether each box lies certainly within the picture and beyond the near plane.
     pub(crate) inside: [bool; N],
 }
 
 impl<const N: usize> ProjectedBoxes<N> {
-    /// Undecided bounds in all lanes.
+    /// Boxes of which nothing is known: neither outside nor inside nor `known`.
     pub(crate) const NONE: Self = Self {
         sides: [[0; N]; 4],
         nearest: [0.0; N],
@@ -145,7 +147,8 @@ impl<const N: usize> ProjectedBoxes<N> {
     }
 }
 
-/// Projects [`WIDTH`] boxes, as [`project`] does, and replaces `out` by their screen bounds.
+/// Replaces `out` by the screen bounds of [`WIDTH`] boxes, given by their least x, y, z and greatest x, y, z
+/// in scene coordinates.
 #[inline(always)]
 pub(crate) fn project_boxes(
     projection: &ScreenProjection32,
@@ -173,9 +176,9 @@ fn clamped(v: f32, size: f32) -> f32 {
     least(greatest(v, 0.0), size)
 }
 
-/// Returns the values of a row at the eight corners of each box, and an upper bound on their absolute error.
-/// `low` and `high` are the boxes' least and greatest coordinates relative to the anchor. Bits 0, 1 and 2 of
-/// a corner's index select the greatest x, y and z.
+/// Returns the values of the linear function `row` at the eight corners of each box, and an upper bound on
+/// the absolute error of these values for each box. `low` and `high` are the boxes' least and greatest
+/// coordinates relative to the anchor. Bits 0, 1 and 2 of a corner's index select the greatest x, y and z.
 #[inline(always)]
 fn corners<const N: usize>(
     row: &ScreenRow32,
@@ -198,8 +201,9 @@ fn corners<const N: usize>(
     (out, error)
 }
 
-/// Returns an upper bound, errors included, on `sign` times a row's value over each box. `sign` is 1 or -1.
-/// `low` and `high` are the boxes' least and greatest coordinates relative to the anchor.
+/// Returns an upper bound, errors included, on `sign` times the value of the linear function `row` over each
+/// box. `sign` is 1 or -1. `low` and `high` are the boxes' least and greatest coordinates relative to the
+/// anchor.
 #[inline(always)]
 fn most<const N: usize>(row: &ScreenRow32, low: &[[f32; N]; 3], high: &[[f32; N]; 3], sign: f32) -> [f32; N] {
     let mut out = [0.0; N];
@@ -286,7 +290,7 @@ pub(crate) fn project<const N: usize>(
         }
     }
     // A box through the eye's plane is outside the picture only if all of it lies beyond one side plane or
-    // before the near plane.
+    // nearer than the near plane.
     if any {
         let tests = [
             most(&projection.rows[0], &low, &high, 1.0),
@@ -317,7 +321,8 @@ mod tests {
     use visibility_core::glam::{Affine3A, DVec3};
     use visibility_core::{Aabb, Pose, View};
 
-    /// Compares with `f64`, whose own rounding is far below any bound here.
+    /// Values of rows with denormal coefficients are within their error bounds, compared with `f64`, whose
+    /// own rounding is far below these bounds.
     #[test]
     fn rows_are_within_their_error_where_coefficients_are_denormal() {
         let mut random = random(5);
@@ -339,7 +344,8 @@ mod tests {
         assert!(off > 100, "something is lost: {off}");
     }
 
-    /// Boxes far to the side and close to the eye's plane, where most digits of `w` cancel.
+    /// Depth-key bounds hold for boxes far to the side and close to the eye's plane, where most digits of `w`
+    /// cancel.
     #[test]
     fn depth_keys_hold_where_w_cancels() {
         let mut random = random(6);

@@ -23,7 +23,7 @@ pub(crate) struct BoxQuery<'a> {
     pub(crate) projection: &'a ScreenProjection32,
     /// Covered pixels and depth keys of all tiles.
     pub(crate) tiles: &'a Tiles,
-    /// Least depth keys on the levels above the tiles.
+    /// Least depth keys on the levels above the tiles. May be older than `tiles`, which is conservative.
     pub(crate) pyramid: &'a Pyramid,
     /// Setup of the current view for the bounds by a box's faces.
     pub(crate) faces: &'a FacePlaneSetup,

@@ -20,7 +20,7 @@ pub(crate) struct BoxQueue {
     /// Axis-aligned bounds of each transformed box in scene coordinates: least x, y, z, then greatest x, y,
     /// z.
     pub(crate) around: [[f32; WIDTH]; 6],
-    /// Screen bounds of `around`. Valid only while the queue is being drawn.
+    /// Screen bounds of the boxes in `around`. Valid only while the queue is being drawn.
     pub(crate) projected: ProjectedBoxes<WIDTH>,
 }
 
@@ -58,8 +58,9 @@ impl BoxQueue {
     }
 }
 
-/// Returns axis-aligned bounds of a transformed box, rounded outwards. The sums of four terms are off by less
-/// than 16 units of round-off of the sum of the terms' magnitudes.
+/// Returns axis-aligned bounds, in scene coordinates, of the box `bounds` transformed by `transform`, rounded
+/// outwards. The sums of four terms are off by less than 16 units of round-off of the sum of the terms'
+/// magnitudes.
 fn moved(bounds: &Aabb, transform: &Affine3A) -> Aabb {
     let (center, half) = (bounds.center(), bounds.half_extent());
     let m = transform.matrix3.abs();
@@ -77,7 +78,8 @@ mod tests {
     use crate::random::random;
     use visibility_core::glam::Vec3;
 
-    /// Compares with `f64`, whose rounding is far below that of `f32`.
+    /// Corners that are transformed in `f64` lie within the box around the transformed box. The rounding of
+    /// `f64` is far below that of `f32`.
     #[test]
     fn transformed_corners_are_within_the_box_around_them() {
         let mut random = random(4);

@@ -6,14 +6,14 @@ use crate::buffer::tile_layout::{Rectangle, SIDE, mask};
 use crate::buffer::tiles::Tiles;
 use crate::rounding::up;
 
-/// Maximum number of tiles that a tested box may meet. Larger boxes are mostly nodes of a hierarchy, whose
-/// children are tested anyway.
+/// Maximum number of tiles that a tested box may meet. Larger boxes are not tested by their faces: most are
+/// nodes of a hierarchy, whose children are tested anyway.
 const MOST: u32 = 64;
 
 /// Returns whether the tiles hide a box in every pixel of `rectangle`, the rectangle around the box. `sides`
 /// are the box's least x, y, z and greatest x, y, z in scene coordinates. `nearest` is an upper bound on its
-/// depth keys. The caller guarantees that the whole box is before the eye. False for parallel views, and for
-/// boxes that meet more than [`MOST`] tiles.
+/// depth keys. The caller guarantees that the whole box is in front of the eye. False for parallel views, and
+/// for boxes that meet more than [`MOST`] tiles.
 #[inline(always)]
 pub(crate) fn faces_hide(
     faces: &FacePlaneSetup,
@@ -73,9 +73,10 @@ pub(crate) fn faces_hide(
     true
 }
 
-/// Returns the subset of the mask `pixels` of a tile in which the box may be and is not certainly hidden. All
-/// of `pixels` must lie within `sides` (first column, end column, first row, end row in pixels of the
-/// buffer). `nearest` is an upper bound on the box's depth keys.
+/// Returns the subset of the mask `pixels` in which a box may be and is not certainly hidden. `tile` is the
+/// index of the tile, row by row, and bit `8 * y + x` stands for the pixel at column `x` and row `y` of the
+/// tile. All of `pixels` must lie within `sides` (first column, end column, first row, end row in pixels of
+/// the buffer). `nearest` is an upper bound on the box's depth keys.
 #[inline(always)]
 fn undecided(
     box_planes: &BoxFacePlanes,

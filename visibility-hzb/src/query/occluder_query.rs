@@ -50,8 +50,8 @@ pub(crate) fn box_may_be_seen(projection: &ScreenProjection32, tiles: &Tiles, si
     may_be_seen(tiles, &project(projection, &boxes), 0)
 }
 
-/// Returns whether a point of the given depth key could be at least as near as the drawn occluders in any
-/// pixel of a rectangle. Uncovered pixels count as farther than any depth key.
+/// Returns whether a point of the given depth key (greater is nearer) could be at least as near as the drawn
+/// occluders in any pixel of a rectangle. Equal depth keys and uncovered pixels count as true.
 #[inline(always)]
 pub(crate) fn rectangle_may_be_seen(tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
     let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize).div_ceil(SIDE)];

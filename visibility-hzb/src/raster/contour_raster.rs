@@ -58,7 +58,7 @@ const FLAT: f32 = 0.001;
 /// are empty between meshes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContourTiles {
-    /// Contribution to each tile, row by row from the top.
+    /// Contribution of the mesh to each tile, row by row from the top.
     cells: Vec<ContourTile>,
 }
 
@@ -72,7 +72,7 @@ impl ContourTiles {
 /// Rasterizer of one mesh: collects triangles and contour edges tile by tile, and finally merges the covered
 /// pixels into the buffer.
 pub(crate) struct ContourRaster<'a> {
-    /// Contribution to each tile, row by row from the top.
+    /// Contribution of the mesh to each tile, row by row from the top.
     cells: &'a mut [ContourTile],
     /// Number of tile columns.
     columns: usize,
@@ -329,16 +329,17 @@ struct Sides {
 /// One side of a polygon, from its upper end to its lower end, in pixels.
 #[derive(Clone, Copy, Default)]
 struct Side {
-    /// Column and row of the upper end.
+    /// Column and row of the upper end, in pixels.
     top: [f64; 2],
-    /// Column and row of the lower end.
+    /// Column and row of the lower end, in pixels.
     bottom: [f64; 2],
-    /// Change of the column from one row to the next. Infinite or NaN for a level side.
+    /// Change of the column, in pixels, from one row of pixels to the next. Infinite or NaN for a level
+    /// side.
     slope: f64,
 }
 
 impl Side {
-    /// Returns the side's column at row `y`, clamped to the columns of its ends.
+    /// Returns the side's column at row `y`, both in pixels, clamped to the columns of its ends.
     #[inline(always)]
     fn at(&self, y: f64) -> f64 {
         let x = self.top[0] + (y - self.top[1]) * self.slope;
@@ -363,8 +364,9 @@ impl Sides {
         Self { sides, count }
     }
 
-    /// Returns the least and the greatest column of the polygon between the rows `top` and `bottom`. The
-    /// least is infinity and the greatest negative infinity if the polygon does not reach these rows.
+    /// Returns the least and the greatest column, in pixels, of the polygon between the rows `top` and
+    /// `bottom`. The least is infinity and the greatest negative infinity if the polygon does not reach these
+    /// rows.
     #[inline(always)]
     fn span(&self, top: f64, bottom: f64) -> [f64; 2] {
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);

@@ -57,14 +57,14 @@ pub(crate) struct MeshScratch {
 /// Constant part of the slack, in pixels.
 const TINY: f64 = 1.0 / 1048576.0;
 
-/// Minimum size of drawn triangles in meshes with many open edges: the sum of width and height in pixels of
-/// two sides. Smaller triangles of such meshes are not drawn, since they hide next to nothing.
+/// Minimum size of drawn triangles in meshes with many open edges: the summed widths and heights, in pixels,
+/// of two sides. Smaller triangles of such meshes are not drawn, since they hide next to nothing.
 const ALONE: f64 = 64.0;
 /// Minimum number of open edges (edges of only one triangle) of a mesh for [`ALONE`] to apply.
 const MANY: usize = 32;
 
-/// Fraction of the sum of magnitudes of triangle areas on the screen. A sum of signed areas of at most this
-/// fraction counts as zero.
+/// Relative tolerance for telling that a closed mesh is seen from outside: the sum of the signed areas of its
+/// triangles on the screen is at most this fraction of the sum of their magnitudes.
 const CANCELS: f64 = 1e-6;
 
 /// Number of vertices that are processed together.
@@ -77,12 +77,12 @@ struct VertexBounds {
     error: f64,
     /// Upper bound on the depth keys of vertices and cuts beyond the near limit.
     greatest: f64,
-    /// Least distance beyond the near plane of all vertices. Without unit; negative before the near plane.
+    /// Least distance beyond the near plane of all vertices. Without unit; negative if nearer.
     nearest: f64,
 }
 
 impl VertexBounds {
-    /// Bounds over no vertex.
+    /// Bounds over no vertices, from which vertices extend them.
     const NONE: Self = Self { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
 }
 
@@ -364,7 +364,8 @@ mod tests {
     use visibility_core::glam::{Affine3A, DVec3};
     use visibility_core::{Pose, View};
 
-    /// Points close to the eye's plane, where most digits of `w` cancel.
+    /// Screen positions and depth keys are within their error bounds for points close to the eye's plane,
+    /// where most digits of `w` cancel.
     #[test]
     fn vertices_are_within_their_errors() {
         let mut random = random(3);

@@ -75,10 +75,11 @@ const fn has_edge(seen: usize, a: u8, b: u8) -> bool {
     false
 }
 
-/// Replaces `shape` by the screen shape of a box with the given bounds in its own coordinates. `object`
-/// projects these coordinates, and `facing` is the sign of the determinant of triangles that face the eye.
-/// `known` gives the screen bounds if they are known; then the caller guarantees that the whole box is before
-/// the eye. The result is [`ShapeResult::TooNear`] if the box may reach the near plane.
+/// Replaces `shape` by the screen shape of a box. `bounds` are in the box's own coordinates, which `object`
+/// projects, and `facing` is the sign of the determinant of triangles that face the eye. `known` gives the
+/// screen bounds if they are known; then the caller guarantees that the whole box is in front of the eye. The
+/// result is [`ShapeResult::TooNear`] if the box may reach the near plane, and [`ShapeResult::Nothing`] if it
+/// is outside the buffer or no face is certainly seen.
 #[inline(always)]
 pub(crate) fn outline_box(
     bounds: &Aabb,
@@ -189,9 +190,10 @@ pub(crate) fn outline_box(
     ShapeResult::Ready
 }
 
-/// Projects a box and replaces `shape` by its screen shape, as [`outline_box`] does. `bounds` are in the
-/// box's own coordinates and `transform` maps them to the scene. `extent` gives the screen bounds if they are
-/// known.
+/// Projects a box and replaces `shape` by its screen shape. `bounds` are in the box's own coordinates, which
+/// `transform` maps to the scene. `extent` gives the screen bounds if they are known; then the caller
+/// guarantees that the whole box is in front of the eye. The result is [`ShapeResult::Nothing`] if the
+/// transform is flat, and else that of [`outline_box`].
 #[inline(always)]
 pub(crate) fn box_shape(
     bounds: &Aabb,

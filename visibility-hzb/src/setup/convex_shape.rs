@@ -31,7 +31,8 @@ pub(crate) struct ConvexScratch {
 /// Replaces `shape` by the screen shape of a mesh. `object` projects the mesh's own coordinates, `facing` is
 /// the sign of the determinant of triangles that face the eye, and `convex` tells that the mesh is known to
 /// be convex. The result is [`ShapeResult::TooNear`] if the mesh has too many edges or planes for a shape, or
-/// is neither known to be convex nor looks convex.
+/// is neither known to be convex nor looks convex. It is [`ShapeResult::Nothing`] if the mesh is outside the
+/// buffer, or is convex and shows no triangle.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn convex_shape(
@@ -193,7 +194,7 @@ fn outline(
         let left = drawn[edge.left as usize];
         let right = edge.right.is_some_and(|t| drawn[t as usize]);
         let [a, b] = edge.vertices.map(|i| point(&corners[i as usize]));
-        // An edge wholly before the near plane bounds no drawn part. Keeping the edge loses little.
+        // An edge wholly nearer than the near plane bounds no drawn part. Keeping the edge loses little.
         let room = match (left, right) {
             (true, false) => keep(shape, a, b),
             (false, true) => keep(shape, b, a),

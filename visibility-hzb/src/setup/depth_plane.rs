@@ -40,11 +40,11 @@ pub(crate) fn plane(
 
 /// Lowers a depth plane `a x + b y + c` (pixel coordinates) by the bound on its absolute error in the buffer.
 /// `over` is the reciprocal of the determinant by which the plane was divided. `determinant_error` and
-/// `cross_error` bound the errors of that determinant and of cross products.
+/// `cross_error` bound the absolute errors of that determinant and of cross products.
 ///
 /// A coefficient is a numerator over the determinant. Over the picture, the error of the numerator is that of
-/// a cross product times `n`, and for parallel views that of `n` times a product of two coordinates. The
-/// relative error of the determinant is that of the quotient.
+/// a cross product times `n` (depth key times `w`), and for parallel views that of `n` times a product of two
+/// coordinates. The relative error of the determinant is that of the quotient.
 #[inline(always)]
 pub(crate) fn lower(
     [a, b, c]: [f64; 3],

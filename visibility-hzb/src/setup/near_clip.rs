@@ -24,8 +24,8 @@ pub(crate) struct ClippedTriangle {
     pub(crate) corners: [[f64; 5]; 4],
     /// Number of corners: 3 or 4, or 0 if the whole triangle is nearer than `near_limit`.
     pub(crate) count: usize,
-    /// The cut, directed like the sides of the remaining polygon: from the point where the sides leave it to
-    /// the point where they return. `None` if nothing was cut, or everything.
+    /// Start and end of the cut in homogeneous screen coordinates: from the point where the sides of the
+    /// remaining polygon end to the point where they begin. `None` if nothing was cut, or everything.
     pub(crate) edge: Option<[[f64; 5]; 2]>,
 }
 

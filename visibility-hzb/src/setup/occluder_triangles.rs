@@ -6,11 +6,12 @@ use visibility_core::{OccluderMesh, occlusion::Edge};
 /// Vertices, triangles and edges of an occluder, in its own coordinates.
 #[derive(Clone, Copy)]
 pub(crate) struct OccluderTriangles<'a> {
-    /// Vertices.
+    /// Positions of the vertices, in the occluder's own coordinates.
     pub(crate) positions: &'a [Vec3],
-    /// Indices of the three vertices of each triangle, counter-clockwise from the front.
+    /// Indices into `positions` of the three vertices of each triangle, counter-clockwise from the front.
     pub(crate) triangles: &'a [[u32; 3]],
-    /// Edges with the triangles on both sides, by index.
+    /// Edges, each with its two vertices as indices into `positions` and the triangles on its two sides as
+    /// indices into `triangles`.
     pub(crate) edges: &'a [Edge],
     /// Whether the backs of the triangles hide too.
     pub(crate) two_sided: bool,

@@ -4,7 +4,7 @@
 //! A point `p` of the scene becomes four numbers, each linear in `p`:
 //! - `x` and `y`: its pixel coordinates times `w`. Columns run to the right, rows downwards, and the first
 //!   pixel lies between 0 and 1.
-//! - `w`: positive before the eye.
+//! - `w`: positive in front of the eye.
 //! - `n`: its *depth key* times `w`. The key falls along every view ray, so nearer is greater, and is linear
 //!   on the screen wherever `p` runs over a plane. The key is `1 / w` for perspective views, where `n` is 1.
 //!   For parallel views it is clip depth, negated unless depth is reversed.
@@ -19,13 +19,13 @@ use visibility_core::{Aabb, View, view::Eye};
 /// Unit round-off of `f64`.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// A linear function of points relative to the anchor: a [`ClipRow`] with its coefficients in an array, as
-/// loops over lanes need them.
+/// A linear function of points relative to the anchor, with error bound: a [`ClipRow`] with its coefficients
+/// in an array, as loops over lanes need them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ScreenRow {
     /// Change of the value for each metre along x, y and z.
     pub(crate) linear: [f64; 3],
-    /// Value at the anchor.
+    /// Value of the linear function at the anchor.
     pub(crate) constant: f64,
     /// Upper bound on the absolute error of `constant`, the effect of rounding the anchor included.
     pub(crate) error: f64,
@@ -131,7 +131,8 @@ impl ScreenProjection {
         object
     }
 
-    /// Does the work of [`project_object`](Self::project_object) for the identity transform.
+    /// Returns the rows and error bounds for points in scene coordinates, of an object without a transform.
+    /// `reach` is the greatest magnitude of the points' x, y and z.
     #[inline(always)]
     fn project_untransformed(&self, reach: [f64; 3]) -> ObjectProjection {
         let mut object = self.untransformed;
@@ -265,8 +266,8 @@ mod tests {
         (0..3).fold(DoubleDouble::ZERO, |sum, i| sum.plus(a[i].times(b[i])))
     }
 
-    /// With the eye at the origin, where the rows have no error of their own that could hide too small a
-    /// bound.
+    /// Values, determinants and lines are within their error bounds with the eye at the origin, where the
+    /// rows have no error of their own that could make up for too small a bound.
     #[test]
     fn values_determinants_and_lines_are_within_their_errors() {
         let mut random = random(8);
@@ -310,7 +311,8 @@ mod tests {
         }
     }
 
-    /// Entries have 22 bits, so that the determinant is zero exactly but not when computed in `f64`.
+    /// Occluders under flat transforms are not drawn. Entries of the transforms have 22 bits, so that the
+    /// determinant is zero exactly but not when computed in `f64`.
     #[test]
     fn flat_transforms_have_no_front() {
         let mut random = random(9);

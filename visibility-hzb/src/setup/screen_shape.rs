@@ -50,7 +50,7 @@ impl RowBound {
     }
 }
 
-/// Maximum number of bounds on the left of a shape, and of bounds on the right.
+/// Maximum number of row bounds on the left of a shape, and of row bounds on the right.
 pub(crate) const MAX_EDGES: usize = 32;
 /// Maximum number of depth planes of a shape.
 pub(crate) const MAX_PLANES: usize = 16;
@@ -63,33 +63,33 @@ pub(crate) struct ScreenShape {
     pub(crate) left: [RowBound; MAX_EDGES],
     /// Row bounds on the right. The first `rights` are valid.
     pub(crate) right: [RowBound; MAX_EDGES],
-    /// Number of row bounds on the left.
+    /// Number of row bounds on the left, at most [`MAX_EDGES`].
     pub(crate) lefts: usize,
-    /// Number of row bounds on the right.
+    /// Number of row bounds on the right, at most [`MAX_EDGES`].
     pub(crate) rights: usize,
     /// Depth planes `[a, b, c]`: `a * column + b * row + c` is a lower bound on the depth key of the
     /// occluder's face in the tile at that tile column and row. The first `plane_count` are valid.
     pub(crate) planes: [[f32; 3]; MAX_PLANES],
-    /// Number of depth planes.
+    /// Number of depth planes, at most [`MAX_PLANES`].
     pub(crate) plane_count: usize,
     /// Lower bound on the depth keys (greater is nearer) of the whole shape.
     pub(crate) floor: f32,
     /// Upper bound on the depth keys of the whole shape.
     pub(crate) ceiling: f32,
-    /// Column range in pixels, half-open.
+    /// Column range in pixels of the buffer, half-open.
     pub(crate) columns: [f32; 2],
     /// Row range in pixels, half-open.
     pub(crate) lines: [usize; 2],
 }
 
-/// Screen bounds, rounded outwards, of a box that lies wholly before the eye.
+/// Screen bounds, rounded outwards, of a box that lies wholly in front of the eye.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScreenExtent {
     /// Column range in pixels, half-open.
     pub(crate) columns: [usize; 2],
     /// Row range in pixels, half-open.
     pub(crate) lines: [usize; 2],
-    /// Lower bound and upper bound on the depth keys.
+    /// Lower bound and upper bound on the depth keys (greater is nearer) of the box.
     pub(crate) depth_keys: [f32; 2],
 }
 
@@ -135,14 +135,14 @@ impl ScreenShape {
     }
 
     /// Restricts the shape to pixels all of whose points satisfy `a x + b y + c >= 0` in pixel coordinates.
-    /// With sampled coverage, only the centre of the pixel must satisfy it. `size` is the width and height of
-    /// the buffer in pixels. Returns false, without a change, if the shape has [`MAX_EDGES`] bounds on that
-    /// side.
+    /// With sampled coverage, only the centre of the pixel must satisfy it. A NaN coefficient leaves no
+    /// pixel. `size` is the width and height of the buffer in pixels. Returns false, without a change, if the
+    /// shape has [`MAX_EDGES`] bounds on that side.
     ///
-    /// Dividing by `a` gives the bound `x >= s y + t` on the points of a row, where `s = -b / a` and `t = -c
-    /// / a`. The worst point of the row is at its top or bottom. In `f32`, `s`, `t`, the product and the sum
-    /// are each rounded once, so the result is off by at most `4u (|s| H + |t|)`. The offset is moved by `8u`
-    /// of that, and by another `16u (W + 2)` for the error of rounding to whole pixels.
+    /// The bound on the points of a row is `x >= s y + t`, where `s` is `-b / a` and `t` is `-c / a`. The
+    /// worst point of the row is at its top or bottom. In `f32`, `s`, `t`, the product and the sum are each
+    /// rounded once, so the result is off by at most `4u (|s| H + |t|)`. The offset is moved by `8u` of that,
+    /// and by another `16u (W + 2)` for the error of rounding to whole pixels.
     #[inline(always)]
     pub(crate) fn add_edge(&mut self, [a, b, c]: [f64; 3], size: [f64; 2], coverage: Coverage) -> bool {
         if a == 0.0 {

@@ -21,7 +21,7 @@ pub struct Occluder {
 
 /// Returns an open, concave mesh: a square grid of `cells` x `cells` quads, 4 m wide, whose vertices are
 /// moved up and down by at most `height` metres. One in `holes` quads is missing; 0 leaves out none. `None`
-/// if the mesh is refused.
+/// if [`OccluderMesh`] rejects the triangles.
 fn grid(random: &mut Random, cells: u32, height: f64, holes: usize) -> Option<OccluderMesh> {
     let side = cells + 1;
     let mut positions = Vec::new();
@@ -44,7 +44,7 @@ fn grid(random: &mut Random, cells: u32, height: f64, holes: usize) -> Option<Oc
 }
 
 /// Returns a closed ball of radius 1.5 m whose vertices are moved inwards by a random fraction of the radius,
-/// at most `dent`. `None` if the mesh is refused.
+/// at most `dent`. `None` if [`OccluderMesh`] rejects the triangles.
 fn ball(random: &mut Random, dent: f64) -> Option<OccluderMesh> {
     let (rings, sectors) = (5u32, 8u32);
     let mut positions = vec![Vec3::new(0.0, 0.0, 1.5), Vec3::new(0.0, 0.0, -1.5)];
@@ -208,7 +208,7 @@ pub fn convention(view: &View, which: usize) -> View {
     View::from_clip_from_world(m, depth).unwrap().relative_to(view.origin()).unwrap()
 }
 
-/// A triangle in world coordinates as it is drawn.
+/// A triangle of an occluder in world coordinates.
 pub struct Face {
     /// Corners, counter-clockwise as seen from the front.
     pub corners: [DVec3; 3],
@@ -243,7 +243,7 @@ pub fn faces(occluders: &[Occluder]) -> Vec<Face> {
 pub struct Ray {
     /// Point of the ray on the near plane, in world coordinates.
     pub from: DVec3,
-    /// Unit direction away from the eye.
+    /// Unit direction of the ray, away from the eye.
     pub along: DVec3,
     /// Clip matrix of the view, for world coordinates.
     matrix: DMat4,
@@ -284,7 +284,7 @@ impl Ray {
         }
     }
 
-    /// Returns whether a point on the ray lies before the near plane.
+    /// Returns whether a point on the ray lies nearer than the near plane.
     pub fn is_before_near(&self, p: DVec3) -> bool {
         (p - self.from).dot(self.along) < 0.0
     }
