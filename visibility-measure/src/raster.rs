@@ -289,8 +289,8 @@ impl Edge {
         self.upper.x + (y - self.upper.y) * self.slope
     }
 
-    /// Returns how far, in columns, a crossing moves if the edge moves by [`EDGE_TIE`] in columns and in
-    /// rows.
+    /// Returns how far, in columns, the edge's crossing with a row moves if the edge moves by [`EDGE_TIE`] in
+    /// columns and in rows.
     #[inline]
     fn doubt(&self) -> f64 {
         EDGE_TIE * (1.0 + self.slope.abs())

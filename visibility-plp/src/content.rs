@@ -15,8 +15,9 @@ use visibility_core::{
 /// Object lists of the cells of a tessellation, and the share of rays that each cell's objects stop.
 ///
 /// A *primitive* is an object of the scene, named by its [index](ObjectId::index). For single triangles as
-/// primitives, as in the paper, fill a scene with objects of one triangle each. An object is in every cell
-/// that one of its triangles meets. An object without triangles is in every cell that its bounds meet.
+/// primitives, as in Klosowski and Silva, 2000, fill a scene with objects of one triangle each. An object is
+/// in every cell that one of its triangles meets. An object without triangles is in every cell that its
+/// bounds meet.
 ///
 /// A *stray* is an object that is in no cell, since it has changed after the cells were filled or its bounds
 /// are not finite. Cullers count strays as visible.
@@ -317,7 +318,7 @@ impl Content {
         content
     }
 
-    /// Returns the heap memory in bytes.
+    /// Returns the heap memory of the content in bytes, without spare capacity.
     pub(crate) fn memory(&self) -> usize {
         size_of_val(&self.starts[..])
             + size_of_val(&self.lists[..])

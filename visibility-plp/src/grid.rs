@@ -24,9 +24,9 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// Returns a grid around a box that extends beyond the box in each direction by at least a hundredth of
-    /// the box's longest side, so that no corner of the box lies in a face of the cube. The unit cube centred
-    /// at the origin for a box that is empty, infinite or NaN.
+    /// Returns a grid around a box. The grid's cube extends beyond the box in each direction by at least a
+    /// hundredth of the box's longest side, so that no corner of the box lies in a face of the cube. The unit
+    /// cube centred at the origin for a box that is empty, infinite or NaN.
     pub(crate) fn around(bounds: &Aabb) -> Self {
         if !bounds.is_finite() {
             return Self { min: DVec3::splat(-0.5), step: 1.0 / f64::from(STEPS) };
@@ -94,7 +94,7 @@ pub(crate) fn morton(place: [u32; 3]) -> u32 {
     spread(place[0]) | spread(place[1]) << 1 | spread(place[2]) << 2
 }
 
-/// Returns the voxel index with a Morton code: the inverse of [`morton`].
+/// Returns the voxel index (x, y, z) of a Morton code: the inverse of [`morton`]. Ignores bits 30 and 31.
 pub(crate) fn place_of(code: u32) -> [u32; 3] {
     [gather(code), gather(code >> 1), gather(code >> 2)]
 }

@@ -39,7 +39,7 @@ impl IndexLists {
         &self.items[self.starts[list] as usize..self.starts[list + 1] as usize]
     }
 
-    /// Returns the heap memory in bytes.
+    /// Returns the heap memory of the lists in bytes, without spare capacity.
     pub(crate) fn memory(&self) -> usize {
         size_of_val(&self.starts[..]) + size_of_val(&self.items[..])
     }

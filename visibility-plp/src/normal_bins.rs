@@ -173,7 +173,7 @@ impl NormalBins {
         }
     }
 
-    /// Returns the heap memory in bytes.
+    /// Returns the heap memory of the bins and of the objects' bin numbers in bytes, without spare capacity.
     pub(crate) fn memory(&self) -> usize {
         size_of_val(&self.marks[..]) + size_of_val(&self.bins[..])
     }

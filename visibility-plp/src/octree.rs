@@ -170,7 +170,7 @@ impl OctreeTessellation {
         self.fineness
     }
 
-    /// Returns the heap memory in bytes.
+    /// Returns the heap memory of the tessellation in bytes, without spare capacity.
     pub fn memory(&self) -> usize {
         size_of_val(&self.codes[..])
             + size_of_val(&self.blocks[..])

@@ -18,15 +18,16 @@ pub enum Solidity {
     /// unobstructed.
     ///
     /// The objects of a cell stop a share of the rays that enter the cell, given by how much of the cell's
-    /// silhouette they cover. The remaining rays leave through the cell's far faces. Each neighbour receives
-    /// transmittance in proportion to the share of its own silhouette that the common face covers. This is
-    /// the transfer `v . n` of the paper's figure 5, normalised so that the shares of a cell add up to 1, and
-    /// summed over faces. A cell away from the direct view rays receives little transmittance, so the paper's
-    /// penalty is not needed. The layers of a cell are projected separately: small objects, objects seen at a
-    /// slant and objects with another surface close in front have lower priority.
+    /// silhouette the objects cover. The remaining rays leave through the cell's far faces. Each neighbour
+    /// receives transmittance in proportion to the share of its own silhouette that the common face covers.
+    /// This is the transfer `v . n` of Klosowski and Silva, 2000, figure 5, normalised so that the shares of
+    /// a cell add up to 1, and summed over faces. A cell away from the direct view rays receives little
+    /// transmittance, so the penalty of that figure is not needed. Groups of similar objects in a cell are
+    /// projected separately: small objects, objects seen at a slant and objects with another surface close in
+    /// front have lower priority.
     ///
-    /// The paper names normals of the content as future work; the covered share along each axis stands for
-    /// normals here.
+    /// Instead of the objects' normals, which that paper names as future work, the covered share along each
+    /// axis makes the estimate depend on direction.
     #[default]
     Coverage,
     /// As published (Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set
@@ -37,8 +38,8 @@ pub enum Solidity {
     Count,
 }
 
-/// Added to twice the solidity of cells that are not star-shaped with respect to the eye. The paper leaves
-/// the value open.
+/// Added to twice the solidity of cells that are not star-shaped with respect to the eye. Klosowski and
+/// Silva, 2000, leave the value open.
 const PENALTY: f32 = 0.05;
 
 /// Solid angle, in steradians, of an object whose priority factor [`worth`] is 1/2: about three by three
@@ -128,7 +129,7 @@ pub(crate) fn side_factors(direction: Vec3, is_around: bool, one_sided: bool) ->
 /// Typical difference between the cosine of the view direction to a side's axis and to a normal of that side.
 const SPREAD: f32 = 0.35;
 
-/// Returns the solidity of a face's neighbour by the formula of [`Solidity::Count`](crate::Solidity::Count),
+/// Returns the solidity of a face's neighbour by the formula of [`Solidity::Count`],
 /// from the solidity of the cell `from` on the near side of the face. `center` is the neighbour's
 /// scene-relative centre. Cost: proportional to the number of objects in the cell `from`.
 pub(crate) fn count_solidity<T: Tessellation + ?Sized>(

@@ -36,7 +36,7 @@ impl Cells {
         }
     }
 
-    /// Returns the tessellation behind the trait.
+    /// Returns the tessellation as a shared trait object.
     fn shared(&self) -> Arc<dyn Tessellation> {
         match self {
             Self::Octree(cells) => cells.clone(),

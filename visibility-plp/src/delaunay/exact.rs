@@ -15,15 +15,15 @@ fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i64 {
         + a[2] * (b[0] * c[1] - b[1] * c[0])
 }
 
-/// Returns six times the signed volume of the tetrahedron a, b, c, d: positive if a, b, c run clockwise seen
-/// from d, 0 if the tetrahedron is flat. Exact.
+/// Returns six times the signed volume of the tetrahedron a, b, c, d, in cubic steps of the fine grid:
+/// positive if a, b, c run clockwise seen from d, 0 if the tetrahedron is flat. Exact.
 pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> i64 {
     // Differences are at most 2^17, so all sums are less than 6 * 2^51.
     determinant(minus(b, a), minus(c, a), minus(d, a))
 }
 
 /// Tests whether `p` lies strictly inside the circumsphere of the tetrahedron a, b, c, d, whose [`volume`]
-/// must be positive. False on the sphere. Exact.
+/// must be positive. False on the sphere. Exact, in coordinates of the fine grid.
 pub(crate) fn is_in_sphere([a, b, c, d]: [Point; 4], p: Point) -> bool {
     let [a, b, c, d] = [a, b, c, d].map(|q| minus(q, p));
     // Squares are less than 2^36 and the determinants of three rows less than 2^54. Exact products need 128

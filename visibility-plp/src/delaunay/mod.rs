@@ -67,9 +67,10 @@ pub struct DelaunayTessellation {
     pub(crate) content: Content,
 }
 
-/// Returns the Delaunay vertex of an octree leaf on the fine grid: the leaf's centre, moved along each axis
-/// by up to an eighth of its side. `block` is the voxel index of the leaf's minimum corner, then its side, in
-/// octree steps. Each `attempt` moves the centre differently; equal arguments give equal points.
+/// Returns the Delaunay vertex of an octree leaf, in steps of the fine grid: the leaf's centre, moved along
+/// each axis by up to an eighth of the leaf's side. `block` is the position of the leaf's minimum corner (x,
+/// y, z) and its side, in steps of the octree's grid. Each `attempt` moves the centre differently; equal
+/// arguments give equal points.
 fn place(block: [u16; 4], attempt: u32) -> Point {
     let side = i32::from(block[3]);
     let mut hash = 0x9e37_79b9u32;
@@ -125,7 +126,7 @@ impl DelaunayTessellation {
         self.content.sync(scene)
     }
 
-    /// Returns the heap memory in bytes.
+    /// Returns the heap memory of the tessellation in bytes, without spare capacity.
     pub fn memory(&self) -> usize {
         size_of_val(&self.points[..])
             + size_of_val(&self.cells[..])

@@ -55,9 +55,9 @@ impl Walk {
         Projected::Complete
     }
 
-    /// Removes from `seen`, the candidates that are in the visible set, each object of at most
-    /// [`MAX_TESTED_TRIANGLES`] triangles whose triangles all certainly face away from the eye, or all lie
-    /// outside of one view plane that the object's cell crosses. Undecided objects stay.
+    /// Tests the candidates in `seen` triangle by triangle and removes each object of at most
+    /// [`MAX_TESTED_TRIANGLES`] triangles that is certainly invisible: all its triangles face away from the
+    /// eye, or all lie outside of one view plane that the object's cell crosses. Undecided objects stay.
     fn remove_unseen<T: ?Sized>(&mut self, frame: &FrameContext<'_, T>) {
         // Triangles are copied before any of them is tested, so that cache misses overlap.
         self.tested.clear();

@@ -13,9 +13,9 @@ use visibility_core::Aabb;
 const LEAST_OPENNESS: f32 = 0.02;
 
 impl RemainingLayers {
-    /// Moves this side's range of objects to `layers`, the layers that remain after the current one, and
-    /// recomputes the priority `worth` from the first of them. Returns false if `layers` is empty; `worth` is
-    /// then 0.
+    /// Advances this side past its first remaining layer of objects: the range becomes `layers`, the layers
+    /// after the first, and the priority `worth` is recomputed from their first layer. Returns false if no
+    /// layer is left; `worth` is then 0.
     #[inline]
     pub(super) fn advance(&mut self, mut layers: Layers<'_>) -> bool {
         self.from = self.to + layers.byte_count() as u32;
@@ -29,8 +29,8 @@ impl RemainingLayers {
 }
 
 impl Walk {
-    /// Looks up the sides of a cell's object list unless this frame has already done so: see
-    /// [`open`](Self::open).
+    /// Appends the axis sides of a cell's object list to `sides` like [`open`](Self::open), for a cell whose
+    /// box is not at hand. Does nothing if this frame has already done so for the cell.
     #[inline]
     pub(super) fn open_late<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         if self.cells[cell as usize].end_side == UNOPENED {

@@ -86,7 +86,7 @@ pub(crate) enum Projected {
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
 pub(super) struct CellState {
-    /// One bit for each plane of [`CellFrustum`](crate::cell_frustum::CellFrustum) that the cell is not
+    /// One bit for each plane of [`CellFrustum`] that the cell is not
     /// certainly inside of. All bits for the eye's cell if that cell is outside of the view.
     pub(super) crossed: u16,
     /// With [`Solidity::Coverage`], the transmittance: estimated share of view rays to the cell that no
@@ -184,7 +184,8 @@ pub(super) const MAX_TESTED_TRIANGLES: usize = 4;
 /// values carry over.
 #[derive(Clone, Debug)]
 pub(crate) struct Walk {
-    /// Stamp of the content for whose largest possible frame the buffers have capacity.
+    /// Stamp of the cells' object lists for which the buffers were last enlarged. No frame with these lists
+    /// needs more capacity, whatever the view.
     reserved_for: Stamp,
     /// Per-frame state of each cell. Valid only for cells whose bit in `known` is set.
     pub(super) cells: Vec<CellState>,

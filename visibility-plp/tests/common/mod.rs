@@ -62,7 +62,7 @@ pub(crate) fn views() -> Vec<View> {
     views
 }
 
-/// Returns a perspective view along the x axis from an eye with the given x coordinate, near y = z = 0.
+/// Returns a perspective view in the direction of the x axis from the eye (x, 0.05, 0.05), in metres.
 pub(crate) fn looking_along_x(x: f64) -> View {
     let eye = DVec3::new(x, 0.05, 0.05);
     let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
