@@ -52,7 +52,7 @@ use alloc::vec::Vec;
 /// Envelope format of saved bakes. Versions 1 and 2 held cell-to-cell bakes only and cannot be read.
 const FORMAT: Format = Format { magic: *b"VISIBAKE", version: 3 };
 
-/// Progress of a bake.
+/// Progress of a bake: the number of items done and the cost so far.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Progress {
     /// Number of items whose results have been merged.
@@ -64,12 +64,13 @@ pub struct Progress {
     pub steps: u64,
 }
 
-/// An algorithm over numbered items that a [`Bake`] runs in rounds.
+/// An algorithm over numbered items. A [`Bake`] calls it in rounds: the items of a round are worked on
+/// independently, then their results are merged.
 pub trait Baker: Sync {
     /// Scratch memory of one thread, reused for one item after another. Its content must not change the
     /// result of an item.
     type Scratch: Default;
-    /// Result of one item, before it is merged.
+    /// Result of working on one item, before [`take_in`](Self::take_in) merges it into the baker's state.
     type Found: Send;
     /// Final result of the whole bake.
     type Outcome;
@@ -143,7 +144,7 @@ impl<B: Baker> Bake<B> {
         &self.baker
     }
 
-    /// Returns the numbers of done and of all items and the cost so far.
+    /// Returns the number of items done, the number of all items, and the cost so far.
     pub fn progress(&self) -> Progress {
         let total = self.baker.item_count();
         Progress { done: total.saturating_sub(self.waiting.len()), total, steps: self.steps }
@@ -190,7 +191,7 @@ impl<B: Baker> Bake<B> {
     }
 
     /// Returns the state of the bake as bytes in an [envelope](crate::envelope), for
-    /// [`resume`](Self::resume). The bake can go on.
+    /// [`resume`](Self::resume). The bake itself is unchanged.
     pub fn save(&self) -> Vec<u8> {
         let mut state = Writer::new(FORMAT, B::KIND, self.baker.fingerprint());
         state.u64(self.steps);
@@ -202,8 +203,8 @@ impl<B: Baker> Bake<B> {
         state.finish()
     }
 
-    /// Restores a bake from the bytes of [`save`](Self::save). The resumed bake gives the same outcome as an
-    /// uninterrupted one. `baker` must be newly made from the same input with the same settings.
+    /// Restores a bake from the bytes of [`save`](Self::save). The resumed bake has the same outcome as an
+    /// uninterrupted bake. `baker` must be newly made from the input and settings of the saved bake.
     ///
     /// # Errors
     /// [`EnvelopeError`] if the bytes are damaged or inconsistent, or belong to another baker, another input

@@ -39,7 +39,7 @@ use core::fmt;
 /// Size of an envelope's header, in bytes: the offset of the content.
 pub const HEADER: usize = 40;
 
-/// Name and version of a stored format.
+/// Magic and version, which identify a stored format.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Format {
     /// The first eight bytes of every envelope of this format.
@@ -59,14 +59,14 @@ pub enum EnvelopeError {
     },
     /// The header has another version of the format.
     Version {
-        /// The version in the header.
+        /// Version of the format in the envelope's header.
         found: u32,
         /// The only version that can be read.
         expected: u32,
     },
     /// The header has another kind: the envelope holds another structure of the same format.
     Kind {
-        /// The kind in the header.
+        /// Kind in the envelope's header.
         found: u32,
         /// The kind requested by the caller.
         expected: u32,
@@ -76,9 +76,10 @@ pub enum EnvelopeError {
     Fingerprint,
     /// The number of bytes differs from the length in the header, or is less than a header.
     Length {
-        /// Number of bytes given, header included.
+        /// Number of bytes that the reader was given, header included.
         found: u64,
-        /// Length according to the header, or [`HEADER`] if there are fewer bytes than a header takes.
+        /// Length in bytes, header included, according to the header; [`HEADER`] if the bytes are fewer than
+        /// a header.
         expected: u64,
     },
     /// The checksum in the header does not match the bytes: they were damaged.
@@ -89,7 +90,7 @@ pub enum EnvelopeError {
         /// Offset in bytes from the start of the envelope (header included) up to which the content had been
         /// read when the problem was found.
         place: usize,
-        /// Description of the problem, in English.
+        /// Description of the inconsistency, in English.
         problem: &'static str,
     },
 }
@@ -247,12 +248,12 @@ impl<'a> Reader<'a> {
         Ok(reader)
     }
 
-    /// Returns the kind in the header.
+    /// Returns the kind in the envelope's header, which tells the structures of one format apart.
     pub fn kind(&self) -> u32 {
         self.kind
     }
 
-    /// Returns the fingerprint in the header.
+    /// Returns the fingerprint in the envelope's header, which the writer gave to [`Writer::new`].
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
     }

@@ -35,8 +35,8 @@ pub struct Cluster {
     pub triangles: Vec<u32>,
     /// Bounding box of the triangles' corners, in mesh coordinates. Improper if a corner is NaN.
     pub bounds: Aabb,
-    /// Bounds the eyes that see only back faces of the cluster, in mesh coordinates. Open if it decides
-    /// nothing.
+    /// Normal cone of the cluster, in mesh coordinates: bounds the eyes that certainly see only back faces
+    /// of its triangles. Open if no eye is certain to.
     pub cone: NormalCone,
 }
 
@@ -45,9 +45,9 @@ pub struct Cluster {
 pub enum MeshError {
     /// A triangle has a vertex index that is not below the number of positions.
     VertexOutOfRange {
-        /// Index of the first such triangle.
+        /// Index of the first triangle with a vertex index out of range.
         triangle: usize,
-        /// The vertex index.
+        /// The vertex index out of range: not below the number of positions.
         vertex: u32,
     },
     /// The mesh has more triangles than `u32` can number.
@@ -209,8 +209,8 @@ impl Scratch {
         self.keyed.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     }
 
-    /// Finds the best split of the sorted triangles in `keyed`. Returns the least total scatter of two
-    /// halves, and the size of the first half, which is limited to `range`.
+    /// Finds the best split of the sorted triangles in `Scratch::keyed`. Returns the least total scatter of
+    /// two halves, and the number of triangles in the first half. `range` limits that number.
     fn sweep(&mut self, points: &[[DVec3; 2]], range: Range<usize>) -> (f64, usize) {
         self.scatter.clear();
         let mut sums = Sums::default();

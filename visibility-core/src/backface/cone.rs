@@ -73,8 +73,8 @@ impl NormalCone {
         Self::new(fit(&facets, Doubt::LEAST))
     }
 
-    /// Returns a cone over cones, which decides for an eye only what all given cones decide. The result is
-    /// open if any given cone is open, or if there are none.
+    /// Returns a cone over cones, which answers `Back` or `Front` for an eye only if all given cones give
+    /// that answer. The result is open if any given cone is open, or if there are none.
     ///
     /// Cost: some 10 microseconds a cone.
     pub fn from_cones<'a>(cones: impl IntoIterator<Item = &'a Self>) -> Self {
@@ -157,8 +157,8 @@ impl NormalCone {
     }
 
     /// Returns the side that every eye in the convex hull of the points `eyes` sees of all triangles, or
-    /// `Undecided`. A cone is convex, so it contains the hull if it contains the points. `Undecided` without
-    /// points.
+    /// `Undecided`. The points are in the coordinates of the triangles. A cone is convex, so the hull lies in
+    /// the cone if the points do. `Undecided` without points.
     pub fn facing_from_points(&self, eyes: impl IntoIterator<Item = DVec3>) -> Facing {
         let mut all = None;
         for eye in eyes {
@@ -171,9 +171,9 @@ impl NormalCone {
         all.unwrap_or(Facing::Undecided)
     }
 
-    /// Returns 16 planes whose common back side lies within the cone of back-facing eyes. Each plane goes
-    /// through the apex. An eye in front of all 16 planes (through the apex `ahead`) lies within the cone of
-    /// front-facing eyes.
+    /// Returns 16 facets that represent this cone in the fit of another cone. An eye behind all 16 planes
+    /// through the apex `behind` is certain to see only backs. An eye in front of all 16 planes through the
+    /// apex `ahead` is certain to see only fronts.
     fn facets(&self) -> impl Iterator<Item = Facet> {
         // An eye behind all planes with normals `rows[2] + cos rows[0] + sin rows[1]`, for any angle, is in
         // the cone. The rows were rounded by up to `6u` of the greatest element, which is at most 16 times as

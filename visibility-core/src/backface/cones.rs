@@ -30,7 +30,8 @@ pub struct Cones {
 }
 
 impl Cones {
-    /// Stores the cones in the given order and selects the widest SIMD instructions of the processor.
+    /// Stores the cones in the given order and selects the widest SIMD instructions that the processor
+    /// supports.
     pub fn new(cones: impl IntoIterator<Item = NormalCone>) -> Self {
         Self::with_simd(cones, Simd::best())
     }
@@ -145,9 +146,10 @@ impl ConeTree {
         self.len() == 0
     }
 
-    /// Sets the same bits of `masks` as [`Cones::back_facing`], with the same guarantee. A cone within
-    /// rounding error of the eye may be set here and not there, since the upper levels decide it separately.
-    /// Returns the number of tested blocks of 64 cones.
+    /// Sets the bit of each cone whose triangles the eye certainly sees from behind and clears all other bits
+    /// of `masks`, in the layout of [`Cones::back_facing`]. A cone close to its rounding margin may get
+    /// another answer than from [`Cones::back_facing`], since upper levels decide for whole groups. Returns
+    /// the number of tested blocks of 64 cones.
     pub fn back_facing(&self, eye: &Eye, masks: &mut [u64]) -> u64 {
         masks.fill(0);
         if self.is_empty() {
@@ -156,8 +158,9 @@ impl ConeTree {
         self.visit(self.levels.len() - 1, 0, &SplitEye::new(eye), masks)
     }
 
-    /// Tests one block of `level` and, recursively, the blocks below its undecided cones. Writes the bits of
-    /// the cones below to `masks`. Returns the number of tested blocks.
+    /// Tests block `block` of 64 cones on level `level` and, recursively, the blocks below its undecided
+    /// cones. Sets the bits of the given cones below the block in `masks`. Returns the number of tested
+    /// blocks.
     fn visit(&self, level: usize, block: usize, eye: &SplitEye, masks: &mut [u64]) -> u64 {
         let cones = &self.levels[level];
         let mask = cones.simd.inside_cones(&cones.blocks[block], eye);
@@ -175,7 +178,7 @@ impl ConeTree {
         1 + lanes(rest).map(|lane| self.visit(level - 1, block * 64 + lane, eye, masks)).sum::<u64>()
     }
 
-    /// Sets the bits in `masks` of all given cones below block `block` of `level`.
+    /// Sets in `masks` the bits of all given cones (level 0) below block `block` of level `level`.
     fn mark(&self, level: usize, block: usize, masks: &mut [u64]) {
         let each = 64usize.pow(level as u32);
         let words = self.len().div_ceil(64);

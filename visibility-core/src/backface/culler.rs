@@ -72,7 +72,8 @@ pub struct BackfaceCuller {
 /// The cone of one object.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    /// Object that the entry belongs to. An object with the same index and another generation has no cone.
+    /// Id of the object that the entry belongs to. Another object with the same index (another generation)
+    /// has no cone.
     id: ObjectId,
     cone: NormalCone,
     /// Value of the culler's `clock` when the entry last changed.
@@ -127,8 +128,8 @@ impl BackfaceCuller {
     }
 
     /// Sets the cone of an object in its present state. The cone must cover everything drawn for the object,
-    /// in scene-relative coordinates. It is valid until the object changes in the scene, or until the scene's
-    /// change log overflows. A cone given for a two-sided object is ignored.
+    /// in scene-relative coordinates. The cone stays valid until the object changes in the scene, or until
+    /// the scene's change log overflows. A cone given for a two-sided object is ignored.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if the scene has no such object.
@@ -258,8 +259,8 @@ impl BackfaceCuller {
         (block.layout, block.checked) = (scene.layout(), self.clock);
     }
 
-    /// Removes back-facing candidates from a node (`None`: the top) and all nodes below it. Returns whether
-    /// any candidate is left.
+    /// Removes back-facing candidates from the visible set, in the scene hierarchy below `node` (`None`: in
+    /// the whole hierarchy). Returns whether any candidate is left there.
     fn visit(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, eye: &SplitEye) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let mut mask = candidates;

@@ -18,9 +18,9 @@ pub(super) const U: f64 = f64::EPSILON / 2.0;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum Facing {
-    /// The eye certainly sees the front, of every triangle.
+    /// The eye certainly sees the front of the triangle, or the fronts of all triangles of the cone.
     Front,
-    /// The eye certainly sees the back, of every triangle.
+    /// The eye certainly sees the back of the triangle, or the backs of all triangles of the cone.
     Back,
     /// The eye sees the triangle edge-on, or the rounding error is too large to decide, or a coordinate is
     /// NaN. For several triangles also: the eye sees some fronts and some backs. Counts as visible.

@@ -26,11 +26,12 @@ pub(super) const SLACK: f64 = 1.0 / 131072.0;
 /// (0.4 % of all directions), and the limit bounds the rows of the matrix.
 const LEAST_COSINE: f64 = 0.12;
 
-/// Least half-axis of an ellipse in the gnomonic plane, about 0.1 degrees, so that the slack is small beside
-/// it.
+/// Least half-axis of an ellipse in the gnomonic plane, about 0.1 degrees, so that [`SLACK`] is small beside
+/// the half-axis.
 const LEAST_AXIS: f64 = 1.0 / 512.0;
 
-/// A plane that the eye has to be behind (for back faces) or in front of (for front faces).
+/// A plane in the fit of a cone. An eye sees only backs if it is behind the planes of all facets, and only
+/// fronts if it is in front of the planes of all facets.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Facet {
     /// Unit normal, pointing to the front.
@@ -43,12 +44,12 @@ pub(super) struct Facet {
     pub(super) extent: f64,
 }
 
-/// Bounds on the errors of facets.
+/// Bounds on the errors of the normals and points of all facets in a fit.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Doubt {
-    /// Greatest error of the normals, as the length of a difference of unit vectors.
+    /// Greatest error of a facet's unit normal, as the length of its difference from the true unit normal.
     pub(super) slack: f64,
-    /// Greatest distance of the points from their true positions, in units of the coordinates.
+    /// Greatest distance of a facet's points from their true positions, in units of the coordinates.
     pub(super) blur: f64,
 }
 
@@ -62,7 +63,7 @@ impl Doubt {
 pub(super) enum Surface {
     /// The triangle has an area, and its normal is known to within half of [`SLACK`].
     Facet(Facet),
-    /// The triangle has exactly zero area: it is invisible from everywhere and ignored.
+    /// The triangle has exactly zero area: it is invisible from everywhere and is ignored in the fit.
     Nothing,
     /// The triangle is not finite, or so thin that rounding leaves its normal uncertain: the cone must be
     /// open.
@@ -289,8 +290,8 @@ impl Moments {
     }
 }
 
-/// The search for an apex as close as possible to the planes, either behind all of them or in front of all of
-/// them.
+/// The search for an apex close to the planes of all facets: behind all planes (side 0) or in front of all
+/// planes (side 1).
 struct Apex<'a> {
     facets: &'a [Facet],
     doubt: Doubt,
@@ -302,9 +303,10 @@ struct Apex<'a> {
 }
 
 impl Apex<'_> {
-    /// Returns how far `p` must be moved along the search direction (against the axis for side 0, along it
-    /// for side 1) to be on the right side of all planes with errors of at most `doubt`. Negative if `p` may
-    /// move the opposite way. The result is a convex function of `p`, and NaN if a plane's height is NaN.
+    /// Returns the distance by which the point `p` must be moved along the search direction (against the axis
+    /// for side 0, along the axis for side 1) to be on the right side of all planes with errors of at most
+    /// `doubt`. Negative if `p` may be moved the opposite way. A convex function of `p`; NaN if a plane's
+    /// height is NaN.
     fn depth(&self, p: DVec3, doubt: Doubt) -> f64 {
         let sign = if self.side == 0 { 1.0 } else { -1.0 };
         let mut depth = f64::NEG_INFINITY;

@@ -4,14 +4,14 @@ use crate::view::ViewProjection;
 use crate::{View, view::Eye};
 use glam::DVec3;
 
-/// An eye, relative to the origin of the cones, as the sum of two `f32` per coordinate, so that its
-/// difference to an apex loses no digits where coordinates are large. For a parallel view, the negated view
-/// direction in the same form.
+/// An eye relative to the origin of the cones, each coordinate the sum of two `f32`, so that the difference
+/// of eye and apex loses no digits where coordinates are large. For a parallel view, `high + low` is the
+/// negated view direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SplitEye {
     high: [f32; 3],
     low: [f32; 3],
-    /// 1 for an eye point. 0 for a direction, from which no apex is subtracted.
+    /// Factor of the apex when it is subtracted from the eye: 1 for an eye point, 0 for a direction.
     weight: f32,
     /// Bound for the rounding and the uncertainty of the eye, scaled to multiply a cone's `margin`: the sum
     /// of `2u` times the sum of the coordinates' magnitudes (`u = 2^-24`), `2^-100`, and `5 * 2^19` times
@@ -23,7 +23,7 @@ impl SplitEye {
     /// An eye whose position is unknown: no cone holds it, so nothing is culled.
     pub(crate) const UNKNOWN: Self = Self { high: [f32::NAN; 3], low: [0.0; 3], weight: 1.0, blur: f32::NAN };
 
-    /// Converts an eye whose coordinates are exact.
+    /// Converts an eye whose coordinates, relative to the origin of the cones, are exact.
     pub(crate) fn new(eye: &Eye) -> Self {
         match *eye {
             Eye::Point(eye) => Self::around(eye, 1.0, 0.0),
@@ -31,7 +31,8 @@ impl SplitEye {
         }
     }
 
-    /// Converts a point, or a direction if `weight` is 0, that lies within `radius` of `p`.
+    /// Returns the eye at point `p` (`weight` 1), or the parallel view with negated direction `p` (`weight`
+    /// 0). The true eye or direction lies within `radius` of `p`.
     fn around(p: DVec3, weight: f32, radius: f64) -> Self {
         let high = p.as_vec3();
         let low = (p - high.as_dvec3()).as_vec3();
@@ -53,32 +54,36 @@ impl SplitEye {
     }
 }
 
-/// Count of numbers of a cone in the test: nine matrix elements by rows, three of the apex, the margin.
+/// Number of `f32` values that describe a cone in the test: nine matrix elements by rows, the three
+/// coordinates of the apex, the margin.
 pub(crate) const NUMBERS: usize = 13;
 
 /// Tests an eye against `WIDTH` cones at once. Result `i` is negative if cone `i` certainly holds the eye,
-/// otherwise zero or positive. `cones` holds the [`NUMBERS`] of the cones as structure of arrays. All SIMD
-/// paths give the same results.
+/// otherwise zero or positive; also zero for NaN. `cones[n][i]` is number `n` of cone `i` in the order of
+/// [`NUMBERS`]. All SIMD paths give the same results.
 ///
-/// With `v` the eye minus the apex and `w = rows * v`, the cone holds the eye if `w.z + |(w.x, w.y)| <= 0`,
-/// for `rows` before they were rounded. Let `u = 2^-24`, `s` the greatest element of `rows`, `S` the sum of
-/// the magnitudes in `v`, `E` that in the eye. Then
+/// The bound on rounding: let `v` be the eye minus the apex, `w = rows * v` with the exact rows, `|(x, y)|`
+/// the Euclidean length, and `u = 2^-24`. The cone holds the eye if `w.z + |(w.x, w.y)| <= 0`. Let `s` be the
+/// greatest magnitude in `rows`, `S` the sum of the magnitudes of the components of `v`, and `E` that sum for
+/// the eye. Then
 ///
-/// - a component of `v` is two roundings off, `2u |v|` and `u |low| <= u^2 E`, and what two `f32` cannot hold
-///   of the eye, `u^2 E`;
-/// - a component of `w` is off by `3u` for the rounding of its products and sums, `u` for that of `rows` and
-///   `2u` for that of `v`, each of `s S`, and by `2u^2 s E`: less than `6.1 u s S + 2.1 u^2 s E`;
-/// - `w.z + |(w.x, w.y)|` by `1 + 2^1/2` times that, less than `15u s S + 6u^2 s E`. The margin is `32u s (S
-///   + 2u E)`: its own rounding is a millionth of it.
-/// - An eye off by `r` moves it by less than `4.2 s r`; the blur holds `5 r / 32u`.
-/// - Flushed denormals take `2^-126` from components of `v`, which is `2^-123 s` in the end; the blur's
-///   `2^-100` gives `2^-119 s`. They take as much from products: less than `2^-122`, without the factor `s`,
-///   and nothing next to `2^-50`, on which more below.
-/// - Comparing squares instead: five more roundings, for which 16u are there. Squares of what exceeds `2^-50`
-///   are well above denormals (those of smaller components may be flushed: `2^-126` next to `2^-100`), and,
-///   with `2^-122` as above, `4u` of either side of the comparison remain, at least `2^-74`.
-/// - An overflow is infinite or NaN, on either side of either comparison, and then decides nothing or what is
-///   true anyway.
+/// - The error of a component of `v` is at most `2u |v|` for two roundings, `u |low| <= u^2 E` for the
+///   rounding of `low`, and `u^2 E` for the part of the eye that two `f32` cannot hold.
+/// - The error of a component of `w` is at most `3u s S` for its products and sums, `u s S` for the rounding
+///   of `rows`, `2u s S` for that of `v`, and `2u^2 s E`: together less than `6.1 u s S + 2.1 u^2 s E`.
+/// - The error of `w.z + |(w.x, w.y)|` is at most `1 + 2^1/2` times that: less than `15u s S + 6u^2 s E`. The
+///   margin is `32u s (S + 2u E)`; the rounding of the margin itself is a millionth of it.
+/// - An eye that is off by `r` changes `w.z + |(w.x, w.y)|` by less than `4.2 s r`. The blur contains `5 r /
+///   32u` for this.
+/// - Flushing of denormals changes components of `v` by up to `2^-126`, and the result by up to `2^-123 s`.
+///   The term `2^-100` of the blur allows for `2^-119 s`. Flushing also changes products, by less than
+///   `2^-122` without the factor `s`; the last `2^-50` allows for this, see the next item.
+/// - The code compares squares instead of lengths. This takes five more roundings, for which `16u` are
+///   available. Squares of numbers above `2^-50` are well above denormals. Squares of smaller components may
+///   be flushed, `2^-126` beside `2^-100`. With the `2^-122` of the previous item, `4u` of each side of the
+///   comparison remain, at least `2^-74`.
+/// - An overflow makes a side of a comparison infinite or NaN. The comparison then decides nothing, or
+///   decides what is true anyway.
 #[inline(always)]
 pub(crate) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &SplitEye) -> [f32; WIDTH] {
     let [xx, xy, xz, yx, yy, yz, zx, zy, zz, ax, ay, az, margin] = cones;

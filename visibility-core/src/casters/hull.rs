@@ -35,8 +35,8 @@ pub(super) type HullPlanes = SmallVec<[ViewPlane; MAX_HULL_PLANES]>;
 /// Position or direction of a light relative to the scene's origin.
 #[derive(Clone, Copy)]
 pub(super) enum Source {
-    /// Parallel light. The vector points towards the light and is scaled so that its greatest component is 1
-    /// or -1.
+    /// Parallel light. The vector points towards the light and is scaled so that its component of greatest
+    /// magnitude is 1 or -1.
     Direction(DVec3),
     Point(DVec3),
 }
@@ -49,13 +49,13 @@ struct RoundedPlane {
     offset_error: f64,
 }
 
-/// A plane of the volume, with its position relative to the light.
+/// A plane of the volume, with the signed distance of the light from the plane.
 #[derive(Clone, Copy)]
 struct Facet {
     slot: u8,
     plane: RoundedPlane,
-    /// Signed distance of the light from the plane as computed, `A . L` above (for a direction: the dot
-    /// product with the normal).
+    /// Signed distance of the light from the plane in metres as computed, `A . L` in the module's notation.
+    /// For a direction, the dot product with the plane's normal.
     distance: f64,
     error: f64,
 }
@@ -221,8 +221,9 @@ fn push_through(out: &mut HullPlanes, point: DVec3, normal: DVec3, normal_error:
     push(out, &RoundedPlane { plane, normal_error: DVec3::splat(normal_error), offset_error }, reach);
 }
 
-/// Appends the six sides of the axis-aligned box around a ball to `out`. The error covers half an epsilon
-/// each for the rounding of the light's position and of the sums.
+/// Appends the six sides of the axis-aligned box around a ball to `out`, up to its capacity. `center` is
+/// relative to the scene's origin. The error covers half an epsilon each for the rounding of the center and
+/// of the sums.
 pub(super) fn push_ball(out: &mut HullPlanes, center: DVec3, radius: f64) {
     for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
         for side in [axis, -axis] {

@@ -82,16 +82,16 @@ impl Light {
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum LightError {
-    /// The direction is zero, NaN or infinite.
+    /// The direction of a directional light or spot light is zero, NaN or infinite.
     Direction,
-    /// The position is NaN or infinite.
+    /// The position of a point light or spot light is NaN or infinite.
     Position,
-    /// The range is zero, negative or NaN.
+    /// The range of a point light or spot light is zero, negative or NaN.
     Range {
         /// The refused range, in metres.
         range: f64,
     },
-    /// The half angle is not more than 0 and at most pi, or is NaN.
+    /// The half angle of a spot light is NaN, or is not more than 0 and at most pi radians.
     HalfAngle {
         /// The refused half angle, in radians.
         half_angle: f64,

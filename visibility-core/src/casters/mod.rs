@@ -84,8 +84,9 @@ impl CasterCuller {
     }
 
     /// Returns the culler restricted to shadows that fall into the box `receivers`, relative to the scene's
-    /// origin. The box must contain everything that receives shadows in the view. It helps most if the view
-    /// has no far plane and the sun is low. A box that is improper or not finite removes the restriction.
+    /// origin. The box must contain everything that receives shadows in the view. The restriction helps most
+    /// if the view has no far plane and the sun is low. A box that is improper or not finite removes the
+    /// restriction.
     pub fn with_receivers(self, receivers: Aabb) -> Self {
         Self { receivers: receivers.is_finite().then_some(receivers), ..self }
     }

@@ -13,43 +13,43 @@ pub enum CellGraphError {
     TooMany {
         /// Plural name of the items: "cells", "portals" or "objects in cells".
         what: &'static str,
-        /// Number of items, or a lower bound on it.
+        /// Number of cells, portals or objects in cells that were given, or a lower bound on that number.
         count: usize,
     },
     /// A portal joins a cell that does not exist.
     UnknownCell {
-        /// The faulty portal.
+        /// Portal that joins a cell that does not exist.
         portal: PortalId,
-        /// The cell that the portal names.
+        /// Cell that the portal joins and the graph does not have.
         cell: CellId,
         /// Number of cells in the graph.
         cells: usize,
     },
     /// A portal joins a cell to itself.
     SameCell {
-        /// The faulty portal.
+        /// Portal that joins a cell to itself.
         portal: PortalId,
-        /// The cell on both sides of the portal.
+        /// Cell on both sides of the portal.
         cell: CellId,
     },
     /// A portal has no area, and therefore no plane.
     NoPlane {
-        /// The faulty portal.
+        /// Portal whose polygon has no area.
         portal: PortalId,
     },
     /// The vertices of a portal are not a convex polygon: not planar, not convex, not finite, without area or
     /// too few.
     Polygon {
-        /// The faulty portal.
+        /// Portal whose vertices are not a convex polygon.
         portal: PortalId,
-        /// The fault of the portal's polygon.
+        /// The fault of the portal's vertices.
         error: PolygonError,
     },
     /// An object is listed in a cell that does not exist.
     UnknownObjectCell {
-        /// The object.
+        /// Object that is listed in a cell that does not exist.
         object: ObjectId,
-        /// The cell that does not exist.
+        /// Cell in whose list the object is, and which the graph does not have.
         cell: CellId,
         /// Number of cells in the graph.
         cells: usize,
@@ -58,38 +58,38 @@ pub enum CellGraphError {
     /// on the boundary of a convex body: the cell is not convex, a portal is not on its boundary, or a normal
     /// points the wrong way.
     NotOnBoundary {
-        /// The cell of both portals.
+        /// Cell to which both portals belong.
         cell: CellId,
-        /// The portal that reaches behind the plane of `behind`.
+        /// Portal that reaches behind the plane of the portal `behind`.
         portal: PortalId,
-        /// The portal whose plane has `portal` partly outside the cell.
+        /// Portal whose plane has a vertex of `portal` on its outer side.
         behind: PortalId,
-        /// Greatest distance of a vertex of `portal` behind the plane, in metres.
+        /// Greatest distance of a vertex of `portal` behind the plane of the portal `behind`, in metres.
         distance: f64,
     },
     /// The number of given bodies differs from the number of cells.
     Bodies {
         /// Number of cells in the graph.
         cells: usize,
-        /// Number of bodies given.
+        /// Number of cell bodies that were given.
         bodies: usize,
     },
     /// A portal does not lie in a face of the body of one of its cells.
     OffBody {
-        /// The faulty portal.
+        /// Portal that lies in no face of the body of `cell`.
         portal: PortalId,
-        /// The cell whose body it is.
+        /// Cell of the portal in whose faces the portal does not lie.
         cell: CellId,
-        /// Greatest distance of a vertex outside the body, or distance of the portal from the nearest face,
-        /// whichever is greater, in metres.
+        /// Greatest distance of a vertex of the portal outside the body of the cell, or greatest distance of
+        /// a vertex from the plane of the nearest face, whichever is greater, in metres.
         distance: f64,
     },
     /// The normal of a portal does not point from the body of its first cell into the body of its second
     /// cell.
     WrongWay {
-        /// The faulty portal.
+        /// Portal whose normal has the wrong direction.
         portal: PortalId,
-        /// The cell whose face has the wrong orientation with respect to the portal.
+        /// Cell of the portal whose body the normal should enter and leaves, or should leave and enters.
         cell: CellId,
     },
 }

@@ -6,14 +6,15 @@ use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::fmt;
 
-/// A chain of portals from a cell to an outside cell, with the fewest portals possible.
+/// A chain of portals from a cell to a cell that should not be reachable, with the fewest portals possible.
+/// Found by [`CellGraph::leak`].
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Leak {
     /// The cell in which the chain begins.
     pub from: CellId,
-    /// The outside cell in which the chain ends.
+    /// The cell in which the chain ends, for which `outside` returned true.
     pub to: CellId,
-    /// The portals of the chain in order from `from` to `to`. Empty if `from` is itself an outside cell.
+    /// The portals of the chain in order from `from` to `to`. Empty if `from` equals `to`.
     pub portals: Vec<PortalId>,
 }
 

@@ -165,9 +165,9 @@ impl CellGraph {
         Self::new(cells, all)
     }
 
-    /// Returns the stamp that identifies the graph's cells, portals and object lists.
-    /// [`set_objects`](Self::set_objects) assigns a new stamp. A clone has the same stamp until either graph
-    /// changes.
+    /// Returns the stamp that identifies the cells, portals and object lists of the graph.
+    /// [`set_objects`](Self::set_objects) assigns a new stamp. A clone of the graph has the same stamp until
+    /// the clone or the original changes.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }

@@ -88,8 +88,8 @@ impl Aabb {
         self.max * 0.5 - self.min * 0.5
     }
 
-    /// Returns the smallest box that contains this box and `other`. The result for NaN coordinates is
-    /// unspecified: NaN, or the coordinate of the other box.
+    /// Returns the smallest box that contains `self` and `other`. Where a coordinate of `self` or `other` is
+    /// NaN, the coordinate of the result is unspecified: NaN, or that of the box without NaN.
     pub fn union(&self, other: &Self) -> Self {
         Self::new(self.min.min(other.min), self.max.max(other.max))
     }
@@ -100,8 +100,9 @@ impl Aabb {
     }
 
     /// Classifies the box `other` against this box: `Inside` if contained (shared sides included), `Outside`
-    /// if separated by a gap, otherwise `Crossing`. Touching boxes are `Crossing`. The test only compares
-    /// coordinates and is therefore exact. Returns `Crossing` if either box is improper.
+    /// if separated by a gap on some axis, otherwise `Crossing`. Boxes that touch from outside are
+    /// `Crossing`. The test only compares coordinates and is therefore exact. `Crossing` if `self` or `other`
+    /// is improper.
     pub fn classify_aabb(&self, other: &Self) -> Containment {
         if !self.is_proper() || !other.is_proper() {
             return Containment::Crossing;

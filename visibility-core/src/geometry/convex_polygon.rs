@@ -26,21 +26,21 @@ pub struct ConvexPolygon {
 pub enum PolygonError {
     /// The list has fewer than three vertices.
     TooFewVertices {
-        /// Number of vertices in the list.
+        /// Number of vertices that were given, less than three.
         count: usize,
     },
     /// A coordinate is NaN or infinite.
     NonFinite {
-        /// Index of the first vertex with such a coordinate.
+        /// Index of the first vertex with a NaN or infinite coordinate.
         vertex: usize,
     },
     /// The polygon has no area, or almost none relative to its size: all vertices lie on one line.
     Degenerate,
     /// A vertex is farther from the plane of the polygon than [`ConvexPolygon::TOLERANCE`] allows.
     NotPlanar {
-        /// Index of the vertex farthest from the plane.
+        /// Index of the vertex that is farthest from the polygon's plane.
         vertex: usize,
-        /// Distance of that vertex from the plane, in metres.
+        /// Distance of the farthest vertex from the polygon's plane, in metres.
         distance: f64,
     },
     /// The boundary has a reflex corner or winds around more than once.

@@ -20,9 +20,10 @@
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct DoubleDouble {
-    /// The number rounded to the nearest `f64`.
+    /// Leading part: the represented number rounded to the nearest `f64`.
     pub hi: f64,
-    /// Difference of the number and `hi`; its magnitude is at most half a unit in the last place of `hi`.
+    /// Trailing part: the represented number minus `hi`. Its magnitude is at most half a unit in the last
+    /// place of `hi`.
     pub lo: f64,
 }
 

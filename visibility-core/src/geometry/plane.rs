@@ -53,9 +53,9 @@ impl Plane {
         Self::new(-self.normal, -self.offset)
     }
 
-    /// Returns the same half-space with a unit normal. `None` if the normal is zero or not finite, or if the
-    /// scaled offset overflows `f64`. The normal is scaled before it is squared, so that lengths from 1e-300
-    /// to 1e300 work.
+    /// Returns the half-space with its plane scaled to a unit normal. `None` if the normal is zero or not
+    /// finite, or if the scaled offset overflows `f64`. The normal is divided by its greatest component
+    /// before it is squared, so that lengths from 1e-300 to 1e300 work.
     pub fn normalized(&self) -> Option<Self> {
         let scale = self.normal.abs().max_element();
         if !(scale > 0.0 && scale.is_finite()) {
@@ -74,9 +74,9 @@ impl Plane {
         self.normal.x * p.x + self.normal.y * p.y + self.normal.z * p.z + self.offset
     }
 
-    /// Returns an absolute upper bound on the rounding error of [`signed_distance`](Self::signed_distance),
-    /// in the same unit, for points whose coordinates have absolute values of at most `magnitude` on each
-    /// axis.
+    /// Returns an absolute upper bound on the rounding error of [`signed_distance`](Self::signed_distance)
+    /// for points whose coordinates have absolute values of at most `magnitude` on each axis. The unit is
+    /// that of the distance: metres times the length of the normal.
     ///
     /// The distance is three products and three additions in a row. Each term is rounded at most four times
     /// (once as a product, up to three times in sums), so the error is at most `4u / (1 - 4u)` times the sum

@@ -45,8 +45,8 @@ impl Side {
         }
     }
 
-    /// Returns the side of the same point with respect to the flipped plane: exchanges `Front` and `Back`,
-    /// keeps `On`.
+    /// Returns the side of a point with respect to the flipped plane, given its side of the plane: exchanges
+    /// `Front` and `Back`, keeps `On`.
     pub const fn opposite(self) -> Self {
         match self {
             Self::Front => Self::Back,
@@ -79,7 +79,8 @@ pub enum PolygonSide {
     Across,
 }
 
-/// A plane with the margin beyond which the side of a point is certain.
+/// A plane with the margin beyond which the side of a point is certain. Points within the margin are
+/// [`Side::On`].
 ///
 /// The margin also covers points computed by [`crossing`](Self::crossing), so that a polygon cut along the
 /// plane lies wholly on one side of it and is never cut by the same plane again.
@@ -118,7 +119,8 @@ impl SidePlane {
         Self { plane, margin: 8.0 * plane.error_bound(magnitude) }
     }
 
-    /// Returns the side of the point `p`; `On` within the margin or for NaN.
+    /// Returns the side of this plane on which the point `p` lies. `On` if the point is within the margin of
+    /// the plane, or for NaN.
     #[inline]
     pub fn side(&self, p: DVec3) -> Side {
         Side::of(self.plane.signed_distance(p), self.margin)
@@ -144,9 +146,9 @@ impl SidePlane {
     }
 
     /// Returns the point where the plane cuts the segment from `a` to `b`, which must lie on different sides
-    /// of the plane. The result is the same to the last bit if `a` and `b` are exchanged or the plane is
-    /// flipped, so that two polygons sharing an edge are cut without a crack. The result lies in the box of
-    /// the segment. It is the lexicographically smaller end if both distances are 0.
+    /// of the plane. The result lies in the bounding box of the segment, and is the lexicographically smaller
+    /// end if both distances are 0. The result is bit-identical if `a` and `b` are exchanged or the plane is
+    /// flipped, so that two polygons that share an edge are cut without a crack.
     #[inline]
     pub fn crossing(&self, a: DVec3, b: DVec3) -> DVec3 {
         let (a, b) = if (a.x, a.y, a.z) <= (b.x, b.y, b.z) { (a, b) } else { (b, a) };

@@ -31,8 +31,8 @@ impl Sphere {
     }
 
     /// Returns a sphere around the centre of a box that certainly contains a proper box: its radius is
-    /// rounded upwards. A box with a NaN, and [`Aabb::EMPTY`], give an improper sphere; a box with finite
-    /// `min > max` gives the sphere of the box with those coordinates exchanged.
+    /// rounded upwards. A box with a NaN, and [`Aabb::EMPTY`], give an improper sphere. A box with finite
+    /// `min > max` on an axis counts as the box with `min` and `max` exchanged there.
     pub fn around(bounds: &Aabb) -> Self {
         let center = bounds.center();
         let far = (bounds.max - center).max(center - bounds.min).as_dvec3();

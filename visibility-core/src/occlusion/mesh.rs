@@ -34,14 +34,14 @@ pub struct Edge {
 pub enum MeshError {
     /// A vertex index is not below the number of vertices.
     Index {
-        /// Index of the triangle.
+        /// Index of the first triangle with a vertex index out of range.
         triangle: usize,
-        /// The vertex index.
+        /// The vertex index out of range: not below the number of vertices.
         index: u32,
     },
     /// A coordinate is NaN or infinite.
     NonFinite {
-        /// Index of the first such vertex.
+        /// Index of the first vertex with a NaN or infinite coordinate.
         vertex: usize,
     },
     /// There is no triangle with an area.
@@ -63,7 +63,7 @@ impl fmt::Display for MeshError {
 
 impl core::error::Error for MeshError {}
 
-/// A triangle mesh that occludes what is behind it, in mesh coordinates.
+/// A triangle mesh, in mesh coordinates, that occludes what lies behind its triangles.
 ///
 /// The front of a triangle is the side from which its corners run counter-clockwise. Only front faces
 /// occlude, as with backface culling, unless the mesh is [two-sided](Self::with_two_sided).
@@ -191,8 +191,8 @@ impl OccluderMesh {
         &self.parts
     }
 
-    /// Returns the number of triangles that belong to convex solids: all of a convex mesh, otherwise those of
-    /// its convex [`parts`](Self::parts).
+    /// Returns the number of triangles that belong to convex solids: all triangles of a convex mesh,
+    /// otherwise the triangles of its convex [`parts`](Self::parts). 0 without convex solids.
     ///
     /// ```
     /// use visibility_core::{Aabb, OccluderMesh};

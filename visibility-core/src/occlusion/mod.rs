@@ -35,9 +35,10 @@ use glam::{Affine3A, DVec3};
 pub enum Occlusion {
     /// No point of the box can be seen: the whole box lies strictly behind occluders.
     Hidden,
-    /// Some of the box may be seen. Boxes inside it may still be hidden and are worth testing.
+    /// Some part of the box may be visible. Smaller boxes within the box may still be hidden and are worth
+    /// testing.
     Partial,
-    /// No part of the box is hidden by the map. Boxes inside it need not be tested.
+    /// No part of the box is hidden by the map. Smaller boxes within the box need not be tested.
     Visible,
 }
 
@@ -99,9 +100,9 @@ pub trait OcclusionMap {
     /// out, since the parts that the planes cut away are not drawn.
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A);
 
-    /// Returns the greatest cost of adding an occluder, in triangles, the unit of the
+    /// Returns an upper bound on the cost of adding an occluder, in triangles, the unit of the
     /// [budget](OcclusionCuller::with_budget). The default is the number of triangles of the mesh. Maps that
-    /// draw some meshes more cheaply override it.
+    /// draw some meshes more cheaply than triangle by triangle return less.
     fn cost(&self, occluder: &OccluderMesh) -> usize {
         occluder.triangles().len()
     }

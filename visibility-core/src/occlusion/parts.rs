@@ -71,8 +71,9 @@ fn has_eight_corners(triangles: &[[u32; 3]]) -> bool {
     count == seen.len()
 }
 
-/// Groups triangles that are connected by joined edges ([`Edge::right`](super::Edge::right) is not `None`).
-/// Groups and the triangles in them keep their order.
+/// Groups triangles that are connected through edges with two triangles ([`Edge::right`](super::Edge::right)
+/// is not `None`). Groups are in the order of their first triangles, and the triangles of a group in their
+/// given order.
 fn pieces(triangles: &[[u32; 3]]) -> Vec<Vec<[u32; 3]>> {
     let (edges, _) = join(triangles);
     let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();

@@ -4,7 +4,8 @@ use super::OccluderMesh;
 use crate::{Scene, scene::Triangle};
 use alloc::vec::Vec;
 
-/// Settings that drop triangles from an occluder if they cost more than they occlude.
+/// Settings of [`prepare`]: which triangles are dropped from an occluder because they cost more than they
+/// occlude, and whether the occluder is two-sided.
 ///
 /// ```
 /// use visibility_core::occlusion::{prepare, Preparation};
@@ -13,8 +14,9 @@ use alloc::vec::Vec;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Preparation {
-    /// Slivers are dropped, since they cover no whole pixel: triangles whose height over their longest side
-    /// is at most this fraction of the side's length. 0 keeps all triangles with an area. Default 1e-3.
+    /// Slivers are dropped, since they cover no whole pixel. A triangle is a sliver if its height over its
+    /// longest side is at most this fraction of that side's length. 0 keeps all triangles with an area.
+    /// Default 1e-3.
     pub sliver: f32,
     /// Triangles with less than this fraction of the area of the largest triangle are dropped. Default 0.
     pub least_area: f32,
@@ -28,8 +30,8 @@ impl Default for Preparation {
     }
 }
 
-/// Makes an occluder from triangles, in their coordinates. Triangles that are not finite, and those that
-/// `preparation` excludes, are dropped. `None` if no triangle remains, or if there are too many for a mesh.
+/// Makes an occluder from triangles, in their coordinates. Triangles that are not finite or that
+/// `preparation` excludes are dropped. `None` if no triangle remains, or if too many remain for a mesh.
 /// Dropping triangles is conservative: an occluder with holes occludes less.
 pub fn prepare(triangles: &[Triangle], preparation: &Preparation) -> Option<OccluderMesh> {
     let measured = |t: &Triangle| {

@@ -52,8 +52,8 @@ pub enum LateAnswers {
     /// the query. Nothing visible is ever hidden. A still camera culls every hidden box. A moving camera
     /// culls nothing, since answers arrive at least one frame late.
     Visible,
-    /// Late answers are used for a number of frames. An object that comes into view may appear late by that
-    /// number of frames.
+    /// Answers for a frame at most `frames` frames old are used. An object that comes into view may appear
+    /// late by that number of frames.
     Trusted {
         /// Greatest age of a used answer, in frames.
         frames: u32,
@@ -141,7 +141,7 @@ impl<D: QueryDevice> HardwareQueries<D> {
         Self { late, frame: 0, since: 0, view: None, near: None, drawn: [0; 2], state: RefCell::new(state) }
     }
 
-    /// Returns the device.
+    /// Returns the query device that the map asks.
     pub fn device_mut(&mut self) -> &mut D {
         &mut self.state.get_mut().device
     }

@@ -105,7 +105,7 @@ impl ScenePvs {
 #[derive(Clone, Debug)]
 pub struct PvsCuller<S> {
     shared: S,
-    /// Stamp of the [`ScenePvs`] from which the fields below were derived.
+    /// Stamp of the [`ScenePvs`] from which the culler's derived state was computed.
     made_from: Stamp,
     /// Viewcell of the eye in the last frame. `None` outside all viewcells and for parallel views.
     viewcell: Option<ViewcellId>,
@@ -115,7 +115,8 @@ pub struct PvsCuller<S> {
     /// Scratch: the viewcells in which this frame's lines of sight begin.
     entering: Vec<ViewcellId>,
     reached: Vec<ViewcellId>,
-    /// PVS of `entered`, one bit per target.
+    /// Union of the PVS rows of the viewcells in `entered`: bit `t % 64` of word `t / 64` stands for target
+    /// `t`.
     seen: Vec<u64>,
     seen_from_one: Vec<u64>,
     /// For each object index, whether the object cannot be seen from any viewcell of `entered`.

@@ -10,9 +10,9 @@ use core::fmt;
 pub enum PvsError {
     /// A given row is not strictly ascending, or has a target that is not below the number of targets.
     Target {
-        /// The viewcell of the row.
+        /// Viewcell whose given row is faulty.
         viewcell: ViewcellId,
-        /// The target that is out of order or unknown.
+        /// Target in the row that is not greater than the one before, or not below the number of targets.
         target: u32,
     },
     /// The numbers of viewcells or targets, or the size of the rows in bytes, exceed 32 bits.
@@ -22,7 +22,7 @@ pub enum PvsError {
     /// A stored row is inconsistent although the checksum matches: the bytes were forged, or written by
     /// faulty code.
     Row {
-        /// The viewcell of the row.
+        /// Viewcell whose stored row is faulty.
         viewcell: ViewcellId,
         /// Description of the fault in English, with "it" for the row.
         problem: &'static str,

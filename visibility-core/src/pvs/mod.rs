@@ -42,8 +42,8 @@ pub enum PvsTargets {
     Objects,
 }
 
-/// A potentially visible set: for each viewcell, the targets that may be seen from some point in it.
-/// Immutable.
+/// A potentially visible set: for each viewcell, the targets that may be seen from some point in the
+/// viewcell. Immutable.
 ///
 /// ```
 /// use visibility_core::pvs::{Pvs, PvsTargets, ViewcellId};

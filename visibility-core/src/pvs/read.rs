@@ -55,8 +55,9 @@ impl Pvs {
         self.bytes.get(rows..)?.get(start..end)
     }
 
-    /// Returns the runs of a viewcell's row, and the runs of its base row. The latter are empty for a plain
-    /// row, both for an unknown viewcell. The targets seen are those in exactly one of the two.
+    /// Returns the runs of a viewcell's row, and the runs of its base row. The viewcell sees exactly the
+    /// targets that are in one of the two and not in both. The runs of the base row are empty for a plain
+    /// row; both are empty for an unknown viewcell.
     fn runs(&self, viewcell: ViewcellId) -> [Runs<'_>; 2] {
         let of = |viewcell| self.row(viewcell).and_then(parts).unwrap_or((None, &[]));
         let (base, runs) = of(viewcell);

@@ -81,11 +81,12 @@ pub struct Viewcells {
 struct Node {
     min: DVec3,
     max: DVec3,
-    /// Index of the node after all descendants of this one.
+    /// Index in `Viewcells::nodes` of the node after all descendants of this node, where a search continues
+    /// that skips them.
     next: u32,
-    /// First of the leaf's entries, an index into `order`.
+    /// First viewcell of a leaf, as an index into `Viewcells::order`.
     start: u32,
-    /// End of the leaf's entries, exclusive; equal to `start` for an inner node.
+    /// End of the leaf's range in `Viewcells::order`, exclusive. Equal to `start` for an inner node.
     end: u32,
 }
 
@@ -139,9 +140,9 @@ impl Viewcells {
         &self.cells
     }
 
-    /// Returns the viewcell that contains a point in world space; of several, the one with the least number.
-    /// `None` if no viewcell contains the point, or for NaN. On the boundary between two viewcells either is
-    /// valid, since the PVS of each includes what is seen from its boundary.
+    /// Returns the viewcell that contains a point in world space; of several, the viewcell with the least
+    /// number. `None` if no viewcell contains the point, or for NaN. On the boundary between two viewcells
+    /// both are valid answers, since the PVS of each viewcell includes what is seen from its boundary.
     pub fn locate(&self, p: DVec3) -> Option<ViewcellId> {
         let (mut at, mut found) = (0, None);
         while let Some(node) = self.nodes.get(at) {
