@@ -65,8 +65,7 @@ fn backface(c: &mut Criterion) {
         });
 
         let mut scene = Scene::new();
-        // The boxes are small and lie in a cube around the target, so blocks of boxes cross planes of the
-        // view.
+        // One object per cluster, with the cluster's bounds and cone.
         let ids = scene.insert_batch(clusters.iter().map(|(bounds, _)| *bounds));
         let mut culler = BackfaceCuller::new();
         for (&id, (_, cone)) in ids.iter().zip(&clusters) {

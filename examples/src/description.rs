@@ -120,14 +120,14 @@ fn up_axis(item: &Item<'_>) -> Result<Vec3, SourceError> {
     }
 }
 
-/// Reads a near-plane distance, which must be positive and finite as an f32.
+/// Reads a near-plane distance in scene units. Returns an error unless it is positive and finite as an f32.
 fn near(item: &Item<'_>) -> Result<f32, SourceError> {
     let near = item.number()? as f32;
     if near > 0.0 && near.is_finite() { Ok(near) } else { Err(item.wrong("a positive distance")) }
 }
 
-/// Reads a camera walk. The field of view must lie strictly between 0 and 180 degrees, the up direction must
-/// not be zero, and there must be at least one key.
+/// Reads a camera walk. Returns an error unless the field of view lies strictly between 0 and 180 degrees,
+/// the up direction is not zero, and there is at least one key.
 fn walk(item: &Item<'_>) -> Result<Walk, SourceError> {
     let fov = item.required("fov_y_deg")?;
     let fov_y_degrees = fov.number()? as f32;
@@ -161,8 +161,8 @@ fn key(item: &Item<'_>) -> Result<CameraKey, SourceError> {
     Ok(CameraKey { eye, target })
 }
 
-/// Reads the reference counts of one walk: the required name `path`, and lists of counts that are empty if
-/// absent.
+/// Reads the reference counts of one walk. Lists of counts that are absent are empty; a missing walk name
+/// (`path`) is an error.
 fn reference(item: &Item<'_>) -> Result<ReferenceCounts, SourceError> {
     Ok(ReferenceCounts {
         walk: item.required("path")?.text()?,
@@ -207,7 +207,8 @@ impl<'a> Item<'a> {
         self.member(key).ok_or_else(|| self.wrong(&format!("an object with the key `{key}`")))
     }
 
-    /// Reads the value under a key with `read`. `Ok(None)` when the key is absent or null.
+    /// Reads the value under a key with `read`, and passes the error of `read` on. `Ok(None)` when the key is
+    /// absent or null.
     fn optional<T>(
         &self,
         key: &str,

@@ -57,7 +57,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneSource, SourceError> {
 }
 
 /// Parses and validates a document. Returns the document and the binary chunk of a GLB, `None` if there is
-/// none.
+/// none. Returns an error for a truncated header and for any violation that the `gltf` crate finds.
 fn document(bytes: &[u8], path: &Path) -> Result<(gltf::Document, Option<Vec<u8>>), SourceError> {
     /// Size of the GLB header, in bytes.
     const GLB_HEADER: usize = 12;
@@ -175,7 +175,7 @@ struct Collector<'a> {
 
 impl Collector<'_> {
     /// Appends one object for each primitive of the node's mesh; `transform` maps mesh space to world space.
-    /// A node without a mesh adds no object.
+    /// A node without a mesh adds no object. Returns the first error of a primitive.
     fn add(&mut self, node: &gltf::Node<'_>, transform: &DMat4) -> Result<(), SourceError> {
         let Some(mesh) = node.mesh() else {
             return Ok(());
@@ -195,7 +195,8 @@ impl Collector<'_> {
     }
 
     /// Reads the world-space triangles of one primitive, which are none for points and lines. `place` names
-    /// the primitive in error messages.
+    /// the primitive in error messages. Returns an error for invalid accessors or indices, and when the scene
+    /// would exceed a bound.
     fn primitive(
         &mut self,
         primitive: &gltf::Primitive<'_>,

@@ -101,7 +101,8 @@ fn load_vscn(path: &Path) -> Result<SceneSource, SourceError> {
 }
 
 /// Makes the scene of a VSCN file and a description. Absent facts get defaults: z up, and a near plane and
-/// walks derived from the bounds.
+/// walks derived from the bounds. Returns an error when the file is invalid or its counts differ from the
+/// description's.
 fn assemble(path: &Path, description: &Description) -> Result<SceneSource, SourceError> {
     let triangles = vscn::parse(&read(path)?, path)?;
     check_counts(path, description, &triangles)?;

@@ -59,7 +59,8 @@ fn glb(document: &Value, data: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Parses a document as a GLB file whose binary chunk is the square's buffer.
+/// Parses a document as a GLB file whose binary chunk is the square's buffer, and returns the loader's
+/// result.
 fn read(document: &Value) -> Result<SceneSource, SourceError> {
     parse(&glb(document, &square_bytes()), Path::new("test.glb"))
 }

@@ -18,7 +18,7 @@ fn scene(objects: Vec<Vec<[Vec3; 3]>>) -> SceneSource {
     }
 }
 
-/// Parses the bytes of a VSCN file named `test.vscn`.
+/// Parses the bytes of a VSCN file named `test.vscn`, and returns the loader's result.
 fn parse(bytes: &[u8]) -> Result<Vec<Vec<[Vec3; 3]>>, SourceError> {
     vscn::parse(bytes, Path::new("test.vscn"))
 }

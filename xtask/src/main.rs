@@ -32,7 +32,7 @@ fn main() -> ExitCode {
 }
 
 /// Returns the crates of the workspace, sorted: the folders directly below `root` that have a manifest and a
-/// `src`.
+/// `src`. Returns an error when `root` cannot be listed.
 fn crates(root: &Path) -> Result<Vec<PathBuf>, String> {
     let entries = std::fs::read_dir(root).map_err(|error| format!("{}: {error}", root.display()))?;
     let mut folders: Vec<PathBuf> = entries
@@ -43,7 +43,8 @@ fn crates(root: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(folders)
 }
 
-/// Prints each group of modules that need each other, and returns the number of groups.
+/// Prints each group of modules of a crate that need each other, for all crates below `root`, and returns the
+/// number of groups. Returns an error for the first file that cannot be read or parsed.
 fn check_cycles(root: &Path) -> Result<usize, String> {
     let mut count = 0;
     for folder in crates(root)? {
@@ -62,7 +63,8 @@ fn check_cycles(root: &Path) -> Result<usize, String> {
     Ok(count)
 }
 
-/// Prints each comment line that is longer than [`WIDTH`], and returns the number of such lines.
+/// Prints each comment line below `root` that is longer than [`WIDTH`], and returns the number of such lines.
+/// Returns an error for the first folder or file that cannot be read.
 fn check_width(root: &Path) -> Result<usize, String> {
     let (mut count, mut folders) = (0, crates(root)?);
     while let Some(folder) = folders.pop() {

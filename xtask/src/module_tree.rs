@@ -42,7 +42,7 @@ impl ModuleTree {
     }
 
     /// Reads a source file whose child modules are in `folder`, and recursively its children. Returns the
-    /// module's index.
+    /// module's index, or an error for the first file that cannot be read or parsed.
     fn add(&mut self, file: PathBuf, folder: &Path, parent: Option<usize>) -> Result<usize, String> {
         let text = std::fs::read_to_string(&file).map_err(|error| format!("{}: {error}", file.display()))?;
         let parsed = syn::parse_file(&text).map_err(|error| format!("{}: {error}", file.display()))?;
@@ -94,7 +94,7 @@ impl ModuleTree {
     }
 
     /// Like [`resolve`](Self::resolve), for a path whose first name is looked up within `module`. An empty
-    /// path leads to the module itself.
+    /// path leads to the module itself. `None` if the first name is not found there.
     fn descend(&self, module: usize, path: &[String], depth: u32) -> Option<usize> {
         let Some((first, rest)) = path.split_first() else { return Some(module) };
         let here = &self.modules[module];

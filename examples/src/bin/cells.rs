@@ -22,7 +22,7 @@ struct Arguments {
     #[arg(long, value_enum, default_value = "polygons")]
     from: From,
 
-    /// File to write the cells and portals to, in the portal file format (.prt).
+    /// File to write the cells and portals to, in the portal file format (.prt). By default none.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }

@@ -31,15 +31,17 @@ struct Arguments {
     #[arg(long, default_value_t = 200, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     reps: u32,
 
-    /// File to write the answers to: which boxes are visible in each view.
+    /// File to write the answers to: which boxes are visible in each view. By default none.
     #[arg(long, value_name = "FILE.visb")]
     dump: Option<PathBuf>,
 
-    /// VISB file with reference answers to compare with; its views and boxes must match the scene's.
+    /// VISB file with reference answers to compare with; its views and boxes must match the scene's. By
+    /// default answers are not compared.
     #[arg(long, value_name = "FILE.visb")]
     r#ref: Option<PathBuf>,
 
-    /// Folder to write the z-buffer and its pyramid to as pictures, in a subfolder for each view.
+    /// Folder to write the z-buffer and its pyramid to as pictures, in a subfolder for each view. By default
+    /// none.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 

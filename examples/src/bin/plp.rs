@@ -134,7 +134,7 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 }
 
 /// Prints the paper's table 1 for four finenesses of the octree. The first fineness is that of `walkthrough
-/// --cullers cplp`.
+/// --cullers cplp`. Returns an error when the z-buffer cannot be created.
 fn show_conservative(world: &World) -> Result<(), Box<dyn Error>> {
     let total = world.source.triangle_count() as u64;
     println!("{}: {} triangles, {} frames", world.source.name, total, world.views.len());

@@ -28,15 +28,16 @@ struct Arguments {
     json: bool,
 
     /// File to write the visible sets to, compressed and with a checksum, in the format of
-    /// `visibility_core::pvs::Pvs`.
+    /// `visibility_core::pvs::Pvs`. By default none.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 
-    /// File to write the cell-to-cell matrix to: a bit for each pair of cells, row by row.
+    /// File to write the cell-to-cell matrix to: a bit for each pair of cells, row by row. By default none.
     #[arg(long, value_name = "FILE")]
     matrix: Option<PathBuf>,
 
-    /// Matrix file (`.vismat`) of another program, to compare the visible pairs of cells with.
+    /// Matrix file (`.vismat`) of another program, to compare the visible pairs of cells with. By default
+    /// none.
     #[arg(long, value_name = "FILE")]
     compare: Option<PathBuf>,
 

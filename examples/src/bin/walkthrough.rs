@@ -53,12 +53,12 @@ struct Arguments {
     #[arg(long, default_value = "640x360", value_name = "WxH", value_parser = parse_size::<u32>)]
     size: [u32; 2],
 
-    /// File to write a line of JSON to for each culler.
+    /// File to write a line of JSON to for each culler. By default none.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
     /// File to write the objects to that each culler reports in each frame: frame, culler, and indices of
-    /// objects.
+    /// objects. By default none.
     #[arg(long, value_name = "FILE")]
     dump: Option<PathBuf>,
 
@@ -158,7 +158,8 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Opens a scene, with the walks, near plane and up axis of the description `cameras` if there is one.
+/// Opens the scene `name`. If `cameras` is given, the walks, near plane and up axis come from that JSON
+/// description. Returns an error when a file cannot be read or is invalid.
 fn scene(name: &str, cameras: Option<&Path>) -> Result<SceneSource, SourceError> {
     let mut source = open(name)?;
     if let Some(cameras) = cameras {
@@ -204,7 +205,8 @@ struct Album<'a> {
 }
 
 impl Album<'_> {
-    /// Writes a picture as `SCENE-NAME.png`, with unusual characters replaced by `_`.
+    /// Writes a picture as `SCENE-NAME.png` into the folder, with unusual characters replaced by `_`. Creates
+    /// the folder if needed. Returns a message with the path as the error.
     fn save(&self, canvas: &Canvas, name: &str) -> Result<(), String> {
         std::fs::create_dir_all(self.folder)
             .map_err(|error| format!("cannot make {}: {error}", self.folder.display()))?;
@@ -217,8 +219,8 @@ impl Album<'_> {
     }
 
     /// Writes pictures of the middle frame of each walk: one from the eye, and one from above for each
-    /// culler. For a culler that hid visible objects, also the frame in which it hid the most is drawn from
-    /// above.
+    /// culler. For a culler that hid visible objects, also draws from above the frame in which it hid the
+    /// most. Returns the first error of drawing or writing.
     fn walks(&self, trials: &[Trial], judgement: &Judgement) -> Result<(), Box<dyn Error>> {
         let Self { world, marked, .. } = *self;
         let mut middles = Vec::new();

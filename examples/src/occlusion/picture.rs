@@ -8,6 +8,10 @@ use visibility_hzb::Hzb;
 /// Writes `pixels.png` and `level-0.png` (tiles of 8 x 8 pixels) up to the level of a single texel. Near is
 /// bright, far is dark, and blue marks texels that no occluder covers entirely. All pictures share one scale
 /// of brightness.
+///
+/// # Errors
+///
+/// Returns the error of the file system when the folder or a file cannot be written.
 pub fn save(hzb: &Hzb, folder: &Path) -> io::Result<()> {
     std::fs::create_dir_all(folder)?;
     let pixels: Vec<f32> = (0..hzb.height())

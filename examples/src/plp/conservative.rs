@@ -74,8 +74,8 @@ pub fn front_to_back(world: &World, cells: &OctreeTessellation, map: &mut Hzb) -
     per_frame(sum, world)
 }
 
-/// Measures conservative prioritized-layered projection on all frames of a world. `budget` is the number of
-/// triangles that are projected before the first tests against `map`.
+/// Measures conservative prioritized-layered projection on all frames of a world. `budget` limits the
+/// triangles that are projected in a frame before the first test against `map`.
 pub fn conservative(world: &World, cells: &Arc<OctreeTessellation>, budget: u64, map: Hzb) -> Effort {
     let mut sum = Effort { name: format!("cPLP, {budget} triangles"), ..Effort::default() };
     let mut culler = ConservativePlpCuller::new(cells.clone(), Budget::Cost(budget), map);

@@ -183,7 +183,8 @@ impl Map {
 
     /// Paints the footprints of the objects for which `shown` is true, smaller footprints over larger ones: a
     /// chair is painted over its floor, although a roof is above both. `shown` receives the index of the
-    /// object and the area of its bounds as a fraction of the map's area; `color` receives the index.
+    /// object and the area of its bounds as a fraction of the map's area; `color` receives the index. Returns
+    /// an error when the item buffer cannot draw the objects.
     ///
     /// An item buffer draws the flattened objects from above, each at a height equal to its rank by size.
     pub(super) fn paint(

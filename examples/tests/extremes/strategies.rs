@@ -254,7 +254,8 @@ fn view(rng: &mut Random, objects: &[SourceObject], reach: f64, scale: DVec3, or
     })
 }
 
-/// Makes a view from a clip matrix with a random depth convention. Its near plane is at `size` / 100.
+/// Makes a view of a camera at `pose` from a clip matrix with a random depth convention, with its near plane
+/// at `size` / 100. Returns an error when the matrix is no valid view.
 fn by_matrix(rng: &mut Random, pose: &Pose, size: f64) -> Result<View, visibility_core::view::ViewError> {
     let depth = rng.pick(&DEPTHS);
     let rotation = DMat4::from_cols(

@@ -58,18 +58,21 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-/// Returns the BSP tree of the world's triangles, built on the first call.
+/// Returns the BSP tree of the world's triangles, built on the first call. Returns a message as the error
+/// when the tree cannot be built.
 fn tree_of(world: &World) -> Result<Arc<SceneTree>, String> {
     let make = || SceneTree::new(&world.scene).map_err(|error| error.to_string());
     world.prepared.get("a BSP tree", make)
 }
 
-/// Returns the large polygons among the world's occluders, gathered on the first call.
+/// Returns the large polygons among the world's occluders, gathered on the first call. Never returns an
+/// error.
 fn occluders_of(world: &World) -> Result<Arc<Occluders>, String> {
     world.prepared.get("large occluders", || Ok(Occluders::new(&world.scene)))
 }
 
-/// Reads the dial as a whole number of at least one. Without a dial the number is `unset`.
+/// Reads the dial as a whole number of at least one; other text is an error. Without a dial the number is
+/// `unset`.
 fn number(dial: Option<&str>, unset: usize) -> Result<usize, String> {
     let Some(dial) = dial else { return Ok(unset) };
     dial.parse().ok().filter(|&n| n > 0).ok_or_else(|| format!("`{dial}` is no number of one or more"))

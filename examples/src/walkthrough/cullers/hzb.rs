@@ -45,7 +45,8 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-/// Makes a map whose dial is its size, such as `256x144`; without a dial 512 x 288 pixels.
+/// Makes a z-buffer whose dial is its size in pixels, such as `256x144`; without a dial 512 x 288. Text that
+/// is no size, or a size that the z-buffer cannot have, is an error.
 fn map(dial: Option<&str>) -> Result<Hzb, String> {
     let [width, height] = dial.map_or(Ok([512, 288]), parse_size)?;
     Hzb::new(width, height).map_err(|error| error.to_string())

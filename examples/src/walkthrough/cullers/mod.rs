@@ -55,7 +55,7 @@ pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Pipeline)>, Culle
 }
 
 /// Makes the pipeline of one entry such as `a+b:10%`, which must not contain spaces. It begins with the
-/// frustum culler.
+/// frustum culler. Returns an error for the first stage that is unknown or does not suit the world.
 fn pipeline(entry: &str, world: &World) -> Result<Pipeline, CullerError> {
     let mut pipeline = Pipeline::new().with(FrustumCuller::new());
     for stage in entry.split('+').filter(|&stage| stage != "frustum") {

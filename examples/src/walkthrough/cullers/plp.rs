@@ -77,7 +77,7 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-/// Returns the world's octree of default fineness, built on the first call.
+/// Returns the world's octree of default fineness, built on the first call. Never returns an error.
 fn octree_of(world: &World) -> Result<Arc<OctreeTessellation>, String> {
     world.prepared.get("an octree", || Ok(OctreeTessellation::new(&world.scene)))
 }
