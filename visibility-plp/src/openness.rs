@@ -250,8 +250,8 @@ impl Lines {
     }
 }
 
-/// Maximum number of intersections of a line that are searched linearly. Lines with more are sorted and
-/// bisected.
+/// Maximum number of surfaces met by one sampling line that are searched linearly. The surfaces of lines with
+/// more are sorted by depth and bisected.
 const MAX_SCANNED: usize = 32;
 
 /// Returns the least `distance` of a list of depths that is greater than [`SAME_SURFACE`], or infinity if

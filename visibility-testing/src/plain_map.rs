@@ -16,7 +16,8 @@ use visibility_core::{
 /// depths are moved away from the eye. Far above rounding, far below a pixel.
 const SLACK: f64 = 1e-9;
 
-/// Occlusion map that holds, for each pixel, the greatest depth of the surface that covers it.
+/// Occlusion map that holds, for each pixel, an upper bound on the depth of the surface that covers the
+/// pixel. Conservative and slow, as a reference in tests.
 pub struct PlainMap {
     /// Number of columns.
     width: usize,
@@ -30,8 +31,8 @@ pub struct PlainMap {
     eye: Eye,
     /// Clip planes of the view, relative to the scene's origin; none before the first frame.
     clip_planes: ViewPlanes,
-    /// For each pixel, the farthest depth that is certainly covered; infinite in uncovered pixels. Row by
-    /// row from the top.
+    /// For each pixel, the farthest depth (clip w for perspective views, clip depth for parallel views) that
+    /// is certainly covered; infinite in uncovered pixels. Row by row from the top.
     depth: Vec<f64>,
     /// Depths of the occluders added so far, including those not flushed yet.
     pending: Vec<f64>,
