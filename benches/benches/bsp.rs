@@ -99,7 +99,8 @@ fn insertion(c: &mut Criterion) {
     group.finish();
 }
 
-/// Makes a closed triangle mesh of a unit sphere with about `faces` triangles.
+/// Makes a closed triangle mesh of a sphere with radius 1 around `center`, with about `faces` triangles;
+/// degenerate triangles at the poles are left out.
 fn ball(faces: usize, center: DVec3) -> Vec<[DVec3; 3]> {
     let n = ((faces / 2) as f64).sqrt() as usize;
     let at = |i: usize, j: usize| {

@@ -1,4 +1,4 @@
-//! Occlusion maps that are used without the driver: an occluder that a clip plane may cut hides nothing.
+//! Tests of occlusion maps used without the driver: an occluder that a clip plane may cut hides nothing.
 
 use visibility_bsp::OcclusionTree;
 use visibility_core::geometry::Plane;

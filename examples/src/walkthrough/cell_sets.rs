@@ -76,7 +76,8 @@ pub fn bake(
     Ok(ScenePvs::new(scene, pvs, viewcells.clone(), pairs))
 }
 
-/// Returns bake settings with a clearance that is proportional to the size of the cells.
+/// Returns the default bake settings with a clearance proportional to the extent of the cells, as
+/// [`clearance`] computes it.
 pub fn settings(viewcells: &Viewcells) -> Settings {
     Settings { clearance: clearance(viewcells), ..Settings::default() }
 }
