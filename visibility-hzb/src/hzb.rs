@@ -34,8 +34,8 @@ const SMALL: usize = 24;
 /// are drawn by their outlines. The 12 triangles of a box cost as much as two.
 const OUTLINE: usize = 6;
 
-/// Number of occluders found hidden by tiles but not by the pyramid, after which the pyramid is updated
-/// before the next flush: from then on the update costs less than it saves.
+/// Number of occluders found hidden by tiles but not by the pyramid after which the pyramid is updated
+/// between flushes. From this number on, the update costs less than it saves.
 const MISSED: usize = 32;
 
 /// A hierarchical z-buffer: an [`OcclusionMap`] of tiles of 8 x 8 pixels with a pyramid of least depth keys

@@ -151,7 +151,8 @@ impl Pyramid {
 }
 
 /// Writes texels `first..end` of one row `out` of a level. Each becomes the minimum of two texels of the
-/// finer row `above` and two of the finer row `below`.
+/// finer row `above` and two of the finer row `below`. With an odd number of finer columns, the last texel
+/// becomes the minimum of one texel of each row.
 fn halve(above: &[f32], below: &[f32], [first, end]: [usize; 2], out: &mut [f32]) {
     let ((pairs_above, rest_above), (pairs_below, rest_below)) =
         (above.as_chunks::<2>(), below.as_chunks::<2>());

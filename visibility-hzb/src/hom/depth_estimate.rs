@@ -49,11 +49,11 @@ pub(crate) struct DepthBoundary {
     pub(crate) estimate: DepthEstimate,
     /// Number of tile columns of the buffer, the row length of `cells`.
     columns: usize,
-    /// Bound of [`DepthEstimate::Plane`]: at most the depth key of any point of an occluder. Positive
-    /// infinity if there are no occluders.
+    /// For [`DepthEstimate::Plane`]: lower bound on the depth keys of all points of drawn occluders.
+    /// Positive infinity if there are no occluders.
     plane: f32,
-    /// Bound of each tile, row by row, for [`DepthEstimate::Buffer`] and [`DepthEstimate::NoBackground`].
-    /// Positive infinity if no occluder meets the tile.
+    /// For [`DepthEstimate::Buffer`] and [`DepthEstimate::NoBackground`]: lower bound on the depth keys of
+    /// the occluders in each tile, row by row. Positive infinity if no occluder meets the tile.
     cells: Vec<f32>,
 }
 

@@ -86,9 +86,9 @@ const GRID: usize = 4;
 const NEIGHBOURS: [usize; 2] = [1024, 32];
 
 impl OccluderDatabase {
-    /// Classifies all objects of `scene` that are flagged as occluders and have a mesh. Takes about a
-    /// microsecond for each triangle near other occluders, so it belongs into loading time. Where thousands
-    /// of occluders lie within one another, the time grows with the square of their number.
+    /// Classifies all objects of `scene` that are flagged as occluders and have a mesh. Other objects are
+    /// ignored. Takes about a microsecond for each triangle near other occluders, so call it while loading.
+    /// Where thousands of occluders lie within one another, the time grows with the square of their number.
     pub fn new(scene: &Scene, criteria: &OccluderCriteria) -> Self {
         let mut new = Self::default();
         let mut sized = Vec::new();
@@ -238,7 +238,7 @@ fn neighbours(scene: &Scene, id: ObjectId, reach: &Aabb, rank: &[u32]) -> Vec<Ob
     found
 }
 
-/// A line in scene coordinates along an axis. Only its part within a box counts.
+/// A test line in scene coordinates along one of the axes, limited to the extent of a box.
 struct Line<'a> {
     /// Axis indices: the two axes across the line, then the axis along the line.
     axes: [usize; 3],

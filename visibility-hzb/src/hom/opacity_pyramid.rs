@@ -21,9 +21,9 @@ pub(crate) struct Level {
     pub(crate) rows: usize,
     /// Number of covered pixels of each texel, row by row from the top.
     pub(crate) counts: Vec<u32>,
-    /// Minimum number of covered pixels of an opaque texel. Texels of the last column and last row have
-    /// fewer pixels, so there are four numbers: for texels in neither, in the last column, in the last
-    /// row, in both.
+    /// Minimum number of covered pixels of an opaque texel. Texels of the last column or row have fewer
+    /// pixels, so there are four numbers: for texels in neither the last column nor the last row, in the
+    /// last column, in the last row, in both.
     need: [u32; 4],
 }
 

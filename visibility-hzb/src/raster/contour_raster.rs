@@ -78,7 +78,7 @@ pub(crate) struct ContourRaster<'a> {
     columns: usize,
     /// Width and height of the buffer in pixels.
     size: [f64; 2],
-    /// Upper bound on the error of screen coordinates, in pixels.
+    /// Upper bound on the error of screen coordinates, in pixels. Contours are widened by it.
     slack: f64,
     /// First column, last column, first row, last row of the tiles that a contour touched, inclusive. First
     /// exceeds last before the first contour.
@@ -131,10 +131,10 @@ impl<'a> ContourRaster<'a> {
         self.used = [x0.min(x[0]), x1.max(x[1]), y0.min(y[0]), y1.max(y[1])];
     }
 
-    /// Lowers the least depth key of each quarter of a tile that a triangle may meet. `corners` are the three
-    /// corners of the triangle, or the corners of its part beyond the near plane. `plane` returns the
-    /// coefficients `a`, `b`, `c` of its depth key as a plane `a x + b y + c` in pixel coordinates, lowered
-    /// by the error. It is called only where the corners alone are not tight enough.
+    /// Lowers the least depth key of each quarter (4 x 4 pixels) of a tile that a triangle may meet.
+    /// `corners` are the three corners of the triangle, or the corners of its part beyond the near plane.
+    /// `plane` returns the coefficients `a`, `b`, `c` of its depth key as a plane `a x + b y + c` in pixel
+    /// coordinates, lowered by the error. It is called only where the corners alone are not tight enough.
     #[inline(always)]
     pub(crate) fn deepen(&mut self, corners: &[ScreenVertex], plane: impl FnOnce() -> [f64; 3]) {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -190,8 +190,8 @@ impl<'a> ContourRaster<'a> {
     }
 
     /// Draws a contour edge from `a` to `b` with multiplicity `times`, negative for the opposite direction.
-    /// It changes the winding numbers of the pixels to its right. If `marked`, pixels within the slack of the
-    /// edge are not covered.
+    /// The edge changes the winding numbers of the pixels to its right. If `marked`, pixels whose distance
+    /// from the edge is within the slack are not covered.
     ///
     /// The edge's column on a row is clamped to the ends of the edge, and otherwise off by at most 11 units
     /// of round-off of the greatest coordinate. The slack is several times as large.

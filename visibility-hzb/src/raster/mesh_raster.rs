@@ -47,14 +47,15 @@ pub(crate) struct MeshScratch {
     /// Homogeneous screen coordinates of each vertex: `x` and `y` (pixel coordinates times `w`), `w`, `n`
     /// (depth key times `w`), and the distance beyond the near plane.
     corners: Vec<[f64; 5]>,
-    /// Screen position of each vertex. Meaningless for vertices that are not beyond the near limit.
+    /// Screen position of each vertex. Meaningless for a vertex that is not beyond the near limit (see
+    /// [`ObjectProjection::near_limit`]).
     screen: Vec<ScreenVertex>,
     /// Side of each triangle that is drawn: 1 for the front, -1 for the back, 0 if the triangle is not
     /// drawn.
     facing: Vec<i8>,
 }
 
-/// Constant part of the slack, in pixels.
+/// Constant part of the slack, the width in pixels by which contours are widened to allow for rounding.
 const TINY: f64 = 1.0 / 1048576.0;
 
 /// Minimum size of drawn triangles in meshes with many open edges: the summed widths and heights, in pixels,
@@ -72,12 +73,13 @@ const LANES: usize = 8;
 
 /// Bounds over the vertices of a mesh.
 struct VertexBounds {
-    /// Upper bound on the error of the pixel coordinates of vertices and cuts beyond the near limit, in
-    /// pixels.
+    /// Upper bound on the error, in pixels, of the screen coordinates of vertices and near-plane cuts that
+    /// are drawn.
     error: f64,
-    /// Upper bound on the depth keys of vertices and cuts beyond the near limit.
+    /// Upper bound on the depth keys (greater is nearer) of vertices and near-plane cuts that are drawn.
     greatest: f64,
-    /// Least distance beyond the near plane of all vertices. Without unit; negative if nearer.
+    /// Least distance beyond the near plane of all vertices, without unit. Negative if a vertex is nearer
+    /// than the near plane.
     nearest: f64,
 }
 

@@ -9,7 +9,7 @@ use visibility_core::{
 use visibility_testing::Random;
 
 /// A finished occlusion map whose [`test_64`](OcclusionMap::test_64) asserts that all answers are equal to
-/// those of [`test`](OcclusionMap::test). It ignores `begin`, `add` and `flush`.
+/// those of [`test`](OcclusionMap::test). The methods `begin`, `add` and `flush` do nothing.
 pub struct Checked<M>(pub M);
 
 impl<M: OcclusionMap> OcclusionMap for Checked<M> {

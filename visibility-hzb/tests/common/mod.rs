@@ -210,7 +210,7 @@ pub fn convention(view: &View, which: usize) -> View {
 
 /// A triangle of an occluder in world coordinates.
 pub struct Face {
-    /// Corners, counter-clockwise as seen from the front.
+    /// Corners in world coordinates, counter-clockwise as seen from the front.
     pub corners: [DVec3; 3],
     /// Whether only the front hides objects.
     pub one_sided: bool,
