@@ -45,7 +45,7 @@ fn town() -> Result<Scene, Box<dyn Error>> {
 }
 
 /// Draws all occluders of the scene into a z-buffer and returns the buffer as text of 100 x 28 characters.
-/// Nearer pixels have darker characters.
+/// Nearer pixels have darker characters; uncovered pixels are blank. Never returns an error.
 fn picture(scene: &Scene, view: &View) -> Result<String, SceneError> {
     let mut hzb = Hzb::default();
     hzb.begin(view, DVec3::ZERO);

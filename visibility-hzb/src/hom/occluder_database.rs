@@ -186,10 +186,10 @@ fn faces(bounds: &Aabb) -> Vec3 {
 }
 
 /// Returns the fraction, 0 to 1, of an object that larger occluders back: the fraction of lines through the
-/// object that meet one, averaged over the axes with the areas of its bounds across each axis as weights.
-/// `rank` gives, by object index, the position of an accepted occluder in descending order of area, and
-/// `u32::MAX` for other objects. NaN if the object's bounds have no area; 0 if the object is not in the
-/// scene.
+/// object that meet a larger occluder, averaged over the three axes with the areas of the object's bounds
+/// across each axis as weights. `rank` gives, by object index, the position of an accepted occluder in
+/// descending order of area, and `u32::MAX` for other objects. NaN if the object's bounds have no area; 0 if
+/// the object is not in the scene.
 fn backed_share(scene: &Scene, id: ObjectId, rank: &[u32]) -> f32 {
     let Ok(bounds) = scene.bounds(id) else { return 0.0 };
     let near = (bounds.max - bounds.min).max_element() / 8.0;

@@ -67,7 +67,7 @@ pub struct Hom {
     boundary: DepthBoundary,
     /// Boxes around added occluders that `boundary` and `stale` do not take into account yet.
     queue: BoxQueue,
-    /// Tiles that may have changed since the last flush.
+    /// Tiles whose opacity and depth bounds may be out of date since the last flush.
     stale: TileRange,
 }
 

@@ -12,7 +12,7 @@ use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
 use alloc::vec::Vec;
 
-/// One level of counts: that of tiles, or a coarser one.
+/// Counts of covered pixels on one level: that of tiles, or a coarser one.
 #[derive(Clone, Debug)]
 pub(crate) struct Level {
     /// Number of texel columns.

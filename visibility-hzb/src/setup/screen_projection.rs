@@ -188,10 +188,11 @@ impl ObjectProjection {
     /// Returns an upper bound on the absolute error of the determinant of three points (`x`, `y`, `w`), or of
     /// a point and two differences of points.
     ///
-    /// The determinant is a sum of six products of three values each. Replacing one value by its error, in
-    /// turn, gives at most two products for each value and pair of others, so `2 (e_x S_y S_w + ...)` for
-    /// each of the three points. Differences double both. The sums of the determinant round by a few units,
-    /// which the errors (16u at least) exceed. The factor 64 covers all that.
+    /// Let `e` be the error bounds and `S` the bounds on magnitudes of the points' values. The determinant is
+    /// a sum of six products of three values each. Replacing one value by its error, in turn, gives at most
+    /// two products for each value and pair of others, so `2 (e_x S_y S_w + ...)` for each of the three
+    /// points. Differences double both. The sums of the determinant round by a few units, which the errors
+    /// (16u at least) exceed. The factor 64 covers all that.
     #[inline(always)]
     pub(crate) fn determinant_error(&self) -> f64 {
         let ([sx, sy, sw, ..], [ex, ey, ew, ..]) = (self.size, self.error);
