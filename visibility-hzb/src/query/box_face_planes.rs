@@ -45,11 +45,12 @@ pub(crate) struct FacePlaneSetup {
     /// Magnitude of the determinant of the rows `x`, `y`, `w` of the projection. 0 for parallel views and
     /// where rounding leaves the determinant open: then no box is hidden by its faces.
     pub(crate) scale: f64,
-    /// Constant part of the upper bound on the error of each face's denominator. The denominator is `scale`
-    /// times the distance between anchor and face.
+    /// Constant part of the upper bound on the absolute error of the denominator of each face's depth key.
+    /// The numerator is the linear function `along`; the denominator is `scale` times the distance between
+    /// anchor and face.
     shift: [f64; LANES],
-    /// Factor of the upper bound on the error of a face's denominator that grows with the distance between
-    /// anchor and face: error for each metre.
+    /// Part of the upper bound on the absolute error of the denominator of a face's depth key (`scale` times
+    /// the distance between anchor and face) for each metre of the distance.
     spread: f64,
 }
 
@@ -59,7 +60,7 @@ pub(crate) struct FacePlaneSetup {
 pub(crate) struct BoxFacePlanes {
     /// Change of the bound for each pixel to the right and for each pixel downwards.
     slope: [[f64; LANES]; 2],
-    /// Value of the bound at the upper left corner of the picture, error included.
+    /// Value of the linear bound at the upper left corner of the picture, raised by the bound on its error.
     constant: [f64; LANES],
     /// 0 in lanes with an upper bound, else infinity. Added to the lanes' values, so that a minimum ignores
     /// other lanes.
