@@ -116,8 +116,9 @@ impl Hom {
         self
     }
 
-    /// Sets the estimate of the depth of occluders. Call it between frames: after the call, maps that hold
-    /// occluders may hide less, but nothing visible, until the next [`begin`](OcclusionMap::begin).
+    /// Sets the estimate of the depth of occluders. Call it between frames: until the next
+    /// [`begin`](OcclusionMap::begin), maps that already hold occluders may hide fewer boxes. They stay
+    /// conservative.
     pub fn with_depth_estimate(mut self, estimate: DepthEstimate) -> Self {
         self.boundary.set(estimate);
         self

@@ -43,7 +43,7 @@ pub(crate) struct FacePlaneSetup {
     /// face.
     error: [f64; LANES],
     /// Magnitude of the determinant of the rows `x`, `y`, `w` of the projection. 0 for parallel views and
-    /// where rounding leaves the determinant open: then no box is hidden by its faces.
+    /// where rounding leaves the determinant undetermined: then no box is hidden by its faces.
     pub(crate) scale: f64,
     /// Constant part of the upper bound on the absolute error of the denominator of each face's depth key.
     /// The numerator is the linear function `along`; the denominator is `scale` times the distance between

@@ -183,8 +183,8 @@ fn side_bit(side: i8) -> u8 {
 }
 
 /// Computes the homogeneous coordinates and the screen positions of all vertices into `scratch`, and extends
-/// `vertex_bounds` by them. Values of earlier meshes are overwritten. `near_limit` is the distance beyond the
-/// near plane at which geometry is cut.
+/// `vertex_bounds` by the vertices. Values of earlier meshes are overwritten. `near_limit` is the distance
+/// beyond the near plane at which geometry is cut.
 #[inline(always)]
 fn project(
     positions: &[Vec3],
