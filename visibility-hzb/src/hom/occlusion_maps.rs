@@ -117,8 +117,7 @@ impl Hom {
     }
 
     /// Sets the estimate of the depth of occluders. Call it between frames: until the next
-    /// [`begin`](OcclusionMap::begin), maps that already hold occluders may hide fewer boxes. They stay
-    /// conservative.
+    /// [`begin`](OcclusionMap::begin), maps that already hold occluders may hide fewer boxes.
     pub fn with_depth_estimate(mut self, estimate: DepthEstimate) -> Self {
         self.boundary.set(estimate);
         self
