@@ -66,7 +66,7 @@ pub enum EnvelopeError {
     },
     /// The header has another kind: the envelope holds another structure of the same format.
     Kind {
-        /// Kind in the envelope's header.
+        /// Kind in the envelope's header: which structure of the format the envelope holds.
         found: u32,
         /// The kind requested by the caller.
         expected: u32,

@@ -231,8 +231,8 @@ impl Scratch {
     }
 }
 
-/// Running sums over the normals and positions of triangles: count, sums of the vectors, weighted sum of
-/// their squared lengths.
+/// Running sums over the unit normals and positions of triangles: count, sums of the vectors, weighted sum of
+/// the squared lengths.
 #[derive(Default)]
 struct Sums {
     count: f64,
@@ -249,8 +249,8 @@ impl Sums {
         self.squares += normal.length_squared() + PLACE * place.length_squared();
     }
 
-    /// Returns the sum of squared distances from the mean, over normals and weighted positions. 0 without
-    /// triangles.
+    /// Returns the sum of squared distances of the triangles from their mean, in unit normals and in
+    /// positions weighted by [`PLACE`]. 0 without triangles.
     fn scatter(&self) -> f64 {
         if self.count == 0.0 {
             return 0.0;

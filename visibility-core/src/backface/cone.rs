@@ -195,8 +195,8 @@ impl NormalCone {
         })
     }
 
-    /// Returns the cone of the transformed triangles. The result is conservative for any affine transform,
-    /// with any scaling or shear.
+    /// Returns the cone of the triangles after an affine transform, in the coordinates that `transform` maps
+    /// to. The result is conservative for any scaling or shear.
     ///
     /// A mirroring transform (negative determinant) makes counter-clockwise triangles clockwise: fronts, as
     /// [`Facing`](super::Facing) defines them, become backs. Engines that reverse their winding rule for

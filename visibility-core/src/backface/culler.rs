@@ -69,7 +69,7 @@ pub struct BackfaceCuller {
     clock: u64,
 }
 
-/// The cone of one object.
+/// The normal cone of one object, with the time of its last change.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     /// Id of the object that the entry belongs to. Another object with the same index (another generation)
@@ -142,8 +142,8 @@ impl BackfaceCuller {
     }
 
     /// Sets whether an object is drawn two-sided. A two-sided object has no cone and is always kept. Objects
-    /// are one-sided by default. If the flag is cleared, the cone is built again from the object's triangles
-    /// in the scene. An object with the same id in another scene is two-sided too.
+    /// are one-sided by default. Setting `false` replaces any cone of the object by the cone of its triangles
+    /// in the scene. An object with the same id in another scene gets the same flag.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if the scene has no such object.
@@ -241,9 +241,9 @@ impl BackfaceCuller {
         }
     }
 
-    /// Brings the block of a leaf up to date, if the layout of the scene has changed since the last update.
-    /// `ids` are the objects of the leaf's lanes. Copies the cones of lanes whose object or entry has
-    /// changed.
+    /// Brings the cones of leaf `leaf` up to date, if the layout of the scene has changed since the last
+    /// update. `ids` are the objects in the 64 lanes of the leaf. Only lanes whose object or cone has changed
+    /// are copied.
     fn refresh(&mut self, scene: &Scene, leaf: usize, ids: &[ObjectId; 64]) {
         let block = &mut self.blocks[leaf];
         if block.layout == scene.layout() {

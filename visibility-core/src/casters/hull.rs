@@ -110,8 +110,8 @@ impl Facet {
         self.slot <= FAR && self.slot ^ 1 == other.slot
     }
 
-    /// Returns the plane through the light and the common edge of `self`, which must certainly have the light
-    /// on its inner side, and `other`, which must not.
+    /// Returns the plane through the light and the common edge of two planes: `self` (`A` below), which must
+    /// certainly have the light `L` on its inner side, and `other` (`B` below), which must not.
     ///
     /// The weights are rounded so that the exact planes, taken with these very weights, have the light on the
     /// inner side of their sum: with `a >= error(B) - B.L` and `b <= A.L - error(A)` and the exact values
@@ -160,9 +160,9 @@ impl RoundedPlane {
 }
 
 /// Appends the planes around the hull of a volume and a light to `out`, up to its capacity. `volume` yields
-/// the planes of the volume with their slots: slots below 6 that differ only in bit 0 are opposite planes. At
-/// most 16 planes are used. The result is valid for points whose coordinates have absolute values of at most
-/// `reach`.
+/// the planes of the volume with their slots; slots below 6 that differ only in bit 0 are opposite planes.
+/// Only the first 16 planes are used, which keeps more casters. The result is valid for points whose
+/// coordinates have absolute values of at most `reach`.
 pub(super) fn push_hull<'a>(
     out: &mut HullPlanes,
     volume: impl Iterator<Item = (u8, &'a ViewPlane)>,

@@ -84,7 +84,7 @@ pub struct CellGraph {
 }
 
 impl CellGraph {
-    /// Greatest number of cells, and of portals, in a graph.
+    /// Greatest number of cells in a graph, and also of portals.
     pub const LIMIT: usize = 1 << 20;
 
     /// Makes a graph of `cells` cells from its portals. Each portal is a polygon with the two cells that it

@@ -30,9 +30,10 @@ impl Sphere {
         !self.center.is_nan() && self.radius >= 0.0
     }
 
-    /// Returns a sphere around the centre of a box that certainly contains a proper box: its radius is
-    /// rounded upwards. A box with a NaN, and [`Aabb::EMPTY`], give an improper sphere. A box with finite
-    /// `min > max` on an axis counts as the box with `min` and `max` exchanged there.
+    /// Returns a sphere around the centre of a box that certainly contains the box if it is proper and
+    /// finite: the radius is rounded upwards. A box with a NaN, and [`Aabb::EMPTY`], give an improper sphere.
+    /// A box with finite `min > max` on an axis counts as the box with `min` and `max` exchanged there. Other
+    /// infinite coordinates give an unspecified sphere.
     pub fn around(bounds: &Aabb) -> Self {
         let center = bounds.center();
         let far = (bounds.max - center).max(center - bounds.min).as_dvec3();

@@ -465,7 +465,8 @@ mod tests {
         assert!(dented.is_closed() && !dented.is_convex());
     }
 
-    /// At 10,000 km, one step of `f32` is a metre: rounding of vertices would excuse any shape of two metres.
+    /// Far from the origin, rounding tolerance must not make a box turned inside out a convex solid: at
+    /// 10,000 km one step of `f32` is a metre, as large as the box's extent.
     #[test]
     fn a_room_two_ulps_wide_that_is_turned_inside_out_is_no_solid() {
         for reach in [2.0, 1e3, 1e7, 1e30] {
@@ -502,7 +503,8 @@ mod tests {
         assert!(dented.is_closed() && !dented.is_convex());
     }
 
-    /// A flat sheet with two faces has no vertex in front of a face, but no volume either.
+    /// A closed sheet of two opposite triangles has no vertex in front of a face, but it has no volume
+    /// either.
     #[test]
     fn a_sheet_with_two_faces_is_no_solid() {
         let p = [Vec3::ZERO, Vec3::X, Vec3::Y];

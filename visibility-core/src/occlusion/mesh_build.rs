@@ -78,8 +78,8 @@ impl OccluderMesh {
     }
 }
 
-/// Welds vertices at equal positions. Returns the distinct positions in order of first use, and for each
-/// given vertex the index of its position.
+/// Welds vertices at equal positions (bit-identical, or zeros of either sign). Returns the distinct positions
+/// in order of first use, and for each given vertex the index of its position.
 fn weld(positions: &[Vec3]) -> (Vec<Vec3>, Vec<u32>) {
     // Adding zero turns -0 into 0, so that equal numbers have equal bits.
     let key = |i: &u32| (positions[*i as usize] + 0.0).to_array().map(f32::to_bits);

@@ -130,8 +130,8 @@ struct Question {
     answer: Option<(u64, bool)>,
 }
 
-/// Number of frames after its last query when a box is forgotten: its object has moved on, or the device has
-/// lost the query.
+/// Age of a box's newest query, in frames, beyond which the map forgets the box: its object has moved on, or
+/// the device has lost the query.
 const FORGET: u64 = 64;
 
 impl<D: QueryDevice> HardwareQueries<D> {

@@ -70,7 +70,7 @@ impl ScenePvs {
     }
 }
 
-/// Hides objects that the PVS excludes for the viewcells in which the lines of sight of a view begin.
+/// Hides objects that the PVS excludes for all viewcells in which lines of sight of the view begin.
 /// Conservative if the PVS is.
 ///
 /// Lines of sight begin on the near plane, since nothing nearer is drawn. The near plane of an eye close to a

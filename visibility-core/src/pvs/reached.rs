@@ -14,14 +14,15 @@ use smallvec::SmallVec;
 /// Greatest number of pieces into which a polygon may be cut by viewcells before the coverage test gives up.
 const MOST_PIECES: u32 = 2000;
 
-/// Margin for rounding, in units of the sum of the greatest absolute coordinates `a` of the anchor and `r` of
-/// the polygon.
+/// Margin for rounding, in units of the sum of the greatest absolute coordinates of the anchor (`a`) and of
+/// the polygon (`r`).
 ///
-/// With `u = EPSILON / 2`: a plane within reach has an offset of at most `|n . a| + 2 r`. To make its normal
-/// a unit and to move it to the anchor rounds each of these `9u` of itself: `18u |a| + 18u r`, with `|a|` up
-/// to `3^1/2` times the greatest coordinate. The height of a corner rounds by `4u` of reach and offset, `12u
-/// r`; each cut puts its corners `4u r` off the edge. So `32u` of the anchor and `30u` of the reach are
-/// needed, and `4u` more for each cut; `64u` of both are there.
+/// Let `u = EPSILON / 2`. A plane within reach has an offset of at most `|n . a| + 2 r`. Normalizing the
+/// plane and moving it to the anchor rounds the offset and `n . a` by `9u` of their magnitudes: `18u |a| +
+/// 18u r` together, where the length `|a|` is up to `3^1/2` times the greatest coordinate. The height of a
+/// corner is rounded by `4u` of reach and offset, `12u r`. Each cut puts its corners up to `4u r` off the
+/// edge. So `32u` of the anchor and `30u` of the reach are needed, and `4u` more for each cut. The margin is
+/// `64u` of both.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 impl Viewcells {
@@ -67,10 +68,10 @@ impl Viewcells {
     }
 }
 
-/// Tests whether the viewcells in `by` cover the convex polygon `piece`, except for gaps up to twice the
-/// margin wide. Each viewcell in turn takes its part of the polygon; the parts beyond its faces are left to
-/// the remaining viewcells. `pieces` is the number of pieces still allowed and counts down. Returns false
-/// when it reaches 0.
+/// Tests whether the viewcells in `by` cover the convex polygon `piece`, relative to `anchor`, except for
+/// gaps up to twice `margin` (metres) wide. Each viewcell in turn takes its part of the polygon; the parts
+/// beyond its faces are left to the remaining viewcells. `pieces` counts down the number of pieces still
+/// allowed; when it is 0, the test gives up and returns false.
 fn is_covered(
     piece: &[DVec3],
     by: &[ViewcellId],

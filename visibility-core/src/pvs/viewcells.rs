@@ -4,7 +4,7 @@ use crate::{cells::CellId, geometry::Plane};
 use alloc::vec::Vec;
 use glam::DVec3;
 
-/// Number of a viewcell, from 0: its index in [`Viewcells`], and the index of its row in a
+/// Number of a viewcell, from 0: the index of the region in [`Viewcells`], and the index of the row in a
 /// [`Pvs`](super::Pvs).
 ///
 /// Viewcells need not be cells of a [`CellGraph`](crate::cells::CellGraph). Where they are, viewcell and cell
@@ -30,9 +30,9 @@ impl From<CellId> for ViewcellId {
 /// included.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Viewcell {
-    /// Minimum corner of the box, in metres.
+    /// Minimum corner of the box in world space, in metres, inclusive.
     pub min: DVec3,
-    /// Maximum corner of the box, in metres.
+    /// Maximum corner of the box in world space, in metres, inclusive.
     pub max: DVec3,
     /// Half-spaces that cut parts of the box off, with normals of any length pointing inwards. Empty if the
     /// viewcell is the whole box.
