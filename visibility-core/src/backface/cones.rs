@@ -114,8 +114,8 @@ impl Cones {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ConeTree {
-    /// Level 0 holds the given cones. Each further level holds one cone per 64 cones of the level before;
-    /// the last has at most 64 cones.
+    /// Level 0 holds the given cones. Each further level holds one cone per 64 cones of the level before.
+    /// The last level has at most 64 cones.
     levels: Vec<Cones>,
 }
 
@@ -136,7 +136,7 @@ impl ConeTree {
         Self { levels }
     }
 
-    /// Returns the number of given cones, without those of the upper levels.
+    /// Returns the number of cones given to [`new`](Self::new), without the cones of the upper levels.
     pub fn len(&self) -> usize {
         self.levels[0].len()
     }

@@ -22,8 +22,9 @@ use glam::{DVec2, DVec3};
 /// - the rounding of everything in this module in `f64`, less than `2^-40`.
 pub(super) const SLACK: f64 = 1.0 / 131072.0;
 
-/// Least cosine of the angle between a normal and the axis. Cones wider than 83 degrees cull next to nothing
-/// (0.4 % of all directions), and the limit bounds the rows of the matrix.
+/// Least cosine of the angle between a facet's normal and the axis of the fitted cone. Cones wider than 83
+/// degrees cull next to nothing (0.4 % of all directions). The limit also bounds the elements of the cone's
+/// matrix.
 const LEAST_COSINE: f64 = 0.12;
 
 /// Least half-axis of an ellipse in the gnomonic plane, about 0.1 degrees, so that [`SLACK`] is small beside
@@ -111,9 +112,11 @@ pub(super) struct Fit {
     /// Rows of the cone's matrix: the two half-axes of the ellipse, then its centre direction. No component
     /// is greater than 16.
     pub(super) rows: [DVec3; 3],
-    /// Apex behind all planes, or on them: all facets are seen from behind or edge-on.
+    /// Apex that is behind the planes of all facets or on them: an eye there sees all facets from behind or
+    /// edge-on.
     pub(super) behind: [f32; 3],
-    /// Apex in front of all planes, or on them: all facets are seen from the front or edge-on.
+    /// Apex that is in front of the planes of all facets or on them: an eye there sees all facets from the
+    /// front or edge-on.
     pub(super) ahead: [f32; 3],
     /// Approximate extent of all facets together, in units of the coordinates.
     pub(super) size: f64,
@@ -170,8 +173,8 @@ fn axis(facets: &[Facet]) -> Option<DVec3> {
     (best_cosine > LEAST_COSINE).then_some(best)
 }
 
-/// Projects the normals onto the plane at distance 1 along `axis` and returns their coordinates along `x` and
-/// `y` there. No coordinate is greater than 9.
+/// Projects the facets' normals onto the gnomonic plane, at distance 1 along `axis`, and returns their
+/// coordinates along `x` and `y` there. No coordinate is greater than 9.
 fn gnomonic(facets: &[Facet], axis: DVec3, x: DVec3, y: DVec3) -> Vec<DVec2> {
     facets.iter().map(|f| DVec2::new(f.normal.dot(x), f.normal.dot(y)) / f.normal.dot(axis)).collect()
 }
@@ -179,15 +182,16 @@ fn gnomonic(facets: &[Facet], axis: DVec3, x: DVec3, y: DVec3) -> Vec<DVec2> {
 #[derive(Clone, Copy, Debug)]
 struct Ellipse {
     center: DVec2,
-    /// Unit vector along the first half-axis. The second is perpendicular.
+    /// Unit vector along the first half-axis of the ellipse. The second half-axis is perpendicular.
     direction: DVec2,
     axes: [f64; 2],
 }
 
 impl Ellipse {
-    /// Returns a small ellipse around `points` (in the gnomonic plane) that also covers their errors of at
-    /// most `slack`. Chooses the better of a circle around the origin and the ellipse of least area. `None`
-    /// if the ellipse is too wide for the bounds on the rows, or NaN.
+    /// Returns a small ellipse in the gnomonic plane (see `gnomonic`) around the projected normals `points`,
+    /// whose true normals may differ by `slack`. Chooses the better of a circle around the origin and the
+    /// ellipse of least area. `None` if the ellipse is NaN or too wide for the bound of 16 on the cone's
+    /// matrix.
     fn around(points: &[DVec2], slack: f64) -> Option<Self> {
         let circle = Self { center: DVec2::ZERO, direction: DVec2::X, axes: [1.0; 2] }.grown(points, slack);
         let ellipse = Self::least(points).grown(points, slack);
@@ -196,9 +200,9 @@ impl Ellipse {
         (best.axes[0].max(best.axes[1]) + best.center.length() < 15.0).then_some(best)
     }
 
-    /// Returns centre, direction and ratio of half-axes of an approximate least-area ellipse around `points`.
-    /// Its size is that of the weighted covariance and does not contain the points. The weight of a point
-    /// grows with its distance (Titterington, "Estimation of Correlation Coefficients by Ellipsoidal
+    /// Returns an approximate ellipse of least area around `points`, except for its size: the half-axes are
+    /// those of the weighted covariance and must be scaled to contain the points. Weights of points grow with
+    /// their distance from the mean (Titterington, "Estimation of Correlation Coefficients by Ellipsoidal
     /// Trimming", 1978).
     fn least(points: &[DVec2]) -> Self {
         let mut weights = alloc::vec![1.0 / points.len() as f64; points.len()];
@@ -226,7 +230,8 @@ impl Ellipse {
         Self { center: mean, direction: longer.normalize_or(DVec2::X), axes }
     }
 
-    /// Returns the ellipse scaled so that it contains all points with their errors.
+    /// Returns the ellipse scaled so that it contains the projections `points` of all normals, and of all
+    /// unit normals that differ from these by at most `slack`.
     ///
     /// A unit normal with `c = (1 + |p|^2)^-1/2` of its length along the axis is projected to `p`. If the
     /// normal is off by `slack`, its projection is within `slack (1 + |p|) / (c - slack)` of `p`. With `c >
@@ -246,9 +251,9 @@ impl Ellipse {
         self
     }
 
-    /// Returns a score that grows with the fraction of directions that the cone culls: the mean, over the
-    /// directions of the ellipse, of one minus the sine of the cone's half angle, divided by one plus the
-    /// squared distance of the centre.
+    /// Returns a score by which ellipses are compared: it grows with the fraction of directions that the cone
+    /// culls. The score is the mean of one minus the sine of the cone's half angle over the directions of the
+    /// ellipse, divided by one plus the squared distance of the ellipse's centre from the origin.
     fn share(&self) -> f64 {
         // A quarter of the ellipse suffices, by symmetry. Cosines of odd multiples of 9 degrees.
         const COSINES: [f64; 5] = [0.9877, 0.8910, core::f64::consts::FRAC_1_SQRT_2, 0.4540, 0.1564];
@@ -320,8 +325,8 @@ impl Apex<'_> {
         depth
     }
 
-    /// Returns the point of least depth, without errors, in a square around `center` perpendicular to the
-    /// axis with half-side `size`. Nested golden-section searches over its two coordinates.
+    /// Returns the point of least depth for exact facets, in a square around `center` perpendicular to the
+    /// axis with half-side `size`. Nested golden-section searches over the two coordinates in the square.
     fn search(&self) -> DVec3 {
         let sign = if self.side == 0 { 1.0 } else { -1.0 };
         // Without errors, the depth is the maximum of functions that are linear in the position on the
@@ -345,8 +350,8 @@ impl Apex<'_> {
         self.center + self.sides[0] * x + self.sides[1] * y
     }
 
-    /// Returns an apex in `f32` that is proved to be on the right side of every plane for all errors within
-    /// `doubt`. `None` if the coordinates overflow `f32` or 64 attempts fail.
+    /// Returns an apex in `f32`, in the coordinates of the facets, that is proved to be on the right side of
+    /// all planes for all errors within `doubt`. `None` if the apex overflows `f32` or 64 attempts fail.
     fn find(&self) -> Option<[f32; 3]> {
         let start = self.search();
         let down = if self.side == 0 { -self.axis } else { self.axis };

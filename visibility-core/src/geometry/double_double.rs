@@ -61,7 +61,7 @@ impl DoubleDouble {
         Self { hi, lo: ((a1 * b1 - hi) + a1 * b2 + a2 * b1) + a2 * b2 }
     }
 
-    /// Returns the sum with a relative error of at most [`ERROR`](Self::ERROR).
+    /// Returns `self + other` with a relative error of at most [`ERROR`](Self::ERROR).
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         let (s, t) = (Self::sum(self.hi, other.hi), Self::sum(self.lo, other.lo));
@@ -69,22 +69,22 @@ impl DoubleDouble {
         Self::sum_ordered(v.hi, t.lo + v.lo)
     }
 
-    /// Returns the negated number, exactly.
+    /// Returns `-self`, exactly.
     #[must_use]
     pub fn negated(self) -> Self {
         Self { hi: -self.hi, lo: -self.lo }
     }
 
-    /// Returns the product with a relative error of at most [`ERROR`](Self::ERROR), if its magnitude is 0 or
-    /// at least 2^-969.
+    /// Returns `self * other` with a relative error of at most [`ERROR`](Self::ERROR), if the magnitude of
+    /// the product is 0 or at least 2^-969.
     #[must_use]
     pub fn times(self, other: Self) -> Self {
         let p = Self::product(self.hi, other.hi);
         Self::sum_ordered(p.hi, p.lo + (self.hi * other.lo + self.lo * other.hi))
     }
 
-    /// Returns the number times `power`, exactly. `power` must be a power of two, and neither part may
-    /// overflow or underflow.
+    /// Returns `self * power`, exactly. `power` must be a power of two, and neither part may overflow or
+    /// underflow.
     #[must_use]
     pub fn scaled(self, power: f64) -> Self {
         Self { hi: self.hi * power, lo: self.lo * power }

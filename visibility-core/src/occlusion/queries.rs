@@ -91,7 +91,7 @@ impl LateAnswers {
 #[derive(Debug)]
 pub struct HardwareQueries<D> {
     late: LateAnswers,
-    /// Number of frames begun so far, which is also the number of the present frame.
+    /// Number of frames begun so far: the present frame has this number.
     frame: u64,
     /// Number of the first of the consecutive frames, up to the present one, with the same view and the same
     /// occluders.

@@ -107,9 +107,9 @@ pub struct PvsCuller<S> {
     shared: S,
     /// Stamp of the [`ScenePvs`] from which the culler's derived state was computed.
     made_from: Stamp,
-    /// Viewcell of the eye in the last frame. `None` outside all viewcells and for parallel views.
+    /// Viewcell that contained the eye in the last frame. `None` if no viewcell did, and for parallel views.
     viewcell: Option<ViewcellId>,
-    /// Viewcells in which the lines of sight began when `hidden` was last computed, ascending.
+    /// Viewcells in which the view's lines of sight began when `hidden` was last computed, ascending.
     entered: Vec<ViewcellId>,
     is_entered: bool,
     /// Scratch: the viewcells in which this frame's lines of sight begin.
@@ -123,8 +123,8 @@ pub struct PvsCuller<S> {
     hidden: Vec<bool>,
     /// For each object index, whether the object has changed since the [`ScenePvs`] was made.
     changed: Vec<bool>,
-    /// Whether the changes since the [`ScenePvs`] was made are unknown, because the scene is another one or
-    /// its change log overflowed. Every object then counts as visible.
+    /// Whether it is unknown which objects changed since the [`ScenePvs`] was made: the scene is another
+    /// one, or its change log overflowed. Every object then counts as visible.
     lost: bool,
     cursor: SceneCursor,
 }

@@ -34,8 +34,8 @@ pub struct Viewcell {
     pub min: DVec3,
     /// Maximum corner of the box in world space, in metres, inclusive.
     pub max: DVec3,
-    /// Half-spaces that cut parts of the box off, with normals of any length pointing inwards. Empty if the
-    /// viewcell is the whole box.
+    /// Half-spaces in world space that cut parts of the box off, with normals of any length pointing
+    /// inwards. Empty if the viewcell is the whole box.
     pub planes: Vec<Plane>,
 }
 
