@@ -54,7 +54,7 @@ pub struct Format {
 pub enum EnvelopeError {
     /// The bytes do not begin with the magic of the format, or are fewer than eight.
     Magic {
-        /// The magic of the requested format.
+        /// Magic of the format that the reader was asked for.
         expected: [u8; 8],
     },
     /// The header has another version of the format.

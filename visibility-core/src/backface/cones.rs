@@ -146,10 +146,10 @@ impl ConeTree {
         self.len() == 0
     }
 
-    /// Sets the bit of each cone whose triangles the eye certainly sees from behind and clears all other bits
-    /// of `masks`, in the layout of [`Cones::back_facing`]. A cone close to its rounding margin may get
-    /// another answer than from [`Cones::back_facing`], since upper levels decide for whole groups. Returns
-    /// the number of tested blocks of 64 cones.
+    /// Sets one bit for each given cone whose triangles the eye certainly sees from behind, and clears all
+    /// other bits of `masks`. Cone `i` is bit `i % 64` of word `i / 64`. The eye is in the coordinates of the
+    /// cones. Answers can differ from [`Cones::back_facing`] where rounding matters, since upper levels
+    /// decide for whole groups. Returns the number of tested blocks of 64 cones.
     pub fn back_facing(&self, eye: &Eye, masks: &mut [u64]) -> u64 {
         masks.fill(0);
         if self.is_empty() {

@@ -51,8 +51,8 @@ use alloc::vec::Vec;
 #[derive(Clone, Debug)]
 pub struct BackfaceCuller {
     simd: Simd,
-    /// The scene of the cones, and the scene revision up to which the cones of changed objects have been
-    /// opened.
+    /// The scene that the cones belong to, and the revision of that scene up to which changed objects have
+    /// lost their cones.
     cursor: SceneCursor,
     /// The scene revision up to which [`sync`](Self::sync) has built cones.
     built: SceneCursor,
@@ -76,7 +76,7 @@ struct Entry {
     /// has no cone.
     id: ObjectId,
     cone: NormalCone,
-    /// Value of the culler's `clock` when the entry last changed.
+    /// Value of `BackfaceCuller::clock` when the entry last changed.
     changed: u64,
 }
 
@@ -84,14 +84,15 @@ impl Entry {
     const NONE: Self = Self { id: ObjectId::NONE, cone: NormalCone::OPEN, changed: 0 };
 }
 
-/// The cones of the 64 lanes of one leaf of the scene's hierarchy, copied from the entries.
+/// The cones of the objects in one leaf of the scene's hierarchy (64 lanes), copied from
+/// `BackfaceCuller::entries`.
 #[derive(Clone, Debug)]
 struct Block {
     cones: Cones64,
     ids: [ObjectId; 64],
     /// Layout of the scene in which the block was last brought up to date.
     layout: Stamp,
-    /// Value of the culler's `clock` when the block was last brought up to date.
+    /// Value of `BackfaceCuller::clock` when the block was last brought up to date.
     checked: u64,
 }
 

@@ -22,7 +22,7 @@ pub enum CellGraphError {
         portal: PortalId,
         /// Cell that the portal joins and the graph does not have.
         cell: CellId,
-        /// Number of cells in the graph.
+        /// Number of cells in the graph, numbered from 0.
         cells: usize,
     },
     /// A portal joins a cell to itself.
@@ -51,7 +51,7 @@ pub enum CellGraphError {
         object: ObjectId,
         /// Cell in whose list the object is, and which the graph does not have.
         cell: CellId,
-        /// Number of cells in the graph.
+        /// Number of cells in the graph, numbered from 0.
         cells: usize,
     },
     /// A portal of a cell reaches behind the plane of another portal of the cell, so the two cannot both be

@@ -10,9 +10,9 @@ use core::fmt;
 /// Found by [`CellGraph::leak`].
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Leak {
-    /// The cell in which the chain begins.
+    /// The cell in which the chain begins, as given to [`CellGraph::leak`].
     pub from: CellId,
-    /// The cell in which the chain ends, for which `outside` returned true.
+    /// The cell in which the chain ends, accepted by the `outside` of [`CellGraph::leak`].
     pub to: CellId,
     /// The portals of the chain in order from `from` to `to`. Empty if `from` equals `to`.
     pub portals: Vec<PortalId>,

@@ -34,7 +34,7 @@ pub enum PolygonError {
         /// Index of the first vertex with a NaN or infinite coordinate.
         vertex: usize,
     },
-    /// The polygon has no area, or almost none relative to its size: all vertices lie on one line.
+    /// The polygon has no area, or almost none relative to its size: all vertices lie (almost) on one line.
     Degenerate,
     /// A vertex is farther from the plane of the polygon than [`ConvexPolygon::TOLERANCE`] allows.
     NotPlanar {

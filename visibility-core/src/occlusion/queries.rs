@@ -107,7 +107,7 @@ pub struct HardwareQueries<D> {
 #[derive(Debug)]
 struct State<D> {
     device: D,
-    /// Index into `questions` of each known box, by the bits of its six coordinates.
+    /// Maps each known box, by the bits of its six coordinates, to its slot in `questions`.
     places: HashMap<[u32; 6], usize>,
     questions: Vec<Question>,
     free: Vec<usize>,
@@ -120,7 +120,7 @@ struct Question {
     /// Reuse count of this slot in `questions`, the upper half of the query number. Distinguishes the query
     /// from those for earlier boxes in the slot.
     serial: u32,
-    /// Whether the slot is in use: `places` has an entry for it.
+    /// Whether this slot of `State::questions` is in use, so that `State::places` maps a box to it.
     known: bool,
     /// Number of the frame of the newest query.
     asked: u64,
@@ -135,7 +135,7 @@ struct Question {
 const FORGET: u64 = 64;
 
 impl<D: QueryDevice> HardwareQueries<D> {
-    /// Makes an empty map over a device, with a policy for late answers.
+    /// Makes a map over a device without any answers, with a policy for answers that arrive late.
     pub fn new(device: D, late: LateAnswers) -> Self {
         let state = State { device, places: HashMap::new(), questions: Vec::new(), free: Vec::new() };
         Self { late, frame: 0, since: 0, view: None, near: None, drawn: [0; 2], state: RefCell::new(state) }
@@ -187,9 +187,9 @@ impl<D: QueryDevice> State<D> {
         }
     }
 
-    /// Returns the newest answer about a box: the number of its frame, and whether the box was hidden. `None`
-    /// without an answer. Issues a query for `frame` unless one is under way or the answer is already for
-    /// `frame`.
+    /// Returns the newest answer about a box relative to the scene's origin: the number of the frame in which
+    /// its query was issued, and whether the box was hidden. `None` without an answer. Issues a query for
+    /// `frame` unless a query is under way or the newest answer is already for `frame`.
     fn answer(&mut self, bounds: &Aabb, frame: u64) -> Option<(u64, bool)> {
         let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
         let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);

@@ -18,13 +18,12 @@ use glam::DVec3;
 pub struct ScenePvs {
     pvs: Pvs,
     viewcells: Viewcells,
-    /// Indexed by [`ObjectId::index`]: the object's id, or `None` if the object is never hidden, and the
-    /// start of its targets in `targets`. The targets end where those of the next entry start; one sentinel
-    /// entry ends the list.
+    /// Entry of each object, indexed by [`ObjectId::index`]: the object's id, or `None` if the object is
+    /// never hidden, and the start of its target numbers in `targets`. Its target numbers end at the start
+    /// of the next entry. A sentinel entry ends the list.
     objects: Vec<(Option<ObjectId>, u32)>,
     targets: Vec<u32>,
-    /// The revision of the scene for which `objects` was made. Later changes of objects make the objects
-    /// visible.
+    /// The revision of the scene for which this value was made. Objects that change later are visible.
     cursor: SceneCursor,
     stamp: Stamp,
 }
@@ -187,7 +186,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         }
     }
 
-    /// Computes `hidden` for the viewcells in `entered`.
+    /// Computes `hidden`, the objects that cannot be seen, from the PVS rows of the viewcells in `entered`.
     fn enter(&mut self) {
         let shared = self.shared.borrow();
         shared.pvs.write_union(&self.entered, &mut self.seen, &mut self.seen_from_one);
