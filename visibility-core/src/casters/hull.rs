@@ -29,7 +29,8 @@ use smallvec::SmallVec;
 /// Further planes are dropped, which keeps more casters.
 pub(super) const MAX_HULL_PLANES: usize = 64;
 
-/// Planes around volume and light, stored inline: at most [`MAX_HULL_PLANES`], never on the heap.
+/// Planes around the hull of volume and light, relative to the scene's origin, with normals pointing inwards.
+/// Stored inline: at most [`MAX_HULL_PLANES`], never on the heap.
 pub(super) type HullPlanes = SmallVec<[ViewPlane; MAX_HULL_PLANES]>;
 
 /// Position or direction of a light relative to the scene's origin.

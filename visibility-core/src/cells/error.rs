@@ -8,8 +8,8 @@ use core::fmt;
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum CellGraphError {
-    /// There are more cells, portals or objects in cells than a graph can have: see
-    /// [`CellGraph::LIMIT`](super::CellGraph::LIMIT).
+    /// There are more than [`CellGraph::LIMIT`](super::CellGraph::LIMIT) cells or portals, or 2^32 or more
+    /// objects in cells.
     TooMany {
         /// Plural name of the items: "cells", "portals" or "objects in cells".
         what: &'static str,

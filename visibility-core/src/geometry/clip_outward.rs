@@ -4,8 +4,8 @@ use crate::geometry::Plane;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// Corners of a convex polygon in order around its boundary. A single point, or the two ends of an edge, also
-/// count as a polygon. Up to 16 corners are stored inline without allocation.
+/// Corners of a convex polygon, in metres, in order around its boundary. A single point, or the two ends of
+/// an edge, also count as a polygon. Up to 16 corners are stored inline without allocation.
 pub(crate) type Corners = SmallVec<[DVec3; 16]>;
 
 /// Clips a convex polygon by the half-space of `plane` after its boundary was moved by `margin` metres

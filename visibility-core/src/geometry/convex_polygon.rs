@@ -121,7 +121,8 @@ impl ConvexPolygon {
         Ok(())
     }
 
-    /// Returns the vertices in order around the boundary. The slice is empty if the polygon is empty.
+    /// Returns the vertices in order around the boundary, in the coordinates of the polygon. The slice is
+    /// empty if the polygon is empty.
     pub fn vertices(&self) -> &[DVec3] {
         &self.vertices
     }
