@@ -43,27 +43,31 @@ pub struct BspOrderCuller<S> {
     shared: S,
     /// Objects that have changed since the tree was last synchronized with the scene.
     stale: StaleObjects,
-    /// Stack of the tree walk, kept to avoid allocation.
+    /// Stack of the walk through the BSP tree, kept between frames to avoid allocation.
     order: Order,
-    /// Maximum number of nodes visited per frame.
+    /// Maximum number of BSP nodes visited per frame.
     most: u64,
-    /// By object index: position in the front-to-back order, [`NOT_MET`] for a candidate not reached yet,
+    /// By object index: rank in the front-to-back order from 0, [`NOT_MET`] for a candidate not reached yet,
     /// [`NONE`] for other objects.
     ranks: Vec<u32>,
 }
 
-/// Rank of a candidate that the walk has not reached.
+/// Rank value of a candidate object that the walk has not reached; the object is removed unless the walk was
+/// cut short.
 const NOT_MET: u32 = u32::MAX;
-/// Rank of an object that is no candidate, or that is not in the tree as it is in the scene. It comes last.
+/// Rank value of an object that is not in the incoming visible set, or that is not in the tree as it is in
+/// the scene. Such objects are sorted last.
 const NONE: u32 = u32::MAX - 1;
 
 impl<S: Borrow<SceneTree>> BspOrderCuller<S> {
-    /// Creates the culler of one view, with a tree or a shared pointer to a tree.
+    /// Creates the culler of one view. `shared` is the tree itself or a shared pointer to it. Up to 65,536
+    /// nodes are visited per frame.
     pub fn new(shared: S) -> Self {
         Self { shared, stale: StaleObjects::default(), order: Order::new(), most: 1 << 16, ranks: Vec::new() }
     }
 
-    /// Returns the tree for replacement, or for [`sync`](SceneTree::sync) if this culler owns the tree.
+    /// Returns the tree for replacement, or for [`sync`](SceneTree::sync) if this culler owns the tree. The
+    /// change takes effect in the next frame.
     pub fn shared_mut(&mut self) -> &mut S {
         &mut self.shared
     }
@@ -107,29 +111,29 @@ impl<S: Borrow<SceneTree>> Culler for BspOrderCuller<S> {
     }
 }
 
-/// State of one frame's tree walk.
+/// State of one frame's walk through the BSP tree.
 struct Frame<'a> {
     volume: ViewVolume,
-    /// By object index; see [`BspOrderCuller`].
+    /// By object index: rank in the front-to-back order from 0, [`NOT_MET`] or [`NONE`].
     ranks: &'a mut [u32],
-    /// Number of objects ranked so far, which is the next rank.
+    /// Number of objects ranked so far, which is also the next rank.
     met: u32,
-    /// Number of candidates not ranked yet.
+    /// Number of candidate objects not ranked yet; the walk ends at 0.
     left: u32,
-    /// Maximum number of nodes to visit.
+    /// Maximum number of BSP nodes to visit.
     most: u64,
     stats: CullStats,
 }
 
 impl Frame<'_> {
-    /// Tests whether the object with index `owner` is a candidate without a rank. False for the index of a
-    /// removed object, which the tree may still contain.
+    /// Tests whether the object with index `owner` is a candidate that has no rank yet. False for an index
+    /// that the scene no longer uses, which the tree may still contain.
     #[inline]
     fn is_wanted(&self, owner: u32) -> bool {
         self.ranks.get(owner as usize) == Some(&NOT_MET)
     }
 
-    /// Gives the object with index `owner` the next rank.
+    /// Gives the object with index `owner`, which must have no rank yet, the next rank.
     fn meet(&mut self, owner: u32) {
         self.ranks[owner as usize] = self.met;
         self.met += 1;
@@ -138,8 +142,9 @@ impl Frame<'_> {
 }
 
 impl Walk for Frame<'_> {
-    /// Enters a node if it may contain a fragment of an unranked candidate in view. The marks of a node are
-    /// the mask of view planes that its whole subtree is inside of; bit i stands for plane i.
+    /// Returns the mask of view planes that the whole subtree is inside of (bit i stands for plane i), given
+    /// the parent's mask `inside`. `None` skips the subtree: it is outside the view, its only owner needs no
+    /// rank or gets one here, or the node limit is reached.
     fn enter(&mut self, subtree: &Subtree, inside: u32) -> Option<u32> {
         if self.left == 0 || self.stats.nodes > self.most {
             return None;

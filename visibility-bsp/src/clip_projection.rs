@@ -19,11 +19,11 @@ use visibility_core::glam::{BVec3, DMat3, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
 use visibility_core::{Aabb, View, view::Eye};
 
-/// Unit round-off of `f64`, half the machine epsilon.
+/// Unit round-off of `f64`: 2^-53, half of `f64::EPSILON`.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// Maximum error of a direction or plane, relative to its largest component. Less certain directions and
-/// planes are not used.
+/// Maximum error of a usable direction or plane, as a fraction of its largest component: 2^-24. Less certain
+/// ones are treated as unknown.
 const TOO_WRONG: f64 = 1.0 / (1u64 << 24) as f64;
 
 /// The view ray through a point as homogeneous clip-space `(x, y, w)`, scaled so that the largest component
@@ -34,7 +34,7 @@ pub(crate) struct Direction {
     pub(crate) v: [f64; 3],
     /// Bound on the absolute error of each component of `v`.
     pub(crate) error: f64,
-    /// Largest magnitude among the point's clip-space x, y and w, by which they were divided.
+    /// Largest magnitude among the point's clip-space x, y and w, by which these were divided to make `v`.
     pub(crate) size: f64,
 }
 
@@ -83,19 +83,20 @@ impl Line {
         (error < TOO_WRONG).then(|| Self { n: n.map(|x| x / size), slack: slack_of(error) + 16.0 * U })
     }
 
-    /// Returns the same plane with its inner and outer sides exchanged.
+    /// Returns the plane with its inner and outer sides exchanged.
     pub(crate) fn flipped(&self) -> Self {
         Self { n: self.n.map(|x| -x), ..*self }
     }
 
-    /// Returns `n . v` at direction `v`, positive on the inner side. Compare it with `slack`.
+    /// Returns `n . v` at clip-space direction `v`, positive on the inner side. The sign is certain only if
+    /// the magnitude exceeds `slack` plus the effect of the direction's own error.
     pub(crate) fn at(&self, v: [f64; 3]) -> f64 {
         dot(self.n, v)
     }
 }
 
-/// Returns the eight corners of the box from `min` to `max`; bits 0, 1 and 2 of the corner's number choose
-/// max x, y and z.
+/// Returns the eight corners of the box from `min` to `max` in order of their numbers; bits 0, 1 and 2 of a
+/// number choose max x, y and z.
 pub(crate) fn corners_of([min, max]: [DVec3; 2]) -> impl Iterator<Item = DVec3> {
     (0..8).map(move |i| DVec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min))
 }
@@ -104,17 +105,17 @@ pub(crate) fn corners_of([min, max]: [DVec3; 2]) -> impl Iterator<Item = DVec3> 
 /// that direction, all scaled by one factor so that no corner has a component above 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BoxProjection {
-    /// Clip-space x, y and w of the minimum corner.
+    /// Clip-space x, y and w of the box's minimum corner, times the common scale.
     pub(crate) base: [f64; 3],
-    /// Change of clip-space x, y and w along the box's edge in x, y and z.
+    /// Change of clip-space x, y and w along the box's edges in x, y and z, times the common scale.
     pub(crate) sides: [[f64; 3]; 3],
     /// Bound on the absolute error of `n . v` for any corner `v` and any `n` with components up to 1.
     pub(crate) slack: f64,
 }
 
 impl BoxProjection {
-    /// Returns the least and greatest `n . v` over the box, each off by at most the sum of the slacks of the
-    /// line and this box.
+    /// Returns the least and the greatest value of `n . v` over the box. Each is off by at most `slack`, plus
+    /// the slack of the line with coefficients `n`.
     #[inline]
     pub(crate) fn span(&self, n: [f64; 3]) -> (f64, f64) {
         let base = dot(n, self.base);
@@ -139,18 +140,20 @@ impl BoxProjection {
 /// anchor, with bounds on their rounding errors.
 #[derive(Clone, Debug)]
 pub(crate) struct ClipProjection {
-    /// Clip-space x, y and w.
+    /// Clip-space x, y and w as linear functions of a point relative to `anchor`.
     rows: [ClipRow; 3],
-    /// Linear function that is positive beyond the near plane and 0 on it.
+    /// Linear function of a point relative to `anchor` that is positive beyond the near plane and 0 on it;
+    /// its scale has no meaning.
     near: ClipRow,
-    /// Point in scene coordinates that the rows take points relative to: the eye of a perspective view.
+    /// Point in metres relative to `Scene::origin` that the rows take points relative to: the eye of a
+    /// perspective view.
     anchor: DVec3,
-    /// The eye in scene coordinates, or the view direction of a parallel view.
+    /// The eye point in metres relative to `Scene::origin`, or the unit view direction of a parallel view.
     pub(crate) eye: Eye,
     /// Bound on the distance in metres of the exact eye from `eye`. For a parallel view, bound on the length
     /// of the error of the unit direction.
     pub(crate) eye_error: f64,
-    /// Matrix from clip-space `(x, y, w)` to directions in scene coordinates. Zero for parallel views.
+    /// Matrix from clip-space `(x, y, w)` to directions along the scene's axes. Zero for parallel views.
     back: DMat3,
     /// Bound on the magnitude of each component of `back * v`, for directions `v` with components up to 1.
     back_size: f64,
@@ -188,8 +191,8 @@ impl ClipProjection {
         Self { rows, near, anchor, eye, eye_error, back, back_size, back_error, turn }
     }
 
-    /// Returns the view ray through a point in scene coordinates. `None` if the point is so close to the eye
-    /// that rounding leaves the direction undetermined, or is NaN.
+    /// Returns the view ray through a point in metres relative to `Scene::origin`. `None` if the point is so
+    /// close to the eye that rounding leaves the direction undetermined, or is NaN.
     pub(crate) fn direction(&self, p: DVec3) -> Option<Direction> {
         let q = p - self.anchor;
         let [(x, ex), (y, ey), (w, ew)] = [self.rows[0].at(q), self.rows[1].at(q), self.rows[2].at(q)];
@@ -198,25 +201,26 @@ impl ClipProjection {
         (error < TOO_WRONG).then(|| Direction { v: [x / size, y / size, w / size], error, size })
     }
 
-    /// Returns clip-space x, y and w of a point in scene coordinates, without error bounds.
+    /// Returns clip-space x, y and w of a point in metres relative to `Scene::origin`, without error bounds.
     pub(crate) fn values(&self, p: DVec3) -> [f64; 3] {
         let q = p - self.anchor;
         self.rows.map(|row| row.linear.dot(q) + row.constant)
     }
 
-    /// Returns the lengths of the linear parts of the x and y rows: clip-space units per metre.
+    /// Returns the lengths of the linear parts of the x and y rows: clip-space units per metre across the
+    /// image.
     pub(crate) fn scale(&self) -> [f64; 2] {
         [self.rows[0].linear.length(), self.rows[1].linear.length()]
     }
 
-    /// Returns the near-plane function at a point in scene coordinates (positive beyond the near plane) and a
-    /// bound on its absolute error.
+    /// Returns the near-plane function at a point in metres relative to `Scene::origin` and a bound on its
+    /// absolute error. The function is positive beyond the near plane and 0 on it; its unit is arbitrary.
     pub(crate) fn beyond_near(&self, p: DVec3) -> (f64, f64) {
         self.near.at(p - self.anchor)
     }
 
-    /// Tests whether a whole box in scene coordinates is surely beyond the near plane. False if undecided or
-    /// NaN.
+    /// Tests whether a whole box in metres relative to `Scene::origin` is surely beyond the near plane. False
+    /// if undecided or NaN.
     pub(crate) fn is_beyond_near(&self, bounds: &Aabb) -> bool {
         let (min, max) = (bounds.min.as_dvec3() - self.anchor, bounds.max.as_dvec3() - self.anchor);
         let nearest = DVec3::select(self.near.linear.cmpge(DVec3::ZERO), min, max);
@@ -224,8 +228,8 @@ impl ClipProjection {
         value > error
     }
 
-    /// Projects a box in scene coordinates. `None` if rounding leaves its directions too uncertain to use, or
-    /// the box is NaN.
+    /// Projects a box in metres relative to `Scene::origin`. `None` if rounding leaves its directions too
+    /// uncertain to use, or the box is NaN.
     pub(crate) fn cone(&self, bounds: &Aabb) -> Option<BoxProjection> {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (q, size) = (min - self.anchor, max - min);
@@ -254,9 +258,9 @@ impl ClipProjection {
         (error < TOO_WRONG).then(|| BoxProjection { base: scaled(base), sides: sides.map(scaled), slack })
     }
 
-    /// Returns an upper bound in metres on the distance from the eye of a point that is inside the image but
-    /// in front of the near plane. Infinite for parallel views, and where the near plane's distance is
-    /// unknown.
+    /// Returns an upper bound in metres on the distance from the eye of any point inside the image that is in
+    /// front of the near plane. Infinite for parallel views, and if the near plane is not surely in front of
+    /// the eye.
     pub(crate) fn clearance(&self) -> f64 {
         let Eye::Point(eye) = self.eye else { return f64::INFINITY };
         // The distance is greatest at a corner of the image. The added tenth far exceeds the rounding errors.
@@ -272,8 +276,8 @@ impl ClipProjection {
         1.1 * farthest
     }
 
-    /// Tests whether the eye is surely outside a box (`[min, max]` in scene coordinates), and every point of
-    /// the box inside the image surely beyond the near plane. `clear` is the result of
+    /// Tests whether the eye is surely outside a box (`[min, max]` in metres relative to `Scene::origin`),
+    /// and every point of the box inside the image surely beyond the near plane. `clear` is the result of
     /// [`clearance`](Self::clearance). False if undecided.
     pub(crate) fn is_outside(&self, &[min, max]: &[DVec3; 2], clear: f64) -> bool {
         match self.eye {
@@ -296,15 +300,15 @@ impl ClipProjection {
         self.turn
     }
 
-    /// Returns a clip-space direction `(x, y, w)` as a direction in scene coordinates, not normalized. Zero
+    /// Returns a clip-space direction `(x, y, w)` as a direction along the scene's axes, not normalized. Zero
     /// for parallel views.
     pub(crate) fn in_space(&self, v: [f64; 3]) -> DVec3 {
         self.back * DVec3::from_array(v)
     }
 
-    /// Returns a plane (`normal . p + offset = 0` in scene coordinates, unit normal) as a function of
-    /// clip-space directions: the eye's height above the plane, and the speed at which each direction
-    /// approaches the plane. `None` for parallel views.
+    /// Returns a plane (`normal . p + offset = 0` in metres relative to `Scene::origin`, unit normal) as a
+    /// function of clip-space directions: the eye's height above the plane, and the speed at which each
+    /// direction approaches the plane. `None` for parallel views.
     pub(crate) fn approach(&self, normal: DVec3, offset: f64) -> Option<Approach> {
         let Eye::Point(eye) = self.eye else { return None };
         let [x, y, z] = [self.back.x_axis, self.back.y_axis, self.back.z_axis];
@@ -344,9 +348,9 @@ impl ClipProjection {
         part.iter().all(|&v| dot(speed, v) > slack)
     }
 
-    /// Tests whether the eye is surely in front of the plane `normal . p + offset = 0` in scene coordinates,
-    /// with a unit normal. For parallel views: whether the view direction surely runs against the normal.
-    /// False if undecided.
+    /// Tests whether the eye is surely in front of the plane `normal . p + offset = 0` in metres relative to
+    /// `Scene::origin`, with a unit normal. For parallel views: whether the view direction surely runs
+    /// against the normal. False if undecided.
     pub(crate) fn is_before(&self, normal: DVec3, offset: f64) -> bool {
         match self.eye {
             Eye::Point(eye) => {
@@ -363,7 +367,7 @@ impl ClipProjection {
 /// (speed . v)`, in units of the length of the unprojected direction `v`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Approach {
-    /// Signed distance of the eye in front of the plane, in metres.
+    /// Signed distance of the eye from the plane in metres, positive in front.
     height: f64,
     /// Bound on the absolute error of `height`, in metres.
     height_error: f64,
@@ -399,18 +403,18 @@ fn wrong_by(forth: DMat3, back: DMat3) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    /// Random generator of whole numbers from -2^bits to 2^bits.
+    /// Random generator of whole numbers.
     struct Whole(u64);
 
     impl Whole {
-        /// Returns the next number.
+        /// Returns a random whole number from -2^bits to 2^bits.
         fn next(&mut self, bits: u32) -> i64 {
             self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (self.0 >> (63 - bits)) as i64 - (1 << bits)
         }
     }
 
-    /// Returns the determinant of three integer vectors, without rounding.
+    /// Returns the determinant of three integer vectors, computed exactly.
     fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i128 {
         let [a, b, c] = [a, b, c].map(|v| v.map(i128::from));
         (a[1] * b[2] - a[2] * b[1]) * c[0]
@@ -418,8 +422,8 @@ mod tests {
             + (a[0] * b[1] - a[1] * b[0]) * c[2]
     }
 
-    /// Directions are whole multiples of 2^-40 and close together, so that products are rounded in `f64`
-    /// while 128 bits hold the exact determinants.
+    /// Random planes through two directions. Components are whole multiples of 2^-40 and the directions are
+    /// close together, so that products are rounded in `f64` while 128 bits hold the exact determinants.
     #[test]
     fn planes_through_close_directions_tell_sides_only_where_they_exactly_are() {
         let mut whole = Whole(5);
@@ -444,7 +448,8 @@ mod tests {
         assert!(decided > 10_000, "{decided}");
     }
 
-    /// The eyes are within a few units in the last place of the plane.
+    /// Random planes, and eyes within a few units in the last place of the plane; the oracle is exact 128-bit
+    /// arithmetic.
     #[test]
     fn an_eye_is_before_a_plane_only_if_it_exactly_is() {
         let mut whole = Whole(6);

@@ -7,8 +7,8 @@ use visibility_core::{
     scene::{Changes, SceneCursor},
 };
 
-/// A [`BspTree`] of all triangles of a [`Scene`], in scene coordinates. The owner of each fragment is its
-/// object's index.
+/// A [`BspTree`] of all triangles of a [`Scene`], in metres relative to `Scene::origin`. The owner of each
+/// fragment is its object's index.
 ///
 /// The tree is built once and shared by the cullers of all views. After changes of the scene,
 /// [`sync`](Self::sync) updates the tree in time proportional to the changed objects. Until then, a changed
@@ -29,12 +29,12 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Debug)]
 pub struct SceneTree {
-    /// The tree; owners are object indices.
+    /// BSP tree of the scene's triangles. The owner of a fragment is its object's index.
     tree: BspTree,
     /// By object index: the object, if every triangle of it is in the tree. `None` for objects without
     /// triangles or with a degenerate one.
     represented: Vec<Option<ObjectId>>,
-    /// The scene and the revision of it that the tree represents.
+    /// The scene, and the revision of the scene, that the tree represents.
     cursor: SceneCursor,
 }
 
@@ -98,19 +98,20 @@ impl SceneTree {
         any
     }
 
-    /// Returns the underlying tree. The owners of its fragments are object indices.
+    /// Returns the BSP tree of the scene's triangles, in metres relative to `Scene::origin`. The owner of a
+    /// fragment is its object's index.
     pub fn tree(&self) -> &BspTree {
         &self.tree
     }
 }
 
-/// Returns an object's index, as the tree's owner number.
+/// Returns an object's index, which is its owner number in the tree.
 fn index(id: ObjectId) -> u32 {
     id.index() as u32
 }
 
-/// Returns the triangles of an object in scene coordinates; none for an object that has no triangles or is
-/// not in the scene.
+/// Returns the triangles of an object in metres relative to `Scene::origin`; none for an object that has no
+/// triangles or is not in the scene.
 fn corners(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [visibility_core::glam::DVec3; 3]> + '_ {
     let triangles = scene.triangles(id).unwrap_or_default();
     triangles.iter().map(|triangle| triangle.map(|corner| corner.as_dvec3()))
@@ -125,9 +126,10 @@ fn is_fully_represented(scene: &Scene, id: ObjectId) -> bool {
 /// Objects that have changed since a shared tree was last synchronized, determined once per view and frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct StaleObjects {
-    /// By object index: the value of `frame` in the last frame that found the object changed. 0 if none did.
+    /// By object index: the number of the last frame that found the object changed since the tree was
+    /// synchronized, 0 if none did.
     changed: Vec<u32>,
-    /// Number of the present frame, from 1 on.
+    /// Number of the present frame, from 1 on; 0 before the first.
     frame: u32,
     /// Whether the tree belongs to another scene, or more has changed than the scene lists. No object is
     /// then current.

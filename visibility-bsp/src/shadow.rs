@@ -24,19 +24,19 @@ pub(crate) const MOST_EDGES: usize = 16;
 /// A shadow edge: an edge of an occluder polygon and the plane through this edge and the eye.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ShadowEdge {
-    /// The plane through the edge and the eye, positive inside the shadow.
+    /// Plane through the edge and the eye, positive inside the shadow.
     pub(crate) line: Line,
-    /// Ends of the edge in scene coordinates; NaN for the edge cut by the near plane. Two edges with the
-    /// same ends, in either order, have the same plane up to its sign.
+    /// Ends of the edge in metres relative to `Scene::origin`; NaN for the edge cut by the near plane. Two
+    /// edges with the same ends, in either order, have the same plane up to its sign.
     pub(crate) ends: [DVec3; 2],
-    /// View rays through the two ends.
+    /// View rays through the two ends of the edge.
     pub(crate) directions: [Direction; 2],
 }
 
 /// A corner of the part of a polygon beyond the near plane, which outlines the polygon's shadow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Corner {
-    /// Position in scene coordinates.
+    /// Position of the corner in metres relative to `Scene::origin`.
     pub(crate) p: DVec3,
     /// Clip-space `(x, y, w)` of the position divided by `size`: the largest component is 1 in magnitude.
     pub(crate) v: [f64; 3],
@@ -47,19 +47,20 @@ pub(crate) struct Corner {
     pub(crate) edge: u8,
 }
 
-/// The shadow of one polygon.
+/// The shadow of one occluder polygon: hidden points are inside all edges and behind the back plane.
 #[derive(Clone, Debug)]
 pub(crate) struct Shadow {
-    /// The shadow's edges, a range of `Shadows::edges`.
+    /// Range of the shadow's edges in `Shadows::edges`.
     pub(crate) edges: Range<usize>,
-    /// The outline's corners, a range of `Shadows::corners`.
+    /// Range of the outline's corners in `Shadows::corners`, in boundary order.
     pub(crate) corners: Range<usize>,
-    /// The plane behind which points inside all edges are hidden.
+    /// Back plane of the polygon. Only points behind it are hidden.
     pub(crate) back: BackPlane,
 }
 
-/// The plane through or just behind all vertices of an occluder polygon as seen from the eye, in scene
-/// coordinates: `normal . p + offset = 0`. Only points behind it can be hidden by the polygon.
+/// The plane through or just behind all vertices of an occluder polygon as seen from the eye, in metres
+/// relative to `Scene::origin`: `normal . p + offset = 0`. Only points behind it can be hidden by the
+/// polygon.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BackPlane {
     /// Unit normal, pointing to the eye's side.
@@ -69,8 +70,8 @@ pub(crate) struct BackPlane {
 }
 
 impl BackPlane {
-    /// Returns the side of a box in scene coordinates: -1 if all of it is surely behind the plane, 1 if all
-    /// of it is surely in front, 0 if it crosses, touches or cannot be decided.
+    /// Returns the side of a box in metres relative to `Scene::origin`: -1 if all of it is surely behind the
+    /// plane, 1 if all of it is surely in front, 0 if it crosses, touches or cannot be decided.
     #[inline]
     pub(crate) fn side(&self, min: DVec3, max: DVec3) -> i32 {
         let n = self.normal;
@@ -84,23 +85,24 @@ impl BackPlane {
         i32::from(least > error) - i32::from(greatest < -error)
     }
 
-    /// Returns the signed distance of a point in scene coordinates, in metres, positive on the eye's side.
-    /// Not bounded for rounding.
+    /// Returns the signed distance in metres from the plane of a point relative to `Scene::origin`, positive
+    /// on the eye's side. Its rounding error is not bounded.
     pub(crate) fn at(&self, p: DVec3) -> f64 {
         self.normal.dot(p) + self.offset
     }
 }
 
-/// A convex, almost flat polygon in scene coordinates that casts a shadow.
+/// A convex, almost flat occluder polygon in metres relative to `Scene::origin`, from which a shadow can be
+/// cast.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OccluderPolygon<'a> {
-    /// The boundary loop, at most [`MOST_EDGES`] vertices.
+    /// Vertices in boundary order; a polygon with more than [`MOST_EDGES`] casts no shadow.
     pub(crate) vertices: &'a [DVec3],
     /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(crate) normal: DVec3,
     /// Least and greatest `normal . v` over the vertices in metres, widened by rounding.
     pub(crate) reach: [f64; 2],
-    /// Whether the polygon also hides for eyes behind it.
+    /// Whether the polygon also hides for eyes behind its front.
     pub(crate) two_sided: bool,
 }
 
@@ -131,11 +133,11 @@ pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
 /// The shadows of one frame. Memory is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shadows {
-    /// Shadows cast in this frame, in the order of casting.
+    /// Shadows of the frame, in the order in which they were cast.
     pub(crate) list: Vec<Shadow>,
-    /// Edges of all shadows.
+    /// Edges of all shadows in `list`; each shadow has a range.
     pub(crate) edges: Vec<ShadowEdge>,
-    /// Outline corners of all shadows.
+    /// Outline corners of all shadows in `list`; each shadow has a range.
     pub(crate) corners: Vec<Corner>,
     /// Scratch: near-plane function at each vertex of the polygon being cast, positive beyond the near
     /// plane.
@@ -145,14 +147,14 @@ pub(crate) struct Shadows {
 }
 
 impl Shadows {
-    /// Removes all shadows and keeps the memory.
+    /// Removes all shadows and keeps the allocated memory.
     pub(crate) fn clear(&mut self) {
         self.list.clear();
         self.edges.clear();
         self.corners.clear();
     }
 
-    /// Returns the edges of a shadow of this frame.
+    /// Returns the edges of a shadow in `list`.
     pub(crate) fn edges_of(&self, shadow: &Shadow) -> &[ShadowEdge] {
         &self.edges[shadow.edges.clone()]
     }
@@ -181,8 +183,8 @@ impl Shadows {
         cast.is_some()
     }
 
-    /// Appends the edges and corners of a polygon's shadow and returns its back plane. On `None`, the
-    /// appended ones must be removed.
+    /// Appends the edges and corners of a polygon's shadow and returns the shadow's back plane. `None` if the
+    /// polygon casts no shadow; the caller must then remove what was appended.
     fn try_cast(
         &mut self,
         projection: &ClipProjection,

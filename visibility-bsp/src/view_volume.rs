@@ -8,8 +8,8 @@ use visibility_core::{
     view::MAX_PLANES,
 };
 
-/// The view volume of one frame in scene coordinates (metres relative to `Scene::origin`). A point is in view
-/// if it is in front of every plane.
+/// The view volume of one frame in metres relative to `Scene::origin`. A point is in view if it is in front
+/// of every plane.
 #[derive(Clone, Debug)]
 pub(crate) struct ViewVolume {
     /// Planes of the view volume, normals inwards, each moved outwards by a bound on its rounding error.
@@ -20,7 +20,7 @@ pub(crate) struct ViewVolume {
 }
 
 impl ViewVolume {
-    /// Builds the volume of `view`, relative to `scene.origin()`.
+    /// Builds the volume of `view` in metres relative to `scene.origin()`.
     pub(crate) fn new(view: &View, scene: &Scene) -> Self {
         let mut volume = Self { planes: [Plane::new(DVec3::ZERO, 1.0); MAX_PLANES], count: 0 };
         for of_view in view.planes(scene.origin()).as_slice() {
@@ -66,8 +66,8 @@ impl ViewVolume {
         self.planes[..self.count].iter().any(|plane| plane.classify_aabb(bounds) == Containment::Outside)
     }
 
-    /// Tests whether all vertices of a polygon in scene coordinates are beyond one and the same plane by more
-    /// than rounding. False when undecided; true for a polygon without vertices.
+    /// Tests whether all vertices of a polygon in metres relative to `Scene::origin` are beyond one and the
+    /// same plane by more than rounding. False when undecided; true for a polygon without vertices.
     pub(crate) fn is_polygon_outside(&self, vertices: &[DVec3]) -> bool {
         let is_beyond = |plane: &Plane| {
             vertices.iter().all(|&v| plane.signed_distance(v) < -4.0 * plane.error_bound(v.abs()))

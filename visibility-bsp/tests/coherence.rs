@@ -107,7 +107,7 @@ struct Room {
 }
 
 impl Room {
-    /// Bounds of the wall, in metres.
+    /// Bounds of the wall, in metres relative to `Scene::origin`.
     const WALL: Aabb = Aabb::from_arrays([4.0, -5.0, -5.0], [4.5, 5.0, 5.0]);
 
     fn new() -> Self {
@@ -123,7 +123,7 @@ impl Room {
         Self { scene, wall, target, view }
     }
 
-    /// Returns every culler that must hide the box.
+    /// Returns one of each culler that must hide the target box behind the wall.
     fn cullers(&self) -> Vec<Box<dyn Culler>> {
         let occluders = Arc::new(Occluders::new(&self.scene));
         let frusta = ShadowFrusta::new(&self.scene, Occluders::new(&self.scene), 8, 8);
@@ -135,7 +135,7 @@ impl Room {
         ]
     }
 
-    /// Tests whether a culler removes the target box.
+    /// Tests whether a culler hides the target box in the room's view.
     fn hides(&self, culler: &mut dyn Culler) -> bool {
         !reported(&self.scene, &self.view, culler).contains(&self.target)
     }

@@ -43,12 +43,13 @@ fn scene(random: &mut Random, count: usize) -> Scene {
     scene
 }
 
-/// Rounds a triangle to `f32`.
+/// Rounds the corners of a triangle to `f32`.
 fn corners(t: [DVec3; 3]) -> Triangle {
     t.map(|v| v.as_vec3())
 }
 
-/// Inserts an object with the given triangles and their bounds.
+/// Inserts an object with the given triangles and a box around them. `occluder` flags it as opaque. Returns
+/// its id.
 fn add(scene: &mut Scene, triangles: &[Triangle], occluder: bool) -> ObjectId {
     let bounds = Aabb::from_points(triangles.iter().flatten().copied());
     let id = scene.insert(Object { occluder, ..Object::new(bounds) });
@@ -62,7 +63,7 @@ fn square(x: f32, r: f32) -> [Triangle; 2] {
     [[a, b, c], [a, c, d]]
 }
 
-/// Returns a random orthographic or perspective view.
+/// Returns a random view: orthographic, or perspective with a finite or an infinite far distance.
 fn view(random: &mut Random) -> View {
     let pose = Pose::look_at(random.fine_vector(12.0), random.fine_vector(6.0), DVec3::Z);
     match random.below(3) {

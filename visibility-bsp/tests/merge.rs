@@ -10,9 +10,9 @@ use visibility_testing::Random;
 
 /// A random convex solid, a box or a ball, axis-aligned or rotated.
 struct Shape {
-    /// Faces, counter-clockwise as seen from outside.
+    /// Faces of the solid, counter-clockwise as seen from outside.
     faces: Vec<Vec<DVec3>>,
-    /// Plane of each face as outward unit normal and offset.
+    /// Plane of each face: outward unit normal `n` and offset `d` with `n . p + d = 0`.
     planes: Vec<(DVec3, f64)>,
 }
 
@@ -88,7 +88,8 @@ fn membership_and_laws_hold_of_many_solids() {
     check_laws(1012, 20_000);
 }
 
-/// Checks that points are in unions, intersections and differences as membership in the operands implies.
+/// Asserts that random points are in unions, intersections and differences of random solids exactly if
+/// membership in the operands implies it.
 fn check_membership(seed: u64, rounds: usize) {
     let mut random = Random(seed);
     let mut counts = [0; 3];
@@ -120,7 +121,7 @@ fn check_membership(seed: u64, rounds: usize) {
     assert!(counts.iter().all(|&count| count > 200), "{counts:?}");
 }
 
-/// Checks the laws of sets on random solids.
+/// Asserts the laws of sets, such as commutativity, on pairs of random solids.
 fn check_laws(seed: u64, rounds: usize) {
     let mut random = Random(seed);
     let empty = Solid::new::<Vec<DVec3>>([]).unwrap();

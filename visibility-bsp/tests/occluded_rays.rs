@@ -16,9 +16,9 @@ use visibility_testing::Random;
 /// Counts of the checks made.
 #[derive(Default)]
 struct Judge {
-    /// Number of segments tested.
+    /// Number of segments from the eye that were tested.
     rays: usize,
-    /// Number of hidden boxes tested.
+    /// Number of hidden boxes that were tested.
     hidden: usize,
 }
 

@@ -31,7 +31,7 @@ enum Kind {
     Across,
 }
 
-/// All relative positions.
+/// All relative positions of the two triangles.
 const KINDS: [Kind; 3] = [Kind::Joined, Kind::Beside, Kind::Across];
 
 /// Two occluder triangles whose edges lie in one plane through a point, boxes with a corner in that plane,
@@ -118,7 +118,7 @@ impl Rim {
     }
 }
 
-/// Binary exponents of the scales of the test scenes.
+/// Binary exponents of the factors by which test scenes are scaled.
 const SCALES: [i32; 5] = [-45, -13, 0, 17, 45];
 
 #[test]

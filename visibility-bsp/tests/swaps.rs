@@ -17,7 +17,7 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
-/// Inserts an occluder box with its triangles on the given layers.
+/// Inserts an occluder box with its twelve triangles, on the layers of the mask `layers`. Returns its id.
 fn insert_wall(scene: &mut Scene, bounds: Aabb, layers: u32) -> ObjectId {
     let id = scene.insert(Object { occluder: true, layers, ..Object::new(bounds) });
     scene.set_triangles(id, triangles_of(&bounds)).unwrap();
@@ -109,7 +109,7 @@ impl Place {
         Self { scene, occluders, frusta, tree }
     }
 
-    /// Changes one random object.
+    /// Changes one random object of the scene: its layers, its occluder flag, its index or its position.
     fn mutate(&mut self, random: &mut Random) {
         let ids: Vec<ObjectId> = self.scene.ids().collect();
         let id = ids[random.below(ids.len())];
@@ -135,7 +135,7 @@ impl Place {
         }
     }
 
-    /// Updates some of the data made from the scene, or makes it anew.
+    /// Updates one random kind of the data made from the scene, or makes it anew.
     fn sync(&mut self, random: &mut Random) {
         match random.below(5) {
             0 => self.occluders = Arc::new(Occluders::new(&self.scene)),
@@ -179,7 +179,7 @@ impl Cullers {
         *self.naylor.shared_mut() = place.tree.clone();
     }
 
-    /// Returns all cullers.
+    /// Returns one of each culler.
     fn each(&mut self) -> [&mut dyn Culler; 6] {
         let Self { tree, large, frusta, meshes, order, naylor } = self;
         [tree, large, frusta, meshes, order, naylor]

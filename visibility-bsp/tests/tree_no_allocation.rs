@@ -13,7 +13,7 @@ use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
-/// Returns a scene of 300 random occluder triangles.
+/// Returns a scene of 300 random occluder triangles, one per object.
 fn scene(random: &mut Random) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..300 {

@@ -32,32 +32,34 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Debug)]
 pub struct LargeOccludersCuller {
-    /// The polygons to choose from.
+    /// All occluder polygons of the scene, from which the culler chooses.
     occluders: Arc<Occluders>,
-    /// Chooses polygons and tracks which objects have changed since the polygons were made.
+    /// Chooses polygons, and tracks which objects have changed since the polygons were made.
     selector: Selector,
-    /// Maximum number of polygons in use.
+    /// Maximum number of occluder polygons in use at a time.
     most: usize,
     /// Spacing in metres of the grid that the eye is rounded to for choosing polygons.
     pitch: f64,
-    /// Rounded eye of the last choice; `None` if a new choice is due.
+    /// Eye of the last choice, rounded to the grid; `None` if the polygons must be chosen again in the next
+    /// frame.
     chosen_at: Option<Eye>,
-    /// Numbers of the polygons of the last choice, usable or not.
+    /// Indices in `Occluders` of the polygons chosen last, whether usable in this frame or not.
     selected: Vec<u32>,
-    /// Numbers of the selected polygons that are usable in this frame.
+    /// Indices in `Occluders` of the chosen polygons that are usable in this frame.
     active: Vec<u32>,
-    /// Source objects of all active polygons, each once.
+    /// Objects that the active polygons were made from, each once, in ascending order.
     sources: Vec<ObjectId>,
-    /// Numbers of the active polygons that are sections of boxes.
+    /// Indices in `Occluders` of the active sections: polygons inside closed boxes, which hide only for eyes
+    /// outside these boxes.
     sections: Vec<u32>,
-    /// Whether all selected polygons are active.
+    /// Whether every chosen polygon is active.
     all_active: bool,
-    /// Tests the scene's hierarchy against the occlusion map.
+    /// Driver that tests the scene's hierarchy of boxes against the occlusion map.
     inner: OcclusionCuller<GroupMap>,
 }
 
 impl LargeOccludersCuller {
-    /// Creates a culler that uses up to 64 polygons at a time, with the answer cache on.
+    /// Creates the culler of one view. It uses up to 64 polygons at a time and caches answers.
     pub fn new(occluders: Arc<Occluders>) -> Self {
         let inner =
             OcclusionCuller::new(GroupMap::new()).with_selection(Selection::Interleaved).with_budget(0);
@@ -77,21 +79,21 @@ impl LargeOccludersCuller {
         }
     }
 
-    /// Sets the maximum number of polygons in use; 0 disables culling. The cost of a test that is not cached
-    /// grows in proportion.
+    /// Sets the maximum number of occluder polygons in use; 0 disables culling. The cost of a test whose
+    /// answer is not cached grows in proportion.
     pub fn with_polygons(self, most: usize) -> Self {
         Self { most, chosen_at: None, ..self }
     }
 
-    /// Turns the answer cache on (the default) or off. Without it, every frame computes all answers. The
-    /// answers are the same.
+    /// Turns the answer cache on (the default) or off. Without the cache, every frame computes all answers
+    /// anew; the answers are the same.
     pub fn with_coherence(mut self, coherent: bool) -> Self {
         self.inner.map_mut().coherent = coherent;
         self
     }
 
-    /// Replaces the polygons, by those of another scene or an updated copy. Cached answers are dropped in the
-    /// next frame.
+    /// Replaces the occluder polygons, by those of another scene or an updated copy. Cached answers are
+    /// dropped in the next frame.
     pub fn set_occluders(&mut self, occluders: Arc<Occluders>) {
         self.pitch = pitch_of(&occluders);
         self.occluders = occluders;
@@ -99,13 +101,13 @@ impl LargeOccludersCuller {
     }
 
     /// Returns the number of boxes that the last frame tested against polygons. Boxes answered from the cache
-    /// do not count.
+    /// do not count. 0 before the first frame.
     pub fn computed(&self) -> u64 {
         self.inner.map().computed()
     }
 
-    /// Returns the eye rounded to the grid, so that nearby eyes choose the same polygons. The direction of a
-    /// parallel view is returned unchanged.
+    /// Returns the eye rounded to a grid of `pitch` metres, so that nearby eyes choose the same polygons. The
+    /// direction of a parallel view is returned unchanged.
     fn place(&self, eye: Eye) -> Eye {
         let pitch = self.pitch;
         let whole = |x: f64| {

@@ -9,9 +9,10 @@ use visibility_core::view::Eye;
 /// An edge of a polygon and the plane through it and the eye of the frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
-    /// Ends of the edge in scene coordinates.
+    /// Ends of the edge, in metres relative to `Scene::origin`.
     pub(super) ends: [DVec3; 2],
-    /// A point inside the polygon, in scene coordinates; it determines the inner side of the plane.
+    /// A point inside the polygon, in metres relative to `Scene::origin`; it determines the inner side of
+    /// the plane.
     pub(super) inner: DVec3,
     /// Normal of the plane, to the inner side, not normalized. The plane passes through
     /// [`base`](Self::base).
@@ -19,16 +20,17 @@ pub(super) struct Edge {
     /// Bound on the absolute error of `normal . q`, for a point `q` relative to the base whose largest
     /// coordinate is `s`: `slope s + least`. Infinite if the plane is not usable.
     slope: f64,
-    /// Constant term of that bound.
+    /// Constant term of the plane's error bound; see `slope`. Infinite for a polygon seen edge on.
     least: f64,
 }
 
 /// One polygon, or two that share an edge, and the edges that bound the shadow that they cast together.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
-    /// Bounding edges, a range of `Groups::edges`; the shared edge is not among them.
+    /// Edges that bound the group's shadow, a range of `Groups::edges`; an edge shared by the two polygons
+    /// is not among them.
     pub(super) edges: Range<usize>,
-    /// Indices into `Groups::faces`; both are the same for a single polygon.
+    /// Indices in `Groups::faces` of the two polygons; both are the same for a single polygon.
     pub(super) polygons: [usize; 2],
     /// Whether the group is usable: the eye sees the two polygons on opposite sides of the shared edge, and
     /// the near plane of a parallel view does not cut them. Polygons that fold over each other hide nothing
@@ -42,18 +44,20 @@ pub(super) struct Face {
     /// Back planes for an eye in front of the polygon and for one behind it. The second is used only if
     /// `two_sided`.
     front: [BackPlane; 2],
-    /// Whether the polygon also hides for eyes behind it.
+    /// Whether the polygon also hides for eyes behind its front.
     two_sided: bool,
-    /// The entry of `front` for the side that the eye is on.
+    /// Back plane for the side of the polygon that the eye is on; a copy of one entry of `front`.
     pub(super) back: BackPlane,
-    /// Whether the eye is surely on that side, farther from the plane than the near plane reaches.
+    /// Whether the eye is surely on the side of `back`, by more than the distance within which the near
+    /// plane may cut the polygon. If false, the polygon hides nothing.
     pub(super) before: bool,
-    /// Whether `back` is the back plane for an eye in front of the polygon.
+    /// Whether `back` is the entry for an eye in front of the polygon (false: behind).
     pub(super) from_front: bool,
 }
 
 impl Face {
-    /// Creates the planes of a polygon; `before` is false until the eye is known.
+    /// Creates the planes of a polygon. The eye's side is unknown (`before` is false) until
+    /// [`look`](Self::look) is called.
     pub(super) fn new(occluder_polygon: &OccluderPolygon<'_>) -> Self {
         let front = BackPlane { normal: occluder_polygon.normal, offset: -occluder_polygon.reach[0] };
         let rear = BackPlane { normal: -occluder_polygon.normal, offset: occluder_polygon.reach[1] };
@@ -86,7 +90,8 @@ impl Face {
 }
 
 impl Edge {
-    /// Creates an edge whose plane is not yet computed and holds no box.
+    /// Creates an edge between two points, with the polygon's inside on the side of `inner`. No box is inside
+    /// its plane until [`look`](Self::look) is called.
     pub(super) fn new(ends: [DVec3; 2], inner: DVec3) -> Self {
         Self { ends, inner, normal: DVec3::ZERO, slope: f64::INFINITY, least: f64::INFINITY }
     }
@@ -134,14 +139,14 @@ impl Edge {
         }
     }
 
-    /// Returns the bound on the plane's absolute error at a point whose largest coordinate relative to the
-    /// base is `size`.
+    /// Returns the bound on the absolute error of `normal . q` for a point `q` relative to the base, none of
+    /// whose coordinates exceeds `size` in magnitude.
     fn error(&self, size: f64) -> f64 {
         self.slope * size + self.least
     }
 
-    /// Tests whether a box (`min` to `max` in scene coordinates) is surely on the inner side of the edge's
-    /// plane. False if undecided or NaN.
+    /// Tests whether a box (`min` to `max` in metres relative to `Scene::origin`) is surely on the inner side
+    /// of the edge's plane. False if undecided or NaN.
     pub(super) fn holds(&self, eye: &Eye, min: DVec3, max: DVec3) -> bool {
         let base = self.base(eye);
         let (low, high) = (min - base, max - base);

@@ -12,38 +12,39 @@ use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View, occlusio
 /// A cached answer for a box, and the ball of eye positions for which it holds.
 #[derive(Clone, Copy, Debug)]
 struct Known {
-    /// Centre of the ball: the eye of the frame that computed the answer, in scene coordinates.
+    /// Centre of the ball: the eye of the frame that computed the answer, in metres relative to
+    /// `Scene::origin`.
     eye: DVec3,
-    /// Radius of the ball in metres.
+    /// Radius of the ball in metres. The answer holds while the eye stays inside.
     radius: f64,
     /// Bound in metres on the eye's error in that frame, already subtracted from the radius.
     eye_error: f64,
-    /// The cached answer.
+    /// The answer that holds inside the ball.
     answer: Occlusion,
-    /// The last frame that asked for the answer.
+    /// Number of the last frame in which a test used this answer.
     frame: u64,
 }
 
-/// The cache and the groups, which `test` updates behind a shared reference.
+/// The answer cache and the groups of polygons, both of which `test` updates behind a shared reference.
 #[derive(Clone, Debug, Default)]
 struct Memory {
-    /// Answers by the bits of the box's minimum and maximum corners, so that a box that has moved counts as
-    /// another box.
+    /// Cached answers. The key is the bits of the box's minimum and maximum coordinates, so a box that has
+    /// moved counts as another box.
     known: HashMap<[u32; 6], Known>,
-    /// Number of answers computed in this frame.
+    /// Number of answers that the present frame computed instead of taking from the cache.
     computed: u64,
-    /// The groups that boxes are tested against.
+    /// Groups of polygons that boxes are tested against.
     groups: Groups,
 }
 
 /// The polygons in use, with everything that depends on the eye of the frame.
 #[derive(Clone, Debug, Default)]
 struct Groups {
-    /// By polygon: its plane.
+    /// Plane of each polygon, by the polygon's position in the list given to `GroupMap::group`.
     faces: Vec<Face>,
-    /// Edges of all groups, in runs.
+    /// Bounding edges of all groups; each group's edges are consecutive.
     edges: Vec<Edge>,
-    /// Single polygons, in order, followed by pairs.
+    /// Groups: all single polygons in the order of `faces`, then all pairs that share an edge.
     groups: Vec<Group>,
     /// Number of the frame for whose eye `edges` and `groups` are computed; 0 for none. The computation is
     /// postponed until an answer is not cached.
@@ -56,13 +57,13 @@ const FORGET: u64 = 64;
 /// An occlusion map of single polygons and pairs of them, with a cache of answers.
 #[derive(Clone, Debug)]
 pub(super) struct GroupMap {
-    /// Whether answers are cached.
+    /// Whether answers are cached between frames.
     pub(super) coherent: bool,
-    /// Projection of the present frame.
+    /// Projection of the present frame's view.
     projection: ClipProjection,
-    /// Number of the present frame, from 1 on.
+    /// Number of the present frame, from 1 on; 0 before the first.
     frame: u64,
-    /// State that `test` changes.
+    /// Cache and groups, which `test` changes.
     memory: RefCell<Memory>,
     /// Scratch for finding shared edges: the ends of each edge as ordered bits, the number of its polygon,
     /// and the edge's index.
@@ -70,7 +71,7 @@ pub(super) struct GroupMap {
 }
 
 impl GroupMap {
-    /// Creates a map without polygons, with the cache on.
+    /// Creates a map without polygons that hides nothing, with the cache on.
     pub(super) fn new() -> Self {
         Self {
             coherent: true,
@@ -81,12 +82,12 @@ impl GroupMap {
         }
     }
 
-    /// Returns the number of answers that this frame computed instead of taking from the cache.
+    /// Returns the number of answers that the present frame computed instead of taking from the cache.
     pub(super) fn computed(&self) -> u64 {
         self.memory.borrow().computed
     }
 
-    /// Removes all polygons and cached answers.
+    /// Removes all polygons and all cached answers.
     pub(super) fn forget(&mut self) {
         let memory = self.memory.get_mut();
         memory.known.clear();
@@ -95,8 +96,8 @@ impl GroupMap {
         memory.groups.edges.clear();
     }
 
-    /// Replaces the polygons by those with the given numbers, pairs those that share an edge, and drops all
-    /// cached answers.
+    /// Replaces the polygons by those with the given indices in `occluders`, makes pairs of those that share
+    /// an edge, and drops all cached answers.
     pub(super) fn group(&mut self, occluders: &Occluders, polygons: &[u32]) {
         self.forget();
         self.shared.clear();
@@ -139,8 +140,8 @@ impl GroupMap {
         }
     }
 
-    /// Tests a box (`min` to `max` in scene coordinates) against all groups. Returns the answer and the
-    /// radius in metres within which the eye may move before the answer can change.
+    /// Tests a box (`min` to `max` in metres relative to `Scene::origin`) against all groups. Returns the
+    /// answer and the radius in metres within which the eye may move before the answer can change.
     fn compute(&self, memory: &mut Memory, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         memory.computed += 1;
         if memory.groups.looked != self.frame {
@@ -165,7 +166,7 @@ impl Groups {
         turned
     }
 
-    /// Computes the planes through the eye and all edges, and which groups are usable.
+    /// Computes the planes through the eye and all edges, and sets `joined` of every group.
     fn look(&mut self, projection: &ClipProjection) {
         let (eye, error) = (projection.eye, projection.eye_error);
         for edge in &mut self.edges {
@@ -211,9 +212,10 @@ impl Groups {
         false
     }
 
-    /// Tests a box (`min` to `max` in scene coordinates) against all groups, and returns `Hidden` or
-    /// `Partial` with the radius in metres within which the eye may move before the answer can change. The
-    /// radius is infinite if no group limits it, and has no meaning for parallel views or without `coherent`.
+    /// Tests a box (`min` to `max` in metres relative to `Scene::origin`) against all groups, and returns
+    /// `Hidden` or `Partial` with the radius in metres within which the eye may move before the answer can
+    /// change. The radius is infinite if no group limits it, and has no meaning for parallel views or without
+    /// `coherent`.
     fn compute(&self, eye: &Eye, coherent: bool, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         let point = match eye {
             Eye::Point(eye) if coherent => Some(*eye),
@@ -252,7 +254,8 @@ impl Groups {
     }
 }
 
-/// Returns the ends of an edge as bits, the lesser end first, so that both directions have the same key.
+/// Returns the ends of an edge as the bits of their coordinates, the lesser end first, so that both
+/// directions of an edge have the same key. Both zeros give the same bits.
 fn key(ends: [DVec3; 2]) -> [u64; 6] {
     let [a, b] = ends.map(|p| (p + 0.0).to_array().map(f64::to_bits));
     let (a, b) = if a <= b { (a, b) } else { (b, a) };

@@ -33,22 +33,22 @@ use visibility_core::glam::DVec3;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Solid {
-    /// Nodes of the tree.
+    /// Nodes of the solid's tree.
     arena: Arena,
-    /// The root: a node index in `arena`, `EMPTY` or `SOLID`.
+    /// Root of the tree: a node index in `arena`, or the leaf `EMPTY` or `SOLID`.
     root: u32,
-    /// Upper bound on the absolute coordinates of the solid's points, by axis.
+    /// Upper bound on the absolute coordinates of the solid's points, on each axis.
     reach: DVec3,
 }
 
-/// Reason why a solid cannot be made.
+/// Reason why a solid cannot be made or merged.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum SolidError {
-    /// Building the tree of the boundary failed.
+    /// No tree could be built from the boundary, for the enclosed reason.
     Boundary(BspError),
-    /// A tree has more levels than can be merged.
+    /// A tree has more levels than the limit for merging, which bounds the recursion.
     TooDeep {
-        /// Number of levels of the tree, more than 1000.
+        /// Number of levels of the offending tree, more than 1000.
         levels: usize,
     },
 }
@@ -72,14 +72,14 @@ impl From<BspError> for SolidError {
     }
 }
 
-/// A set operation on two solids, in the order of the operands.
+/// A set operation on a first and a second solid.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Operation {
-    /// Points in the first or the second solid.
+    /// All points in the first or the second solid, or both.
     Union,
-    /// Points in both solids.
+    /// All points in both solids.
     Intersection,
-    /// Points in the first solid but not in the second.
+    /// All points in the first solid that are not in the second.
     Difference,
 }
 
@@ -109,12 +109,12 @@ impl Solid {
         Ok(Self { arena, root, reach })
     }
 
-    /// Tests whether the solid contains no point.
+    /// Tests whether the solid contains no point: its tree is a single empty leaf.
     pub fn is_empty(&self) -> bool {
         self.root == EMPTY
     }
 
-    /// Returns the number of inner nodes of the solid's tree.
+    /// Returns the number of inner nodes of the solid's tree; 0 for an empty solid.
     pub fn node_count(&self) -> usize {
         self.arena.len()
     }
@@ -152,7 +152,8 @@ impl Solid {
         self.merge(other, Operation::Difference)
     }
 
-    /// Applies a set operation to this solid and another.
+    /// Returns the result of a set operation on this solid (first) and `other` (second). `Err` if either tree
+    /// has more than 1000 levels.
     fn merge(&self, other: &Self, operation: Operation) -> Result<Self, SolidError> {
         check(self.arena.depth(self.root))?;
         check(other.arena.depth(other.root))?;
@@ -168,13 +169,13 @@ impl Solid {
     }
 }
 
-/// Fails for a tree of more than [`MOST_LEVELS`] levels.
+/// Returns an error if a tree of `levels` levels exceeds [`MOST_LEVELS`].
 fn check(levels: usize) -> Result<(), SolidError> {
     if levels <= MOST_LEVELS { Ok(()) } else { Err(SolidError::TooDeep { levels }) }
 }
 
-/// Merges the trees `a` and `b` of one arena and region, and returns the result's root: a node index or a
-/// leaf.
+/// Merges the trees with roots `a` and `b`, which belong to one region, by a set operation. Returns the
+/// result's root in `arena`: a node index, or the leaf `EMPTY` or `SOLID`.
 fn merge(arena: &mut Arena, operation: Operation, a: u32, b: u32) -> u32 {
     match (operation, a, b) {
         (Operation::Union, SOLID, _) | (Operation::Union, _, SOLID) => return SOLID,

@@ -25,49 +25,50 @@ fn is_leaf(child: u32) -> bool {
     child >= SOLID
 }
 
-/// A node of a solid's tree.
+/// An inner node of a solid's BSP tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
-    /// The dividing plane, normal to the front, with its margin.
+    /// The dividing plane, with the margin within which points count as on the plane.
     plane: SidePlane,
     /// Children behind and in front of the plane: node indices, [`EMPTY`] or [`SOLID`].
     pub(super) children: [u32; 2],
-    /// Part of the plane inside the node's region.
+    /// Part of the dividing plane inside the node's region.
     sub: Sub,
 }
 
 impl Node {
-    /// Returns the node with other children.
+    /// Returns a copy of the node with other children (behind, in front).
     pub(super) fn with(self, children: [u32; 2]) -> Self {
         Self { children, ..self }
     }
 }
 
-/// A sub-hyperplane, as a range of `Arena::points`.
+/// A sub-hyperplane, the part of a node's plane inside the node's region, as a range of `Arena::points`.
 #[derive(Clone, Copy, Debug)]
 struct Sub {
-    /// Index of the first corner.
+    /// Index in `Arena::points` of the first corner.
     start: u32,
-    /// Number of corners; 0 if the region was too thin to determine the polygon.
+    /// Number of corners; 0 if the region was too thin to determine the polygon, or if the polygon was never
+    /// computed.
     len: u32,
 }
 
-/// Nodes of several trees. Nodes are only added, never removed.
+/// Nodes of any number of trees. Nodes are only added, never removed.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Arena {
-    /// All nodes.
+    /// Inner nodes of all trees, children before parents.
     nodes: Vec<Node>,
-    /// Corners of all sub-hyperplanes.
+    /// Corners of all sub-hyperplanes, in the solids' coordinates.
     points: Vec<DVec3>,
 }
 
 impl Arena {
-    /// Returns the number of nodes.
+    /// Returns the number of inner nodes of all trees.
     pub(super) fn len(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Returns a copy of a node.
+    /// Returns a copy of the inner node with index `id`.
     pub(super) fn node(&self, id: u32) -> Node {
         self.nodes[id as usize]
     }
@@ -83,12 +84,14 @@ impl Arena {
         self.nodes.len() as u32 - 1
     }
 
-    /// Adds a node without a sub-hyperplane, as [`push`](Self::push) does.
+    /// Adds a node without a sub-hyperplane and returns its index; if both children are the same leaf,
+    /// returns that leaf instead.
     pub(super) fn push_plane(&mut self, plane: &SidePlane, children: [u32; 2]) -> u32 {
         self.push(Node { plane: *plane, children, sub: Sub { start: 0, len: 0 } })
     }
 
-    /// Returns the leaf of a tree that contains a point. A point on a plane counts as in front of it.
+    /// Returns the leaf, [`EMPTY`] or [`SOLID`], that contains a point in the tree with root `child`. A point
+    /// on a plane counts as in front of it.
     pub(super) fn locate(&self, mut child: u32, p: DVec3) -> u32 {
         while !is_leaf(child) {
             let node = &self.nodes[child as usize];
@@ -109,12 +112,12 @@ impl Arena {
         deepest
     }
 
-    /// Returns the corners of a sub-hyperplane.
+    /// Returns the corners of a sub-hyperplane, in boundary order.
     fn corners(&self, sub: Sub) -> &[DVec3] {
         &self.points[sub.start as usize..][..sub.len as usize]
     }
 
-    /// Stores the corners of a sub-hyperplane.
+    /// Stores the corners of a sub-hyperplane and returns their range.
     fn keep(&mut self, corners: &[DVec3]) -> Sub {
         let start = self.points.len() as u32;
         self.points.extend_from_slice(corners);
@@ -129,8 +132,8 @@ impl Arena {
         self.load_below(from, root, reach * 1.25 + f64::MIN_POSITIVE, &mut above)
     }
 
-    /// Copies the subtree of `child`. `above` lists the planes of its ancestors, each with whether the
-    /// subtree is in front.
+    /// Copies the subtree `child` of another arena and returns the copy's root. `above` lists the planes of
+    /// the ancestors, each with true if the subtree is in front of it; it is restored on return.
     fn load_below(
         &mut self,
         from: &Self,
@@ -168,7 +171,7 @@ impl Arena {
         self.push(Node { plane, children: [back, front], sub })
     }
 
-    /// Returns a tree with solid and empty leaves exchanged. Copies every node.
+    /// Returns the complement of a tree: a copy with [`SOLID`] and [`EMPTY`] leaves exchanged.
     pub(super) fn complement(&mut self, child: u32) -> u32 {
         match child {
             EMPTY => SOLID,
@@ -181,8 +184,8 @@ impl Arena {
         }
     }
 
-    /// Splits a tree by the plane of the node `by`. Returns the parts behind and in front of the plane. Tree
-    /// and node must belong to the same region.
+    /// Splits a tree by the plane of the node `by`, whose region must be that of the tree. Returns the roots
+    /// of the parts behind and in front of the plane.
     pub(super) fn partition(&mut self, tree: u32, by: &Node) -> [u32; 2] {
         if is_leaf(tree) {
             return [tree; 2];
@@ -224,7 +227,8 @@ impl Arena {
         }
     }
 
-    /// Splits both children of a node by the plane of `by`, and the node's plane into two nodes.
+    /// Splits the tree of `node` by the plane of `by` where the two planes cross. Returns the roots of the
+    /// parts behind and in front of the plane of `by`; each has its own copy of the node.
     fn partition_across(&mut self, node: &Node, by: &Node) -> [u32; 2] {
         let of_by = self.halves(by.sub, &node.plane);
         let of_node = self.halves(node.sub, &by.plane);
@@ -248,7 +252,8 @@ impl Arena {
     }
 }
 
-/// Returns the polygon in which a plane cuts the box from `-reach` to `reach`. Empty if they do not meet.
+/// Returns the polygon in which a plane cuts the box from `-reach` to `reach`, in boundary order. Empty if
+/// the plane misses the box.
 fn across_box(plane: &Plane, reach: DVec3) -> Vec<DVec3> {
     let n = plane.normal.abs();
     // Every line through the box along the axis of the normal's largest component meets the plane once.

@@ -24,9 +24,9 @@
 use alloc::vec::Vec;
 use visibility_core::geometry::Side;
 
-/// Child link of a leaf that no polygon covers yet.
+/// Child link of an open leaf: image area that no polygon covers yet.
 const OPEN: u32 = u32::MAX;
-/// Child link of a covered leaf.
+/// Child link of a closed leaf: image area that is covered, or outside the image.
 const CLOSED: u32 = u32::MAX - 1;
 
 /// A polygon corner in NDC, -1 to 1 across the image, with the edge that leaves it.
@@ -100,7 +100,7 @@ impl Line {
 /// 2560 columns.
 pub(super) const NARROWEST: f64 = 1e-7;
 
-/// Result of testing a polygon against the beam tree.
+/// Visibility of a polygon behind the polygons that the beam tree contains.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Visibility {
     /// The polygon reaches no open leaf, except in gaps that rounding may have made.
@@ -112,7 +112,7 @@ pub(super) enum Visibility {
     Seen,
 }
 
-/// An inner node: a line and its two half-planes.
+/// An inner node of the beam tree: a line that divides an image region in two.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     line: Line,
@@ -151,11 +151,11 @@ pub struct Witness {
 /// The beam tree of one frame; see the [module](self). Memory is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Beams {
-    /// Inner nodes. Nodes closed during a frame stay in the list unused.
+    /// Inner nodes of the tree. Nodes that have become closed leaves stay in the list unused.
     nodes: Vec<Node>,
-    /// Child link of the whole plane: a node index, [`OPEN`] or [`CLOSED`].
+    /// Child link of the tree's root: a node index, [`OPEN`] or [`CLOSED`].
     root: u32,
-    /// Bound on the absolute error of corners, in NDC.
+    /// Bound on the absolute error of the corners of this frame's polygons, in NDC.
     error: f64,
     /// Stack of parts still to be taken down the tree.
     tasks: Vec<Task>,
@@ -164,15 +164,15 @@ pub(super) struct Beams {
     /// By edge of the polygon being added: its line and whether the line's margin holds over the whole
     /// image. `None` for an edge too short to have a line.
     lines: Vec<Option<(Line, bool)>>,
-    /// Scratch: corners of the part being cut.
+    /// Scratch: copy of the corners of the part being cut.
     part: Vec<Corner>,
-    /// Scratch: signed NDC distances of the part's corners from the node's line.
+    /// Scratch: signed distances in NDC of the part's corners from the node's line.
     sides: Vec<f64>,
     /// Widest uncovered part found by the last `look` or `add`; its width is negative if none was found.
     witness: Witness,
 }
 
-/// Parent index that stands for the root link of the tree.
+/// Value of `Node::parent` and `Task::parent` for the root of the tree, which has no parent.
 const NO_PARENT: u32 = u32::MAX;
 
 /// Number of times that each image axis is halved initially: an 8 by 8 grid of open leaves. The grid keeps
@@ -210,7 +210,8 @@ impl Beams {
         self.divide((node, 1), upper, half, levels - 1);
     }
 
-    /// Appends a node, links it into `slot` (parent and side) and returns its index.
+    /// Appends a node, links it as child `side` of `parent` (given as one pair; the root for [`NO_PARENT`])
+    /// and returns its index.
     fn push(&mut self, (parent, side): (u32, u8), line: Line, children: [u32; 2]) -> u32 {
         let node = self.nodes.len() as u32;
         self.nodes.push(Node { line, children, parent });
@@ -227,20 +228,20 @@ impl Beams {
         }
     }
 
-    /// Tests whether the whole image is covered.
+    /// Tests whether the whole image is covered, so that nothing more can be seen.
     pub(super) fn is_closed(&self) -> bool {
         self.root == CLOSED
     }
 
-    /// Tests a convex polygon against the open leaves without changing the tree. Corners run
-    /// counter-clockwise in NDC and may lie outside the image.
+    /// Tests the visibility of a convex polygon against the open leaves without changing the tree. Corners
+    /// run counter-clockwise in NDC and may lie outside the image.
     pub(super) fn look(&mut self, polygon: &[Corner]) -> Visibility {
         self.run(polygon, false)
     }
 
-    /// Tests a convex polygon like [`look`](Self::look) and then closes the image area that it covers.
-    /// `error` bounds the absolute NDC error of its corners. A polygon with fewer than two edges long enough
-    /// to have a line covers nothing.
+    /// Tests the visibility of a convex polygon like [`look`](Self::look), then closes the image area that
+    /// the polygon covers. `error` bounds the absolute NDC error of its corners. A polygon with fewer than
+    /// two edges long enough to have a line covers nothing.
     pub(super) fn add(&mut self, polygon: &[Corner], error: f64) -> Visibility {
         self.lines.clear();
         for (i, &p) in polygon.iter().enumerate() {
@@ -463,7 +464,8 @@ impl Beams {
         }
     }
 
-    /// Replaces node `id` by a closed leaf if both its children are closed, and repeats with its ancestors.
+    /// Replaces node `id` by a closed leaf if both its children are closed, and continues with its parent.
+    /// Stops at the first node with an open side.
     fn close_above(&mut self, mut id: u32) {
         while id != NO_PARENT {
             let Node { children, parent, .. } = self.nodes[id as usize];
@@ -482,7 +484,8 @@ impl Beams {
     }
 }
 
-/// Tests whether a polygon is at most 4 [`NARROWEST`] wide in NDC.
+/// Tests whether a polygon is at most 4 [`NARROWEST`] wide, by area divided by the longest edge. True for a
+/// degenerate polygon. `polygon` must not be empty.
 fn is_narrow(polygon: &[Corner]) -> bool {
     witness(polygon).width <= 4.0 * NARROWEST
 }
@@ -514,7 +517,7 @@ fn crossing(p: Corner, q: Corner, dp: f64, dq: f64) -> Corner {
 mod tests {
     use super::*;
 
-    /// Builds a polygon from NDC corners.
+    /// Builds a polygon from pairs of NDC coordinates (x, y).
     fn polygon(corners: &[(f64, f64)]) -> Vec<Corner> {
         corners.iter().map(|&(x, y)| Corner::new(x, y)).collect()
     }

@@ -51,23 +51,23 @@ pub struct NaylorCuller<S> {
     shared: S,
     /// Objects that have changed since the tree was last synchronized with the scene.
     stale: StaleObjects,
-    /// Stack of the tree walk, kept to avoid allocation.
+    /// Stack of the walk through the BSP tree, kept between frames to avoid allocation.
     order: Order,
-    /// The beam tree: image area already covered in this frame.
+    /// Beam tree of the present frame: the image area that nearer polygons cover.
     beams: Beams,
     /// The polygon projected last, with its scratch memory.
     image: ProjectedPolygon,
-    /// State of each object in this frame, by object index.
+    /// Visibility state in the present frame, by object index.
     parts: Vec<Part>,
     /// By object index: the object seen in the last frame and the position of its first visible part. `None`
     /// for an object that was hidden or not tested.
     witnesses: Vec<Option<(ObjectId, Witness)>>,
 }
 
-/// Visibility of an object in this frame, as far as it is known.
+/// Visibility of an object in the present frame, as far as the walk has determined it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Part {
-    /// No fragment of the object has been reached.
+    /// The walk has reached no fragment of the object.
     Unknown,
     /// The object is not in the visible set, not on a layer of the view, or not in the tree as it is in the
     /// scene. Its fragments are skipped.
@@ -80,7 +80,7 @@ enum Part {
 }
 
 impl<S: Borrow<SceneTree>> NaylorCuller<S> {
-    /// Creates the culler of one view, with a tree or a shared pointer to a tree.
+    /// Creates the culler of one view. `shared` is the tree itself or a shared pointer to it.
     pub fn new(shared: S) -> Self {
         Self {
             shared,
@@ -101,7 +101,8 @@ impl<S: Borrow<SceneTree>> NaylorCuller<S> {
         (seen == id).then_some(witness)
     }
 
-    /// Returns the tree for replacement, or for [`sync`](SceneTree::sync) if this culler owns the tree.
+    /// Returns the tree for replacement, or for [`sync`](SceneTree::sync) if this culler owns the tree. The
+    /// change takes effect in the next frame.
     pub fn shared_mut(&mut self) -> &mut S {
         &mut self.shared
     }
@@ -156,7 +157,7 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
     }
 }
 
-/// Inputs and state of one frame's tree walk.
+/// Inputs and state of one frame's walk through the BSP tree.
 struct Frame<'a> {
     shared: &'a SceneTree,
     scene: &'a Scene,
@@ -194,8 +195,9 @@ impl Frame<'_> {
         part
     }
 
-    /// Projects a fragment, tests it against the beam tree and updates its object's state. With `hides`, a
-    /// fragment of an occluder also covers image area. Fragments that can change neither are skipped.
+    /// Projects a fragment, tests it against the beam tree and updates its object's state. If `hides` is true
+    /// and the object is an occluder, the fragment also covers image area. A fragment that can change neither
+    /// the state nor the covered area is skipped.
     fn draw(&mut self, fragment: &Fragment<'_>, hides: bool) {
         let part = self.part(fragment.owner());
         let occluder = match part {

@@ -14,11 +14,12 @@ use visibility_core::{
 /// A polygon projected to NDC, with the scratch memory for clipping it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProjectedPolygon {
-    /// Scratch: the polygon in scene coordinates, and the two parts of a cut.
+    /// Scratch: vertices in metres relative to `Scene::origin` of the polygon, and of the inner and outer
+    /// parts of a cut.
     space: [Vec<DVec3>; 3],
-    /// Corners in NDC, counter-clockwise.
+    /// NDC corners of the polygon projected last, counter-clockwise; the image is -1 to 1.
     polygon: Vec<Corner>,
-    /// Bound on the absolute NDC error of `polygon`.
+    /// Bound on the absolute error of the corners in `polygon`, in NDC.
     error: f64,
 }
 
@@ -35,19 +36,20 @@ impl ProjectedPolygon {
     }
 }
 
-/// The projection from scene coordinates to NDC, with bounds on its rounding errors.
+/// The projection of points in metres relative to `Scene::origin` to NDC, with bounds on its rounding errors.
 #[derive(Clone, Debug)]
 pub(super) struct ScreenProjection {
-    /// Matrix from scene coordinates (relative to `Scene::origin`) to clip space.
+    /// Matrix from points in metres relative to `Scene::origin` to clip space.
     clip: DMat4,
-    /// Clipping planes in scene coordinates, inner side in front: near, far, the view's own clip planes, and
-    /// the four sides of an image [`WIDER`] times as wide. Only the first `count` are valid.
+    /// Clipping planes in metres relative to `Scene::origin`, inner side in front: near, far, the view's own
+    /// clip planes, and the four sides of an image [`WIDER`] times as wide. Only the first `count` are
+    /// valid.
     planes: [SidePlane; MAX_PLANES],
     /// Number of valid entries in `planes`.
     count: usize,
-    /// The view volume, for boxes that reach behind the near plane.
+    /// The view volume, for testing boxes that reach in front of the near plane.
     volume: ViewVolume,
-    /// Positive lower bound on clip-space `w` over the view volume.
+    /// Positive lower bound on clip-space `w` of points in the view volume.
     least_w: f64,
     /// Bound on the absolute error of clip-space `x`, `y` and `w` of any point in the scene's bounds.
     error: f64,
@@ -61,9 +63,9 @@ const WORST: f64 = 1e-8;
 const WIDER: f64 = 4.0;
 
 impl ScreenProjection {
-    /// Builds the projection for points within `bounds`, in scene coordinates. `None` if NDC positions are
-    /// not known to within [`WORST`], because the coordinates are too large or the near plane too close, or
-    /// if `bounds` is infinite.
+    /// Builds the projection for points within `bounds`, in metres relative to `Scene::origin`. `None` if NDC
+    /// positions are not known to within [`WORST`], because the coordinates are too large or the near plane
+    /// too close, or if `bounds` is infinite.
     ///
     /// Derivation of the error: `x`, `y` and `w` are sums of four products, each sum rounded by at most `5 u`
     /// times the sum `m` of the products' magnitudes. The matrix is rounded once, and a vertex made by a cut
@@ -102,7 +104,7 @@ impl ScreenProjection {
         (projection.error_at(least_w) <= WORST).then_some(projection)
     }
 
-    /// Appends a clipping plane; ignored if the array is full.
+    /// Appends a clipping plane. Does nothing if the array is full, so polygons are then clipped less.
     fn push(&mut self, plane: SidePlane) {
         if self.count < MAX_PLANES {
             self.planes[self.count] = plane;
@@ -116,13 +118,13 @@ impl ScreenProjection {
         (self.error * (1.0 + WIDER) / w).max(4.0 * f64::EPSILON)
     }
 
-    /// Returns a bound on the absolute NDC error of any projected point.
+    /// Returns a bound on the absolute error of any projected point, in NDC.
     pub(super) fn error(&self) -> f64 {
         self.error_at(self.least_w)
     }
 
-    /// Clips a convex polygon in scene coordinates to the planes and replaces `image` by its projection in
-    /// NDC. Returns false if fewer than three corners are left.
+    /// Clips a convex polygon in metres relative to `Scene::origin` to the planes and replaces `image` by its
+    /// projection in NDC. Returns false if fewer than three corners are left.
     pub(super) fn draw(&self, vertices: &[DVec3], image: &mut ProjectedPolygon) -> bool {
         let [polygon, inner, outer] = &mut image.space;
         polygon.clear();

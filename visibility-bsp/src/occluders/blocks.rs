@@ -2,11 +2,11 @@
 
 use visibility_core::glam::DVec3;
 
-/// Number of polygons or boxes per block.
+/// Number of polygons or boxes in a full block.
 pub(super) const BLOCK: usize = 32;
 
-/// Reorders indices into `centers` so that consecutive blocks of [`BLOCK`] are compact in space: splits at
-/// the median of the longest axis until one block is left.
+/// Reorders `order`, indices into `centers`, so that consecutive runs of [`BLOCK`] indices are compact in
+/// space. Splits recursively at the median of the longest axis.
 pub(super) fn halve(order: &mut [u32], centers: &[DVec3]) {
     if order.len() <= BLOCK {
         return;

@@ -10,16 +10,17 @@ use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Ordering;
 
-/// Maximum number of grid cells of a group that is joined.
+/// Maximum number of grid cells of a group that is joined; larger groups are left as they are.
 const MOST_CELLS: usize = 1 << 14;
 /// Maximum number of rectangles made from one group.
 const MOST_PICKS: usize = 64;
 
 /// A grid whose lines are the sides of a group's rectangles, with the cells that the group covers.
 struct Grid {
-    /// Ascending coordinates of the column lines and of the row lines, in metres.
+    /// Coordinates in metres of the lines between columns and of the lines between rows, ascending, each
+    /// once.
     lines: [Vec<f64>; 2],
-    /// Whether each cell is covered, row by row.
+    /// By cell, row by row: whether some rectangle of the group covers the cell.
     filled: Vec<bool>,
 }
 
@@ -64,22 +65,22 @@ impl Grid {
         Some(grid)
     }
 
-    /// Returns the number of columns of cells.
+    /// Returns the number of columns of cells in the grid.
     fn columns(&self) -> usize {
         self.lines[0].len() - 1
     }
 
-    /// Returns the number of rows of cells.
+    /// Returns the number of rows of cells in the grid.
     fn rows(&self) -> usize {
         self.lines[1].len() - 1
     }
 
-    /// Returns the index of a cell in `filled`.
+    /// Returns the index in `filled` of a cell.
     fn cell(&self, column: usize, row: usize) -> usize {
         row * self.columns() + column
     }
 
-    /// Returns the ranges of columns and rows between two corners that lie on grid lines.
+    /// Returns the half-open ranges of columns and rows between two corners, which must lie on grid lines.
     fn range(&self, low: [f64; 2], high: [f64; 2]) -> [core::ops::Range<usize>; 2] {
         [0, 1].map(|i| {
             let place = |x: f64| self.lines[i].partition_point(|&line| line < x);
@@ -128,23 +129,23 @@ impl Grid {
         found
     }
 
-    /// Returns the length of a cell along an axis, in metres.
+    /// Returns the length in metres of column `index` (axis 0) or row `index` (axis 1).
     fn size(&self, axis: usize, index: usize) -> f64 {
         self.lines[axis][index + 1] - self.lines[axis][index]
     }
 }
 
-/// Queue entry: a maximal rectangle that may be taken.
+/// Queue entry: a maximal rectangle of covered cells that may be added to the result.
 #[derive(Clone, Copy, PartialEq)]
 struct Candidate {
     /// Area that the rectangle adds to those taken, in square metres; an upper bound once more rectangles
     /// have been taken.
     new: f64,
-    /// Whole area in square metres.
+    /// Area of the whole rectangle in square metres.
     area: f64,
-    /// Index in the list of maximal rectangles.
+    /// Index of the rectangle in the list returned by `Grid::largest`.
     number: usize,
-    /// Number of rectangles that had been taken when `new` was computed.
+    /// Number of rectangles that had been taken when `new` was computed; `new` is exact while no more are.
     asked: usize,
 }
 

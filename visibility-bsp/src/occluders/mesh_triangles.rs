@@ -5,10 +5,10 @@ use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 
-/// Appends the triangles of a mesh, transformed to scene coordinates, with `source` as their object. `closed`
-/// tells whether the mesh encloses a volume. The triangles of a two-sided mesh also hide for eyes behind them
-/// if the mesh is not closed; if closed, they are turned outwards. Appends nothing if a position is not
-/// finite.
+/// Appends the triangles of a mesh, transformed to metres relative to `Scene::origin`, with `source` as their
+/// object. `closed` tells whether the mesh encloses a volume. The triangles of a two-sided mesh also hide for
+/// eyes behind them if the mesh is not closed; if closed, they are turned outwards. Appends nothing if a
+/// position is not finite.
 pub(crate) fn triangles_of(
     mesh: &OccluderMesh,
     transform: &Affine3A,
@@ -48,7 +48,8 @@ pub(crate) fn triangles_of(
     }
 }
 
-/// Returns a function that applies a transform in `f64`. The identity returns points unchanged.
+/// Returns a function that applies an affine transform to points in `f64`. The identity returns points
+/// unchanged, without rounding.
 fn placer(transform: &Affine3A) -> impl Fn(DVec3) -> DVec3 {
     let identity = *transform == Affine3A::IDENTITY;
     let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]

@@ -14,41 +14,41 @@ use alloc::vec::Vec;
 /// An axis-aligned rectangle in a plane. Coordinates are in metres along the plane's two axes.
 #[derive(Clone, Debug)]
 pub(super) struct Rectangle {
-    /// Minimum corner.
+    /// Minimum corner in metres, along the plane's two axes.
     pub(super) low: [f64; 2],
-    /// Maximum corner.
+    /// Maximum corner in metres, along the plane's two axes.
     pub(super) high: [f64; 2],
-    /// Caller's index of what the rectangle belongs to: an object or a box.
+    /// Index of the object or box that the rectangle comes from, for the caller's use.
     pub(super) source: u32,
 }
 
-/// Index that stands for no rectangle.
+/// Value that stands for no rectangle in place of a rectangle's index.
 const NONE: u32 = u32::MAX;
 
-/// Node of the segment tree: an interval across the sweep.
+/// Node of the segment tree: an interval of the axis across the sweep, and the rectangles stored in it.
 #[derive(Clone, Copy)]
 struct Interval {
     /// Of the rectangles that span this interval but not its parent's, the one with the greatest end along
     /// the sweep. [`NONE`] without such a rectangle.
     spanning: u32,
-    /// Any rectangle of the subtree, [`NONE`] if there is none.
+    /// Index of any one rectangle in the subtree, [`NONE`] if there is none.
     any: u32,
-    /// Greatest end along the sweep of all rectangles of the subtree.
+    /// Greatest end, along the sweep, of the rectangles in the subtree; minus infinity if there are none.
     end: f64,
-    /// Whether all rectangles of the subtree that the sweep has not passed belong to one group.
+    /// Whether all rectangles in the subtree that the sweep has not passed belong to one group.
     one_group: bool,
 }
 
 impl Interval {
-    /// Interval without rectangles.
+    /// An interval without rectangles.
     const EMPTY: Self = Self { spanning: NONE, any: NONE, end: f64::NEG_INFINITY, one_group: true };
 }
 
-/// State of a sweep along one axis.
+/// State of a sweep along one axis that unites connected rectangles.
 struct Sweep<'a> {
-    /// All rectangles.
+    /// The rectangles to be grouped.
     rectangles: &'a [Rectangle],
-    /// Axis of the sweep: 0 or 1.
+    /// Axis along which the sweep moves: 0 or 1.
     along: usize,
     /// Segment tree as a binary heap: the root is at index 1, the children of node `i` at `2 i` and `2 i +
     /// 1`.
@@ -85,7 +85,7 @@ fn leader(leaders: &mut [u32], mut number: u32) -> u32 {
 }
 
 impl Sweep<'_> {
-    /// Unites all rectangles that the sweep finds connected.
+    /// Sweeps over all rectangles along the axis and unites, in `leaders`, those that it finds connected.
     fn run(&mut self) {
         let across = 1 - self.along;
         let mut lines: Vec<f64> =
@@ -105,7 +105,7 @@ impl Sweep<'_> {
         }
     }
 
-    /// Returns the end of a rectangle along the sweep.
+    /// Returns the coordinate in metres at which a rectangle ends along the sweep.
     fn end_of(&self, number: u32) -> f64 {
         self.rectangles[number as usize].high[self.along]
     }
@@ -116,7 +116,7 @@ impl Sweep<'_> {
         number != NONE && self.end_of(number) >= self.rectangles[other as usize].low[self.along]
     }
 
-    /// Unites the groups of two rectangles.
+    /// Unites the groups of the rectangles `one` and `two`; the lower of the two leaders becomes the leader.
     fn unite(&mut self, one: u32, two: u32) {
         let (a, b) = (leader(self.leaders, one), leader(self.leaders, two));
         self.leaders[a.max(b) as usize] = a.min(b);

@@ -12,16 +12,16 @@ use visibility_core::glam::DVec3;
 
 /// Maximum deviation of vertices from the plane, as a fraction of the joined polygon's size.
 const FLAT: f64 = 1e-6;
-/// Maximum number of vertices of a joined polygon, since each edge costs a plane in every frame.
+/// Maximum number of vertices of a joined polygon. Each edge costs a plane through the eye in every frame.
 const MOST_VERTICES: usize = if MOST_EDGES < 10 { MOST_EDGES } else { 10 };
 
-/// A polygon under construction.
+/// A polygon under construction, with vertices as indices of welded positions.
 struct Polygon {
-    /// Indices of welded positions, counter-clockwise as seen from the front.
+    /// Indices of the vertices among the welded positions, counter-clockwise as seen from the front.
     vertices: Vec<u32>,
-    /// Indices of the polygon's objects, ascending.
+    /// Indices of the polygon's objects in the list given to `Occluders::add_from`, ascending.
     sources: Vec<u32>,
-    /// Whether the polygon also hides for eyes behind it.
+    /// Whether the polygon also hides for eyes behind its front.
     two_sided: bool,
 }
 
@@ -133,7 +133,8 @@ fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Op
     })
 }
 
-/// Tests whether a loop of points is flat to [`FLAT`] of its size, convex up to rounding, and has an area.
+/// Tests whether a loop of points in boundary order has an area, deviates from its plane by at most [`FLAT`]
+/// of its size, and is convex up to rounding.
 fn is_flat_and_convex(points: &[DVec3]) -> bool {
     let Some((normal, reach, _)) = plane_of(points) else { return false };
     let size = points.iter().map(|p| p.distance(points[0])).fold(0.0, f64::max);

@@ -14,7 +14,7 @@ use visibility_core::{
     stamp::Stamp,
 };
 
-/// A convex occluder polygon in scene coordinates.
+/// A convex occluder polygon of a scene, in metres relative to `Scene::origin`.
 #[derive(Clone, Debug)]
 pub(super) struct Polygon {
     /// Index of the first vertex in `Occluders::vertices`.
@@ -23,32 +23,33 @@ pub(super) struct Polygon {
     pub(super) count: u32,
     /// Index of the first source object in `Occluders::sources`.
     pub(super) first_source: u32,
-    /// Number of source objects.
+    /// Number of source objects in `Occluders::sources`.
     pub(super) sources: u32,
-    /// Index of the first box in `Occluders::solids` that contains the polygon, for a section.
+    /// Index in `Occluders::solids` of the first box that contains the polygon, if it is a section (a
+    /// rectangle inside closed boxes).
     pub(super) first_solid: u32,
-    /// Number of boxes that contain the polygon; 0 if it is no section.
+    /// Number of boxes that contain the polygon; 0 if the polygon lies on a surface.
     pub(super) solids: u32,
     /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(super) normal: DVec3,
     /// Least and greatest `normal . v` over the vertices in metres, widened by rounding.
     pub(super) reach: [f64; 2],
-    /// Area in square metres.
+    /// Area of the polygon in square metres.
     pub(super) area: f64,
-    /// Mean of the vertices.
+    /// Mean of the polygon's vertices, in metres relative to `Scene::origin`.
     pub(super) center: DVec3,
     /// Greatest distance of a vertex from `center`, in metres.
     pub(super) radius: f64,
-    /// Whether the polygon also hides for eyes behind it.
+    /// Whether the polygon also hides for eyes behind its front.
     pub(super) two_sided: bool,
 }
 
 /// A run of polygons that are near each other in space and of similar area, with a bounding sphere.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
-    /// Centre of the sphere, in scene coordinates.
+    /// Centre of the bounding sphere, in metres relative to `Scene::origin`.
     pub(super) center: DVec3,
-    /// Radius of the sphere in metres.
+    /// Radius of the bounding sphere in metres.
     pub(super) radius: f64,
     /// Area of the largest polygon of the run, in square metres.
     pub(super) area: f64,
@@ -90,21 +91,22 @@ pub(super) struct Block {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Occluders {
-    /// All polygons, dropped ones included.
+    /// All polygons by index; a dropped polygon stays with a vertex count of 0.
     pub(super) polygons: Vec<Polygon>,
-    /// Runs of `polygons` with bounding spheres.
+    /// Runs of `polygons` that are near each other, with bounding spheres.
     pub(super) blocks: Vec<Block>,
-    /// Vertices of all polygons, in scene coordinates.
+    /// Vertices of all polygons, in metres relative to `Scene::origin`.
     pub(super) vertices: Vec<DVec3>,
-    /// Source objects of all polygons.
+    /// Objects that the polygons were made from; each polygon has a range.
     pub(super) sources: Vec<ObjectId>,
-    /// Minimum and maximum corners of the boxes that contain sections, in scene coordinates.
+    /// Minimum and maximum corners of the boxes that contain sections, in metres relative to
+    /// `Scene::origin`.
     pub(super) solids: Vec<[DVec3; 2]>,
-    /// By object index: numbers of the polygons made from the object, dropped ones included.
+    /// By object index: indices of the polygons made from the object, dropped ones included.
     pub(super) of_object: BTreeMap<u32, Vec<u32>>,
-    /// The scene and the revision of it that the polygons represent.
+    /// The scene, and the revision of the scene, that the polygons represent.
     pub(super) cursor: SceneCursor,
-    /// Identifies this set of polygons and their numbering; renewed by every change.
+    /// Identifies this set of polygons and their indices. Replaced by every change.
     pub(super) stamp: Stamp,
 }
 
@@ -180,12 +182,12 @@ impl Occluders {
         }
     }
 
-    /// Returns the number of polygons. Visits all of them.
+    /// Returns the number of polygons, dropped ones excluded. Visits all polygons.
     pub fn len(&self) -> usize {
         self.polygons.iter().filter(|polygon| polygon.count > 0).count()
     }
 
-    /// Tests whether there are no polygons.
+    /// Tests whether there are no polygons. Visits all polygons.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -201,39 +203,42 @@ impl Occluders {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| p.radius).fold(0.0, f64::max)
     }
 
-    /// Returns the vertices of each polygon in scene coordinates, counter-clockwise as seen from the
-    /// polygon's front.
+    /// Returns the vertices of each polygon in metres relative to `Scene::origin`, counter-clockwise as seen
+    /// from the polygon's front.
     pub fn polygons(&self) -> impl Iterator<Item = &[DVec3]> {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| self.vertices_of(p))
     }
 
-    /// Returns the vertices of a polygon in scene coordinates; none for a dropped one.
+    /// Returns the vertices of a polygon in metres relative to `Scene::origin`, counter-clockwise as seen
+    /// from its front; none for a dropped one.
     fn vertices_of(&self, polygon: &Polygon) -> &[DVec3] {
         &self.vertices[polygon.first as usize..(polygon.first + polygon.count) as usize]
     }
 
-    /// Returns the objects that a polygon was made from. The polygon hides only while all of them are drawn
-    /// and unchanged.
+    /// Returns the objects that the polygon with index `polygon` was made from. The polygon may hide only
+    /// while all of them are drawn and unchanged.
     pub(crate) fn sources_of(&self, polygon: u32) -> &[ObjectId] {
         let polygon = &self.polygons[polygon as usize];
         &self.sources[polygon.first_source as usize..(polygon.first_source + polygon.sources) as usize]
     }
 
-    /// Returns the boxes that contain a section, as minimum and maximum corners in scene coordinates. The
-    /// section hides only for eyes outside all of them. Empty for a polygon on a surface.
+    /// Returns the boxes that contain a section, as minimum and maximum corners in metres relative to
+    /// `Scene::origin`. The section hides only for eyes outside all of them. Empty for a polygon on a
+    /// surface.
     pub(crate) fn solids_of(&self, polygon: u32) -> &[[DVec3; 2]] {
         let polygon = &self.polygons[polygon as usize];
         &self.solids[polygon.first_solid as usize..(polygon.first_solid + polygon.solids) as usize]
     }
 
-    /// Returns the mean of a polygon's vertices in scene coordinates, and the greatest distance of a vertex
-    /// from it in metres.
+    /// Returns the mean of a polygon's vertices in metres relative to `Scene::origin`, and the greatest
+    /// distance of a vertex from it in metres.
     pub(crate) fn about(&self, polygon: u32) -> (DVec3, f64) {
         let p = &self.polygons[polygon as usize];
         (p.center, p.radius)
     }
 
-    /// Returns a polygon in the form from which shadows are cast.
+    /// Returns the polygon with an index in the form from which shadows are cast. A dropped polygon has no
+    /// vertices.
     pub(crate) fn occluder_polygon(&self, polygon: u32) -> OccluderPolygon<'_> {
         let p = &self.polygons[polygon as usize];
         OccluderPolygon {
@@ -244,7 +249,8 @@ impl Occluders {
         }
     }
 
-    /// Appends the polygons of some objects, joined across these objects but not with earlier polygons.
+    /// Appends polygons made from the occluder meshes of the objects `ids`. Polygons are joined across these
+    /// objects, but not with polygons made earlier.
     fn add_from(&mut self, scene: &Scene, ids: &[ObjectId]) {
         let mut pieces = Vec::new();
         for (source, &id) in (0..).zip(ids) {

@@ -21,7 +21,8 @@ pub(super) type Level = (usize, u64, u8);
 /// next axis, cyclically.
 pub(super) type Levels = BTreeMap<Level, Vec<Rectangle>>;
 
-/// Joins the rectangles of each plane into fewer and larger ones and returns them as polygons.
+/// Joins the rectangles of each plane into fewer and larger ones. Returns them as polygons that cover exactly
+/// the same points, up to the limits of `cover`.
 pub(super) fn join(levels: &Levels) -> Vec<Outline> {
     let mut outlines = Vec::new();
     for (&(axis, bits, facing), rectangles) in levels {
@@ -40,14 +41,14 @@ pub(super) fn join(levels: &Levels) -> Vec<Outline> {
     outlines
 }
 
-/// Returns the bits of a number, mapped so that their unsigned order is the order of the numbers. Both zeros
-/// map to the same bits.
+/// Returns the bits of a number that is not NaN, mapped so that their unsigned order is the order of the
+/// numbers. Both zeros map to the same bits.
 pub(super) fn ordered(x: f64) -> u64 {
     let bits = (x + 0.0).to_bits();
     if bits >> 63 != 0 { !bits } else { bits | 1 << 63 }
 }
 
-/// Returns the number whose [`ordered`] bits are given.
+/// Returns the number that [`ordered`] maps to `bits`; the inverse of `ordered`, except that -0 becomes 0.
 pub(super) fn from_ordered(bits: u64) -> f64 {
     f64::from_bits(if bits >> 63 != 0 { bits & !(1 << 63) } else { !bits })
 }
@@ -70,8 +71,8 @@ pub(super) fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down:
         .into()
 }
 
-/// Removes all pairs of triangles of one object that form an axis-aligned rectangle, and returns the
-/// rectangles.
+/// Removes from `pieces` all pairs of triangles of one object that form an axis-aligned rectangle. Returns
+/// the rectangles by plane.
 pub(super) fn take_rectangles(pieces: &mut Vec<OccluderTriangle>) -> Levels {
     let mut levels = Levels::new();
     // Triangles that wait for the other half of their rectangle. By plane, rectangle and source: the index of
@@ -122,7 +123,8 @@ pub(super) fn take_rectangles(pieces: &mut Vec<OccluderTriangle>) -> Levels {
 mod tests {
     use super::*;
 
-    /// Returns two triangles of a rectangle in the plane x = 1, facing +x, between (y, z) = `low` and `high`.
+    /// Returns the two triangles of the rectangle from (y, z) = `low` to `high` in the plane x = 1, facing
+    /// +x, with `source` as their object.
     fn quad(low: [f64; 2], high: [f64; 2], source: u32) -> [OccluderTriangle; 2] {
         let p = |y: f64, z: f64| DVec3::new(1.0, y, z);
         let [a, b, c, d] = [p(low[0], low[1]), p(high[0], low[1]), p(high[0], high[1]), p(low[0], high[1])];

@@ -27,24 +27,27 @@ use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// A closed axis-aligned box of one object, in scene coordinates.
+/// A closed axis-aligned box of one object, in metres relative to `Scene::origin`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Solid {
-    /// Minimum corner.
+    /// Minimum corner, in metres relative to `Scene::origin`.
     pub(crate) min: DVec3,
-    /// Maximum corner.
+    /// Maximum corner, in metres relative to `Scene::origin`.
     pub(crate) max: DVec3,
-    /// Index of the box's object in the list of objects being processed.
+    /// Index of the box's object in the list given to `Occluders::add_from`.
     pub(super) source: u32,
 }
 
-/// Minimum area of a section, relative to the largest rectangle that faces of its boxes form in one plane.
+/// Minimum area of a section (a rectangle inside closed boxes), as a multiple of the largest rectangle that
+/// faces of these boxes form in one plane. Smaller sections are left out.
 const GAIN: f64 = 1.25;
-/// Maximum distance of a section from a face that it replaces, relative to the face's shorter side.
+/// Maximum distance between a section (a rectangle inside closed boxes) and a face that it replaces, as a
+/// fraction of the face's shorter side.
 const CLOSE: f64 = 0.25;
-/// Maximum number of boxes that are cut together. A box that touches more than these begins no section.
+/// Maximum number of boxes that one plane cuts together. A box that touches more boxes begins no section.
 const MOST_BOXES: usize = 256;
-/// Maximum number of faces near a section that are tested for being covered by it.
+/// Maximum number of faces near a section (a rectangle inside closed boxes) that are tested for being covered
+/// by it; the others stay.
 const MOST_FACES: usize = 4096;
 
 /// Finds the boxes of which all six faces are present as rectangles of one object, facing outwards or both
@@ -92,24 +95,25 @@ pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
     solids
 }
 
-/// Returns the coordinates of a point along the two axes after `axis`, cyclically.
+/// Returns the coordinates of a point along the two axes that follow `axis` cyclically, such as (y, z) for
+/// axis 0.
 fn flat(v: DVec3, axis: usize) -> [f64; 2] {
     [v[(axis + 1) % 3], v[(axis + 2) % 3]]
 }
 
-/// A hierarchy of boxes for finding those that touch a given box.
+/// A hierarchy of boxes for finding those that overlap or touch a given box.
 struct Near {
-    /// Indices of the boxes, in spatially compact runs of [`BLOCK`].
+    /// Indices into `boxes`, ordered so that consecutive runs of [`BLOCK`] are compact in space.
     order: Vec<u32>,
-    /// Minimum and maximum corner of each box.
+    /// Minimum and maximum corner of each box, in metres relative to `Scene::origin`.
     boxes: Vec<(DVec3, DVec3)>,
-    /// By level, from the bottom: bounds of each block of the level below. The lowest blocks are runs of
-    /// `order`.
+    /// By level from the bottom: bounds (minimum, maximum) of each run of [`BLOCK`] entries of the level
+    /// below. The lowest level bounds runs of `order`.
     levels: Vec<Vec<(DVec3, DVec3)>>,
 }
 
 impl Near {
-    /// Builds the hierarchy of boxes given by minimum and maximum corners.
+    /// Builds the hierarchy over boxes given as (minimum corner, maximum corner).
     fn new(boxes: Vec<(DVec3, DVec3)>) -> Self {
         let centers: Vec<DVec3> = boxes.iter().map(|(min, max)| *min * 0.5 + *max * 0.5).collect();
         let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
@@ -128,7 +132,7 @@ impl Near {
     }
 
     /// Calls `each` with the indices of up to `most` boxes that overlap or touch the box from `min` to `max`.
-    /// Returns whether these are all.
+    /// Returns true if there are no more such boxes.
     fn touching(&self, min: DVec3, max: DVec3, most: usize, mut each: impl FnMut(u32)) -> bool {
         let mut left = most;
         let touches = |b: &(DVec3, DVec3)| b.0.cmple(max).all() && b.1.cmpge(min).all();
@@ -158,7 +162,8 @@ impl Near {
     }
 }
 
-/// Finds all sections of boxes that are sufficiently larger than the faces of these boxes.
+/// Returns all sections of the given boxes: two-sided rectangles inside sets of boxes that abut or overlap.
+/// Only sections sufficiently larger than the faces of their boxes are returned.
 pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
     let near = Near::new(solids.iter().map(|solid| (solid.min, solid.max)).collect());
     let mut outlines = Vec::new();
@@ -211,8 +216,9 @@ pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
     outlines
 }
 
-/// Tests whether a section is at least [`GAIN`] times larger than the largest rectangle that faces of its
-/// boxes in one plane form within it.
+/// Tests whether a section's area is more than [`GAIN`] times that of the largest rectangle that faces of its
+/// boxes in one plane form within the section. `low` and `high` are the section's corners along the two axes
+/// after `axis`, and `boxes` indices into `solids`.
 fn is_gain(solids: &[Solid], axis: usize, low: [f64; 2], high: [f64; 2], boxes: &[u32]) -> bool {
     let area = |low: [f64; 2], high: [f64; 2]| (high[0] - low[0]) * (high[1] - low[1]);
     let mut level: Vec<(u64, u32)> = Vec::new();
@@ -243,7 +249,8 @@ fn is_gain(solids: &[Solid], axis: usize, low: [f64; 2], high: [f64; 2], boxes: 
     area(low, high) > GAIN * largest
 }
 
-/// Drops faces and sections that are covered by a section close to them and made of no other objects.
+/// Removes the faces and sections (rectangles inside closed boxes) that are covered by a section close to
+/// them, unless they are made of other objects than the section.
 pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
     let about = |outline: &Outline| {
         outline

@@ -15,35 +15,38 @@ use visibility_core::{
     view::Eye,
 };
 
-/// Solid angle of a half-space, 2 pi steradians.
+/// Solid angle of a half-space in steradians (2 pi), the upper limit of all bounds on the solid angle of a
+/// polygon.
 const MOST_ANGLE: f32 = core::f32::consts::TAU;
 
-/// A polygon selected for this frame, if it turns out to be usable.
+/// A polygon chosen for the present frame. Whether it is usable is determined later.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chosen {
-    /// Number of the polygon in `Occluders::polygons`.
+    /// Index of the polygon in `Occluders::polygons`.
     pub(crate) polygon: u32,
     /// Upper bound on the polygon's solid angle in steradians; for parallel views, the projected area in
-    /// square metres. After [`Selector::keep_worthy`], the polygon's worth.
+    /// square metres. After [`Selector::keep_worthy`], the polygon's estimated worth.
     pub(crate) bound: f32,
 }
 
 /// Selects polygons for one view, and tracks which objects have changed since the polygons were made.
 #[derive(Clone, Debug)]
 pub(crate) struct Selector {
-    /// The selected polygons, best first unless ranked by worth.
+    /// The polygons chosen last: greatest bound first after `choose`, in no particular order after
+    /// `keep_worthy`.
     pub(crate) chosen: Vec<Chosen>,
-    /// Scratch: bound on the solid angle of each block that may be in view, with the block's number.
+    /// Scratch: upper bound on the solid angle in steradians of the polygons of each block that may be in
+    /// view, and the block's index.
     blocks: Vec<(f32, u32)>,
     /// Stamp of the polygons that the other fields refer to; `Stamp::NONE` before the first frame and after
     /// a reset.
     occluders: Stamp,
-    /// The scene and revision up to which changes are recorded in `stale`.
+    /// The scene, and the revision of the scene, up to which changes are recorded in `stale`.
     seen: SceneCursor,
-    /// Bitset by object index: whether the object has changed since the polygons were made.
+    /// Bitset by object index: a bit is 1 if the object has changed since the polygons were made.
     stale: Vec<u64>,
-    /// Whether the polygons belong to another scene, or more has changed than the scene lists. No polygon is
-    /// then usable.
+    /// Whether the polygons belong to another scene, or the scene no longer lists all changes since they
+    /// were made. No polygon is then usable.
     lost: bool,
 }
 
@@ -102,8 +105,8 @@ impl Selector {
         !stale && !self.lost && scene.contains(id)
     }
 
-    /// Tests whether all objects that a polygon was made from are unchanged, flagged as occluders, and on a
-    /// layer of the view.
+    /// Tests whether every object that a polygon was made from is unchanged since, flagged as an occluder,
+    /// and on a layer of the view.
     pub(crate) fn is_usable(&self, occluders: &Occluders, polygon: u32, scene: &Scene, view: &View) -> bool {
         occluders.sources_of(polygon).iter().all(|&id| {
             self.is_fresh(scene, id)
@@ -112,8 +115,8 @@ impl Selector {
     }
 
     /// Replaces the selection by the `count` polygons with the greatest bound on their solid angle, greatest
-    /// first. With `sides`, only polygons that may be in front of all these planes (scene coordinates) are
-    /// considered; with `None`, those in all directions.
+    /// first. With `sides`, only polygons that may be in front of all these planes (metres relative to
+    /// `Scene::origin`) are considered; with `None`, those in all directions.
     pub(crate) fn choose(&mut self, occluders: &Occluders, eye: &Eye, sides: Option<&[Plane]>, count: usize) {
         self.chosen.clear();
         self.blocks.clear();
@@ -212,8 +215,8 @@ pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, sides: &[Plane], id:
         })
 }
 
-/// Writes the planes of a view to `out`, in scene coordinates, normals inwards, each moved outwards by its
-/// rounding error. Returns their number.
+/// Writes the planes of a view to `out`, in metres relative to `Scene::origin`, normals inwards, each moved
+/// outwards by its rounding error. Returns their number.
 pub(crate) fn sides_of(
     view: &View,
     scene: &Scene,

@@ -3,18 +3,18 @@
 
 #[cfg(test)]
 std::thread_local! {
-    /// Steps counted on this thread.
+    /// Number of steps counted on this thread.
     static STEPS: core::cell::Cell<u64> = const { core::cell::Cell::new(0) };
 }
 
-/// Counts one step; does nothing outside tests.
+/// Adds one to the counter in tests of this crate; does nothing otherwise.
 #[inline]
 pub(super) fn step() {
     #[cfg(test)]
     STEPS.set(STEPS.get() + 1);
 }
 
-/// Returns the number of steps that `run` takes on this thread.
+/// Runs `run` and returns the number of steps that it counted on this thread.
 #[cfg(test)]
 pub(super) fn steps_of(run: impl FnOnce()) -> u64 {
     let before = STEPS.get();
@@ -30,7 +30,8 @@ mod tests {
     use visibility_core::glam::Vec3;
     use visibility_core::{Aabb, Object, OccluderMesh, Scene, occlusion::Preparation};
 
-    /// Creates a scene of occluder boxes, with their twelve triangles each, and prepares the occluders.
+    /// Creates a scene with one occluder object for each box, made of its twelve triangles, and prepares the
+    /// occluders.
     fn scene(boxes: impl Iterator<Item = Aabb>) -> Scene {
         let mut scene = Scene::new();
         for bounds in boxes {
@@ -44,8 +45,8 @@ mod tests {
         scene
     }
 
-    /// Doubling the boxes may take a little more than twice the steps. Comparing each box with each would
-    /// take four times as many.
+    /// The steps for twice the boxes may be a little more than twice as many. Comparing each box with each
+    /// would take four times as many.
     #[test]
     fn steps_grow_as_boxes_do() {
         type Input = (&'static str, fn(usize, usize) -> Aabb);

@@ -17,21 +17,21 @@ use visibility_core::{Aabb, occlusion::Occlusion, view::Eye};
 /// Maximum number of corners of a part. If a cut would make more, the box counts as partially visible.
 const MOST: usize = 24;
 
-/// Which kinds of leaves the parts of a box have reached so far.
+/// Kinds of leaves that the parts of a box have reached so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct Found {
-    /// Whether some part is hidden in its leaf.
+    /// Whether a part was surely hidden in its leaf.
     hidden: bool,
-    /// Whether some part is surely not hidden in its leaf.
+    /// Whether a part was surely visible in its leaf.
     lit: bool,
 }
 
-/// A convex part of a box's projection.
+/// A convex part of a box's projection, as a cone of view rays.
 #[derive(Clone, Copy)]
 struct Part {
     /// Clip-space directions of the corners, in boundary order. Only the first `count` are valid.
     corners: [[f64; 3]; MOST],
-    /// Number of corners.
+    /// Number of valid entries in `corners`.
     count: usize,
     /// Bound on the absolute error of `n . v` for any corner `v` and any `n` with components up to 1.
     slack: f64,
@@ -95,26 +95,26 @@ const OUTLINES: [([u8; 6], u8); 64] = {
     table
 };
 
-/// State of testing one box against the tree.
+/// State of testing one box against the occlusion tree.
 struct Walk<'a> {
-    /// The occlusion tree.
+    /// The occlusion tree of the frame.
     nodes: &'a Nodes,
-    /// Projection of the present frame.
+    /// Projection of the frame's view.
     projection: &'a ClipProjection,
-    /// Minimum corner of the box in scene coordinates.
+    /// Minimum corner of the tested box, in metres relative to `Scene::origin`.
     min: DVec3,
-    /// Maximum corner of the box in scene coordinates.
+    /// Maximum corner of the tested box, in metres relative to `Scene::origin`.
     max: DVec3,
     /// Mask of the faces turned to the eye, bit i for face i of [`FACES`]; 0 if that is uncertain.
     faces: usize,
-    /// Result so far.
+    /// Kinds of leaves that parts of the box have reached so far.
     found: Found,
 }
 
 impl Nodes {
-    /// Tests a box in scene coordinates against the tree. `Visible` for a box that is not finite. `Partial`
-    /// for one that is not surely beyond the near plane, and wherever rounding leaves the answer open.
-    /// `Hidden` for a box outside the image.
+    /// Tests a box in metres relative to `Scene::origin` against the tree. `Visible` for a box that is not
+    /// finite. `Partial` for one that is not surely beyond the near plane, and wherever rounding leaves the
+    /// answer open. `Hidden` for a box outside the image.
     pub(crate) fn test(&self, projection: &ClipProjection, bounds: &Aabb) -> Occlusion {
         if !bounds.is_finite() {
             return Occlusion::Visible;
@@ -211,8 +211,8 @@ impl Walk<'_> {
         })
     }
 
-    /// Tests a part of the box against the subtree `child`. Returns false as soon as the box is known to be
-    /// partially visible.
+    /// Tests a part of the box against the subtree `child` and records the leaves that it reaches. Returns
+    /// false as soon as the box is known to be partially visible, or the answer cannot be decided.
     fn visit(&mut self, child: Child, part: &Part) -> bool {
         if part.count == 0 {
             return true;
@@ -246,7 +246,8 @@ impl Walk<'_> {
 }
 
 impl Found {
-    /// Returns the answer for the box; `whole` tells whether every part was decided alike.
+    /// Returns the answer for the box. `whole` is false if a part was undecided or parts differed, which
+    /// gives `Partial`.
     fn verdict(self, whole: bool) -> Occlusion {
         match (whole, self.hidden, self.lit) {
             (false, ..) | (true, true, true) => Occlusion::Partial,
@@ -257,12 +258,12 @@ impl Found {
 }
 
 impl Part {
-    /// Creates a part without corners.
+    /// Creates a part without corners, for which `slack` bounds the absolute error of `n . v`.
     fn empty(slack: f64) -> Self {
         Self { corners: [[0.0; 3]; MOST], count: 0, slack }
     }
 
-    /// Creates the part that consists of the given corners of a box, in boundary order.
+    /// Creates the part outlined by the corners of a box with the given numbers, in boundary order.
     fn new(cone: &BoxProjection, numbers: &[u8]) -> Self {
         let mut part = Self { count: numbers.len(), ..Self::empty(cone.slack) };
         for (corner, &number) in part.corners.iter_mut().zip(numbers) {
@@ -330,7 +331,8 @@ fn faces_before(projection: &ClipProjection, min: DVec3, max: DVec3) -> Option<u
     (certain && mask != 0).then_some(mask)
 }
 
-/// Tests whether a face of the box may be turned to the eye. False only if it surely is not.
+/// Tests whether face `face` (an index of [`FACES`]) of the box from `min` to `max` may be turned to the eye.
+/// False only if it surely is not.
 fn may_be_before(projection: &ClipProjection, face: usize, min: DVec3, max: DVec3) -> bool {
     let axis = face / 2;
     match projection.eye {

@@ -30,26 +30,26 @@ use visibility_core::{
 /// ```
 #[derive(Clone, Debug)]
 pub struct OcclusionTreeCuller {
-    /// The polygons to choose from.
+    /// All occluder polygons of the scene, from which the culler chooses.
     occluders: Arc<Occluders>,
     /// Chooses polygons and tracks which objects have changed since the polygons were made.
     selector: Selector,
-    /// Tests the scene's hierarchy against the occlusion tree.
+    /// Driver that tests the scene's hierarchy of boxes against the occlusion tree.
     inner: OcclusionCuller<OcclusionTree>,
 }
 
-/// Number of candidates chosen by their bound on the solid angle, as a multiple of the maximum number of
-/// polygons used.
+/// Number of candidate polygons kept after ranking by a bound on the solid angle, per polygon used.
 const LOOKED_AT: usize = 6;
-/// Number of candidates kept by their estimated worth, as a multiple of the maximum number of polygons used.
+/// Number of candidate polygons kept after ranking by estimated worth (objects that the shadow may hide), per
+/// polygon used.
 const CLOSER: usize = 2;
-/// Worth in objects of one steradian of a polygon so close or large that its worth cannot be estimated. It
+/// Worth in objects per steradian given to a polygon so close or large that its worth cannot be estimated. It
 /// ranks such polygons before all others, in the order of their solid angles.
 const CERTAIN: f32 = 1e30;
 
 impl OcclusionTreeCuller {
-    /// Creates a culler that uses up to 64 polygons per frame, those whose shadows cover most of the objects
-    /// in the image.
+    /// Creates the culler of one view. It uses up to 64 polygons per frame, those whose shadows cover most
+    /// objects in the image.
     pub fn new(occluders: Arc<Occluders>) -> Self {
         // The meshes are represented by the polygons, so the inner culler adds no meshes.
         let inner =
@@ -57,14 +57,14 @@ impl OcclusionTreeCuller {
         Self { occluders, selector: Selector::default(), inner }
     }
 
-    /// Sets the maximum number of polygons used per frame; 0 disables culling.
+    /// Sets the maximum number of occluder polygons used per frame; 0 disables culling.
     pub fn with_polygons(mut self, most: usize) -> Self {
         self.inner.map_mut().most = most;
         self
     }
 
-    /// Replaces the polygons, by those of another scene or an updated copy. State about the previous polygons
-    /// is dropped in the next frame.
+    /// Replaces the occluder polygons, by those of another scene or an updated copy. Takes effect in the next
+    /// frame, which drops everything recorded about the previous polygons.
     pub fn set_occluders(&mut self, occluders: Arc<Occluders>) {
         self.occluders = occluders;
     }

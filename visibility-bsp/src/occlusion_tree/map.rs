@@ -13,30 +13,31 @@ use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View, occlusion::Occlusion};
 
-/// A polygon added to the map that takes effect at the next flush.
+/// A polygon that has been added to the map and takes effect at the next flush.
 #[derive(Clone, Debug)]
 pub(super) struct Waiting {
-    /// Its vertices, a range of `OcclusionTree::vertices`.
+    /// Range of the polygon's vertices in `OcclusionTree::vertices`.
     vertices: Range<usize>,
-    /// Unit normal of the front, in scene coordinates.
+    /// Unit normal of the polygon's front, the side from which the vertices run counter-clockwise.
     normal: DVec3,
-    /// Least and greatest `normal . v` over the vertices, in metres.
+    /// Least and greatest `normal . v` over the polygon's vertices in metres, widened by rounding.
     reach: [f64; 2],
-    /// Whether the polygon also hides for eyes behind it.
+    /// Whether the polygon also hides for eyes behind its front.
     two_sided: bool,
 }
 
-/// Minimum gain for which a polygon is inserted, in steradians or objects as [`Worth`] measures it.
+/// Gain at or below which a polygon is not inserted, in steradians or objects as [`Worth`] measures it.
 const LEAST_GAIN: f32 = 1e-6;
 
-/// Fraction of the greatest remaining gain from which a polygon is inserted without comparing it again.
+/// A polygon is inserted without being compared again if its gain is at least this fraction of the next
+/// entry's in the queue.
 const NEARLY: f32 = 0.7;
 
-/// Queue entry: the gain of inserting a shadow.
+/// Queue entry: a shadow and the gain of inserting it into the tree.
 #[derive(Clone, Copy, Debug)]
 struct Gain {
-    /// The shadow's additional shadowed image area, in steradians or objects as [`Worth`] measures it. An
-    /// upper bound once further polygons have been inserted.
+    /// Worth of the image area that the shadow would newly cover, in steradians or objects as [`Worth`]
+    /// measures it. An upper bound once further polygons have been inserted.
     angle: f32,
     /// Index of the shadow in `Shadows::list`.
     number: u32,
@@ -92,23 +93,23 @@ impl Ord for Gain {
 /// ```
 #[derive(Clone, Debug)]
 pub struct OcclusionTree {
-    /// Projection of the present frame.
+    /// Projection of the present frame's view.
     projection: ClipProjection,
-    /// Clip planes of the frame's view, in scene coordinates.
+    /// Clip planes of the frame's view, in metres relative to `Scene::origin`.
     clip_planes: ViewPlanes,
-    /// The tree of planes.
+    /// Tree of the planes through the eye that bound the inserted shadows.
     pub(super) nodes: Nodes,
-    /// Shadows cast in this frame.
+    /// Shadows cast in the present frame, whether inserted or not.
     shadows: Shadows,
-    /// Number of polygons that may still be inserted in this frame.
+    /// Number of polygons that may still be inserted in the present frame.
     left: usize,
     /// Maximum number of polygons inserted per frame.
     pub(super) most: usize,
-    /// Vertices of the waiting polygons, in scene coordinates.
+    /// Vertices of the waiting polygons, in metres relative to `Scene::origin`.
     pub(super) vertices: Vec<DVec3>,
     /// Polygons that take effect at the next flush.
     pub(super) waiting: Vec<Waiting>,
-    /// Scratch: queue of shadows by gain.
+    /// Scratch: queue of shadows, greatest gain first.
     heap: BinaryHeap<Gain>,
     /// Scratch: triangles of the mesh being added.
     pieces: Vec<OccluderTriangle>,
@@ -124,7 +125,7 @@ impl Default for OcclusionTree {
 }
 
 impl OcclusionTree {
-    /// Creates an empty tree that uses up to 64 polygons per frame.
+    /// Creates an empty tree, which hides nothing and uses up to 64 polygons per frame.
     pub fn new() -> Self {
         let mut nodes = Nodes::default();
         nodes.clear();
@@ -143,7 +144,8 @@ impl OcclusionTree {
         }
     }
 
-    /// Sets the maximum number of polygons used per frame; 0 for none.
+    /// Sets the maximum number of polygons inserted per frame, from the next frame on; with 0, nothing is
+    /// hidden.
     pub fn with_polygons(self, most: usize) -> Self {
         Self { most, ..self }
     }
@@ -153,7 +155,8 @@ impl OcclusionTree {
         self.nodes.nodes.len()
     }
 
-    /// Tests whether no polygon has been inserted in this frame.
+    /// Tests whether no polygon has been inserted in the present frame, so that only boxes outside the image
+    /// are hidden.
     pub fn is_empty(&self) -> bool {
         self.nodes.planes.is_empty()
     }

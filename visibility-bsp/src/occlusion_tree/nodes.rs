@@ -11,9 +11,9 @@ use visibility_core::glam::DVec3;
 
 /// Child of a node: the index of another node, or a leaf (`LIT`, `AWAY` or `HIDDEN | index`).
 pub(crate) type Child = u32;
-/// Leaf of directions in which nothing hides.
+/// Leaf of view directions in which no inserted polygon hides anything.
 pub(crate) const LIT: Child = u32::MAX;
-/// Leaf of directions outside the image.
+/// Leaf of view directions outside the image; boxes there count as hidden.
 pub(crate) const AWAY: Child = u32::MAX - 1;
 /// Flag of a shadow leaf. The other bits are an index into `Nodes::hides`; a point behind one of the back
 /// planes listed there is hidden.
@@ -22,7 +22,8 @@ pub(crate) const HIDDEN: Child = 1 << 31;
 /// Maximum number of nodes, which bounds time and memory for adversarial occluders. Polygons that would
 /// exceed it are not inserted.
 const MOST_NODES: usize = 1 << 16;
-/// Maximum depth of a node, which bounds the recursion of box tests.
+/// Maximum depth of a node. Bounds the recursion of box tests; polygons that would exceed it are not
+/// inserted.
 const DEEPEST: u16 = 480;
 
 /// Maximum number of a leaf's polygons that are tested, the one inserted last first.
@@ -31,16 +32,16 @@ pub(crate) const MOST_PLANES: usize = 16;
 /// A node: the plane through the eye and an edge of an occluder, or a side of the image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Node {
-    /// The plane; positive inside.
+    /// Plane through the eye, positive on the inner side.
     pub(crate) line: Line,
-    /// Children outside and inside the plane.
+    /// Children outside (index 0) and inside (index 1) the plane.
     pub(crate) children: [Child; 2],
     /// Slot of this node in its parent: twice the parent's index, plus 1 if it is the inside child.
     /// `NO_PARENT` for the root.
     parent: u32,
-    /// Number of nodes above.
+    /// Number of nodes above this node.
     depth: u16,
-    /// Ends of the occluder edge in scene coordinates; NaN for a side of the image.
+    /// Ends of the occluder edge in metres relative to `Scene::origin`; NaN for a side of the image.
     ends: [DVec3; 2],
 }
 
@@ -50,14 +51,14 @@ struct Task {
     /// Slot that the fragment enters: twice the parent's index, plus 1 for the inside child. `NO_PARENT` for
     /// the root.
     parent: u32,
-    /// Index of the fragment's first corner.
+    /// Index in the list of corners of the fragment's first corner.
     first: u32,
-    /// Number of corners.
+    /// Number of the fragment's corners.
     count: u32,
 }
 
 impl Task {
-    /// Returns the range of the fragment's corners.
+    /// Returns the half-open range of the fragment's corners.
     fn range(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
@@ -67,7 +68,7 @@ impl Task {
 /// of their back planes is hidden. There is no order among occluders that cross each other.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hide {
-    /// Index into `Nodes::planes` of the occluder's back plane.
+    /// Index in `Nodes::planes` of the occluder's back plane.
     pub(crate) plane: u32,
     /// The leaf before this occluder was inserted: `LIT`, or the rest of the list.
     pub(crate) under: Child,
@@ -76,42 +77,43 @@ pub(crate) struct Hide {
 /// The occlusion tree of one frame. Memory is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nodes {
-    /// All nodes.
+    /// Inner nodes of the tree, the four sides of the image first.
     pub(crate) nodes: Vec<Node>,
     /// Back planes of the inserted polygons, in the order of insertion.
     pub(crate) planes: Vec<BackPlane>,
     /// By inserted polygon: its back plane as a function of the direction, `None` for parallel views.
     pub(crate) approaches: Vec<Option<Approach>>,
-    /// Occluder lists of the shadow leaves.
+    /// Entries of the shadow leaves' occluder lists, linked by `Hide::under`.
     pub(crate) hides: Vec<Hide>,
-    /// The root: a node index or a leaf.
+    /// Root of the tree: a node index or a leaf.
     pub(crate) root: Child,
     /// Scratch: corners of the fragments on the `tasks` stack.
     corners: Vec<Corner>,
-    /// Scratch: values of a plane at the corners of the fragment that it cuts.
+    /// Scratch: values of the cutting plane at the corners of a fragment.
     values: Vec<f64>,
-    /// Scratch: stack of fragments to be taken down the tree.
+    /// Scratch: stack of fragments on their way down the tree.
     tasks: Vec<Task>,
     /// Fragments at the leaves that they have reached, with their corners in `arrived`. The next call of
     /// `reach` for the same shadow continues from them.
     arrivals: Vec<Task>,
-    /// Corners of the fragments in `arrivals`.
+    /// Corners of all fragments in `arrivals`.
     arrived: Vec<Corner>,
     /// By shadow: the range of its fragments in `arrivals`. `None` before the first call of `reach` and
     /// after `add`.
     reached: Vec<Option<Range<usize>>>,
 }
 
-/// Slot of the root.
+/// Value of a slot (twice the parent's index, plus 1 for the inside child) that stands for the root of the
+/// tree.
 const NO_PARENT: u32 = u32::MAX;
 
-/// Measure of the benefit of putting a part of the image in shadow.
+/// Measure of the benefit of putting a part of the image in shadow, by which polygons are ranked.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Worth<'a> {
-    /// The solid angle in steradians; for parallel views the area in square NDC units (4 for the whole
+    /// By the solid angle in steradians; for parallel views, by the area in square NDC units (4 for the whole
     /// image).
     Angle,
-    /// The number of objects whose centres are in the part.
+    /// By the number of objects whose centres are in the part.
     Density(&'a ScreenDensity),
 }
 
@@ -126,7 +128,7 @@ impl Worth<'_> {
 }
 
 impl Nodes {
-    /// Resets the tree to one lit leaf inside the four sides of the image.
+    /// Resets the tree to one lit leaf inside the four sides of the image, and keeps the memory.
     pub(crate) fn clear(&mut self) {
         self.nodes.clear();
         self.planes.clear();
@@ -155,7 +157,8 @@ impl Nodes {
         number
     }
 
-    /// Puts a child in slot `parent`.
+    /// Links a child into slot `parent`: twice the parent's index, plus 1 for the inside child, or
+    /// `NO_PARENT`.
     fn set_child(&mut self, parent: u32, child: Child) {
         match parent {
             NO_PARENT => self.root = child,
@@ -253,7 +256,8 @@ impl Nodes {
         Some(task)
     }
 
-    /// Returns the part of a fragment in front of back plane `plane`, `None` if it is empty.
+    /// Returns the part of a fragment in front of back plane number `plane`, `None` if it is empty. The
+    /// corners of a new part are appended to `corners`.
     fn before_plane(&mut self, task: &Task, plane: u32) -> Option<Task> {
         let plane = self.planes[plane as usize];
         let size = plane.offset.abs() * 1e-12;
@@ -289,7 +293,8 @@ impl Nodes {
         (count >= 3).then_some(Task { first: first as u32, count, ..*task })
     }
 
-    /// Returns the child in slot `parent`.
+    /// Returns the child in slot `parent`: twice the parent's index, plus 1 for the inside child, or
+    /// `NO_PARENT`.
     fn child(&self, parent: u32) -> Child {
         match parent {
             NO_PARENT => self.root,
@@ -446,11 +451,11 @@ impl Nodes {
     }
 }
 
-/// Position of a fragment relative to a plane.
+/// Position of a fragment relative to a plane through the eye.
 enum Parted {
-    /// On one side: 0 is outside, 1 is inside.
+    /// The fragment is on one side: 0 outside, 1 inside.
     Side(u32),
-    /// On both sides: the parts outside and inside.
+    /// The fragment is on both sides and was cut: the parts outside and inside.
     Both(Task, Task),
 }
 

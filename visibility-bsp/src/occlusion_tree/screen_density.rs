@@ -8,7 +8,7 @@ use visibility_core::glam::DVec3;
 
 /// Number of grid cells along each side of the image.
 const CELLS: usize = 32;
-/// Number of grid lines along each axis.
+/// Number of grid lines along each axis, the image's sides included.
 const LINES: usize = CELLS + 1;
 /// Number of objects spread evenly over the image, as a fraction of the objects counted, since objects extend
 /// beyond their centres.
@@ -21,19 +21,20 @@ pub(super) struct ScreenDensity {
     /// By crossing of grid lines, row by row from the bottom left: the number of centres below and to the
     /// left. Counts per cell before `finish`.
     sums: Vec<f32>,
-    /// Number of centres counted.
+    /// Number of object centres counted.
     all: f64,
 }
 
 impl ScreenDensity {
-    /// Resets all counts to zero.
+    /// Resets all counts to zero, before the objects of a frame are added.
     pub(super) fn clear(&mut self) {
         self.all = 0.0;
         self.sums.clear();
         self.sums.resize(LINES * LINES, 0.0);
     }
 
-    /// Counts an object with this centre in scene coordinates. A centre outside the image or NaN is ignored.
+    /// Counts an object with this centre in metres relative to `Scene::origin`. A centre outside the image or
+    /// NaN is ignored.
     pub(super) fn add(&mut self, projection: &ClipProjection, middle: DVec3) {
         let [x, y, w] = projection.values(middle);
         if w > 0.0 && x.abs() <= w && y.abs() <= w {
@@ -93,9 +94,9 @@ impl ScreenDensity {
         if area > 0.0 { (worth * (0.5 * twice.abs() / area).min(1.0)) as f32 } else { 0.0 }
     }
 
-    /// Estimates the worth in objects of a polygon from its centre in scene coordinates, its radius in metres
-    /// and its area in square metres as projected towards the eye. `None` if the centre is behind the eye or
-    /// the polygon extends over half the image or more.
+    /// Estimates the worth in objects of a polygon from its centre in metres relative to `Scene::origin`, its
+    /// radius in metres and its area in square metres as projected towards the eye. `None` if the centre is
+    /// behind the eye or the polygon extends over half the image or more.
     pub(super) fn about(
         &self,
         projection: &ClipProjection,

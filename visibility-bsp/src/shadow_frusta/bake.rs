@@ -8,20 +8,21 @@ use visibility_core::{Scene, view::Eye};
 
 /// Number of sample eyes per region: its centre, and points near four of its corners.
 const SAMPLES: usize = 5;
-/// Twice the maximum number of candidate polygons per sample eye.
+/// Maximum number of candidate polygons per sample eye is half of this, which limits the cost of the bake.
 const CANDIDATES: usize = 96;
 /// Maximum number of objects whose centres are sampled to count hidden objects.
 const OBJECTS: usize = 512;
 /// Number of 64-bit words of a bitset with one bit for each pair of a sample eye and a sampled object.
 const WORDS: usize = SAMPLES * OBJECTS / 64;
 
-/// A node of the kd-tree over the scene's bounds.
+/// A node of the kd-tree that divides the scene's bounds into regions of eye positions.
 #[derive(Clone, Copy, Debug)]
 enum Region {
-    /// An inner node: the axis (0 to 2) and the coordinate of the dividing plane in scene coordinates, and
-    /// the indices of the children below it and at or above it.
+    /// An inner node: the axis (0 to 2) and the coordinate of the dividing plane in metres relative to
+    /// `Scene::origin`, and the indices of the children below it and at or above it.
     Split { axis: usize, at: f64, children: [u32; 2] },
-    /// A region: `count` polygons from index `first` of `ShadowFrusta::chosen`.
+    /// A region of eye positions. Its chosen polygons are `count` entries of `ShadowFrusta::chosen` from
+    /// index `first`.
     Leaf { first: u32, count: u32 },
 }
 
@@ -42,25 +43,25 @@ enum Region {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ShadowFrusta {
-    /// The polygons that the choices refer to.
+    /// Occluder polygons of the scene, to which the indices in `chosen` refer.
     pub(super) occluders: Occluders,
-    /// Nodes of the kd-tree; the root is at index 0.
+    /// Nodes of the kd-tree. The root is at index 0.
     regions: Vec<Region>,
-    /// Numbers of the chosen polygons of all regions, best first within each region.
+    /// Indices in `occluders` of the polygons chosen for all regions; best first within each region.
     chosen: Vec<u32>,
-    /// Maximum number of polygons per region.
+    /// Maximum number of polygons chosen per region.
     most: usize,
 }
 
-/// Data for choosing the polygons of every region.
+/// Data used to choose the polygons of every region, and settings of the choice.
 struct Bake<'a> {
-    /// All polygons of the scene.
+    /// Occluder polygons to choose from.
     occluders: &'a Occluders,
-    /// Centres of the sampled objects, in scene coordinates.
+    /// Centres of the sampled objects, in metres relative to `Scene::origin`.
     objects: Vec<DVec3>,
-    /// Finds candidates by solid angle.
+    /// Finds candidate polygons by their solid angle from an eye.
     selector: Selector,
-    /// Maximum number of polygons per region.
+    /// Maximum number of polygons chosen per region.
     most: usize,
 }
 
@@ -94,18 +95,18 @@ impl ShadowFrusta {
         made
     }
 
-    /// Returns the number of regions, at least 1.
+    /// Returns the number of regions of eye positions, at least 1.
     pub fn regions(&self) -> usize {
         self.regions.iter().filter(|region| matches!(region, Region::Leaf { .. })).count()
     }
 
-    /// Returns the maximum number of polygons per region.
+    /// Returns the maximum number of polygons chosen per region.
     pub(super) fn most(&self) -> usize {
         self.most
     }
 
-    /// Returns the numbers of the polygons chosen for the region that contains the eye, in scene coordinates;
-    /// for an eye outside the bounds, those of the nearest region.
+    /// Returns the numbers of the polygons chosen for the region that contains the eye, in metres relative to
+    /// `Scene::origin`; for an eye outside the bounds, those of the nearest region.
     pub(super) fn chosen_at(&self, eye: DVec3) -> &[u32] {
         let mut region = 0;
         loop {
@@ -120,8 +121,8 @@ impl ShadowFrusta {
         }
     }
 
-    /// Divides a box in scene coordinates into `regions` regions, halving it across its longest side, and
-    /// chooses the polygons of each. Returns the index of the box's node.
+    /// Divides a box in metres relative to `Scene::origin` into `regions` regions, halving it across its
+    /// longest side, and chooses the polygons of each. Returns the index of the box's node.
     fn part(&mut self, bake: &mut Bake<'_>, min: DVec3, max: DVec3, regions: usize) -> u32 {
         let number = self.regions.len();
         self.regions.push(Region::Leaf { first: 0, count: 0 });
@@ -150,8 +151,8 @@ impl ShadowFrusta {
 }
 
 impl Bake<'_> {
-    /// Appends the numbers of the polygons that together hide most sampled objects from eyes in the region
-    /// from `min` to `max`, best first.
+    /// Appends to `out` the indices of the polygons that together hide most sampled objects from eyes in the
+    /// region from `min` to `max`, best first. Appends at most `most` indices.
     fn choose(&mut self, min: DVec3, max: DVec3, out: &mut Vec<u32>) {
         let at = |share: [f64; 3]| min + (max - min) * DVec3::from_array(share);
         // The centre, and points near four alternate corners of the region.

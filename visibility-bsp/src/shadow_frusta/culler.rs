@@ -16,9 +16,9 @@ use visibility_core::{
 /// Occlusion map made of the shadow frusta of one frame.
 #[derive(Clone, Debug)]
 struct Frusta {
-    /// Projection of the present frame.
+    /// Projection of the present frame's view.
     projection: ClipProjection,
-    /// Shadows of the polygons in use.
+    /// Shadows of the polygons used in the present frame.
     shadows: Shadows,
 }
 
@@ -39,28 +39,28 @@ struct Frusta {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ShadowFrustaCuller {
-    /// Polygons chosen in advance, by region.
+    /// Polygons chosen in advance for each region of eye positions.
     frusta: Arc<ShadowFrusta>,
-    /// Selects usable polygons and tracks changed objects.
+    /// Selects the usable polygons, and tracks which objects have changed since the polygons were made.
     selector: Selector,
-    /// Tests the scene's hierarchy against the occlusion map.
+    /// Driver that tests the scene's hierarchy of boxes against the shadow frusta.
     inner: OcclusionCuller<Frusta>,
 }
 
 impl ShadowFrustaCuller {
-    /// Creates the culler of one view, with frusta that are shared by all views.
+    /// Creates the culler of one view. `frusta` can be shared by the cullers of all views.
     pub fn new(frusta: Arc<ShadowFrusta>) -> Self {
         let map = Frusta { projection: ClipProjection::BLIND, shadows: Shadows::default() };
         let inner = OcclusionCuller::new(map).with_selection(Selection::Interleaved).with_budget(0);
         Self { frusta, selector: Selector::default(), inner }
     }
 
-    /// Replaces the frusta; takes effect in the next frame.
+    /// Replaces the polygons and regions. Takes effect in the next frame.
     pub fn set_frusta(&mut self, frusta: Arc<ShadowFrusta>) {
         self.frusta = frusta;
     }
 
-    /// Returns the number of shadow frusta used in the last frame.
+    /// Returns the number of polygons whose shadow frusta the last frame used; 0 before the first frame.
     pub fn frusta(&self) -> usize {
         self.inner.map().shadows.list.len()
     }

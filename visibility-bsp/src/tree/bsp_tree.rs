@@ -19,7 +19,7 @@ use visibility_core::{Aabb, glam::DVec3};
 pub enum Leaf {
     /// Outside all solids. The only kind of leaf in trees that were not built from solids.
     Empty,
-    /// Inside a solid.
+    /// The inside of a solid. Occurs only in trees built by [`BspTree::build_solid`].
     Solid,
 }
 
@@ -58,15 +58,15 @@ pub enum Leaf {
 /// ```
 #[derive(Clone, Debug)]
 pub struct BspTree {
-    /// Index of the root node, or the kind of leaf that fills all space.
+    /// Root of the tree: a node index, or the kind of leaf that fills all space.
     pub(super) root: u32,
-    /// All nodes, unused ones included.
+    /// Inner nodes by index, unused ones included.
     pub(super) nodes: Vec<Node>,
-    /// By node: bounds and owner of all fragments in the node and below it.
+    /// By node index: bounds and common owner of all fragments in the node and below it.
     pub(super) subtrees: Vec<Subtree>,
-    /// Indices of unused nodes.
+    /// Indices in `nodes` of unused nodes.
     pub(super) free_nodes: Vec<u32>,
-    /// All fragments and their vertices.
+    /// Fragments of all polygons, with their vertices.
     pub(super) store: Store,
     /// Upper bound on the absolute value of coordinates, by axis. The margins of all planes are valid up to
     /// it.
@@ -76,16 +76,16 @@ pub struct BspTree {
     pub(super) behind: u32,
     /// Upper bound on the number of levels; it does not shrink when nodes are removed.
     pub(super) most_levels: u32,
-    /// Scratch memory for sorting polygons in.
+    /// Scratch memory for inserting polygons.
     pub(super) builder: Builder,
 }
 
-/// Reason why a tree cannot be built or extended.
+/// Reason why a tree cannot be built, or polygons not be inserted.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum BspError {
-    /// The polygons cut each other into more fragments than the limit.
+    /// The polygons cut each other more often than the limit, so that a tree of them would be too large.
     TooManyFragments {
-        /// Number of polygons given to the call.
+        /// Number of accepted polygons in the failed `build` or `insert` call.
         polygons: usize,
         /// Maximum number of cuts for that number of polygons.
         limit: usize,
@@ -161,7 +161,7 @@ impl BspTree {
         if is_leaf(self.root) { Aabb::EMPTY } else { self.subtrees[self.root as usize].bounds }
     }
 
-    /// Returns the approximate number of bytes of heap memory that the tree holds.
+    /// Returns the approximate number of bytes of heap memory held by the tree, unused capacity included.
     pub fn memory(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>()
             + self.subtrees.capacity() * size_of::<Subtree>()

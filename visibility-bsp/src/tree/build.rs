@@ -40,7 +40,8 @@ impl BspTree {
         Self::build_with(SOLID, polygons)
     }
 
-    /// Builds a packed tree; `behind` is the kind of leaf behind polygons, `EMPTY` or `SOLID`.
+    /// Builds a tree of pairs of owner and polygon, then packs its memory. `behind` is the kind of leaf
+    /// behind polygons: `EMPTY`, or `SOLID` for solids. `Err` if the polygons cut each other too often.
     fn build_with<P: AsRef<[DVec3]>>(
         behind: u32,
         polygons: impl IntoIterator<Item = (u32, P)>,
@@ -101,8 +102,8 @@ impl BspTree {
         }
     }
 
-    /// Sorts `builder.pieces` into the tree until all are in nodes. On an error, the remaining pieces are
-    /// freed.
+    /// Sorts `builder.pieces` into the tree until all of them are in nodes. On an error, the remaining pieces
+    /// are freed.
     fn run(&mut self, builder: &mut Builder) -> Result<(), BspError> {
         let limit = 4096 + GROWTH * builder.sources.len();
         let mut cuts = 0;
@@ -133,7 +134,7 @@ impl BspTree {
         Ok(())
     }
 
-    /// Returns the child value that a task's pieces enter.
+    /// Returns the child that a task's pieces enter: a node index or a leaf.
     fn child(&self, task: Task) -> u32 {
         if task.parent == NONE {
             self.root
@@ -142,7 +143,7 @@ impl BspTree {
         }
     }
 
-    /// Returns a reference to the child value that a task's pieces enter.
+    /// Returns a reference to the child link that a task's pieces enter.
     fn child_mut(&mut self, task: Task) -> &mut u32 {
         if task.parent == NONE {
             &mut self.root
@@ -234,7 +235,8 @@ impl BspTree {
         cuts
     }
 
-    /// Stores a piece as a fragment in the plane of node `node`.
+    /// Stores a piece of the polygon `source` as a fragment in the plane of node `node`, and extends the
+    /// bounds of the node and its ancestors.
     fn attach(&mut self, piece: &Piece, source: &Source, node: u32) {
         let target = &mut self.nodes[node as usize];
         let record = Record {
@@ -253,7 +255,8 @@ impl BspTree {
     }
 }
 
-/// Replaces `builder.sides` by the side of `plane` on which each piece from index `begin` lies.
+/// Replaces `builder.sides` by the side of `plane` on which each piece of `builder.pieces[begin..]` lies, in
+/// order.
 fn classify(tree: &BspTree, builder: &mut Builder, begin: usize, plane: &SidePlane) {
     builder.sides.clear();
     for piece in &builder.pieces[begin..] {

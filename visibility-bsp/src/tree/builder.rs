@@ -7,10 +7,10 @@ use visibility_core::{
     glam::DVec3,
 };
 
-/// A polygon that is being inserted.
+/// A polygon that is being inserted into the tree.
 #[derive(Clone, Debug)]
 pub(super) struct Source {
-    /// Owner number of the polygon.
+    /// Number of the owner that the polygon belongs to.
     pub(super) owner: u32,
     /// Index of the polygon among those of the same `build` or `insert` call.
     pub(super) number: u32,
@@ -21,22 +21,22 @@ pub(super) struct Source {
 /// A part of a polygon on its way down the tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
-    /// Index in `Builder::sources` of the polygon.
+    /// Index in `Builder::sources` of the polygon that the piece is a part of.
     pub(super) source: u32,
-    /// Index of the first vertex in the tree's store.
+    /// Index in the store's vertices of the piece's first vertex.
     pub(super) start: u32,
-    /// Number of vertices.
+    /// Number of the piece's vertices.
     pub(super) len: u32,
-    /// Box around the vertices, rounded outwards to `f32`.
+    /// Box around the piece's vertices, rounded outwards to `f32`.
     pub(super) bounds: Aabb,
 }
 
-/// A set of pieces to be sorted into one child of a node.
+/// A set of pieces that is to be sorted into one child of a node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Task {
     /// Index in `Builder::pieces` of the set's first piece; the set extends to the end of that stack.
     pub(super) begin: usize,
-    /// The node whose child receives the pieces, `NONE` for the root of the tree.
+    /// Index of the node whose child receives the pieces, `NONE` for the root of the tree.
     pub(super) parent: u32,
     /// Child of `parent`: 0 behind the plane, 1 in front.
     pub(super) side: u8,
@@ -48,13 +48,13 @@ pub(super) struct Task {
 /// allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Builder {
-    /// The polygons of the present call.
+    /// Polygons of the present `build` or `insert` call.
     pub(super) sources: Vec<Source>,
-    /// Pieces of all open tasks: a stack whose top belongs to the topmost task.
+    /// Pieces of all tasks that are not finished: a stack whose top belongs to the topmost task.
     pub(super) pieces: Vec<Piece>,
-    /// Stack of open tasks.
+    /// Stack of tasks that are not finished.
     pub(super) tasks: Vec<Task>,
-    /// Side of the node's plane on which each piece of the present task lies, in order.
+    /// By piece of the present task: the side of the node's plane on which the piece lies.
     pub(super) sides: Vec<PolygonSide>,
     /// Scratch: pieces of the present task in front of the node's plane.
     pub(super) front: Vec<Piece>,
@@ -65,7 +65,7 @@ pub(super) struct Builder {
 }
 
 impl Builder {
-    /// Returns the approximate number of bytes of heap memory held.
+    /// Returns the approximate number of bytes of heap memory held, unused capacity included.
     pub(super) fn memory(&self) -> usize {
         self.sources.capacity() * size_of::<Source>()
             + (self.pieces.capacity() + self.front.capacity() + self.back.capacity()) * size_of::<Piece>()

@@ -18,12 +18,12 @@ use visibility_core::{geometry::Plane, glam::DVec3};
 pub struct Fragment<'a> {
     /// The tree that holds the fragment.
     pub(super) tree: &'a BspTree,
-    /// Index of the fragment's record in the tree's store.
+    /// Index of the fragment in the tree's store.
     pub(super) id: u32,
 }
 
 impl<'a> Fragment<'a> {
-    /// Returns the stored record of the fragment.
+    /// Returns the fragment's record in the tree's store.
     fn record(&self) -> &'a Record {
         self.tree.store.record(self.id)
     }
@@ -47,8 +47,8 @@ impl<'a> Fragment<'a> {
         self.tree.store.vertices(self.record())
     }
 
-    /// Returns the plane of the node that holds the fragment, with the normal turned to the front of the
-    /// fragment's polygon.
+    /// Returns the plane in which the fragment lies, in the tree's coordinates. The unit normal points to the
+    /// front of the fragment's polygon.
     pub fn plane(&self) -> Plane {
         let record = self.record();
         let plane = self.tree.nodes[record.node as usize].plane.plane;
@@ -72,7 +72,7 @@ impl BspTree {
 #[derive(Clone, Debug)]
 pub struct Fragments<'a> {
     pub(super) tree: &'a BspTree,
-    /// Index of the next fragment, `NONE` at the end.
+    /// Index in the tree's store of the next fragment, `NONE` at the end.
     pub(super) next: u32,
 }
 

@@ -19,7 +19,7 @@ pub(super) const fn is_leaf(child: u32) -> bool {
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub(super) struct Node {
-    /// The dividing plane, with the margin within which points are on it.
+    /// The dividing plane, with the margin within which points count as on the plane.
     pub(super) plane: SidePlane,
     /// Children behind and in front of the plane: node indices, [`EMPTY`] or [`SOLID`].
     pub(super) children: [u32; 2],

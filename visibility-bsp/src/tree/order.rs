@@ -18,30 +18,31 @@ use visibility_core::{glam::DVec4, view::Eye};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Order {
-    /// One step for each node whose near side is being walked. The step copies what the walk needs later,
-    /// which is cheaper than reading the node again.
+    /// Stack of the nodes whose near side is being walked, root first. A step copies what the walk needs
+    /// later, which is cheaper than reading the node again.
     path: Vec<Step>,
 }
 
-/// The part of a node that remains to be visited after its near side.
+/// What remains to be visited of a node after the child on its near side: its fragments and the far child.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     /// Index of the first fragment in the node's plane, `NONE` if there is none.
     first: u32,
-    /// The child on the side of the plane that the walk visits second.
+    /// Child visited second: the child on the far side of the node's plane, or on the near side in a
+    /// back-to-front walk.
     far: u32,
     /// The marks that `Walk::enter` returned for the node.
     marks: u32,
 }
 
 impl Order {
-    /// Creates a stack without memory; the first walk allocates.
+    /// Creates a stack without allocated memory; the first walk allocates.
     pub const fn new() -> Self {
         Self { path: Vec::new() }
     }
 }
 
-/// Visitor of a [tree walk](BspTree::walk).
+/// Visitor of a [walk](BspTree::walk) through a BSP tree in depth order.
 pub trait Walk {
     /// Decides whether the walk enters a node, before anything in the node or below it is visited. `subtree`
     /// describes the node and everything below. `above` is the value returned for the parent node, 0 for the
@@ -81,13 +82,13 @@ impl BspTree {
         self.walk_ordered(eye, true, order, &mut visit);
     }
 
-    /// Walks the nodes front to back, skipping the subtrees that `walk` does not enter, such as those outside
-    /// the view or already hidden.
+    /// Walks the nodes front to back as seen from `eye`. Skips the subtrees that [`Walk::enter`] rejects,
+    /// such as those outside the view or already hidden.
     pub fn walk(&self, eye: Eye, order: &mut Order, walk: &mut impl Walk) {
         self.walk_ordered(eye, false, order, walk);
     }
 
-    /// Walks the tree front to back, or back to front with `reverse`.
+    /// Walks the tree as seen from `eye`, front to back, or back to front if `reverse` is true.
     fn walk_ordered(&self, eye: Eye, reverse: bool, order: &mut Order, walk: &mut impl Walk) {
         // The eye as homogeneous coordinates. A point is in front of a plane if normal . eye + offset > 0; an
         // eye at infinity, if the view direction runs against the normal.

@@ -10,9 +10,9 @@ use visibility_core::{
 /// Number of pieces above which a set is first split by axis-aligned planes between objects, rather than by
 /// planes of polygons.
 const BOXES: usize = 12;
-/// Maximum number of pieces on which a candidate plane is evaluated.
+/// Maximum number of pieces on which a candidate plane's cost is evaluated.
 const SAMPLE: usize = 96;
-/// Maximum number of polygons whose planes are candidates.
+/// Maximum number of polygons whose planes are evaluated as candidates.
 const CANDIDATES: usize = 10;
 /// Maximum number of boxes whose sides give axis-aligned candidate planes; each box gives six.
 const PLANES: usize = 12;

@@ -5,24 +5,24 @@ use super::node::NONE;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Stored data of one fragment.
+/// Stored data of one fragment: its polygon, its vertices, its node, and its links in two lists.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Record {
-    /// Owner number of the fragment's polygon.
+    /// Number of the owner of the fragment's polygon.
     pub(super) owner: u32,
     /// Index of the polygon among those of the same `build` or `insert` call.
     pub(super) polygon: u32,
     /// Index in `Store::vertices` of the first vertex.
     pub(super) start: u32,
-    /// Number of vertices.
+    /// Number of the fragment's vertices.
     pub(super) len: u32,
     /// Index of the node in whose plane the fragment lies.
     pub(super) node: u32,
-    /// Next fragment in the node's list, `NONE` at the end.
+    /// Index of the next fragment in the node's list, `NONE` at the end.
     pub(super) next: u32,
-    /// Previous fragment in the node's list, `NONE` for the first.
+    /// Index of the previous fragment in the node's list, `NONE` for the first.
     pub(super) previous: u32,
-    /// Next fragment in the owner's list, `NONE` at the end.
+    /// Index of the next fragment in the owner's list, `NONE` at the end.
     pub(super) next_of_owner: u32,
     /// Whether the front of the polygon is the front of the node's plane.
     pub(super) same_way: bool,
@@ -37,7 +37,7 @@ const CLASSES: usize = 40;
 pub(super) struct Store {
     /// Records by fragment index, free ones included.
     records: Vec<Record>,
-    /// Indices of free records.
+    /// Indices in `records` of free records.
     free: Vec<u32>,
     /// Vertices of all fragments, in the tree's coordinates.
     vertices: Vec<DVec3>,
@@ -57,33 +57,34 @@ fn room_for(len: usize) -> (usize, usize) {
 }
 
 impl Store {
-    /// Returns the number of fragments in use.
+    /// Returns the number of fragments stored.
     pub(super) fn len(&self) -> usize {
         self.records.len() - self.free.len()
     }
 
-    /// Returns the approximate number of bytes of heap memory held.
+    /// Returns the approximate number of bytes of heap memory held, unused capacity included.
     pub(super) fn memory(&self) -> usize {
         self.records.capacity() * size_of::<Record>() + self.vertices.capacity() * size_of::<DVec3>()
     }
 
-    /// Returns the record of a fragment.
+    /// Returns the record of the fragment with index `id`.
     pub(super) fn record(&self, id: u32) -> &Record {
         &self.records[id as usize]
     }
 
-    /// Returns the vertices of a fragment.
+    /// Returns the vertices of a fragment in the tree's coordinates, in boundary order.
     pub(super) fn vertices(&self, record: &Record) -> &[DVec3] {
         self.vertices_at(record.start, record.len)
     }
 
-    /// Returns `len` vertices from index `start`.
+    /// Returns the `len` stored vertices from index `start` on.
     #[inline]
     pub(super) fn vertices_at(&self, start: u32, len: u32) -> &[DVec3] {
         &self.vertices[start as usize..][..len as usize]
     }
 
-    /// Stores vertices and returns the index of the first.
+    /// Stores vertices, in a freed range of the same size class if there is one. Returns the index of the
+    /// first.
     pub(super) fn keep(&mut self, vertices: &[DVec3]) -> u32 {
         let (room, class) = room_for(vertices.len());
         if let Some(start) = self.room.get_mut(class).and_then(Vec::pop) {
@@ -96,7 +97,7 @@ impl Store {
         start as u32
     }
 
-    /// Frees the range of `len` vertices that begins at index `start`.
+    /// Frees the range of `len` vertices that begins at index `start`, for reuse.
     pub(super) fn give_back(&mut self, start: u32, len: u32) {
         let class = room_for(len as usize).1;
         if self.room.is_empty() {
@@ -130,19 +131,19 @@ impl Store {
         id
     }
 
-    /// Returns the first fragment of an owner, `NONE` if it has none.
+    /// Returns the index of an owner's first fragment, `NONE` if the owner has none.
     pub(super) fn first_of(&self, owner: u32) -> u32 {
         self.owners.get(owner as usize).copied().unwrap_or(NONE)
     }
 
-    /// Empties an owner's list and returns its first fragment, `NONE` if it had none. The caller must free
-    /// the list's fragments one by one.
+    /// Empties an owner's list of fragments and returns the index of its first, `NONE` if it had none. The
+    /// caller must free the fragments one by one.
     pub(super) fn take_owner(&mut self, owner: u32) -> u32 {
         self.owners.get_mut(owner as usize).map_or(NONE, |first| core::mem::replace(first, NONE))
     }
 
-    /// Frees a fragment and unlinks it from its node's list. Returns its record. If the fragment was the
-    /// list's head, the caller must make `next` of the record the new head.
+    /// Frees the fragment with index `id` and unlinks it from its node's list. Returns its record. If the
+    /// fragment was the head of the list, the caller must make the record's `next` the new head.
     pub(super) fn free(&mut self, id: u32) -> Record {
         let record = self.records[id as usize];
         if record.previous != NONE {

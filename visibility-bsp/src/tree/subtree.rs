@@ -33,11 +33,11 @@ pub struct Subtree {
     owner: u32,
 }
 
-/// Owner value that stands for two or more different owners.
+/// Value of `Subtree::owner` that stands for two or more different owners.
 const MANY: u32 = u32::MAX - 1;
 
 impl Subtree {
-    /// Summary of a subtree without fragments.
+    /// Summary of a subtree without fragments: empty bounds and no owner.
     pub(super) const NOTHING: Self = Self { bounds: Aabb::EMPTY, owner: NONE };
 
     /// Summary of fragments of one owner. An owner number too large to be stored counts as several owners.
@@ -45,7 +45,8 @@ impl Subtree {
         Self { bounds, owner: owner.min(MANY) }
     }
 
-    /// Returns the summary of the fragments of two subtrees together.
+    /// Returns the summary of the fragments of two subtrees together: the union of the bounds, and the owner
+    /// if it is the same.
     pub(super) fn union(&self, other: &Self) -> Self {
         let owner = match (self.owner, other.owner) {
             (NONE, owner) | (owner, NONE) => owner,

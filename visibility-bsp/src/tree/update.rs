@@ -83,7 +83,7 @@ impl BspTree {
         }
     }
 
-    /// Extends the bounds and owner of a node and of its ancestors to include `by`.
+    /// Extends the bounds and owner of node `node` and of its ancestors to include `by`.
     pub(super) fn grow(&mut self, mut node: u32, by: &Subtree) {
         while node != NONE {
             let of = &mut self.subtrees[node as usize];
@@ -96,8 +96,8 @@ impl BspTree {
         }
     }
 
-    /// Recomputes the bounds and owner of a node and of its ancestors, as tight as possible. Stops at the
-    /// first unchanged one.
+    /// Recomputes the bounds and owner of node `id` and of its ancestors from their fragments and children.
+    /// Stops at the first node that does not change.
     fn shrink(&mut self, mut id: u32) {
         while id != NONE {
             let mut subtree = Subtree::NOTHING;

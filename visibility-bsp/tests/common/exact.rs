@@ -10,7 +10,7 @@ use visibility_core::glam::DVec3;
 pub struct Exact(Vec<f64>);
 
 impl Exact {
-    /// Adds a number.
+    /// Adds the number `q` to this one, exactly.
     fn add(&mut self, mut q: f64) {
         let mut kept = 0;
         for i in 0..self.0.len() {
@@ -30,21 +30,21 @@ impl Exact {
         }
     }
 
-    /// Adds the product of two numbers.
+    /// Adds the product `a b` to this number, exactly.
     fn add_product(&mut self, a: f64, b: f64) {
         let high = a * b;
         self.add(a.mul_add(b, -high));
         self.add(high);
     }
 
-    /// Returns the difference.
+    /// Returns this number minus `other`, exactly.
     pub fn minus(&self, other: &Self) -> Self {
         let mut all = self.clone();
         other.0.iter().for_each(|&x| all.add(-x));
         all
     }
 
-    /// Returns the product.
+    /// Returns the product of this number and `other`, exactly.
     pub fn times(&self, other: &Self) -> Self {
         let mut all = Self::default();
         for &a in &self.0 {
@@ -55,7 +55,7 @@ impl Exact {
         all
     }
 
-    /// Returns 1, 0 or -1.
+    /// Returns the sign of the number: 1, 0 or -1.
     pub fn sign(&self) -> i32 {
         self.0.last().map_or(0, |&x| if x > 0.0 { 1 } else { -1 })
     }
@@ -91,21 +91,22 @@ pub fn side(a: &[Exact; 3], b: &[Exact; 3], c: &[Exact; 3]) -> i32 {
 
 /// The exact cone of view rays through a triangle.
 pub struct Cone {
-    /// Clip-space directions of the triangle's corners.
+    /// Exact clip-space (x, y, w) of the triangle's corners.
     corners: [[Exact; 3]; 3],
-    /// Sign of the corners' determinant; 0 for a triangle seen edge on.
+    /// Sign of the determinant of the three corners; 0 for a triangle seen edge on.
     turn: i32,
 }
 
 impl Cone {
-    /// Creates the cone of a triangle in world coordinates.
+    /// Creates the cone of a triangle given in world coordinates.
     pub fn new(view: &View, triangle: [DVec3; 3]) -> Self {
         let corners = triangle.map(|p| clip(view, p));
         let turn = side(&corners[0], &corners[1], &corners[2]);
         Self { corners, turn }
     }
 
-    /// Tests whether a clip-space direction is in the cone or on its boundary.
+    /// Tests whether a clip-space (x, y, w) direction is inside the cone or on its boundary. True for every
+    /// direction if the triangle is seen edge on.
     pub fn holds(&self, p: &[Exact; 3]) -> bool {
         let [a, b, c] = &self.corners;
         [(a, b), (b, c), (c, a)].iter().all(|(s, e)| side(s, e, p) * self.turn >= 0)

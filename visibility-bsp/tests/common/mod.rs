@@ -20,7 +20,7 @@ pub fn triangles_of(bounds: &Aabb) -> Vec<Triangle> {
 pub struct Soup {
     /// The scene, with occluders prepared.
     pub scene: Scene,
-    /// Triangles of all occluders, in scene coordinates.
+    /// Triangles of all occluders, in metres relative to `Scene::origin`.
     pub solid: Vec<Triangle>,
 }
 
