@@ -9,7 +9,7 @@
 //! | 0 to 8 | magic: eight ASCII letters that name the format |
 //! | 8 to 12 | version of the format |
 //! | 12 to 16 | kind: which structure of that format |
-//! | 16 to 24 | fingerprint: a hash of the input that the structure was made from, or a number that the format defines |
+//! | 16 to 24 | fingerprint: a hash of the input of the structure, or a number that the format defines |
 //! | 24 to 32 | length of header and content together, in bytes |
 //! | 32 to 40 | checksum: FNV-1a, in 64 bits, of all other bytes |
 //! | 40 on | content |

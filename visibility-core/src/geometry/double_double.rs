@@ -98,7 +98,7 @@ impl From<f64> for DoubleDouble {
 }
 
 /// Splits `a` into a high and a low part of at most 26 bits each with `high + low == a` exactly (Veltkamp,
-/// 1968). The parts are NaN if `a` is not finite or greater than about 2^996.
+/// 1968). The parts are NaN if `a` is not finite or its magnitude is above about 2^996.
 fn halves(a: f64) -> (f64, f64) {
     let c = a * 134_217_729.0;
     let high = c - (c - a);
