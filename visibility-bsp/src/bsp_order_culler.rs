@@ -55,8 +55,8 @@ pub struct BspOrderCuller<S> {
 /// Rank value of a candidate object that the walk has not reached; the object is removed unless the walk was
 /// cut short.
 const NOT_MET: u32 = u32::MAX;
-/// Rank value of an object that is not in the incoming visible set, or that is not in the tree as it is in
-/// the scene. Such objects are sorted last.
+/// Rank value of an object that is not in the incoming visible set, or whose triangles in the tree are
+/// missing or out of date. Such objects are sorted last.
 const NONE: u32 = u32::MAX - 1;
 
 impl<S: Borrow<SceneTree>> BspOrderCuller<S> {

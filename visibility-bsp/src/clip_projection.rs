@@ -39,8 +39,8 @@ pub(crate) struct Direction {
 }
 
 /// A plane through the eye, as a linear function `n . v` of clip-space directions `v = (x, y, w)`. Positive
-/// values are on the inner side. For an exact direction with components up to 1, the sign is certain if `|n .
-/// v| > slack`.
+/// values are on the inner side. For an exact direction with components up to 1, the sign is certain if the
+/// magnitude of the value exceeds `slack`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     /// Coefficients of x, y and w, the largest 1 in magnitude.
@@ -95,8 +95,8 @@ impl Line {
     }
 }
 
-/// Returns the eight corners of the box from `min` to `max` in order of their numbers; bits 0, 1 and 2 of a
-/// number choose max x, y and z.
+/// Returns the eight corners of the box from `min` to `max`, in the same space, in order of their numbers:
+/// bits 0, 1 and 2 of a number choose max x, y and z.
 pub(crate) fn corners_of([min, max]: [DVec3; 2]) -> impl Iterator<Item = DVec3> {
     (0..8).map(move |i| DVec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min))
 }
@@ -114,8 +114,8 @@ pub(crate) struct BoxProjection {
 }
 
 impl BoxProjection {
-    /// Returns the least and the greatest value of `n . v` over the box. Each is off by at most `slack`, plus
-    /// the slack of the line with coefficients `n`.
+    /// Returns the least and the greatest value of `n . v` over the corners of the projected box. Each is off
+    /// by at most `slack`, plus the slack of the line with coefficients `n`.
     #[inline]
     pub(crate) fn span(&self, n: [f64; 3]) -> (f64, f64) {
         let base = dot(n, self.base);
@@ -145,8 +145,8 @@ pub(crate) struct ClipProjection {
     /// Linear function of a point relative to `anchor` that is positive beyond the near plane and 0 on it;
     /// its scale has no meaning.
     near: ClipRow,
-    /// Point in metres relative to `Scene::origin` that the rows take points relative to: the eye of a
-    /// perspective view.
+    /// Point in metres relative to `Scene::origin` that `rows` and `near` take points relative to: the eye
+    /// of a perspective view, the view's own origin for a parallel view.
     anchor: DVec3,
     /// The eye point in metres relative to `Scene::origin`, or the unit view direction of a parallel view.
     pub(crate) eye: Eye,
@@ -376,9 +376,9 @@ pub(crate) struct Approach {
     speed: [f64; 3],
 }
 
-/// Returns two bounds on the product of the computed inverse matrix `back` with directions of components up
-/// to 1: on the magnitude of each component of the product, and on each component's absolute error (infinite
-/// if `back` is not a usable inverse of `forth`).
+/// Bounds the error of a numerically inverted matrix: `back` is the computed inverse of `forth`. For
+/// directions with components up to 1, returns a bound on the magnitude of each component of `back` times the
+/// direction, and a bound on each component's absolute error (infinite if `back` is not a usable inverse).
 ///
 /// `back . forth` equals `1 + R` with a residue `R`, so the computed product is off by at most `R` times the
 /// exact one. `R` is computed from three products, their sums and one difference, whose rounding is added.
@@ -403,7 +403,7 @@ fn wrong_by(forth: DMat3, back: DMat3) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    /// Random generator of whole numbers.
+    /// Generator of pseudo-random whole numbers.
     struct Whole(u64);
 
     impl Whole {

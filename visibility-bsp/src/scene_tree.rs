@@ -137,8 +137,8 @@ pub(crate) struct StaleObjects {
 }
 
 impl StaleObjects {
-    /// Compares the tree with the scene and marks changed objects. Must be called before the queries of a
-    /// frame.
+    /// Compares the tree `shared` with the scene and marks the objects that have changed since the tree was
+    /// synchronized. Must be called before the queries of a frame.
     pub(crate) fn begin(&mut self, shared: &SceneTree, scene: &Scene) {
         self.frame = self.frame.wrapping_add(1);
         if self.frame == 0 || self.changed.len() != scene.index_limit() {
@@ -164,7 +164,8 @@ impl StaleObjects {
         !self.lost && self.changed.get(index as usize).is_some_and(|&frame| frame != self.frame)
     }
 
-    /// Tests whether all triangles of an object are in the tree exactly as they are in the scene.
+    /// Tests whether the tree contains all present triangles of an object: the object has some, none of them
+    /// is degenerate, and none has changed since the tree was synchronized.
     pub(crate) fn is_known(&self, shared: &SceneTree, id: ObjectId) -> bool {
         self.is_current(index(id)) && shared.represented.get(id.index()) == Some(&Some(id))
     }

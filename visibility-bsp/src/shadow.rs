@@ -70,8 +70,9 @@ pub(crate) struct BackPlane {
 }
 
 impl BackPlane {
-    /// Returns the side of a box in metres relative to `Scene::origin`: -1 if all of it is surely behind the
-    /// plane, 1 if all of it is surely in front, 0 if it crosses, touches or cannot be decided.
+    /// Returns the side of the plane on which a box lies (`min` to `max` in metres relative to
+    /// `Scene::origin`): -1 if all of it is surely behind the plane, 1 if all of it is surely in front, 0 if
+    /// it crosses or touches the plane or cannot be decided.
     #[inline]
     pub(crate) fn side(&self, min: DVec3, max: DVec3) -> i32 {
         let n = self.normal;
@@ -100,15 +101,16 @@ pub(crate) struct OccluderPolygon<'a> {
     pub(crate) vertices: &'a [DVec3],
     /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(crate) normal: DVec3,
-    /// Least and greatest `normal . v` over the vertices in metres, widened by rounding.
+    /// Least and greatest coordinate of the vertices along `normal`, in metres from `Scene::origin`, widened
+    /// by rounding.
     pub(crate) reach: [f64; 2],
     /// Whether the polygon also hides for eyes behind its front.
     pub(crate) two_sided: bool,
 }
 
-/// Returns the unit normal of a vertex loop (to the side from which it runs counter-clockwise), the least and
-/// greatest `normal . v` over the vertices in metres, widened by rounding, and the area in square metres.
-/// `None` if the loop has no area or a vertex is not finite.
+/// Returns three properties of a loop of vertices: the unit normal of the side from which the loop runs
+/// counter-clockwise; the least and greatest coordinate of the vertices along this normal in metres, widened
+/// by rounding; and the area in square metres. `None` if the loop has no area or a vertex is not finite.
 pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     let (&first, rest) = vertices.split_first()?;
     let mut sum = DVec3::ZERO;

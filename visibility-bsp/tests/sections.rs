@@ -43,7 +43,7 @@ fn cullers(scene: &Scene, polygons: usize) -> Vec<Box<dyn Culler>> {
     ]
 }
 
-/// Tests whether a culler removes an object from a view's candidates.
+/// Tests whether a culler removes an object from the set of all objects on the view's layers.
 fn hides(scene: &Scene, view: &View, culler: &mut dyn Culler, id: ObjectId) -> bool {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);

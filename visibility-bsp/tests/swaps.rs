@@ -31,7 +31,7 @@ fn prepared(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Tests whether a culler removes an object from a view's candidates.
+/// Tests whether a culler removes an object from the set of all objects on the view's layers.
 fn hides(culler: &mut dyn Culler, scene: &Scene, view: &View, id: ObjectId) -> bool {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);

@@ -14,7 +14,8 @@ use visibility_core::{
 };
 
 /// Culls boxes that are behind a single large polygon, or behind two that share an edge. Answers are cached
-/// while the eye stays within a ball in which they cannot change.
+/// while the eye stays within a ball in which they cannot change. Conservative: a box for which rounding
+/// leaves the answer open stays visible.
 ///
 /// Put it after the frustum culler. It culls less than an
 /// [`OcclusionTreeCuller`](crate::OcclusionTreeCuller), since at most two occluders fuse. It costs less while

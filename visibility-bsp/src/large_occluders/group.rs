@@ -65,8 +65,9 @@ impl Face {
         Self { front: [front, rear], two_sided, back: front, before: false, from_front: true }
     }
 
-    /// Determines the side of the polygon that the eye is on. `eye_error` bounds the eye's error in metres. A
-    /// polygon closer to the eye than `clear` metres may be cut by the near plane and counts as not usable.
+    /// Determines the side of the polygon that the eye is on and updates `back`, `before` and `from_front`.
+    /// `eye_error` bounds the eye's error in metres. If the plane is closer to the eye than `clear` metres,
+    /// the near plane may cut the polygon, and `before` becomes false.
     pub(super) fn look(&mut self, eye: &Eye, eye_error: f64, clear: f64) {
         // The eye must be in front of the back plane. It must also be in front of all vertices, so that it
         // sees an uneven polygon from one side.
@@ -146,7 +147,8 @@ impl Edge {
     }
 
     /// Tests whether a box (`min` to `max` in metres relative to `Scene::origin`) is surely on the inner side
-    /// of the edge's plane. False if undecided or NaN.
+    /// of the plane through the eye and this edge. `eye` must be the eye passed to [`look`](Self::look).
+    /// False if undecided or NaN.
     pub(super) fn holds(&self, eye: &Eye, min: DVec3, max: DVec3) -> bool {
         let base = self.base(eye);
         let (low, high) = (min - base, max - base);

@@ -17,7 +17,7 @@ struct Known {
     eye: DVec3,
     /// Radius of the ball in metres. The answer holds while the eye stays inside.
     radius: f64,
-    /// Bound in metres on the eye's error in that frame, already subtracted from the radius.
+    /// Bound in metres on the error of `eye`, already subtracted from `radius`.
     eye_error: f64,
     /// The answer that holds inside the ball.
     answer: Occlusion,
@@ -140,8 +140,9 @@ impl GroupMap {
         }
     }
 
-    /// Tests a box (`min` to `max` in metres relative to `Scene::origin`) against all groups. Returns the
-    /// answer and the radius in metres within which the eye may move before the answer can change.
+    /// Tests a box (`min` to `max` in metres relative to `Scene::origin`) against all groups of polygons,
+    /// after computing the groups for the present eye if that is due. Returns the answer, `Hidden` or
+    /// `Partial`, and the radius in metres within which the eye may move before the answer can change.
     fn compute(&self, memory: &mut Memory, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         memory.computed += 1;
         if memory.groups.looked != self.frame {
@@ -212,10 +213,10 @@ impl Groups {
         false
     }
 
-    /// Tests a box (`min` to `max` in metres relative to `Scene::origin`) against all groups, and returns
-    /// `Hidden` or `Partial` with the radius in metres within which the eye may move before the answer can
-    /// change. The radius is infinite if no group limits it, and has no meaning for parallel views or without
-    /// `coherent`.
+    /// Tests a box (`min` to `max` in metres relative to `Scene::origin`) against all groups of polygons.
+    /// Returns `Hidden` or `Partial` (also if undecided), and the radius in metres within which the eye may
+    /// move before the answer can change. The radius is infinite if no group limits it, and has no meaning
+    /// for parallel views or if `coherent` is false.
     fn compute(&self, eye: &Eye, coherent: bool, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         let point = match eye {
             Eye::Point(eye) if coherent => Some(*eye),

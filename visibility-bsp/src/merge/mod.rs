@@ -12,6 +12,7 @@ use partition::{Arena, EMPTY, MOST_LEVELS, SOLID};
 use visibility_core::glam::DVec3;
 
 /// A bounded solid: the points inside a closed boundary, stored as a BSP tree with empty and solid leaves.
+/// Coordinates are `f64` in any unit.
 ///
 /// A set operation takes time proportional to the number of nodes in whose regions both boundaries lie, at
 /// worst to the product of the two trees' sizes.

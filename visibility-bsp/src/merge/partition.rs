@@ -84,8 +84,8 @@ impl Arena {
         self.nodes.len() as u32 - 1
     }
 
-    /// Adds a node without a sub-hyperplane and returns its index; if both children are the same leaf,
-    /// returns that leaf instead.
+    /// Adds a node with the given plane and children (behind, in front) but without a sub-hyperplane, and
+    /// returns its index. If both children are the same leaf, returns that leaf instead.
     pub(super) fn push_plane(&mut self, plane: &SidePlane, children: [u32; 2]) -> u32 {
         self.push(Node { plane: *plane, children, sub: Sub { start: 0, len: 0 } })
     }
@@ -124,8 +124,9 @@ impl Arena {
         Sub { start, len: corners.len() as u32 }
     }
 
-    /// Copies a tree from another arena and computes its sub-hyperplanes, clipped to a box around the origin
-    /// that contains all coordinates up to `reach` by axis. Returns the copy's root.
+    /// Copies the tree with root `root` from the arena `from`, and computes the sub-hyperplanes of its nodes
+    /// within a box around the origin. `reach` bounds the absolute coordinates of the tree's solid on each
+    /// axis. Returns the copy's root.
     pub(super) fn load(&mut self, from: &Self, root: u32, reach: DVec3) -> u32 {
         let mut above = Vec::new();
         // The box is a little wider than `reach`, so that faces on its sides are well inside.

@@ -63,7 +63,8 @@ struct Line {
 }
 
 impl Line {
-    /// Creates a line whose position and points have an absolute error of at most `error` in NDC.
+    /// Creates the line `a x + b y + c = 0`, where `(a, b)` must have unit length. `error` bounds the
+    /// absolute error in NDC of the points to be compared with the line.
     fn new(a: f64, b: f64, c: f64, error: f64) -> Self {
         Self { a, b, c, margin: 4.0 * error }
     }
@@ -157,7 +158,7 @@ pub(super) struct Beams {
     root: u32,
     /// Bound on the absolute error of the corners of this frame's polygons, in NDC.
     error: f64,
-    /// Stack of parts still to be taken down the tree.
+    /// Stack of polygon parts that are still to be taken down the tree.
     tasks: Vec<Task>,
     /// Corners of all parts on the `tasks` stack; the top of this stack belongs to the topmost task.
     corners: Vec<Corner>,
@@ -210,8 +211,8 @@ impl Beams {
         self.divide((node, 1), upper, half, levels - 1);
     }
 
-    /// Appends a node, links it as child `side` of `parent` (given as one pair; the root for [`NO_PARENT`])
-    /// and returns its index.
+    /// Appends a node with the given line and children (behind, in front). Links it as child `side` of
+    /// `parent`, or as the root for [`NO_PARENT`], and returns its index.
     fn push(&mut self, (parent, side): (u32, u8), line: Line, children: [u32; 2]) -> u32 {
         let node = self.nodes.len() as u32;
         self.nodes.push(Node { line, children, parent });
@@ -219,7 +220,8 @@ impl Beams {
         node
     }
 
-    /// Links `child` as the given side of `parent`, or as the root for [`NO_PARENT`].
+    /// Makes `child` the child of node `parent` on the given side (0 behind, 1 in front), or the root if
+    /// `parent` is [`NO_PARENT`].
     fn set(&mut self, parent: u32, side: u8, child: u32) {
         if parent == NO_PARENT {
             self.root = child;
@@ -287,8 +289,9 @@ impl Beams {
         }
     }
 
-    /// Takes a polygon down the tree and returns its visibility. With `closing`, also closes the area of the
-    /// open leaves that it covers; otherwise stops at the first part that is surely seen.
+    /// Takes a convex polygon down the tree and returns its visibility. If `closing` is true, also closes the
+    /// area of the open leaves that the polygon covers; otherwise stops at the first part that is surely
+    /// seen.
     fn run(&mut self, polygon: &[Corner], closing: bool) -> Visibility {
         self.witness.width = -1.0;
         self.tasks.clear();
@@ -339,9 +342,9 @@ impl Beams {
         self.witness
     }
 
-    /// Moves the topmost part into the children of node `id`, cut in two if it extends beyond the line's
-    /// margin on both sides. Parts that would enter a closed leaf are dropped. `generous` selects
-    /// [`pass_generously`](Self::pass_generously).
+    /// Moves the topmost part of the corner stack into the children of node `id`, cut in two if the part
+    /// extends beyond the line's margin on both sides. Parts that would enter a closed leaf are dropped. If
+    /// `generous` is true, does as [`pass_generously`](Self::pass_generously).
     fn pass(&mut self, id: u32, task: Task, generous: bool) {
         let Node { line, children, .. } = self.nodes[id as usize];
         let (mut least, mut greatest, mut sum) = (0.0f64, 0.0f64, 0.0);
@@ -408,8 +411,9 @@ impl Beams {
         }
     }
 
-    /// Moves the topmost part into the children of node `id`, cut one margin beyond the line on either side,
-    /// so that the strip within the margin goes to both children. Used for narrow polygons.
+    /// Moves the topmost part of the corner stack into the children of node `id`, cut one margin beyond the
+    /// line on either side, so that the strip within the margin goes to both children. Parts that would enter
+    /// a closed leaf are dropped. Used for narrow polygons.
     fn pass_generously(&mut self, id: u32, task: Task) {
         let Node { line: Line { margin, .. }, children, .. } = self.nodes[id as usize];
         self.part.clear();
@@ -438,8 +442,9 @@ impl Beams {
         }
     }
 
-    /// Closes the part of an open leaf that the topmost part covers, by a chain of nodes with the part's edge
-    /// lines. A part whose edges all lie on tree lines closes the whole leaf.
+    /// Closes the area of the open leaf reached by `task` that the topmost part of the corner stack covers,
+    /// by a chain of nodes with the lines of the part's edges. If all of these lie on lines of the tree, the
+    /// whole leaf becomes closed.
     fn close(&mut self, task: Task) {
         let mut slot = (task.parent, task.side);
         let mut divided = false;
@@ -490,8 +495,8 @@ fn is_narrow(polygon: &[Corner]) -> bool {
     witness(polygon).width <= 4.0 * NARROWEST
 }
 
-/// Returns the mean of a part's corners and its approximate width: area divided by the longest edge, 0 for a
-/// point. `part` must not be empty.
+/// Returns the mean of a part's corners and the part's approximate width in NDC: its area divided by the
+/// greatest horizontal or vertical extent of an edge, 0 for a point. `part` must not be empty.
 fn witness(part: &[Corner]) -> Witness {
     let (mut x, mut y, mut area, mut longest) = (0.0, 0.0, 0.0f64, 0.0f64);
     let first = part[0];

@@ -69,8 +69,8 @@ pub struct NaylorCuller<S> {
 enum Part {
     /// The walk has reached no fragment of the object.
     Unknown,
-    /// The object is not in the visible set, not on a layer of the view, or not in the tree as it is in the
-    /// scene. Its fragments are skipped.
+    /// The object is not in the incoming visible set, is on no layer of the view, or its triangles in the
+    /// tree are missing or out of date. Its fragments are skipped.
     None,
     /// No fragment has been surely seen so far. `occluder`: the object hides others. `glimpsed`: a fragment
     /// too narrow to be certain has reached uncovered image area.

@@ -97,9 +97,9 @@ fn weld(pieces: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (positions, corners)
 }
 
-/// Returns the union of two polygons that share the edge from vertex `i` of `ours`. `None` if `theirs` does
-/// not have that edge in reverse, if the sidedness differs, or if the union is not flat and convex or has too
-/// many vertices.
+/// Returns the union of two polygons that share the edge from vertex `i` of `ours`, as one polygon. `None` if
+/// `theirs` does not have that edge in reverse, if only one of the two is two-sided, or if the union is not
+/// flat and convex or has more than [`MOST_VERTICES`] vertices.
 fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Option<Polygon> {
     let (n, m) = (ours.vertices.len(), theirs.vertices.len());
     if ours.two_sided != theirs.two_sided {

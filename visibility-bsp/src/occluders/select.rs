@@ -64,8 +64,8 @@ impl Default for Selector {
 }
 
 impl Selector {
-    /// Records changes of the scene and of the polygons. Returns whether any polygon may have changed, or
-    /// become usable or unusable, since the last call. Must be called first in a frame.
+    /// Records changes of the scene and of the polygons since the last call. Returns true if any polygon may
+    /// have changed, or have become usable or unusable. Must be called first in a frame.
     pub(crate) fn follow(&mut self, occluders: &Occluders, scene: &Scene) -> bool {
         let mut news = self.occluders != occluders.stamp;
         let mut changes = self.seen.peek(scene);
@@ -114,9 +114,9 @@ impl Selector {
         })
     }
 
-    /// Replaces the selection by the `count` polygons with the greatest bound on their solid angle, greatest
-    /// first. With `sides`, only polygons that may be in front of all these planes (metres relative to
-    /// `Scene::origin`) are considered; with `None`, those in all directions.
+    /// Replaces `chosen` by the `count` polygons with the greatest upper bound on their solid angle from
+    /// `eye`, greatest first. If `sides` is given (planes in metres relative to `Scene::origin`), only
+    /// polygons that may be in front of all of them are considered; `None` considers all directions.
     pub(crate) fn choose(&mut self, occluders: &Occluders, eye: &Eye, sides: Option<&[Plane]>, count: usize) {
         self.chosen.clear();
         self.blocks.clear();
@@ -157,9 +157,9 @@ impl Selector {
         self.chosen.truncate(count);
     }
 
-    /// Keeps the `count` selected polygons with the greatest worth, in no particular order. `worth` is called
-    /// with a polygon's number and the bound on its solid angle. Does nothing if no more than `count` are
-    /// selected or `count` is 0.
+    /// Keeps the `count` chosen polygons with the greatest worth, in no particular order. `worth` receives a
+    /// polygon's index and the bound on its solid angle, and its result replaces the bound. Does nothing if
+    /// no more than `count` polygons are chosen, or if `count` is 0.
     pub(crate) fn keep_worthy(&mut self, count: usize, mut worth: impl FnMut(u32, f32) -> f32) {
         if self.chosen.len() <= count || count == 0 {
             return;
@@ -172,9 +172,10 @@ impl Selector {
         self.chosen.truncate(count);
     }
 
-    /// Keeps the selected polygons that may hide in this frame. All objects of a polygon must be unchanged,
-    /// drawn in this view, and on the inner side of the view's clip planes. For a section, the eye must also
-    /// be outside all its boxes.
+    /// Removes from `chosen` the polygons that must not hide in this frame. All objects of a polygon must be
+    /// unchanged since the polygons were made, drawn in this view, and surely on the inner side of the view's
+    /// clip planes. For a section (a rectangle inside closed boxes), the eye must also be surely outside all
+    /// these boxes. `sides` are the view's planes as written by [`sides_of`].
     pub(crate) fn keep_usable(
         &mut self,
         occluders: &Occluders,
@@ -216,7 +217,7 @@ pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, sides: &[Plane], id:
 }
 
 /// Writes the planes of a view to `out`, in metres relative to `Scene::origin`, normals inwards, each moved
-/// outwards by its rounding error. Returns their number.
+/// outwards by its rounding error. Returns the number of planes written.
 pub(crate) fn sides_of(
     view: &View,
     scene: &Scene,

@@ -159,8 +159,9 @@ impl Nodes {
 }
 
 impl Walk<'_> {
-    /// Records whether a leaf hides a part. Returns false if this is undecided, or if another part got the
-    /// opposite answer; the box is then partially visible.
+    /// Records in `found` whether a leaf hides a part of the box. Returns false if this is undecided, or if
+    /// another part got the opposite answer; the box is then partially visible. A leaf outside the image
+    /// records nothing.
     fn look(&mut self, leaf: Child, part: &Part) -> bool {
         let lit = match leaf {
             AWAY => return true,
@@ -175,8 +176,8 @@ impl Walk<'_> {
         !(self.found.lit && self.found.hidden)
     }
 
-    /// Returns -1 if a leaf surely hides a part of the box, 1 if the box is in front of all polygons of the
-    /// leaf, and 0 if undecided.
+    /// Returns -1 if the part of the box is surely behind one of the leaf's polygons, 1 if the box is surely
+    /// in front of all of them, and 0 if undecided.
     fn side_of(&self, leaf: Child, part: &Part) -> i32 {
         let (mut leaf, mut all) = (leaf, 1);
         for _ in 0..MOST_PLANES {
@@ -194,9 +195,9 @@ impl Walk<'_> {
         all
     }
 
-    /// Tests whether a part of the box is surely behind a back plane that crosses the box. This holds if,
-    /// along each view ray of the part, the back plane comes before the plane of one of the box's front
-    /// faces. That face's plane is no farther than the point where the ray enters the box.
+    /// Tests whether a part of the box is surely behind back plane number `plane`, which crosses the box.
+    /// This holds if, along each view ray of the part, the back plane comes before the plane of one of the
+    /// box's front faces. That face's plane is no farther than the point where the ray enters the box.
     fn is_behind(&self, plane: usize, part: &Part) -> bool {
         let Some(first) = &self.nodes.approaches[plane] else { return false };
         (0..6).filter(|face| self.faces >> face & 1 != 0).any(|face| {
@@ -272,9 +273,9 @@ impl Part {
         part
     }
 
-    /// Replaces `out` by the part of this polygon where `sign * value >= limit`; `values` holds one value per
-    /// corner, and the slack of `out` is left to the caller. Returns false if `out` would get more than
-    /// [`MOST`] corners.
+    /// Clips the part by a half-space: replaces the corners of `out` by the part of this polygon where `sign
+    /// * value >= limit`, with `values` holding one value per corner. The slack of `out` is left to the
+    /// caller. Returns false if `out` would get more than [`MOST`] corners.
     fn beyond(&self, values: &[f64; MOST], sign: f64, limit: f64, out: &mut Self) -> bool {
         let mut count = 0;
         let mut j = self.count - 1;
@@ -302,8 +303,8 @@ impl Part {
     }
 }
 
-/// Returns the mask of the box's faces turned to the eye, bit i for face i of [`FACES`]. `None` if this is
-/// uncertain for any face, or if the eye is inside the box.
+/// Returns the mask of the faces turned to the eye of the box from `min` to `max`; bit i stands for face i of
+/// [`FACES`]. `None` if this is uncertain for any face, or if the eye is inside the box.
 fn faces_before(projection: &ClipProjection, min: DVec3, max: DVec3) -> Option<usize> {
     let mut mask = 0;
     let certain = match projection.eye {

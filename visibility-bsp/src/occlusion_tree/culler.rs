@@ -13,7 +13,8 @@ use visibility_core::{
 };
 
 /// Culls objects behind the large occluder polygons of a scene, with an [`OcclusionTree`] that is rebuilt
-/// every frame. Shadows of several polygons fuse.
+/// every frame. Shadows of several polygons fuse. Conservative: an object for which rounding leaves the
+/// answer open stays visible.
 ///
 /// Put it after the frustum culler. Costs a few nanoseconds per polygon of the scene, about a microsecond per
 /// polygon used, and a few hundred nanoseconds per box tested.

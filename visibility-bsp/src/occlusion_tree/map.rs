@@ -20,7 +20,8 @@ pub(super) struct Waiting {
     vertices: Range<usize>,
     /// Unit normal of the polygon's front, the side from which the vertices run counter-clockwise.
     normal: DVec3,
-    /// Least and greatest `normal . v` over the polygon's vertices in metres, widened by rounding.
+    /// Least and greatest coordinate of the polygon's vertices along `normal`, in metres from
+    /// `Scene::origin`, widened by rounding.
     reach: [f64; 2],
     /// Whether the polygon also hides for eyes behind its front.
     two_sided: bool,

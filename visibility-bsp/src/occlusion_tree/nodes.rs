@@ -15,8 +15,9 @@ pub(crate) type Child = u32;
 pub(crate) const LIT: Child = u32::MAX;
 /// Leaf of view directions outside the image; boxes there count as hidden.
 pub(crate) const AWAY: Child = u32::MAX - 1;
-/// Flag of a shadow leaf. The other bits are an index into `Nodes::hides`; a point behind one of the back
-/// planes listed there is hidden.
+/// Flag of a shadow leaf: view directions inside the shadow of at least one polygon. The other bits are an
+/// index into `Nodes::hides`, a list of back planes; points in these directions behind one of them are
+/// hidden.
 pub(crate) const HIDDEN: Child = 1 << 31;
 
 /// Maximum number of nodes, which bounds time and memory for adversarial occluders. Polygons that would
@@ -118,7 +119,8 @@ pub(super) enum Worth<'a> {
 }
 
 impl Worth<'_> {
-    /// Returns the benefit of shadowing a convex part of the image, given its corners in boundary order.
+    /// Returns the benefit of shadowing a convex part of the image, in steradians or objects as the variant
+    /// says. `corners` outline the part in boundary order.
     pub(super) fn of(self, projection: &ClipProjection, corners: &[Corner]) -> f32 {
         match self {
             Worth::Angle => angle_of(projection, corners),
@@ -147,8 +149,9 @@ impl Nodes {
         }
     }
 
-    /// Replaces the leaf in slot `parent` by a node with `outside` as its outer child and a lit leaf as its
-    /// inner child. Returns the node's index.
+    /// Replaces the leaf in slot `parent` by a node with the plane `line`, through the occluder edge with the
+    /// given `ends`. The node's outer child is `outside`, its inner child a lit leaf. Returns the node's
+    /// index.
     fn add_node(&mut self, parent: u32, line: Line, outside: Child, ends: [DVec3; 2]) -> u32 {
         let number = self.nodes.len() as u32;
         let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth + 1 };
@@ -166,9 +169,10 @@ impl Nodes {
         }
     }
 
-    /// Takes the outline of shadow `number` down to the leaves and returns the gain of inserting it, measured
-    /// by `worth`. Fragments in lit leaves count in full. Of fragments in shadow leaves, the parts in front
-    /// of the present occluders count one tenth, since they hide only objects between the two.
+    /// Takes the outline of shadow `number` down to the leaves and returns the gain of inserting the shadow,
+    /// measured by `worth`. Fragments in lit leaves count in full. Fragments in shadow leaves count one tenth
+    /// of the parts in front of the polygons inserted there, since the shadow then newly hides only objects
+    /// between the two.
     pub(super) fn reach(
         &mut self,
         projection: &ClipProjection,
@@ -242,8 +246,8 @@ impl Nodes {
         }
     }
 
-    /// Returns the part of a fragment in front of all back planes of a leaf, `None` if it is empty. Its
-    /// corners are appended to `corners`.
+    /// Returns the part of a shadow fragment in front of all back planes of a leaf, `None` if that part is
+    /// empty. The corners of a new part are appended to `corners`.
     fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
         let (mut task, mut leaf) = (*task, leaf);
         for _ in 0..MOST_PLANES {
@@ -256,8 +260,8 @@ impl Nodes {
         Some(task)
     }
 
-    /// Returns the part of a fragment in front of back plane number `plane`, `None` if it is empty. The
-    /// corners of a new part are appended to `corners`.
+    /// Returns the part of a shadow fragment in front of back plane number `plane`, `None` if that part is
+    /// empty. The corners of a new part are appended to `corners`.
     fn before_plane(&mut self, task: &Task, plane: u32) -> Option<Task> {
         let plane = self.planes[plane as usize];
         let size = plane.offset.abs() * 1e-12;
@@ -302,9 +306,9 @@ impl Nodes {
         }
     }
 
-    /// Returns the side of a plane that a fragment is on, or its two parts if it is on both. Soundness does
-    /// not depend on the parts being exact: the planes above a leaf decide what is hidden, and fragments only
-    /// choose which planes to insert.
+    /// Returns the side of the plane `line` that a shadow fragment is on, or the fragment's two parts if it
+    /// is on both. Soundness does not depend on the parts being exact: the planes above a leaf decide what is
+    /// hidden, and fragments only choose which planes to insert.
     fn part(&mut self, task: &Task, line: &Line) -> Parted {
         let range = task.range();
         let slack = 4.0 * line.slack + 64.0 * U;
@@ -351,9 +355,10 @@ impl Nodes {
         Parted::Both(parts[0], parts[1])
     }
 
-    /// Inserts a shadow's edges below the leaf that a fragment has reached. Directions inside all edges
-    /// become hidden behind back plane `plane`; directions outside keep the leaf `old`. Edges that surely do
-    /// not reach into the leaf are left out. Does nothing if the tree is full or too deep.
+    /// Inserts a shadow's edges below the leaf `old` that a fragment of the shadow has reached. Directions
+    /// inside all edges become hidden behind back plane number `plane`; directions outside keep the leaf
+    /// `old`. Edges that surely do not reach into the leaf are left out. Does nothing if the tree is full or
+    /// too deep.
     fn augment(&mut self, shadows: &Shadows, shadow: &Shadow, task: &Task, old: Child, plane: u32) {
         let parent = task.parent;
         let corners = &self.corners[task.range()];

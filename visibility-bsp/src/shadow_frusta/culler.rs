@@ -23,7 +23,8 @@ struct Frusta {
 }
 
 /// Culls boxes that are inside the shadow of a single occluder, using the occluders chosen in advance for the
-/// region that contains the eye. Shadows of several occluders do not fuse.
+/// region that contains the eye. Shadows of several occluders do not fuse. Conservative: a box for which
+/// rounding leaves the answer open stays visible.
 ///
 /// Put it after the frustum culler. A test costs time proportional to the number of polygons in use.
 ///

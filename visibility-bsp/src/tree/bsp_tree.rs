@@ -155,8 +155,8 @@ impl BspTree {
         deepest
     }
 
-    /// Returns a box around all fragments, rounded outwards to `f32`; [`Aabb::EMPTY`] for a tree without
-    /// polygons. O(1).
+    /// Returns a box around all fragments in the tree's coordinates, rounded outwards to `f32`;
+    /// [`Aabb::EMPTY`] for a tree without polygons. O(1).
     pub fn bounds(&self) -> Aabb {
         if is_leaf(self.root) { Aabb::EMPTY } else { self.subtrees[self.root as usize].bounds }
     }

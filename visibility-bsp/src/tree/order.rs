@@ -66,24 +66,24 @@ impl<F: FnMut(Fragments<'_>)> Walk for F {
 }
 
 impl BspTree {
-    /// Calls `visit` with the fragments of each node, nearest node first. Seen from the eye, no fragment of a
-    /// later node hides any part of one of an earlier node, in any direction. An eye in a node's plane sees
-    /// the node's fragments edge on and neither side through the other, so either order of the sides is
-    /// correct.
+    /// Calls `visit` with the fragments of each node, nearest node first. Seen from `eye` (in the tree's
+    /// coordinates), no fragment of a later node hides any part of one of an earlier node, in any direction.
+    /// An eye in a node's plane sees the node's fragments edge on and neither side through the other, so
+    /// either order of the sides is correct. `order` is scratch memory.
     ///
     /// Costs some nanoseconds per node.
     pub fn front_to_back(&self, eye: Eye, order: &mut Order, mut visit: impl FnMut(Fragments<'_>)) {
         self.walk_ordered(eye, false, order, &mut visit);
     }
 
-    /// Calls `visit` with the fragments of each node, farthest node first (painter's order); the reverse of
-    /// [`front_to_back`](Self::front_to_back).
+    /// Calls `visit` with the fragments of each node, farthest node first as seen from `eye` (painter's
+    /// order): the reverse of [`front_to_back`](Self::front_to_back). `order` is scratch memory.
     pub fn back_to_front(&self, eye: Eye, order: &mut Order, mut visit: impl FnMut(Fragments<'_>)) {
         self.walk_ordered(eye, true, order, &mut visit);
     }
 
-    /// Walks the nodes front to back as seen from `eye`. Skips the subtrees that [`Walk::enter`] rejects,
-    /// such as those outside the view or already hidden.
+    /// Walks the nodes front to back as seen from `eye`, in the tree's coordinates. Skips the subtrees that
+    /// [`Walk::enter`] rejects, such as those outside the view or already hidden. `order` is scratch memory.
     pub fn walk(&self, eye: Eye, order: &mut Order, walk: &mut impl Walk) {
         self.walk_ordered(eye, false, order, walk);
     }

@@ -136,8 +136,8 @@ impl Store {
         self.owners.get(owner as usize).copied().unwrap_or(NONE)
     }
 
-    /// Empties an owner's list of fragments and returns the index of its first, `NONE` if it had none. The
-    /// caller must free the fragments one by one.
+    /// Empties an owner's list of fragments and returns the index of the first fragment in it, `NONE` if the
+    /// list was empty. The caller must free the list's fragments one by one.
     pub(super) fn take_owner(&mut self, owner: u32) -> u32 {
         self.owners.get_mut(owner as usize).map_or(NONE, |first| core::mem::replace(first, NONE))
     }

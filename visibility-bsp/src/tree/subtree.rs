@@ -27,7 +27,8 @@ use visibility_core::Aabb;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Subtree {
-    /// Box around all fragments, rounded outwards to `f32`; [`Aabb::EMPTY`] without fragments.
+    /// Box around all fragments of the subtree in the tree's coordinates, rounded outwards to `f32`;
+    /// [`Aabb::EMPTY`] without fragments.
     pub(super) bounds: Aabb,
     /// The common owner of all fragments, `NONE` without fragments, `MANY` for two or more owners.
     owner: u32,
@@ -56,8 +57,8 @@ impl Subtree {
         Self { bounds: self.bounds.union(&other.bounds), owner }
     }
 
-    /// Returns a box around all fragments of the subtree, rounded outwards to `f32`; [`Aabb::EMPTY`] without
-    /// fragments.
+    /// Returns a box around all fragments of the subtree in the tree's coordinates, rounded outwards to
+    /// `f32`; [`Aabb::EMPTY`] without fragments.
     #[inline]
     pub fn bounds(&self) -> &Aabb {
         &self.bounds
