@@ -36,7 +36,7 @@ use visibility_core::{
 /// use visibility_core::{glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
 /// use visibility_plp::{Budget, ConservativePlpCuller, OctreeTessellation};
 /// # use visibility_core::{
-/// #     glam::Affine3A, occlusion::Occlusion, Accuracy, OcclusionMap,
+/// #     glam::Affine3A, occlusion::Occlusion, Accuracy, OccluderMesh, OcclusionMap,
 /// # };
 /// # struct Blank;
 /// # impl OcclusionMap for Blank {
