@@ -31,11 +31,13 @@ impl Sphere {
     }
 
     /// Returns a sphere around the centre of a box that certainly contains the box if it is proper and
-    /// finite: the radius is rounded upwards. A box with a NaN, and [`Aabb::EMPTY`], give an improper sphere.
-    /// A box with finite `min > max` on an axis counts as the box with `min` and `max` exchanged there. Other
-    /// infinite coordinates give an unspecified sphere.
+    /// finite: the radius is rounded upwards. An [improper](Aabb::is_proper) box, such as one with a NaN or
+    /// [`Aabb::EMPTY`], gives an improper sphere. Other infinite coordinates give an unspecified sphere.
     pub fn around(bounds: &Aabb) -> Self {
         let center = bounds.center();
+        if !bounds.is_proper() {
+            return Self::new(center, f32::NAN);
+        }
         let far = (bounds.max - center).max(center - bounds.min).as_dvec3();
         // `far` carries one `f32` rounding (2^-24 relative, or half the least denormal), and the `f64` length
         // is rounded to `f32`: less than two steps together. The third step is spare.
@@ -52,5 +54,19 @@ impl Sphere {
         let down = (self.center - r).to_array().map(f32::next_down);
         let up = (self.center + r).to_array().map(f32::next_up);
         Aabb::from_arrays(down, up)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_improper_box_gives_a_sphere_that_is_never_culled() {
+        let turned = Aabb::from_arrays([2.0, 0.0, 0.0], [1.0, 1.0, 1.0]);
+        let nan = Aabb::from_arrays([f32::NAN, 0.0, 0.0], [1.0, 1.0, 1.0]);
+        for bounds in [turned, nan, Aabb::EMPTY] {
+            assert!(!Sphere::around(&bounds).is_proper(), "{bounds:?}");
+        }
     }
 }

@@ -48,8 +48,11 @@ impl OccluderMesh {
     /// [`MeshError::TooMany`], [`MeshError::NonFinite`] (vertex `3 * triangle + corner`), or
     /// [`MeshError::Empty`] if no triangle has an area.
     pub fn from_triangles(triangles: &[Triangle]) -> Result<Self, MeshError> {
-        let indices: Vec<[u32; 3]> =
-            (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        // Indices that wrap are never used: so many vertices are refused below.
+        let indices: Vec<[u32; 3]> = (0..triangles.len() as u32)
+            .map(|i| 3u32.wrapping_mul(i))
+            .map(|first| [first, first.wrapping_add(1), first.wrapping_add(2)])
+            .collect();
         Self::from_indexed(triangles.as_flattened(), &indices)
     }
 

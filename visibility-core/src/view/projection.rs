@@ -102,14 +102,16 @@ impl ViewProjection {
         // The view's own matrix: with origins subtracted later, a camera far from the caller's origin keeps
         // its precision.
         let matrix = view.clip_from(view.origin());
-        let local = match view.eye(view.origin()) {
-            Eye::Point(eye) => eye,
-            Eye::Direction(_) => DVec3::ZERO,
+        let local_eye = view.eye(view.origin());
+        let offset = view.origin() - origin;
+        let (local, eye) = match local_eye {
+            Eye::Point(at) => (at, Eye::Point(at + offset)),
+            direction => (DVec3::ZERO, direction),
         };
         let scale = scale_to_one(matrix.row(3));
         let rows = [0, 1, 2, 3].map(|i| matrix.row(i) * scale);
-        let (eye, eye_error) = (view.eye(origin), eye_error(&matrix, view.depth(), view.origin(), origin));
-        Self { rows, depth: view.depth(), local, offset: view.origin() - origin, eye, eye_error }
+        let eye_error = eye_error(&matrix, local_eye, view.origin(), origin);
+        Self { rows, depth: view.depth(), local, offset, eye, eye_error }
     }
 
     /// Returns the point that [`ClipRow`]s take points relative to: the eye of a perspective view, the view's
