@@ -161,9 +161,10 @@ impl Shadows {
         &self.edges[shadow.edges.clone()]
     }
 
-    /// Appends the shadow of a polygon. Returns false and appends nothing if the polygon casts none: the eye
-    /// is not surely in front of it (or behind, for a two-sided one), it is in front of the near plane, has
-    /// more than [`MOST_EDGES`] edges, or an edge's plane is uncertain.
+    /// Appends the shadow of a polygon to `list`. Returns false and appends nothing if the polygon casts no
+    /// shadow: the eye is not surely in front of the polygon (or behind, if it is two-sided), all of the
+    /// polygon is in front of the near plane, it has more than [`MOST_EDGES`] edges, or rounding leaves the
+    /// plane of an edge uncertain.
     pub(crate) fn cast(
         &mut self,
         projection: &ClipProjection,

@@ -32,9 +32,9 @@ pub(super) struct Group {
     pub(super) edges: Range<usize>,
     /// Indices in `Groups::faces` of the two polygons; both are the same for a single polygon.
     pub(super) polygons: [usize; 2],
-    /// Whether the group is usable: the eye sees the two polygons on opposite sides of the shared edge, and
-    /// the near plane of a parallel view does not cut them. Polygons that fold over each other hide nothing
-    /// together.
+    /// Whether the polygons of the group hide together. Two polygons do if the eye sees them on opposite
+    /// sides of the shared edge; if they fold over each other, they do not. False for any group that the
+    /// near plane of a parallel view may cut.
     pub(super) joined: bool,
 }
 

@@ -106,8 +106,8 @@ pub(super) const NARROWEST: f64 = 1e-7;
 pub(super) enum Visibility {
     /// The polygon reaches no open leaf, except in gaps that rounding may have made.
     Hidden,
-    /// The polygon is narrower than 4 [`NARROWEST`] itself, and reaches an open leaf within a margin: too
-    /// narrow to be certain.
+    /// The polygon is at most 4 [`NARROWEST`] wide, and reaches an open leaf only in a part as narrow,
+    /// possibly within the margin of a line. Whether it is seen is uncertain.
     Glimpsed,
     /// A part of the polygon wider than [`NARROWEST`] reaches an open leaf.
     Seen,
@@ -344,7 +344,7 @@ impl Beams {
 
     /// Moves the topmost part of the corner stack into the children of node `id`, cut in two if the part
     /// extends beyond the line's margin on both sides. Parts that would enter a closed leaf are dropped. If
-    /// `generous` is true, does as [`pass_generously`](Self::pass_generously).
+    /// `generous` is true, calls [`pass_generously`](Self::pass_generously) instead.
     fn pass(&mut self, id: u32, task: Task, generous: bool) {
         let Node { line, children, .. } = self.nodes[id as usize];
         let (mut least, mut greatest, mut sum) = (0.0f64, 0.0f64, 0.0);

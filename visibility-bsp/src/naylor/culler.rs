@@ -146,7 +146,7 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
         let Frame { mut stats, projection, .. } = frame;
         let kept = visible.retain(scene, |id, bounds| match parts[id.index()] {
             Part::Seen { .. } => true,
-            // What is glimpsed of a wide object is a face seen edge on, which does not count. `glimpsed`
+            // A glimpsed part of a wide object is a face seen edge on, which does not count. `glimpsed`
             // decides only for a box that reaches in front of the near plane, since the width of
             // its image is unknown.
             Part::Hidden { glimpsed, .. } => projection.is_narrow(bounds).unwrap_or(glimpsed),

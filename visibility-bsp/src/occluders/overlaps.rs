@@ -122,8 +122,9 @@ impl Sweep<'_> {
         self.leaders[a.max(b) as usize] = a.min(b);
     }
 
-    /// Unites rectangle `number` with all that it meets in the lines `range` (half-open) below a node, and
-    /// stores it there. The node covers the lines of `span`, half-open.
+    /// Unites rectangle `number` with all rectangles stored in the subtree `node` that it meets, and stores
+    /// it there. `range` is the rectangle's extent across the sweep and `span` that of the node, both as
+    /// half-open ranges of indices of the sorted lines.
     fn insert(&mut self, node: usize, span: [usize; 2], range: [usize; 2], number: u32) {
         if range[0].max(span[0]) >= range[1].min(span[1]) {
             return;

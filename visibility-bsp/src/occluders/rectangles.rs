@@ -17,8 +17,8 @@ use visibility_core::glam::DVec3;
 /// [`ordered`] bits, and the way its faces look (0 along the negative axis, 1 along the positive axis, 2
 /// both).
 pub(super) type Level = (usize, u64, u8);
-/// The rectangles in each axis-aligned plane. A rectangle's two coordinates are along the next and the second
-/// next axis, cyclically.
+/// The rectangles in each axis-aligned plane. The two coordinates of a rectangle are along the two axes that
+/// follow the plane's axis cyclically.
 pub(super) type Levels = BTreeMap<Level, Vec<Rectangle>>;
 
 /// Joins the rectangles of each plane into fewer and larger ones. Returns them as polygons that cover exactly

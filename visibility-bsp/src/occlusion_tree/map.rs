@@ -30,8 +30,8 @@ pub(super) struct Waiting {
 /// Gain at or below which a polygon is not inserted, in steradians or objects as [`Worth`] measures it.
 const LEAST_GAIN: f32 = 1e-6;
 
-/// A polygon is inserted without being compared again if its gain is at least this fraction of the next
-/// entry's in the queue.
+/// A shadow is inserted without being queued again if its gain is at least this fraction of the greatest gain
+/// still in the queue.
 const NEARLY: f32 = 0.7;
 
 /// Queue entry: a shadow and the gain of inserting it into the tree.
@@ -145,8 +145,8 @@ impl OcclusionTree {
         }
     }
 
-    /// Sets the maximum number of polygons inserted per frame, from the next frame on; with 0, nothing is
-    /// hidden.
+    /// Sets the maximum number of polygons inserted per frame, from the next frame on. With 0, no box inside
+    /// the image is hidden.
     pub fn with_polygons(self, most: usize) -> Self {
         Self { most, ..self }
     }

@@ -75,8 +75,9 @@ impl ScreenDensity {
         (count.max(0.0) + area * (EVEN * self.all + 1.0) / (CELLS * CELLS) as f64, area)
     }
 
-    /// Returns the worth in objects of a convex part of the image, given its corners: the worth of the
-    /// bounding rectangle, times the fraction of the rectangle that the part fills. 0 for an empty part.
+    /// Returns the worth in objects of a convex part of the image, outlined by clip-space corners: the worth
+    /// of the part's bounding rectangle, times the fraction of the rectangle that the part fills. 0 for an
+    /// empty part.
     pub(super) fn within(&self, corners: &[Corner]) -> f32 {
         let flat = |corner: &Corner| [0, 1].map(|i| place(corner.v[i] / corner.v[2]));
         let Some((first, rest)) = corners.split_first() else { return 0.0 };

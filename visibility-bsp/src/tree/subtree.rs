@@ -41,7 +41,8 @@ impl Subtree {
     /// Summary of a subtree without fragments: empty bounds and no owner.
     pub(super) const NOTHING: Self = Self { bounds: Aabb::EMPTY, owner: NONE };
 
-    /// Summary of fragments of one owner. An owner number too large to be stored counts as several owners.
+    /// Returns the summary of fragments of one owner within `bounds`. An owner number too large to be stored
+    /// (from `u32::MAX - 1`) counts as several owners.
     pub(super) fn of(bounds: Aabb, owner: u32) -> Self {
         Self { bounds, owner: owner.min(MANY) }
     }
