@@ -1,10 +1,17 @@
-//! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- cycles` and `cargo run -p
-//! xtask -- width`.
+//! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- (api | cycles | package |
+//! width)`.
 
+mod api;
+mod crates;
 mod cycles;
+mod item_lines;
 mod module_tree;
+mod package;
+mod public_items;
+mod signature;
 
-use std::path::{Path, PathBuf};
+use crate::crates::crates;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Maximum length of a comment line in characters, equal to rustfmt's `max_width` for code.
@@ -14,9 +21,11 @@ fn main() -> ExitCode {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let task = std::env::args().nth(1).unwrap_or_default();
     let found = match task.as_str() {
+        "api" => api::check(root, std::env::args().nth(2).is_some_and(|option| option == "--write")),
         "cycles" => check_cycles(root),
+        "package" => package::check(root),
         "width" => check_width(root),
-        _ => Err("usage: cargo run -p xtask -- (cycles | width)".to_owned()),
+        _ => Err("usage: cargo run -p xtask -- (api [--write] | cycles | package | width)".to_owned()),
     };
     match found {
         Ok(0) => ExitCode::SUCCESS,
@@ -29,18 +38,6 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
-}
-
-/// Returns the crates of the workspace, sorted: the folders directly below `root` that have a manifest and a
-/// `src`. Returns an error when `root` cannot be listed.
-fn crates(root: &Path) -> Result<Vec<PathBuf>, String> {
-    let entries = std::fs::read_dir(root).map_err(|error| format!("{}: {error}", root.display()))?;
-    let mut folders: Vec<PathBuf> = entries
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| path.join("Cargo.toml").is_file() && path.join("src").is_dir())
-        .collect();
-    folders.sort();
-    Ok(folders)
 }
 
 /// Prints each group of modules of a crate that need each other, for all crates below `root`, and returns the

@@ -10,6 +10,10 @@ use syn::{Attribute, Item, UseTree, Visibility};
 pub(crate) struct Module {
     /// Path of the source file.
     pub(crate) file: PathBuf,
+    /// Items of the file, without those for tests and without declarations of modules in files.
+    pub(crate) items: Vec<Item>,
+    /// Names and indices of the child modules that are declared `pub`.
+    pub(crate) public_children: Vec<(String, usize)>,
     parent: Option<usize>,
     children: HashMap<String, usize>,
     definitions: Vec<String>,
@@ -49,6 +53,8 @@ impl ModuleTree {
         let index = self.modules.len();
         self.modules.push(Module {
             file,
+            items: Vec::new(),
+            public_children: Vec::new(),
             parent,
             children: HashMap::new(),
             definitions: Vec::new(),
@@ -56,29 +62,38 @@ impl ModuleTree {
             globs: Vec::new(),
             mentions: Vec::new(),
         });
-        for item in &parsed.items {
-            if is_test(item) {
+        for item in parsed.items {
+            if is_test(&item) {
                 continue;
             }
-            if let Item::Mod(declared) = item
+            if let Item::Mod(declared) = &item
                 && declared.content.is_none()
             {
                 let name = declared.ident.to_string();
                 let candidates = [folder.join(format!("{name}.rs")), folder.join(&name).join("mod.rs")];
                 let Some(path) = candidates.into_iter().find(|path| path.is_file()) else { continue };
                 let child = self.add(path, &folder.join(&name), Some(index))?;
+                if matches!(declared.vis, Visibility::Public(_)) {
+                    self.modules[index].public_children.push((name.clone(), child));
+                }
                 self.modules[index].children.insert(name, child);
                 continue;
             }
-            self.modules[index].take_in(item);
+            self.modules[index].take_in(&item);
+            self.modules[index].items.push(item);
         }
         Ok(index)
     }
 
-    /// Returns the index of the module that defines the item to which a path in a module leads. `None` if the
-    /// item is not in this crate, or if more than 32 imports must be followed; `depth` counts the imports
-    /// followed so far.
-    fn resolve(&self, module: usize, path: &[String], depth: u32) -> Option<usize> {
+    /// Returns the index of the module that defines the item to which a path in a module leads, and the rest
+    /// of the path from that module: empty if the path leads to a module. `None` if the item is not in this
+    /// crate, or if more than 32 imports must be followed.
+    pub(crate) fn find(&self, module: usize, path: &[String]) -> Option<(usize, Vec<String>)> {
+        self.resolve(module, path, 0)
+    }
+
+    /// Like [`find`](Self::find); `depth` counts the imports followed so far.
+    fn resolve(&self, module: usize, path: &[String], depth: u32) -> Option<(usize, Vec<String>)> {
         let (first, rest) = path.split_first()?;
         let here = &self.modules[module];
         if depth > 32 {
@@ -95,8 +110,8 @@ impl ModuleTree {
 
     /// Like [`resolve`](Self::resolve), for a path whose first name is looked up within `module`. An empty
     /// path leads to the module itself. `None` if the first name is not found there.
-    fn descend(&self, module: usize, path: &[String], depth: u32) -> Option<usize> {
-        let Some((first, rest)) = path.split_first() else { return Some(module) };
+    fn descend(&self, module: usize, path: &[String], depth: u32) -> Option<(usize, Vec<String>)> {
+        let Some((first, rest)) = path.split_first() else { return Some((module, Vec::new())) };
         let here = &self.modules[module];
         if first == "super" || first == "self" {
             return self.resolve(module, path, depth + 1);
@@ -109,10 +124,10 @@ impl ModuleTree {
             return self.resolve(module, &whole, depth + 1);
         }
         if here.definitions.contains(first) {
-            return Some(module);
+            return Some((module, path.to_vec()));
         }
         here.globs.iter().find_map(|glob| {
-            let target = self.resolve(module, glob, depth + 1)?;
+            let (target, _) = self.resolve(module, glob, depth + 1).filter(|(_, rest)| rest.is_empty())?;
             self.modules[target].names(first).then(|| self.descend(target, path, depth + 1))?
         })
     }
@@ -123,7 +138,7 @@ impl ModuleTree {
         let mentions = &self.modules[module].mentions;
         let mut found: Vec<usize> = mentions
             .iter()
-            .filter_map(|path| self.resolve(module, path, 0))
+            .filter_map(|path| Some(self.find(module, path)?.0))
             .filter(|&m| m != module)
             .collect();
         found.sort_unstable();
@@ -155,49 +170,56 @@ impl Module {
             _ => None,
         };
         self.definitions.extend(name.map(ToString::to_string));
-        if let Item::Use(item) = item {
-            let is_private = matches!(item.vis, Visibility::Inherited);
-            self.import(&item.tree, &mut Vec::new(), is_private);
-        } else {
-            Mentions(&mut self.mentions).visit_item(item);
-        }
-    }
-
-    /// Records the names that a `use` declaration introduces. `path` is the prefix so far, restored on
-    /// return. The path of a private `use` counts as a mention; a re-export needs no module by itself.
-    fn import(&mut self, tree: &UseTree, path: &mut Vec<String>, is_private: bool) {
-        let mut bring_in = |alias: String, mut path: Vec<String>, name: String| {
-            if name != "self" {
-                path.push(name);
-            }
-            if is_private {
-                self.mentions.push(path.clone());
-            }
-            if alias != "_" {
-                self.imports.insert(alias, path);
-            }
-        };
-        match tree {
-            UseTree::Path(part) => {
-                path.push(part.ident.to_string());
-                self.import(&part.tree, path, is_private);
-                path.pop();
-            }
-            UseTree::Name(name) => {
-                let name = name.ident.to_string();
-                let alias = if name == "self" { path.last().cloned() } else { Some(name.clone()) };
-                bring_in(alias.unwrap_or_default(), path.clone(), name);
-            }
-            UseTree::Rename(rename) => {
-                bring_in(rename.rename.to_string(), path.clone(), rename.ident.to_string());
-            }
-            UseTree::Glob(_) => self.globs.push(path.clone()),
-            UseTree::Group(group) => {
-                for tree in &group.items {
-                    self.import(tree, path, is_private);
+        let Item::Use(item) = item else { return Mentions(&mut self.mentions).visit_item(item) };
+        for import in imports(&item.tree) {
+            match import.alias {
+                None => self.globs.push(import.path),
+                Some(alias) => {
+                    // The path of a private `use` counts as a mention; a re-export needs no module by itself.
+                    if matches!(item.vis, Visibility::Inherited) {
+                        self.mentions.push(import.path.clone());
+                    }
+                    if alias != "_" {
+                        self.imports.insert(alias, import.path);
+                    }
                 }
             }
         }
+    }
+}
+
+/// Name that a `use` declaration introduces.
+pub(crate) struct Import {
+    /// The name; `None` for `use ...::*`.
+    pub(crate) alias: Option<String>,
+    /// Path of the item, or of the module before the `*`.
+    pub(crate) path: Vec<String>,
+}
+
+/// Returns the names that a `use` declaration introduces, in the order of the source.
+pub(crate) fn imports(tree: &UseTree) -> Vec<Import> {
+    let import = |alias: &syn::Ident, name: &syn::Ident| Import {
+        alias: Some(alias.to_string()),
+        path: vec![name.to_string()],
+    };
+    match tree {
+        UseTree::Path(part) => {
+            let mut found = imports(&part.tree);
+            for import in &mut found {
+                // `use a::b::{self}` introduces `b`; `use a::b::{self as c}` introduces `c`.
+                if import.path == ["self"] {
+                    import.path.clear();
+                    import.alias.take_if(|alias| alias == "self");
+                    import.alias.get_or_insert(part.ident.to_string());
+                }
+                import.path.insert(0, part.ident.to_string());
+            }
+            found
+        }
+        UseTree::Name(name) => vec![import(&name.ident, &name.ident)],
+        UseTree::Rename(rename) => vec![import(&rename.rename, &rename.ident)],
+        UseTree::Glob(_) => vec![Import { alias: None, path: Vec::new() }],
+        UseTree::Group(group) => group.items.iter().flat_map(imports).collect(),
     }
 }
 

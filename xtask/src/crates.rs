@@ -1,0 +1,35 @@
+//! Crates of the workspace, found by their folders.
+
+use std::path::{Path, PathBuf};
+
+/// Returns the crates of the workspace, sorted: the folders directly below `root` that have a manifest and a
+/// `src`. Returns an error when `root` cannot be listed.
+pub(crate) fn crates(root: &Path) -> Result<Vec<PathBuf>, String> {
+    let entries = std::fs::read_dir(root).map_err(|error| format!("{}: {error}", root.display()))?;
+    let mut folders: Vec<PathBuf> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.join("Cargo.toml").is_file() && path.join("src").is_dir())
+        .collect();
+    folders.sort();
+    Ok(folders)
+}
+
+/// Returns the folders of the crates that are published: those of which the manifest does not say otherwise.
+/// Returns an error when a folder or manifest cannot be read.
+pub(crate) fn published_crates(root: &Path) -> Result<Vec<PathBuf>, String> {
+    let mut folders = Vec::new();
+    for folder in crates(root)? {
+        let manifest = folder.join("Cargo.toml");
+        let text =
+            std::fs::read_to_string(&manifest).map_err(|error| format!("{}: {error}", manifest.display()))?;
+        if !text.lines().any(|line| line == "publish = false") {
+            folders.push(folder);
+        }
+    }
+    Ok(folders)
+}
+
+/// Returns the last part of a crate's folder, which is also the name of its package.
+pub(crate) fn package_name(folder: &Path) -> String {
+    folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
