@@ -11,6 +11,7 @@
 //!
 //! Coordinates are taken unchanged, in the unit of the map.
 
+use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
@@ -64,7 +65,7 @@ pub enum PrtError {
     /// The cells and portals do not form a graph, for instance because a portal leads to an unknown cell.
     Graph {
         /// Number of the portal's line, from 1. The last line of the header if the error concerns no single
-        /// portal. Empty lines between the header and the portal are not counted.
+        /// portal.
         line: usize,
         /// Why the cells and portals do not form a graph.
         error: CellGraphError,
@@ -121,14 +122,24 @@ pub fn read(text: &str) -> Result<PortalFile, PrtError> {
         _ => return Err(lines.error("this is not a portal file: PRT1, PRT2 or PRT1-AM should stand here")),
     };
     let header = lines.number;
-    let mut all = Vec::new();
-    for number in 0..portals as u32 {
+    let (mut all, mut numbers) = (Vec::new(), Vec::new());
+    for id in 0..portals as u32 {
         let line = lines.next("the line of a portal")?;
-        all.push(portal(line).map_err(|error| lines.place(PortalId(number), error))?);
+        all.push(portal(line, lines.number, PortalId(id))?);
+        numbers.push(lines.number);
     }
     // The graph is made before the leaves are read, so that it refuses excessive counts before an array is
     // sized by them.
-    let graph = CellGraph::new(cells, all).map_err(|error| graph_error(header, error))?;
+    let graph = CellGraph::new(cells, all).map_err(|error| {
+        let portal = match error {
+            CellGraphError::UnknownCell { portal, .. }
+            | CellGraphError::SameCell { portal, .. }
+            | CellGraphError::NoPlane { portal } => Some(portal.index()),
+            _ => None,
+        };
+        let line = portal.and_then(|portal| numbers.get(portal)).copied().unwrap_or(header);
+        PrtError::Graph { line, error }
+    })?;
     let mut cell_of_leaf = Vec::new();
     if form == "PRT2" {
         for cell in 0..cells as u32 {
@@ -195,29 +206,13 @@ impl<'a> Lines<'a> {
         // Counts are limited to 32 bits.
         match line.parse::<u32>() {
             Ok(count) => Ok(count as usize),
-            Err(_) => Err(self.error(&alloc::format!("{what} should stand here, not `{}`", short(line)))),
+            Err(_) => Err(self.error(&format!("{what} should stand here, not `{}`", short(line)))),
         }
     }
 
     fn error(&self, problem: &str) -> PrtError {
         PrtError::Line { line: self.number, problem: problem.to_string() }
     }
-
-    fn place(&self, portal: PortalId, error: LineError) -> PrtError {
-        match error {
-            LineError::Text(problem) => PrtError::Line { line: self.number, problem },
-            LineError::Polygon(error) => PrtError::Polygon { line: self.number, portal, error },
-        }
-    }
-}
-
-enum LineError {
-    Text(String),
-    Polygon(PolygonError),
-}
-
-fn text(problem: impl Into<String>) -> LineError {
-    LineError::Text(problem.into())
 }
 
 /// Returns at most the first 20 characters of a text, for messages.
@@ -228,47 +223,38 @@ fn short(found: &str) -> &str {
     }
 }
 
-/// Returns the error with the line of its portal, assuming one portal per line directly after line `header`;
-/// `header` itself if the error names no portal.
-fn graph_error(header: usize, error: CellGraphError) -> PrtError {
-    let portal = match error {
-        CellGraphError::UnknownCell { portal, .. }
-        | CellGraphError::SameCell { portal, .. }
-        | CellGraphError::NoPlane { portal } => portal.index() + 1,
-        _ => 0,
-    };
-    PrtError::Graph { line: header + portal, error }
-}
-
-fn portal(line: &str) -> Result<(ConvexPolygon, [CellId; 2]), LineError> {
+/// Parses the line of portal `id`; `number` is the line's number, from 1, for errors.
+fn portal(line: &str, number: usize, id: PortalId) -> Result<(ConvexPolygon, [CellId; 2]), PrtError> {
+    let wrong = |problem: String| PrtError::Line { line: number, problem };
     // Parentheses separate words just like spaces.
     let mut words =
         line.split(|c: char| c.is_whitespace() || c == '(' || c == ')').filter(|word| !word.is_empty());
-    let mut whole = |what: &str| -> Result<u32, LineError> {
-        let word = words.next().ok_or_else(|| text(alloc::format!("{what} is missing")))?;
-        word.parse().map_err(|_| text(alloc::format!("{what} should stand where `{}` does", short(word))))
+    let mut integer = |what: &str| -> Result<u32, PrtError> {
+        let word = words.next().ok_or_else(|| wrong(format!("{what} is missing")))?;
+        word.parse().map_err(|_| wrong(format!("{what} should stand where `{}` does", short(word))))
     };
-    let count = whole("the number of vertices")? as usize;
-    let cells = [CellId(whole("the first cell")?), CellId(whole("the second cell")?)];
+    let count = integer("the number of vertices")? as usize;
+    let cells = [CellId(integer("the first cell")?), CellId(integer("the second cell")?)];
     if count > MAX_VERTICES {
-        return Err(text(alloc::format!("{count} vertices are more than {MAX_VERTICES}")));
+        return Err(wrong(format!("{count} vertices are more than {MAX_VERTICES}")));
     }
     let mut vertices = Vec::with_capacity(count);
     for i in 0..count {
         let mut vertex = [0.0; 3];
         for x in &mut vertex {
-            let word =
-                words.next().ok_or_else(|| text(alloc::format!("vertex {} of {count} is missing", i + 1)))?;
+            let word = words.next();
+            let word = word.ok_or_else(|| wrong(format!("vertex {} of {count} is missing", i + 1)))?;
             *x = word.parse().map_err(|_| {
-                text(alloc::format!("vertex {} of {count}: `{}` is not a number", i + 1, short(word)))
+                wrong(format!("vertex {} of {count}: `{}` is not a number", i + 1, short(word)))
             })?;
         }
         vertices.push(DVec3::from_array(vertex));
     }
     if words.next().is_some() {
-        return Err(text(alloc::format!("more than the {count} vertices that it announces")));
+        return Err(wrong(format!("more than the {count} vertices that it announces")));
     }
-    Ok((ConvexPolygon::new(vertices).map_err(LineError::Polygon)?, cells))
+    let polygon = ConvexPolygon::new(vertices);
+    Ok((polygon.map_err(|error| PrtError::Polygon { line: number, portal: id, error })?, cells))
 }
 
 fn leaves_of_cell(

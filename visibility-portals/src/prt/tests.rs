@@ -39,6 +39,10 @@ fn errors_say_where() {
             "PRT1\n2\n1\n4 0 2 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n",
             "line 4: portal 0 leads to cell 2, but there are only 2",
         ),
+        (
+            "PRT1\n2\n\n1\n\n\n4 0 2 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n",
+            "line 7: portal 0 leads to cell 2, but there are only 2",
+        ),
         ("PRT1\n2\n1\n4 0 1 (0 0 0) (0 z 0) (0 1 1) (0 0 1)\n", "line 4: vertex 2 of 4: `z` is not a number"),
         (
             "PRT1\n2\n1\n3 0 1 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n",
