@@ -14,13 +14,13 @@
 //! Portals narrower than the tolerance are left out, since any line through such a portal passes within the
 //! tolerance of its edges.
 
-mod bsp;
-mod join;
-mod kd;
-mod leaves;
+mod bsp_portals;
+mod from_polygons;
+mod from_walls;
+mod merge_pieces;
 mod subdivision;
-mod subtract;
+mod subtract_polygons;
 
-pub use bsp::{PolygonSettings, Solid, from_polygons};
-pub use kd::{WallSettings, floor_plan, from_walls};
+pub use from_polygons::{PolygonSettings, Solid, from_polygons};
+pub use from_walls::{WallSettings, floor_plan, from_walls};
 pub use subdivision::{GeometryError, Subdivision};

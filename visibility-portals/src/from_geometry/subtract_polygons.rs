@@ -42,7 +42,7 @@ impl Lengths {
 /// Replaces `out` by planes perpendicular to the plane of `cover`, whose common inner side is the convex
 /// polygon `cover` widened by `by` world units. `normal` is the unit normal of the polygon's plane, in either
 /// orientation.
-pub(super) fn around(cover: &[DVec3], normal: DVec3, by: f64, out: &mut Vec<Plane>) {
+pub(super) fn widened_sides(cover: &[DVec3], normal: DVec3, by: f64, out: &mut Vec<Plane>) {
     out.clear();
     let doubled =
         cover.windows(2).fold(DVec3::ZERO, |sum, pair| sum + (pair[0] - cover[0]).cross(pair[1] - cover[0]));
@@ -150,7 +150,7 @@ mod tests {
         for cover in
             [alloc::vec![s[0], s[1], s[2]], alloc::vec![s[0], s[3], middle], alloc::vec![middle, s[3], s[2]]]
         {
-            around(&cover, DVec3::Z, lengths.widen, &mut planes);
+            widened_sides(&cover, DVec3::Z, lengths.widen, &mut planes);
             subtract(&mut pieces, &planes, DVec3::Z, &lengths);
         }
         assert!(pieces.is_empty(), "{pieces:?}");
@@ -162,12 +162,12 @@ mod tests {
         let mut pieces = alloc::vec![square(0.0, 0.0, 10.0)];
         let mut planes = Vec::new();
         for (x, y) in [(0.0, 0.0), (5.0, 5.0), (0.0, 5.0)] {
-            around(&square(x, y, 5.0), DVec3::NEG_Z, lengths.widen, &mut planes);
+            widened_sides(&square(x, y, 5.0), DVec3::NEG_Z, lengths.widen, &mut planes);
             subtract(&mut pieces, &planes, DVec3::Z, &lengths);
         }
         assert!((left(&pieces) - 25.0).abs() < 1e-3, "{}", left(&pieces));
         // A distant polygon subtracts nothing.
-        around(&square(50.0, 50.0, 5.0), DVec3::Z, lengths.widen, &mut planes);
+        widened_sides(&square(50.0, 50.0, 5.0), DVec3::Z, lengths.widen, &mut planes);
         let before = pieces.clone();
         assert_eq!(subtract(&mut pieces, &planes, DVec3::Z, &lengths), 0.0);
         assert_eq!(pieces, before);
@@ -178,7 +178,7 @@ mod tests {
         let lengths = Lengths::new(1e-2, 100.0);
         let needle = [[0.0, 0.0], [10.0, 0.0], [10.0, 1e-3]].map(|[x, y]| DVec3::new(x, y, 0.0));
         let mut planes = Vec::new();
-        around(&needle, DVec3::Z, lengths.widen, &mut planes);
+        widened_sides(&needle, DVec3::Z, lengths.widen, &mut planes);
         let inside = |p: DVec3| planes.iter().all(|plane| plane.signed_distance(p) >= 0.0);
         assert!(inside(DVec3::new(-0.002, 0.0, 0.0)) && !inside(DVec3::new(-0.004, 0.0, 0.0)));
         assert!(inside(DVec3::new(5.0, -0.002, 0.0)) && !inside(DVec3::new(5.0, -0.003, 0.0)));

@@ -4,7 +4,7 @@
 //! their convex hull if the hull is hardly larger than both. A little opaque area then counts as open, which
 //! is conservative, and chains of portals become far fewer.
 
-use super::subtract::area;
+use super::subtract_polygons::area;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
@@ -12,24 +12,24 @@ use visibility_core::glam::DVec3;
 const WASTE: f64 = 0.1;
 
 /// Maximum number of pieces to merge in pairs. With more pieces, only the hull of all pieces is tried.
-const MOST: usize = 48;
+const MAX_PAIRWISE_PIECES: usize = 48;
 
 /// Merges coplanar convex pieces and replaces `pieces` by the result, which covers at least the same points.
 /// `normal` is the unit normal of the common plane.
-pub(super) fn join(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
+pub(super) fn merge_pieces(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
     if pieces.len() < 2 {
         return;
     }
     let open: f64 = pieces.iter().map(|piece| area(piece, normal)).sum();
     let whole = hull(pieces.iter().flatten().copied(), normal);
     if area(&whole, normal) * (1.0 - WASTE) <= open
-        || pieces.len() > MOST && area(&whole, normal) <= 2.0 * open
+        || pieces.len() > MAX_PAIRWISE_PIECES && area(&whole, normal) <= 2.0 * open
     {
         pieces.clear();
         pieces.push(whole);
         return;
     }
-    if pieces.len() > MOST {
+    if pieces.len() > MAX_PAIRWISE_PIECES {
         return;
     }
     let mut i = 0;
@@ -93,7 +93,7 @@ mod tests {
         let mut pieces: Vec<_> =
             (0..9).map(|i| rectangle([f64::from(i), f64::from(i) + 1.0], [0.0, 3.0])).collect();
         pieces.push(rectangle([20.0, 21.0], [0.0, 3.0]));
-        join(&mut pieces, DVec3::Z);
+        merge_pieces(&mut pieces, DVec3::Z);
         let mut areas: Vec<f64> = pieces.iter().map(|piece| area(piece, DVec3::Z)).collect();
         areas.sort_unstable_by(f64::total_cmp);
         assert_eq!(areas, [3.0, 27.0]);

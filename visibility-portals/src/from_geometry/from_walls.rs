@@ -301,13 +301,13 @@ impl Tree<'_> {
             regions.extend([(low + 1, above), (low, below)]);
             shared.push(Shared { low, high: low + 1, axis, rectangle });
             while let Some(pair) = shared.pop() {
-                self.descend(pair, &mut shared, &mut portals);
+                self.divide_shared(pair, &mut shared, &mut portals);
             }
         }
         portals
     }
 
-    fn descend(
+    fn divide_shared(
         &self,
         pair: Shared,
         shared: &mut Vec<Shared>,
@@ -316,8 +316,8 @@ impl Tree<'_> {
         let Shared { low, high, axis, rectangle } = pair;
         match (self.nodes[low], self.nodes[high]) {
             (Node::Leaf(Some(a)), Node::Leaf(Some(b))) => {
-                for open in self.open(axis, &rectangle) {
-                    portals.extend(upright(axis, &open).map(|polygon| (polygon, [a, b])));
+                for open in self.open_parts(axis, &rectangle) {
+                    portals.extend(rectangle_polygon(axis, &open).map(|polygon| (polygon, [a, b])));
                 }
             }
             (Node::Leaf(None), _) | (_, Node::Leaf(None)) => {}
@@ -341,12 +341,12 @@ impl Tree<'_> {
 
     /// Returns the parts of `rectangle`, perpendicular to `axis`, that no wall covers. The whole rectangle if
     /// no wall overlaps it, empty if walls cover it.
-    fn open(&self, axis: usize, rectangle: &Box3) -> Vec<Box3> {
+    fn open_parts(&self, axis: usize, rectangle: &Box3) -> Vec<Box3> {
         let (mut open, mut next) = (alloc::vec![*rectangle], Vec::new());
         for wall in self.walls {
             let common = wall.common(rectangle);
             if common.min.cmple(common.max).all() && common.section(axis) > 0.0 {
-                open.iter().for_each(|piece| without(axis, piece, wall, &mut next));
+                open.iter().for_each(|piece| subtract_wall(axis, piece, wall, &mut next));
                 core::mem::swap(&mut open, &mut next);
                 next.clear();
             }
@@ -370,7 +370,7 @@ fn halves(rectangle: &Box3, axis: usize, at: f64, child: usize) -> impl Iterator
 
 /// Appends to `out` the parts of the rectangle `piece`, perpendicular to `axis`, that `wall` does not cover:
 /// up to four rectangles. The whole `piece` if the two do not overlap.
-fn without(axis: usize, piece: &Box3, wall: &Box3, out: &mut Vec<Box3>) {
+fn subtract_wall(axis: usize, piece: &Box3, wall: &Box3, out: &mut Vec<Box3>) {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let apart = |i: usize| wall.max[i] <= piece.min[i] || piece.max[i] <= wall.min[i];
     if apart(u) || apart(v) {
@@ -396,7 +396,7 @@ fn without(axis: usize, piece: &Box3, wall: &Box3, out: &mut Vec<Box3>) {
 
 /// Returns a rectangle perpendicular to `axis` as a polygon whose normal points along the axis. `None` if the
 /// rectangle is too thin for a polygon.
-fn upright(axis: usize, rectangle: &Box3) -> Option<ConvexPolygon> {
+fn rectangle_polygon(axis: usize, rectangle: &Box3) -> Option<ConvexPolygon> {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let corner = |a: DVec3, b: DVec3| {
         let mut p = rectangle.min;

@@ -6,9 +6,9 @@
 //! which polygons cover no plane sufficiently is not split. Polygons left inside such a region occlude
 //! nothing.
 
-use super::leaves::{Bsp, Child, Node, numbered};
+use super::bsp_portals::{Bsp, Child, Node, renumber_leaves};
 use super::subdivision::{GeometryError, Subdivision, checked};
-use super::subtract::{Lengths, area, width};
+use super::subtract_polygons::{Lengths, area, width};
 use crate::clip_polygon::clip_into;
 use alloc::collections::{BTreeMap, VecDeque};
 use alloc::vec::Vec;
@@ -158,7 +158,7 @@ pub fn from_polygons(
         .zip(&solid)
         .map(|(leaf, &solid)| !solid && leaf.body.min.cmple(leaf.body.max).all())
         .collect();
-    let (count, portals) = numbered(portals, &keep);
+    let (count, portals) = renumber_leaves(portals, &keep);
     let graph = CellGraph::new(count, portals)?;
     let kept = || leaves.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(leaf, _)| leaf);
     let outside = (0..).zip(kept()).filter(|(_, leaf)| leaf.outside).map(|(i, _)| CellId(i)).collect();
@@ -229,7 +229,7 @@ fn build(fragments: Vec<Fragment>, planes: &[Plane], min: DVec3, max: DVec3, lim
             }
             Some(plane) => {
                 let number = bsp.nodes.len() as u32;
-                let (covers, front, back) = divide(fragments, &plane, &limits.lengths);
+                let (covers, front, back) = divide_fragments(fragments, &plane, &limits.lengths);
                 let child = Child::Node(number);
                 bsp.nodes.push(Node { plane, parent, front: child, back: child, covers });
                 waiting.extend([(Some((number, true)), front), (Some((number, false)), back)]);
@@ -291,7 +291,7 @@ fn best_plane(
 /// `true` if it faces the plane's front), the fragments in front, and the fragments behind. Fragments that
 /// cross the plane are cut.
 #[allow(clippy::type_complexity)]
-fn divide(
+fn divide_fragments(
     fragments: Vec<Fragment>,
     plane: &Plane,
     lengths: &Lengths,
@@ -337,7 +337,7 @@ impl Fragment {
 /// `starts` is empty.
 fn unreached(
     leaves: usize,
-    portals: &[super::leaves::LeafPortal],
+    portals: &[super::bsp_portals::LeafPortal],
     starts: impl Iterator<Item = u32>,
 ) -> Vec<bool> {
     let mut unreached = alloc::vec![true; leaves];

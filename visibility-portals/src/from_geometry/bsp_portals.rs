@@ -5,8 +5,8 @@
 //! call the clipped plane the sub-hyperplane). The part that two leaves on opposite sides share, minus the
 //! opaque polygons, is a portal.
 
-use super::join::join;
-use super::subtract::{Lengths, around, subtract, width};
+use super::merge_pieces::merge_pieces;
+use super::subtract_polygons::{Lengths, subtract, widened_sides, width};
 use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -47,7 +47,7 @@ struct Cover {
 impl Cover {
     fn new(polygon: &[DVec3], faces_front: bool, node: &Node, lengths: &Lengths) -> Self {
         let mut planes = Vec::new();
-        around(polygon, node.plane.normal, lengths.widen, &mut planes);
+        widened_sides(polygon, node.plane.normal, lengths.widen, &mut planes);
         let (min, max) = bounds(polygon);
         // Covers the widening and the distance off the plane.
         let slack = 2.0 * (lengths.widen + lengths.plane);
@@ -93,15 +93,15 @@ pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Le
     let v = plane.normal.cross(u);
     let mut polygon = alloc::vec![center - u - v, center + u - v, center + u + v, center - u + v];
     for axis in DVec3::AXES {
-        cut(&mut polygon, &Plane::new(axis, -axis.dot(min)), lengths);
-        cut(&mut polygon, &Plane::new(-axis, axis.dot(max)), lengths);
+        clip_in_place(&mut polygon, &Plane::new(axis, -axis.dot(min)), lengths);
+        clip_in_place(&mut polygon, &Plane::new(-axis, axis.dot(max)), lengths);
     }
     polygon
 }
 
 /// Clips a convex polygon in place to the inner side of a plane; points on the plane are kept. Empty if
 /// nothing is left.
-pub(super) fn cut(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &Lengths) {
+pub(super) fn clip_in_place(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &Lengths) {
     let mut inner = Vec::new();
     clip_into(polygon, plane, lengths.merge, &mut inner);
     *polygon = inner;
@@ -120,7 +120,7 @@ impl Bsp {
         while let Some((node, front)) = at.filter(|_| !polygon.is_empty()) {
             let node = &self.nodes[node as usize];
             let side = if front { node.plane } else { node.plane.flipped() };
-            cut(&mut polygon, &side, lengths);
+            clip_in_place(&mut polygon, &side, lengths);
             at = node.parent;
         }
         polygon
@@ -136,7 +136,7 @@ impl Bsp {
         for axis in DVec3::AXES {
             for plane in [Plane::new(axis, -axis.dot(self.min)), Plane::new(-axis, axis.dot(self.max))] {
                 let face = section_of_box(&plane, self.min, self.max, lengths);
-                self.hand_down(face, root, lengths, &mut ahead);
+                self.split_among_leaves(face, root, lengths, &mut ahead);
                 for (leaf, piece) in ahead.drain(..) {
                     leaves[leaf as usize].bound(&piece, None);
                     leaves[leaf as usize].outside = true;
@@ -151,9 +151,9 @@ impl Bsp {
             }
             let covers: Vec<Cover> =
                 node.covers.iter().map(|(cover, front)| Cover::new(cover, *front, node, lengths)).collect();
-            self.hand_down(section, node.front, lengths, &mut ahead);
+            self.split_among_leaves(section, node.front, lengths, &mut ahead);
             for (front, piece) in ahead.drain(..) {
-                self.hand_down(piece, node.back, lengths, &mut behind);
+                self.split_among_leaves(piece, node.back, lengths, &mut behind);
                 for (back, piece) in behind.drain(..) {
                     leaves[front as usize].bound(&piece, Some(node.plane));
                     leaves[back as usize].bound(&piece, Some(node.plane.flipped()));
@@ -170,7 +170,7 @@ impl Bsp {
                         leaves[sees_back as usize].backs += covered;
                     }
                     open.retain(|piece| width(piece, node.plane.normal) > lengths.sliver);
-                    join(&mut open, node.plane.normal);
+                    merge_pieces(&mut open, node.plane.normal);
                     let polygons = open.into_iter().filter_map(|piece| ConvexPolygon::new(piece).ok());
                     portals.extend(polygons.map(|polygon| (polygon, [back, front])));
                 }
@@ -181,7 +181,7 @@ impl Bsp {
 
     /// Splits a polygon among the leaves below `child`, and appends each part to `out` with the index of its
     /// leaf. A polygon that lies in the plane of a node goes to both sides.
-    fn hand_down(
+    fn split_among_leaves(
         &self,
         polygon: Vec<DVec3>,
         child: Child,
@@ -203,7 +203,7 @@ impl Bsp {
             if is_ahead && is_behind {
                 for (child, plane) in [(node.back, node.plane.flipped()), (node.front, node.plane)] {
                     let mut part = polygon.clone();
-                    cut(&mut part, &plane, lengths);
+                    clip_in_place(&mut part, &plane, lengths);
                     if !part.is_empty() {
                         waiting.push((child, part));
                     }
@@ -230,7 +230,7 @@ impl Leaf {
 
 /// Renumbers the leaves to be kept (`keep`, by leaf index) from 0. Returns their number, and the portals with
 /// the new numbers. Portals of a leaf that is not kept are dropped.
-pub(super) fn numbered(
+pub(super) fn renumber_leaves(
     portals: Vec<LeafPortal>,
     keep: &[bool],
 ) -> (usize, Vec<(ConvexPolygon, [CellId; 2])>) {
