@@ -10,27 +10,28 @@
 //! one of each, for a pipeline.
 
 mod doors;
-mod mirror;
+mod mirrors;
 mod outline;
 mod portal_culler;
 mod portal_eye;
 mod portal_stats;
 mod portal_view;
 mod portal_walk;
-mod reflection;
 mod scene_cells;
 mod scene_cells_error;
 mod screen_rectangle;
-mod seen_objects;
 mod start_cells;
+mod walked_scene;
 mod window_plane;
 
 pub use doors::Passage;
-pub use mirror::MirrorId;
+pub use mirrors::{MirrorId, Reflection};
 pub use portal_culler::PortalCuller;
 pub use portal_eye::PortalEye;
 pub use portal_stats::{NotCulled, PortalStats};
 pub use portal_walk::Narrowing;
-pub use reflection::Reflection;
 pub use scene_cells::SceneCells;
 pub use scene_cells_error::SceneCellsError;
+
+/// Null index: the end of a linked list of mirrors or paths, and the parent of a path that begins at the eye.
+const NONE: u32 = u32::MAX;

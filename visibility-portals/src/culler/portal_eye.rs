@@ -1,13 +1,13 @@
 //! One view through portals: its settings, its state, and the queries of its last frame.
 
-use super::mirror::NONE;
+use super::NONE;
+use super::mirrors::{Reflection, Reflections};
 use super::portal_stats::{NotCulled, PortalStats};
 use super::portal_view::PortalView;
 use super::portal_walk::{Narrowing, PortalPath, PortalWalk};
-use super::reflection::{Reflection, Reflections};
 use super::scene_cells::SceneCells;
-use super::seen_objects::Seen;
 use super::start_cells::StartCells;
+use super::walked_scene::WalkedScene;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
@@ -98,11 +98,11 @@ impl PortalEye {
         Self { steps, ..self }
     }
 
-    /// Sets `most`, the maximum number of reflections per frame, and `deepest`, the maximum number of mirrors
-    /// along one line of sight. A `deepest` of 1 leaves out mirrors seen in mirrors; 0 for either disables
-    /// reflections.
-    pub fn with_reflections(mut self, most: usize, deepest: u32) -> Self {
-        self.reflections.limit(most, deepest);
+    /// Sets `max_count`, the maximum number of reflections per frame, and `max_depth`, the maximum number of
+    /// mirrors along one line of sight. A `max_depth` of 1 leaves out mirrors seen in mirrors; 0 for either
+    /// disables reflections.
+    pub fn with_reflections(mut self, max_count: usize, max_depth: u32) -> Self {
+        self.reflections.set_limits(max_count, max_depth);
         self
     }
 
@@ -113,7 +113,7 @@ impl PortalEye {
         *self = Self {
             narrowing: self.narrowing,
             steps: self.steps,
-            reflections: self.reflections.anew(),
+            reflections: self.reflections.cleared(),
             ..Self::new()
         };
     }
@@ -140,24 +140,24 @@ impl PortalEye {
             return self.fall_back(NotCulled::View, scene, visible);
         };
         self.anchor = eye_view.anchor;
-        let synced = self.follow(cells, scene);
+        let synced = self.mark_changed_objects(cells, scene);
         let walk = &mut self.walk;
         let why = if !synced {
             Some(NotCulled::NotSynced)
-        } else if !self.start_cells.find(cells, view, eye_view.anchor, |cell| walk.start_whole(cell)) {
+        } else if !self.start_cells.find(cells, view, eye_view.anchor, |cell| walk.start_in_full_view(cell)) {
             Some(NotCulled::OutsideCells)
-        } else if !walk.go(cells, &eye_view, self.narrowing, self.steps, &mut self.stats) {
+        } else if !walk.run(cells, &eye_view, self.narrowing, self.steps, &mut self.stats) {
             Some(NotCulled::Steps)
         } else {
             None
         };
         let mut result = match why {
             Some(why) => {
-                self.walk.look_at_all_mirrors(cells, &eye_view);
+                self.walk.try_all_mirrors(cells, &eye_view);
                 self.fall_back(why, scene, visible)
             }
             None => {
-                let seen = Seen { cells, scene, walk: &self.walk, eye_view: &eye_view };
+                let seen = WalkedScene { cells, scene, walk: &self.walk, eye_view: &eye_view };
                 seen.retain(&self.unknown, self.frame, visible, &mut self.stats.tests)
             }
         };
@@ -165,7 +165,7 @@ impl PortalEye {
         if !self.walk.mirrors.is_empty() {
             let known = (self.unknown.as_slice(), self.frame);
             let settings = (self.narrowing, self.steps);
-            self.reflections.look(
+            self.reflections.reflect_all(
                 cells,
                 scene,
                 view,
@@ -191,7 +191,7 @@ impl PortalEye {
     /// Marks in `unknown` the objects that have changed since the last sync of `cells`. Returns `false` if
     /// the cells were never synced, were synced with another scene, or so long ago that the scene no longer
     /// lists the changes.
-    fn follow(&mut self, cells: &SceneCells, scene: &Scene) -> bool {
+    fn mark_changed_objects(&mut self, cells: &SceneCells, scene: &Scene) -> bool {
         let Changes::Objects(changed) = cells.cursor.peek(scene) else { return false };
         if !changed.is_empty() && self.unknown.len() < scene.index_limit() {
             self.unknown.resize(scene.index_limit(), 0);

@@ -98,7 +98,7 @@ impl PortalView {
         } else if most < 0.0 {
             Crossing::Against
         } else {
-            Crossing::Unsure
+            Crossing::Undecided
         }
     }
 
@@ -124,13 +124,13 @@ pub(super) enum Crossing {
     Against,
     /// Undecided: the eye is so near the plane, or the lines of sight are so nearly parallel to the plane,
     /// that rounding can hide the direction.
-    Unsure,
+    Undecided,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::whole_numbers::Random;
+    use crate::integer_vectors::Random;
     use visibility_core::geometry::DoubleDouble;
     use visibility_core::glam::{DMat4, DVec4};
     use visibility_core::view::Depth;
@@ -207,7 +207,7 @@ mod tests {
             match crossing {
                 Crossing::Along => assert!(ahead > 0, "{corner:?} {a:?} {b:?} {eye:?}"),
                 Crossing::Against => assert!(ahead < 0, "{corner:?} {a:?} {b:?} {eye:?}"),
-                Crossing::Unsure => {}
+                Crossing::Undecided => {}
             }
             counts[crossing as usize] += 1;
         }

@@ -6,13 +6,13 @@
 //! polygon can be kept as well. Cells need not be convex: a walk may come back to a cell. A chain does not
 //! pass a portal twice in the same direction, since no straight line does.
 
-use super::mirror::NONE;
+use super::NONE;
 use super::outline::Outline;
 use super::portal_stats::PortalStats;
 use super::portal_view::{Crossing, Lines, PortalView};
 use super::scene_cells::SceneCells;
-use super::screen_rectangle::{Rectangle, around, push_sides};
-use super::window_plane::{Corner, Edge, U, WindowPlane, clip};
+use super::screen_rectangle::{ScreenRectangle, push_rectangle_planes, rectangle_around};
+use super::window_plane::{Corner, EdgeSource, U, WindowPlane, clip_corners};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -23,9 +23,9 @@ use visibility_core::{
 };
 
 /// Maximum number of planes of one window. Further planes are left out, which can only enlarge the window.
-const MOST_SIDES: usize = 24;
+const MAX_WINDOW_PLANES: usize = 24;
 /// Maximum number of paths to one cell. A cell with more paths is treated as seen through the whole view.
-const MOST_PATHS: u32 = 48;
+const MAX_PATHS_PER_CELL: u32 = 48;
 
 /// The shape to which each portal narrows the view. Both shapes are conservative.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]
@@ -62,10 +62,10 @@ pub(super) struct Window {
     pub(super) sides: Range<u32>,
     /// Bounds of the window on the screen, as quotients of clip coordinates. Narrowed only with
     /// [`Narrowing::Rectangle`].
-    pub(super) rectangle: Rectangle,
+    pub(super) rectangle: ScreenRectangle,
     /// Whether the window is the whole view. Earlier stages have already tested objects against the whole
     /// view, so objects pass without a test.
-    whole: bool,
+    full_view: bool,
 }
 
 /// A mirror seen through a window: the mirror's index, the cell on whose boundary it lies, and the window
@@ -80,8 +80,8 @@ pub(super) struct SeenMirror {
 /// Scratch memory of the walk through portals, and its result: the paths, their windows and the mirrors met.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PortalWalk {
-    /// Stamp of the graph whose cells and portals index `heads`, `counts`, `wide` and `passed`. `None`
-    /// before the first walk.
+    /// Stamp of the graph whose cells and portals index `heads`, `counts`, `entered_full_view` and `passed`.
+    /// `None` before the first walk.
     graph: Option<Stamp>,
     pub(super) paths: Vec<PortalPath>,
     pub(super) sides: Vec<WindowPlane>,
@@ -94,7 +94,7 @@ pub(super) struct PortalWalk {
     /// By cell index: number of paths to the cell.
     counts: Vec<u32>,
     /// By cell index: whether the cell is entered through the whole view, already or later in this walk.
-    wide: Vec<bool>,
+    entered_full_view: Vec<bool>,
     /// By directed portal, at index 2 * portal + 1 if forward (along the normal): whether the current chain
     /// has passed the portal in that direction.
     passed: Vec<bool>,
@@ -135,12 +135,12 @@ impl PortalWalk {
             let (count, portals) = (cells.graph.cell_count(), cells.graph.portals().len());
             refill(&mut self.heads, count, NONE);
             refill(&mut self.counts, count, 0);
-            refill(&mut self.wide, count, false);
+            refill(&mut self.entered_full_view, count, false);
             refill(&mut self.passed, portals * 2, false);
         } else {
             for path in &self.paths {
                 let cell = path.cell.index();
-                (self.heads[cell], self.counts[cell], self.wide[cell]) = (NONE, 0, false);
+                (self.heads[cell], self.counts[cell], self.entered_full_view[cell]) = (NONE, 0, false);
             }
             // An aborted walk has left its chain and its waiting cells marked.
             for &(path, _) in &self.stack {
@@ -150,7 +150,7 @@ impl PortalWalk {
                 }
             }
             for &cell in &self.waiting {
-                self.wide[cell.index()] = false;
+                self.entered_full_view[cell.index()] = false;
             }
         }
         self.paths.clear();
@@ -164,8 +164,8 @@ impl PortalWalk {
 
     /// Adds a cell in which lines of sight begin, seen through the whole view. A cell already added this way
     /// is ignored.
-    pub(super) fn start_whole(&mut self, cell: CellId) {
-        if !core::mem::replace(&mut self.wide[cell.index()], true) {
+    pub(super) fn start_in_full_view(&mut self, cell: CellId) {
+        if !core::mem::replace(&mut self.entered_full_view[cell.index()], true) {
             self.waiting.push(cell);
             self.begun.push(cell.into());
         }
@@ -173,25 +173,23 @@ impl PortalWalk {
 
     /// Adds a cell in which lines of sight begin, seen through the window with the anchor-relative planes
     /// `sides` and the screen bounds `rectangle`.
-    pub(super) fn start_within(
+    pub(super) fn start_in_window(
         &mut self,
         cells: &SceneCells,
         eye_view: &PortalView,
         cell: CellId,
         sides: impl Iterator<Item = WindowPlane>,
-        rectangle: Rectangle,
+        rectangle: ScreenRectangle,
     ) {
-        let start = self.sides.len() as u32;
-        self.sides.extend(sides);
-        let window = Window { sides: start..self.sides.len() as u32, rectangle, whole: false };
+        let window = self.window(sides, rectangle);
         self.begun.push(cell.into());
-        self.enter(cells, eye_view, cell, NONE, PortalId(NONE), window, 0..0);
+        self.push_path(cells, eye_view, cell, NONE, PortalId(NONE), window, 0..0);
     }
 
     /// Extends paths through portals until none can be extended. Returns `false` if more than `steps` portals
     /// would have to be inspected; the result is then incomplete and must not be used for culling. `stats` is
     /// updated.
-    pub(super) fn go(
+    pub(super) fn run(
         &mut self,
         cells: &SceneCells,
         eye_view: &PortalView,
@@ -200,16 +198,14 @@ impl PortalWalk {
         stats: &mut PortalStats,
     ) -> bool {
         self.allow(cells);
-        let view = self.sides.len() as u32;
-        self.sides.extend_from_slice(&eye_view.sides);
-        let whole = Window { sides: view..view + 4, rectangle: [-1.0, 1.0, -1.0, 1.0], whole: true };
+        let full_view = self.full_view_window(eye_view);
         stats.starts += self.begun.len() as u32;
         let mut left = steps;
         loop {
             while let Some(&mut (path, ref mut slot)) = self.stack.last_mut() {
                 let cell = self.paths[path as usize].cell;
                 let Some(&portal) = cells.graph.portals_of(cell).get(*slot as usize) else {
-                    self.leave(cells, path);
+                    self.pop_path(cells, path);
                     continue;
                 };
                 *slot += 1;
@@ -218,10 +214,10 @@ impl PortalWalk {
                 }
                 left -= 1;
                 stats.portals += 1;
-                self.look_through(cells, eye_view, path, portal, narrowing, stats);
+                self.try_portal(cells, eye_view, path, portal, narrowing, stats);
             }
             let Some(cell) = self.waiting.pop() else { return true };
-            self.enter(cells, eye_view, cell, NONE, PortalId(NONE), whole.clone(), 0..0);
+            self.push_path(cells, eye_view, cell, NONE, PortalId(NONE), full_view.clone(), 0..0);
         }
     }
 
@@ -247,7 +243,7 @@ impl PortalWalk {
     }
 
     #[expect(clippy::too_many_arguments)]
-    fn enter(
+    fn push_path(
         &mut self,
         cells: &SceneCells,
         eye_view: &PortalView,
@@ -260,16 +256,12 @@ impl PortalWalk {
         let path = self.paths.len() as u32;
         let next = core::mem::replace(&mut self.heads[cell.index()], path);
         self.counts[cell.index()] += 1;
-        let mut mirror = cells.first_mirror[cell.index()];
-        while mirror != NONE {
-            self.look_at_mirror(cells, eye_view, mirror, cell, &window);
-            mirror = cells.mirrors[mirror as usize].next;
-        }
+        self.try_mirrors(cells, eye_view, cell, &window);
         self.paths.push(PortalPath { cell, parent, portal, next, window, corners });
         self.stack.push((path, 0));
     }
 
-    fn leave(&mut self, cells: &SceneCells, path: u32) {
+    fn pop_path(&mut self, cells: &SceneCells, path: u32) {
         self.stack.pop();
         let PortalPath { cell, parent, portal, .. } = self.paths[path as usize];
         if parent != NONE {
@@ -278,7 +270,7 @@ impl PortalWalk {
         }
     }
 
-    fn look_through(
+    fn try_portal(
         &mut self,
         cells: &SceneCells,
         eye_view: &PortalView,
@@ -298,73 +290,70 @@ impl PortalWalk {
         if !cells.doors.passes(id, forward)
             || back
             || self.passed[direction]
-            || self.wide[next.index()]
+            || self.entered_full_view[next.index()]
             || !self.is_allowed(next)
         {
             return;
         }
         let (outline, vertices) = (&cells.outlines[id.index()], portal.polygon().vertices());
-        let (wanted, other, sign) = match forward {
-            true => (Crossing::Along, Crossing::Against, 1.0),
-            false => (Crossing::Against, Crossing::Along, -1.0),
+        let sign = match (crossing(eye_view, outline, vertices), forward) {
+            (Crossing::Along, true) => Some(1.0),
+            (Crossing::Against, false) => Some(-1.0),
+            (Crossing::Undecided, _) => None,
+            _ => return,
         };
-        let crossing = crossing(eye_view, outline, vertices);
-        if crossing == other {
-            return;
-        }
         let window = from.window.clone();
-        let sign = (crossing == wanted).then_some(sign);
         let Some((window, corners)) = self.narrow(eye_view, outline, vertices, &window, sign, narrowing)
         else {
             return;
         };
-        if self.counts[next.index()] >= MOST_PATHS {
-            self.wide[next.index()] = true;
+        if self.counts[next.index()] >= MAX_PATHS_PER_CELL {
+            self.entered_full_view[next.index()] = true;
             self.waiting.push(next);
             stats.widened += 1;
             return;
         }
         stats.crossed += 1;
         self.passed[direction] = true;
-        self.enter(cells, eye_view, next, path, id, window, corners);
+        self.push_path(cells, eye_view, next, path, id, window, corners);
     }
 
-    fn look_at_mirror(
-        &mut self,
-        cells: &SceneCells,
-        eye_view: &PortalView,
-        mirror: u32,
-        cell: CellId,
-        window: &Window,
-    ) {
-        let found = &cells.mirrors[mirror as usize];
-        // The normal points into the cell, so a line of sight that hits the mirror runs against the normal.
-        let crossing = crossing(eye_view, &found.outline, &found.vertices);
-        if !found.uncovered || crossing == Crossing::Along {
-            return;
-        }
-        let sign = (crossing == Crossing::Against).then_some(-1.0);
-        if let Some((window, _)) =
-            self.narrow(eye_view, &found.outline, &found.vertices, window, sign, Narrowing::Polygon)
-        {
-            self.mirrors.push(SeenMirror { mirror, cell, window });
+    /// Appends to `mirrors` the uncovered mirrors of `cell` that are seen through `window`.
+    fn try_mirrors(&mut self, cells: &SceneCells, eye_view: &PortalView, cell: CellId, window: &Window) {
+        let mut mirror = cells.first_mirror[cell.index()];
+        while let Some(candidate) = cells.mirrors.get(mirror as usize) {
+            let (outline, vertices) = (&candidate.outline, &candidate.vertices);
+            // The normal points into the cell, so a line of sight that hits the mirror runs against the
+            // normal.
+            let crossing = crossing(eye_view, outline, vertices);
+            if candidate.uncovered && crossing != Crossing::Along {
+                let sign = (crossing == Crossing::Against).then_some(-1.0);
+                let seen = self.narrow(eye_view, outline, vertices, window, sign, Narrowing::Polygon);
+                self.mirrors.extend(seen.map(|(window, _)| SeenMirror { mirror, cell, window }));
+            }
+            mirror = candidate.next;
         }
     }
 
     /// Replaces `mirrors` by all uncovered mirrors of the graph, each seen through the whole view. For frames
     /// in which the visible cells are unknown.
-    pub(super) fn look_at_all_mirrors(&mut self, cells: &SceneCells, eye_view: &PortalView) {
+    pub(super) fn try_all_mirrors(&mut self, cells: &SceneCells, eye_view: &PortalView) {
         self.mirrors.clear();
-        let start = self.sides.len() as u32;
-        self.sides.extend_from_slice(&eye_view.sides);
-        let whole = Window { sides: start..start + 4, rectangle: [-1.0, 1.0, -1.0, 1.0], whole: true };
+        let full_view = self.full_view_window(eye_view);
         for cell in (0..cells.graph.cell_count() as u32).map(CellId) {
-            let mut mirror = cells.first_mirror[cell.index()];
-            while mirror != NONE {
-                self.look_at_mirror(cells, eye_view, mirror, cell, &whole);
-                mirror = cells.mirrors[mirror as usize].next;
-            }
+            self.try_mirrors(cells, eye_view, cell, &full_view);
         }
+    }
+
+    /// Appends `sides`, planes of a window, and returns the window.
+    fn window(&mut self, sides: impl IntoIterator<Item = WindowPlane>, rectangle: ScreenRectangle) -> Window {
+        let start = self.sides.len() as u32;
+        self.sides.extend(sides);
+        Window { sides: start..self.sides.len() as u32, rectangle, full_view: false }
+    }
+
+    fn full_view_window(&mut self, eye_view: &PortalView) -> Window {
+        Window { full_view: true, ..self.window(eye_view.sides, [-1.0, 1.0, -1.0, 1.0]) }
     }
 
     /// Returns the part of `window` behind a polygon, and the range in `corners` of the polygon's visible
@@ -387,22 +376,19 @@ impl PortalWalk {
         for (i, &vertex) in (0..).zip(vertices) {
             let at = vertex - eye_view.anchor;
             reach = reach.max(at.length());
-            self.polygon.push(Corner { at, edge: Edge::Own(i) });
+            self.polygon.push(Corner { at, edge: EdgeSource::Own(i) });
         }
         let given = outline.error + eye_view.error + 4.0 * U * reach;
         let mut error = given;
-        for place in window.sides.clone() {
-            let (side, edge) = (&self.sides[place as usize], Edge::Window(place));
-            if !clip(&self.polygon, side, edge, &mut error, &mut self.clipped) {
-                return None;
-            }
+        let sides = window.sides.clone().map(|i| (&self.sides[i as usize], EdgeSource::Window(i)));
+        let ends = eye_view.ends.iter().map(|side| (side, EdgeSource::End));
+        let is_left = sides.chain(ends).all(|(side, edge)| {
+            let is_left = clip_corners(&self.polygon, side, edge, &mut error, &mut self.clipped);
             core::mem::swap(&mut self.polygon, &mut self.clipped);
-        }
-        for side in &eye_view.ends {
-            if !clip(&self.polygon, side, Edge::End, &mut error, &mut self.clipped) {
-                return None;
-            }
-            core::mem::swap(&mut self.polygon, &mut self.clipped);
+            is_left
+        });
+        if !is_left {
+            return None;
         }
         let first_corner = self.corners.len() as u32;
         self.corners.extend(self.polygon.iter().map(|corner| corner.at));
@@ -414,17 +400,17 @@ impl PortalWalk {
         let mut rectangle = window.rectangle;
         match narrowing {
             Narrowing::Polygon => {
-                let mut last = Edge::End;
+                let mut last = EdgeSource::End;
                 for i in 0..self.polygon.len() {
                     let edge = self.polygon[i].edge;
-                    if edge == last || self.sides.len() - start == MOST_SIDES {
+                    if edge == last || self.sides.len() - start == MAX_WINDOW_PLANES {
                         continue;
                     }
                     last = edge;
                     let side = match edge {
-                        Edge::End => None,
-                        Edge::Window(place) => Some(self.sides[place as usize]),
-                        Edge::Own(i) => {
+                        EdgeSource::End => None,
+                        EdgeSource::Window(place) => Some(self.sides[place as usize]),
+                        EdgeSource::Own(i) => {
                             let (a, b) = (vertices[i as usize], vertices[(i as usize + 1) % vertices.len()]);
                             eye_view.through_edge(a - eye_view.anchor, b - eye_view.anchor, sign, given)
                         }
@@ -433,12 +419,12 @@ impl PortalWalk {
                 }
             }
             Narrowing::Rectangle => {
-                rectangle = around(eye_view, &self.polygon, error, window.rectangle);
-                push_sides(eye_view, rectangle, &mut self.sides);
+                rectangle = rectangle_around(eye_view, &self.polygon, error, window.rectangle);
+                push_rectangle_planes(eye_view, rectangle, &mut self.sides);
             }
         }
         let sides = start as u32..self.sides.len() as u32;
-        Some((Window { sides, rectangle, whole: false }, corners))
+        Some((Window { sides, rectangle, full_view: false }, corners))
     }
 
     /// Returns the window behind a portal whose plane passes through the eye, as far as rounding can tell:
@@ -473,14 +459,14 @@ impl PortalWalk {
             return window.clone();
         }
         let start = self.sides.len() as u32;
-        for place in window.sides.clone().take(MOST_SIDES) {
+        for place in window.sides.clone().take(MAX_WINDOW_PLANES) {
             self.sides.push(self.sides[place as usize]);
         }
         for normal in [outline.normal, -outline.normal] {
             let plane = visibility_core::geometry::Plane::new(normal, 0.0);
             self.sides.push(WindowPlane { plane, slope, slack: 2.0 * own + f64::MIN_POSITIVE });
         }
-        Window { sides: start..self.sides.len() as u32, rectangle: window.rectangle, whole: false }
+        Window { sides: start..self.sides.len() as u32, rectangle: window.rectangle, full_view: false }
     }
 
     /// Returns the paths to `cell`, last found first. Empty for a cell that was not reached or is unknown.
@@ -500,7 +486,7 @@ impl PortalWalk {
         self.paths_to(cell).any(|path| {
             *tests += 1;
             let sides = &self.sides[path.window.sides.start as usize..path.window.sides.end as usize];
-            path.window.whole || !sides.iter().any(|side| side.excludes(min, max, error))
+            path.window.full_view || !sides.iter().any(|side| side.excludes(min, max, error))
         })
     }
 }

@@ -1,8 +1,9 @@
 //! The data that all views into a building share: its cells, portals, doors and mirrors, and the cells of
 //! each object.
 
+use super::NONE;
 use super::doors::{Doors, Passage};
-use super::mirror::{Mirror, MirrorId, NONE};
+use super::mirrors::{Mirror, MirrorId};
 use super::outline::Outline;
 use super::scene_cells_error::SceneCellsError;
 use alloc::vec::Vec;
@@ -182,7 +183,7 @@ impl SceneCells {
 
     /// Adds a mirror on the boundary of a cell and returns its id. The vertices of `polygon` are in world
     /// space and run counter-clockwise as seen from within the cell, so that the normal points into the cell.
-    /// Each frame that sees the mirror returns a [`Reflection`](super::reflection::Reflection). If the glass
+    /// Each frame that sees the mirror returns a [`Reflection`](super::mirrors::Reflection). If the glass
     /// itself is to be drawn, add it to the scene as an object.
     ///
     /// # Errors
@@ -226,17 +227,17 @@ impl SceneCells {
         match self.cursor.follow(scene) {
             Changes::Objects(ids) => {
                 for &id in ids {
-                    self.place(scene, id);
+                    self.assign_cells(scene, id);
                 }
             }
             Changes::Everything => {
                 self.objects.iter_mut().for_each(|entry| entry.id = None);
                 if first {
-                    self.take_listed(scene);
+                    self.assign_listed_cells(scene);
                 }
                 for id in scene.ids() {
                     if self.objects.get(id.index()).is_none_or(|entry| entry.id.is_none()) {
-                        self.place(scene, id);
+                        self.assign_cells(scene, id);
                     }
                 }
             }
@@ -246,7 +247,7 @@ impl SceneCells {
 
     /// Puts the objects that the graph lists into the listed cells. Listed objects that are not in the scene
     /// are skipped.
-    fn take_listed(&mut self, scene: &Scene) {
+    fn assign_listed_cells(&mut self, scene: &Scene) {
         self.objects.resize_with(scene.index_limit(), Entry::default);
         for cell in (0..self.graph.cell_count() as u32).map(CellId) {
             for &id in self.graph.objects_in(cell) {
@@ -259,7 +260,7 @@ impl SceneCells {
         }
     }
 
-    fn place(&mut self, scene: &Scene, id: ObjectId) {
+    fn assign_cells(&mut self, scene: &Scene, id: ObjectId) {
         if self.objects.len() <= id.index() {
             self.objects.resize_with(scene.index_limit().max(id.index() + 1), Entry::default);
         }

@@ -9,7 +9,7 @@ use visibility_core::view::ClipRow;
 
 /// Left, right, bottom and top of a rectangle on the screen, in NDC: quotients `x / w` and `y / w` of clip
 /// coordinates. The whole screen is -1 to 1.
-pub(super) type Rectangle = [f64; 4];
+pub(super) type ScreenRectangle = [f64; 4];
 
 /// Returns the screen-space rectangle around `corners`, intersected with `outer`. The corners are
 /// anchor-relative and may each be off by `error` world units. Returns `outer` if a corner is at or behind
@@ -18,7 +18,12 @@ pub(super) type Rectangle = [f64; 4];
 /// The value of a clip-matrix row at a corner is off by the row's own error plus `error` times the length of
 /// the row's linear part. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most
 /// `(dx + |q| dw) / (w - dw)`.
-pub(super) fn around(eye_view: &PortalView, corners: &[Corner], error: f64, outer: Rectangle) -> Rectangle {
+pub(super) fn rectangle_around(
+    eye_view: &PortalView,
+    corners: &[Corner],
+    error: f64,
+    outer: ScreenRectangle,
+) -> ScreenRectangle {
     let value = |row: &ClipRow, at: DVec3| {
         let (value, own) = row.at(at);
         (value, own + error * row.linear.length())
@@ -41,15 +46,19 @@ pub(super) fn around(eye_view: &PortalView, corners: &[Corner], error: f64, oute
     [bounds[0].max(outer[0]), bounds[1].min(outer[1]), bounds[2].max(outer[2]), bounds[3].min(outer[3])]
 }
 
-/// Appends to `sides` the planes of a rectangle on the screen, from the rows of the clip matrix: `x - left w
-/// >= 0`, and likewise for the other three bounds. Planes whose error is too large to bound anything are left
-/// out.
+/// Appends to `sides` the planes of a rectangle on the screen, from the rows of the clip matrix:
+/// `x - left w >= 0`, and likewise for the other three bounds. Planes whose error is too large to bound
+/// anything are left out.
 ///
 /// Let `s` be the sum of the lengths of the two terms of a row, and `l` the length of their difference, so
 /// that `s >= l`. The difference is rounded by `2u s`, the unit normal by `4u` of itself, the product with a
 /// point `x` by `4u |x|`: at most `10u (s / l) |x|` in all. The offset is off by the errors of the rows, and
 /// rounded by `6u` of itself.
-pub(super) fn push_sides(eye_view: &PortalView, rectangle: Rectangle, sides: &mut Vec<WindowPlane>) {
+pub(super) fn push_rectangle_planes(
+    eye_view: &PortalView,
+    rectangle: ScreenRectangle,
+    sides: &mut Vec<WindowPlane>,
+) {
     let w = &eye_view.rows[2];
     for (i, bound) in rectangle.into_iter().enumerate() {
         let x = &eye_view.rows[i / 2];
@@ -70,7 +79,7 @@ pub(super) fn push_sides(eye_view: &PortalView, rectangle: Rectangle, sides: &mu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::whole_numbers::Random;
+    use crate::integer_vectors::Random;
     use visibility_core::View;
     use visibility_core::glam::DMat4;
 
@@ -102,7 +111,7 @@ mod tests {
             };
             eye_view.rows = [exact(x, 1.0), exact(x, 1.0), exact(w, unit)];
             sides.clear();
-            push_sides(&eye_view, [bound as f64 / unit; 4], &mut sides);
+            push_rectangle_planes(&eye_view, [bound as f64 / unit; 4], &mut sides);
             for side in &sides {
                 assert!(!side.excludes(point, point, 0.0), "{x:?} {w:?} {bound}");
                 // A point displaced outwards by 64 times the margin must be excluded.

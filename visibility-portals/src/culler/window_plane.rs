@@ -9,7 +9,7 @@
 //! line is left. Leaving a plane out enlarges the window and is conservative. Two facts remain to be proven:
 //! - the error terms of each plane are sufficient: derived at [`WindowPlane::through_edge`] and
 //!   [`WindowPlane::of_view`];
-//! - a polygon is reported empty only if it is empty: derived at [`clip`].
+//! - a polygon is reported empty only if it is empty: derived at [`clip_corners`].
 
 use visibility_core::glam::DVec3;
 use visibility_core::{geometry::Plane, view::ViewPlane};
@@ -114,12 +114,12 @@ const USELESS: f64 = 0.25;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Corner {
     pub(super) at: DVec3,
-    pub(super) edge: Edge,
+    pub(super) edge: EdgeSource,
 }
 
 /// The source of an edge of a clipped portal: the portal's own edge, or the plane that cut it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Edge {
+pub(super) enum EdgeSource {
     /// An edge of the portal itself: from the portal vertex of this index to the next vertex.
     Own(u32),
     /// A plane of the window cut the portal here. The value is the plane's index in `PortalWalk::sides`.
@@ -139,10 +139,10 @@ pub(super) enum Edge {
 /// rounds by `8u` of its reach. This is added once for the corner that is dropped, and once more for the
 /// position of the crossing. The crossing is off the edge by rounding only, `4u` of the reach, which is added
 /// to `error`.
-pub(super) fn clip(
+pub(super) fn clip_corners(
     corners: &[Corner],
     side: &WindowPlane,
-    edge: Edge,
+    edge: EdgeSource,
     error: &mut f64,
     out: &mut alloc::vec::Vec<Corner>,
 ) -> bool {

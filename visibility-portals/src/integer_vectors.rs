@@ -5,9 +5,9 @@ use visibility_core::glam::DVec3;
 /// A vector of integers. Sums and products are exact while no coordinate or intermediate result exceeds 2^126
 /// in absolute value.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Whole(pub(crate) [i128; 3]);
+pub(crate) struct IntegerVector(pub(crate) [i128; 3]);
 
-impl Whole {
+impl IntegerVector {
     pub(crate) fn plus(self, other: Self) -> Self {
         Self([0, 1, 2].map(|k| self.0[k] + other.0[k]))
     }
@@ -48,7 +48,7 @@ impl Random {
     }
 
     /// Returns a vector with each coordinate random from `-most` to `most`, both included.
-    pub(crate) fn vector(&mut self, most: i64) -> Whole {
-        Whole([0; 3].map(|_| self.below(most)))
+    pub(crate) fn vector(&mut self, most: i64) -> IntegerVector {
+        IntegerVector([0; 3].map(|_| self.below(most)))
     }
 }

@@ -6,14 +6,14 @@ use super::scene_cells::SceneCells;
 use visibility_core::{CullStats, Scene, VisibleSet};
 
 /// A finished walk, with the cells, the scene and the view that it was made for.
-pub(super) struct Seen<'a> {
+pub(super) struct WalkedScene<'a> {
     pub(super) cells: &'a SceneCells,
     pub(super) scene: &'a Scene,
     pub(super) walk: &'a PortalWalk,
     pub(super) eye_view: &'a PortalView,
 }
 
-impl Seen<'_> {
+impl WalkedScene<'_> {
     /// Removes from `visible` the objects whose bounds lie outside all windows of all cells that they belong
     /// to. Objects in no cell stay, and so do objects whose entry in `unknown`, by object index, equals
     /// `frame`. Adds the number of windows tested to `tests`. Undecided objects stay.

@@ -5,16 +5,32 @@
 //! in the mirror's cell, within the reflected window through which the mirror is seen. The reflected view
 //! draws to the pixels that the mirror covers on the screen.
 
-use super::mirror::MirrorId;
+use super::outline::Outline;
 use super::portal_stats::{NotCulled, PortalStats};
 use super::portal_view::PortalView;
 use super::portal_walk::{Narrowing, PortalWalk, SeenMirror};
 use super::scene_cells::SceneCells;
-use super::seen_objects::Seen;
+use super::walked_scene::WalkedScene;
 use super::window_plane::{U, WindowPlane};
 use alloc::vec::Vec;
 use visibility_core::glam::{DMat4, DVec3};
 use visibility_core::{Culler, FrustumCuller, Scene, View, VisibleSet, geometry::Plane, view::ViewError};
+
+/// Index of a mirror of a [`SceneCells`](super::scene_cells::SceneCells), in the order of `add_mirror`, from
+/// 0.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub struct MirrorId(pub u32);
+
+/// A planar convex mirror on the boundary of a cell, in world space. Its normal points into the cell.
+#[derive(Clone, Debug)]
+pub(super) struct Mirror {
+    pub(super) outline: Outline,
+    pub(super) vertices: Vec<DVec3>,
+    /// Index of the next mirror in the list of the cell's mirrors, or `NONE` at the end.
+    pub(super) next: u32,
+    /// Whether the mirror reflects. A covered mirror (`false`) never yields a reflection.
+    pub(super) uncovered: bool,
+}
 
 /// One mirror that is seen: the reflected view to draw with, and the objects visible in that view.
 #[derive(Clone, Debug)]
@@ -69,23 +85,23 @@ pub(super) struct Reflections {
     seen: Vec<(Option<usize>, SeenMirror)>,
     /// Planes of the windows in `seen`, relative to the anchor of the view in which the mirror was seen.
     sides: Vec<WindowPlane>,
-    most: usize,
-    deepest: u32,
+    max_count: usize,
+    max_depth: u32,
 }
 
 impl Reflections {
     pub(super) fn new() -> Self {
         let (all, seen, sides) = (Vec::new(), Vec::new(), Vec::new());
-        Self { all, count: 0, walk: PortalWalk::default(), seen, sides, most: 8, deepest: 2 }
+        Self { all, count: 0, walk: PortalWalk::default(), seen, sides, max_count: 8, max_depth: 2 }
     }
 
     /// Returns a value without reflections and with the limits of `self`.
-    pub(super) fn anew(&self) -> Self {
-        Self { most: self.most, deepest: self.deepest, ..Self::new() }
+    pub(super) fn cleared(&self) -> Self {
+        Self { max_count: self.max_count, max_depth: self.max_depth, ..Self::new() }
     }
 
-    pub(super) fn limit(&mut self, most: usize, deepest: u32) {
-        (self.most, self.deepest) = (most, deepest);
+    pub(super) fn set_limits(&mut self, max_count: usize, max_depth: u32) {
+        (self.max_count, self.max_depth) = (max_count, max_depth);
     }
 
     pub(super) fn clear(&mut self) {
@@ -105,7 +121,7 @@ impl Reflections {
     /// the frame number stay visible. `settings` is the narrowing and the maximum number of portals per walk.
     /// `stats` is updated.
     #[expect(clippy::too_many_arguments)]
-    pub(super) fn look(
+    pub(super) fn reflect_all(
         &mut self,
         cells: &SceneCells,
         scene: &Scene,
@@ -116,7 +132,7 @@ impl Reflections {
         settings: (Narrowing, u64),
         stats: &mut PortalStats,
     ) {
-        self.take(None, walk);
+        self.collect_mirrors(None, walk);
         let mut next = 0;
         while next < self.seen.len() {
             // All windows through which one mirror is seen in one view are adjacent in `seen`.
@@ -126,7 +142,7 @@ impl Reflections {
             let windows = next..end;
             next = end;
             let depth = parent.map_or(1, |parent| self.all[parent].depth + 1);
-            if depth > self.deepest || self.count == self.most {
+            if depth > self.max_depth || self.count == self.max_count {
                 stats.reflections_left_out += 1;
                 continue;
             }
@@ -159,24 +175,24 @@ impl Reflections {
             for (_, seen) in &self.seen[windows] {
                 let sides = &self.sides[seen.window.sides.start as usize..seen.window.sides.end as usize];
                 let sides = sides.iter().map(|side| reflect_side(side, &plane, &parent_lines, &eye_view));
-                self.walk.start_within(cells, &eye_view, seen.cell, sides, seen.window.rectangle);
+                self.walk.start_in_window(cells, &eye_view, seen.cell, sides, seen.window.rectangle);
             }
-            if self.walk.go(cells, &eye_view, settings.0, settings.1, stats) {
-                let seen = Seen { cells, scene, walk: &self.walk, eye_view: &eye_view };
+            if self.walk.run(cells, &eye_view, settings.0, settings.1, stats) {
+                let seen = WalkedScene { cells, scene, walk: &self.walk, eye_view: &eye_view };
                 let (unknown, frame) = known;
                 seen.retain(unknown, frame, &mut self.all[place].visible, &mut stats.tests);
             } else {
-                self.walk.look_at_all_mirrors(cells, &eye_view);
+                self.walk.try_all_mirrors(cells, &eye_view);
             }
             let walk = core::mem::take(&mut self.walk);
-            self.take(Some(place), &walk);
+            self.collect_mirrors(Some(place), &walk);
             self.walk = walk;
         }
     }
 
     /// Appends the mirrors that `walk` has met to `seen`, sorted by mirror. `parent` is the index of the
     /// reflection that `walk` belongs to, `None` for the eye's own view.
-    fn take(&mut self, parent: Option<usize>, walk: &PortalWalk) {
+    fn collect_mirrors(&mut self, parent: Option<usize>, walk: &PortalWalk) {
         let first = self.seen.len();
         for seen in &walk.mirrors {
             let start = self.sides.len() as u32;
