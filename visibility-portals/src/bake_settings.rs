@@ -82,7 +82,10 @@ impl fmt::Display for BakeError {
                 )
             }
             Self::TooLarge { cells, portals } => {
-                write!(f, "{cells} cells and {portals} portals are more than {MOST} of either")
+                write!(
+                    f,
+                    "{cells} cells and {portals} portals are more than {MAX_CELLS_OR_PORTALS} of either"
+                )
             }
             Self::Cells { graph, matrix } => {
                 write!(f, "a matrix of {matrix} cells, where the graph has {graph}")
@@ -95,7 +98,7 @@ impl core::error::Error for BakeError {}
 
 /// Maximum number of cells, and of portals, of a bake. With 2^16 portals the matrix of ordered pairs of
 /// directed portals takes 2^17 * 2^17 bits = 2 GiB.
-const MOST: usize = 1 << 16;
+const MAX_CELLS_OR_PORTALS: usize = 1 << 16;
 
 /// Checks `settings` against `graph` and returns the portals in both directions, shrunk by part of the
 /// clearance.
@@ -105,7 +108,7 @@ const MOST: usize = 1 << 16;
 /// is not finite or less than 65,536 times the rounding bound of the coordinates.
 pub(crate) fn prepare(graph: &CellGraph, settings: &Settings) -> Result<DirectedPortals, BakeError> {
     let (cells, count) = (graph.cell_count(), graph.portals().len());
-    if cells > MOST || count > MOST {
+    if cells > MAX_CELLS_OR_PORTALS || count > MAX_CELLS_OR_PORTALS {
         return Err(BakeError::TooLarge { cells, portals: count });
     }
     let portals = DirectedPortals::new(graph, settings.clearance);

@@ -5,10 +5,10 @@
 //! both ways.
 
 use crate::bake_settings::{BakeError, Settings, prepare};
-use crate::cell_matrix::CellMatrix;
-use crate::cell_matrix::bits;
+use crate::cell_matrix::{CellMatrix, bits};
 use crate::directed_portals::DirectedPortals;
-use crate::portal_flow::{Found, Known, Scratch, portal_flow};
+use crate::portal_chain::CellFlood;
+use crate::portal_flow::{FlowInput, FlowResult, FlowScratch, portal_flow};
 use alloc::vec::Vec;
 use visibility_core::bake::{Baker, fill_rows};
 use visibility_core::cells::{CellGraph, CellId};
@@ -66,18 +66,14 @@ pub struct Outcome {
 #[derive(Clone, Debug)]
 pub struct CellBaker {
     portals: DirectedPortals,
-    cells: usize,
     settings: Settings,
     /// Candidate matrix: in the row of directed portal a, bit b is set while a line through a may later pass
-    /// directed portal b. See [`Known::rows`].
+    /// directed portal b. See [`FlowInput::rows`].
     rows: Vec<u64>,
     /// Number of 64-bit words in a row of `rows`, which has one bit per directed portal.
     stride: usize,
-    /// Visible cells: in the row of cell a, bit b is set once cell b is known to be seen from cell a. See
-    /// [`Known::seen`].
-    seen: Vec<u64>,
-    /// Number of 64-bit words in a row of `seen`, which has one bit per cell.
-    cell_stride: usize,
+    /// Visible cells: cell a sees cell b once b is known to be seen from a. See [`FlowInput::seen`].
+    seen: CellMatrix,
     /// Number of candidates of each directed portal, by portal index: the number of set bits in its row of
     /// `rows`.
     counts: Vec<u32>,
@@ -99,18 +95,16 @@ impl CellBaker {
         let cells = graph.cell_count();
         let portals = prepare(graph, &settings)?;
         let directed = portals.all.len();
-        let (stride, cell_stride) = (directed.div_ceil(64), cells.div_ceil(64));
+        let stride = directed.div_ceil(64);
         let mut baker = Self {
             rows: alloc::vec![0; directed * stride],
             stride,
-            seen: alloc::vec![0; cells * cell_stride],
-            cell_stride,
+            seen: CellMatrix::new(cells),
             counts: alloc::vec![0; directed],
             steps: alloc::vec![0; cells],
             fallbacks: alloc::vec![0; cells],
             rejected: 0,
             portals,
-            cells,
             settings,
         };
         baker.begin();
@@ -119,10 +113,9 @@ impl CellBaker {
 
     /// Fills `rows` by plane tests and reachability, and `seen` with each cell itself and its neighbours.
     fn begin(&mut self) {
-        let (portals, cells) = (&self.portals, self.cells);
-        fill_rows(&mut self.rows, self.stride, |stamps: &mut Vec<u32>, source, row| {
-            stamps.resize(cells, u32::MAX);
-            candidates(portals, source as u32, stamps, row);
+        let portals = &self.portals;
+        fill_rows(&mut self.rows, self.stride, |flood, source, row| {
+            candidates(portals, source as u32, flood, row);
         });
         // A pair stays a candidate only if it is reachable in both directions, since a line can be walked
         // both ways.
@@ -140,15 +133,10 @@ impl CellBaker {
         }
         self.count();
         for portal in &self.portals.all {
-            let (a, b) = (portal.from as usize, portal.to as usize);
-            for (a, b) in [(a, a), (a, b), (b, b)] {
-                self.seen[a * self.cell_stride + b / 64] |= 1 << (b % 64);
-            }
+            self.seen.set(portal.from as usize, portal.to as usize);
         }
         // Each cell sees itself, also a cell without portals.
-        for a in 0..self.cells {
-            self.seen[a * self.cell_stride + a / 64] |= 1 << (a % 64);
-        }
+        (0..self.seen.cell_count()).for_each(|cell| self.seen.set(cell, cell));
     }
 
     /// Recomputes `counts`, the number of set bits in each row of `rows`.
@@ -169,8 +157,8 @@ impl CellBaker {
 }
 
 impl Baker for CellBaker {
-    type Scratch = Scratch;
-    type Found = Found;
+    type Scratch = FlowScratch;
+    type Found = FlowResult;
     type Outcome = Outcome;
 
     fn item_count(&self) -> usize {
@@ -181,20 +169,19 @@ impl Baker for CellBaker {
         self.counts[portal as usize].into()
     }
 
-    fn work(&self, source: u32, scratch: &mut Scratch) -> Found {
-        let known = Known {
+    fn work(&self, source: u32, scratch: &mut FlowScratch) -> FlowResult {
+        let input = FlowInput {
             portals: &self.portals,
             rows: &self.rows,
             stride: self.stride,
             seen: &self.seen,
-            cell_stride: self.cell_stride,
             exact: self.settings.exact.then_some(self.settings.clearance),
         };
         let spent = self.steps[self.portals.all[source as usize].from as usize];
-        portal_flow(&known, source, self.settings.steps_per_cell.saturating_sub(spent), scratch)
+        portal_flow(&input, source, self.settings.steps_per_cell.saturating_sub(spent), scratch)
     }
 
-    fn take_in(&mut self, source: u32, found: Found) -> u64 {
+    fn take_in(&mut self, source: u32, found: FlowResult) -> u64 {
         let (from, back) = {
             let portal = &self.portals.all[source as usize];
             (portal.from as usize, portal.reverse)
@@ -211,9 +198,9 @@ impl Baker for CellBaker {
         }
         for (cell, proven) in found.cells {
             let cell = cell as usize;
-            self.seen[from * self.cell_stride + cell / 64] |= 1 << (cell % 64);
+            self.seen.set(from, cell);
             if proven {
-                self.seen[cell * self.cell_stride + from / 64] |= 1 << (from % 64);
+                self.seen.set(cell, from);
             }
         }
         found.steps
@@ -227,17 +214,7 @@ impl Baker for CellBaker {
             let row = &self.rows[source as usize * self.stride..][..self.stride];
             for (i, &word) in row.iter().enumerate() {
                 for bit in bits(word) {
-                    let to = self.portals.all[i * 64 + bit as usize].to as usize;
-                    self.seen[from * self.cell_stride + to / 64] |= 1 << (to % 64);
-                }
-            }
-        }
-        let mut matrix = CellMatrix::new(self.cells);
-        let sees = |a: usize, b: usize| self.seen[a * self.cell_stride + b / 64] >> (b % 64) & 1 != 0;
-        for a in 0..self.cells {
-            for b in 0..self.cells {
-                if sees(a, b) && sees(b, a) {
-                    matrix.set(a, b);
+                    self.seen.set(from, self.portals.all[i * 64 + bit as usize].to as usize);
                 }
             }
         }
@@ -245,7 +222,7 @@ impl Baker for CellBaker {
         let fallbacks =
             fallbacks.map(|(cell, &portals)| Fallback { cell: CellId(cell as u32), portals }).collect();
         Outcome {
-            matrix,
+            matrix: self.seen.both_ways(),
             fallbacks,
             steps: self.steps,
             rejected: self.rejected,
@@ -261,7 +238,7 @@ impl Baker for CellBaker {
     fn save(&self, state: &mut Writer) {
         state.u64(self.rejected);
         state.u32s(self.fallbacks.iter().copied());
-        for part in [&self.steps, &self.rows, &self.seen] {
+        for part in [&self.steps, &self.rows, &self.seen.words] {
             state.u64s(part.iter().copied());
         }
     }
@@ -276,8 +253,8 @@ impl Baker for CellBaker {
         for (known, saved) in self.rows.iter_mut().zip(rows) {
             *known &= saved;
         }
-        let cells = state.u64s(self.seen.len())?;
-        for (seen, saved) in self.seen.iter_mut().zip(cells) {
+        let cells = state.u64s(self.seen.words.len())?;
+        for (seen, saved) in self.seen.words.iter_mut().zip(cells) {
             *seen |= saved;
         }
         self.count();
@@ -286,22 +263,16 @@ impl Baker for CellBaker {
 }
 
 /// Sets in `row` the bits of the directed portals that can follow directed portal `source`, by plane tests
-/// and through cells that can be reached. `stamps` has one entry per cell, and no entry may equal `source` on
-/// entry; the entries of visited cells are set to `source`.
-fn candidates(portals: &DirectedPortals, source: u32, stamps: &mut [u32], row: &mut [u64]) {
+/// and through cells that can be reached.
+fn candidates(portals: &DirectedPortals, source: u32, flood: &mut CellFlood, row: &mut [u64]) {
     let portal = &portals.all[source as usize];
-    let mut queue = alloc::vec![portal.to];
-    stamps[portal.to as usize] = source;
-    while let Some(cell) = queue.pop() {
+    flood.begin(portals.first.len(), portal.to);
+    while let Some(cell) = flood.next_cell() {
         for next in portals.from(cell) {
             let other = &portals.all[next as usize];
-            if next == portal.reverse || !portals.can_follow(portal, other) {
-                continue;
-            }
-            row[next as usize / 64] |= 1 << (next % 64);
-            if stamps[other.to as usize] != source {
-                stamps[other.to as usize] = source;
-                queue.push(other.to);
+            if next != portal.reverse && portals.can_follow(portal, other) {
+                row[next as usize / 64] |= 1 << (next % 64);
+                flood.reach(other.to);
             }
         }
     }

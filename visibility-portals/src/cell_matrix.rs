@@ -25,7 +25,7 @@ pub struct CellMatrix {
     cells: usize,
     /// Number of 64-bit words in a row of `words`: `ceil(cells / 64)`.
     stride: usize,
-    words: Vec<u64>,
+    pub(crate) words: Vec<u64>,
 }
 
 impl CellMatrix {

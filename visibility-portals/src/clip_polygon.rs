@@ -8,7 +8,7 @@ use visibility_core::glam::DVec3;
 
 /// Maximum vertex count of a polygon to be clipped. A polygon with more vertices is returned whole, which is
 /// conservative.
-const MOST_VERTICES: usize = 120;
+const MAX_CLIPPED_VERTICES: usize = 120;
 
 /// Result of clipping a polygon: empty, the whole polygon, or a part.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -24,21 +24,22 @@ pub(crate) enum Clip {
 ///
 /// A result that is smaller than the input is appended to `points`. Of its vertices, neighbours no farther
 /// apart than `merge` (in the unit of the coordinates) become one. A result of fewer than three vertices is
-/// discarded and reported as `Clip::Nothing`. A polygon of NaN vertices, or with more than `MOST_VERTICES`
-/// vertices, is reported as `Clip::All`.
+/// discarded and reported as `Clip::Nothing`. A polygon with a vertex whose distance from the plane is NaN or
+/// infinite, or with more than `MAX_CLIPPED_VERTICES` vertices, is reported as `Clip::All`.
 pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane, merge: f64) -> Clip {
     let count = polygon.len();
-    if count > MOST_VERTICES {
+    if count > MAX_CLIPPED_VERTICES {
         return Clip::All;
     }
-    let mut distances = [0.0; MOST_VERTICES];
-    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut distances = [0.0; MAX_CLIPPED_VERTICES];
+    let (mut least, mut most, mut is_known) = (f64::INFINITY, f64::NEG_INFINITY, true);
     for (distance, &p) in distances.iter_mut().zip(&points[polygon.clone()]) {
         *distance = plane.normal.x * p.x + plane.normal.y * p.y + plane.normal.z * p.z + plane.offset;
         least = if *distance < least { *distance } else { least };
         most = if *distance > most { *distance } else { most };
+        is_known &= distance.is_finite();
     }
-    if least >= 0.0 {
+    if least >= 0.0 || !is_known {
         return Clip::All;
     }
     if most < 0.0 {
@@ -76,6 +77,21 @@ fn push_apart(points: &mut Vec<DVec3>, start: usize, p: DVec3, near: f64) {
     }
 }
 
+/// Clips the polygon with the vertices `points[polygon]` like [`clip`]. Returns the range of the result's
+/// vertices in `points`, `None` if nothing is left.
+pub(crate) fn clip_range(
+    points: &mut Vec<DVec3>,
+    polygon: Range<usize>,
+    plane: &Plane,
+    merge: f64,
+) -> Option<Range<usize>> {
+    match clip(points, polygon.clone(), plane, merge) {
+        Clip::All => Some(polygon),
+        Clip::Part(start) => Some(start..points.len()),
+        Clip::Nothing => None,
+    }
+}
+
 /// Clips `polygon` like [`clip`] and replaces the content of `out` with the result. `out` is empty afterwards
 /// if the polygon is empty or lies outside the plane.
 pub(crate) fn clip_into(polygon: &[DVec3], plane: &Plane, merge: f64, out: &mut Vec<DVec3>) {
@@ -89,6 +105,26 @@ pub(crate) fn clip_into(polygon: &[DVec3], plane: &Plane, merge: f64, out: &mut 
         Clip::All => {}
         Clip::Part(start) => {
             out.drain(..start);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polygon_with_a_nan_or_infinite_vertex_is_kept_whole() {
+        // A square outside the plane, across it, and inside it.
+        for x in [-2.0, -0.5, 1.0] {
+            for (i, bad) in (0..8).zip([f64::NAN, f64::NEG_INFINITY].into_iter().cycle()) {
+                let square = [[x, 0.0], [x + 1.0, 0.0], [x + 1.0, 1.0], [x, 1.0]];
+                let mut points = square.map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
+                points[i / 2].x = bad;
+                let plane = Plane::new(DVec3::X, 0.0);
+                assert_eq!(clip(&mut points, 0..4, &plane, 1e-9), Clip::All, "{points:?}");
+                assert_eq!(points.len(), 4);
+            }
         }
     }
 }

@@ -27,13 +27,18 @@ use visibility_core::glam::{DVec2, DVec3};
 const SLACK: f64 = 0.05;
 
 /// Tests whether two convex polygons lie side by side near one plane, so that no line passes through both and
-/// stays clear of their edges by `clearance`. Polygons and clearance are in world units; `normal` is an
-/// approximate unit normal of the common plane.
+/// stays clear of their edges by `clearance`. `a` and `b` are their vertices in order. Vertices and clearance
+/// are in world units; `normal` is an approximate unit normal of the common plane.
 ///
 /// `true` is certain. `false` if a line may pass, if no plane can be fitted, or for NaN.
-pub(crate) fn lie_side_by_side(a: &[DVec3], b: &[DVec3], normal: DVec3, clearance: f64) -> bool {
-    let all = || a.iter().chain(b).copied();
-    let Some(plane) = fitted(all(), (a.len() + b.len()) as f64, normal) else { return false };
+pub(crate) fn lie_side_by_side<P: Iterator<Item = DVec3> + Clone>(
+    a: P,
+    b: P,
+    normal: DVec3,
+    clearance: f64,
+) -> bool {
+    let all = || a.clone().chain(b.clone());
+    let Some((base, plane)) = a.clone().next().zip(fitted_plane(all(), normal)) else { return false };
     let off = all().fold(0.0, |off: f64, p| off.max(plane.signed_distance(p).abs()));
     let least = 2.0 * (clearance * (1.0 - SLACK) - off) * (1.0 - SLACK);
     if least <= 0.0 {
@@ -41,11 +46,8 @@ pub(crate) fn lie_side_by_side(a: &[DVec3], b: &[DVec3], normal: DVec3, clearanc
     }
     let u = plane.normal.any_orthonormal_vector();
     let v = plane.normal.cross(u);
-    let base = a[0];
-    let flat = |points: &[DVec3]| -> Vec<DVec2> {
-        points.iter().map(|&p| DVec2::new(u.dot(p - base), v.dot(p - base))).collect()
-    };
-    let (a, b) = (flat(a), flat(b));
+    let [a, b] =
+        [a, b].map(|p| p.map(|p| DVec2::new(u.dot(p - base), v.dot(p - base))).collect::<Vec<DVec2>>());
     let overlap = |across: DVec2| {
         let range = |points: &[DVec2]| {
             points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), &p| {
@@ -62,13 +64,13 @@ pub(crate) fn lie_side_by_side(a: &[DVec3], b: &[DVec3], normal: DVec3, clearanc
     edges(&a).into_iter().chain(edges(&b)).any(|across| overlap(across) < least)
 }
 
-/// Returns the least-squares plane through `count` points, with unit normal; distances are measured along the
+/// Returns the least-squares plane through `points`, with unit normal; distances are measured along the
 /// unit vector `along`, to which the plane must not be parallel. `None` if the normal is not finite, for
 /// instance for points on one line.
-fn fitted(points: impl Iterator<Item = DVec3> + Clone, count: f64, along: DVec3) -> Option<Plane> {
+fn fitted_plane(points: impl Iterator<Item = DVec3> + Clone, along: DVec3) -> Option<Plane> {
     let u = along.any_orthonormal_vector();
     let v = along.cross(u);
-    let middle = points.clone().fold(DVec3::ZERO, |sum, p| sum + p) / count;
+    let middle = points.clone().fold(DVec3::ZERO, |sum, p| sum + p) / points.clone().count() as f64;
     let (mut uu, mut uv, mut vv, mut uh, mut vh) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for p in points {
         let (a, b, h) = (u.dot(p - middle), v.dot(p - middle), along.dot(p - middle));
@@ -92,8 +94,9 @@ mod tests {
 
     #[test]
     fn windows_side_by_side_are_told_from_windows_behind_each_other() {
+        let normal = DVec3::new(1e-6, 0.0, 1.0).normalize();
         let beside =
-            |a: &[DVec3], b: &[DVec3]| lie_side_by_side(a, b, DVec3::new(1e-6, 0.0, 1.0).normalize(), 1e-6);
+            |a: &[DVec3], b: &[DVec3]| lie_side_by_side(a.iter().copied(), b.iter().copied(), normal, 1e-6);
         assert!(beside(&window([0.0, 1.0], 0.0), &window([3.0, 4.0], 5e-7)));
         // The two windows share an edge, and overlap by no more than the rounding.
         assert!(beside(&window([0.0, 1.0], 0.0), &window([1.0 - 5e-7, 4.0], 5e-7)));

@@ -13,6 +13,7 @@
 use crate::coplanar_portals;
 use crate::stabbing::pluecker::{Edge, Opening, edges_of};
 use alloc::vec::Vec;
+use core::ops::Range;
 use visibility_core::glam::DVec3;
 use visibility_core::{cells::CellGraph, geometry::Plane};
 
@@ -60,33 +61,28 @@ pub(crate) struct DirectedPortal {
     pub(crate) center: DVec3,
     /// Radius of the ball around `center` that contains all shrunk vertices, in world units.
     pub(crate) radius: f64,
-    /// First of the portal's shrunk vertices, an index into [`DirectedPortals::vertices`]. The vertices run
+    /// The portal's shrunk vertices, a range of [`DirectedPortals::vertices`]. The vertices run
     /// counter-clockwise around the normal.
-    pub(crate) start: u32,
-    /// End of the range of the portal's shrunk vertices in [`DirectedPortals::vertices`], exclusive.
-    pub(crate) end: u32,
+    vertices: Range<u32>,
     /// Index of the cell that the portal leads from.
     pub(crate) from: u32,
     /// Index of the cell that the portal leads to.
     pub(crate) to: u32,
     /// Index in [`DirectedPortals::all`] of the portal in the other direction.
     pub(crate) reverse: u32,
-    /// Half-open range in [`DirectedPortals::edges`] of the portal's edges. The edges run counter-clockwise
-    /// around the normal, or clockwise if `against`.
-    pub(crate) edges: (u32, u32),
+    /// The edges of the unshrunk polygon, a range of [`DirectedPortals::edges`]. The edges run
+    /// counter-clockwise around the normal, or clockwise if `against`.
+    edges: Range<u32>,
     /// Whether the `edges` run clockwise around this portal's normal.
-    pub(crate) against: bool,
-    /// Half-open range in [`DirectedPortals::given`] of the unshrunk input vertices.
-    given: (u32, u32),
+    against: bool,
 }
 
 /// All portals of a graph in both directions, sorted by the index of the cell that they lead from.
 #[derive(Clone, Debug)]
 pub(crate) struct DirectedPortals {
     pub(crate) all: Vec<DirectedPortal>,
-    pub(crate) vertices: Vec<DVec3>,
-    pub(crate) edges: Vec<Edge>,
-    given: Vec<DVec3>,
+    vertices: Vec<DVec3>,
+    edges: Vec<Edge>,
     /// CSR offsets: by cell index, the index in `all` of the first portal that leads from the cell; one more
     /// entry marks the end of the last cell.
     pub(crate) first: Vec<u32>,
@@ -100,31 +96,23 @@ impl DirectedPortals {
         let positions = graph.portals().iter().flat_map(|p| p.polygon().vertices());
         let extent = positions.fold(0.0, |extent: f64, v| extent.max(v.abs().max_element()));
         let margins = Margins::new(clearance, extent);
-        let mut insets = alloc::vec![None; graph.portals().len()];
+        // By portal index: the ranges of the shrunk vertices in both directions, and the range of the edges.
+        let mut shrunk = alloc::vec![None; graph.portals().len()];
         let (mut vertices, mut edges) = (Vec::new(), Vec::new());
-        let mut all_given: Vec<DVec3> = Vec::new();
-        for (portal, inset) in graph.portals().iter().zip(&mut insets) {
-            let plane = portal.plane();
-            let on_plane: Vec<DVec3> = portal
-                .polygon()
-                .vertices()
-                .iter()
-                .map(|&v| v - plane.normal * plane.signed_distance(v))
-                .collect();
-            let drawn_in = draw_in(&on_plane, plane.normal, &margins);
-            if drawn_in.len() >= 3 {
+        for (portal, shrunk) in graph.portals().iter().zip(&mut shrunk) {
+            let (plane, given) = (portal.plane(), portal.polygon().vertices());
+            let on_plane: Vec<DVec3> =
+                given.iter().map(|&v| v - plane.normal * plane.signed_distance(v)).collect();
+            let polygon = shrunk_polygon(&on_plane, plane.normal, &margins);
+            if polygon.len() >= 3 {
                 let start = vertices.len() as u32;
-                vertices.extend_from_slice(&drawn_in);
+                vertices.extend_from_slice(&polygon);
                 let middle = vertices.len() as u32;
-                vertices.extend(drawn_in.iter().rev());
+                vertices.extend(polygon.iter().rev());
                 let first_edge = edges.len() as u32;
-                let given = portal.polygon().vertices().iter().copied();
-                edges_of(given.clone(), plane.normal, margins.inset, &mut edges);
-                let first_given = all_given.len() as u32;
-                all_given.extend(given);
-                let edges = (first_edge, edges.len() as u32);
-                let given = (first_given, all_given.len() as u32);
-                *inset = Some(([start, middle, vertices.len() as u32], edges, given));
+                edges_of(given.iter().copied(), plane.normal, margins.inset, &mut edges);
+                let ranges = [start..middle, middle..vertices.len() as u32];
+                *shrunk = Some((ranges, first_edge..edges.len() as u32));
             }
         }
         let mut all: Vec<DirectedPortal> = Vec::new();
@@ -133,38 +121,31 @@ impl DirectedPortals {
         for cell in (0..graph.cell_count() as u32).map(visibility_core::cells::CellId) {
             first.push(all.len() as u32);
             for &id in graph.portals_of(cell) {
-                let Some(([start, middle, end], edges, given)) = insets[id.index()] else { continue };
+                let Some((ranges, edges)) = &shrunk[id.index()] else { continue };
                 let portal = &graph.portals()[id.index()];
-                let backward = usize::from(portal.cells()[0] != cell);
-                halves[id.index()][backward] = all.len() as u32;
-                let (start, end) = [(start, middle), (middle, end)][backward];
-                let plane = if backward == 0 { portal.plane() } else { portal.plane().flipped() };
-                let (center, radius) = ball(&vertices[start as usize..end as usize]);
-                let to = portal.cells()[1 - backward].0;
-                let (from, against) = (cell.0, backward == 1);
-                let reverse = 0;
-                let directed = DirectedPortal {
-                    plane,
+                let against = portal.cells()[0] != cell;
+                let own = ranges[usize::from(against)].clone();
+                let (center, radius) = bounding_ball(&vertices[own.start as usize..own.end as usize]);
+                halves[id.index()][usize::from(against)] = all.len() as u32;
+                all.push(DirectedPortal {
+                    plane: if against { portal.plane().flipped() } else { portal.plane() },
                     center,
                     radius,
-                    start,
-                    end,
-                    from,
-                    to,
-                    reverse,
-                    edges,
+                    vertices: own,
+                    from: cell.0,
+                    to: portal.cells()[usize::from(!against)].0,
+                    reverse: 0,
+                    edges: edges.clone(),
                     against,
-                    given,
-                };
-                all.push(directed);
+                });
             }
         }
         first.push(all.len() as u32);
-        for [a, b] in halves.into_iter().zip(&insets).filter(|(_, inset)| inset.is_some()).map(|(h, _)| h) {
+        for ([a, b], _) in halves.into_iter().zip(&shrunk).filter(|(_, shrunk)| shrunk.is_some()) {
             all[a as usize].reverse = b;
             all[b as usize].reverse = a;
         }
-        Self { all, vertices, edges, given: all_given, first, margins }
+        Self { all, vertices, edges, first, margins }
     }
 
     /// Returns the cell count plus 1, the cells of each directed portal and the bits of all shrunk vertices,
@@ -178,17 +159,17 @@ impl DirectedPortals {
 
     /// Returns the shrunk vertices of a portal in world space, counter-clockwise around the portal's normal.
     pub(crate) fn vertices_of(&self, portal: &DirectedPortal) -> &[DVec3] {
-        &self.vertices[portal.start as usize..portal.end as usize]
+        &self.vertices[portal.vertices.start as usize..portal.vertices.end as usize]
     }
 
     /// Returns the input polygon of a portal as an opening for the test in Pluecker space.
-    pub(crate) fn opening(&self, portal: &DirectedPortal) -> Opening<'_> {
-        let edges = &self.edges[portal.edges.0 as usize..portal.edges.1 as usize];
+    pub(crate) fn pluecker_opening(&self, portal: &DirectedPortal) -> Opening<'_> {
+        let edges = &self.edges[portal.edges.start as usize..portal.edges.end as usize];
         Opening { edges, against: portal.against, normal: portal.plane.normal }
     }
 
     /// Returns the portals that lead from a cell, as a range of `all`.
-    pub(crate) fn from(&self, cell: u32) -> core::ops::Range<u32> {
+    pub(crate) fn from(&self, cell: u32) -> Range<u32> {
         self.first[cell as usize]..self.first[cell as usize + 1]
     }
 
@@ -208,8 +189,9 @@ impl DirectedPortals {
         if a.plane.signed_distance(b.center) > near || b.plane.signed_distance(a.center) < -near {
             return false;
         }
+        // The edges end at the input vertices, in their order.
         let [first, second] =
-            [a, b].map(|portal| &self.given[portal.given.0 as usize..portal.given.1 as usize]);
+            [a, b].map(|portal| self.pluecker_opening(portal).edges.iter().map(|edge| edge.b));
         let larger = if a.radius > b.radius { a } else { b };
         coplanar_portals::lie_side_by_side(first, second, larger.plane.normal, self.margins.clearance)
     }
@@ -228,7 +210,7 @@ impl DirectedPortals {
 
 /// Returns the part of a convex polygon that is farther than [`Margins::inset`] from its boundary. Empty if
 /// nothing is left. The vertices run counter-clockwise around the unit `normal`.
-fn draw_in(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
+fn shrunk_polygon(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
     let mut polygon = vertices.to_vec();
     let mut next = Vec::new();
     for (i, &a) in vertices.iter().enumerate() {
@@ -247,7 +229,7 @@ fn draw_in(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
 
 /// Returns centre and radius of a ball that contains all `points`, enlarged to cover rounding. `points` must
 /// not be empty.
-fn ball(points: &[DVec3]) -> (DVec3, f64) {
+fn bounding_ball(points: &[DVec3]) -> (DVec3, f64) {
     let center = points.iter().fold(DVec3::ZERO, |sum, &p| sum + p) / points.len() as f64;
     let radius = points.iter().fold(0.0, |r: f64, &p| r.max((p - center).length()));
     (center, radius * (1.0 + 1e-12) + center.abs().max_element() * NOISE)

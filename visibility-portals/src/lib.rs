@@ -73,14 +73,15 @@ mod coplanar_portals;
 mod culler;
 mod directed_portals;
 pub mod from_geometry;
+#[cfg(test)]
+mod integer_vectors;
 pub mod lp;
 mod object_baker;
+mod portal_chain;
 mod portal_flow;
 pub mod prt;
 mod separating_planes;
 pub mod stabbing;
-#[cfg(test)]
-mod whole_numbers;
 
 pub use antipenumbra::antipenumbra;
 pub use bake_settings::{BakeError, Settings};

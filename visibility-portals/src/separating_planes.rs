@@ -47,12 +47,12 @@ pub(crate) fn push_separating_planes(a: Facing, b: Facing, margins: &Margins, pl
 fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, planes: &mut Vec<Plane>) {
     let toward = of.normal * side;
     // Maximum number of vertices. Polygons with more get no separating planes, which is conservative.
-    const MOST: usize = 128;
+    const MAX_VERTICES: usize = 128;
     let count = to.vertices.len();
-    if count > MOST || of.vertices.len() > MOST {
+    if count > MAX_VERTICES || of.vertices.len() > MAX_VERTICES {
         return;
     }
-    let mut inverse = [0.0; MOST];
+    let mut inverse = [0.0; MAX_VERTICES];
     let base = toward.dot(of.vertices[0]);
     for (inverse, &p) in inverse.iter_mut().zip(to.vertices) {
         let w = toward.dot(p) - base;

@@ -115,7 +115,7 @@ fn no_line_that_is_just_clear_is_excluded() {
         let polygons = around(2 + i % 5, i % 2 == 0, clearance * 1.0001, 0.0, &mut random);
         let answer = Stabber::new(clearance).polygons(&polygons);
         assert!(!answer.is_no(), "{clearance} {polygons:?}");
-        undecided += u32::from(answer == Stab::Maybe);
+        undecided += u32::from(answer == Stab::Undecided);
         if i % 50 == 0 {
             assert!(passes_planes(&polygons, clearance), "{clearance} {polygons:?}");
         }
@@ -150,7 +150,7 @@ fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
                     found += u32::from(best_line(&polygons, &mut random) >= clearance);
                 }
             }
-            Stab::Maybe => open += 1,
+            Stab::Undecided => open += 1,
         }
     }
     println!("{rejected} rejected, {more} past planes, {lines} lines, {found} found, {open} open");

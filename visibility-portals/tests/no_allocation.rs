@@ -86,10 +86,10 @@ fn programs<const D: usize>(random: &mut Random) -> ([u32; 3], usize) {
             counts[match solver.feasible(rows, 100.0) {
                 Feasible::Yes(_) => 0,
                 Feasible::No(_) => 1,
-                Feasible::Maybe => 2,
+                Feasible::Undecided => 2,
             }] += 1;
             let best = solver.greatest(rows, [1.0; D], 100.0);
-            counts[2] += u32::from(best == Greatest::Unknown);
+            counts[2] += u32::from(best == Greatest::Undecided);
         }
     }
     (counts, ALLOCATIONS.get() - before)

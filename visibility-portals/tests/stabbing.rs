@@ -58,7 +58,7 @@ fn doors_of_a_floor_plan_as_exact_arithmetic_has_it() {
                 assert!(certificate.multipliers().all(|(end, _)| end < 2 * segments.len()));
                 counts[1] += 1;
             }
-            Stab::Maybe => {
+            Stab::Undecided => {
                 assert!(has_line(&segments) && !has_line(&shorter), "{segments:?}");
                 counts[2] += 1;
             }
@@ -154,7 +154,7 @@ fn what_separating_planes_exclude_has_no_line_and_some_more_is_excluded() {
                 both += u32::from(!passes);
                 more += u32::from(passes);
             }
-            Stab::Maybe => open += u32::from(passes),
+            Stab::Undecided => open += u32::from(passes),
         }
     }
     assert!(lines > 500 && both > 1500 && more > 5 && open < 400, "{lines} {both} {more} {open}");
@@ -206,7 +206,7 @@ fn rectangles_by_three_projections() {
                 assert!(certificate.multipliers().count() > 1);
                 none += 1;
             }
-            Stab::Maybe => open += 1,
+            Stab::Undecided => open += 1,
         }
     }
     assert!(lines > 1900 && none > 1200 && open < 800, "{lines} {none} {open}");
@@ -215,8 +215,8 @@ fn rectangles_by_three_projections() {
 #[test]
 fn what_is_no_sequence_is_not_decided() {
     let mut stabber = Stabber::new(1e-6);
-    assert_eq!(stabber.segments(&[]), Stab::Maybe);
-    assert_eq!(stabber.polygons::<Vec<DVec3>>(&[]), Stab::Maybe);
+    assert_eq!(stabber.segments(&[]), Stab::Undecided);
+    assert_eq!(stabber.polygons::<Vec<DVec3>>(&[]), Stab::Undecided);
     for bad in [f64::NAN, f64::INFINITY, 1e300, -1e200] {
         let p = DVec2::splat(bad);
         assert!(!matches!(stabber.segments(&[[p, DVec2::ZERO], [DVec2::X, p]]), Stab::Line(_)), "{bad}");

@@ -16,7 +16,7 @@ use visibility_core::geometry::DoubleDouble;
 
 /// Maximum number of constraints of a certificate: seven for six variables by Helly's theorem, and one more
 /// constraint for the caller.
-pub(crate) const MOST: usize = 8;
+pub(crate) const MAX_ROWS: usize = 8;
 
 /// The constraint `normal . x >= least`. Each coordinate of the stored normal is within `error` of its exact
 /// value.
@@ -35,7 +35,11 @@ const UP: f64 = 1.0 + 1e-12;
 
 /// Returns a lower bound of the left side of the inequality at the head of this module, and an upper bound of
 /// its right side. `bounds` are the `B_k`.
-fn sides<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[DoubleDouble]) -> (f64, f64) {
+fn proof_sides<const K: usize>(
+    rows: &[Row<K>],
+    bounds: &[f64; K],
+    multipliers: &[DoubleDouble],
+) -> (f64, f64) {
     // The left side: each term is a product of exact numbers, with the smaller part of the multiplier below
     // 2^-53 of the greater. The sum of at most eight terms is off by less than 2^-49 of the sum of their
     // absolute values.
@@ -64,30 +68,31 @@ fn sides<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[Doub
 }
 
 /// Tests whether the multipliers (one per row) prove that no `x` with `|x_k| <= bounds[k]` satisfies all
-/// rows. `false` for more than [`MOST`] rows, for a negative multiplier, and for NaN or infinity.
+/// rows. `false` for more than [`MAX_ROWS`] rows, for a negative multiplier, and for NaN or
+/// infinity.
 pub(crate) fn proves<const K: usize>(
     rows: &[Row<K>],
     bounds: &[f64; K],
     multipliers: &[DoubleDouble],
 ) -> bool {
     // Written so that a NaN is rejected.
-    if !multipliers.iter().all(|l| l.hi >= l.lo.abs()) || rows.len() > MOST {
+    if !multipliers.iter().all(|l| l.hi >= l.lo.abs()) || rows.len() > MAX_ROWS {
         return false;
     }
-    let (left, right) = sides(rows, bounds, multipliers);
+    let (left, right) = proof_sides(rows, bounds, multipliers);
     left > right && right < f64::INFINITY
 }
 
 /// Searches multipliers that prove that no `x` with `|x_k| <= bounds[k]` satisfies all `rows`; 0 for rows
-/// that the proof does not need. `None` if none are found, which proves nothing, and for more than [`MOST`]
-/// rows.
-pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option<[DoubleDouble; MOST]> {
-    if rows.len() > MOST {
+/// that the proof does not need. `None` if none are found, which proves nothing, and for more than
+/// [`MAX_ROWS`] rows.
+pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option<[DoubleDouble; MAX_ROWS]> {
+    if rows.len() > MAX_ROWS {
         return None;
     }
     // The threshold for zero depends on the rows, so three are tried. Every result is checked by `proves`.
     [1e-12, 1e-9, 1e-6].into_iter().find_map(|zero| {
-        let mut used = [false; MOST];
+        let mut used = [false; MAX_ROWS];
         used[..rows.len()].fill(true);
         // Each iteration drops at least one row.
         for _ in 0..rows.len() {
@@ -111,21 +116,21 @@ pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option
 struct Elimination<const K: usize> {
     /// LU factors in place: multipliers below the diagonal, the upper triangle from the diagonal on. Matrix
     /// rows and columns are in pivoting order.
-    m: [[f64; MOST]; K],
+    m: [[f64; MAX_ROWS]; K],
     /// By matrix row: the coordinate of the normals that the row holds, after pivoting. The next field,
     /// `row`, is the index of the constraint in each matrix column.
     coordinate: [usize; K],
-    row: [usize; MOST],
+    row: [usize; MAX_ROWS],
     /// By matrix column: the factor that made the greatest coefficient of the constraint's normal 1.
-    scale: [f64; MOST],
+    scale: [f64; MAX_ROWS],
     count: usize,
     rank: usize,
 }
 
 impl<const K: usize> Elimination<K> {
-    fn new(rows: &[Row<K>], used: &[bool; MOST]) -> Option<Self> {
-        let (mut row, mut scale, mut count) = ([0; MOST], [0.0; MOST], 0);
-        let mut m = [[0.0; MOST]; K];
+    fn new(rows: &[Row<K>], used: &[bool; MAX_ROWS]) -> Option<Self> {
+        let (mut row, mut scale, mut count) = ([0; MAX_ROWS], [0.0; MAX_ROWS], 0);
+        let mut m = [[0.0; MAX_ROWS]; K];
         for (i, r) in rows.iter().enumerate().filter(|(i, _)| used[*i]) {
             let size = r.normal.iter().fold(0.0, |size, h| if h.hi.abs() > size { h.hi.abs() } else { size });
             row[count] = i;
@@ -184,7 +189,7 @@ impl<const K: usize> Elimination<K> {
     /// Returns multipliers by constraint index, none negative, whose weighted sum of normals is zero, and
     /// whether constraints were dropped: a multiplier was at most `zero` relative to the greatest and was set
     /// to 0, or a free column was left out. `None` if no free column gives such multipliers.
-    fn nonnegative(&self, zero: f64) -> Option<([f64; MOST], bool)> {
+    fn nonnegative(&self, zero: f64) -> Option<([f64; MAX_ROWS], bool)> {
         (self.rank..self.count).find_map(|free| {
             let mut right = [0.0; K];
             for (right, m) in right.iter_mut().zip(&self.m).take(self.rank) {
@@ -195,7 +200,7 @@ impl<const K: usize> Elimination<K> {
             if solved[..self.rank].iter().any(|&l| l.is_nan() || l < -zero * most) {
                 return None;
             }
-            let (mut multipliers, mut dropped) = ([0.0; MOST], self.count > self.rank + 1);
+            let (mut multipliers, mut dropped) = ([0.0; MAX_ROWS], self.count > self.rank + 1);
             multipliers[self.row[free]] = self.scale[free];
             for (j, &l) in solved[..self.rank].iter().enumerate() {
                 if l > zero * most {
@@ -210,7 +215,7 @@ impl<const K: usize> Elimination<K> {
 
     /// Returns the multipliers corrected by iterative refinement, until the weighted sum of normals is zero
     /// up to about 2^-100.
-    fn refined(&self, rows: &[Row<K>], multipliers: [f64; MOST]) -> [DoubleDouble; MOST] {
+    fn refined(&self, rows: &[Row<K>], multipliers: [f64; MAX_ROWS]) -> [DoubleDouble; MAX_ROWS] {
         let mut multipliers = multipliers.map(DoubleDouble::from);
         for _ in 0..3 {
             let mut right = [0.0; K];

@@ -5,13 +5,13 @@
 //! Convex Hulls Made Easy", 1991), in time linear in the number of half-spaces. The algorithm computes in
 //! `f64`, and its results are verified afterwards. A point is checked against all half-spaces. Infeasibility
 //! is reported only with a [`Certificate`]: a few multipliers whose contradiction survives all rounding
-//! (Farkas' lemma). A program that can be proved neither way is [`Feasible::Maybe`].
+//! (Farkas' lemma). A program that can be proved neither way is [`Feasible::Undecided`].
 
 mod certificate;
 mod seidel;
 
-pub(crate) use certificate::{MOST, Row, find};
-pub(crate) use seidel::{BOX, Levels, Stop};
+pub(crate) use certificate::{MAX_ROWS, Row, find};
+pub(crate) use seidel::{BOX, SeidelSolver, Stop};
 
 use visibility_core::geometry::DoubleDouble;
 
@@ -28,15 +28,16 @@ pub struct HalfSpace<const D: usize> {
 /// half-spaces such that `sum l_i (normal_i . x + offset_i) < 0` for all points `x` of the box.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Certificate {
-    constraints: [u32; MOST],
-    multipliers: [DoubleDouble; MOST],
+    constraints: [u32; MAX_ROWS],
+    multipliers: [DoubleDouble; MAX_ROWS],
     count: usize,
 }
 
 impl Certificate {
     pub(crate) fn new(multipliers: impl IntoIterator<Item = (u32, DoubleDouble)>) -> Self {
-        let mut new = Self { constraints: [0; MOST], multipliers: [DoubleDouble::ZERO; MOST], count: 0 };
-        for (constraint, multiplier) in multipliers.into_iter().filter(|(_, l)| l.hi > 0.0).take(MOST) {
+        let mut new =
+            Self { constraints: [0; MAX_ROWS], multipliers: [DoubleDouble::ZERO; MAX_ROWS], count: 0 };
+        for (constraint, multiplier) in multipliers.into_iter().filter(|(_, l)| l.hi > 0.0).take(MAX_ROWS) {
             new.constraints[new.count] = constraint;
             new.multipliers[new.count] = multiplier;
             new.count += 1;
@@ -65,7 +66,7 @@ pub enum Feasible<const D: usize> {
     /// Certainly no point satisfies every half-space.
     No(Certificate),
     /// Undecided: the intersection is empty or too thin for the rounding, or an input is not finite.
-    Maybe,
+    Undecided,
 }
 
 /// Answer to a maximization: the point of an intersection of half-spaces at which an objective is greatest.
@@ -77,7 +78,7 @@ pub enum Greatest<const D: usize> {
     /// The half-spaces have certainly no common point in the box.
     Infeasible(Certificate),
     /// Undecided: the intersection is empty or too thin for the rounding, or an input is not finite.
-    Unknown,
+    Undecided,
 }
 
 /// Solves linear programs in `D` variables, from 1 to 6. Other `D` give undecided results. Allocates nothing
@@ -99,7 +100,7 @@ pub enum Greatest<const D: usize> {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Solver<const D: usize> {
-    levels: Levels,
+    seidel: SeidelSolver,
 }
 
 /// Attempts of [`Solver::feasible`], in order: the distance by which the half-spaces are shrunk, relative to
@@ -114,20 +115,20 @@ impl<const D: usize> Solver<D> {
     }
 
     /// Tests whether half-spaces have a common point in the box of the points whose coordinates are at most
-    /// `bound` in absolute value. [`Feasible::Maybe`] if undecided, or if an input is not finite or `bound`
-    /// is negative.
+    /// `bound` in absolute value. [`Feasible::Undecided`] if undecided, or if an input is not finite or
+    /// `bound` is negative.
     pub fn feasible(&mut self, constraints: &[HalfSpace<D>], bound: f64) -> Feasible<D> {
         if !is_finite(constraints, bound) {
-            return Feasible::Maybe;
+            return Feasible::Undecided;
         }
         for (inside, seed) in TRIES {
-            self.levels.seed = seed;
+            self.seidel.seed = seed;
             let drawn_in = |i: usize| {
                 let half = &constraints[i];
                 let size = half.normal.iter().fold(half.offset.abs(), |size, a| size.max(a.abs()));
                 (half.normal, half.offset - inside * size)
             };
-            match self.levels.solve(constraints.len(), drawn_in, [0.0; D], [bound; D]) {
+            match self.seidel.solve(constraints.len(), drawn_in, [0.0; D], [bound; D]) {
                 Ok(x) if is_inside(constraints, bound, &x) => return Feasible::Yes(x),
                 Err(Stop::Conflict) => {
                     if let Some(certificate) = self.certificate(constraints, bound) {
@@ -137,7 +138,7 @@ impl<const D: usize> Solver<D> {
                 _ => {}
             }
         }
-        Feasible::Maybe
+        Feasible::Undecided
     }
 
     /// Returns the point at which `objective . x` is greatest among the points in all half-spaces and in the
@@ -145,11 +146,11 @@ impl<const D: usize> Solver<D> {
     /// them. Linear in the number of half-spaces.
     pub fn greatest(&mut self, constraints: &[HalfSpace<D>], objective: [f64; D], bound: f64) -> Greatest<D> {
         if !is_finite(constraints, bound) || objective.iter().any(|o| !o.is_finite()) {
-            return Greatest::Unknown;
+            return Greatest::Undecided;
         }
         let constraint = |i: usize| (constraints[i].normal, constraints[i].offset);
-        self.levels.seed = 0;
-        match self.levels.solve(constraints.len(), constraint, objective, [bound; D]) {
+        self.seidel.seed = 0;
+        match self.seidel.solve(constraints.len(), constraint, objective, [bound; D]) {
             Ok(x) => Greatest::At(x),
             // A conflict may be half-spaces that only touch, while other half-spaces contradict each other.
             Err(stop) => {
@@ -157,17 +158,17 @@ impl<const D: usize> Solver<D> {
                     (stop == Stop::Conflict).then(|| self.certificate(constraints, bound)).flatten();
                 match certificate.map_or_else(|| self.feasible(constraints, bound), Feasible::No) {
                     Feasible::No(certificate) => Greatest::Infeasible(certificate),
-                    _ => Greatest::Unknown,
+                    _ => Greatest::Undecided,
                 }
             }
         }
     }
 
-    /// Returns a certificate that the half-spaces of the last conflict that `levels` found contradict each
+    /// Returns a certificate that the half-spaces of the last conflict that `seidel` found contradict each
     /// other within the box of coordinates up to `bound`. `None` if no proof is found.
     fn certificate(&self, constraints: &[HalfSpace<D>], bound: f64) -> Option<Certificate> {
-        let mut rows = [Row { normal: [DoubleDouble::ZERO; D], error: 0.0, least: -bound }; MOST];
-        let conflict = self.levels.conflict();
+        let mut rows = [Row { normal: [DoubleDouble::ZERO; D], error: 0.0, least: -bound }; MAX_ROWS];
+        let conflict = self.seidel.conflict();
         for (row, &tag) in rows.iter_mut().zip(conflict) {
             if tag >= BOX {
                 let side = tag - BOX;

@@ -29,7 +29,7 @@ const TOLERANCE: f64 = 1e-12;
 
 /// Threshold below which a coefficient counts as zero, after rows have been scaled to a greatest coefficient
 /// of 1.
-const NOTHING: f64 = 1e-13;
+const ZERO_COEFFICIENT: f64 = 1e-13;
 
 /// Limit on the rows inspected, per row of the program and summed over all dimensions. In random order the
 /// limit is practically never reached.
@@ -38,7 +38,7 @@ const STEPS_PER_ROW: u64 = 200_000;
 /// Why the solver returned no point.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Stop {
-    /// The constraints in [`Levels::conflict`] contradict each other, up to rounding.
+    /// The constraints in [`SeidelSolver::conflict`] contradict each other, up to rounding.
     Conflict,
     /// The limit of steps was reached, or the dimension is not supported.
     GaveUp,
@@ -50,7 +50,7 @@ type Rows<const N: usize> = Vec<([f64; N], u32)>;
 
 /// Scratch memory of Seidel's algorithm: the rows of the programs of all dimensions, and the last conflict.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Levels {
+pub(crate) struct SeidelSolver {
     rows1: Rows<2>,
     rows2: Rows<3>,
     rows3: Rows<4>,
@@ -70,11 +70,17 @@ pub(crate) struct Levels {
     pub(crate) seed: u64,
 }
 
-impl Levels {
+impl SeidelSolver {
     /// Returns the tags of the constraints that contradict each other. Empty if the last program found no
     /// conflict.
     pub(crate) fn conflict(&self) -> &[u32] {
         &self.conflict[..self.conflicting]
+    }
+
+    /// Returns the indices of the constraints that contradict each other within the box, in the order of
+    /// [`conflict`](Self::conflict).
+    pub(crate) fn conflicting_rows(&self) -> impl Iterator<Item = usize> + '_ {
+        self.conflict().iter().filter(|tag| **tag < BOX).map(|&tag| tag as usize)
     }
 
     /// Records a conflict and returns [`Stop::Conflict`]. The conflict consists of `rows`, the tags of
@@ -92,7 +98,7 @@ impl Levels {
     /// of the full program.
     fn solve1(&mut self, objective: [f64; 1], [variable]: [usize; 1], top: usize) -> Result<[f64; 1], Stop> {
         let bound = self.bounds[variable];
-        let ((mut low, mut high), [mut by_high, mut by_low]) = ((-bound, bound), sides(variable));
+        let ((mut low, mut high), [mut by_high, mut by_low]) = ((-bound, bound), bound_tags(variable));
         for i in 0..self.rows1.len() {
             let ([a, b], tag) = self.rows1[i];
             if a == 0.0 && b < -TOLERANCE {
@@ -128,7 +134,7 @@ impl Levels {
 
 /// Returns the tags of the upper and of the lower bound of variable number `variable`: `BOX + 2 k` and `BOX +
 /// 2 k + 1`.
-fn sides(variable: usize) -> [u32; 2] {
+fn bound_tags(variable: usize) -> [u32; 2] {
     [BOX + 2 * variable as u32, BOX + 2 * variable as u32 + 1]
 }
 
@@ -139,7 +145,7 @@ fn normalised<const N: usize>(mut row: [f64; N]) -> [f64; N] {
     for a in &row[..N - 1] {
         most = if a.abs() > most { a.abs() } else { most };
     }
-    if most <= NOTHING {
+    if most <= ZERO_COEFFICIENT {
         row[..N - 1].fill(0.0);
         return row;
     }
@@ -160,7 +166,7 @@ fn without<T: Copy + Default, const N: usize, const M: usize>(array: &[T; N], k:
 
 macro_rules! level {
     ($solve:ident, $rows:ident, $d:literal, $n:literal, $lower:ident, $lower_rows:ident, $less:literal) => {
-        impl Levels {
+        impl SeidelSolver {
             fn $solve(
                 &mut self,
                 objective: [f64; $d],
@@ -224,7 +230,7 @@ macro_rules! level {
                     }
                     // The bounds of x_k come last, since they seldom matter.
                     let bound = self.bounds[variables[k]];
-                    for (side, tag) in [-1.0, 1.0].into_iter().zip(sides(variables[k])) {
+                    for (side, tag) in [-1.0, 1.0].into_iter().zip(bound_tags(variables[k])) {
                         let mut row = sum;
                         for s in &mut row {
                             *s *= side;
@@ -270,7 +276,7 @@ fn greater(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
-impl Levels {
+impl SeidelSolver {
     /// Returns a point that satisfies `count` constraints and maximizes the objective within the box `|x_k|
     /// <= bounds[k]`, up to rounding. `constraint` returns coefficients and constant by index. The dimension
     /// is the length of the objective.

@@ -14,8 +14,7 @@
 mod object_chains;
 
 use crate::bake_settings::{BakeError, Settings, prepare};
-use crate::cell_matrix::CellMatrix;
-use crate::cell_matrix::neighbours;
+use crate::cell_matrix::{CellMatrix, neighbours};
 use crate::directed_portals::DirectedPortals;
 use alloc::vec::Vec;
 use object_chains::{Chains, Targets};
@@ -144,9 +143,7 @@ impl Baker for ObjectBaker<'_> {
 
     fn work(&self, cell: u32, chains: &mut Chains) -> SeenObjects {
         let limit = self.settings.steps_per_cell;
-        let (row, steps, gave_up) =
-            chains.seen_from(CellId(cell), &self.portals, self.matrix, &self.targets, limit);
-        SeenObjects { row, steps, gave_up }
+        chains.seen_from(CellId(cell), &self.portals, self.matrix, &self.targets, limit)
     }
 
     fn take_in(&mut self, cell: u32, found: SeenObjects) -> u64 {

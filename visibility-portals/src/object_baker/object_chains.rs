@@ -1,10 +1,10 @@
 //! The search for the objects seen from one cell: depth first through chains of portals. Objects that are not
 //! outside the planes of some chain are marked as seen.
 
+use super::SeenObjects;
 use crate::cell_matrix::CellMatrix;
-use crate::clip_polygon::{Clip, clip};
 use crate::directed_portals::DirectedPortals;
-use crate::separating_planes::{Facing, push_separating_planes};
+use crate::portal_chain::{CellFlood, ChainFrame, PortalChain, is_outside, outward};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -93,35 +93,13 @@ impl Targets {
     }
 }
 
-/// A portal of the current chain. `source` (the reachable part of the first portal) and `pass` (the reachable
-/// part of this portal) are ranges of `Chains::points`; `planes` is a range of `Chains::planes`; `next` is
-/// the next portal to inspect; `points` is the length of `Chains::points` before this link.
-#[derive(Clone, Debug)]
-struct Link {
-    portal: u32,
-    source: Range<usize>,
-    pass: Range<usize>,
-    planes: Range<usize>,
-    /// Offset in `Chains::sets` of this link's set: the directed portals that lines through this portal may
-    /// pass later, one bit each.
-    set: usize,
-    next: u32,
-    points: usize,
-}
-
 /// Scratch memory of the search for the objects seen from a cell.
 #[derive(Default)]
 pub struct Chains {
     seen: Vec<bool>,
-    points: Vec<DVec3>,
-    planes: Vec<Plane>,
-    /// Bitsets over the directed portals, one for each link of the chain. `Link::set` is the offset of a
-    /// bitset.
-    sets: Vec<u64>,
-    links: Vec<Link>,
-    stamps: Vec<u32>,
-    stamp: u32,
-    queue: Vec<u32>,
+    /// The current chain. Its bitsets are over the directed portals.
+    chain: PortalChain,
+    flood: CellFlood,
 }
 
 /// The input of a search that is fixed for all chains with the same first portal.
@@ -137,8 +115,7 @@ struct Search<'a> {
 }
 
 impl Chains {
-    /// Searches the objects seen from cell `from`. Returns their object indices, ascending; the number of
-    /// steps taken; and whether the steps exceeded `limit`, in which case the list is empty.
+    /// Searches the objects seen from cell `from`. Gives up after `limit` steps.
     pub(super) fn seen_from(
         &mut self,
         from: CellId,
@@ -146,136 +123,64 @@ impl Chains {
         matrix: &CellMatrix,
         targets: &Targets,
         limit: u64,
-    ) -> (Vec<u32>, u64, bool) {
-        let cells = portals.first.len() - 1;
+    ) -> SeenObjects {
         self.seen.clear();
         self.seen.resize(targets.boxes.len(), false);
-        self.stamps.resize(cells, 0);
         targets.of(from.0).iter().for_each(|&target| self.seen[target as usize] = true);
         let mut steps = 0;
         for first in portals.from(from.0) {
             let words = portals.all.len().div_ceil(64);
             let search = Search { portals, matrix, targets, from, first, words };
             if !self.search(&search, limit, &mut steps) {
-                return (Vec::new(), steps, true);
+                return SeenObjects { row: Vec::new(), steps, gave_up: true };
             }
         }
         let seen = (0..targets.boxes.len()).filter(|&i| self.seen[i]).map(|i| targets.index[i]);
-        (seen.collect(), steps, false)
+        SeenObjects { row: seen.collect(), steps, gave_up: false }
     }
 
     /// Searches all chains that begin with the portal `search.first`, and marks the targets reached in
     /// `seen`. Adds to `steps`; returns `false` once they exceed `limit`.
     fn search(&mut self, search: &Search, limit: u64, steps: &mut u64) -> bool {
-        let (all, first) = (&search.portals.all, search.first);
-        self.points.clear();
-        self.planes.clear();
-        self.sets.clear();
-        self.links.clear();
-        self.points.extend_from_slice(search.portals.vertices_of(&all[first as usize]));
-        let whole = 0..self.points.len();
+        let (portals, first) = (search.portals, search.first);
+        self.chain.clear();
+        self.chain.points.extend_from_slice(portals.vertices_of(&portals.all[first as usize]));
+        let all = 0..self.chain.points.len();
         *steps += 1;
-        self.enter(search, first, whole.clone(), whole, 0, 0);
-        while let Some(child) = self.next_child(search) {
+        self.enter(search, first, all.clone(), all, 0, 0);
+        while let Some(child) = self.chain.next_child() {
             *steps += 1;
             if *steps > limit {
                 return false;
             }
-            let (points, planes) = (self.points.len(), self.planes.len());
-            if !self.go_through(search, child, points, planes) {
-                self.points.truncate(points);
-                self.planes.truncate(planes);
+            let (points, planes) = (self.chain.points.len(), self.chain.planes.len());
+            if !self.extend(search, child, points, planes) {
+                self.chain.points.truncate(points);
+                self.chain.planes.truncate(planes);
             }
         }
         true
     }
 
-    /// Returns the next directed portal by which to extend the chain, and pops the links that have none left.
-    /// `None` when the chain is empty.
-    fn next_child(&mut self, search: &Search) -> Option<u32> {
-        while let Some(link) = self.links.last_mut() {
-            let end = search.portals.from(search.portals.all[link.portal as usize].to).end;
-            while link.next < end {
-                let child = link.next;
-                link.next += 1;
-                if self.sets[link.set + child as usize / 64] >> (child % 64) & 1 != 0 {
-                    return Some(child);
-                }
-            }
-            self.points.truncate(link.points);
-            self.planes.truncate(link.planes.start);
-            self.sets.truncate(link.set);
-            self.links.pop();
-        }
-        None
-    }
-
     /// Extends the chain by portal `child` if lines can pass it and then reach a target that is not yet seen.
     /// Returns `false` if the chain was not extended; the caller then truncates to `points` and `planes`, the
     /// lengths of the lists before the call.
-    fn go_through(&mut self, search: &Search, child: u32, points: usize, planes: usize) -> bool {
-        let Some(last) = self.links.last().cloned() else { return false };
+    fn extend(&mut self, search: &Search, child: u32, points: usize, planes: usize) -> bool {
+        let Some(last) = self.chain.frames.last().cloned() else { return false };
         // A straight line passes each portal at most once.
-        if self.links.iter().any(|link| link.portal == child) {
+        if self.chain.frames.iter().any(|frame| frame.portal == child) {
             return false;
         }
-        let Some((source, pass)) = self.narrow(search, &last, child) else { return false };
-        let (a, b) = (&search.portals.all[search.first as usize], &search.portals.all[child as usize]);
-        let [from, through] = [(a, &source), (b, &pass)].map(|(portal, place)| Facing {
-            vertices: &self.points[place.clone()],
-            normal: portal.plane.normal,
-            sense: 1.0,
-        });
-        push_separating_planes(from, through, &search.portals.margins, &mut self.planes);
+        let Some((source, pass)) = self.chain.narrow(search.portals, search.first, &last, child, true) else {
+            return false;
+        };
+        self.chain.push_planes(search.portals, (search.first, &source), (child, &pass));
         self.enter(search, child, source, pass, planes, points)
-    }
-
-    /// Returns the part of the first portal and the part of portal `child` between which lines can pass the
-    /// last portal of the chain, as ranges of `points`. `None` if either part is empty. Clipped polygons are
-    /// appended to `points`.
-    fn narrow(&mut self, search: &Search, last: &Link, child: u32) -> Option<(Range<usize>, Range<usize>)> {
-        let (all, margins) = (&search.portals.all, &search.portals.margins);
-        let portal = &all[child as usize];
-        let start = self.points.len();
-        self.points.extend_from_slice(search.portals.vertices_of(portal));
-        let mut pass = self.clipped(start..self.points.len(), ahead(search, search.first), margins.merge)?;
-        for i in last.planes.clone() {
-            pass = self.clipped(pass, self.planes[i], margins.merge)?;
-        }
-        let behind = Plane::new(-portal.plane.normal, margins.keep - portal.plane.offset);
-        let mut source = self.clipped(last.source.clone(), behind, margins.merge)?;
-        if last.portal != search.first {
-            let facing =
-                |vertices, of: u32| Facing { vertices, normal: all[of as usize].plane.normal, sense: -1.0 };
-            let planes = self.planes.len();
-            let target = facing(&self.points[pass.clone()], child);
-            push_separating_planes(
-                target,
-                facing(&self.points[last.pass.clone()], last.portal),
-                margins,
-                &mut self.planes,
-            );
-            for i in planes..self.planes.len() {
-                source = self.clipped(source, self.planes[i], margins.merge)?;
-            }
-            self.planes.truncate(planes);
-        }
-        Some((source, pass))
-    }
-
-    /// Clips a polygon to the inner side of a plane; the argument and the result are ranges of `points`.
-    /// `None` if nothing is left. `merge` is the distance below which vertices become one.
-    fn clipped(&mut self, polygon: Range<usize>, plane: Plane, merge: f64) -> Option<Range<usize>> {
-        match clip(&mut self.points, polygon.clone(), &plane, merge) {
-            Clip::All => Some(polygon),
-            Clip::Part(start) => Some(start..self.points.len()),
-            Clip::Nothing => None,
-        }
     }
 
     /// Marks the targets seen in the cell behind `portal`. If other unseen targets may be seen beyond,
     /// appends the portal to the chain, with the planes from index `planes` on, and returns `true`. `points`
-    /// is the length of the points list to restore later.
+    /// is the length of the chain's points to restore later.
     fn enter(
         &mut self,
         search: &Search,
@@ -285,89 +190,71 @@ impl Chains {
         planes: usize,
         points: usize,
     ) -> bool {
-        let bounds = planes..self.planes.len();
-        self.planes.push(ahead(search, portal));
-        let cell = search.portals.all[portal as usize].to;
-        for &target in search.targets.of(cell) {
-            if !self.seen[target as usize] && !search.targets.is_outside(target, &self.planes[planes..]) {
+        let own_planes = planes..self.chain.planes.len();
+        let entered = &search.portals.all[portal as usize];
+        self.chain.planes.push(outward(&entered.plane, search.portals.margins.keep));
+        for &target in search.targets.of(entered.to) {
+            if !self.seen[target as usize] && !search.targets.is_outside(target, &self.chain.planes[planes..])
+            {
                 self.seen[target as usize] = true;
             }
         }
-        let set = self.sets.len();
-        let more = self.reach(search, cell, planes);
-        self.planes.truncate(bounds.end);
+        let set = self.chain.sets.len();
+        let more = self.push_reachable_set(search, entered.to, planes);
+        self.chain.planes.truncate(own_planes.end);
         if !more {
-            self.sets.truncate(set);
+            self.chain.sets.truncate(set);
             return false;
         }
-        let next = search.portals.from(cell).start;
-        self.links.push(Link { portal, source, pass, planes: bounds, set, next, points });
+        let children = search.portals.from(entered.to);
+        self.chain.frames.push(ChainFrame {
+            portal,
+            source,
+            pass,
+            planes: own_planes,
+            set,
+            children,
+            points,
+        });
         true
     }
 
-    /// Appends to `sets` the bitset of the portals that can be reached from `cell` without leaving the planes
-    /// from index `planes` on. Returns `false` if no cell behind these portals holds an unseen target inside
-    /// the planes.
-    fn reach(&mut self, search: &Search, cell: u32, planes: usize) -> bool {
-        let set = self.sets.len();
-        self.sets.resize(set + search.words, 0);
-        // The new set is a subset of the previous link's set.
-        let within = self.links.last().map(|link| link.set);
-        if self.stamp == u32::MAX {
-            self.stamps.fill(0);
-            self.stamp = 0;
-        }
-        self.stamp += 1;
-        self.queue.clear();
-        self.queue.push(cell);
-        self.stamps[cell as usize] = self.stamp;
-        let planes = &self.planes[planes..];
+    /// Appends to the chain's sets the bitset of the portals that can be reached from `cell` without leaving
+    /// the planes from index `planes` on. Returns `false` if no cell behind these portals holds an unseen
+    /// target inside the planes.
+    fn push_reachable_set(&mut self, search: &Search, cell: u32, planes: usize) -> bool {
+        let PortalChain { frames, planes: all_planes, sets, .. } = &mut self.chain;
+        let set = sets.len();
+        sets.resize(set + search.words, 0);
+        // The new set is a subset of the previous frame's set.
+        let within = frames.last().map(|frame| frame.set);
+        let planes = &all_planes[planes..];
         let source = &search.portals.all[search.first as usize];
         let mut more = false;
-        while let Some(cell) = self.queue.pop() {
+        self.flood.begin(search.matrix.cell_count(), cell);
+        while let Some(cell) = self.flood.next_cell() {
             for next in search.portals.from(cell) {
                 let portal = &search.portals.all[next as usize];
                 let (word, bit) = (next as usize / 64, 1 << (next % 64));
                 let known = match within {
-                    Some(within) => self.sets[within + word] & bit != 0,
+                    Some(within) => sets[within + word] & bit != 0,
                     None => {
                         search.matrix.sees(search.from, CellId(portal.to))
                             && search.portals.can_follow(source, portal)
                     }
                 };
-                if !known || is_beyond(search, next, planes) {
+                if !known || is_outside(search.portals, planes, next, (portal.center, portal.radius)) {
                     continue;
                 }
-                self.sets[set + word] |= bit;
-                let to = portal.to;
-                if self.stamps[to as usize] != self.stamp {
-                    self.stamps[to as usize] = self.stamp;
-                    self.queue.push(to);
+                sets[set + word] |= bit;
+                if self.flood.reach(portal.to) {
                     let unseen = |&target: &u32| {
                         !self.seen[target as usize] && !search.targets.is_outside(target, planes)
                     };
-                    more |= search.targets.of(to).iter().any(unseen);
+                    more |= search.targets.of(portal.to).iter().any(unseen);
                 }
             }
         }
         more
     }
-}
-
-/// Returns the half-space in front of a directed portal, moved back by the margin so that the portal's plane
-/// is included.
-fn ahead(search: &Search, portal: u32) -> Plane {
-    let plane = search.portals.all[portal as usize].plane;
-    Plane::new(plane.normal, plane.offset + search.portals.margins.keep)
-}
-
-/// Tests whether all vertices of a directed portal are outside one of the planes. `false` without planes.
-fn is_beyond(search: &Search, portal: u32, planes: &[Plane]) -> bool {
-    let directed = &search.portals.all[portal as usize];
-    planes.iter().any(|plane| {
-        let middle = plane.signed_distance(directed.center);
-        middle < 0.0
-            && (middle < -directed.radius
-                || search.portals.vertices_of(directed).iter().all(|&v| plane.signed_distance(v) < 0.0))
-    })
 }

@@ -11,12 +11,10 @@
 //! Candidates are numbered in the order of the cells that they lead from, so the sets are short and the
 //! portals of one cell are adjacent.
 
-mod chain;
+mod chain_proofs;
+mod extend_chain;
 mod flow;
-mod known;
-mod scratch;
-mod witness;
+mod flow_scratch;
 
-pub(crate) use flow::portal_flow;
-pub(crate) use known::{Found, Known};
-pub(crate) use scratch::Scratch;
+pub(crate) use flow::{FlowInput, FlowResult, portal_flow};
+pub(crate) use flow_scratch::FlowScratch;

@@ -13,7 +13,7 @@
 
 use super::radius::radius_of;
 use super::stab::Stab;
-use crate::lp::{BOX, Certificate, Levels, Row, Stop, find};
+use crate::lp::{Certificate, Row, SeidelSolver, Stop, find};
 use alloc::vec::Vec;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec2;
@@ -21,26 +21,26 @@ use visibility_core::glam::DVec2;
 /// Scratch memory for finding a line through segments of a floor plan by a linear program in two variables.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FloorPlan {
-    levels: Levels,
+    seidel: SeidelSolver,
     rows: Vec<([f64; 2], f64)>,
 }
 
 /// Distances at which a line is searched, in order: how far inside each half-space of the program it must be,
 /// as a fraction of the half-space's greatest coefficient.
-const INSIDE: [f64; 4] = [1e-2, 1e-4, 1e-6, 0.0];
+const INSIDE_FRACTIONS: [f64; 4] = [1e-2, 1e-4, 1e-6, 0.0];
 
 /// Bound on the absolute value of both variables of the program. Certificates do not depend on it.
-const FAR: f64 = 1e6;
+const VARIABLE_BOUND: f64 = 1e6;
 
 impl FloorPlan {
     /// Searches a line through all `segments`, each given by its left and its right end, at least `clearance`
-    /// away from all ends. The result is a point and a direction. [`Stab::Maybe`] if undecided, for no
+    /// away from all ends. The result is a point and a direction. [`Stab::Undecided`] if undecided, for no
     /// segments, for a coordinate that is not finite, and for a clearance that is not positive.
     pub(crate) fn stab(&mut self, segments: &[[DVec2; 2]], clearance: f64) -> Stab<[DVec2; 2]> {
-        let (Some(first), Some(last)) = (segments.first(), segments.last()) else { return Stab::Maybe };
+        let (Some(first), Some(last)) = (segments.first(), segments.last()) else { return Stab::Undecided };
         let sensible = clearance > 0.0 && segments.iter().flatten().all(|p| p.is_finite());
         if !sensible {
-            return Stab::Maybe;
+            return Stab::Undecided;
         }
         let origin = (first[0] + first[1]) * 0.5;
         let across = |s: &[DVec2; 2]| s[0] - s[1];
@@ -65,13 +65,13 @@ impl FloorPlan {
             let (sign, p) = (if p.0 % 2 == 0 { 1.0 } else { -1.0 }, *p.1 - origin);
             self.rows.push(([sign * turn.dot(p), sign * size * turn.length()], sign * start.dot(p)));
         }
-        for inside in INSIDE {
+        for inside in INSIDE_FRACTIONS {
             let rows = &self.rows;
             let inside = |i: usize| {
                 let ([a, b], c) = rows[i];
                 ([a, b], c - inside * a.abs().max(b.abs()).max(c.abs()))
             };
-            match self.levels.solve(rows.len(), inside, [0.0; 2], [FAR; 2]) {
+            match self.seidel.solve(rows.len(), inside, [0.0; 2], [VARIABLE_BOUND; 2]) {
                 Ok([t, c]) => {
                     let (n, c) = (start + turn * t, c * size * turn.length());
                     let line = [origin - n * (c / n.length_squared()), -n.perp()];
@@ -87,7 +87,7 @@ impl FloorPlan {
                 Err(Stop::GaveUp) => {}
             }
         }
-        Stab::Maybe
+        Stab::Undecided
     }
 
     /// Returns the certificate that the segment ends in the program's last conflict contradict each other.
@@ -107,19 +107,17 @@ impl FloorPlan {
         let least = 2.0 * clearance;
         let mut rows = [Row { normal: [x, y, DoubleDouble::ZERO], error: 0.0, least }; 4];
         let mut count = 1;
-        let conflict = self.levels.conflict();
-        for &tag in conflict.iter().filter(|tag| **tag < BOX) {
-            let (p, is_left) = (segments[tag as usize / 2][tag as usize % 2], tag % 2 == 0);
-            let [x, y] = difference(p, origin);
+        for end in self.seidel.conflicting_rows() {
+            let [x, y] = difference(segments[end / 2][end % 2], origin);
             let mut normal = [x, y, DoubleDouble::from(unit)];
-            if !is_left {
+            if end % 2 == 1 {
                 normal = normal.map(DoubleDouble::negated);
             }
             rows[count] = Row { normal, error: 0.0, least: clearance };
             count += 1;
         }
         let multipliers = find(&rows[..count], &[1.0, 1.0, radius / unit])?;
-        let ends = conflict.iter().copied().filter(|tag| *tag < BOX);
+        let ends = self.seidel.conflicting_rows().map(|end| end as u32);
         Some(Certificate::new(ends.zip(multipliers[1..].iter().copied())))
     }
 }

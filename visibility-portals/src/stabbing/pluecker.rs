@@ -39,7 +39,7 @@
 //! `n . d = 1`.
 
 use super::radius::radius_of;
-use crate::lp::{BOX, Certificate, Levels, MOST, Row, Stop, find};
+use crate::lp::{Certificate, MAX_ROWS, Row, SeidelSolver, Stop, find};
 use alloc::vec::Vec;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec3;
@@ -107,7 +107,7 @@ pub(crate) fn edges_of(
 /// Scratch memory of the test whether any line passes a sequence of portals, and the result of the last test.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pluecker {
-    levels: Levels,
+    seidel: SeidelSolver,
     /// Half-spaces of the edges in the five coordinates of the program, each as normal and offset.
     rows: Vec<([f64; 5], f64)>,
     /// By row: index of the opening, index of the edge in the opening, and index of the edge among the edges
@@ -124,7 +124,7 @@ pub(crate) struct Pluecker {
 
 /// Bound on the absolute value of the program's variables. A line beyond the bound is not excluded, since
 /// certificates do not depend on it.
-const FAR: f64 = 1e6;
+const VARIABLE_BOUND: f64 = 1e6;
 
 /// Answer to whether the half-spaces of all edges of a sequence have a common point in Pluecker space.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -190,7 +190,7 @@ impl Pluecker {
             }
         }
         let rows = &self.rows;
-        match self.levels.solve(rows.len(), |i| rows[i], [0.0; 5], [FAR; 5]) {
+        match self.seidel.solve(rows.len(), |i| rows[i], [0.0; 5], [VARIABLE_BOUND; 5]) {
             Ok(_) | Err(Stop::GaveUp) => Polytope::Open,
             Err(Stop::Conflict) => {
                 self.certificate(&opening, square, origin, clearance).map_or(Polytope::Open, Polytope::Empty)
@@ -207,7 +207,7 @@ impl Pluecker {
             let (a, b) = rows[i];
             (a, b - inside * a.iter().fold(b.abs(), |size, a| size.max(a.abs())))
         };
-        let x = self.levels.solve(rows.len(), inside, [0.0; 5], [FAR; 5]).ok()?;
+        let x = self.seidel.solve(rows.len(), inside, [0.0; 5], [VARIABLE_BOUND; 5]).ok()?;
         let [start, u, v] = self.frame;
         let d = start + u * x[0] + v * x[1];
         // The moment of a line is perpendicular to its direction. The point of the line nearest to the origin
@@ -227,38 +227,37 @@ impl Pluecker {
     ) -> Option<Certificate> {
         let square = opening(at);
         let (radius, unit) = radius_of(square.edges.iter().map(|edge| (edge.a - origin).length()));
-        let mut rows = [Row { normal: [DoubleDouble::ZERO; 6], error: 0.0, least: 0.0 }; MOST];
-        rows[0] = area(&square, origin, clearance);
+        let mut rows = [Row { normal: [DoubleDouble::ZERO; 6], error: 0.0, least: 0.0 }; MAX_ROWS];
+        rows[0] = area_row(&square, origin, clearance);
         let mut count = 1;
-        let conflict = self.levels.conflict();
-        for &tag in conflict.iter().filter(|tag| **tag < BOX) {
-            let (i, j, _) = self.of[tag as usize];
-            rows[count] = halfspace(&opening(i as usize).edge(j as usize), origin, unit);
+        for row in self.seidel.conflicting_rows() {
+            let (i, j, _) = self.of[row];
+            rows[count] = edge_row(&opening(i as usize).edge(j as usize), origin, unit);
             count += 1;
         }
         let bounds = [1.0, 1.0, 1.0, radius / unit, radius / unit, radius / unit];
         let multipliers = find(&rows[..count], &bounds)?;
         self.needed.clear();
         self.needed.push(at as u32);
-        for (tag, l) in conflict.iter().filter(|tag| **tag < BOX).zip(&multipliers[1..]) {
-            let of = self.of[*tag as usize].0;
+        for (row, l) in self.seidel.conflicting_rows().zip(&multipliers[1..]) {
+            let of = self.of[row].0;
             if l.hi > 0.0 && !self.needed.contains(&of) {
                 self.needed.push(of);
             }
         }
-        let edges = conflict.iter().filter(|tag| **tag < BOX).map(|tag| self.of[*tag as usize].2);
+        let edges = self.seidel.conflicting_rows().map(|row| self.of[row].2);
         Some(Certificate::new(edges.zip(multipliers[1..].iter().copied())))
     }
 }
 
 /// A three-dimensional vector of double-double numbers.
-type Long = [DoubleDouble; 3];
+type DoubleDoubleVector = [DoubleDouble; 3];
 
-fn difference(a: DVec3, b: DVec3) -> Long {
+fn difference(a: DVec3, b: DVec3) -> DoubleDoubleVector {
     [0, 1, 2].map(|k| DoubleDouble::difference(a[k], b[k]))
 }
 
-fn cross(a: &Long, b: &Long) -> Long {
+fn cross(a: &DoubleDoubleVector, b: &DoubleDoubleVector) -> DoubleDoubleVector {
     [0, 1, 2].map(|k| {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         a[i].times(b[j]).plus(a[j].times(b[i]).negated())
@@ -267,14 +266,14 @@ fn cross(a: &Long, b: &Long) -> Long {
 
 /// Returns an absolute bound on the error of each coordinate of `a x b`: two products and a difference, each
 /// off by at most `ERROR` of the product of the greatest coordinates, or of the sum of two such products.
-fn error_of_cross(a: &Long, b: &Long) -> f64 {
-    let size = |a: &Long| a.iter().fold(0.0, |size: f64, a| size.max(a.hi.abs()));
+fn error_of_cross(a: &DoubleDoubleVector, b: &DoubleDoubleVector) -> f64 {
+    let size = |a: &DoubleDoubleVector| a.iter().fold(0.0, |size: f64, a| size.max(a.hi.abs()));
     8.0 * DoubleDouble::ERROR * size(a) * size(b)
 }
 
 /// Returns the half-space `h . (d, m) >= 0` of an edge moved by its shift, relative to `origin`, with `m` in
 /// units of `unit`.
-fn halfspace(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
+fn edge_row(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     // a x b = a x (b - a).
     let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));
     let shift = [0, 1, 2].map(|k| DoubleDouble::from(edge.shift[k]));
@@ -288,7 +287,7 @@ fn halfspace(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
 
 /// Returns the half-space `N . d >= 6 c^2` of an opening, where `c` is the clearance: a line that passes the
 /// opening with this clearance is not parallel to its plane.
-fn area(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
+fn area_row(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
     let (mut sum, mut error) = ([DoubleDouble::ZERO; 3], f64::MIN_POSITIVE);
     for i in 0..opening.edges.len() {
         let edge = opening.edge(i);

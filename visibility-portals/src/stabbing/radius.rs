@@ -18,7 +18,7 @@ pub(super) fn radius_of(distances: impl Iterator<Item = f64>) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::whole_numbers::Random;
+    use crate::integer_vectors::Random;
 
     #[test]
     fn a_radius_is_never_less_than_the_distance() {

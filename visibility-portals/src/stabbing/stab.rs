@@ -11,7 +11,7 @@ pub enum Stab<L> {
     /// segments, or edges of polygons, by index counted through the sequence: no line passes even these.
     No(Certificate),
     /// Undecided: neither a line nor a certificate was found.
-    Maybe,
+    Undecided,
 }
 
 impl<L> Stab<L> {

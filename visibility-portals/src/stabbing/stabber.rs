@@ -38,11 +38,12 @@ pub struct Stabber {
 
 impl Stabber {
     /// Makes a stabber. `clearance` is the distance, in the unit of the coordinates, that lines must keep
-    /// from all edges, and should be positive. If it is not positive, [`segments`](Self::segments) always
-    /// answers [`Stab::Maybe`].
+    /// from all edges, and should be positive. A negative or NaN clearance counts as 0. With a clearance of
+    /// 0, [`segments`](Self::segments) always answers [`Stab::Undecided`].
     pub fn new(clearance: f64) -> Self {
         Self {
-            clearance,
+            // The greater of a NaN and 0 is 0.
+            clearance: clearance.max(0.0),
             plan: FloorPlan::default(),
             pluecker: Pluecker::default(),
             edges: Vec::new(),
@@ -54,8 +55,8 @@ impl Stabber {
     }
 
     /// Searches for a line in the plane through all `segments`. Each segment is given by the end that the
-    /// line passes on its left and the end that it passes on its right. [`Stab::Maybe`] without segments and
-    /// for coordinates that are not finite.
+    /// line passes on its left and the end that it passes on its right. [`Stab::Undecided`] without segments
+    /// and for coordinates that are not finite.
     ///
     /// A linear program in two variables, solved in time linear in the number of segments (Seth Teller and
     /// Carlo Sequin, "Visibility Preprocessing for Interactive Walkthroughs", 1991).
@@ -97,9 +98,9 @@ impl Stabber {
     /// counter-clockwise around the direction in which the line passes.
     ///
     /// A linear program in five variables, solved in time linear in the number of edges: see Durand's survey,
-    /// chapter 8, section 3. Only a few lines are tried, so [`Stab::Maybe`] may be returned for a sequence
-    /// that has a line. `Stab::Maybe` is also returned for a sequence that has no line although lines pass
-    /// any few of the edges, for polygons that are not planar or not convex, and without polygons.
+    /// chapter 8, section 3. Only a few lines are tried, so [`Stab::Undecided`] may be returned for a
+    /// sequence that has a line. `Stab::Undecided` is also returned for a sequence that has no line although
+    /// lines pass any few of the edges, for polygons that are not planar or not convex, and without polygons.
     pub fn polygons<P: AsRef<[DVec3]>>(&mut self, polygons: &[P]) -> Stab<[DVec3; 2]> {
         self.edges.clear();
         self.ends.clear();
@@ -108,12 +109,12 @@ impl Stabber {
             let vertices = polygon.as_ref();
             let Some(plane) = ConvexPolygon::new(vertices.iter().copied()).ok().and_then(|p| p.plane())
             else {
-                return Stab::Maybe;
+                return Stab::Undecided;
             };
             edges_of(vertices.iter().copied(), plane.normal, inset, &mut self.edges);
             self.ends.push((self.edges.len(), plane.normal));
         }
-        let (Some(first), Some(last)) = (polygons.first(), polygons.last()) else { return Stab::Maybe };
+        let (Some(first), Some(last)) = (polygons.first(), polygons.last()) else { return Stab::Undecided };
         let middle = |polygon: &P| {
             let vertices = polygon.as_ref();
             vertices.iter().fold(DVec3::ZERO, |sum, &v| sum + v) / vertices.len() as f64
@@ -132,9 +133,9 @@ impl Stabber {
         match polytope {
             Polytope::Empty(certificate) => Stab::No(certificate),
             Polytope::Open => {
-                let lines = INSIDE.map(|inside| self.pluecker.line(from, inside));
+                let lines = INSIDE_FRACTIONS.map(|inside| self.pluecker.line(from, inside));
                 let mut clear = lines.into_iter().flatten().filter(|[p, d]| self.is_clear(*p, *d));
-                clear.next().map_or(Stab::Maybe, Stab::Line)
+                clear.next().map_or(Stab::Undecided, Stab::Line)
             }
         }
     }
@@ -157,13 +158,13 @@ impl Stabber {
 
 /// Distances at which a line is searched, in order: how far inside each half-space of the program it must be,
 /// as a fraction of the half-space's greatest coefficient.
-const INSIDE: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
+const INSIDE_FRACTIONS: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 
 #[cfg(test)]
 mod tests {
     use super::super::floor_plan::is_clear as is_clear_in_plan;
     use super::*;
-    use crate::whole_numbers::{Random, Whole};
+    use crate::integer_vectors::{IntegerVector, Random};
 
     /// Returns a clearance that a line misses by a relative 1e-9. The line's distance is `product / across`;
     /// a line on the wrong side (`product` not positive) misses any positive clearance.
@@ -200,14 +201,30 @@ mod tests {
     }
 
     #[test]
+    fn a_negative_or_nan_clearance_counts_as_zero() {
+        // The line through the middles of the outer doors passes the middle door 0.2 outside.
+        let door = |x: f64, y: f64| {
+            [[y, 0.0], [y + 1.0, 0.0], [y + 1.0, 1.0], [y, 1.0]].map(|[y, z]| DVec3::new(x, y, z))
+        };
+        let doors = [door(0.0, 0.0), door(1.0, 0.7), door(2.0, 0.0)];
+        for clearance in [-0.5, f64::NEG_INFINITY, f64::NAN] {
+            let answer = Stabber::new(clearance).polygons(&doors);
+            let Stab::Line([p, d]) = answer else { panic!("{answer:?}") };
+            let y = [0.0, 1.0, 2.0].map(|x| p.y + d.y * (x - p.x) / d.x);
+            assert!(y[0] <= 1.0 && y[1] >= 0.7 && y[2] <= 1.0, "{clearance}: {y:?}");
+            assert_eq!(answer, Stabber::new(0.0).polygons(&doors));
+        }
+    }
+
+    #[test]
     fn lines_of_a_plan_that_are_nearly_as_far_off_as_they_have_to_be_are_not_clear() {
         let mut random = Random(7);
-        let flat = |random: &mut Random, most| Whole([random.below(most), random.below(most), 0]);
+        let flat = |random: &mut Random, most| IntegerVector([random.below(most), random.below(most), 0]);
         for _ in 0..20_000 {
             let [d, p, near] = [1 << 24, 1 << 20, 4].map(|most| flat(&mut random, most));
             let left = d.times(random.below(1 << 27)).plus(near);
             // The right end is far to the right.
-            let right = left.plus(Whole([d.0[1], -d.0[0], 0]).times(1 << 8));
+            let right = left.plus(IntegerVector([d.0[1], -d.0[0], 0]).times(1 << 8));
             let segments = [[left, right].map(|end| p.plus(end).to_f64().truncate())];
             let clearance = just_missed(d.cross(near).0[2] as f64, d.to_f64().length());
             let line = [p, d].map(|v| v.to_f64().truncate());

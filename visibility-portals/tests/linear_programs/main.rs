@@ -132,7 +132,7 @@ fn compare<const D: usize>(solver: &mut Solver<D>, random: &mut Random, tally: &
             assert!(left < 1e-9, "{left} {rows:?}");
             tally.infeasible += 1;
         }
-        Feasible::Maybe => {
+        Feasible::Undecided => {
             assert!(thin, "undecided although it is clear: {rows:?}");
             tally.maybe += 1;
         }
@@ -227,5 +227,5 @@ fn nearly_parallel_opposites_are_decided() {
     ];
     let halves = rows.map(|(a, b)| HalfSpace { normal: a.map(f64::from), offset: f64::from(b) });
     let answer = Solver::new().feasible(&halves, BOUND as f64);
-    assert!(!matches!(answer, Feasible::Maybe));
+    assert!(!matches!(answer, Feasible::Undecided));
 }

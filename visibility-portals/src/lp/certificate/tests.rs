@@ -86,12 +86,12 @@ fn negative_multipliers_and_what_is_no_number_prove_nothing() {
     }
 }
 
-/// Returns normals and least values of 2 to [`MOST`] constraints that one integer point satisfies, most
-/// of them with equality. The normals have small integers, so that many cancel, and include opposite pairs
-/// that differ in the last digits.
+/// Returns normals and least values of 2 to [`MAX_ROWS`] constraints that one integer point
+/// satisfies, most of them with equality. The normals have small integers, so that many cancel, and include
+/// opposite pairs that differ in the last digits.
 fn through_a_point<const K: usize>(random: &mut Random) -> (Vec<[i64; K]>, Vec<i64>) {
     let point: [i64; K] = core::array::from_fn(|_| i64::from(random.between(-9, 9)));
-    let count = 2 + random.bits() as usize % (MOST - 1);
+    let count = 2 + random.bits() as usize % (MAX_ROWS - 1);
     let fine = [0, 20, 34][random.bits() as usize % 3];
     let mut normals: Vec<[i64; K]> = Vec::new();
     while normals.len() < count {
@@ -124,7 +124,7 @@ fn never_refuted<const K: usize>(random: &mut Random) {
         assert!(find(&rows, &[9.0; K]).is_none(), "{all:?}");
         // One more constraint, whose normal is the opposite of the sum of the others, contradicts them by a
         // half.
-        if all.0.len() < MOST.min(K + 1) {
+        if all.0.len() < MAX_ROWS.min(K + 1) {
             let mut opposite = [0; K];
             all.0.iter().for_each(|n| opposite.iter_mut().zip(n).for_each(|(sum, h)| *sum -= h));
             let least = -all.1.iter().sum::<i64>();

@@ -53,7 +53,7 @@ fn edges_moved_by_less_than_the_clearance_are_still_passed() {
         let forth = Opening { edges: &edges, against: false, normal: it.normal };
         let back = Opening { edges: &edges, against: true, normal: -it.normal };
         for (j, edge) in edges.iter().enumerate().filter(|(_, edge)| edge.bounds) {
-            let row = halfspace(&forth.edge(j), origin, unit);
+            let row = edge_row(&forth.edge(j), origin, unit);
             let across = it.direction.cross(edge.b - edge.a);
             let at = value(&row, origin, unit, it.point, it.direction);
             // Proportional to the distance from the line that remains after the shift.
@@ -62,7 +62,7 @@ fn edges_moved_by_less_than_the_clearance_are_still_passed() {
             assert!((at - right).abs() < 1e-12 && at > 0.0, "{at} {right}");
             tight += u32::from(at < 0.02 * clearance * across.length());
             // The opposite direction of passage, with the edges reversed.
-            let at = value(&halfspace(&back.edge(j), origin, unit), origin, unit, it.point, -it.direction);
+            let at = value(&edge_row(&back.edge(j), origin, unit), origin, unit, it.point, -it.direction);
             assert!((at - right).abs() < 1e-12, "{at} {right}");
         }
     }
@@ -80,7 +80,7 @@ fn no_line_sees_less_of_a_portal_than_the_disc_around_it() {
         let origin = random.direction();
         for (against, sense) in [(false, 1.0), (true, -1.0)] {
             let opening = Opening { edges: &edges, against, normal: it.normal * sense };
-            let row = area(&opening, origin, clearance);
+            let row = area_row(&opening, origin, clearance);
             let at = value(&row, origin, 1.0, it.point, it.direction * sense);
             assert!(at > row.least, "{at} {}", row.least);
             least = least.min(at / row.least);

@@ -1,9 +1,8 @@
 //! Lines that prove that a cell is seen, and certificates that no line passes a chain.
 
-use super::known::Known;
-use super::scratch::{Refuted, Scratch};
+use super::flow::FlowInput;
+use super::flow_scratch::FlowScratch;
 use crate::directed_portals::DirectedPortal;
-use crate::lp::MOST;
 use crate::stabbing::pluecker::Polytope;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -11,46 +10,43 @@ use visibility_core::glam::DVec3;
 /// Maximum number of certificates that the search from one portal keeps for testing later chains.
 const REMEMBERED: usize = 32;
 
-impl Scratch {
+impl FlowScratch {
     /// Returns two points of a line: the vertex means of a part of the source and of a part of the target,
     /// given as ranges of `points`. Neither range may be empty.
     pub(crate) fn middle_line(&self, source: &Range<usize>, pass: &Range<usize>) -> [DVec3; 2] {
         [source, pass].map(|place| {
-            let points = &self.points[place.clone()];
+            let points = &self.chain.points[place.clone()];
             points.iter().fold(DVec3::ZERO, |sum, &p| sum + p) / points.len() as f64
         })
     }
 
     /// Tests whether the line through two points passes all portals of the chain and then portal `target`.
     /// `true` proves that the cells at both ends see each other.
-    pub(crate) fn witness(&self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
-        let chain = self.frames.iter().map(|frame| frame.portal).chain([target]);
-        chain.into_iter().all(|portal| passes(known, &known.portals.all[portal as usize], a, b))
+    pub(crate) fn witness(&self, input: &FlowInput, target: u32, [a, b]: [DVec3; 2]) -> bool {
+        let chain = self.chain.frames.iter().map(|frame| frame.portal).chain([target]);
+        chain.into_iter().all(|portal| passes(input, &input.portals.all[portal as usize], a, b))
     }
 
     /// Tests whether it is certain that no line passes all portals of the chain and then portal `target`. The
     /// two points give an approximate line to start from. `false` if undecided, or if the test in Pluecker
     /// space is disabled.
-    pub(crate) fn is_excluded(&mut self, known: &Known, target: u32, [a, b]: [DVec3; 2]) -> bool {
-        let (Some(clearance), Some(direction)) = (known.exact, (b - a).try_normalize()) else { return false };
+    pub(crate) fn is_excluded(&mut self, input: &FlowInput, target: u32, [a, b]: [DVec3; 2]) -> bool {
+        let (Some(clearance), Some(direction)) = (input.exact, (b - a).try_normalize()) else { return false };
         if self.is_refuted(target) {
             return true;
         }
-        let frames = &self.frames;
+        let frames = &self.chain.frames;
         let opening = |i: usize| {
             let portal = frames.get(i).map_or(target, |frame| frame.portal);
-            known.portals.opening(&known.portals.all[portal as usize])
+            input.portals.pluecker_opening(&input.portals.all[portal as usize])
         };
         let line = (a, direction);
         let answer = self.pluecker.test(opening, frames.len() + 1, line, clearance);
         if answer == Polytope::Open {
             return false;
         }
-        let mut refuted = Refuted { portals: [0; MOST], count: 0 };
-        for &place in &self.pluecker.needed {
-            refuted.portals[refuted.count] = frames.get(place as usize).map_or(target, |frame| frame.portal);
-            refuted.count += 1;
-        }
+        let portal = |&i: &u32| frames.get(i as usize).map_or(target, |frame| frame.portal);
+        let refuted = self.pluecker.needed.iter().map(portal).collect();
         if self.refuted.len() < REMEMBERED {
             self.refuted.push(refuted);
         } else {
@@ -62,27 +58,28 @@ impl Scratch {
 
     /// Tests whether a certificate of this flow excludes the chain extended by portal `target`.
     fn is_refuted(&self, target: u32) -> bool {
-        let has = |portal: u32| portal == target || self.frames.iter().any(|frame| frame.portal == portal);
-        self.refuted.iter().any(|refuted| refuted.portals[..refuted.count].iter().all(|&portal| has(portal)))
+        let has =
+            |portal: u32| portal == target || self.chain.frames.iter().any(|frame| frame.portal == portal);
+        self.refuted.iter().any(|refuted| refuted.iter().all(|&portal| has(portal)))
     }
 }
 
 /// Tests whether the line through points `a` and `b` passes a portal along its normal. `true` may be wrong by
 /// rounding, but by less than the distance by which the portal was shrunk; `false` if the line is too nearly
 /// parallel to the portal's plane.
-fn passes(known: &Known, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
+fn passes(input: &FlowInput, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));
     // For so short a distance along the normal, the intersection with the plane is not accurate.
-    let is_known = db - da > 1e3 * known.portals.margins.keep;
+    let is_known = db - da > 1e3 * input.portals.margins.keep;
     if !is_known {
         return false;
     }
     let p = a + (b - a) * (da / (da - db));
-    let vertices = known.portals.vertices_of(portal);
+    let vertices = input.portals.vertices_of(portal);
     let mut start = vertices[vertices.len() - 1];
     vertices.iter().all(|&end| {
         let edge = end - core::mem::replace(&mut start, end);
         // The intersection is on the inner side of the edge, or on it.
-        portal.plane.normal.cross(edge).dot(p - (end - edge)) >= -known.portals.margins.keep * edge.length()
+        portal.plane.normal.cross(edge).dot(p - (end - edge)) >= -input.portals.margins.keep * edge.length()
     })
 }

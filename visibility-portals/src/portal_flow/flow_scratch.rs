@@ -1,18 +1,19 @@
 //! Scratch memory of flows, and the candidates of a source.
 
-use super::known::Known;
+use super::flow::FlowInput;
 use crate::cell_matrix::bits;
-use crate::lp::MOST;
+use crate::lp::MAX_ROWS;
+use crate::portal_chain::{CellFlood, PortalChain};
 use crate::stabbing::pluecker::Pluecker;
 use alloc::vec::Vec;
 use core::ops::Range;
-use visibility_core::geometry::Plane;
+use smallvec::SmallVec;
 use visibility_core::glam::DVec3;
 
 /// Scratch memory of the search through one portal, the source; reused by one search after another. A
 /// candidate is a portal that may be seen through the source, named by its position in `candidates`.
 #[derive(Default)]
-pub struct Scratch {
+pub struct FlowScratch {
     /// Indices of the directed portals that may be seen through the source, ascending.
     pub(crate) candidates: Vec<u32>,
     pub(crate) count: usize,
@@ -25,13 +26,12 @@ pub struct Scratch {
     /// By candidate portal: whether the plane of the source may intersect the portal, so that the portal
     /// must be clipped to it.
     pub(crate) cut: Vec<bool>,
-    /// By cell index: the half-open range of the candidate portals that lead from the cell. (0, 0) if there
-    /// are none.
-    pub(crate) of_cell: Vec<(u32, u32)>,
+    /// By cell index: the range of the candidate portals that lead from the cell. 0..0 if there are none.
+    pub(crate) of_cell: Vec<Range<u32>>,
     /// By candidate portal: offset of the candidate's row in `rows`, or `NO_ROW` if the row has not been
     /// made yet.
     row_of: Vec<u32>,
-    /// Rows of [`Known::rows`] compressed to the bits of the candidates. Each row is made on first use.
+    /// Rows of [`FlowInput::rows`] compressed to the bits of the candidates. Each row is made on first use.
     pub(crate) rows: Vec<u64>,
     /// The words of the source's full row that have candidates: the index of the word, the bits of the
     /// candidates, and the number of candidates in earlier words.
@@ -41,59 +41,24 @@ pub struct Scratch {
     pub(crate) goals: Vec<u64>,
     /// Bitset over the candidate portals: a bit is set once the portal is seen or could not be excluded.
     pub(crate) reached: Vec<u64>,
-    pub(crate) points: Vec<DVec3>,
-    pub(crate) planes: Vec<Plane>,
-    /// Stack of bitsets over the candidate portals, one for each frame of the chain. `Frame::set` is the
-    /// offset of a bitset.
-    pub(crate) sets: Vec<u64>,
-    pub(crate) frames: Vec<Frame>,
-    /// By cell: number of the flood fill that last visited the cell, compared with `stamp`.
-    pub(crate) stamps: Vec<u32>,
-    pub(crate) stamp: u32,
-    pub(crate) queue: Vec<u32>,
+    /// The current chain. Its bitsets and the children of its frames are of candidate portals.
+    pub(crate) chain: PortalChain,
+    pub(crate) flood: CellFlood,
     pub(crate) pluecker: Pluecker,
-    /// Sets of portals that the most recent certificates of this flow exclude, at most 32.
-    pub(crate) refuted: Vec<Refuted>,
+    /// Sets of directed portals of which no line passes all, by the most recent certificates of this flow, at
+    /// most 32.
+    pub(crate) refuted: Vec<SmallVec<[u32; MAX_ROWS]>>,
     /// Index in `refuted` of the oldest entry, which is replaced next.
     pub(crate) oldest: usize,
 }
 
-/// A portal of the current chain, and the lists' state when it was pushed.
-#[derive(Clone, Debug)]
-pub(crate) struct Frame {
-    /// Index of the directed portal in `DirectedPortals::all`.
-    pub(crate) portal: u32,
-    /// Index of the cell behind the portal.
-    pub(crate) cell: u32,
-    /// The part of the source that lines of the chain can come from, a range of `points`.
-    pub(crate) source: Range<usize>,
-    /// The part of this portal that lines of the chain can pass, a range of `points`.
-    pub(crate) pass: Range<usize>,
-    /// The planes that bound everything that the lines reach beyond this portal, a range of `planes`.
-    pub(crate) planes: Range<usize>,
-    /// Offset in `sets` of the bitset of the candidate portals that lines through this portal can still
-    /// reach.
-    pub(crate) set: usize,
-    /// The next candidate portal to inspect, a position in `Scratch::candidates`.
-    pub(crate) next: u32,
-    /// Length of `Scratch::points` before this frame was pushed, restored when the frame is popped.
-    pub(crate) points: usize,
-}
-
-/// Directed portals of which no line passes all, by a certificate. The first `count` entries are valid.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Refuted {
-    pub(crate) portals: [u32; MOST],
-    pub(crate) count: usize,
-}
-
 const NO_ROW: u32 = u32::MAX;
 
-impl Scratch {
+impl FlowScratch {
     /// Collects the candidates of the directed portal `source`, and forgets the last flow.
-    pub(crate) fn begin(&mut self, known: &Known, source: u32) {
-        let all = &known.portals.all;
-        let row = &known.rows[source as usize * known.stride..][..known.stride];
+    pub(crate) fn begin(&mut self, input: &FlowInput, source: u32) {
+        let all = &input.portals.all;
+        let row = &input.rows[source as usize * input.stride..][..input.stride];
         self.candidates.clear();
         self.mask.clear();
         for (i, &word) in row.iter().enumerate().filter(|(_, word)| **word != 0) {
@@ -103,8 +68,7 @@ impl Scratch {
         self.count = self.candidates.len();
         self.words = self.count.div_ceil(64);
         self.of_cell.clear();
-        self.of_cell.resize(known.portals.first.len(), (0, 0));
-        self.stamps.resize(known.portals.first.len(), 0);
+        self.of_cell.resize(input.portals.first.len(), 0..0);
         self.balls.clear();
         self.to.clear();
         self.cut.clear();
@@ -113,12 +77,12 @@ impl Scratch {
             let portal = &all[candidate as usize];
             self.balls.push((portal.center, portal.radius));
             self.to.push(portal.to);
-            self.cut.push(plane.signed_distance(portal.center) < portal.radius + known.portals.margins.keep);
+            self.cut.push(plane.signed_distance(portal.center) < portal.radius + input.portals.margins.keep);
             let range = &mut self.of_cell[portal.from as usize];
-            if range.1 == 0 {
-                range.0 = i as u32;
+            if range.end == 0 {
+                range.start = i as u32;
             }
-            range.1 = i as u32 + 1;
+            range.end = i as u32 + 1;
         }
         self.row_of.clear();
         self.row_of.resize(self.count, NO_ROW);
@@ -127,27 +91,23 @@ impl Scratch {
             set.clear();
             set.resize(self.words, 0);
         }
-        let from = all[source as usize].from as usize;
-        let seen = &known.seen[from * known.cell_stride..][..known.cell_stride];
+        let seen = input.seen.row(all[source as usize].from as usize);
         for (i, &to) in self.to.iter().enumerate() {
             if seen[to as usize / 64] >> (to % 64) & 1 == 0 {
                 self.goals[i / 64] |= 1 << (i % 64);
             }
         }
-        self.points.clear();
-        self.planes.clear();
-        self.sets.clear();
-        self.frames.clear();
+        self.chain.clear();
         // Certificates are not kept between flows: which flows a thread ran before depends on scheduling.
         self.refuted.clear();
         self.oldest = 0;
     }
 
     /// Returns the offset in `rows` of the row of a candidate portal, and makes the row on first use.
-    pub(crate) fn row(&mut self, known: &Known, candidate: usize) -> usize {
+    pub(crate) fn row(&mut self, input: &FlowInput, candidate: usize) -> usize {
         if self.row_of[candidate] == NO_ROW {
             self.row_of[candidate] = self.rows.len() as u32;
-            let row = &known.rows[self.candidates[candidate] as usize * known.stride..][..known.stride];
+            let row = &input.rows[self.candidates[candidate] as usize * input.stride..][..input.stride];
             compress(row, &self.mask, self.words, &mut self.rows);
         }
         self.row_of[candidate] as usize
@@ -160,7 +120,7 @@ impl Scratch {
 }
 
 /// Appends to `out` the bits of `row` that `mask` selects, compacted into `words` words. The entries of
-/// `mask` are as in `Scratch::mask`.
+/// `mask` are as in `FlowScratch::mask`.
 pub(crate) fn compress(row: &[u64], mask: &[(u32, u64, u32)], words: usize, out: &mut Vec<u64>) {
     let start = out.len();
     out.resize(start + words, 0);

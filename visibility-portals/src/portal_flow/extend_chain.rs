@@ -1,0 +1,146 @@
+//! Extension of the current chain of portals, and the set of candidates that lines through the chain can
+//! still reach.
+
+use super::flow::{FlowInput, FlowResult};
+use super::flow_scratch::FlowScratch;
+use crate::cell_matrix::bits;
+use crate::portal_chain::{ChainFrame, is_outside};
+use core::ops::Range;
+
+impl FlowScratch {
+    /// Begins the chain with portal `source`. All candidates of the source may be reached from it.
+    pub(crate) fn enter_source(&mut self, input: &FlowInput, source: u32) {
+        let portal = &input.portals.all[source as usize];
+        let chain = &mut self.chain;
+        chain.points.extend_from_slice(input.portals.vertices_of(portal));
+        let all = 0..chain.points.len();
+        chain.sets.resize(self.words, u64::MAX);
+        if !self.count.is_multiple_of(64) {
+            chain.sets[self.words - 1] = u64::MAX >> (64 - self.count % 64);
+        }
+        let children = self.of_cell[portal.to as usize].clone();
+        let (portal, source, pass) = (source, all.clone(), all);
+        chain.frames.push(ChainFrame { portal, source, pass, planes: 0..0, set: 0, children, points: 0 });
+    }
+
+    /// Extends the chain by candidate `child` if lines can pass it and then reach a goal. Records in `result`
+    /// the cells that are seen and the chains excluded; `first` is the index of the source portal.
+    pub(crate) fn visit(&mut self, input: &FlowInput, first: u32, child: usize, result: &mut FlowResult) {
+        let Some(frame) = self.chain.frames.last().cloned() else { return };
+        let row = self.row(input, child);
+        let is_goal = self.goals[child / 64] >> (child % 64) & 1 != 0;
+        if !is_goal && !self.leads_to_goal(frame.set, row) {
+            // No cell behind this portal remains to be found, so all portals that may be reached stay marked
+            // as reached.
+            self.reached[child / 64] |= 1 << (child % 64);
+            self.reach_all(frame.set, row);
+            return;
+        }
+        let points = self.chain.points.len();
+        let portal = self.candidates[child];
+        let Some((source, pass)) = self.chain.narrow(input.portals, first, &frame, portal, self.cut[child])
+        else {
+            self.chain.points.truncate(points);
+            return;
+        };
+        let cell = self.to[child];
+        let mut proven = false;
+        if is_goal {
+            let line = self.middle_line(&source, &pass);
+            proven = self.witness(input, portal, line);
+            if !proven && self.is_excluded(input, portal, line) {
+                result.rejected += 1;
+                self.chain.points.truncate(points);
+                return;
+            }
+        }
+        self.reached[child / 64] |= 1 << (child % 64);
+        if is_goal {
+            result.cells.push((cell, proven));
+            self.drop_goals(cell);
+        }
+        if !self.leads_to_goal(frame.set, row) {
+            self.reach_all(frame.set, row);
+            self.chain.points.truncate(points);
+            return;
+        }
+        let (planes, set) = (self.chain.planes.len(), self.chain.sets.len());
+        self.chain.push_planes(input.portals, (first, &source), (portal, &pass));
+        let planes = planes..self.chain.planes.len();
+        self.push_reachable_set(input, frame.set, row, cell, planes.clone());
+        let after = &self.chain.sets[set..];
+        if after.iter().zip(&self.goals).all(|(a, b)| a & b == 0) {
+            self.reached.iter_mut().zip(after).for_each(|(reached, after)| *reached |= after);
+            self.chain.sets.truncate(set);
+            self.chain.planes.truncate(planes.start);
+            self.chain.points.truncate(points);
+            return;
+        }
+        let children = self.of_cell[cell as usize].clone();
+        self.chain.frames.push(ChainFrame { portal, source, pass, planes, set, children, points });
+    }
+
+    /// Tests whether three bitsets over the candidates have a bit in common: the set at offset `set` in the
+    /// chain's sets, the row at offset `row` in `rows`, and `goals`.
+    fn leads_to_goal(&self, set: usize, row: usize) -> bool {
+        let sets = self.chain.sets[set..].iter().zip(self.row_words(row)).zip(&self.goals);
+        sets.into_iter().any(|((a, b), c)| a & b & c != 0)
+    }
+
+    /// Marks as reached the candidates that are both in the set at offset `set` in the chain's sets and in
+    /// the row at offset `row` in `rows`.
+    fn reach_all(&mut self, set: usize, row: usize) {
+        for i in 0..self.words {
+            self.reached[i] |= self.chain.sets[set + i] & self.rows[row + i];
+        }
+    }
+
+    /// Removes the candidates that lead to `cell` from `goals`, since the cell is now known to be seen.
+    fn drop_goals(&mut self, cell: u32) {
+        for (i, _) in self.to.iter().enumerate().filter(|(_, to)| **to == cell) {
+            self.goals[i / 64] &= !(1 << (i % 64));
+        }
+    }
+
+    /// Appends to the chain's sets the bitset of the candidates that are in the set at offset `from` and in
+    /// the row at offset `row` in `rows`, can be reached from `cell` by a flood fill through cells, and are
+    /// not outside any of `planes`, a range of the chain's planes.
+    fn push_reachable_set(
+        &mut self,
+        input: &FlowInput,
+        from: usize,
+        row: usize,
+        cell: u32,
+        planes: Range<usize>,
+    ) {
+        let set = self.chain.sets.len();
+        self.chain.sets.resize(set + self.words, 0);
+        let (before, after) = self.chain.sets.split_at_mut(set);
+        let before = &before[from..];
+        let planes = &self.chain.planes[planes];
+        self.flood.begin(self.of_cell.len(), cell);
+        let row = &self.rows[row..row + self.words];
+        while let Some(cell) = self.flood.next_cell() {
+            let (start, end) = (self.of_cell[cell as usize].start, self.of_cell[cell as usize].end as usize);
+            let mut word = start as usize / 64;
+            while word * 64 < end {
+                let mut mask = before[word] & row[word];
+                if word == start as usize / 64 {
+                    mask &= u64::MAX << (start % 64);
+                }
+                if end - word * 64 < 64 {
+                    mask &= (1 << (end - word * 64)) - 1;
+                }
+                for bit in bits(mask) {
+                    let i = word * 64 + bit as usize;
+                    if is_outside(input.portals, planes, self.candidates[i], self.balls[i]) {
+                        continue;
+                    }
+                    after[word] |= 1 << bit;
+                    self.flood.reach(self.to[i]);
+                }
+                word += 1;
+            }
+        }
+    }
+}
