@@ -2,8 +2,10 @@
 //! frame, and hostile input.
 
 mod maze;
+mod room_row;
 
 use maze::{Camera, Maze, Style};
+use room_row::{along, boxes, row_of_rooms, seen};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Culler, ObjectId, Pose, Scene, View, VisibleSet,
@@ -13,43 +15,14 @@ use visibility_core::{
     view::Window,
 };
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError};
-use visibility_testing::Random;
+use visibility_testing::{Random, cameras::DEPTHS};
 
-/// Returns rooms of 4 by 4 by 3 in a row along x, with a door 1 wide and 2 high in the middle of each wall
-/// between rooms, and a scene with one box in each room.
+/// Returns a [row of rooms](row_of_rooms), and a scene with one box in each room.
 fn row(rooms: u32) -> (SceneCells, Scene, Vec<ObjectId>) {
-    let room = |i: u32| DVec3::new(f64::from(i) * 4.0, 0.0, 0.0);
-    let door = |x: f64| {
-        let corners = [[1.5, 0.0], [2.5, 0.0], [2.5, 2.0], [1.5, 2.0]];
-        ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(x, y, z))).unwrap()
-    };
-    let portals = (1..rooms).map(|i| (door(room(i).x), [CellId(i - 1), CellId(i)]));
-    let graph = CellGraph::new(rooms as usize, portals).unwrap();
-    let viewcells = (0..rooms).map(|i| Viewcell::from_box(room(i), room(i) + DVec3::new(4.0, 4.0, 3.0)));
-    let mut cells = SceneCells::new(graph, Viewcells::new(viewcells), 1e-6).unwrap();
-    let mut scene = Scene::new();
-    let boxes = (0..rooms).map(|i| {
-        let at = (room(i) + DVec3::new(2.5, 2.0, 1.0)).as_vec3();
-        Aabb::new(at - 0.2, at + 0.2)
-    });
-    let ids = scene.insert_batch(boxes);
+    let mut cells = row_of_rooms(rooms);
+    let (scene, ids) = boxes(rooms);
     cells.sync(&scene);
     (cells, scene, ids)
-}
-
-/// Returns a view from the first room along the row of rooms, with an infinite far plane.
-fn along() -> View {
-    let pose = Pose::look_at(DVec3::new(0.5, 2.0, 1.0), DVec3::new(9.0, 2.0, 1.0), DVec3::Z);
-    View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()
-}
-
-fn seen(eye: &mut PortalEye, cells: &SceneCells, scene: &Scene, view: &View) -> Vec<usize> {
-    let mut visible = VisibleSet::new();
-    visible.fill(scene, view);
-    eye.cull(cells, scene, view, &mut visible);
-    let mut ids: Vec<usize> = visible.iter(scene).map(|id| id.index()).collect();
-    ids.sort_unstable();
-    ids
 }
 
 #[test]
@@ -346,7 +319,7 @@ fn no_input_panics_or_hangs() {
             for i in 0..20 {
                 let view = if i % 3 == 0 {
                     let matrix: [f64; 16] = std::array::from_fn(|_| random.fine_range(-1.0, 1.0) * scale);
-                    View::from_clip_from_world(matrix, maze::DEPTHS[i % 6])
+                    View::from_clip_from_world(matrix, DEPTHS[i % 6])
                 } else {
                     let eye = point(&mut random);
                     let pose = Pose::look_at(eye, eye + random.fine_vector(1.0), random.fine_vector(1.0));

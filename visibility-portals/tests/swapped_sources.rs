@@ -2,74 +2,38 @@
 //! one eye. Each frame gives the same result as a new eye with new cells.
 
 mod maze;
+mod room_row;
 
 use maze::{Camera, Maze, Style};
+use room_row::{along, boxes, indices, row_of_rooms, seen};
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Culler, ObjectId, Pose, Scene, View, VisibleSet,
+    Aabb, Culler, ObjectId, Scene, View, VisibleSet,
     cells::{CellGraph, CellId, PortalId},
     geometry::ConvexPolygon,
-    pvs::{Pvs, PvsTargets, Viewcell, Viewcells},
+    pvs::{Pvs, PvsTargets},
 };
 use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, PortalStats, SceneCells};
 use visibility_testing::Random;
 
-/// Returns rooms of 4 by 4 by 3 in a row along x, with a door in the middle of each wall between rooms. By
-/// the PVS each room sees `sight` rooms to either side.
+/// Returns a [row of rooms](row_of_rooms) in which by the PVS each room sees `sight` rooms to either side.
 fn row(rooms: u32, sight: u32) -> SceneCells {
-    let room = |i: u32| DVec3::new(f64::from(i) * 4.0, 0.0, 0.0);
-    let door = |x: f64| {
-        let corners = [[1.5, 0.0], [2.5, 0.0], [2.5, 2.0], [1.5, 2.0]];
-        ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(x, y, z))).unwrap()
-    };
-    let portals = (1..rooms).map(|i| (door(room(i).x), [CellId(i - 1), CellId(i)]));
-    let graph = CellGraph::new(rooms as usize, portals).unwrap();
-    let viewcells = (0..rooms).map(|i| Viewcell::from_box(room(i), room(i) + DVec3::new(4.0, 4.0, 3.0)));
     let rows: Vec<Vec<u32>> =
         (0..rooms).map(|a| (0..rooms).filter(|&b| a.abs_diff(b) <= sight).collect()).collect();
     let pvs = Pvs::new(PvsTargets::Cells, rooms as usize, &rows, |_| []).unwrap();
-    SceneCells::new(graph, Viewcells::new(viewcells), 1e-6).unwrap().with_pvs(pvs).unwrap()
-}
-
-/// Returns a scene with one box in the middle of each room of a row.
-fn boxes(rooms: u32) -> Scene {
-    let mut scene = Scene::new();
-    scene.insert_batch((0..rooms).map(|i| {
-        let at = DVec3::new(f64::from(i) * 4.0 + 2.5, 2.0, 1.0).as_vec3();
-        Aabb::new(at - 0.2, at + 0.2)
-    }));
-    scene
-}
-
-/// Returns a view from the first room along the row of rooms, with an infinite far plane.
-fn along() -> View {
-    let pose = Pose::look_at(DVec3::new(0.5, 2.0, 1.0), DVec3::new(9.0, 2.0, 1.0), DVec3::Z);
-    View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()
-}
-
-fn ids(scene: &Scene, visible: &VisibleSet) -> Vec<usize> {
-    let mut ids: Vec<usize> = visible.iter(scene).map(|id| id.index()).collect();
-    ids.sort_unstable();
-    ids
-}
-
-fn seen(eye: &mut PortalEye, cells: &SceneCells, scene: &Scene, view: &View) -> Vec<usize> {
-    let mut visible = VisibleSet::new();
-    visible.fill(scene, view);
-    eye.cull(cells, scene, view, &mut visible);
-    ids(scene, &visible)
+    row_of_rooms(rooms).with_pvs(pvs).unwrap()
 }
 
 fn seen_by(culler: &mut PortalCuller, scene: &Scene, view: &View) -> Vec<usize> {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);
     culler.cull(scene, view, &mut visible);
-    ids(scene, &visible)
+    indices(scene, &visible)
 }
 
 #[test]
 fn an_eye_takes_the_pvs_of_the_cells_that_it_is_given() {
-    let (scene, view) = (boxes(5), along());
+    let (scene, view) = (boxes(5).0, along());
     let [mut near, mut far] = [row(5, 1), row(5, 4)];
     near.sync(&scene);
     far.sync(&scene);
@@ -82,7 +46,7 @@ fn an_eye_takes_the_pvs_of_the_cells_that_it_is_given() {
 
 #[test]
 fn a_culler_takes_the_pvs_of_cells_that_are_put_in_the_place_of_others() {
-    let (scene, view) = (boxes(5), along());
+    let (scene, view) = (boxes(5).0, along());
     let mut culler = PortalCuller::new(row(5, 1));
     for reset in [false, true] {
         *culler.cells_mut() = row(5, 1);
@@ -97,7 +61,7 @@ fn a_culler_takes_the_pvs_of_cells_that_are_put_in_the_place_of_others() {
 
 #[test]
 fn a_culler_that_is_reset_is_as_new() {
-    let (scene, view) = (boxes(5), along());
+    let (scene, view) = (boxes(5).0, along());
     let mut culler = PortalCuller::new(row(5, 4)).with_eye(PortalEye::new().with_step_limit(1));
     seen_by(&mut culler, &scene, &view);
     assert_eq!(culler.eye().stats().fallback, Some(NotCulled::Steps));
@@ -111,7 +75,7 @@ fn a_culler_that_is_reset_is_as_new() {
 
 #[test]
 fn an_eye_that_gave_up_in_a_large_building_looks_into_a_small_one() {
-    let (scene, view) = (boxes(9), along());
+    let (scene, view) = (boxes(9).0, along());
     let [mut large, mut small] = [row(9, 8), row(2, 1)];
     large.sync(&scene);
     small.sync(&scene);
@@ -127,15 +91,16 @@ fn an_eye_that_gave_up_in_a_large_building_looks_into_a_small_one() {
 
 #[test]
 fn mirrors_show_all_that_is_in_view_where_the_cells_do_not_know_the_scene() {
-    let (scene, view) = (boxes(2), along());
+    let (scene, view) = (boxes(2).0, along());
     let mut cells = row(2, 1);
     // A mirror at the end of the second room, facing the eye.
     let corners = [[1.0, 0.5], [1.0, 2.0], [3.0, 2.0], [3.0, 0.5]];
     let glass = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(8.0, y, z))).unwrap();
     cells.add_mirror(CellId(1), &glass).unwrap();
     let mut eye = PortalEye::new();
-    let shown =
-        |eye: &PortalEye| eye.reflections().iter().map(|one| ids(&scene, one.visible())).collect::<Vec<_>>();
+    let shown = |eye: &PortalEye| {
+        eye.reflections().iter().map(|one| indices(&scene, one.visible())).collect::<Vec<_>>()
+    };
     assert_eq!(seen(&mut eye, &cells, &scene, &view), [0, 1]);
     assert_eq!((eye.stats().fallback, shown(&eye)), (Some(NotCulled::NotSynced), vec![vec![0, 1]]));
     cells.sync(&scene);
@@ -157,10 +122,11 @@ struct Answer {
 impl Answer {
     fn new(eye: &PortalEye, cells: &SceneCells, scene: &Scene, visible: &VisibleSet) -> Self {
         let all = (0..cells.graph().cell_count() as u32).map(CellId);
-        let of =
-            |one: &visibility_portals::Reflection| (one.mirror().0, one.parent(), ids(scene, one.visible()));
+        let of = |one: &visibility_portals::Reflection| {
+            (one.mirror().0, one.parent(), indices(scene, one.visible()))
+        };
         Self {
-            visible: ids(scene, visible),
+            visible: indices(scene, visible),
             stats: eye.stats(),
             cells: eye.seen_cells().collect(),
             ways: all.map(|cell| eye.path_to(cell).collect()).collect(),
@@ -343,7 +309,7 @@ fn whatever_is_swapped_the_answer_is_that_of_a_new_eye_and_of_new_cells() {
             let mut own = candidates.clone();
             culler.cull(scene, &camera.view, &mut own);
             if newest.stats.fallback != Some(NotCulled::Steps) {
-                assert_eq!(ids(scene, &own), newest.visible, "frame {frame}");
+                assert_eq!(indices(scene, &own), newest.visible, "frame {frame}");
             }
         }
     }

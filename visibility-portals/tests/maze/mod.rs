@@ -6,16 +6,16 @@
 //! culler.
 #![allow(dead_code, missing_docs, unreachable_pub)]
 
-use visibility_core::glam::{DMat4, DQuat, DVec2, DVec3};
+use visibility_core::glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use visibility_core::{
     Aabb, ObjectId, Pose, Scene, View,
     cells::{CellGraph, CellId, PortalId},
     geometry::{ConvexPolygon, Plane, PolygonError},
     pvs::{Viewcell, Viewcells},
-    view::Depth,
 };
 use visibility_portals::{MirrorId, Passage, SceneCells};
 use visibility_testing::Random;
+use visibility_testing::cameras::{DEPTHS, projection};
 
 /// A convex polygon in a wall: its corners in grid space, in the two coordinates that follow the wall's axis
 /// cyclically, counter-clockwise.
@@ -388,15 +388,6 @@ fn meets(from: DVec3, step: DVec3, min: DVec3, max: DVec3) -> bool {
     enter <= leave
 }
 
-pub const DEPTHS: [Depth; 6] = [
-    Depth::NegativeOneToOne,
-    Depth::NegativeOneToOneInfinite,
-    Depth::ZeroToOne,
-    Depth::ZeroToOneInfinite,
-    Depth::Reversed,
-    Depth::ReversedInfinite,
-];
-
 /// A random camera: the parameters of its rays, and the `View` under test with the same rays.
 pub struct Camera {
     pub pose: Pose,
@@ -426,26 +417,11 @@ impl Camera {
         } else {
             10f64.powf(random.fine_range(-4.0, -0.7))
         };
-        let depth = DEPTHS[random.below(6)];
+        let depth = random.pick(&DEPTHS);
         let far = near + if random.below(3) == 0 { random.fine_range(3.0, 12.0) } else { 200.0 };
-        // Rows of the clip matrix, relative to the eye; the row of z follows the depth convention.
-        let z = pose.forward;
-        let w = if orthographic { DVec3::ZERO.extend(1.0) } else { z.extend(0.0) };
-        let infinite = depth.is_infinite() && !orthographic;
-        // from_near is 0 at the near plane and w at the far plane: (forward . p - near) * far / (far - near)
-        // for perspective.
-        let from_near = match (orthographic, infinite) {
-            (true, _) => (z / (far - near)).extend(-near / (far - near)),
-            (false, false) => (z * (far / (far - near))).extend(-near * far / (far - near)),
-            (false, true) => z.extend(-near),
-        };
-        let row = match depth {
-            Depth::NegativeOneToOne | Depth::NegativeOneToOneInfinite => from_near * 2.0 - w,
-            Depth::ZeroToOne | Depth::ZeroToOneInfinite => from_near,
-            Depth::Reversed | Depth::ReversedInfinite => w - from_near,
-        };
-        let rows = [(pose.right / half.x).extend(0.0), (pose.up / half.y).extend(0.0), row, w];
-        let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
+        let window = [-half.x, half.x, -half.y, half.y];
+        let axes = DMat3::from_cols(pose.right, pose.up, pose.forward).transpose();
+        let matrix = projection(depth, window, near, far, orthographic) * DMat4::from_mat3(axes);
         let view = View::from_clip_from_world(matrix, depth).unwrap().relative_to(eye).unwrap();
         let far = if depth.is_infinite() { f64::INFINITY } else { far };
         Self { pose, half, near, far, orthographic, view }
