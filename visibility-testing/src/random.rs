@@ -38,10 +38,10 @@ impl Random {
         (self.bits() % limit as u64) as usize
     }
 
-    /// Returns an integer from `least` to `greatest`, both included. `greatest` must not be less than
-    /// `least`; panics or returns other numbers otherwise.
-    pub fn between(&mut self, least: i32, greatest: i32) -> i32 {
-        least + self.below((greatest - least + 1) as usize) as i32
+    /// Returns an integer between two bounds, both included, in either order.
+    pub fn between(&mut self, a: i32, b: i32) -> i32 {
+        let count = u64::from(a.abs_diff(b)) + 1;
+        a.min(b).wrapping_add_unsigned((self.bits() % count) as u32)
     }
 
     /// Returns true with probability 1 in `n`. Panics if `n` is 0.
@@ -97,6 +97,22 @@ impl Random {
             let v = DVec3::from_array(core::array::from_fn(|_| self.fine_range(-1.0, 1.0)));
             if v.length_squared() <= 1.0 && v.length_squared() > 1e-4 {
                 return v.normalize();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn integers_lie_between_any_two_bounds() {
+        let mut random = Random(1);
+        for (a, b) in [(3, 3), (-2, 4), (4, -2), (i32::MIN, i32::MAX), (i32::MAX, i32::MIN)] {
+            for _ in 0..100 {
+                let drawn = random.between(a, b);
+                assert!((a.min(b)..=a.max(b)).contains(&drawn), "{drawn} between {a} and {b}");
             }
         }
     }
