@@ -142,7 +142,9 @@ mod tests {
             exact.push(key, triangles);
         }
         // Triangles 0..4, 4..6, 6..9 and 9. Of objects 10, 11 and 12, the image shows 1, 2 and 1 triangles.
-        exact.count(&Image::new(7, 1, [0, 0, 4, 5, 5, 8, NONE].into(), [1.0; 7].into()));
+        let mut image = Image::new(7, 1).unwrap();
+        image.items = [0, 0, 4, 5, 5, 8, NONE].into();
+        exact.count(&image);
         let mut comparison =
             Comparison { false_hidden_keys: [1, 2, 3].into(), wrong_pixels: 9, ..Default::default() };
         exact.compare(|_, key| [10, 13].contains(&key), &mut comparison);

@@ -3,8 +3,7 @@
 use crate::clip::ImageProjection;
 use crate::error::MeasureError;
 use crate::exact::ExactVisibility;
-use crate::raster::{Image, NONE};
-use alloc::vec::Vec;
+use crate::raster::Image;
 use visibility_core::View;
 use visibility_core::glam::{DVec3, Vec3};
 
@@ -51,13 +50,8 @@ impl ItemBuffer {
         if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
             return Err(error);
         }
-        let (width, height) = (width as usize, height as usize);
-        let (mut items, mut nearness) = (Vec::new(), Vec::new());
-        items.try_reserve_exact(width * height).map_err(|_| error)?;
-        nearness.try_reserve_exact(width * height).map_err(|_| error)?;
-        items.resize(width * height, NONE);
-        nearness.resize(width * height, f64::NEG_INFINITY);
-        Ok(Self { image: Image::new(width, height, items, nearness), exact: ExactVisibility::default() })
+        let image = Image::new(width as usize, height as usize).ok_or(error)?;
+        Ok(Self { image, exact: ExactVisibility::default() })
     }
 
     /// Draws objects, replacing the previous frame, and counts their pixels.
@@ -97,10 +91,7 @@ impl ItemBuffer {
 
     /// Empties the image and the counts; keeps the capacity.
     fn clear(&mut self) {
-        self.image.items.fill(NONE);
-        self.image.nearness.fill(f64::NEG_INFINITY);
-        self.image.layers = 0;
-        self.image.claims.clear();
+        self.image.clear();
         self.exact.clear();
     }
 
@@ -114,8 +105,8 @@ impl ItemBuffer {
         self.image.height as u32
     }
 
-    /// Returns, for each pixel, the number of the triangle seen through the pixel's centre, or [`NONE`] if no
-    /// triangle is seen. Row by row from the top of the image, each row from the left. The centre of column
+    /// Returns, for each pixel, the number of the triangle seen through the pixel's centre, or
+    /// [`NONE`](crate::NONE) if no triangle is seen. Row by row from the top of the image, each row from the left. The centre of column
     /// `i` is at NDC `x / w = (2 * i + 1) / width - 1`, the centre of row `j` at `y / w = 1 - (2 * j + 1) /
     /// height`. If triangles tie for a pixel, the pixel has the nearest of them by rounding, or the first
     /// drawn among equals.

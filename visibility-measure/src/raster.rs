@@ -70,7 +70,7 @@ pub(crate) struct Claim {
 
 /// Image under construction: the nearest triangle so far at each pixel and its depth key, row by row from the
 /// top.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Image {
     /// Number of columns.
     pub(crate) width: usize,
@@ -99,21 +99,24 @@ pub(crate) struct Image {
 }
 
 impl Image {
-    /// Makes an image from its pixels: a triangle number and a depth key for each, `width * height` of both,
-    /// row by row from the top.
-    pub(crate) fn new(width: usize, height: usize, items: Vec<u32>, nearness: Vec<f64>) -> Self {
-        let claims = Vec::new();
-        Self {
-            width,
-            height,
-            items,
-            nearness,
-            layers: 0,
-            claims,
-            claims_full: false,
-            object_start: 0,
-            least_difference: 0.0,
-        }
+    /// Makes an empty image of `width` columns and `height` rows. `None` if memory for the pixels cannot be
+    /// allocated.
+    pub(crate) fn new(width: usize, height: usize) -> Option<Self> {
+        let mut image = Self { width, height, ..Self::default() };
+        image.items.try_reserve_exact(width * height).ok()?;
+        image.nearness.try_reserve_exact(width * height).ok()?;
+        image.clear();
+        Some(image)
+    }
+
+    /// Removes all triangles and claims, and zeroes the counts; keeps the capacity.
+    pub(crate) fn clear(&mut self) {
+        self.items.clear();
+        self.items.resize(self.width * self.height, NONE);
+        self.nearness.clear();
+        self.nearness.resize(self.width * self.height, f64::NEG_INFINITY);
+        self.claims.clear();
+        (self.layers, self.claims_full) = (0, false);
     }
 
     /// Drops each claim whose triangle is certainly behind the triangle that the claim's pixel now shows.
@@ -370,8 +373,7 @@ mod tests {
     }
 
     fn image() -> Image {
-        let nearness = [f64::NEG_INFINITY; 1024].into();
-        Image::new(32, 32, [9; 1024].into(), nearness)
+        Image::new(32, 32).unwrap()
     }
 
     fn at(x: f64, y: f64, nearness: f64) -> Corner {
@@ -419,7 +421,7 @@ mod tests {
 
     #[test]
     fn thousands_of_coincident_objects_take_bounded_memory() {
-        let mut image = Image::new(8, 8, alloc::vec![NONE; 64], alloc::vec![0.0; 64]);
+        let mut image = Image::new(8, 8).unwrap();
         let corner = |x, y| Corner { x, y, nearness: 1.0 };
         for item in 0..5000 {
             image.object_start = item;

@@ -215,3 +215,14 @@ fn walls_at_depth_zero_of_a_parallel_view_are_both_visible() {
         assert_eq!(buffer.visible().tied_pixels(), 64, "{direction}");
     }
 }
+
+/// A buffer that has drawn so many coincident walls that it stopped recording ties records the ties of the
+/// next frame.
+#[test]
+fn a_frame_full_of_ties_leaves_the_next_frame_its_ties() {
+    let mut buffer = ItemBuffer::new(8, 8).unwrap();
+    let wall = rectangle(0.0, 0.0, 8.0, 8.0, 0.5);
+    judge(&mut buffer, &pixels(8.0, 8.0), &[&wall[..]; 5000], &[0]);
+    let comparison = judge(&mut buffer, &pixels(8.0, 8.0), &[&wall[..]; 2], &[0, 1]);
+    assert!(comparison.is_exact() && buffer.visible().tied_pixels() == 64, "{comparison:?}");
+}
