@@ -146,11 +146,11 @@ pub struct Advisor<'a> {
     /// Facts about the scene, found by drawing its views in software.
     facts: SceneFacts,
     /// Item buffer of each view: the reference for the candidates.
-    probes: Vec<ItemBuffer>,
+    references: Vec<ItemBuffer>,
 }
 
 /// Columns and rows, in pixels, of the image in which each view is drawn.
-const PROBE: (u32, u32) = (320, 180);
+const IMAGE_SIZE: (u32, u32) = (320, 180);
 
 impl<'a> Advisor<'a> {
     /// Draws each view once in software, at 320 x 180 pixels. A few typical views suffice. `draw` is the cost
@@ -166,9 +166,9 @@ impl<'a> Advisor<'a> {
             triangles: scene.ids().map(|id| triangles(id).len()).sum(),
             ..SceneFacts::default()
         };
-        let mut probes = Vec::with_capacity(views.len());
+        let mut references = Vec::with_capacity(views.len());
         for view in views {
-            let mut buffer = ItemBuffer::new(PROBE.0, PROBE.1)?;
+            let mut buffer = ItemBuffer::new(IMAGE_SIZE.0, IMAGE_SIZE.1)?;
             let seen = buffer.draw(
                 view,
                 scene.origin(),
@@ -178,9 +178,9 @@ impl<'a> Advisor<'a> {
             facts.visible_objects += share * f64::from(seen.visible_objects());
             facts.visible_triangles += share * f64::from(seen.visible_triangles());
             facts.depth_complexity += share * seen.depth_complexity();
-            probes.push(buffer);
+            references.push(buffer);
         }
-        Ok(Self { scene, views, draw, facts, probes })
+        Ok(Self { scene, views, draw, facts, references })
     }
 
     /// Returns the facts about the scene that drawing its views has found. All counts of visible objects and
@@ -215,7 +215,7 @@ impl<'a> Advisor<'a> {
         // coherence with the previous frame.
         for run in 0..RUNS {
             let mut sum = 0.0;
-            for ((view, probe), least) in self.views.iter().zip(&self.probes).zip(&mut least) {
+            for ((view, reference), least) in self.views.iter().zip(&self.references).zip(&mut least) {
                 let start = clock();
                 pipeline.cull(self.scene, view, &mut visible);
                 *least = least.min((clock() - start) * 1e6);
@@ -230,7 +230,7 @@ impl<'a> Advisor<'a> {
                 }
                 reported.fill(false);
                 visible.iter(self.scene).for_each(|id| reported[id.index()] = true);
-                probe.visible().compare(|_, key| reported[key as usize], &mut comparison);
+                reference.visible().compare(|_, key| reported[key as usize], &mut comparison);
                 trial.objects += share * f64::from(comparison.reported_objects);
                 trial.triangles += share * f64::from(comparison.reported_triangles);
                 trial.false_hidden += u64::from(comparison.false_hidden_objects);

@@ -35,7 +35,7 @@ pub(crate) struct ImageProjection {
     far: DVec2,
     /// Depth key as a function of a clip-space point: (`x` times the clip z plus the constant `y`) over the
     /// clip w.
-    nearness: DVec2,
+    depth_key: DVec2,
     /// Whether the view is parallel (w is constant).
     parallel: bool,
     /// Half the image's width and height in pixels.
@@ -61,7 +61,7 @@ impl ImageProjection {
             _ => DVec2::new(0.0, 1.0),
         };
         let parallel = clip_from_local.row(3).truncate() == DVec3::ZERO;
-        let nearness = match (parallel, view.depth().is_reversed()) {
+        let depth_key = match (parallel, view.depth().is_reversed()) {
             (false, _) => DVec2::new(0.0, 1.0),
             (true, true) => DVec2::new(1.0, 0.0),
             (true, false) => DVec2::new(-1.0, 0.0),
@@ -70,7 +70,7 @@ impl ImageProjection {
         let shift = origin - view.origin();
         let moved = |p: &Plane| Plane::new(p.normal, p.normal.dot(shift) + p.offset);
         let clip_planes = view.clip_planes().iter().map(moved).collect();
-        Self { clip_from_local, near, far, nearness, parallel, half_size, clip_planes }
+        Self { clip_from_local, near, far, depth_key, parallel, half_size, clip_planes }
     }
 
     /// Returns the absolute difference of two depth keys up to which they count as equal. 1e-10 for parallel
@@ -145,7 +145,7 @@ impl ImageProjection {
         Corner {
             x: (v.x / v.w + 1.0) * self.half_size.x,
             y: (1.0 - v.y / v.w) * self.half_size.y,
-            nearness: (self.nearness.x * v.z + self.nearness.y) / v.w,
+            depth_key: (self.depth_key.x * v.z + self.depth_key.y) / v.w,
         }
     }
 

@@ -1,6 +1,6 @@
 //! Comparison of a culler's answer with an item buffer.
 
-use crate::exact::ExactVisibility;
+use crate::sampled_visibility::SampledVisibility;
 use alloc::vec::Vec;
 
 /// Differences between a culler's answer and an item buffer, for one view.
@@ -81,7 +81,7 @@ enum Answer {
     Hidden,
 }
 
-impl ExactVisibility {
+impl SampledVisibility {
     /// Replaces `out` by the comparison with a culler's answer. `reported(index, key)` returns whether the
     /// culler reported an object. It is called once for each object, in the order drawn, with the object's
     /// index and key. O(objects + tied pixels). Allocates one byte per object.
@@ -137,17 +137,17 @@ mod tests {
 
     #[test]
     fn errors_are_counted_both_ways() {
-        let mut exact = ExactVisibility::default();
+        let mut sampled = SampledVisibility::default();
         for (key, triangles) in [(10, 4), (11, 2), (12, 3), (13, 1)] {
-            exact.push(key, triangles);
+            sampled.push(key, triangles);
         }
         // Triangles 0..4, 4..6, 6..9 and 9. Of objects 10, 11 and 12, the image shows 1, 2 and 1 triangles.
         let mut image = Image::new(7, 1).unwrap();
         image.items = [0, 0, 4, 5, 5, 8, NONE].into();
-        exact.count(&image);
+        sampled.count(&image);
         let mut comparison =
             Comparison { false_hidden_keys: [1, 2, 3].into(), wrong_pixels: 9, ..Default::default() };
-        exact.compare(|_, key| [10, 13].contains(&key), &mut comparison);
+        sampled.compare(|_, key| [10, 13].contains(&key), &mut comparison);
         let expected = Comparison {
             reported_objects: 2,
             reported_triangles: 5,
@@ -162,10 +162,10 @@ mod tests {
         };
         assert_eq!(comparison, expected);
         assert!(!comparison.is_conservative());
-        exact.compare(|index, _| index < 3, &mut comparison);
+        sampled.compare(|index, _| index < 3, &mut comparison);
         assert!(comparison.is_exact() && comparison.false_hidden_keys.is_empty());
         assert_eq!(comparison.false_visible_triangles, 9 - 4);
-        exact.compare(|_, _| true, &mut comparison);
+        sampled.compare(|_, _| true, &mut comparison);
         assert!(comparison.is_conservative() && !comparison.is_exact());
     }
 }

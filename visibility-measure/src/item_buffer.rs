@@ -2,8 +2,8 @@
 
 use crate::clip::ImageProjection;
 use crate::error::MeasureError;
-use crate::exact::ExactVisibility;
 use crate::raster::Image;
+use crate::sampled_visibility::SampledVisibility;
 use visibility_core::View;
 use visibility_core::glam::{DVec3, Vec3};
 
@@ -35,7 +35,7 @@ pub struct ItemBuffer {
     /// Triangle number and depth key of each pixel.
     image: Image,
     /// Pixel counts of the last frame, by object and triangle.
-    exact: ExactVisibility,
+    sampled: SampledVisibility,
 }
 
 impl ItemBuffer {
@@ -51,7 +51,7 @@ impl ItemBuffer {
             return Err(error);
         }
         let image = Image::new(width as usize, height as usize).ok_or(error)?;
-        Ok(Self { image, exact: ExactVisibility::default() })
+        Ok(Self { image, sampled: SampledVisibility::default() })
     }
 
     /// Draws objects, replacing the previous frame, and counts their pixels.
@@ -70,12 +70,12 @@ impl ItemBuffer {
         view: &View,
         origin: DVec3,
         objects: impl IntoIterator<Item = (u32, &'a [[Vec3; 3]])>,
-    ) -> Result<&ExactVisibility, MeasureError> {
+    ) -> Result<&SampledVisibility, MeasureError> {
         self.clear();
         let projection = ImageProjection::new(view, origin, &self.image);
         self.image.least_difference = projection.least_difference();
         for (object, (key, triangles)) in objects.into_iter().enumerate() {
-            let Some(first) = self.exact.push(key, triangles.len()) else {
+            let Some(first) = self.sampled.push(key, triangles.len()) else {
                 self.clear();
                 return Err(MeasureError::TooMany { object });
             };
@@ -84,15 +84,15 @@ impl ItemBuffer {
                 projection.draw(triangle, item, &mut self.image);
             }
         }
-        self.image.settle_claims();
-        self.exact.count(&self.image);
-        Ok(&self.exact)
+        self.image.drop_hidden_claims();
+        self.sampled.count(&self.image);
+        Ok(&self.sampled)
     }
 
     /// Empties the image and the counts; keeps the capacity.
     fn clear(&mut self) {
         self.image.clear();
-        self.exact.clear();
+        self.sampled.clear();
     }
 
     /// Returns the number of columns.
@@ -106,10 +106,10 @@ impl ItemBuffer {
     }
 
     /// Returns, for each pixel, the number of the triangle seen through the pixel's centre, or
-    /// [`NONE`](crate::NONE) if no triangle is seen. Row by row from the top of the image, each row from the left. The centre of column
-    /// `i` is at NDC `x / w = (2 * i + 1) / width - 1`, the centre of row `j` at `y / w = 1 - (2 * j + 1) /
-    /// height`. If triangles tie for a pixel, the pixel has the nearest of them by rounding, or the first
-    /// drawn among equals.
+    /// [`NONE`](crate::NONE) if no triangle is seen. Row by row from the top of the image, each row from the
+    /// left. The centre of column `i` is at NDC `x / w = (2 * i + 1) / width - 1`, the centre of row `j` at
+    /// `y / w = 1 - (2 * j + 1) / height`. If triangles tie for a pixel, the pixel has the nearest of them by
+    /// rounding, or the first drawn among equals.
     pub fn items(&self) -> &[u32] {
         &self.image.items
     }
@@ -118,21 +118,21 @@ impl ItemBuffer {
     /// [`items`](Self::items). Greater is nearer. For perspective views the key is `1 / w`, the reciprocal
     /// distance along the viewing direction (unless the clip matrix scales `w`). For parallel views the key
     /// is linear in depth. Negative infinity in pixels without a triangle.
-    pub fn nearness(&self) -> &[f64] {
-        &self.image.nearness
+    pub fn depth_keys(&self) -> &[f64] {
+        &self.image.depth_keys
     }
 
-    /// Returns the object seen in a pixel, as an index into [`ExactVisibility::objects`]. `None` if the pixel
-    /// shows no object or lies outside of the image.
+    /// Returns the object seen in a pixel, as an index into [`SampledVisibility::objects`]. `None` if the
+    /// pixel shows no object or lies outside of the image.
     pub fn object_at(&self, column: u32, row: u32) -> Option<usize> {
         if column >= self.width() || row >= self.height() {
             return None;
         }
-        self.exact.object_of(self.image.items[row as usize * self.image.width + column as usize])
+        self.sampled.object_of(self.image.items[row as usize * self.image.width + column as usize])
     }
 
     /// Returns the counts of the last [`draw`](Self::draw). Empty before the first.
-    pub fn visible(&self) -> &ExactVisibility {
-        &self.exact
+    pub fn visible(&self) -> &SampledVisibility {
+        &self.sampled
     }
 }

@@ -7,7 +7,7 @@
 //! An *item buffer* holds, for each pixel, the number of the triangle that is seen through the pixel's centre
 //! (Weghorst, Hooper and Greenberg, "Improved Computational Methods for Ray Tracing", 1984). Counting these
 //! numbers gives the visible triangles and objects and their pixels. Comparing the counts with a culler's
-//! answer ([`ExactVisibility::compare`]) gives the culler's errors.
+//! answer ([`SampledVisibility::compare`]) gives the culler's errors.
 //!
 //! # What the numbers mean
 //! The buffer samples the visible set V at pixel centres. A triangle that covers no centre is missed: one
@@ -57,11 +57,11 @@
 //! let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
 //! let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?;
 //! let mut buffer = ItemBuffer::new(640, 360)?;
-//! let exact = buffer.draw(&view, DVec3::ZERO, [(7, &wall[..]), (8, &tile[..])])?;
-//! assert_eq!((exact.visible_objects(), exact.visible_triangles()), (1, 2));
+//! let sampled = buffer.draw(&view, DVec3::ZERO, [(7, &wall[..]), (8, &tile[..])])?;
+//! assert_eq!((sampled.visible_objects(), sampled.visible_triangles()), (1, 2));
 //! // A culler that reports the tile and forgets the wall errs both ways:
 //! let mut comparison = Comparison::default();
-//! exact.compare(|_index, key| key == 8, &mut comparison);
+//! sampled.compare(|_index, key| key == 8, &mut comparison);
 //! assert_eq!(comparison.false_hidden_keys, [7]);
 //! assert_eq!(comparison.false_visible_objects, 1);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -78,13 +78,13 @@ mod advisor;
 mod clip;
 mod compare;
 mod error;
-mod exact;
 mod item_buffer;
 mod raster;
+mod sampled_visibility;
 
 pub use advisor::{Advisor, CullerTrial, DrawCost, SceneFacts};
 pub use compare::Comparison;
 pub use error::MeasureError;
-pub use exact::{ExactVisibility, ObjectPixels};
 pub use item_buffer::{ItemBuffer, MAX_SIDE};
 pub use raster::NONE;
+pub use sampled_visibility::{ObjectPixels, SampledVisibility};

@@ -40,32 +40,32 @@ pub(crate) struct Corner {
     pub(crate) y: f64,
     /// Depth key, greater for nearer points and linear on the screen: `1 / w` for perspective views, signed
     /// clip depth for parallel views.
-    pub(crate) nearness: f64,
+    pub(crate) depth_key: f64,
 }
 
 impl Corner {
     /// Tests whether x, y and the depth key are all finite.
     pub(crate) fn is_finite(&self) -> bool {
-        self.x.is_finite() && self.y.is_finite() && self.nearness.is_finite()
+        self.x.is_finite() && self.y.is_finite() && self.depth_key.is_finite()
     }
 
     /// Tests whether this corner comes before `other` from top to bottom. Ties are ordered by x, then depth
     /// key, so that the order of corners in a triangle does not matter.
     fn is_above(&self, other: &Self) -> bool {
-        (self.y, self.x, self.nearness) < (other.y, other.x, other.nearness)
+        (self.y, self.x, self.depth_key) < (other.y, other.x, other.depth_key)
     }
 }
 
 /// Claim of a triangle to a pixel: the triangle ties with the triangle that the pixel shows, since rounding
 /// alone decides which of the two is nearest at the pixel's centre.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Claim {
+pub(crate) struct TieClaim {
     /// Index of the pixel: `row * width + column`.
     pub(crate) pixel: u32,
     /// Number of the triangle.
     pub(crate) item: u32,
     /// Depth key of the triangle at the pixel's centre; greater is nearer.
-    nearness: f64,
+    depth_key: f64,
 }
 
 /// Image under construction: the nearest triangle so far at each pixel and its depth key, row by row from the
@@ -80,13 +80,13 @@ pub(crate) struct Image {
     pub(crate) items: Vec<u32>,
     /// Depth key of the triangle that each pixel shows, greater for nearer; negative infinity without a
     /// triangle.
-    pub(crate) nearness: Vec<f64>,
+    pub(crate) depth_keys: Vec<f64>,
     /// Sum over all pixels of the number of triangles drawn that cover the pixel.
     pub(crate) layers: u64,
     /// Claims recorded so far, in no order: triangles that tie with the triangle that a pixel shows.
     /// Includes claims that triangles drawn later have hidden, until
-    /// [`settle_claims`](Self::settle_claims).
-    pub(crate) claims: Vec<Claim>,
+    /// [`drop_hidden_claims`](Self::drop_hidden_claims).
+    pub(crate) claims: Vec<TieClaim>,
     /// Whether new claims are discarded, since about [`MAX_CLAIMS`] per pixel are held already, as where
     /// thousands of objects coincide.
     claims_full: bool,
@@ -104,7 +104,7 @@ impl Image {
     pub(crate) fn new(width: usize, height: usize) -> Option<Self> {
         let mut image = Self { width, height, ..Self::default() };
         image.items.try_reserve_exact(width * height).ok()?;
-        image.nearness.try_reserve_exact(width * height).ok()?;
+        image.depth_keys.try_reserve_exact(width * height).ok()?;
         image.clear();
         Some(image)
     }
@@ -113,18 +113,17 @@ impl Image {
     pub(crate) fn clear(&mut self) {
         self.items.clear();
         self.items.resize(self.width * self.height, NONE);
-        self.nearness.clear();
-        self.nearness.resize(self.width * self.height, f64::NEG_INFINITY);
+        self.depth_keys.clear();
+        self.depth_keys.resize(self.width * self.height, f64::NEG_INFINITY);
         self.claims.clear();
         (self.layers, self.claims_full) = (0, false);
     }
 
     /// Drops each claim whose triangle is certainly behind the triangle that the claim's pixel now shows.
-    pub(crate) fn settle_claims(&mut self) {
-        let (nearness, least_difference) = (&self.nearness, self.least_difference);
-        let holds =
-            |claim: &Claim| claim.nearness >= as_near_as(nearness[claim.pixel as usize], least_difference);
-        self.claims.retain(holds);
+    pub(crate) fn drop_hidden_claims(&mut self) {
+        let Self { depth_keys, least_difference, .. } = self;
+        let least = |pixel: u32| least_tied_key(depth_keys[pixel as usize], *least_difference);
+        self.claims.retain(|claim| claim.depth_key >= least(claim.pixel));
     }
 
     /// Draws triangle number `item`, with finite corners of any size and position, and records the pixels for
@@ -132,7 +131,7 @@ impl Image {
     pub(crate) fn fill(&mut self, corners: [Corner; 3], item: u32) {
         let [a, b, c] = corners;
         if self.claims.len() >= MAX_CLAIMS * self.items.len().max(64) && !self.claims_full {
-            self.settle_claims();
+            self.drop_hidden_claims();
             self.claims_full = self.claims.len() >= MAX_CLAIMS / 2 * self.items.len().max(64);
         }
         // Most triangles are small and miss all centres: an early test avoids divisions.
@@ -144,7 +143,7 @@ impl Image {
             return;
         }
         let [top, middle, bottom] = sorted(corners);
-        let Some(plane) = NearnessPlane::through(top, middle, bottom) else { return };
+        let Some(plane) = DepthKeyPlane::through(top, middle, bottom) else { return };
         let long = Edge::new(top, bottom);
         let short = [Edge::new(top, middle), Edge::new(middle, bottom)];
         for short in &short {
@@ -155,7 +154,7 @@ impl Image {
                 let (first, end) = (first_center(a.min(b), self.width), first_center(a.max(b), self.width));
                 self.fill_span(row, first, end, &plane, item);
                 let (left, right) = if a < b { (&long, short) } else { (short, &long) };
-                let (a, b) = (a.min(b) - left.doubt(), a.max(b) + right.doubt());
+                let (a, b) = (a.min(b) - left.crossing_error(), a.max(b) + right.crossing_error());
                 if first_center(a, self.width) < first || first_center(b, self.width) > end {
                     self.claim_row(row, &[&long, short], &plane, item);
                 }
@@ -175,7 +174,7 @@ impl Image {
     /// the triangle's edges that may meet the row.
     #[cold]
     #[inline(never)]
-    fn claim_row(&mut self, row: usize, edges: &[&Edge], plane: &NearnessPlane, item: u32) {
+    fn claim_row(&mut self, row: usize, edges: &[&Edge], plane: &DepthKeyPlane, item: u32) {
         let y = row as f64 + 0.5;
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
         for edge in edges {
@@ -185,11 +184,12 @@ impl Image {
         }
         let (first, end) =
             (first_center(left - EDGE_TIE, self.width), first_center(right + EDGE_TIE, self.width));
+        let key_at = plane.along_row(y);
         for column in first..end {
             let pixel = row * self.width + column;
-            let here = plane.at(column as f64 + 0.5, y);
-            if here >= as_near_as(self.nearness[pixel], self.least_difference) && !self.claims_full {
-                add_claim(&mut self.claims, Claim { pixel: pixel as u32, item, nearness: here });
+            let here = key_at(column as f64 + 0.5);
+            if here >= least_tied_key(self.depth_keys[pixel], self.least_difference) && !self.claims_full {
+                add_claim(&mut self.claims, TieClaim { pixel: pixel as u32, item, depth_key: here });
             }
         }
     }
@@ -197,48 +197,42 @@ impl Image {
     /// Draws the pixels of columns `first..end` of a row where triangle `item` is nearer than the triangle
     /// shown, and records a claim for each pixel where the two triangles are equally near.
     #[inline]
-    fn fill_span(&mut self, row: usize, first: usize, end: usize, plane: &NearnessPlane, item: u32) {
+    fn fill_span(&mut self, row: usize, first: usize, end: usize, plane: &DepthKeyPlane, item: u32) {
         let span = row * self.width + first..row * self.width + end;
         self.layers += (end - first) as u64;
-        let y = row as f64 + 0.5;
-        let in_row = plane.slope_y * (y - plane.reference.y);
-        let mut x = first as f64 + 0.5;
-        let mut here = || {
-            let linear = plane.reference.nearness + (plane.slope_x * (x - plane.reference.x) + in_row);
-            x += 1.0;
-            linear.max(plane.least).min(plane.greatest)
-        };
+        let (mut x, key_at) = (first as f64 + 0.5, plane.along_row(row as f64 + 0.5));
         let object_start = if self.claims_full { 0 } else { self.object_start };
-        let (items, nearness) = (&mut self.items[span.clone()], &mut self.nearness[span.clone()]);
-        for (i, (held, held_nearness)) in items.iter_mut().zip(nearness).enumerate() {
-            let here = here();
+        let (items, depth_keys) = (&mut self.items[span.clone()], &mut self.depth_keys[span.clone()]);
+        for (i, (held, held_depth_key)) in items.iter_mut().zip(depth_keys).enumerate() {
+            let here = key_at(x);
+            x += 1.0;
             // The usual case is first and fast: no triangle was there, or the triangle there is farther.
-            let difference = here - *held_nearness;
+            let difference = here - *held_depth_key;
             if difference.abs() <= here.abs() * DEPTH_TIE + self.least_difference && *held < object_start {
-                let loser = if difference > 0.0 { (*held, *held_nearness) } else { (item, here) };
-                let claim = Claim { pixel: (span.start + i) as u32, item: loser.0, nearness: loser.1 };
+                let loser = if difference > 0.0 { (*held, *held_depth_key) } else { (item, here) };
+                let claim = TieClaim { pixel: (span.start + i) as u32, item: loser.0, depth_key: loser.1 };
                 add_claim(&mut self.claims, claim);
             }
             // Strict, so that the first of equally near triangles stays.
             if difference > 0.0 {
-                *held_nearness = here;
+                *held_depth_key = here;
                 *held = item;
             }
         }
     }
 }
 
-/// Returns the least depth key that counts as equal to `nearness`. `least_difference` is the absolute
+/// Returns the least depth key that counts as equal to `depth_key`. `least_difference` is the absolute
 /// tolerance, [`DEPTH_TIE`] the relative one.
 #[inline]
-fn as_near_as(nearness: f64, least_difference: f64) -> f64 {
-    nearness - (nearness.abs() * DEPTH_TIE + least_difference)
+fn least_tied_key(depth_key: f64, least_difference: f64) -> f64 {
+    depth_key - (depth_key.abs() * DEPTH_TIE + least_difference)
 }
 
 /// Appends a claim (a triangle that ties for a pixel). Separate and cold, since ties are rare.
 #[cold]
 #[inline(never)]
-fn add_claim(claims: &mut Vec<Claim>, claim: Claim) {
+fn add_claim(claims: &mut Vec<TieClaim>, claim: TieClaim) {
     claims.push(claim);
 }
 
@@ -295,7 +289,7 @@ impl Edge {
     /// Returns how far, in columns, the edge's crossing with a row moves if the edge moves by [`EDGE_TIE`] in
     /// columns and in rows.
     #[inline]
-    fn doubt(&self) -> f64 {
+    fn crossing_error(&self) -> f64 {
         EDGE_TIE * (1.0 + self.slope.abs())
     }
 
@@ -316,7 +310,7 @@ impl Edge {
 }
 
 /// Depth key of a triangle as a linear function on the screen, clamped to the range of its corners.
-struct NearnessPlane {
+struct DepthKeyPlane {
     /// Corner with the least depth key, from which the linear function starts.
     reference: Corner,
     /// Change of the depth key per column.
@@ -329,34 +323,35 @@ struct NearnessPlane {
     greatest: f64,
 }
 
-impl NearnessPlane {
+impl DepthKeyPlane {
     /// Interpolates the depth keys of three corners. `None` for triangles without area. Values are clamped to
     /// the corners' range, since the slopes of a triangle seen almost edge-on are mostly rounding.
     fn through(a: Corner, b: Corner, c: Corner) -> Option<Self> {
-        let (bx, by, bn) = (b.x - a.x, b.y - a.y, b.nearness - a.nearness);
-        let (cx, cy, cn) = (c.x - a.x, c.y - a.y, c.nearness - a.nearness);
+        let (bx, by, bn) = (b.x - a.x, b.y - a.y, b.depth_key - a.depth_key);
+        let (cx, cy, cn) = (c.x - a.x, c.y - a.y, c.depth_key - a.depth_key);
         let area = bx * cy - cx * by;
         if area == 0.0 {
             return None;
         }
         // The depth key grows from the farthest corner. If evaluation starts there, its error grows with the
         // key, so a triangle that runs from close before the eye to the horizon is precise at the horizon.
-        let reference = [b, c].into_iter().fold(a, |far, v| if v.nearness < far.nearness { v } else { far });
+        let reference =
+            [b, c].into_iter().fold(a, |far, v| if v.depth_key < far.depth_key { v } else { far });
         Some(Self {
             reference,
             slope_x: (bn * cy - cn * by) / area,
             slope_y: (bx * cn - cx * bn) / area,
-            least: reference.nearness,
-            greatest: a.nearness.max(b.nearness).max(c.nearness),
+            least: reference.depth_key,
+            greatest: a.depth_key.max(b.depth_key).max(c.depth_key),
         })
     }
 
-    /// Returns the depth key at a point of the image, clamped to the corners' range.
+    /// Returns the depth key as a function of x along the line of height `y`, clamped to the corners' range.
     #[inline]
-    fn at(&self, x: f64, y: f64) -> f64 {
-        let in_row = self.slope_y * (y - self.reference.y);
-        let linear = self.reference.nearness + (self.slope_x * (x - self.reference.x) + in_row);
-        linear.max(self.least).min(self.greatest)
+    fn along_row(&self, y: f64) -> impl Fn(f64) -> f64 {
+        let Self { reference, slope_x, least, greatest, .. } = *self;
+        let in_row = self.slope_y * (y - reference.y);
+        move |x| (reference.depth_key + (slope_x * (x - reference.x) + in_row)).max(least).min(greatest)
     }
 }
 
@@ -376,8 +371,8 @@ mod tests {
         Image::new(32, 32).unwrap()
     }
 
-    fn at(x: f64, y: f64, nearness: f64) -> Corner {
-        Corner { x, y, nearness }
+    fn at(x: f64, y: f64, depth_key: f64) -> Corner {
+        Corner { x, y, depth_key }
     }
 
     #[test]
@@ -393,7 +388,7 @@ mod tests {
             let first = draw([0, 1, 2]);
             assert!(first.items.iter().filter(|&&i| i == 1).count() > 300);
             for order in [[0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
-                assert_eq!(draw(order).nearness, first.nearness, "{order:?}");
+                assert_eq!(draw(order).depth_keys, first.depth_keys, "{order:?}");
             }
         }
     }
@@ -411,8 +406,8 @@ mod tests {
             });
             let mut image = image();
             image.fill(corners, 1);
-            for &nearness in image.nearness.iter().filter(|n| n.is_finite()) {
-                assert!((1.0..=2.0).contains(&nearness), "{nearness} of {corners:?}");
+            for &depth_key in image.depth_keys.iter().filter(|n| n.is_finite()) {
+                assert!((1.0..=2.0).contains(&depth_key), "{depth_key} of {corners:?}");
                 drawn += 1;
             }
         }
@@ -422,7 +417,7 @@ mod tests {
     #[test]
     fn thousands_of_coincident_objects_take_bounded_memory() {
         let mut image = Image::new(8, 8).unwrap();
-        let corner = |x, y| Corner { x, y, nearness: 1.0 };
+        let corner = |x, y| Corner { x, y, depth_key: 1.0 };
         for item in 0..5000 {
             image.object_start = item;
             image.fill([corner(-9.0, -9.0), corner(30.0, -9.0), corner(-9.0, 30.0)], item);
@@ -441,9 +436,9 @@ mod tests {
             let reach = sin.abs() + cos.abs();
             for (shift, claims) in [(0.9, 1), (0.5, 1), (-0.5, 1), (1.1, 0)] {
                 let shift = shift * reach * EDGE_TIE;
-                let corner = |along: f64, inwards: f64, nearness: f64| {
+                let corner = |along: f64, inwards: f64, depth_key: f64| {
                     let inwards = inwards + shift;
-                    at(16.5 + along * cos - inwards * sin, 16.5 + along * sin + inwards * cos, nearness)
+                    at(16.5 + along * cos - inwards * sin, 16.5 + along * sin + inwards * cos, depth_key)
                 };
                 let mut image = image();
                 image.fill([at(-100.0, -100.0, 1.0), at(100.0, -100.0, 1.0), at(0.0, 200.0, 1.0)], 1);

@@ -18,9 +18,9 @@ fn the_item_buffer_honours_clip_planes() {
     let (near, far) = (square(4.0), square(8.0));
     let mut buffer = ItemBuffer::new(64, 64).unwrap();
     let mut pixels = |view: &View| {
-        let exact = buffer.draw(view, DVec3::ZERO, [(0, &near[..]), (1, &far[..])]).unwrap();
+        let sampled = buffer.draw(view, DVec3::ZERO, [(0, &near[..]), (1, &far[..])]).unwrap();
         let mut pixels = [0; 2];
-        exact.objects().iter().for_each(|object| pixels[object.key as usize] = object.pixels as usize);
+        sampled.objects().iter().for_each(|object| pixels[object.key as usize] = object.pixels as usize);
         pixels
     };
     assert_eq!(pixels(&view), [4096, 0]);

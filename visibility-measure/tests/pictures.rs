@@ -44,10 +44,10 @@ fn rectangles_cover_the_centers_inside_half_open() {
         ([31.0, 15.0, 32.0, 16.0], 31..32, 15..16),
     ] {
         let [a, b, c, d] = sides;
-        let exact = buffer.draw(&view, DVec3::ZERO, [(5, &rectangle(a, b, c, d, 0.5)[..])]).unwrap();
+        let sampled = buffer.draw(&view, DVec3::ZERO, [(5, &rectangle(a, b, c, d, 0.5)[..])]).unwrap();
         let count = columns.len() * rows.len();
-        assert_eq!(exact.covered_pixels() as usize, count, "{sides:?}");
-        assert_eq!(exact.visible_objects(), u32::from(count > 0));
+        assert_eq!(sampled.covered_pixels() as usize, count, "{sides:?}");
+        assert_eq!(sampled.visible_objects(), u32::from(count > 0));
         let expected: Vec<_> = rows.flat_map(|y| columns.clone().map(move |x| (x, y))).collect();
         assert_eq!(covered(&buffer), expected, "{sides:?}");
     }
@@ -60,12 +60,12 @@ fn a_triangle_covers_the_centers_below_its_diagonal() {
     // Centres with x + y < 10 are inside. Centres with x + y = 10 lie on the right edge, which does not
     // belong to the triangle.
     let triangle = [flat([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
-    let exact = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
-    assert_eq!(exact.triangle_pixels(), [45]);
+    let sampled = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
+    assert_eq!(sampled.triangle_pixels(), [45]);
     // The mirrored triangle has its diagonal on the left and covers the centres on it.
     let triangle = [flat([[10.0, 10.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
-    let exact = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
-    assert_eq!(exact.triangle_pixels(), [55]);
+    let sampled = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
+    assert_eq!(sampled.triangle_pixels(), [55]);
 }
 
 #[test]
@@ -76,9 +76,10 @@ fn the_nearest_wins_and_the_image_shows_the_first_of_ties() {
     let near = rectangle(2.0, 2.0, 4.0, 4.0, 0.25);
     // The wall with its corners in other orders: equally near to the last bit.
     let turned = wall.map(|[a, b, c]| [c, a, b]);
-    let exact = buffer.draw(&view, DVec3::ZERO, [(9, &turned[..]), (8, &near[..]), (7, &wall[..])]).unwrap();
+    let sampled =
+        buffer.draw(&view, DVec3::ZERO, [(9, &turned[..]), (8, &near[..]), (7, &wall[..])]).unwrap();
     let seen: Vec<_> =
-        exact.objects().iter().map(|o| (o.key, o.pixels, o.tied_pixels, o.visible_triangles)).collect();
+        sampled.objects().iter().map(|o| (o.key, o.pixels, o.tied_pixels, o.visible_triangles)).collect();
     assert_eq!(seen, [(9, 0, 60, 2), (8, 4, 0, 2), (7, 0, 60, 0)]);
     assert_eq!(buffer.object_at(2, 3), Some(1));
     assert_eq!(
@@ -88,8 +89,8 @@ fn the_nearest_wins_and_the_image_shows_the_first_of_ties() {
     // Tilted walls with their corners reversed: the first drawn wins again.
     let tilted = wall.map(|t| t.map(|p| p.with_z(0.1 + p.x * 0.037 + p.y * 0.013)));
     let reversed = tilted.map(|[a, b, c]| [c, b, a]);
-    let exact = buffer.draw(&view, DVec3::ZERO, [(1, &reversed[..]), (2, &tilted[..])]).unwrap();
-    assert_eq!(exact.objects().iter().map(|o| o.visible_triangles).collect::<Vec<_>>(), [2, 0]);
+    let sampled = buffer.draw(&view, DVec3::ZERO, [(1, &reversed[..]), (2, &tilted[..])]).unwrap();
+    assert_eq!(sampled.objects().iter().map(|o| o.visible_triangles).collect::<Vec<_>>(), [2, 0]);
 }
 
 /// Returns how often each pixel is covered if every triangle is drawn alone.
@@ -283,9 +284,9 @@ fn hostile_triangles_cover_nothing_and_break_nothing() {
             _ => {}
         }
         for view in &views {
-            let exact = buffer.draw(view, DVec3::ZERO, [(0, core::slice::from_ref(&triangle))]).unwrap();
-            assert!(exact.covered_pixels() == 0 || !not_finite(&triangle), "{triangle:?}");
-            assert!(exact.covered_pixels() == 0 || triangle[0] != triangle[2], "{triangle:?}");
+            let sampled = buffer.draw(view, DVec3::ZERO, [(0, core::slice::from_ref(&triangle))]).unwrap();
+            assert!(sampled.covered_pixels() == 0 || !not_finite(&triangle), "{triangle:?}");
+            assert!(sampled.covered_pixels() == 0 || triangle[0] != triangle[2], "{triangle:?}");
         }
     }
 }

@@ -24,9 +24,9 @@ fn slab(along: [f32; 2], near: f32, far: f32, right: f32, left: f32, height: f32
 /// keys `reported`.
 fn judge(buffer: &mut ItemBuffer, view: &View, objects: &[&[[Vec3; 3]]], reported: &[u32]) -> Comparison {
     let objects = (0..).zip(objects).map(|(key, triangles)| (key, *triangles));
-    let exact = buffer.draw(view, DVec3::ZERO, objects).unwrap();
+    let sampled = buffer.draw(view, DVec3::ZERO, objects).unwrap();
     let mut comparison = Comparison::default();
-    exact.compare(|_, key| reported.contains(&key), &mut comparison);
+    sampled.compare(|_, key| reported.contains(&key), &mut comparison);
     comparison
 }
 
@@ -135,11 +135,11 @@ fn an_edge_between_two_objects_counts_for_both() {
     ] {
         for objects in [[one, other], [other, one]] {
             let found = judge(&mut buffer, &view, &objects, &[0, 1]);
-            let exact = buffer.visible();
-            assert_eq!(exact.tied_pixels(), tied, "{objects:?}");
-            assert!(exact.objects().iter().all(|object| object.tied_pixels == tied), "{objects:?}");
-            let alone: u32 = exact.objects().iter().map(|object| object.pixels).sum();
-            assert_eq!(alone + tied, exact.covered_pixels());
+            let sampled = buffer.visible();
+            assert_eq!(sampled.tied_pixels(), tied, "{objects:?}");
+            assert!(sampled.objects().iter().all(|object| object.tied_pixels == tied), "{objects:?}");
+            let alone: u32 = sampled.objects().iter().map(|object| object.pixels).sum();
+            assert_eq!(alone + tied, sampled.covered_pixels());
             assert!(found.is_exact());
         }
     }
@@ -158,9 +158,9 @@ fn a_corner_between_four_objects_counts_for_all() {
     let quarters = quarters.each_ref().map(|quarter| &quarter[..]);
     let comparison = judge(&mut buffer, &pixels(9.0, 9.0), &quarters, &[0, 1, 2, 3]);
     assert!(comparison.is_exact());
-    let exact = buffer.visible();
-    assert_eq!((exact.tied_pixels(), exact.covered_pixels()), (17, 81));
-    assert!(exact.objects().iter().all(|object| (object.pixels, object.tied_pixels) == (16, 9)));
+    let sampled = buffer.visible();
+    assert_eq!((sampled.tied_pixels(), sampled.covered_pixels()), (17, 81));
+    assert!(sampled.objects().iter().all(|object| (object.pixels, object.tied_pixels) == (16, 9)));
 }
 
 /// Two walls in one plane are both visible. Hiding one of them is no error, hiding both is one error.

@@ -57,7 +57,7 @@ impl ObjectPixels {
 /// # Ok::<(), visibility_measure::MeasureError>(())
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub struct ExactVisibility {
+pub struct SampledVisibility {
     /// Counts of each object, in the order drawn.
     objects: Vec<ObjectPixels>,
     /// Number of pixels of the image that show each triangle, indexed by triangle number.
@@ -89,7 +89,7 @@ struct Tie {
     object: u32,
 }
 
-impl ExactVisibility {
+impl SampledVisibility {
     /// Returns the counts of all objects in the order drawn, visible or not. Empty before the first frame.
     pub fn objects(&self) -> &[ObjectPixels] {
         &self.objects
@@ -174,8 +174,8 @@ impl ExactVisibility {
         Some(first_triangle)
     }
 
-    /// Counts the pixels of a finished image by triangle and object. [`Image::settle_claims`] must have been
-    /// called.
+    /// Counts the pixels of a finished image by triangle and object. [`Image::drop_hidden_claims`] must have
+    /// been called.
     pub(crate) fn count(&mut self, image: &Image) {
         self.layers = image.layers;
         for &item in &image.items {
@@ -246,17 +246,20 @@ mod tests {
 
     #[test]
     fn pixels_are_counted_by_triangle_and_object() {
-        let mut exact = ExactVisibility::default();
-        let firsts = [(9, 2), (8, 0), (7, 3)].map(|(key, triangles)| exact.push(key, triangles));
+        let mut sampled = SampledVisibility::default();
+        let firsts = [(9, 2), (8, 0), (7, 3)].map(|(key, triangles)| sampled.push(key, triangles));
         assert_eq!(firsts, [Some(0), Some(2), Some(2)]);
         let mut image = Image::new(6, 1).unwrap();
         image.items = [1, 1, NONE, 2, 4, 4].into();
-        exact.count(&image);
-        assert_eq!(exact.triangle_pixels(), [0, 2, 1, 0, 2]);
-        let seen: Vec<_> = exact.objects().iter().map(|o| (o.key, o.visible_triangles, o.pixels)).collect();
+        sampled.count(&image);
+        assert_eq!(sampled.triangle_pixels(), [0, 2, 1, 0, 2]);
+        let seen: Vec<_> = sampled.objects().iter().map(|o| (o.key, o.visible_triangles, o.pixels)).collect();
         assert_eq!(seen, [(9, 1, 2), (8, 0, 0), (7, 2, 3)]);
-        assert_eq!((exact.visible_objects(), exact.visible_triangles(), exact.covered_pixels()), (2, 3, 5));
-        let owners = [0, 1, 2, 4, 5, NONE].map(|t| exact.object_of(t));
+        assert_eq!(
+            (sampled.visible_objects(), sampled.visible_triangles(), sampled.covered_pixels()),
+            (2, 3, 5)
+        );
+        let owners = [0, 1, 2, 4, 5, NONE].map(|t| sampled.object_of(t));
         assert_eq!(owners, [Some(0), Some(0), Some(2), Some(2), None, None]);
     }
 }
