@@ -167,7 +167,7 @@ const GROUP: usize = 16;
 /// group, so that most cells behind a wall share one test per dozen. In a group that is partly visible, cells
 /// with objects are tested one by one. Empty cells of such a group count as visible, since passing through
 /// them costs little.
-fn shut_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
+fn drop_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
     frame: &FrameContext<'_, T>,
     map: &M,
     walk: &mut Walk,
@@ -195,7 +195,7 @@ fn shut_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
                 answer == Occlusion::Hidden
             };
             if hidden {
-                walk.shut(*cell);
+                walk.drop_cell(*cell);
             } else {
                 stats.visible_cells += 1;
             }
@@ -260,7 +260,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
                 break;
             }
         }
-        walk.settle(&frame, false);
+        walk.check_candidates(&frame, false);
         add_occluders(map, scene, &walk.order);
         loop {
             waiting.clear();
@@ -271,7 +271,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
                 break;
             }
             stats.front = stats.front.max(waiting.len() as u64);
-            shut_hidden(&frame, map, walk, waiting, sorted, stats);
+            drop_hidden(&frame, map, walk, waiting, sorted, stats);
             let before = walk.order.len();
             for &cell in &*waiting {
                 walk.finish(&frame, cell);

@@ -4,7 +4,7 @@ use crate::index_lists::IndexLists;
 use crate::layers::{Layer, Layers, Sides, push_list};
 use crate::normal_bins::NormalBins;
 use crate::openness::openness_by_index;
-use crate::surface_class::{Lean, SurfaceClass, UNKNOWN_LEAN};
+use crate::surface_class::{MaxLean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
 use visibility_core::{
     ObjectId, Scene,
@@ -362,7 +362,7 @@ impl Iterator for Primitives<'_> {
 
 /// Returns the surface class of every object and the lean of its normal from its axis, indexed by object
 /// index. Unused indices hold the default class and unknown lean.
-fn classes_of(scene: &Scene) -> Vec<(SurfaceClass, Lean)> {
+fn classes_of(scene: &Scene) -> Vec<(SurfaceClass, MaxLean)> {
     let openness = openness_by_index(scene);
     let mut classes = alloc::vec![(SurfaceClass::default(), UNKNOWN_LEAN); scene.index_limit()];
     for id in scene.ids() {

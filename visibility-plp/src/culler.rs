@@ -125,7 +125,7 @@ impl<S: Deref<Target: Tessellation>> Culler for PlpCuller<S> {
                 break;
             }
         }
-        walk.settle(&frame, false);
+        walk.check_candidates(&frame, false);
         let stats = CullStats { nodes: walk.projected, tests: walk.reached, ..CullStats::default() };
         if self.keep_all {
             visible.put_first(scene, &walk.order);

@@ -1,7 +1,7 @@
 //! The front: a priority queue of the cells that are candidates for projection, least solidity first.
 //!
 //! A heap with four children per node that stores the heap index of each cell, so that a cell whose solidity
-//! changes is moved in place. A binary heap with lazy deletion, which inserts such a cell a second time, took
+//! changes is moved in index. A binary heap with lazy deletion, which inserts such a cell a second time, took
 //! twice the time for the same operations.
 
 use alloc::vec::Vec;
@@ -10,7 +10,7 @@ use alloc::vec::Vec;
 const CHILDREN: usize = 4;
 
 /// Value of a cell's heap index while the cell is not in the front.
-const NOWHERE: u32 = u32::MAX;
+const NOT_QUEUED: u32 = u32::MAX;
 
 /// Priority queue of cells by solidity, least first, each cell at most once. Among cells of equal solidity
 /// the cell pushed first comes out first.
@@ -20,8 +20,8 @@ pub(crate) struct Front {
     /// greater key. The high 32 bits of a key are those of the solidity, the low 32 bits the number of
     /// pushes before.
     heap: Vec<(u64, u32)>,
-    /// Index in `heap` of each cell, by cell number; [`NOWHERE`] for cells not in the front.
-    places: Vec<u32>,
+    /// Index in `heap` of each cell, by cell number; [`NOT_QUEUED`] for cells not in the front.
+    heap_indices: Vec<u32>,
     /// Number of pushes since the last clear, wrapping: the low 32 bits of the next key.
     tickets: u32,
 }
@@ -31,15 +31,15 @@ impl Front {
     /// cells allocates.
     pub(crate) fn reserve(&mut self, cells: usize) {
         self.heap.reserve(cells.saturating_sub(self.heap.len()));
-        if self.places.len() < cells {
-            self.places.resize(cells, NOWHERE);
+        if self.heap_indices.len() < cells {
+            self.heap_indices.resize(cells, NOT_QUEUED);
         }
     }
 
     /// Removes all cells from the front. Keeps the capacity.
     pub(crate) fn clear(&mut self) {
         for (_, cell) in self.heap.drain(..) {
-            self.places[cell as usize] = NOWHERE;
+            self.heap_indices[cell as usize] = NOT_QUEUED;
         }
         self.tickets = 0;
     }
@@ -58,17 +58,17 @@ impl Front {
         };
         let key = u64::from(bits) << 32 | u64::from(self.tickets);
         self.tickets = self.tickets.wrapping_add(1);
-        if cell as usize >= self.places.len() {
-            self.places.resize(cell as usize + 1, NOWHERE);
+        if cell as usize >= self.heap_indices.len() {
+            self.heap_indices.resize(cell as usize + 1, NOT_QUEUED);
         }
-        let place = self.places[cell as usize];
-        if place == NOWHERE {
+        let index = self.heap_indices[cell as usize];
+        if index == NOT_QUEUED {
             self.heap.push((key, cell));
             self.rise(self.heap.len() - 1, (key, cell));
-        } else if key < self.heap[place as usize].0 {
-            self.rise(place as usize, (key, cell));
+        } else if key < self.heap[index as usize].0 {
+            self.rise(index as usize, (key, cell));
         } else {
-            self.sink(place as usize, (key, cell));
+            self.sink(index as usize, (key, cell));
         }
     }
 
@@ -84,7 +84,7 @@ impl Front {
     #[inline]
     pub(crate) fn pop(&mut self) -> Option<u32> {
         let &(_, cell) = self.heap.first()?;
-        self.places[cell as usize] = NOWHERE;
+        self.heap_indices[cell as usize] = NOT_QUEUED;
         let last = self.heap.pop()?;
         if !self.heap.is_empty() {
             self.sink(0, last);
@@ -92,45 +92,45 @@ impl Front {
         Some(cell)
     }
 
-    /// Writes an entry (key and cell) to heap index `place` or to an ancestor of it, moving parents with
+    /// Writes an entry (key and cell) to heap index `index` or to an ancestor of it, moving parents with
     /// greater keys down.
     #[inline]
-    fn rise(&mut self, mut place: usize, entry: (u64, u32)) {
-        while place > 0 {
-            let above = (place - 1) / CHILDREN;
+    fn rise(&mut self, mut index: usize, entry: (u64, u32)) {
+        while index > 0 {
+            let above = (index - 1) / CHILDREN;
             let other = self.heap[above];
             if other.0 <= entry.0 {
                 break;
             }
-            self.put(place, other);
-            place = above;
+            self.put(index, other);
+            index = above;
         }
-        self.put(place, entry);
+        self.put(index, entry);
     }
 
-    /// Writes an entry (key and cell) to heap index `place` or to a descendant of it, moving children with
+    /// Writes an entry (key and cell) to heap index `index` or to a descendant of it, moving children with
     /// smaller keys up.
     #[inline]
-    fn sink(&mut self, mut place: usize, entry: (u64, u32)) {
+    fn sink(&mut self, mut index: usize, entry: (u64, u32)) {
         loop {
-            let first = place * CHILDREN + 1;
+            let first = index * CHILDREN + 1;
             let below = self.heap.len().saturating_sub(first).min(CHILDREN);
             let Some(least) = (first..first + below).min_by_key(|&child| self.heap[child].0) else { break };
             let other = self.heap[least];
             if entry.0 <= other.0 {
                 break;
             }
-            self.put(place, other);
-            place = least;
+            self.put(index, other);
+            index = least;
         }
-        self.put(place, entry);
+        self.put(index, entry);
     }
 
     /// Writes an entry (key and cell) at a heap index and records that index for the cell.
     #[inline]
-    fn put(&mut self, place: usize, entry: (u64, u32)) {
-        self.heap[place] = entry;
-        self.places[entry.1 as usize] = place as u32;
+    fn put(&mut self, index: usize, entry: (u64, u32)) {
+        self.heap[index] = entry;
+        self.heap_indices[entry.1 as usize] = index as u32;
     }
 }
 

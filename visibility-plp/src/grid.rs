@@ -1,8 +1,8 @@
 //! The grid of the octree: a cube around the scene, divided into 2^10 steps per side, and Morton codes of its
 //! voxels.
 //!
-//! A voxel is a cube of one step, called `place` in the code. Its index is three integers, the steps from the
-//! grid's minimum corner along x, y and z, 0 to 1023 each.
+//! A voxel is a cube of one step. Its index is three integers, the steps from the grid's minimum corner along
+//! x, y and z, 0 to 1023 each.
 
 use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
@@ -40,7 +40,7 @@ impl Grid {
 
     /// Returns the index of the voxel that contains a scene-relative point, x, y and z from 0 to 1023. The
     /// nearest voxel for a point outside of the cube. A NaN coordinate counts as 0 steps.
-    pub(crate) fn place(&self, point: DVec3) -> [u32; 3] {
+    pub(crate) fn voxel(&self, point: DVec3) -> [u32; 3] {
         // Casts of NaN and of numbers out of range are defined: 0 and the nearest number.
         ((point - self.min) / self.step).to_array().map(|x| (x as u32).min(STEPS - 1))
     }
@@ -48,8 +48,8 @@ impl Grid {
     /// Returns the minimum corner of a voxel in metres, relative to the scene's origin. Indices of [`STEPS`]
     /// give the far faces.
     #[inline]
-    pub(crate) fn corner(&self, place: [u32; 3]) -> DVec3 {
-        self.min + DVec3::from_array(place.map(f64::from)) * self.step
+    pub(crate) fn corner(&self, voxel: [u32; 3]) -> DVec3 {
+        self.min + DVec3::from_array(voxel.map(f64::from)) * self.step
     }
 
     /// Tests whether the cube contains a scene-relative point. Half-open: true on the lower faces, false on
@@ -60,10 +60,10 @@ impl Grid {
     }
 
     /// Returns the scene-relative box of the cube of `side` steps whose minimum corner is that of voxel
-    /// `place`, rounded outwards to f32.
+    /// `voxel`, rounded outwards to f32.
     #[inline]
-    pub(crate) fn bounds(&self, place: [u32; 3], side: u32) -> Aabb {
-        let (min, max) = (self.corner(place), self.corner(place.map(|x| x + side)));
+    pub(crate) fn bounds(&self, voxel: [u32; 3], side: u32) -> Aabb {
+        let (min, max) = (self.corner(voxel), self.corner(voxel.map(|x| x + side)));
         Aabb::new(
             Vec3::from_array(min.to_array().map(|x| (x as f32).next_down())),
             Vec3::from_array(max.to_array().map(|x| (x as f32).next_up())),
@@ -90,12 +90,12 @@ fn gather(x: u32) -> u32 {
 
 /// Returns the 30-bit Morton code of a voxel index: the bits of x, y and z interleaved, x lowest. The codes
 /// of an aligned cube of 2^n steps per side are consecutive.
-pub(crate) fn morton(place: [u32; 3]) -> u32 {
-    spread(place[0]) | spread(place[1]) << 1 | spread(place[2]) << 2
+pub(crate) fn morton(voxel: [u32; 3]) -> u32 {
+    spread(voxel[0]) | spread(voxel[1]) << 1 | spread(voxel[2]) << 2
 }
 
 /// Returns the voxel index (x, y, z) of a Morton code: the inverse of [`morton`]. Ignores bits 30 and 31.
-pub(crate) fn place_of(code: u32) -> [u32; 3] {
+pub(crate) fn voxel_of(code: u32) -> [u32; 3] {
     [gather(code), gather(code >> 1), gather(code >> 2)]
 }
 
@@ -104,9 +104,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_have_numbers() {
-        for place in [[0, 0, 0], [1, 2, 3], [1023, 0, 512], [1023; 3], [700, 300, 5]] {
-            assert_eq!(place_of(morton(place)), place);
+    fn voxels_have_numbers() {
+        for voxel in [[0, 0, 0], [1, 2, 3], [1023, 0, 512], [1023; 3], [700, 300, 5]] {
+            assert_eq!(voxel_of(morton(voxel)), voxel);
         }
         assert_eq!(morton([1, 0, 0]), 1);
         assert_eq!(morton([0, 1, 1]), 6);
@@ -123,10 +123,10 @@ mod tests {
         ] {
             let grid = Grid::around(&bounds);
             for corner in bounds.corners() {
-                let place = grid.place(corner.as_dvec3());
+                let voxel = grid.voxel(corner.as_dvec3());
                 assert!(grid.contains(corner.as_dvec3()));
-                assert!(place.iter().all(|&x| 0 < x && x < STEPS - 1), "{bounds:?} {place:?}");
-                assert!(grid.bounds(place, 1).contains_point(corner), "{bounds:?}");
+                assert!(voxel.iter().all(|&x| 0 < x && x < STEPS - 1), "{bounds:?} {voxel:?}");
+                assert!(grid.bounds(voxel, 1).contains_point(corner), "{bounds:?}");
             }
         }
         assert!(!Grid::around(&Aabb::EMPTY).contains(DVec3::NAN));

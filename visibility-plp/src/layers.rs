@@ -13,7 +13,7 @@
 //! follows.
 
 use crate::normal_bins::BoxFromEye;
-use crate::surface_class::{ANY_SIDE, LEAN_STEPS, Lean, SurfaceClass, UNKNOWN_LEAN};
+use crate::surface_class::{ANY_SIDE, LEAN_AT_45_DEGREES, MaxLean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
 
 /// Minimum number of objects in a layer (group of similar objects on one side of a cell), unless its side has
@@ -29,7 +29,11 @@ const MIN_ON_SIDE: usize = 8;
 /// `objects` are the object indices of the cell in any order; they are reordered. `classes` holds the surface
 /// class and lean of each object, indexed by object index; an index beyond its end counts as the default
 /// class with unknown lean. Appends nothing and returns 0 for a cell without objects.
-pub(crate) fn push_list(bytes: &mut Vec<u8>, objects: &mut [u32], classes: &[(SurfaceClass, Lean)]) -> usize {
+pub(crate) fn push_list(
+    bytes: &mut Vec<u8>,
+    objects: &mut [u32],
+    classes: &[(SurfaceClass, MaxLean)],
+) -> usize {
     let Some(&least) = objects.iter().min() else { return 0 };
     let known = |object: u32| {
         classes.get(object as usize).copied().unwrap_or((SurfaceClass::default(), UNKNOWN_LEAN))
@@ -157,9 +161,9 @@ pub(crate) struct Layers<'a> {
     /// Axis side that the objects face, 0 to 5 (twice the axis, plus one towards negative coordinates), or
     /// [`ANY_SIDE`] for objects without a single normal.
     pub(crate) side: u8,
-    /// Upper bound on how far the normals of the side's objects lean from its axis, in [`LEAN_STEPS`]ths;
-    /// [`UNKNOWN_LEAN`] for no bound.
-    lean: Lean,
+    /// Upper bound on how far the normals of the side's objects lean from its axis, in units of
+    /// 1 / [`LEAN_AT_45_DEGREES`]; [`UNKNOWN_LEAN`] for no bound.
+    lean: MaxLean,
     /// Least object index in the cell, from which each layer's differences start.
     least: u32,
     /// Encoded layers not returned yet.
@@ -173,7 +177,7 @@ impl<'a> Layers<'a> {
     pub(crate) fn is_back(&self, cell: &BoxFromEye) -> bool {
         self.side < ANY_SIDE
             && self.lean < UNKNOWN_LEAN
-            && cell.is_behind(self.side, f32::from(self.lean) / LEAN_STEPS)
+            && cell.is_behind(self.side, f32::from(self.lean) / LEAN_AT_45_DEGREES)
     }
 
     /// Returns the number of bytes of the layers not returned yet.

@@ -53,6 +53,7 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod binary_form;
 mod cell_frustum;
 mod conservative;
 mod content;
@@ -69,7 +70,6 @@ mod openness;
 mod overlap;
 mod shape;
 mod solidity;
-mod stored;
 mod surface_class;
 mod tessellation;
 #[cfg(test)]

@@ -13,10 +13,10 @@ use visibility_core::{Aabb, ObjectId, Scene, scene::Triangle, view::Eye};
 
 /// Number of bins along each edge of the six faces of a cube around the sphere of normals. Odd, so that each
 /// axis direction lies in the middle of a bin.
-const SIDE: usize = 5;
+const BINS_PER_EDGE: usize = 5;
 
 /// Number of bins that normals are sorted into.
-const BINS: usize = 6 * SIDE * SIDE;
+const BINS: usize = 6 * BINS_PER_EDGE * BINS_PER_EDGE;
 
 /// Maximum spread (distance between unit vectors) of a flat bin, whose normals are treated as one normal.
 const FLAT: f32 = 1e-6;
@@ -78,9 +78,9 @@ fn bin_of(normal: DVec3) -> usize {
     let axis = size.max_position();
     let step = |other: usize| {
         let place = normal[(axis + other) % 3] / size[axis];
-        (((place + 1.0) * (0.5 * SIDE as f64)) as usize).min(SIDE - 1)
+        (((place + 1.0) * (0.5 * BINS_PER_EDGE as f64)) as usize).min(BINS_PER_EDGE - 1)
     };
-    ((axis * 2 + usize::from(normal[axis] < 0.0)) * SIDE + step(1)) * SIDE + step(2)
+    ((axis * 2 + usize::from(normal[axis] < 0.0)) * BINS_PER_EDGE + step(1)) * BINS_PER_EDGE + step(2)
 }
 
 impl NormalBins {

@@ -7,7 +7,7 @@
 
 use crate::content::Content;
 use crate::cover::{Cover, stopped_rays};
-use crate::grid::{DEPTH, Grid, STEPS, morton, place_of};
+use crate::grid::{DEPTH, Grid, STEPS, morton, voxel_of};
 use crate::index_lists::IndexLists;
 use crate::overlap::{shape_contains_cube, shape_meets_cube};
 use crate::shape::{Shape, for_each_shape};
@@ -74,9 +74,9 @@ pub struct OctreeTessellation {
     /// Morton code of the voxel (cube of one grid step) at each leaf's minimum corner, ascending.
     pub(crate) codes: Vec<u32>,
     /// Position of each leaf's minimum corner in grid steps (x, y, z), then the leaf's side in grid steps.
-    pub(crate) blocks: Vec<[u16; 4]>,
-    /// Adjacency of the leaves: for each leaf its neighbours across faces, encoded by [`link`].
-    pub(crate) links: IndexLists,
+    pub(crate) leaf_positions: Vec<[u16; 4]>,
+    /// Adjacency of the leaves: for each leaf its neighbours across faces, encoded by [`encode_neighbour`].
+    pub(crate) neighbours: IndexLists,
     /// Leaves with a face on the surface of the cube.
     pub(crate) boundary: Vec<u32>,
     /// Objects in each leaf.
@@ -93,7 +93,7 @@ enum Node {
 }
 
 /// Octree under construction.
-struct Cutter {
+struct Subdivision {
     /// Settings that limit the subdivision.
     fineness: Fineness,
     /// All nodes; the root is the first.
@@ -103,16 +103,16 @@ struct Cutter {
     leaves: Vec<(u32, u32)>,
 }
 
-impl Cutter {
+impl Subdivision {
     /// Subdivides the node with index `node` recursively and appends its leaves in Morton order. `start` is
     /// the Morton code of the voxel (cube of one grid step) at the node's minimum corner, and `level` the
     /// number of halvings so far. `vertices` holds the sorted Morton codes of all vertices in the node.
-    fn cut(&mut self, node: usize, start: u32, level: u32, vertices: &[u32]) {
+    fn subdivide(&mut self, node: usize, start: u32, level: u32, vertices: &[u32]) {
         let is_full = self.leaves.len() >= 1 << (LEAF_BITS - 1);
         // Vertices in one voxel would all go to the same child at each split.
-        let is_one_place = vertices.first() == vertices.last();
+        let is_one_voxel = vertices.first() == vertices.last();
         let is_deep = level >= self.fineness.halvings.min(DEPTH);
-        if vertices.len() <= self.fineness.vertices || is_one_place || is_deep || is_full {
+        if vertices.len() <= self.fineness.vertices || is_one_voxel || is_deep || is_full {
             self.nodes[node] = Node::Leaf(self.leaves.len() as u32);
             self.leaves.push((start, level));
             return;
@@ -125,7 +125,7 @@ impl Cutter {
         for child in 0..8 {
             let begin = start + child * size;
             let (mine, others) = rest.split_at(rest.partition_point(|&code| code - begin < size));
-            self.cut(first + child as usize, begin, level + 1, mine);
+            self.subdivide(first + child as usize, begin, level + 1, mine);
             rest = others;
         }
     }
@@ -141,12 +141,12 @@ impl OctreeTessellation {
     /// Partitions a scene into cubic cells, the leaves of an octree with the given limits. Objects whose
     /// bounds are not finite become [strays](Content::strays), which count as visible.
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
-        let (grid, Cutter { nodes, leaves, .. }) = cut(scene, fineness);
+        let (grid, Subdivision { nodes, leaves, .. }) = subdivide(scene, fineness);
         let codes: Vec<u32> = leaves.iter().map(|leaf| leaf.0).collect();
-        let blocks = blocks_of(&leaves);
-        let (links, boundary) = join(&codes, &blocks);
-        let content = fill(scene, &grid, &nodes, blocks.len());
-        Self { grid, fineness, codes, blocks, links, boundary, content }
+        let leaf_positions = leaf_positions_of(&leaves);
+        let (neighbours, boundary) = find_neighbours(&codes, &leaf_positions);
+        let content = assign_objects(scene, &grid, &nodes, leaf_positions.len());
+        Self { grid, fineness, codes, leaf_positions, neighbours, boundary, content }
     }
 
     /// Partitions a scene anew at the same fineness, replacing all cells. Afterwards only objects whose
@@ -173,28 +173,28 @@ impl OctreeTessellation {
     /// Returns the heap memory of the tessellation in bytes, without spare capacity.
     pub fn memory(&self) -> usize {
         size_of_val(&self.codes[..])
-            + size_of_val(&self.blocks[..])
-            + self.links.memory()
+            + size_of_val(&self.leaf_positions[..])
+            + self.neighbours.memory()
             + size_of_val(&self.boundary[..])
             + self.content.memory()
     }
 
     /// Returns the position of a cell's minimum corner and the cell's side, both in steps of the grid.
     #[inline]
-    fn place(&self, cell: u32) -> ([u32; 3], u32) {
-        let [x, y, z, side] = self.blocks[cell as usize].map(u32::from);
+    fn voxel_and_side(&self, cell: u32) -> ([u32; 3], u32) {
+        let [x, y, z, side] = self.leaf_positions[cell as usize].map(u32::from);
         ([x, y, z], side)
     }
 
     /// Returns the side of a cell in metres.
     #[inline]
     fn side(&self, cell: u32) -> f64 {
-        f64::from(self.blocks[cell as usize][3]) * self.grid.step
+        f64::from(self.leaf_positions[cell as usize][3]) * self.grid.step
     }
 }
 
 /// Builds the grid around all shapes of a scene, and the octree of the scene's vertices on that grid.
-fn cut(scene: &Scene, fineness: Fineness) -> (Grid, Cutter) {
+fn subdivide(scene: &Scene, fineness: Fineness) -> (Grid, Subdivision) {
     let mut bounds = Aabb::EMPTY;
     for id in scene.ids() {
         for_each_shape(scene, id, &mut |shape| {
@@ -206,32 +206,32 @@ fn cut(scene: &Scene, fineness: Fineness) -> (Grid, Cutter) {
     let grid = Grid::around(&bounds);
     let mut vertices = Vec::new();
     for id in scene.ids() {
-        let number = |p: &DVec3| morton(grid.place(*p));
+        let number = |p: &DVec3| morton(grid.voxel(*p));
         for_each_shape(scene, id, &mut |shape| {
             vertices.extend(shape.corners().as_slice().iter().map(number))
         });
     }
     vertices.sort_unstable();
-    let mut cutter = Cutter { fineness, nodes: alloc::vec![Node::Leaf(0)], leaves: Vec::new() };
-    cutter.cut(0, 0, 0, &vertices);
-    (grid, cutter)
+    let mut subdivision = Subdivision { fineness, nodes: alloc::vec![Node::Leaf(0)], leaves: Vec::new() };
+    subdivision.subdivide(0, 0, 0, &vertices);
+    (grid, subdivision)
 }
 
-/// Returns, for each leaf of `Cutter::leaves`, the position of its minimum corner (x, y, z) and its side, all
-/// in grid steps.
-fn blocks_of(leaves: &[(u32, u32)]) -> Vec<[u16; 4]> {
-    let block = |&(code, level): &(u32, u32)| {
-        let [x, y, z] = place_of(code).map(|x| x as u16);
+/// Returns, for each leaf of `Subdivision::leaves`, the position of its minimum corner (x, y, z) and its
+/// side, all in grid steps.
+fn leaf_positions_of(leaves: &[(u32, u32)]) -> Vec<[u16; 4]> {
+    let position = |&(code, level): &(u32, u32)| {
+        let [x, y, z] = voxel_of(code).map(|x| x as u16);
         [x, y, z, (STEPS >> level) as u16]
     };
-    leaves.iter().map(block).collect()
+    leaves.iter().map(position).collect()
 }
 
 /// Returns the grid of a scene's octree and, for each leaf, the position of its minimum corner (x, y, z) and
 /// its side, all in grid steps. The octree is built without object lists.
 pub(crate) fn leaves_of(scene: &Scene, fineness: Fineness) -> (Grid, Vec<[u16; 4]>) {
-    let (grid, cutter) = cut(scene, fineness);
-    (grid, blocks_of(&cutter.leaves))
+    let (grid, subdivision) = subdivide(scene, fineness);
+    (grid, leaf_positions_of(&subdivision.leaves))
 }
 
 /// Number of low bits of an encoded neighbour that hold the leaf's number. The octree has at most 2^28
@@ -240,42 +240,42 @@ const LEAF_BITS: u32 = 29;
 
 /// Encodes a neighbour in 32 bits: the number of the neighbouring leaf, the axis (0, 1, 2) along which it
 /// lies, and whether it lies towards greater coordinates.
-fn link(leaf: u32, axis: usize, upwards: bool) -> u32 {
+fn encode_neighbour(leaf: u32, axis: usize, upwards: bool) -> u32 {
     leaf | (axis as u32 * 2 + u32::from(upwards)) << LEAF_BITS
 }
 
-/// Decodes a neighbour encoded by [`link`]. Returns the number of the neighbouring leaf, the axis (0, 1, 2)
-/// along which it lies, and whether it lies towards greater coordinates.
+/// Decodes a neighbour encoded by [`encode_neighbour`]. Returns the number of the neighbouring leaf, the axis
+/// (0, 1, 2) along which it lies, and whether it lies towards greater coordinates.
 #[inline]
-pub(crate) fn linked(link: u32) -> (u32, usize, bool) {
-    let side = link >> LEAF_BITS;
-    (link & ((1 << LEAF_BITS) - 1), (side / 2) as usize, side & 1 != 0)
+pub(crate) fn decode_neighbour(encoded: u32) -> (u32, usize, bool) {
+    let side = encoded >> LEAF_BITS;
+    (encoded & ((1 << LEAF_BITS) - 1), (side / 2) as usize, side & 1 != 0)
 }
 
-/// Returns the adjacency of all leaves, encoded by [`link`], and the numbers of the leaves with a face on the
-/// surface of the cube.
-fn join(codes: &[u32], blocks: &[[u16; 4]]) -> (IndexLists, Vec<u32>) {
+/// Returns the adjacency of all leaves, encoded by [`encode_neighbour`], and the numbers of the leaves with a
+/// face on the surface of the cube.
+fn find_neighbours(codes: &[u32], leaf_positions: &[[u16; 4]]) -> (IndexLists, Vec<u32>) {
     let mut pairs = Vec::new();
     let mut boundary = Vec::new();
-    for (leaf, block) in (0..).zip(blocks) {
-        let [x, y, z, side] = block.map(u32::from);
+    for (leaf, position) in (0..).zip(leaf_positions) {
+        let [x, y, z, side] = position.map(u32::from);
         let mut outside = false;
         for axis in 0..3 {
             for step in [side, side.wrapping_neg()] {
-                let mut place = [x, y, z];
-                place[axis] = place[axis].wrapping_add(step);
-                if place[axis] >= STEPS {
+                let mut voxel = [x, y, z];
+                voxel[axis] = voxel[axis].wrapping_add(step);
+                if voxel[axis] >= STEPS {
                     outside = true;
                     continue;
                 }
-                let other = codes.partition_point(|&code| code <= morton(place)) - 1;
-                let other_side = u32::from(blocks[other][3]);
-                let near = link(other as u32, axis, step == side);
+                let other = codes.partition_point(|&code| code <= morton(voxel)) - 1;
+                let other_side = u32::from(leaf_positions[other][3]);
+                let near = encode_neighbour(other as u32, axis, step == side);
                 if other_side >= side {
                     pairs.push((leaf, near));
                 }
                 if other_side > side {
-                    pairs.push((other as u32, link(leaf, axis, step != side)));
+                    pairs.push((other as u32, encode_neighbour(leaf, axis, step != side)));
                 }
             }
         }
@@ -283,7 +283,7 @@ fn join(codes: &[u32], blocks: &[[u16; 4]]) -> (IndexLists, Vec<u32>) {
             boundary.push(leaf);
         }
     }
-    (IndexLists::new(blocks.len(), &pairs), boundary)
+    (IndexLists::new(leaf_positions.len(), &pairs), boundary)
 }
 
 /// Returns the smallest node that certainly contains a scene-relative shape: the node's index, the position
@@ -295,17 +295,17 @@ fn enclosing(nodes: &[Node], grid: &Grid, shape: &Shape) -> (u32, [u32; 3], u32)
     // A thousandth of a step on each side is far more than rounding and than the tolerance of the overlap
     // tests.
     let hair = DVec3::splat(grid.step * 1e-3);
-    let [low, high] = [grid.place(least - hair), grid.place(most + hair)];
-    let (mut node, mut place, mut side) = (0, [0; 3], STEPS);
+    let [low, high] = [grid.voxel(least - hair), grid.voxel(most + hair)];
+    let (mut node, mut voxel, mut side) = (0, [0; 3], STEPS);
     while let Node::Inner(first) = nodes[node as usize] {
         let half = side / 2;
-        let middle = place.map(|x| x + half);
+        let middle = voxel.map(|x| x + half);
         let upper = |of: [u32; 3], axis: usize| of[axis] >= middle[axis];
         if (0..3).any(|axis| upper(low, axis) != upper(high, axis)) {
             break;
         }
         let mut child = 0;
-        for (axis, x) in place.iter_mut().enumerate() {
+        for (axis, x) in voxel.iter_mut().enumerate() {
             if upper(low, axis) {
                 child |= 1 << axis;
                 *x += half;
@@ -313,12 +313,12 @@ fn enclosing(nodes: &[Node], grid: &Grid, shape: &Shape) -> (u32, [u32; 3], u32)
         }
         (node, side) = (first + child, half);
     }
-    (node, place, side)
+    (node, voxel, side)
 }
 
 /// Assigns every object to all leaves that its shapes meet. Also samples which share of the rays through each
 /// leaf its objects stop. `leaves` is the number of leaves.
-fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
+fn assign_objects(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
     let mut pairs = Vec::new();
     let mut cover = alloc::vec![Cover::default(); leaves];
     // For each leaf, the index of the object that was added last.
@@ -328,9 +328,9 @@ fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
         let object = id.index() as u32;
         for_each_shape(scene, id, &mut |shape| {
             stack.push(enclosing(nodes, grid, shape));
-            while let Some((node, place, side)) = stack.pop() {
+            while let Some((node, voxel, side)) = stack.pop() {
                 let half = f64::from(side) * 0.5 * grid.step;
-                let center = grid.corner(place) + DVec3::splat(half);
+                let center = grid.corner(voxel) + DVec3::splat(half);
                 if !shape_meets_cube(shape, center, half) {
                     continue;
                 }
@@ -351,7 +351,7 @@ fn fill(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
                     Node::Inner(first) => {
                         let side = side / 2;
                         for child in 0..8 {
-                            let step = |axis: usize| place[axis] + (child >> axis & 1) * side;
+                            let step = |axis: usize| voxel[axis] + (child >> axis & 1) * side;
                             stack.push((first + child, [step(0), step(1), step(2)], side));
                         }
                     }
@@ -373,20 +373,20 @@ impl Tessellation for OctreeTessellation {
     }
 
     fn locate(&self, point: DVec3) -> Option<u32> {
-        let code = self.grid.contains(point).then(|| morton(self.grid.place(point)))?;
+        let code = self.grid.contains(point).then(|| morton(self.grid.voxel(point)))?;
         Some(self.codes.partition_point(|&first| first <= code) as u32 - 1)
     }
 
     #[inline]
     fn cell_bounds(&self, cell: u32) -> Aabb {
-        let (place, side) = self.place(cell);
-        self.grid.bounds(place, side)
+        let (voxel, side) = self.voxel_and_side(cell);
+        self.grid.bounds(voxel, side)
     }
 
     #[inline]
     fn center(&self, cell: u32) -> DVec3 {
-        let (place, side) = self.place(cell);
-        self.grid.corner(place) + DVec3::splat(f64::from(side) * 0.5 * self.grid.step)
+        let (voxel, side) = self.voxel_and_side(cell);
+        self.grid.corner(voxel) + DVec3::splat(f64::from(side) * 0.5 * self.grid.step)
     }
 
     #[inline]
@@ -398,17 +398,17 @@ impl Tessellation for OctreeTessellation {
 
     #[inline]
     fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face)) {
-        let mine = self.blocks[cell as usize];
-        let (place, side) = self.place(cell);
+        let mine = self.leaf_positions[cell as usize];
+        let (voxel, side) = self.voxel_and_side(cell);
         // A point common to the planes of the three lower faces, and a point common to those of the three
         // upper faces.
-        let corners = [self.grid.corner(place), self.grid.corner(place.map(|x| x + side))];
-        for &link in self.links.get(cell as usize) {
-            let (neighbour, axis, upwards) = linked(link);
+        let corners = [self.grid.corner(voxel), self.grid.corner(voxel.map(|x| x + side))];
+        for &encoded in self.neighbours.get(cell as usize) {
+            let (neighbour, axis, upwards) = decode_neighbour(encoded);
             if !wanted(neighbour) {
                 continue;
             }
-            let other = self.blocks[neighbour as usize];
+            let other = self.leaf_positions[neighbour as usize];
             let mut normal = DVec3::ZERO;
             normal[axis] = if upwards { 1.0 } else { -1.0 };
             let side = f64::from(mine[3].min(other[3])) * self.grid.step;

@@ -17,7 +17,7 @@ use visibility_core::glam::{DVec2, Vec2, Vec3};
 const DIRECTIONS: usize = 16;
 
 /// Maximum number of parallel lines along each side of the square grid of lines of one direction.
-const MAX_SIDE: u32 = 2048;
+const MAX_LINES_PER_SIDE: u32 = 2048;
 
 /// Target number of lines of one direction that intersect a triangle, on average over all triangles.
 const LINES_PER_TRIANGLE: f64 = 3.0;
@@ -32,7 +32,7 @@ const MIN_MEASURED_COSINE: f32 = 0.2;
 
 /// Minimum cosine between a triangle's normal and a line direction for which the triangle blocks lines of
 /// that direction.
-const MIN_CUTTING_COSINE: f32 = 1e-3;
+const MIN_BLOCKING_COSINE: f32 = 1e-3;
 
 /// Distance from a triangle, in line spacings, up to which another surface counts as the same surface.
 const SAME_SURFACE: f32 = 0.25;
@@ -67,7 +67,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
         triangles.iter().map(|(_, [a, b, c])| wide(b - a).cross(wide(c - a)).length() * 0.5).sum();
     // A triangle of random orientation shows half its area along a line, on average.
     let wanted = DVec2::splat(area * 0.5 / (LINES_PER_TRIANGLE * triangles.len() as f64)).sqrt().x;
-    let spacing = (radius * 2.0 / f64::from(MAX_SIDE)).max(wanted);
+    let spacing = (radius * 2.0 / f64::from(MAX_LINES_PER_SIDE)).max(wanted);
     let side = (radius * 2.0 / spacing) as u32;
     let (radius, spacing) = (radius as f32, spacing as f32);
     if !(radius.is_normal() && spacing.is_normal()) {
@@ -75,7 +75,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     }
     // For each triangle, the sum of its weighted free distances and the sum of the weights.
     let mut sums = alloc::vec![(0.0f32, 0.0f32); triangles.len()];
-    let mut lines = Lines { side: side.min(MAX_SIDE) + 2, ..Lines::default() };
+    let mut lines = Lines { side: side.min(MAX_LINES_PER_SIDE) + 2, ..Lines::default() };
     for direction in 0..DIRECTIONS {
         let axes = axes(direction);
         let to_lines = |p: Vec3| {
@@ -83,7 +83,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
             Vec3::from_array(axes.map(|axis| axis.dot(p))) + lines.side as f32 * 0.5
         };
         let local: Vec<[Vec3; 3]> = triangles.iter().map(|(_, t)| t.map(to_lines)).collect();
-        lines.cut(&local);
+        lines.intersect(&local);
         for (t, (sum, weight)) in local.iter().zip(&mut sums) {
             if let Some(slope) = Slope::new(t, MIN_MEASURED_COSINE) {
                 let length = lines.free_distance(t, &slope) * spacing;
@@ -164,23 +164,23 @@ struct Lines {
     /// Numbers of the lines with more than [`MAX_SCANNED`] intersections, whose depths are sorted.
     long: Vec<u32>,
     /// Line number and depth (z in line spacings) of every intersection, in the order of the triangles.
-    cuts: Vec<(u32, f32)>,
+    intersections: Vec<(u32, f32)>,
 }
 
 impl Lines {
     /// Replaces the intersections of all lines by the lines' intersections with `triangles`, given in the
     /// lines' coordinates (z along the lines, lengths in line spacings).
-    fn cut(&mut self, triangles: &[[Vec3; 3]]) {
-        self.cuts.clear();
+    fn intersect(&mut self, triangles: &[[Vec3; 3]]) {
+        self.intersections.clear();
         for t in triangles {
-            if let Some(slope) = Slope::new(t, MIN_CUTTING_COSINE) {
-                self.cut_by(t, &slope);
+            if let Some(slope) = Slope::new(t, MIN_BLOCKING_COSINE) {
+                self.intersect_triangle(t, &slope);
             }
         }
         let count = (self.side * self.side) as usize;
         self.starts.clear();
         self.starts.resize(count + 2, 0);
-        for &(line, _) in &self.cuts {
+        for &(line, _) in &self.intersections {
             self.starts[line as usize + 2] += 1;
         }
         self.long.clear();
@@ -191,8 +191,8 @@ impl Lines {
             self.starts[line] += self.starts[line - 1];
         }
         self.depths.clear();
-        self.depths.resize(self.cuts.len(), 0.0);
-        for &(line, depth) in &self.cuts {
+        self.depths.resize(self.intersections.len(), 0.0);
+        for &(line, depth) in &self.intersections {
             let place = &mut self.starts[line as usize + 1];
             self.depths[*place as usize] = depth;
             *place += 1;
@@ -203,9 +203,9 @@ impl Lines {
         }
     }
 
-    /// Appends the intersections of one triangle with the lines to `cuts`. `t` and `slope` are in the lines'
-    /// coordinates (z along the lines, lengths in line spacings).
-    fn cut_by(&mut self, t: &[Vec3; 3], slope: &Slope) {
+    /// Appends the intersections of one triangle with the lines to `intersections`. `t` and `slope` are in
+    /// the lines' coordinates (z along the lines, lengths in line spacings).
+    fn intersect_triangle(&mut self, t: &[Vec3; 3], slope: &Slope) {
         let (min, max) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
         let end = |x: f32| ((x + 0.5) as u32).min(self.side);
         let (x0, x1, y0, y1) = (end(min.x), end(max.x), end(min.y), end(max.y));
@@ -225,7 +225,7 @@ impl Lines {
                 let depth = t[0].z + slope.x * (i as f32 + 0.5 - t[0].x) + slope.y * (y - t[0].y);
                 // NaN is skipped, since an ascending list cannot hold it.
                 if !depth.is_nan() {
-                    self.cuts.push((j * self.side + i, depth));
+                    self.intersections.push((j * self.side + i, depth));
                 }
             }
         }

@@ -308,20 +308,20 @@ mod tests {
             let grid = Grid::around(&Aabb::new(far - size, far + size));
             let side: u32 = 1 << (random.whole(4) + 4);
             let count = i64::from(STEPS / side);
-            let mut place =
+            let mut voxel =
                 [(); 3].map(|()| (1 + random.whole(count).unsigned_abs() as u32 % (STEPS / side - 1)) * side);
             let axis = round % 3;
             if round % 4 == 0 {
-                place[axis] = STEPS / 2;
+                voxel[axis] = STEPS / 2;
             }
-            let cube = |place: [u32; 3]| {
+            let cube = |voxel: [u32; 3]| {
                 let half = f64::from(side) * 0.5 * grid.step;
-                (grid.corner(place) + DVec3::splat(half), half)
+                (grid.corner(voxel) + DVec3::splat(half), half)
             };
-            let mut below = place;
+            let mut below = voxel;
             below[axis] -= side;
-            let ((a, half), (b, _)) = (cube(place), cube(below));
-            let face = grid.corner(place)[axis] as f32;
+            let ((a, half), (b, _)) = (cube(voxel), cube(below));
+            let face = grid.corner(voxel)[axis] as f32;
             for x in [face.next_down(), face, face.next_up(), 0.0, face * 0.5] {
                 if (f64::from(x) - (a[axis] - half)).abs() > half {
                     continue;
@@ -369,7 +369,7 @@ mod tests {
             upper[axis] = (i64::from(STEPS / 2) + 25 * steps * sign) as u32;
             lower[axis] = upper[axis] - side as u32;
             let half = side as f64 * 0.5 * grid.step;
-            let [a, b] = [upper, lower].map(|place| grid.corner(place) + DVec3::splat(half));
+            let [a, b] = [upper, lower].map(|voxel| grid.corner(voxel) + DVec3::splat(half));
             let wall_at = [[-0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[u, v]| {
                 let mut point = a;
                 point[axis] = (wall * sign) as f64;

@@ -42,21 +42,21 @@ pub enum Solidity {
 /// Silva, 2000, leave the value open.
 const PENALTY: f32 = 0.05;
 
-/// Solid angle, in steradians, of an object whose priority factor [`worth`] is 1/2: about three by three
-/// pixels, at a thousand pixels per radian.
-const HALF_WORTH_ANGLE: f32 = 1e-5;
+/// Solid angle, in steradians, of an object whose [`priority_factor`] is 1/2: about three by
+/// three pixels, at a thousand pixels per radian.
+const HALF_PRIORITY_ANGLE: f32 = 1e-5;
 
 /// Cell from which a face leads to a neighbour, with the values from which the neighbour's solidity is
 /// computed.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct From {
+pub(crate) struct SourceCell {
     /// Number of the cell.
     pub(crate) cell: u32,
     /// Unit direction from the eye to the cell's centre.
     pub(crate) direction: DVec3,
     /// The cell's transmittance (share of view rays that reach the cell, 0 to 1); its solidity with
     /// [`Solidity::Count`].
-    pub(crate) value: f32,
+    pub(crate) transmittance_or_solidity: f32,
 }
 
 /// Returns the share of rays along a direction that a cell's objects stop, 0 to 1: the mean of the shares
@@ -73,7 +73,7 @@ pub(crate) fn stopped_share(cover: [f64; 3], direction: DVec3) -> f64 {
 /// `normal` is the face's unit normal, pointing into the cell. 0 if the rays leave through the face or run
 /// along it.
 #[inline]
-pub(crate) fn light_share(silhouette: f64, direction: DVec3, normal: DVec3, area: f64) -> f64 {
+pub(crate) fn entering_share(silhouette: f64, direction: DVec3, normal: DVec3, area: f64) -> f64 {
     let across = normal.dot(direction);
     if across > 0.0 && silhouette > 0.0 { (across * area / silhouette).min(1.0) } else { 0.0 }
 }
@@ -93,17 +93,17 @@ pub(crate) fn solid_angle_per_area(frustum: &CellFrustum, center: DVec3, silhoue
 /// Returns the priority factor of an object that covers `angle` steradians: `angle / (angle + 1e-5)`, at
 /// least 1e-6. 1 for an infinite angle and for NaN.
 #[inline]
-pub(crate) fn worth(angle: f32) -> f32 {
-    if angle < f32::MAX { (angle / (angle + HALF_WORTH_ANGLE)).max(1e-6) } else { 1.0 }
+pub(crate) fn priority_factor(angle: f32) -> f32 {
+    if angle < f32::MAX { (angle / (angle + HALF_PRIORITY_ANGLE)).max(1e-6) } else { 1.0 }
 }
 
-/// Returns the estimated probability that some object in a cell is seen, 0 to 1: the square root of `light`,
-/// the cell's transmittance. Errors of transmittance accumulate from cell to cell, so the square root gives
-/// transmittance less weight than an object's own size and openness.
+/// Returns the estimated probability that some object in a cell is seen, 0 to 1: the square root of
+/// `transmittance`, the cell's transmittance. Errors of transmittance accumulate from cell to cell, so the
+/// square root gives transmittance less weight than an object's own size and openness.
 #[inline]
-pub(crate) fn chance(light: f32) -> f32 {
+pub(crate) fn visibility_chance(transmittance: f32) -> f32 {
     // `sqrt` of f32 needs `std`; glam's vectors have one without.
-    Vec2::splat(light).sqrt().x
+    Vec2::splat(transmittance).sqrt().x
 }
 
 /// Returns, for each of the six axis sides and last for objects without a side, the factor by which a surface
@@ -130,20 +130,20 @@ pub(crate) fn side_factors(direction: Vec3, is_around: bool, one_sided: bool) ->
 const SPREAD: f32 = 0.35;
 
 /// Returns the solidity of a face's neighbour by the formula of [`Solidity::Count`],
-/// from the solidity of the cell `from` on the near side of the face. `center` is the neighbour's
-/// scene-relative centre. Cost: proportional to the number of objects in the cell `from`.
+/// from the solidity of the cell `source` on the near side of the face. `center` is the neighbour's
+/// scene-relative centre. Cost: proportional to the number of objects in the cell `source`.
 pub(crate) fn count_solidity<T: Tessellation + ?Sized>(
     tessellation: &T,
     frustum: &CellFrustum,
-    from: &From,
+    source: &SourceCell,
     face: &Face,
     center: DVec3,
 ) -> f32 {
     let content = tessellation.content();
-    let filled = f64::from(content.count(from.cell)) / f64::from(content.max_count().max(1));
-    let across = face.normal.dot(from.direction).max(0.0);
-    let solidity = (filled + across * f64::from(from.value)) as f32;
-    if is_star_shaped(tessellation, frustum, from.cell, face, center) {
+    let filled = f64::from(content.count(source.cell)) / f64::from(content.max_count().max(1));
+    let across = face.normal.dot(source.direction).max(0.0);
+    let solidity = (filled + across * f64::from(source.transmittance_or_solidity)) as f32;
+    if is_star_shaped(tessellation, frustum, source.cell, face, center) {
         solidity
     } else {
         2.0 * solidity + PENALTY

@@ -20,17 +20,17 @@ pub(crate) struct SurfaceClass {
     pub(crate) openness: u8,
 }
 
-/// Upper bound on how far normals lean from the axis of their side, in units of 1/[`LEAN_STEPS`]: no
-/// component across the axis exceeds `lean / LEAN_STEPS` times the component along the axis. [`UNKNOWN_LEAN`]
-/// is no bound.
-pub(crate) type Lean = u8;
+/// Upper bound on how far normals lean from the axis of their side, in units of 1/[`LEAN_AT_45_DEGREES`]: no
+/// component across the axis exceeds `lean / LEAN_AT_45_DEGREES` times the component along the axis.
+/// [`UNKNOWN_LEAN`] is no bound.
+pub(crate) type MaxLean = u8;
 
 /// Lean of a normal at 45 degrees to its axis: the maximum, since a normal is assigned to the axis of its
 /// largest component.
-pub(crate) const LEAN_STEPS: f32 = 14.0;
+pub(crate) const LEAN_AT_45_DEGREES: f32 = 14.0;
 
-/// Value of [`Lean`] for objects without a reliable normal: no bound on the direction of their normals.
-pub(crate) const UNKNOWN_LEAN: Lean = 15;
+/// Value of [`MaxLean`] for objects without a reliable normal: no bound on the direction of their normals.
+pub(crate) const UNKNOWN_LEAN: MaxLean = 15;
 
 /// Number of axis sides that a surface can face: two for each of x, y and z.
 pub(crate) const SIDES: usize = 6;
@@ -64,7 +64,7 @@ impl SurfaceClass {
     /// Returns an object's class and the lean of its normal. The area is that of the object's triangles, or
     /// of its bounds' six faces if it has no triangles. `openness` is 0 to 1, NaN counts as 1. Objects that
     /// do not have exactly one triangle get [`ANY_SIDE`] and [`UNKNOWN_LEAN`].
-    pub(crate) fn of_object(scene: &Scene, id: ObjectId, openness: f32) -> (Self, Lean) {
+    pub(crate) fn of_object(scene: &Scene, id: ObjectId, openness: f32) -> (Self, MaxLean) {
         let triangles = scene.triangles(id).unwrap_or(&[]);
         // In f64, since squared areas overflow f32 before coordinates do.
         let mut area = 0.0;
@@ -120,7 +120,7 @@ impl SurfaceClass {
 /// Returns the axis side that a triangle faces most, and the lean of its normal. `u` and `v` are the edges
 /// from the first corner to the second and third, anticlockwise seen from the front. [`ANY_SIDE`] for a
 /// triangle without a normal; [`UNKNOWN_LEAN`] if rounding makes the normal unreliable.
-fn side_of(u: DVec3, v: DVec3) -> (u8, Lean) {
+fn side_of(u: DVec3, v: DVec3) -> (u8, MaxLean) {
     let normal = u.cross(v);
     let size = normal.abs();
     let axis = size.max_position();
@@ -132,7 +132,7 @@ fn side_of(u: DVec3, v: DVec3) -> (u8, Lean) {
     // The normal's error is about 1e-15 times the product of the edge lengths, so at most 1e-8 of the lengths
     // accepted here.
     let known = size[axis] > 1e-7 * u.length() * v.length() && size[axis] < f64::INFINITY;
-    let steps = (lean - 1e-7).max(0.0) * f64::from(LEAN_STEPS);
+    let steps = (lean - 1e-7).max(0.0) * f64::from(LEAN_AT_45_DEGREES);
     // Casts round towards zero.
     (side, if known { steps as u8 + u8::from(steps > f64::from(steps as u8)) } else { UNKNOWN_LEAN })
 }
@@ -189,7 +189,7 @@ mod tests {
             let eye = point() * 8.0;
             let (side, lean) = side_of(b - a, c - a);
             let toward = BoxFromEye::new(visibility_core::view::Eye::Point(eye), &cell);
-            if lean < UNKNOWN_LEAN && toward.is_behind(side, f32::from(lean) / LEAN_STEPS) {
+            if lean < UNKNOWN_LEAN && toward.is_behind(side, f32::from(lean) / LEAN_AT_45_DEGREES) {
                 assert!((b - a).cross(c - a).dot(eye - a) < 0.0, "{a} {b} {c} from {eye}: {side} {lean}");
                 behind += 1;
                 leaning += u32::from(lean > 4);
@@ -224,7 +224,7 @@ mod tests {
             let along = exact[axis] * if side % 2 == 0 { 1 } else { -1 };
             assert!(along > 0, "{u} {v}: {side}");
             for other in [(axis + 1) % 3, (axis + 2) % 3] {
-                let most = (f64::from(lean) / f64::from(LEAN_STEPS) + 1e-6) * along as f64;
+                let most = (f64::from(lean) / f64::from(LEAN_AT_45_DEGREES) + 1e-6) * along as f64;
                 assert!(exact[other].abs() as f64 <= most, "{u} {v}: {side}, {lean}");
             }
         }

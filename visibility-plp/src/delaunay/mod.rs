@@ -4,7 +4,7 @@
 //! section 4. Leaf centres lie on a grid, so many of them are cospherical or coplanar. As in the paper each
 //! centre is moved slightly, here by a hash of its position. All decisions use exact integer arithmetic.
 
-mod exact;
+mod predicates;
 mod triangulate;
 
 use crate::content::Content;
@@ -15,7 +15,7 @@ use crate::overlap::{Tetrahedron, shape_meets_tetrahedron};
 use crate::shape::{Shape, for_each_shape};
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;
-pub(crate) use exact::Point;
+pub(crate) use predicates::Point;
 use triangulate::Mesh;
 pub(crate) use triangulate::NONE;
 use visibility_core::glam::{DVec3, Vec3};
@@ -23,10 +23,10 @@ use visibility_core::{Aabb, Scene};
 
 /// Number of steps of the fine grid, on which the tetrahedra's vertices lie, per step of the octree's grid
 /// along each axis.
-pub(crate) const FINER: i32 = 128;
+pub(crate) const FINE_PER_STEP: i32 = 128;
 
 /// Number of steps of the fine grid along each side of the cube.
-pub(crate) const SIDE: i32 = STEPS as i32 * FINER;
+pub(crate) const FINE_STEPS: i32 = STEPS as i32 * FINE_PER_STEP;
 
 /// Tessellation into tetrahedra, within a cube slightly larger than the scene. Prefer
 /// [`OctreeTessellation`](crate::OctreeTessellation): it is built in half the time, and finds as many visible
@@ -68,20 +68,20 @@ pub struct DelaunayTessellation {
 }
 
 /// Returns the Delaunay vertex of an octree leaf, in steps of the fine grid: the leaf's centre, moved along
-/// each axis by up to an eighth of the leaf's side. `block` is the position of the leaf's minimum corner (x,
+/// each axis by up to an eighth of the leaf's side. `leaf` is the position of the leaf's minimum corner (x,
 /// y, z) and its side, in steps of the octree's grid. Each `attempt` moves the centre differently; equal
 /// arguments give equal points.
-fn place(block: [u16; 4], attempt: u32) -> Point {
-    let side = i32::from(block[3]);
+fn vertex_in(leaf: [u16; 4], attempt: u32) -> Point {
+    let side = i32::from(leaf[3]);
     let mut hash = 0x9e37_79b9u32;
-    for x in block.map(u32::from).into_iter().chain([attempt]) {
+    for x in leaf.map(u32::from).into_iter().chain([attempt]) {
         hash = (hash ^ x).wrapping_mul(0x85eb_ca6b);
         hash ^= hash >> 13;
     }
     [0, 1, 2].map(|axis| {
         let bits = hash.rotate_left(11 * axis as u32) % 1024;
-        let shift = (bits as i32 - 512) * (side * FINER) / 4096;
-        i32::from(block[axis]) * FINER + side * FINER / 2 + shift
+        let shift = (bits as i32 - 512) * (side * FINE_PER_STEP) / 4096;
+        i32::from(leaf[axis]) * FINE_PER_STEP + side * FINE_PER_STEP / 2 + shift
     })
 }
 
@@ -99,16 +99,16 @@ impl DelaunayTessellation {
     /// Partitions a scene into tetrahedra, with one vertex in each leaf of the octree of the given fineness.
     /// Objects whose bounds are not finite become [strays](Content::strays), which count as visible.
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
-        let (grid, blocks) = leaves_of(scene, fineness);
-        let points: Vec<Point> = blocks.iter().map(|&block| place(block, 0)).collect();
-        let mut mesh = Mesh::cube(SIDE);
-        mesh.insert_all(&points, |number, attempt| place(blocks[number], attempt));
+        let (grid, leaf_positions) = leaves_of(scene, fineness);
+        let points: Vec<Point> = leaf_positions.iter().map(|&leaf| vertex_in(leaf, 0)).collect();
+        let mut mesh = Mesh::cube(FINE_STEPS);
+        mesh.insert_all(&points, |number, attempt| vertex_in(leaf_positions[number], attempt));
         let Mesh { points, cells, neighbours, .. } = mesh;
         let outside = |(cell, around): (u32, &[u32; 4])| around.contains(&NONE).then_some(cell);
         let boundary = (0..).zip(&neighbours).filter_map(outside).collect();
         let content = Content::new(scene, &[], alloc::vec![[0; 4]; cells.len()]);
         let mut made = Self { grid, fineness, points, cells, neighbours, boundary, content };
-        made.content = made.fill(scene);
+        made.content = made.assign_objects(scene);
         made
     }
 
@@ -136,27 +136,27 @@ impl DelaunayTessellation {
     }
 
     /// Returns the corners of a cell in steps of the fine grid, relative to the grid's minimum corner.
-    fn fine(&self, cell: u32) -> [DVec3; 4] {
+    fn fine_corners(&self, cell: u32) -> [DVec3; 4] {
         self.cells[cell as usize].map(|vertex| DVec3::from_array(self.points[vertex as usize].map(f64::from)))
     }
 
     /// Converts a point from metres, relative to the scene's origin, to steps of the fine grid, relative to
     /// the grid's minimum corner.
     fn to_fine(&self, point: DVec3) -> DVec3 {
-        (point - self.grid.min) / self.grid.step * f64::from(FINER)
+        (point - self.grid.min) / self.grid.step * f64::from(FINE_PER_STEP)
     }
 
     /// Returns the corners of a cell in metres, relative to the scene's origin.
     fn corners(&self, cell: u32) -> [DVec3; 4] {
-        self.fine(cell).map(|p| self.grid.min + p * (self.grid.step / f64::from(FINER)))
+        self.fine_corners(cell).map(|p| self.grid.min + p * (self.grid.step / f64::from(FINE_PER_STEP)))
     }
 
     /// Returns a cell that contains a point, by walking from the cell `start` towards the point. `point` is
     /// in steps of the fine grid. `None` for a point outside of the cube.
-    fn walk(&self, point: DVec3, start: u32) -> Option<u32> {
+    fn find_cell(&self, point: DVec3, start: u32) -> Option<u32> {
         let mut cell = start;
         'steps: for step in 0..self.cells.len() + 4 {
-            let corners = self.fine(cell);
+            let corners = self.fine_corners(cell);
             for i in 0..4 {
                 let face = (i + step) % 4;
                 let mut beyond = corners;
@@ -180,9 +180,9 @@ impl DelaunayTessellation {
     /// Assigns every object to all cells that it meets. For each shape, a cell that contains a corner of the
     /// shape is found first, then neighbours are added while the shape meets them. Also samples the rays that
     /// each cell's triangles stop.
-    fn fill(&self, scene: &Scene) -> Content {
+    fn assign_objects(&self, scene: &Scene) -> Content {
         let solids: Vec<Tetrahedron> =
-            (0..self.cells.len() as u32).map(|cell| Tetrahedron::new(self.fine(cell))).collect();
+            (0..self.cells.len() as u32).map(|cell| Tetrahedron::new(self.fine_corners(cell))).collect();
         let mut pairs = Vec::new();
         let mut cover = alloc::vec![Cover::default(); self.cells.len()];
         let (mut last, mut visited) =
@@ -193,7 +193,7 @@ impl DelaunayTessellation {
             for_each_shape(scene, id, &mut |shape| {
                 number += 1;
                 let shape = shape.map(|p| self.to_fine(p));
-                let Some(first) = self.walk(shape.corner(), start) else { return };
+                let Some(first) = self.find_cell(shape.corner(), start) else { return };
                 start = first;
                 stack.push(first);
                 visited[first as usize] = number;
@@ -242,7 +242,7 @@ impl Tessellation for DelaunayTessellation {
         if !self.grid.contains(point) {
             return None;
         }
-        self.walk(self.to_fine(point), 0)
+        self.find_cell(self.to_fine(point), 0)
     }
 
     fn cell_bounds(&self, cell: u32) -> Aabb {
@@ -283,7 +283,7 @@ impl Tessellation for DelaunayTessellation {
     }
 
     fn contains(&self, cell: u32, point: DVec3) -> bool {
-        Tetrahedron::new(self.fine(cell)).contains(self.to_fine(point))
+        Tetrahedron::new(self.fine_corners(cell)).contains(self.to_fine(point))
     }
 
     fn boundary(&self) -> &[u32] {

@@ -2,10 +2,10 @@
 //! Watson, "Computing the n-dimensional Delaunay tessellation", 1981).
 //!
 //! The tetrahedra whose circumspheres contain a new point form the cavity. They are replaced by tetrahedra
-//! between the point and the cavity's boundary faces, its rim. The first cell of the cavity is found by
+//! between the point and the cavity's boundary faces. The first cell of the cavity is found by
 //! walking from the cell made last.
 
-use super::exact::{Point, is_in_sphere, volume};
+use super::predicates::{Point, is_in_sphere, volume};
 use alloc::vec::Vec;
 
 /// Neighbour number of a face on the surface of the cube.
@@ -28,7 +28,7 @@ pub(crate) struct Mesh {
 /// Boundary face of the cavity, named as a face of the cell inside: `face` is the index of the opposite
 /// corner, 0 to 3.
 #[derive(Clone, Copy)]
-struct Rim {
+struct CavityFace {
     cell: u32,
     face: usize,
 }
@@ -137,7 +137,7 @@ impl Mesh {
     fn insert(&mut self, point: Point, start: u32) -> Option<u32> {
         let first = self.find(point, start)?;
         let mut cavity = alloc::vec![first];
-        let mut rim: Vec<Rim> = Vec::new();
+        let mut cavity_faces: Vec<CavityFace> = Vec::new();
         let mut next = 0;
         while next < cavity.len() {
             let cell = cavity[next];
@@ -150,32 +150,32 @@ impl Mesh {
                 if neighbour != NONE && is_in_sphere(self.corners(&self.cells[neighbour as usize]), point) {
                     cavity.push(neighbour);
                 } else {
-                    rim.push(Rim { cell, face });
+                    cavity_faces.push(CavityFace { cell, face });
                 }
             }
         }
         // The neighbour across a face may have joined the cavity after the face was recorded.
-        rim.retain(|rim| !cavity.contains(&self.neighbours[rim.cell as usize][rim.face]));
-        let is_flat = |rim: &Rim| {
-            let mut corners = self.corners(&self.cells[rim.cell as usize]);
-            corners[rim.face] = point;
+        cavity_faces.retain(|outer| !cavity.contains(&self.neighbours[outer.cell as usize][outer.face]));
+        let is_flat = |outer: &CavityFace| {
+            let mut corners = self.corners(&self.cells[outer.cell as usize]);
+            corners[outer.face] = point;
             volume(corners) <= 0
         };
-        if rim.iter().any(is_flat) {
+        if cavity_faces.iter().any(is_flat) {
             return None;
         }
         let vertex = self.points.len() as u32;
         self.points.push(point);
-        let made: Vec<([u32; 4], u32, usize)> = rim
+        let made: Vec<([u32; 4], u32, usize)> = cavity_faces
             .iter()
-            .map(|rim| {
-                let mut cell = self.cells[rim.cell as usize];
-                cell[rim.face] = vertex;
-                (cell, self.neighbours[rim.cell as usize][rim.face], rim.face)
+            .map(|outer| {
+                let mut cell = self.cells[outer.cell as usize];
+                cell[outer.face] = vertex;
+                (cell, self.neighbours[outer.cell as usize][outer.face], outer.face)
             })
             .collect();
-        // Edges of the rim for which only one of the two new cells is known so far: the edge's vertices, that
-        // cell, and its face at the edge.
+        // Edges between cavity faces for which only one of the two new cells is known so far: the edge's
+        // vertices, that cell, and its face at the edge.
         let mut open: Vec<([u32; 2], u32, usize)> = Vec::new();
         for (number, &(cell, outer, face)) in made.iter().enumerate() {
             let place = match cavity.get(number).copied().or_else(|| self.free.pop()) {

@@ -1,10 +1,10 @@
 //! Visit of a tessellation's cells from the eye outwards, shared by both cullers.
 //!
-//! `state` holds the buffers of a walk, `remaining` the layers not yet projected of each opened cell,
+//! `state` holds the buffers of a walk, `remaining_layers` the layers not yet projected of each opened cell,
 //! `projection` appends the objects of a layer to the result, and `traversal` is the loop over cells.
 
 mod projection;
-mod remaining;
+mod remaining_layers;
 mod state;
 mod traversal;
 

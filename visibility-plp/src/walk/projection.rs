@@ -25,7 +25,11 @@ impl Walk {
     /// Stops at the first object whose cost exceeds the remaining budget and returns
     /// [`Projected::OutOfBudget`]. Objects not appended then may become candidates again. With `unlimited`,
     /// the budget is neither checked nor charged.
-    pub(crate) fn settle<T: ?Sized>(&mut self, frame: &FrameContext<'_, T>, unlimited: bool) -> Projected {
+    pub(crate) fn check_candidates<T: ?Sized>(
+        &mut self,
+        frame: &FrameContext<'_, T>,
+        unlimited: bool,
+    ) -> Projected {
         let candidates = self.candidates[..self.candidate_count].iter();
         self.candidate_count = 0;
         self.seen.clear();
@@ -104,7 +108,7 @@ impl Walk {
         let layer = layers.next().unwrap_or_default();
         // All earlier candidates are within the budget.
         if self.candidate_count + layer.max_len() > self.affordable(frame, unlimited).min(BATCH) {
-            self.settle(frame, unlimited);
+            self.check_candidates(frame, unlimited);
         }
         // Free of unpredictable branches: every object is written to the buffer, and the count only grows if
         // the object is new and does not face away.
@@ -126,7 +130,7 @@ impl Walk {
         }
         self.candidate_count = count;
         if count > self.affordable(frame, unlimited)
-            && self.settle(frame, unlimited) == Projected::OutOfBudget
+            && self.check_candidates(frame, unlimited) == Projected::OutOfBudget
         {
             return Projected::OutOfBudget;
         }

@@ -92,7 +92,7 @@ pub(super) struct CellState {
     /// With [`Solidity::Coverage`], the transmittance: estimated share of view rays to the cell that no
     /// earlier cell stops, 0 to 1. With [`Solidity::Count`], the cell's solidity. NaN until the cell is
     /// first put into the front, the queue of cells to project.
-    pub(super) value: f32,
+    pub(super) transmittance_or_solidity: f32,
     /// First of the cell's axis sides with objects left to project, an index into `Walk::sides`.
     pub(super) first_side: u32,
     /// End of the cell's range in `Walk::sides`, exclusive. [`UNOPENED`] before the cell's sides are looked
@@ -105,7 +105,7 @@ pub(super) struct CellState {
     pub(super) area: f32,
     /// Highest priority of the cell's groups of objects (layers) when the cell was reached, about 0 to 1. 1
     /// for a cell without objects and with [`Solidity::Count`].
-    pub(super) worth: f32,
+    pub(super) priority: f32,
     /// Mean solid angle in steradians of one square metre of surface in the cell, from
     /// [`solid_angle_per_area`](crate::solidity::solid_angle_per_area). Infinite for parallel views, 0 with
     /// [`Solidity::Count`].
@@ -119,13 +119,13 @@ impl CellState {
     /// State of a cell that the frame has not reached.
     pub(super) const UNKNOWN: Self = Self {
         crossed: 0,
-        value: f32::NAN,
+        transmittance_or_solidity: f32::NAN,
         first_side: 0,
         end_side: 0,
         direction: Vec3::ZERO,
         area: 0.0,
         solid_angle_per_area: 0.0,
-        worth: 1.0,
+        priority: 1.0,
     };
 
     /// Tests whether the eye is in or near the cell: the silhouette's area exceeds 0.9 times the squared
@@ -143,7 +143,7 @@ impl CellState {
 pub(super) struct RemainingLayers {
     /// Priority of the first remaining layer, about 0 to 1: the share of its surface that is estimated
     /// visible if the cell is.
-    pub(super) worth: f32,
+    pub(super) priority: f32,
     /// Mean solid angle in steradians of one square metre of surface that faces this side. Infinite for
     /// parallel views.
     pub(super) solid_angle_per_area: f32,
@@ -187,11 +187,11 @@ pub(crate) struct Walk {
     /// Stamp of the cells' object lists for which the buffers were last enlarged. No frame with these lists
     /// needs more capacity, whatever the view.
     reserved_for: Stamp,
-    /// Per-frame state of each cell. Valid only for cells whose bit in `known` is set.
+    /// Per-frame state of each cell. Valid only for cells whose bit in `reached_bits` is set.
     pub(super) cells: Vec<CellState>,
     /// One bit for each cell, set once the frame has reached the cell. Checked before `cells`, which is 512
     /// times larger and misses the cache.
-    pub(super) known: Vec<u64>,
+    pub(super) reached_bits: Vec<u64>,
     /// One bit for each cell that is outside of the view or whose neighbours were already put into the
     /// front. Most faces lead to such cells and need no further test.
     pub(super) closed: Vec<u64>,
@@ -234,7 +234,7 @@ impl Default for Walk {
         Self {
             reserved_for: Stamp::NONE,
             cells: Vec::new(),
-            known: Vec::new(),
+            reached_bits: Vec::new(),
             closed: Vec::new(),
             front: Front::default(),
             taken: Vec::new(),
@@ -276,7 +276,7 @@ impl Walk {
         let content = frame.tessellation.content();
         let cells = content.cell_count();
         self.cells.resize(cells, CellState::UNKNOWN);
-        for bits in [&mut self.known, &mut self.closed] {
+        for bits in [&mut self.reached_bits, &mut self.closed] {
             bits.clear();
             bits.resize(cells.div_ceil(64), 0);
         }
@@ -324,7 +324,7 @@ impl Walk {
 
     /// Drops a reached cell from the frame: its remaining objects are not projected, and its neighbours are
     /// not put into the front because of it.
-    pub(crate) fn shut(&mut self, cell: u32) {
+    pub(crate) fn drop_cell(&mut self, cell: u32) {
         self.cells[cell as usize].end_side = 0;
         set(&mut self.closed, cell);
     }

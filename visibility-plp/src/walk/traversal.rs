@@ -5,7 +5,8 @@ use super::state::{Budget, CellState, FrameContext, Projected, UNOPENED, Walk, c
 use crate::cell_frustum::CellPlace;
 use crate::content::bit;
 use crate::solidity::{
-    From, Solidity, chance, count_solidity, light_share, solid_angle_per_area, stopped_share,
+    Solidity, SourceCell, count_solidity, entering_share, solid_angle_per_area, stopped_share,
+    visibility_chance,
 };
 use crate::tessellation::Tessellation;
 use visibility_core::{Aabb, scene::Changes, view::Eye};
@@ -48,7 +49,7 @@ impl Walk {
         {
             // The eye's cell is visited whatever the view planes say, since all view rays start there.
             if !self.reach(frame, cell) {
-                self.fill_in(frame, cell, u16::MAX, &frame.tessellation.cell_bounds(cell));
+                self.init_state(frame, cell, u16::MAX, &frame.tessellation.cell_bounds(cell));
                 clear(&mut self.closed, cell);
             }
             let first = match frame.settings.solidity {
@@ -61,7 +62,7 @@ impl Walk {
         for &cell in frame.tessellation.boundary() {
             if self.reach(frame, cell) {
                 let value = match frame.settings.solidity {
-                    Solidity::Coverage => outside_light(frame, cell, &self.cells[cell as usize]) as f32,
+                    Solidity::Coverage => share_from_outside(frame, cell, &self.cells[cell as usize]) as f32,
                     Solidity::Count => 0.0,
                 };
                 self.put(frame, cell, value);
@@ -73,23 +74,23 @@ impl Walk {
     /// rays may pass through the cell and the cell has not propagated to its neighbours yet.
     #[inline]
     fn reach<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) -> bool {
-        if bit(&self.known, cell as usize) {
+        if bit(&self.reached_bits, cell as usize) {
             return !self.is_closed(cell);
         }
-        set(&mut self.known, cell);
+        set(&mut self.reached_bits, cell);
         let bounds = frame.tessellation.cell_bounds(cell);
         let CellPlace::Crossing(crossed) = frame.frustum.classify(&bounds) else {
             set(&mut self.closed, cell);
             return false;
         };
-        self.fill_in(frame, cell, crossed, &bounds);
+        self.init_state(frame, cell, crossed, &bounds);
         true
     }
 
     /// Initialises the state of a cell that the frame has just reached. `crossed` has one bit for each view
     /// plane that the cell crosses. `bounds` is the cell's box, relative to the scene's origin.
     #[inline]
-    fn fill_in<T: Tessellation + ?Sized>(
+    fn init_state<T: Tessellation + ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,
         cell: u32,
@@ -111,7 +112,7 @@ impl Walk {
         if frame.settings.solidity == Solidity::Coverage {
             self.open(frame, cell, bounds);
             // A cell without objects takes nothing from the budget.
-            self.cells[cell as usize].worth = self.best_side(cell).map_or(1.0, |(_, worth)| worth);
+            self.cells[cell as usize].priority = self.best_side(cell).map_or(1.0, |(_, priority)| priority);
         }
     }
 
@@ -121,13 +122,13 @@ impl Walk {
     #[inline]
     fn put<T: ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32, value: f32) {
         let state = &mut self.cells[cell as usize];
-        if state.value == value {
+        if state.transmittance_or_solidity == value {
             return;
         }
-        self.reached += u64::from(state.value.is_nan());
-        state.value = value;
+        self.reached += u64::from(state.transmittance_or_solidity.is_nan());
+        state.transmittance_or_solidity = value;
         let solidity = match frame.settings.solidity {
-            Solidity::Coverage => 1.0 - chance(value) * state.worth,
+            Solidity::Coverage => 1.0 - visibility_chance(value) * state.priority,
             Solidity::Count => value,
         };
         self.front.push(solidity, cell);
@@ -157,12 +158,14 @@ impl Walk {
         cell: u32,
     ) -> Projected {
         if !self.is_closed(cell) {
-            self.pass_on(frame, cell);
+            self.propagate(frame, cell);
         }
-        self.open_late(frame, cell);
-        while let Some((side, worth)) = self.best_side(cell) {
+        self.open_if_needed(frame, cell);
+        while let Some((side, priority)) = self.best_side(cell) {
             let solidity = match frame.settings.solidity {
-                Solidity::Coverage => 1.0 - chance(self.cells[cell as usize].value) * worth,
+                Solidity::Coverage => {
+                    1.0 - visibility_chance(self.cells[cell as usize].transmittance_or_solidity) * priority
+                }
                 // As in the paper, all objects of the cell are projected at once.
                 Solidity::Count => 0.0,
             };
@@ -185,15 +188,15 @@ impl Walk {
 
     /// Projects all remaining objects of a cell without charging the budget, then puts the cell's neighbours
     /// into the front unless that was done before. Does nothing for a cell that was dropped by
-    /// [`shut`](Self::shut).
+    /// [`drop_cell`](Self::drop_cell).
     pub(crate) fn finish<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
-        self.open_late(frame, cell);
+        self.open_if_needed(frame, cell);
         while let Some((side, _)) = self.best_side(cell) {
             self.project(frame, cell, side, true);
         }
-        self.settle(frame, true);
+        self.check_candidates(frame, true);
         if !self.is_closed(cell) {
-            self.pass_on(frame, cell);
+            self.propagate(frame, cell);
         }
     }
 
@@ -201,7 +204,7 @@ impl Walk {
     /// through a face, and puts those neighbours into the front, the queue of cells to project. Sets the
     /// cell's bit in `closed`.
     #[inline]
-    fn pass_on<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
+    fn propagate<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         set(&mut self.closed, cell);
         self.projected += 1;
         let tessellation = frame.tessellation;
@@ -211,8 +214,9 @@ impl Walk {
             Solidity::Count => frame.frustum.direction(tessellation.center(cell)),
         };
         let stopped = stopped_share(tessellation.content().cover(cell), direction);
-        let from = From { cell, direction, value: state.value };
-        let through = f64::from(state.value) * (1.0 - stopped);
+        let source =
+            SourceCell { cell, direction, transmittance_or_solidity: state.transmittance_or_solidity };
+        let through = f64::from(state.transmittance_or_solidity) * (1.0 - stopped);
         let mut faces = core::mem::take(&mut self.faces);
         faces.clear();
         let is_open = |neighbour: u32| !self.is_closed(neighbour);
@@ -230,13 +234,13 @@ impl Walk {
             let value = match frame.settings.solidity {
                 Solidity::Coverage => {
                     let (area, direction) = (f64::from(state.area), state.direction.as_dvec3());
-                    let more = through * light_share(area, direction, face.normal, face.area);
+                    let more = through * entering_share(area, direction, face.normal, face.area);
                     // A neighbour that is not in the front yet has the value NaN, which counts as 0.
-                    (state.value.max(0.0) + more as f32).min(1.0)
+                    (state.transmittance_or_solidity.max(0.0) + more as f32).min(1.0)
                 }
                 Solidity::Count => {
                     let center = tessellation.center(neighbour);
-                    count_solidity(tessellation, &frame.frustum, &from, face, center)
+                    count_solidity(tessellation, &frame.frustum, &source, face, center)
                 }
             };
             self.put(frame, neighbour, value);
@@ -247,11 +251,15 @@ impl Walk {
 
 /// Returns the share of a boundary cell's silhouette through which view rays enter from outside of all cells,
 /// 0 to 1. `state` supplies the cell's direction and silhouette area.
-fn outside_light<T: Tessellation + ?Sized>(frame: &FrameContext<'_, T>, cell: u32, state: &CellState) -> f64 {
+fn share_from_outside<T: Tessellation + ?Sized>(
+    frame: &FrameContext<'_, T>,
+    cell: u32,
+    state: &CellState,
+) -> f64 {
     let mut inner = 0.0;
     let (area, direction) = (f64::from(state.area), state.direction.as_dvec3());
     frame.tessellation.for_each_face(cell, &|_| true, &mut |face| {
-        inner += light_share(area, direction, -face.normal, face.area);
+        inner += entering_share(area, direction, -face.normal, face.area);
     });
     (1.0 - inner).max(0.0)
 }

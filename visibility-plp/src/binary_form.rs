@@ -5,10 +5,10 @@
 //! scene. The body is arrays of 32-bit numbers, each preceded by its length.
 
 use crate::content::Content;
-use crate::delaunay::{DelaunayTessellation, NONE, SIDE};
+use crate::delaunay::{DelaunayTessellation, FINE_STEPS, NONE};
 use crate::grid::{Grid, STEPS, morton};
 use crate::index_lists::IndexLists;
-use crate::octree::{Fineness, OctreeTessellation, linked};
+use crate::octree::{Fineness, OctreeTessellation, decode_neighbour};
 
 use alloc::vec::Vec;
 use visibility_core::Scene;
@@ -112,13 +112,15 @@ fn read_content(reader: &mut Reader, scene: &Scene, cells: usize) -> Result<Cont
     Content::from_arrays(scene, starts, cover, lists, held.collect()).map_err(|problem| reader.wrong(problem))
 }
 
-/// Tests whether an encoded neighbour (see `octree::link`) of leaf `cell` names an existing leaf that begins
-/// or ends in the plane of the encoded face. `blocks` holds the voxel index of each leaf's minimum corner and
-/// its side in steps. Does not test whether the two leaves overlap within the plane.
-fn touches(blocks: &[[u16; 4]], cell: usize, link: u32) -> bool {
-    let (other, axis, upwards) = linked(link);
-    let Some(other) = blocks.get(other as usize).filter(|_| axis < 3) else { return false };
-    let (below, above) = if upwards { (&blocks[cell], other) } else { (other, &blocks[cell]) };
+/// Tests whether an encoded neighbour (see `octree::encode_neighbour`) of leaf `cell` names an existing leaf
+/// that begins or ends in the plane of the encoded face. `leaf_positions` holds the voxel index of each
+/// leaf's minimum corner and its side in steps. Does not test whether the two leaves overlap within the
+/// plane.
+fn touches(leaf_positions: &[[u16; 4]], cell: usize, encoded: u32) -> bool {
+    let (other, axis, upwards) = decode_neighbour(encoded);
+    let Some(other) = leaf_positions.get(other as usize).filter(|_| axis < 3) else { return false };
+    let (below, above) =
+        if upwards { (&leaf_positions[cell], other) } else { (other, &leaf_positions[cell]) };
     below[axis] + below[3] == above[axis]
 }
 
@@ -129,10 +131,11 @@ impl OctreeTessellation {
     pub fn to_bytes(&self, scene: &Scene) -> Vec<u8> {
         let mut writer = begin(0, scene, &self.grid, self.fineness);
         write_array(&mut writer, self.codes.iter().copied());
-        let blocks: Vec<u32> = self.blocks.iter().map(|block| u32::from(block[3])).collect();
-        write_array(&mut writer, blocks.into_iter());
-        write_array(&mut writer, self.links.starts.iter().copied());
-        write_array(&mut writer, self.links.items.iter().copied());
+        let leaf_positions: Vec<u32> =
+            self.leaf_positions.iter().map(|position| u32::from(position[3])).collect();
+        write_array(&mut writer, leaf_positions.into_iter());
+        write_array(&mut writer, self.neighbours.starts.iter().copied());
+        write_array(&mut writer, self.neighbours.items.iter().copied());
         write_array(&mut writer, self.boundary.iter().copied());
         write_content(&mut writer, &self.content.synced(scene));
         writer.finish()
@@ -150,34 +153,36 @@ impl OctreeTessellation {
         let mut reader = open(bytes, 0, scene)?;
         let (grid, fineness) = read_grid(&mut reader)?;
         let (codes, sides) = (read_array(&mut reader)?, read_array(&mut reader)?);
-        let links = IndexLists { starts: read_array(&mut reader)?, items: read_array(&mut reader)? };
+        let neighbours = IndexLists { starts: read_array(&mut reader)?, items: read_array(&mut reader)? };
         let boundary = read_array(&mut reader)?;
         let cells = codes.len();
         // Leaves in Morton order fill the cube if each begins where the previous leaf ends.
         let mut next = 0u64;
-        let mut blocks = Vec::with_capacity(cells);
+        let mut leaf_positions = Vec::with_capacity(cells);
         for (&code, &side) in codes.iter().zip(&sides) {
             if !side.is_power_of_two() || side > STEPS || u64::from(code) != next {
                 return Err(reader.wrong("the leaves do not fill the cube"));
             }
-            let [x, y, z] = crate::grid::place_of(code).map(|x| x as u16);
-            blocks.push([x, y, z, side as u16]);
+            let [x, y, z] = crate::grid::voxel_of(code).map(|x| x as u16);
+            leaf_positions.push([x, y, z, side as u16]);
             next += u64::from(side).pow(3);
         }
         if sides.len() != cells || next != u64::from(morton([STEPS - 1; 3])) + 1 {
             return Err(reader.wrong("the leaves do not fill the cube"));
         }
-        let fits = links.starts.len() == cells + 1
-            && links.starts.first() == Some(&0)
-            && links.starts.last() == Some(&(links.items.len() as u32))
-            && links.starts.windows(2).all(|pair| pair[0] <= pair[1])
+        let fits = neighbours.starts.len() == cells + 1
+            && neighbours.starts.first() == Some(&0)
+            && neighbours.starts.last() == Some(&(neighbours.items.len() as u32))
+            && neighbours.starts.windows(2).all(|pair| pair[0] <= pair[1])
             && boundary.iter().all(|&cell| (cell as usize) < cells)
-            && (0..cells).all(|cell| links.get(cell).iter().all(|&link| touches(&blocks, cell, link)));
+            && (0..cells).all(|cell| {
+                neighbours.get(cell).iter().all(|&encoded| touches(&leaf_positions, cell, encoded))
+            });
         if !fits {
             return Err(reader.wrong("the neighbours do not fit the leaves"));
         }
         let content = read_content(&mut reader, scene, cells)?;
-        Ok(Self { grid, fineness, codes, blocks, links, boundary, content })
+        Ok(Self { grid, fineness, codes, leaf_positions, neighbours, boundary, content })
     }
 }
 
@@ -210,7 +215,7 @@ impl DelaunayTessellation {
         let points = read_array(&mut reader)?;
         let (cells, neighbours) = (read_fours(&mut reader)?, read_fours(&mut reader)?);
         let boundary = read_array(&mut reader)?;
-        if points.len() % 3 != 0 || points.iter().any(|&x| x > SIDE as u32) {
+        if points.len() % 3 != 0 || points.iter().any(|&x| x > FINE_STEPS as u32) {
             return Err(reader.wrong("a point lies outside the cube"));
         }
         let points: Vec<_> =

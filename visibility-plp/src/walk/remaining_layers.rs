@@ -3,7 +3,7 @@
 
 use super::state::{FrameContext, RemainingLayers, UNOPENED, Walk};
 use crate::layers::{Layer, Layers};
-use crate::solidity::{side_factors, worth};
+use crate::solidity::{priority_factor, side_factors};
 use crate::surface_class::ANY_SIDE;
 use crate::tessellation::Tessellation;
 use visibility_core::Aabb;
@@ -14,16 +14,16 @@ const LEAST_OPENNESS: f32 = 0.02;
 
 impl RemainingLayers {
     /// Advances this side past its first remaining layer of objects: the range becomes `layers`, the layers
-    /// after the first, and the priority `worth` is recomputed from their first layer. Returns false if no
-    /// layer is left; `worth` is then 0.
+    /// after the first, and `priority` is recomputed from their first layer. Returns false if no
+    /// layer is left; `priority` is then 0.
     #[inline]
     pub(super) fn advance(&mut self, mut layers: Layers<'_>) -> bool {
         self.from = self.to + layers.byte_count() as u32;
         let next = layers.next();
-        let worth = |Layer { class, .. }| {
-            worth(class.area() * self.solid_angle_per_area) * (class.openness() + LEAST_OPENNESS)
+        let priority = |Layer { class, .. }| {
+            priority_factor(class.area() * self.solid_angle_per_area) * (class.openness() + LEAST_OPENNESS)
         };
-        self.worth = next.clone().map_or(0.0, worth);
+        self.priority = next.clone().map_or(0.0, priority);
         next.is_some()
     }
 }
@@ -32,7 +32,11 @@ impl Walk {
     /// Appends the axis sides of a cell's object list to `sides` like [`open`](Self::open), for a cell whose
     /// box is not at hand. Does nothing if this frame has already done so for the cell.
     #[inline]
-    pub(super) fn open_late<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
+    pub(super) fn open_if_needed<T: Tessellation + ?Sized>(
+        &mut self,
+        frame: &FrameContext<'_, T>,
+        cell: u32,
+    ) {
         if self.cells[cell as usize].end_side == UNOPENED {
             self.open(frame, cell, &frame.tessellation.cell_bounds(cell));
         }
@@ -66,7 +70,7 @@ impl Walk {
             let from = to + layers.byte_count();
             let solid_angle_per_area = state.solid_angle_per_area * factor;
             let (from, to) = (from as u32, to as u32);
-            let mut remaining = RemainingLayers { worth: 0.0, solid_angle_per_area, from, to, side };
+            let mut remaining = RemainingLayers { priority: 0.0, solid_angle_per_area, from, to, side };
             if remaining.advance(layers) {
                 self.sides.push(remaining);
             }
@@ -82,9 +86,9 @@ impl Walk {
         let state = &self.cells[cell as usize];
         let mut best = None;
         for side in state.first_side..state.end_side {
-            let worth = self.sides[side as usize].worth;
-            if best.is_none_or(|(_, most)| worth > most) {
-                best = Some((side, worth));
+            let priority = self.sides[side as usize].priority;
+            if best.is_none_or(|(_, most)| priority > most) {
+                best = Some((side, priority));
             }
         }
         best
