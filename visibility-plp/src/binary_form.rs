@@ -7,8 +7,8 @@
 use crate::content::Content;
 use crate::delaunay::{DelaunayTessellation, FINE_STEPS, NONE};
 use crate::grid::{Grid, STEPS, morton};
-use crate::index_lists::IndexLists;
-use crate::octree::{Fineness, OctreeTessellation, decode_neighbour};
+use crate::index_lists::{IndexLists, are_list_starts};
+use crate::octree::{Fineness, OctreeTessellation, decode_neighbour, leaf_position};
 
 use alloc::vec::Vec;
 use visibility_core::Scene;
@@ -131,9 +131,7 @@ impl OctreeTessellation {
     pub fn to_bytes(&self, scene: &Scene) -> Vec<u8> {
         let mut writer = begin(0, scene, &self.grid, self.fineness);
         write_array(&mut writer, self.codes.iter().copied());
-        let leaf_positions: Vec<u32> =
-            self.leaf_positions.iter().map(|position| u32::from(position[3])).collect();
-        write_array(&mut writer, leaf_positions.into_iter());
+        write_array(&mut writer, self.leaf_positions.iter().map(|position| position[3].into()));
         write_array(&mut writer, self.neighbours.starts.iter().copied());
         write_array(&mut writer, self.neighbours.items.iter().copied());
         write_array(&mut writer, self.boundary.iter().copied());
@@ -163,17 +161,13 @@ impl OctreeTessellation {
             if !side.is_power_of_two() || side > STEPS || u64::from(code) != next {
                 return Err(reader.wrong("the leaves do not fill the cube"));
             }
-            let [x, y, z] = crate::grid::voxel_of(code).map(|x| x as u16);
-            leaf_positions.push([x, y, z, side as u16]);
+            leaf_positions.push(leaf_position(code, side));
             next += u64::from(side).pow(3);
         }
         if sides.len() != cells || next != u64::from(morton([STEPS - 1; 3])) + 1 {
             return Err(reader.wrong("the leaves do not fill the cube"));
         }
-        let fits = neighbours.starts.len() == cells + 1
-            && neighbours.starts.first() == Some(&0)
-            && neighbours.starts.last() == Some(&(neighbours.items.len() as u32))
-            && neighbours.starts.windows(2).all(|pair| pair[0] <= pair[1])
+        let fits = are_list_starts(&neighbours.starts, cells, neighbours.items.len())
             && boundary.iter().all(|&cell| (cell as usize) < cells)
             && (0..cells).all(|cell| {
                 neighbours.get(cell).iter().all(|&encoded| touches(&leaf_positions, cell, encoded))
@@ -192,8 +186,7 @@ impl DelaunayTessellation {
     /// change log that no longer reaches back, all objects are stored as strays.
     pub fn to_bytes(&self, scene: &Scene) -> Vec<u8> {
         let mut writer = begin(1, scene, &self.grid, self.fineness);
-        let points: Vec<u32> = self.points.as_flattened().iter().map(|&x| x as u32).collect();
-        write_array(&mut writer, points.into_iter());
+        write_array(&mut writer, self.points.as_flattened().iter().map(|&x| x as u32));
         write_array(&mut writer, self.cells.as_flattened().iter().copied());
         write_array(&mut writer, self.neighbours.as_flattened().iter().copied());
         write_array(&mut writer, self.boundary.iter().copied());

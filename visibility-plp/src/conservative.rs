@@ -98,7 +98,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M
     /// before the first map test; the result may be larger. Defaults: [`Solidity::Coverage`], back faces
     /// count as visible. O(1).
     pub fn new(tessellation: S, budget: Budget, map: M) -> Self {
-        let settings = PlpSettings { budget, solidity: Solidity::default(), one_sided: false };
+        let settings = PlpSettings::new(budget);
         let (walk, waiting, sorted) = (Walk::default(), Vec::new(), Vec::new());
         Self { tessellation, settings, map, walk, waiting, sorted, stats: ConservativeStats::default() }
     }

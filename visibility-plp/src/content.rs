@@ -1,11 +1,12 @@
 //! Object lists of the cells of a tessellation, and the share of rays that each cell's objects stop.
 
-use crate::index_lists::IndexLists;
-use crate::layers::{Layer, Layers, Sides, push_list};
+use crate::index_lists::{IndexLists, are_list_starts};
+use crate::layers::{Sides, push_list};
 use crate::normal_bins::NormalBins;
 use crate::openness::openness_by_index;
 use crate::surface_class::{MaxLean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
+use core::fmt::Debug;
 use visibility_core::{
     ObjectId, Scene,
     scene::{Changes, SceneCursor},
@@ -80,23 +81,17 @@ impl Content {
     ///
     /// Cost: O(n log n) in the number of pairs and of the scene's triangles.
     pub fn new(scene: &Scene, pairs: &[(u32, u32)], mut cover: Vec<[u8; 4]>) -> Self {
-        let is_known = |&(cell, object): &(u32, u32)| {
-            (cell as usize) < cover.len() && scene.id_at(object as usize).is_some()
-        };
-        let known: Vec<_>;
-        let pairs = if pairs.iter().all(is_known) {
-            pairs
-        } else {
-            known = pairs.iter().copied().filter(is_known).collect();
-            &known
-        };
-        let IndexLists { mut starts, mut items } = IndexLists::new(cover.len(), pairs);
+        let cells = cover.len();
+        let is_known =
+            |&(cell, object): &(u32, u32)| (cell as usize) < cells && scene.id_at(object as usize).is_some();
+        let known = pairs.iter().copied().filter(is_known);
+        let IndexLists { mut starts, mut items } = IndexLists::new(cells, known);
         let max_count = starts.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0);
         let classes = classes_of(scene);
         let mut lists = Vec::new();
         let mut side_count = 0;
         let mut held = alloc::vec![0u64; scene.index_limit().div_ceil(64)];
-        for cell in 0..cover.len() {
+        for cell in 0..cells {
             let list = &mut items[starts[cell] as usize..starts[cell + 1] as usize];
             starts[cell] = lists.len() as u32;
             for &mut object in &mut *list {
@@ -105,23 +100,33 @@ impl Content {
             side_count += push_list(&mut lists, list, &classes);
             cover[cell][3] = u8::from(!list.is_empty());
         }
-        starts[cover.len()] = lists.len() as u32;
+        starts[cells] = lists.len() as u32;
         lists.shrink_to_fit();
-        let mut content = Self {
+        Self { max_count, side_count, ..Self::of_arrays(scene, starts, cover, lists, held) }
+    }
+
+    /// Makes content from arrays, which become the fields of the same names. Objects without a bit in `held`
+    /// become strays, objects in no cell. `max_count` and `side_count` are 0.
+    fn of_arrays(
+        scene: &Scene,
+        starts: Vec<u32>,
+        cover: Vec<[u8; 4]>,
+        lists: Vec<u8>,
+        held: Vec<u64>,
+    ) -> Self {
+        Self {
             starts,
             lists,
             cover,
-            max_count,
-            side_count,
+            max_count: 0,
+            side_count: 0,
             index_limit: scene.index_limit() as u32,
-            held,
             normals: NormalBins::new(scene),
-            strays: Vec::new(),
+            strays: scene.ids().filter(|id| !bit(&held, id.index())).collect(),
+            held,
             cursor: SceneCursor::at(scene),
             stamp: Stamp::new(),
-        };
-        content.find_strays(scene);
-        content
+        }
     }
 
     /// Builds content from stored arrays and the scene for which they were made. The arrays become the fields
@@ -134,25 +139,9 @@ impl Content {
         lists: Vec<u8>,
         held: Vec<u64>,
     ) -> Result<Self, &'static str> {
-        let index_limit = scene.index_limit() as u32;
-        let mut content = Self {
-            starts,
-            lists,
-            cover,
-            max_count: 0,
-            side_count: 0,
-            index_limit,
-            held,
-            normals: NormalBins::new(scene),
-            strays: Vec::new(),
-            cursor: SceneCursor::at(scene),
-            stamp: Stamp::new(),
-        };
+        let mut content = Self::of_arrays(scene, starts, cover, lists, held);
         let cells = content.cover.len();
-        let starts = &content.starts;
-        let ascending = starts.windows(2).all(|pair| pair[0] <= pair[1]);
-        let ends = starts.first() == Some(&0) && starts.last() == Some(&(content.lists.len() as u32));
-        if starts.len() != cells + 1 || !ascending || !ends {
+        if !are_list_starts(&content.starts, cells, content.lists.len()) {
             return Err("the lists of cells do not fit together");
         }
         if content.held.len() != scene.index_limit().div_ceil(64) {
@@ -187,15 +176,7 @@ impl Content {
             content.max_count = content.max_count.max(objects.len() as u32);
         }
         content.side_count = side_count;
-        content.find_strays(scene);
         Ok(content)
-    }
-
-    /// Replaces `strays`, the objects that count as being in no cell, by all objects of the scene without a
-    /// bit in `held`, in ascending order.
-    fn find_strays(&mut self, scene: &Scene) {
-        let held = &self.held;
-        self.strays = scene.ids().filter(|id| !bit(held, id.index())).collect();
     }
 
     /// Returns the number of cells.
@@ -221,8 +202,8 @@ impl Content {
     /// Returns the indices of the objects in a cell, each once, in no particular order. Empty for an unknown
     /// cell.
     #[inline]
-    pub fn primitives(&self, cell: u32) -> Primitives<'_> {
-        Primitives { sides: self.sides(cell), layers: Layers::default(), layer: Layer::default() }
+    pub fn primitives(&self, cell: u32) -> impl Iterator<Item = u32> + Clone + Debug {
+        self.sides(cell).flatten().flatten()
     }
 
     /// Returns the number of objects in a cell; 0 for an unknown cell. Cost: proportional to that number.
@@ -326,37 +307,6 @@ impl Content {
             + size_of_val(&self.held[..])
             + self.normals.memory()
             + size_of_val(&self.strays[..])
-    }
-}
-
-/// Iterator over the indices of the objects in a cell, each once, from [`Content::primitives`].
-///
-/// ```
-/// use visibility_core::Scene;
-/// let content = visibility_plp::Content::new(&Scene::new(), &[], vec![[0; 4]]);
-/// assert_eq!(content.primitives(0).count(), 0);
-/// ```
-#[derive(Clone, Debug)]
-pub struct Primitives<'a> {
-    sides: Sides<'a>,
-    layers: Layers<'a>,
-    layer: Layer<'a>,
-}
-
-impl Iterator for Primitives<'_> {
-    type Item = u32;
-
-    #[inline]
-    fn next(&mut self) -> Option<u32> {
-        loop {
-            if let Some(object) = self.layer.next() {
-                return Some(object);
-            }
-            match self.layers.next() {
-                Some(layer) => self.layer = layer,
-                None => self.layers = self.sides.next()?,
-            }
-        }
     }
 }
 

@@ -58,8 +58,7 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
     /// Defaults: [`Solidity::Coverage`], back faces count as visible, objects beyond the budget are dropped.
     /// O(1).
     pub fn new(tessellation: S, budget: Budget) -> Self {
-        let settings = PlpSettings { budget, solidity: Solidity::default(), one_sided: false };
-        Self { tessellation, settings, keep_all: false, walk: Walk::default() }
+        Self { tessellation, settings: PlpSettings::new(budget), keep_all: false, walk: Walk::default() }
     }
 
     /// Sets the estimate of how likely a cell is hidden, which orders the cells. [`Solidity::Coverage`] by
@@ -89,11 +88,6 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
     /// Replaces the budget per frame, from the next frame on.
     pub fn set_budget(&mut self, budget: Budget) {
         self.settings.budget = budget;
-    }
-
-    /// Returns the tessellation whose cells this culler visits.
-    pub fn tessellation(&self) -> &S::Target {
-        &self.tessellation
     }
 
     /// Returns the pointer to the tessellation, for calls of `sync` or for exchanging the tessellation. The

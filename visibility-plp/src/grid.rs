@@ -5,7 +5,7 @@
 //! x, y and z, 0 to 1023 each.
 
 use visibility_core::Aabb;
-use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::glam::DVec3;
 
 /// Number of times that the grid's side can be halved down to one step.
 pub(crate) const DEPTH: u32 = 10;
@@ -63,11 +63,7 @@ impl Grid {
     /// `voxel`, rounded outwards to f32.
     #[inline]
     pub(crate) fn bounds(&self, voxel: [u32; 3], side: u32) -> Aabb {
-        let (min, max) = (self.corner(voxel), self.corner(voxel.map(|x| x + side)));
-        Aabb::new(
-            Vec3::from_array(min.to_array().map(|x| (x as f32).next_down())),
-            Vec3::from_array(max.to_array().map(|x| (x as f32).next_up())),
-        )
+        Aabb::from_world(self.corner(voxel), self.corner(voxel.map(|x| x + side)), DVec3::ZERO)
     }
 }
 

@@ -15,17 +15,17 @@ pub(crate) struct IndexLists {
 impl IndexLists {
     /// Makes `count` lists from `pairs` of a list number and an item. Items of one list keep the order of the
     /// pairs. Panics if a list number is `count` or more.
-    pub(crate) fn new(count: usize, pairs: &[(u32, u32)]) -> Self {
+    pub(crate) fn new(count: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
         let mut starts = alloc::vec![0u32; count + 1];
-        for &(list, _) in pairs {
+        for (list, _) in pairs.clone() {
             starts[list as usize + 1] += 1;
         }
         for list in 1..starts.len() {
             starts[list] += starts[list - 1];
         }
         let mut places = starts.clone();
-        let mut items = alloc::vec![0u32; pairs.len()];
-        for &(list, item) in pairs {
+        let mut items = alloc::vec![0u32; starts[count] as usize];
+        for (list, item) in pairs {
             let place = &mut places[list as usize];
             items[*place as usize] = item;
             *place += 1;
@@ -43,4 +43,10 @@ impl IndexLists {
     pub(crate) fn memory(&self) -> usize {
         size_of_val(&self.starts[..]) + size_of_val(&self.items[..])
     }
+}
+
+/// Tests whether `starts` are the CSR offsets of `count` lists of `items` items in total: ascending, from 0
+/// to `items`.
+pub(crate) fn are_list_starts(starts: &[u32], count: usize, items: usize) -> bool {
+    starts.len() == count + 1 && starts[0] == 0 && starts[count] as usize == items && starts.is_sorted()
 }

@@ -77,7 +77,7 @@ mod test_exact;
 mod walk;
 
 pub use conservative::{ConservativePlpCuller, ConservativeStats};
-pub use content::{Content, Primitives};
+pub use content::Content;
 pub use culler::PlpCuller;
 pub use delaunay::DelaunayTessellation;
 pub use octree::{Fineness, OctreeTessellation};

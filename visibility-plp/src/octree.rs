@@ -92,29 +92,58 @@ enum Node {
     Leaf(u32),
 }
 
-/// Octree under construction.
-struct Subdivision {
+/// Octree of a scene's vertices, without object lists.
+pub(crate) struct Subdivision {
+    /// Grid around all shapes of the scene.
+    pub(crate) grid: Grid,
     /// Settings that limit the subdivision.
     fineness: Fineness,
     /// All nodes; the root is the first.
     nodes: Vec<Node>,
-    /// For each leaf, the Morton code of the voxel (cube of one grid step) at its minimum corner, and its
-    /// level: the number of halvings, 0 for the whole cube.
-    leaves: Vec<(u32, u32)>,
+    /// Morton code of the voxel (cube of one grid step) at each leaf's minimum corner, ascending.
+    codes: Vec<u32>,
+    /// Position of each leaf's minimum corner in grid steps (x, y, z), then the leaf's side in grid steps.
+    pub(crate) leaf_positions: Vec<[u16; 4]>,
 }
 
 impl Subdivision {
-    /// Subdivides the node with index `node` recursively and appends its leaves in Morton order. `start` is
+    /// Builds the grid around all shapes of a scene, and the octree of the scene's vertices on that grid.
+    pub(crate) fn new(scene: &Scene, fineness: Fineness) -> Self {
+        let mut bounds = Aabb::EMPTY;
+        for id in scene.ids() {
+            for_each_shape(scene, id, &mut |shape| {
+                for &p in shape.corners().as_slice() {
+                    bounds = bounds.union(&Aabb::new(p.as_vec3(), p.as_vec3()));
+                }
+            });
+        }
+        let grid = Grid::around(&bounds);
+        let mut vertices = Vec::new();
+        for id in scene.ids() {
+            let number = |p: &DVec3| morton(grid.voxel(*p));
+            for_each_shape(scene, id, &mut |shape| {
+                vertices.extend(shape.corners().as_slice().iter().map(number))
+            });
+        }
+        vertices.sort_unstable();
+        let (nodes, codes, leaf_positions) = (alloc::vec![Node::Leaf(0)], Vec::new(), Vec::new());
+        let mut octree = Self { grid, fineness, nodes, codes, leaf_positions };
+        octree.split(0, 0, 0, &vertices);
+        octree
+    }
+
+    /// Splits the node with index `node` recursively and appends its leaves in Morton order. `start` is
     /// the Morton code of the voxel (cube of one grid step) at the node's minimum corner, and `level` the
     /// number of halvings so far. `vertices` holds the sorted Morton codes of all vertices in the node.
-    fn subdivide(&mut self, node: usize, start: u32, level: u32, vertices: &[u32]) {
-        let is_full = self.leaves.len() >= 1 << (LEAF_BITS - 1);
+    fn split(&mut self, node: usize, start: u32, level: u32, vertices: &[u32]) {
+        let is_full = self.codes.len() >= 1 << (LEAF_BITS - 1);
         // Vertices in one voxel would all go to the same child at each split.
         let is_one_voxel = vertices.first() == vertices.last();
         let is_deep = level >= self.fineness.halvings.min(DEPTH);
         if vertices.len() <= self.fineness.vertices || is_one_voxel || is_deep || is_full {
-            self.nodes[node] = Node::Leaf(self.leaves.len() as u32);
-            self.leaves.push((start, level));
+            self.nodes[node] = Node::Leaf(self.codes.len() as u32);
+            self.codes.push(start);
+            self.leaf_positions.push(leaf_position(start, STEPS >> level));
             return;
         }
         let first = self.nodes.len();
@@ -125,7 +154,7 @@ impl Subdivision {
         for child in 0..8 {
             let begin = start + child * size;
             let (mine, others) = rest.split_at(rest.partition_point(|&code| code - begin < size));
-            self.subdivide(first + child as usize, begin, level + 1, mine);
+            self.split(first + child as usize, begin, level + 1, mine);
             rest = others;
         }
     }
@@ -141,9 +170,7 @@ impl OctreeTessellation {
     /// Partitions a scene into cubic cells, the leaves of an octree with the given limits. Objects whose
     /// bounds are not finite become [strays](Content::strays), which count as visible.
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
-        let (grid, Subdivision { nodes, leaves, .. }) = subdivide(scene, fineness);
-        let codes: Vec<u32> = leaves.iter().map(|leaf| leaf.0).collect();
-        let leaf_positions = leaf_positions_of(&leaves);
+        let Subdivision { grid, nodes, codes, leaf_positions, .. } = Subdivision::new(scene, fineness);
         let (neighbours, boundary) = find_neighbours(&codes, &leaf_positions);
         let content = assign_objects(scene, &grid, &nodes, leaf_positions.len());
         Self { grid, fineness, codes, leaf_positions, neighbours, boundary, content }
@@ -163,11 +190,6 @@ impl OctreeTessellation {
     /// Cost: proportional to the changes and the strays.
     pub fn sync(&mut self, scene: &Scene) -> bool {
         self.content.sync(scene)
-    }
-
-    /// Returns the fineness with which the scene was partitioned.
-    pub fn fineness(&self) -> Fineness {
-        self.fineness
     }
 
     /// Returns the heap memory of the tessellation in bytes, without spare capacity.
@@ -193,45 +215,11 @@ impl OctreeTessellation {
     }
 }
 
-/// Builds the grid around all shapes of a scene, and the octree of the scene's vertices on that grid.
-fn subdivide(scene: &Scene, fineness: Fineness) -> (Grid, Subdivision) {
-    let mut bounds = Aabb::EMPTY;
-    for id in scene.ids() {
-        for_each_shape(scene, id, &mut |shape| {
-            for &p in shape.corners().as_slice() {
-                bounds = bounds.union(&Aabb::new(p.as_vec3(), p.as_vec3()));
-            }
-        });
-    }
-    let grid = Grid::around(&bounds);
-    let mut vertices = Vec::new();
-    for id in scene.ids() {
-        let number = |p: &DVec3| morton(grid.voxel(*p));
-        for_each_shape(scene, id, &mut |shape| {
-            vertices.extend(shape.corners().as_slice().iter().map(number))
-        });
-    }
-    vertices.sort_unstable();
-    let mut subdivision = Subdivision { fineness, nodes: alloc::vec![Node::Leaf(0)], leaves: Vec::new() };
-    subdivision.subdivide(0, 0, 0, &vertices);
-    (grid, subdivision)
-}
-
-/// Returns, for each leaf of `Subdivision::leaves`, the position of its minimum corner (x, y, z) and its
-/// side, all in grid steps.
-fn leaf_positions_of(leaves: &[(u32, u32)]) -> Vec<[u16; 4]> {
-    let position = |&(code, level): &(u32, u32)| {
-        let [x, y, z] = voxel_of(code).map(|x| x as u16);
-        [x, y, z, (STEPS >> level) as u16]
-    };
-    leaves.iter().map(position).collect()
-}
-
-/// Returns the grid of a scene's octree and, for each leaf, the position of its minimum corner (x, y, z) and
-/// its side, all in grid steps. The octree is built without object lists.
-pub(crate) fn leaves_of(scene: &Scene, fineness: Fineness) -> (Grid, Vec<[u16; 4]>) {
-    let (grid, subdivision) = subdivide(scene, fineness);
-    (grid, leaf_positions_of(&subdivision.leaves))
+/// Returns the position of a leaf's minimum corner (x, y, z) and its side, all in grid steps. `code` is the
+/// Morton code of the voxel (cube of one grid step) at that corner.
+pub(crate) fn leaf_position(code: u32, side: u32) -> [u16; 4] {
+    let [x, y, z] = voxel_of(code);
+    [x, y, z, side].map(|x| x as u16)
 }
 
 /// Number of low bits of an encoded neighbour that hold the leaf's number. The octree has at most 2^28
@@ -283,7 +271,7 @@ fn find_neighbours(codes: &[u32], leaf_positions: &[[u16; 4]]) -> (IndexLists, V
             boundary.push(leaf);
         }
     }
-    (IndexLists::new(leaf_positions.len(), &pairs), boundary)
+    (IndexLists::new(leaf_positions.len(), pairs.iter().copied()), boundary)
 }
 
 /// Returns the smallest node that certainly contains a scene-relative shape: the node's index, the position

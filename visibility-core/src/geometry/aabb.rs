@@ -57,6 +57,7 @@ impl Aabb {
     /// Converts a world-space `f64` box to an `f32` box relative to `origin` that certainly contains it.
     /// Every coordinate is rounded to `f32` and then moved outwards by one step, also where the rounding was
     /// exact. A NaN coordinate stays NaN.
+    #[inline]
     pub fn from_world(min: DVec3, max: DVec3, origin: DVec3) -> Self {
         // `min - origin` is itself rounded (half a unit in the last place of f64), which the step to the
         // neighbouring f32 covers: that step is at least 2^28 times as wide.

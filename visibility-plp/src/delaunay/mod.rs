@@ -10,15 +10,15 @@ mod triangulate;
 use crate::content::Content;
 use crate::cover::{Cover, stopped_rays};
 use crate::grid::{Grid, STEPS};
-use crate::octree::{Fineness, leaves_of};
+use crate::octree::{Fineness, Subdivision};
 use crate::overlap::{Tetrahedron, shape_meets_tetrahedron};
 use crate::shape::{Shape, for_each_shape};
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;
 pub(crate) use predicates::Point;
-use triangulate::Mesh;
 pub(crate) use triangulate::NONE;
-use visibility_core::glam::{DVec3, Vec3};
+use triangulate::{Mesh, find_cell};
+use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Scene};
 
 /// Number of steps of the fine grid, on which the tetrahedra's vertices lie, per step of the octree's grid
@@ -99,10 +99,9 @@ impl DelaunayTessellation {
     /// Partitions a scene into tetrahedra, with one vertex in each leaf of the octree of the given fineness.
     /// Objects whose bounds are not finite become [strays](Content::strays), which count as visible.
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
-        let (grid, leaf_positions) = leaves_of(scene, fineness);
-        let points: Vec<Point> = leaf_positions.iter().map(|&leaf| vertex_in(leaf, 0)).collect();
+        let Subdivision { grid, leaf_positions, .. } = Subdivision::new(scene, fineness);
         let mut mesh = Mesh::cube(FINE_STEPS);
-        mesh.insert_all(&points, |number, attempt| vertex_in(leaf_positions[number], attempt));
+        mesh.insert_all(leaf_positions.len(), |leaf, attempt| vertex_in(leaf_positions[leaf], attempt));
         let Mesh { points, cells, neighbours, .. } = mesh;
         let outside = |(cell, around): (u32, &[u32; 4])| around.contains(&NONE).then_some(cell);
         let boundary = (0..).zip(&neighbours).filter_map(outside).collect();
@@ -154,27 +153,10 @@ impl DelaunayTessellation {
     /// Returns a cell that contains a point, by walking from the cell `start` towards the point. `point` is
     /// in steps of the fine grid. `None` for a point outside of the cube.
     fn find_cell(&self, point: DVec3, start: u32) -> Option<u32> {
-        let mut cell = start;
-        'steps: for step in 0..self.cells.len() + 4 {
-            let corners = self.fine_corners(cell);
-            for i in 0..4 {
-                let face = (i + step) % 4;
-                let mut beyond = corners;
-                beyond[face] = point;
-                let [a, b, c, d] = beyond;
-                // Corners are integers of at most 2^17, so rounding changes the product by less than 2. A
-                // product of 64 is a hundredth of a step beyond a face of the smallest cells.
-                if (b - a).cross(c - a).dot(d - a) < -64.0 {
-                    cell = self.neighbours[cell as usize][face];
-                    if cell == NONE {
-                        return None;
-                    }
-                    continue 'steps;
-                }
-            }
-            return Some(cell);
-        }
-        None
+        // Corners are integers of at most 2^17, so rounding changes the product by less than 2. A product of
+        // 64 is a hundredth of a step beyond a face of the smallest cells.
+        let is_inverted = |[a, b, c, d]: [DVec3; 4]| (b - a).cross(c - a).dot(d - a) < -64.0;
+        find_cell(&self.neighbours, start, point, |cell| self.fine_corners(cell), is_inverted)
     }
 
     /// Assigns every object to all cells that it meets. For each shape, a cell that contains a corner of the
@@ -247,11 +229,7 @@ impl Tessellation for DelaunayTessellation {
 
     fn cell_bounds(&self, cell: u32) -> Aabb {
         let [a, b, c, d] = self.corners(cell);
-        let (min, max) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
-        Aabb::new(
-            Vec3::from_array(min.to_array().map(|x| (x as f32).next_down())),
-            Vec3::from_array(max.to_array().map(|x| (x as f32).next_up())),
-        )
+        Aabb::from_world(a.min(b).min(c.min(d)), a.max(b).max(c.max(d)), DVec3::ZERO)
     }
 
     fn center(&self, cell: u32) -> DVec3 {

@@ -67,20 +67,14 @@ impl Mesh {
         cell.map(|vertex| self.points[vertex as usize])
     }
 
-    /// Inserts one point for each entry of `points`, strictly inside the cube. `nudge(number, attempt)`
-    /// returns the position to try for point `number`, for attempts 0, 1 and so on; the values of `points`
-    /// themselves are not used. The next attempt follows if a tetrahedron would be flat. A point is skipped
-    /// after [`TRIES`] failed attempts.
-    pub(crate) fn insert_all(&mut self, points: &[Point], nudge: impl Fn(usize, u32) -> Point) {
+    /// Inserts `count` points strictly inside the cube. `position(number, attempt)` returns the position to
+    /// try for point `number`, for attempts 0, 1 and so on. The next attempt follows if a tetrahedron would
+    /// be flat. A point is skipped after [`TRIES`] failed attempts.
+    pub(crate) fn insert_all(&mut self, count: usize, position: impl Fn(usize, u32) -> Point) {
         let mut last = 0;
-        for number in 0..points.len() {
-            for attempt in 0..TRIES {
-                let point = nudge(number, attempt);
-                if let Some(cell) = self.insert(point, last) {
-                    last = cell;
-                    break;
-                }
-            }
+        for number in 0..count {
+            let inserted = (0..TRIES).find_map(|attempt| self.insert(position(number, attempt), last));
+            last = inserted.unwrap_or(last);
         }
         self.close_gaps();
     }
@@ -106,36 +100,12 @@ impl Mesh {
         }
     }
 
-    /// Returns a cell that contains a point, by walking from the cell `start` towards the point. `None`
-    /// outside of the cube.
-    fn find(&self, point: Point, start: u32) -> Option<u32> {
-        let mut cell = start;
-        // A walk through a Delaunay triangulation never returns to a cell. The limit ends walks through other
-        // triangulations.
-        'steps: for step in 0..self.cells.len() + 4 {
-            let corners = self.corners(&self.cells[cell as usize]);
-            for i in 0..4 {
-                let face = (i + step) % 4;
-                let mut beyond = corners;
-                beyond[face] = point;
-                if volume(beyond) < 0 {
-                    cell = self.neighbours[cell as usize][face];
-                    if cell == NONE {
-                        return None;
-                    }
-                    continue 'steps;
-                }
-            }
-            return Some(cell);
-        }
-        None
-    }
-
     /// Inserts a point and returns the number of one of the new cells around it. `None`, with nothing
     /// changed, if a new cell would be flat or the point lies outside of the cube. The search begins at the
     /// cell `start`, which should be near the point.
     fn insert(&mut self, point: Point, start: u32) -> Option<u32> {
-        let first = self.find(point, start)?;
+        let corners_of = |cell: u32| self.corners(&self.cells[cell as usize]);
+        let first = find_cell(&self.neighbours, start, point, corners_of, |solid| volume(solid) < 0)?;
         let mut cavity = alloc::vec![first];
         let mut cavity_faces: Vec<CavityFace> = Vec::new();
         let mut next = 0;
@@ -175,8 +145,8 @@ impl Mesh {
             })
             .collect();
         // Edges between cavity faces for which only one of the two new cells is known so far: the edge's
-        // vertices, that cell, and its face at the edge.
-        let mut open: Vec<([u32; 2], u32, usize)> = Vec::new();
+        // vertices and twice the new point, that cell, and its face at the edge.
+        let mut open: Vec<([u32; 4], u32, usize)> = Vec::new();
         for (number, &(cell, outer, face)) in made.iter().enumerate() {
             let place = match cavity.get(number).copied().or_else(|| self.free.pop()) {
                 Some(place) => place,
@@ -196,14 +166,8 @@ impl Mesh {
             }
             self.neighbours[place as usize] = around;
             for side in (0..4).filter(|&side| side != face) {
-                let mut edge = [0; 2];
-                let mut count = 0;
-                for (slot, &v) in cell.iter().enumerate() {
-                    if slot != side && slot != face {
-                        edge[count] = v;
-                        count += 1;
-                    }
-                }
+                let mut edge = cell;
+                edge[side] = vertex;
                 edge.sort_unstable();
                 match open.iter().position(|other| other.0 == edge) {
                     Some(found) => {
@@ -226,6 +190,36 @@ impl Mesh {
         let shared = |v: u32| v != vertex && cell.contains(&v);
         self.cells[outer as usize].iter().position(|&v| !shared(v))
     }
+}
+
+/// Returns a cell of a triangulation that contains a point, by walking from the cell `start` towards the
+/// point. `corners_of` returns the corners of a cell. `is_inverted` tests whether a tetrahedron, a cell of
+/// which the point replaces one corner, has negative volume: the point then lies beyond the face opposite of
+/// that corner. `None` for a point outside of all cells.
+pub(crate) fn find_cell<P: Copy>(
+    neighbours: &[[u32; 4]],
+    start: u32,
+    point: P,
+    corners_of: impl Fn(u32) -> [P; 4],
+    is_inverted: impl Fn([P; 4]) -> bool,
+) -> Option<u32> {
+    let mut cell = start;
+    // A walk through a Delaunay triangulation never returns to a cell. The limit ends walks through other
+    // triangulations.
+    for step in 0..neighbours.len() + 4 {
+        let corners = corners_of(cell);
+        let is_beyond = |face: &usize| {
+            let mut solid = corners;
+            solid[*face] = point;
+            is_inverted(solid)
+        };
+        let Some(face) = (0..4).map(|i| (i + step) % 4).find(is_beyond) else { return Some(cell) };
+        cell = neighbours[cell as usize][face];
+        if cell == NONE {
+            break;
+        }
+    }
+    None
 }
 
 #[cfg(test)]
@@ -268,7 +262,7 @@ mod tests {
         let points: Vec<Point> = (0..300).map(|_| [random(side), random(side), random(side)]).collect();
         let mut mesh = Mesh::cube(side);
         check(&mesh, side.into(), true);
-        mesh.insert_all(&points, |i, _| points[i]);
+        mesh.insert_all(points.len(), |i, _| points[i]);
         assert_eq!(mesh.points.len(), 308);
         check(&mesh, side.into(), true);
     }
@@ -301,7 +295,7 @@ mod tests {
             [0, 1, 2].map(|axis| points[i][axis] + shift(axis as u32))
         };
         let mut mesh = Mesh::cube(8192);
-        mesh.insert_all(&points, nudge);
+        mesh.insert_all(points.len(), nudge);
         assert_eq!(mesh.points.len(), 351);
         check(&mesh, 8192, true);
     }

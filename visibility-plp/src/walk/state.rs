@@ -38,6 +38,13 @@ pub(crate) struct PlpSettings {
     pub(crate) one_sided: bool,
 }
 
+impl PlpSettings {
+    /// Returns the default settings with a budget: [`Solidity::Coverage`], back faces count as visible.
+    pub(crate) fn new(budget: Budget) -> Self {
+        Self { budget, solidity: Solidity::default(), one_sided: false }
+    }
+}
+
 /// Inputs of one frame, which the walk reads and does not change.
 pub(crate) struct FrameContext<'a, T: ?Sized> {
     /// Cells to visit, with the objects in each cell.
@@ -52,16 +59,14 @@ pub(crate) struct FrameContext<'a, T: ?Sized> {
     pub(crate) settings: PlpSettings,
 }
 
-impl<T: Tessellation + ?Sized> FrameContext<'_, T> {
+impl<T: ?Sized> FrameContext<'_, T> {
     /// Returns a cell's box relative to the eye, for back-face tests. `bounds` is relative to the scene's
     /// origin. `None` if back faces are not culled.
     #[inline]
     pub(super) fn box_from_eye(&self, bounds: &Aabb) -> Option<BoxFromEye> {
         self.settings.one_sided.then(|| BoxFromEye::new(self.frustum.eye, bounds))
     }
-}
 
-impl<T: ?Sized> FrameContext<'_, T> {
     /// Returns how much of the budget an object takes: 1 for a budget in objects, the object's cost for a
     /// budget by cost. 0 for an id that is not in the scene and a budget by cost.
     pub(super) fn cost(&self, id: ObjectId) -> u64 {
@@ -182,11 +187,11 @@ pub(super) const MAX_TESTED_TRIANGLES: usize = 4;
 
 /// One view's walk through the cells of a tessellation. Buffers keep their capacity from frame to frame; no
 /// values carry over.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Walk {
     /// Stamp of the cells' object lists for which the buffers were last enlarged. No frame with these lists
-    /// needs more capacity, whatever the view.
-    reserved_for: Stamp,
+    /// needs more capacity, whatever the view. `None` before the first frame.
+    reserved_for: Option<Stamp>,
     /// Per-frame state of each cell. Valid only for cells whose bit in `reached_bits` is set.
     pub(super) cells: Vec<CellState>,
     /// One bit for each cell, set once the frame has reached the cell. Checked before `cells`, which is 512
@@ -229,30 +234,6 @@ pub(crate) struct Walk {
     pub(super) tested: Vec<(u32, Triangle)>,
 }
 
-impl Default for Walk {
-    fn default() -> Self {
-        Self {
-            reserved_for: Stamp::NONE,
-            cells: Vec::new(),
-            reached_bits: Vec::new(),
-            closed: Vec::new(),
-            front: Front::default(),
-            taken: Vec::new(),
-            order: Vec::new(),
-            budget_left: 0,
-            reached: 0,
-            projected: 0,
-            faces: Vec::new(),
-            sides: Vec::new(),
-            candidates: Vec::new(),
-            candidate_count: 0,
-            eye_offsets: Vec::new(),
-            seen: Vec::new(),
-            tested: Vec::new(),
-        }
-    }
-}
-
 /// Sets bit `index` of a bitset. Panics if `index` is beyond the last word.
 pub(super) fn set(words: &mut [u64], index: u32) {
     words[index as usize / 64] |= 1 << (index % 64);
@@ -293,7 +274,7 @@ impl Walk {
         make_room(&mut self.seen, at_once);
         make_room(&mut self.tested, at_once * MAX_TESTED_TRIANGLES);
         make_room(&mut self.order, frame.scene.len());
-        if self.reserved_for == content.stamp() {
+        if self.reserved_for == Some(content.stamp()) {
             return;
         }
         self.front.reserve(cells);
@@ -305,7 +286,7 @@ impl Walk {
             most_faces = most_faces.max(count);
         }
         make_room(&mut self.faces, most_faces);
-        self.reserved_for = content.stamp();
+        self.reserved_for = Some(content.stamp());
     }
 
     /// Tests whether a cell needs no further propagation: it is outside of the view, or its neighbours have
