@@ -75,7 +75,7 @@ impl PlainMap {
 
     /// Returns the signed distance of a clip-space point from the near plane, in clip units: positive beyond
     /// the plane, negative between the eye and the plane and behind the eye.
-    fn before_near(&self, p: DVec4) -> f64 {
+    fn beyond_near(&self, p: DVec4) -> f64 {
         use visibility_core::view::Depth::*;
         match self.view.map(|view| view.depth()) {
             Some(NegativeOneToOne | NegativeOneToOneInfinite) => p.w + p.z,
@@ -187,7 +187,7 @@ impl OcclusionMap for PlainMap {
                 }
             })
             .collect();
-        let before = |polygon: &[DVec4]| clip(polygon, |p| self.before_near(*p));
+        let in_front = |polygon: &[DVec4]| clip(polygon, |p| self.beyond_near(*p));
 
         let mut contours: Vec<Vec<DVec4>> = Vec::new();
         for edge in occluder.edges() {
@@ -196,7 +196,7 @@ impl OcclusionMap for PlainMap {
             // Two drawn triangles that traverse an edge in opposite directions, as drawn, join there; every
             // other edge of a drawn triangle is a contour.
             if (left != 0 || right != 0) && left != right {
-                contours.push(before(&edge.vertices.map(|i| self.project(at(i)))));
+                contours.push(in_front(&edge.vertices.map(|i| self.project(at(i)))));
             }
         }
         let mut polygons = Vec::new();
@@ -205,7 +205,7 @@ impl OcclusionMap for PlainMap {
                 continue;
             }
             let whole = t.map(|i| self.project(at(i)));
-            let polygon = before(&whole);
+            let polygon = in_front(&whole);
             // Where the near plane cuts a triangle, the cut is a contour.
             for (i, b) in polygon.iter().enumerate() {
                 let a = &polygon[(i + polygon.len() - 1) % polygon.len()];
@@ -258,7 +258,7 @@ impl OcclusionMap for PlainMap {
             return Occlusion::Visible;
         }
         let corners = bounds.corners().map(|corner| self.project(corner.as_dvec3()));
-        if corners.iter().any(|p| self.before_near(*p) <= 0.0 || p.w <= 0.0) {
+        if corners.iter().any(|p| self.beyond_near(*p) <= 0.0 || p.w <= 0.0) {
             // The box reaches the near plane, but objects inside it may still be hidden.
             return Occlusion::Partial;
         }
