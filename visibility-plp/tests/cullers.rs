@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Blank, Walls, looking_along_x, rooms, triangles, views};
+use common::{Blank, Walls, looking_along_x, rooms, run, triangles, views};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
@@ -19,14 +19,6 @@ use visibility_plp::{
 
 /// Small leaves, so that small test scenes have many cells.
 const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
-
-/// Returns the objects that a culler keeps of all objects of a scene, in the set's order.
-fn run(culler: &mut dyn Culler, scene: &Scene, view: &View) -> Vec<ObjectId> {
-    let mut visible = VisibleSet::new();
-    visible.fill(scene, view);
-    culler.cull(scene, view, &mut visible);
-    visible.iter(scene).collect()
-}
 
 /// Returns the objects that have a triangle with a corner, edge midpoint or centre in view, at least a
 /// millimetre inside of all view planes.

@@ -4,11 +4,11 @@
 
 mod common;
 
-use common::{Blank, Random, triangles, views};
+use common::{Blank, Random, run, triangles, views};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, Culler, ObjectId, Scene, View, VisibleSet};
+use visibility_core::{Aabb, Culler, ObjectId, Scene, View};
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity,
     Tessellation,
@@ -89,10 +89,7 @@ impl Live {
             Self::Plp(culler) => culler,
             Self::Conservative(culler) => culler,
         };
-        let mut visible = VisibleSet::new();
-        visible.fill(scene, view);
-        culler.cull(scene, view, &mut visible);
-        visible.iter(scene).collect()
+        run(culler, scene, view)
     }
 }
 

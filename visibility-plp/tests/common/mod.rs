@@ -3,8 +3,8 @@
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, Object, ObjectId, OccluderMesh, OcclusionMap, Pose, Scene, View, occlusion::Occlusion,
-    view::Window,
+    Aabb, Accuracy, Culler, Object, ObjectId, OccluderMesh, OcclusionMap, Pose, Scene, View, VisibleSet,
+    occlusion::Occlusion, view::Window,
 };
 pub(crate) use visibility_testing::Random;
 
@@ -67,6 +67,14 @@ pub(crate) fn looking_along_x(x: f64) -> View {
     let eye = DVec3::new(x, 0.05, 0.05);
     let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
     View::perspective(pose, 1.2, 1.5, 0.05, f64::INFINITY).unwrap()
+}
+
+/// Returns the objects that a culler keeps of all objects of a scene, in the set's order.
+pub(crate) fn run(culler: &mut dyn Culler, scene: &Scene, view: &View) -> Vec<ObjectId> {
+    let mut visible = VisibleSet::new();
+    visible.fill(scene, view);
+    culler.cull(scene, view, &mut visible);
+    visible.iter(scene).collect()
 }
 
 /// Occlusion map that never finds a box hidden.
