@@ -10,7 +10,8 @@
 //! one of each, for a pipeline.
 
 mod doors;
-mod mirrors;
+mod mirror;
+mod mirror_reflections;
 mod outline;
 mod portal_culler;
 mod portal_eye;
@@ -25,7 +26,8 @@ mod walked_scene;
 mod window_plane;
 
 pub use doors::Passage;
-pub use mirrors::{MirrorId, Reflection};
+pub use mirror::MirrorId;
+pub use mirror_reflections::Reflection;
 pub use portal_culler::PortalCuller;
 pub use portal_eye::PortalEye;
 pub use portal_stats::{NotCulled, PortalStats};

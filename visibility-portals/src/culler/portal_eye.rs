@@ -1,7 +1,7 @@
 //! One view through portals: its settings, its state, and the queries of its last frame.
 
 use super::NONE;
-use super::mirrors::{Reflection, Reflections};
+use super::mirror_reflections::{Reflection, Reflections};
 use super::portal_stats::{NotCulled, PortalStats};
 use super::portal_view::PortalView;
 use super::portal_walk::{Narrowing, PortalPath, PortalWalk};

@@ -3,7 +3,7 @@
 
 use super::NONE;
 use super::doors::{Doors, Passage};
-use super::mirrors::{Mirror, MirrorId};
+use super::mirror::{Mirror, MirrorId};
 use super::outline::Outline;
 use super::scene_cells_error::SceneCellsError;
 use alloc::vec::Vec;
@@ -183,8 +183,8 @@ impl SceneCells {
 
     /// Adds a mirror on the boundary of a cell and returns its id. The vertices of `polygon` are in world
     /// space and run counter-clockwise as seen from within the cell, so that the normal points into the cell.
-    /// Each frame that sees the mirror returns a [`Reflection`](super::mirrors::Reflection). If the glass
-    /// itself is to be drawn, add it to the scene as an object.
+    /// Each frame that sees the mirror returns a [`Reflection`](super::mirror_reflections::Reflection). If
+    /// the glass itself is to be drawn, add it to the scene as an object.
     ///
     /// # Errors
     /// [`SceneCellsError::UnknownCell`] if the graph has no such cell, [`SceneCellsError::NoPlane`] if

@@ -1,6 +1,6 @@
 //! Errors of `SceneCells`.
 
-use super::mirrors::MirrorId;
+use super::mirror::MirrorId;
 use core::fmt;
 use visibility_core::cells::{CellId, PortalId};
 

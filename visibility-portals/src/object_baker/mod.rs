@@ -17,7 +17,7 @@ use crate::bake_settings::{BakeError, Settings, prepare};
 use crate::cell_matrix::{CellMatrix, neighbours};
 use crate::directed_portals::DirectedPortals;
 use alloc::vec::Vec;
-use object_chains::{Chains, Targets};
+use object_chains::{Chains, SeenObjects, Targets};
 use visibility_core::bake::Baker;
 use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
 use visibility_core::glam::DVec3;
@@ -93,16 +93,6 @@ pub struct ObjectBaker<'a> {
     settings: Settings,
     /// By cell index: the objects seen from the cell. `None` for a cell whose search was not carried out.
     done: Vec<Option<SeenObjects>>,
-}
-
-/// The objects seen from one cell, and the cost of the search.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct SeenObjects {
-    /// Object indices, ascending. Empty if `gave_up`.
-    row: Vec<u32>,
-    steps: u64,
-    /// Whether the search from this cell reached the limit of steps.
-    gave_up: bool,
 }
 
 impl<'a> ObjectBaker<'a> {

@@ -1,7 +1,6 @@
 //! The search for the objects seen from one cell: depth first through chains of portals. Objects that are not
 //! outside the planes of some chain are marked as seen.
 
-use super::SeenObjects;
 use crate::cell_matrix::CellMatrix;
 use crate::directed_portals::DirectedPortals;
 use crate::portal_chain::{CellFlood, ChainFrame, PortalChain, is_outside, outward};
@@ -91,6 +90,16 @@ impl Targets {
             distance + reach < -4.0 * plane.error_bound(middle.abs() + half)
         })
     }
+}
+
+/// The objects seen from one cell, and the cost of the search.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct SeenObjects {
+    /// Object indices, ascending. Empty if `gave_up`.
+    pub(super) row: Vec<u32>,
+    pub(super) steps: u64,
+    /// Whether the search from this cell reached the limit of steps.
+    pub(super) gave_up: bool,
 }
 
 /// Scratch memory of the search for the objects seen from a cell.

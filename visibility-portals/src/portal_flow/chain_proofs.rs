@@ -1,6 +1,6 @@
 //! Lines that prove that a cell is seen, and certificates that no line passes a chain.
 
-use super::flow::FlowInput;
+use super::flow_input::FlowInput;
 use super::flow_scratch::FlowScratch;
 use crate::directed_portals::DirectedPortal;
 use crate::stabbing::pluecker::Polytope;

@@ -1,7 +1,7 @@
 //! Extension of the current chain of portals, and the set of candidates that lines through the chain can
 //! still reach.
 
-use super::flow::{FlowInput, FlowResult};
+use super::flow_input::{FlowInput, FlowResult};
 use super::flow_scratch::FlowScratch;
 use crate::cell_matrix::bits;
 use crate::portal_chain::{ChainFrame, is_outside};

@@ -1,39 +1,9 @@
-//! The flow from one portal, its input and its result.
+//! The flow from one portal.
 
+use super::flow_input::{FlowInput, FlowResult};
 use super::flow_scratch::FlowScratch;
-use crate::cell_matrix::{CellMatrix, bits};
-use crate::directed_portals::DirectedPortals;
+use crate::cell_matrix::bits;
 use alloc::vec::Vec;
-
-/// Input of a flow: the state of a bake between two rounds.
-pub(crate) struct FlowInput<'a> {
-    pub(crate) portals: &'a DirectedPortals,
-    /// Candidate matrix with rows of `stride` words: bit b of the row of directed portal a is set while a
-    /// line through a may later pass directed portal b.
-    pub(crate) rows: &'a [u64],
-    pub(crate) stride: usize,
-    /// Visible cells: cell a sees cell b once b counts as seen from a. Flows search only for other cells.
-    pub(crate) seen: &'a CellMatrix,
-    /// The clearance for the test in Pluecker space of chains that lead to a cell not yet known to be seen.
-    /// `None` disables the test.
-    pub(crate) exact: Option<f64>,
-}
-
-/// Result of the flow from one source portal.
-#[derive(Default)]
-pub struct FlowResult {
-    /// Candidate portals (by directed portal index) that no line through the source reaches.
-    pub(crate) hidden: Vec<u32>,
-    /// Cells that are newly found to be seen, each with `true` if a line proves that the cell is seen,
-    /// `false` if the cell could not be excluded.
-    pub(crate) cells: Vec<(u32, bool)>,
-    /// Number of portal chains inspected.
-    pub(crate) steps: u64,
-    /// Number of portal chains that only a certificate in Pluecker space excluded.
-    pub(crate) rejected: u64,
-    /// Whether the limit of steps was reached, so that every candidate not proven hidden counts as seen.
-    pub(crate) gave_up: bool,
-}
 
 /// Computes the portals and cells that can be seen through the directed portal `source`. After `limit` steps
 /// every candidate not proven hidden counts as seen, and `FlowResult::gave_up` is set.

@@ -1,6 +1,6 @@
 //! Scratch memory of flows, and the candidates of a source.
 
-use super::flow::FlowInput;
+use super::flow_input::FlowInput;
 use crate::cell_matrix::bits;
 use crate::lp::MAX_ROWS;
 use crate::portal_chain::{CellFlood, PortalChain};

@@ -14,7 +14,9 @@
 mod chain_proofs;
 mod extend_chain;
 mod flow;
+mod flow_input;
 mod flow_scratch;
 
-pub(crate) use flow::{FlowInput, FlowResult, portal_flow};
+pub(crate) use flow::portal_flow;
+pub(crate) use flow_input::{FlowInput, FlowResult};
 pub(crate) use flow_scratch::FlowScratch;

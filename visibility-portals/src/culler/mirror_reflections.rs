@@ -5,7 +5,7 @@
 //! in the mirror's cell, within the reflected window through which the mirror is seen. The reflected view
 //! draws to the pixels that the mirror covers on the screen.
 
-use super::outline::Outline;
+use super::mirror::MirrorId;
 use super::portal_stats::{NotCulled, PortalStats};
 use super::portal_view::PortalView;
 use super::portal_walk::{Narrowing, PortalWalk, SeenMirror};
@@ -15,22 +15,6 @@ use super::window_plane::{U, WindowPlane};
 use alloc::vec::Vec;
 use visibility_core::glam::{DMat4, DVec3};
 use visibility_core::{Culler, FrustumCuller, Scene, View, VisibleSet, geometry::Plane, view::ViewError};
-
-/// Index of a mirror of a [`SceneCells`](super::scene_cells::SceneCells), in the order of `add_mirror`, from
-/// 0.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
-pub struct MirrorId(pub u32);
-
-/// A planar convex mirror on the boundary of a cell, in world space. Its normal points into the cell.
-#[derive(Clone, Debug)]
-pub(super) struct Mirror {
-    pub(super) outline: Outline,
-    pub(super) vertices: Vec<DVec3>,
-    /// Index of the next mirror in the list of the cell's mirrors, or `NONE` at the end.
-    pub(super) next: u32,
-    /// Whether the mirror reflects. A covered mirror (`false`) never yields a reflection.
-    pub(super) uncovered: bool,
-}
 
 /// One mirror that is seen: the reflected view to draw with, and the objects visible in that view.
 #[derive(Clone, Debug)]
