@@ -73,3 +73,7 @@ pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};
 pub use scene_tree::SceneTree;
 pub use shadow_frusta::{ShadowFrusta, ShadowFrustaCuller};
 pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Order, Subtree, Walk};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

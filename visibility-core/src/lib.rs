@@ -76,3 +76,7 @@ pub use region_culler::RegionCuller;
 pub use scene::{Object, ObjectId, Scene};
 pub use view::{Pose, View};
 pub use visible_set::VisibleSet;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

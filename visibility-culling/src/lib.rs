@@ -54,3 +54,7 @@ pub use visibility_measure as measure;
 pub use visibility_plp as plp;
 #[cfg(feature = "portals")]
 pub use visibility_portals as portals;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

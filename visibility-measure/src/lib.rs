@@ -88,3 +88,7 @@ pub use error::MeasureError;
 pub use item_buffer::{ItemBuffer, MAX_SIDE};
 pub use raster::NONE;
 pub use sampled_visibility::{ObjectPixels, SampledVisibility};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -84,3 +84,7 @@ pub use octree::{Fineness, OctreeTessellation};
 pub use solidity::Solidity;
 pub use tessellation::{Face, Tessellation};
 pub use walk::Budget;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -92,3 +92,7 @@ pub use culler::{
     SceneCellsError,
 };
 pub use object_baker::{ObjectBaker, ObjectOutcome};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
