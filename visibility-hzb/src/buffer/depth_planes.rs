@@ -46,8 +46,7 @@ impl DepthPlanes {
             let x = if a < 0.0 { right * SHARE - 1.0 } else { left * SHARE };
             let y = if b < 0.0 { bottom * SHARE - 1.0 } else { top * SHARE };
             let value = a * x + b * y + c;
-            // The comparison is false for NaN, so a NaN value is not skipped.
-            least = if value >= least { least } else { value };
+            least = if value < least { value } else { least };
         }
         least
     }

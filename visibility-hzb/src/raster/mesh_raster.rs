@@ -233,7 +233,7 @@ fn project(
             vertex_bounds.error = greater(error[i], vertex_bounds.error);
             vertex_bounds.greatest = greater(most[i], vertex_bounds.greatest);
             vertex_bounds.nearest =
-                if nearest[i] >= vertex_bounds.nearest { vertex_bounds.nearest } else { nearest[i] };
+                if nearest[i] < vertex_bounds.nearest { nearest[i] } else { vertex_bounds.nearest };
         }
         let (these, others) = corners.split_at_mut(count);
         for (i, corner) in these.iter_mut().enumerate() {

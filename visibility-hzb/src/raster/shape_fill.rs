@@ -224,12 +224,38 @@ fn depths(shape: &ScreenShape, offsets: &[f32; MAX_PLANES], column: usize) -> [f
         let (slope, offset) = (shape.planes[plane][0], offsets[plane]);
         for i in 0..WIDTH {
             let depth_key = (first + STEPS[i]) * slope + offset;
-            // The comparison is false for NaN, so a NaN value is not skipped.
-            least[i] = if depth_key >= least[i] { least[i] } else { depth_key };
+            least[i] = if depth_key < least[i] { depth_key } else { least[i] };
         }
     }
     for value in &mut least {
         *value = if *value >= shape.floor { *value } else { shape.floor };
     }
     least
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A depth plane whose coefficients or values overflow `f32` bounds nothing, whatever plane follows it:
+    /// the shape is drawn at its floor.
+    #[test]
+    fn planes_that_overflow_bound_nothing_in_any_order() {
+        let (size, finite) = ([64.0; 2], [0.0, 0.0, 50.0]);
+        // Infinity times column 0, infinity less infinity, and NaN.
+        let planes = [[1e39, 0.0, -1e40], [1e38 / 2.0, -1e38 / 2.0, -5.0], [0.0, 0.0, f64::NAN]];
+        for plane in planes {
+            for order in [[plane, finite], [finite, plane]] {
+                let (mut shape, mut tiles) = (ScreenShape::EMPTY, Tiles::new(64, 64));
+                shape.begin([0.0, 64.0], [0.0, 64.0], 1.0, 100.0);
+                for plane in order {
+                    assert!(shape.add_depth_plane(plane, size));
+                }
+                assert!(fill_shape(&shape, &mut tiles));
+                for at in [3, 60] {
+                    assert_eq!(tiles.pixel_closely(at, at), 1.0, "{order:?} at {at}, {at}");
+                }
+            }
+        }
+    }
 }

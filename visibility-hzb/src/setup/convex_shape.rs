@@ -51,7 +51,7 @@ pub(crate) fn convex_shape(
     let mut nearest = f64::INFINITY;
     for p in mesh.positions {
         let corner = object.at([f64::from(p.x), f64::from(p.y), f64::from(p.z)]);
-        nearest = if corner[4] >= nearest { nearest } else { corner[4] };
+        nearest = if corner[4] < nearest { corner[4] } else { nearest };
         corners.push(corner);
     }
     let uncut = nearest > near_limit;

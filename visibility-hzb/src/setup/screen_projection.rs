@@ -213,7 +213,7 @@ impl ObjectProjection {
 /// Returns the projection of an occluder to homogeneous screen coordinates, and the sign of the determinant
 /// of triangles that face the eye, which a mirroring transform reverses. `bounds` are in the occluder's own
 /// coordinates, which `transform` maps to the scene. `None` if the transform is flat, the view's `facing` is
-/// 0, or a value might overflow: then the occluder is not drawn.
+/// 0, or a value might overflow or is NaN: then the occluder is not drawn.
 #[inline(always)]
 pub(crate) fn project_object(
     projection: &ScreenProjection,

@@ -68,7 +68,7 @@ pub(crate) struct ScreenShape {
     /// Number of row bounds on the right, at most [`MAX_EDGES`].
     pub(crate) rights: usize,
     /// Depth planes `[a, b, c]`: `a * column + b * row + c` is a lower bound on the depth key of the
-    /// occluder's face in the tile at that tile column and row. The first `plane_count` are valid.
+    /// occluder's face in the tile at that tile column and row, never NaN. The first `plane_count` are valid.
     pub(crate) planes: [[f32; 3]; MAX_PLANES],
     /// Number of depth planes, at most [`MAX_PLANES`].
     pub(crate) plane_count: usize,
@@ -205,13 +205,18 @@ impl ScreenShape {
 /// pixels.
 ///
 /// In `f32`, three coefficients, two products and two sums are rounded: `4u` of the sum of magnitudes at
-/// most, and `8u` are taken off.
+/// most, and `8u` are taken off. A plane that might overflow in the buffer, or has a NaN coefficient, becomes
+/// negative infinity everywhere. So no value is NaN, and a minimum over planes needs no regard for NaN.
 #[inline(always)]
 fn tile_minimum_plane([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
     let side = SIDE as f64;
     let worst = c + side * (a.min(0.0) + b.min(0.0));
-    let slack = F32 * (a.abs() * (size[0] + side) + b.abs() * (size[1] + side) + c.abs())
-        + f64::from(f32::MIN_POSITIVE);
+    let most = a.abs() * (size[0] + side) + b.abs() * (size[1] + side) + c.abs();
+    // False for NaN. The factor leaves room for rounding.
+    if !(most < 0.5 * f64::from(f32::MAX)) {
+        return [0.0, 0.0, f32::NEG_INFINITY];
+    }
+    let slack = F32 * most + f64::from(f32::MIN_POSITIVE);
     [(a * side) as f32, (b * side) as f32, (worst - slack) as f32]
 }
 
