@@ -28,15 +28,15 @@ use visibility_core::{
 
 /// Maximum number of triangles of a mesh that is drawn by its outline if it looks convex from the eye. Up to
 /// this number, finding out whether it looks convex costs less than drawing the triangles.
-const SMALL: usize = 24;
+const MAX_OUTLINE_TRIANGLES: usize = 24;
 
 /// Number of triangles of convex parts that cost as much as one triangle of other meshes, since convex parts
 /// are drawn by their outlines. The 12 triangles of a box cost as much as two.
-const OUTLINE: usize = 6;
+const OUTLINE_COST_DIVISOR: usize = 6;
 
 /// Number of occluders found hidden by tiles but not by the pyramid after which the pyramid is updated
 /// between flushes. From this number on, the update costs less than it saves.
-const MISSED: usize = 32;
+const MAX_PYRAMID_MISSES: usize = 32;
 
 /// A hierarchical z-buffer: an [`OcclusionMap`] of tiles of 8 x 8 pixels with a pyramid of least depth keys
 /// above.
@@ -95,7 +95,7 @@ pub struct Hzb {
     /// Scratch memory for the coverage of one mesh that is drawn by its triangles.
     contour_tiles: ContourTiles,
     /// Number of occluders that tiles hid and the pyramid did not, since the last update of the pyramid.
-    missed: usize,
+    pyramid_misses: usize,
     /// Upper bound on the depth keys (greater is nearer) of all drawn occluders. Negative infinity before
     /// the first.
     pub(crate) nearest: f32,
@@ -143,7 +143,7 @@ impl Hzb {
             queue: BoxQueue::EMPTY,
             mesh_scratch: MeshScratch::default(),
             contour_tiles,
-            missed: 0,
+            pyramid_misses: 0,
             nearest: f32::NEG_INFINITY,
             clip_planes: ViewPlanes::NONE,
         }
@@ -261,11 +261,11 @@ impl Hzb {
                 };
                 self.draw_box(&bounds, &transform, extent.as_ref(), self.queue.two_sided[i]);
             } else {
-                self.missed += 1;
+                self.pyramid_misses += 1;
             }
         }
-        if self.missed >= MISSED {
-            self.missed = 0;
+        if self.pyramid_misses >= MAX_PYRAMID_MISSES {
+            self.pyramid_misses = 0;
             self.pyramid.update(&mut self.tiles);
         }
     }
@@ -283,7 +283,7 @@ impl Hzb {
         {
             ShapeResult::Ready => self.fill(),
             ShapeResult::Nothing => {}
-            ShapeResult::TooNear => {
+            ShapeResult::DrawAsMesh => {
                 let corners = bounds.corners();
                 self.draw_mesh(&OccluderTriangles::of_box(&corners, two_sided), bounds, transform, true);
             }
@@ -297,7 +297,7 @@ impl Hzb {
         let (projection, coverage, convex_scratch) =
             (&self.projection, self.coverage, &mut self.convex_scratch);
         let convex = convex || mesh.triangles.len() == 1;
-        if convex || mesh.triangles.len() <= SMALL {
+        if convex || mesh.triangles.len() <= MAX_OUTLINE_TRIANGLES {
             match self.simd.convex_shape(
                 mesh,
                 &object,
@@ -313,7 +313,7 @@ impl Hzb {
                     return;
                 }
                 ShapeResult::Nothing => return,
-                ShapeResult::TooNear => {}
+                ShapeResult::DrawAsMesh => {}
             }
         }
         let (mesh_scratch, contour_tiles, tiles) =
@@ -360,7 +360,7 @@ impl OcclusionMap for Hzb {
         self.faces = FacePlaneSetup::new(&self.projection);
         self.tiles.clear();
         self.queue.count = 0;
-        self.missed = 0;
+        self.pyramid_misses = 0;
         self.nearest = f32::NEG_INFINITY;
         self.clip_planes = view.clip_planes_from(origin);
         self.pyramid.clear();
@@ -395,7 +395,7 @@ impl OcclusionMap for Hzb {
 
     fn cost(&self, occluder: &OccluderMesh) -> usize {
         let solid = occluder.solid_triangles();
-        occluder.triangles().len() - solid + solid.div_ceil(OUTLINE)
+        occluder.triangles().len() - solid + solid.div_ceil(OUTLINE_COST_DIVISOR)
     }
 
     fn flush(&mut self) {

@@ -260,7 +260,7 @@ fn a_wall_from_behind_the_eye_on_hides_what_is_behind_all_of_it() {
 }
 
 #[test]
-fn what_is_promised_depends_on_the_dials() {
+fn what_is_promised_depends_on_the_thresholds() {
     let accuracy = |map: Hom| map.accuracy();
     assert_eq!(accuracy(Hom::default()), Accuracy::Conservative);
     assert_eq!(accuracy(Hom::default().with_threshold(1.0)), Accuracy::Conservative);

@@ -56,7 +56,7 @@ impl DepthPlanes {
     /// below all depth planes in the whole rectangle. False if there are no planes. Rounding is far below the
     /// amounts by which both kinds of planes were moved, as in [`least`](Self::least).
     #[inline(always)]
-    pub(crate) fn is_before(&self, sides: [f64; 4], box_planes: &BoxFacePlanes) -> bool {
+    pub(crate) fn is_nearer_than(&self, sides: [f64; 4], box_planes: &BoxFacePlanes) -> bool {
         const SHARE: f64 = 1.0 / SIDE as f64;
         let mut before = [self.count > 0; LANES];
         for &[a, b, c] in &self.planes[..self.count] {
@@ -93,7 +93,7 @@ mod tests {
             let plane = [a, b, 5.0];
             let mut shape = ScreenShape::EMPTY;
             assert!(shape.add_depth_plane(plane, [64.0, 64.0]));
-            let planes_id = DepthPlanes::of(&shape);
+            let depth_planes = DepthPlanes::of(&shape);
             for (left, top, size) in [(8.0, 16.0, 8.0), (11.0, 19.0, 1.0), (40.0, 50.0, 3.0), (0.0, 0.0, 1.0)]
             {
                 let sides = [left, left + size, top, top + size];
@@ -101,8 +101,8 @@ mod tests {
                 let corners =
                     [at(left, top), at(left + size, top), at(left, top + size), at(left + size, top + size)];
                 let least = corners.into_iter().fold(f64::INFINITY, f64::min);
-                assert!(!planes_id.hides(sides, least as f32), "{a} {b} {sides:?}");
-                assert!(planes_id.hides(sides, (least - 1e-4) as f32), "{a} {b} {sides:?}");
+                assert!(!depth_planes.hides(sides, least as f32), "{a} {b} {sides:?}");
+                assert!(depth_planes.hides(sides, (least - 1e-4) as f32), "{a} {b} {sides:?}");
             }
         }
         assert!(!DepthPlanes::NONE.hides([0.0, 1.0, 0.0, 1.0], f32::NEG_INFINITY));

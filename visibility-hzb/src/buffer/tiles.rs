@@ -45,7 +45,7 @@ pub(crate) struct Tiles {
     /// Index into `depth_planes` of the planes of an occluder that covers the whole tile, for each tile. 0
     /// means no such planes. The occluder is not always the nearest one. Followed by [`PADDING`] unused
     /// elements.
-    pub(crate) planes_id: Vec<u32>,
+    pub(crate) depth_planes_index: Vec<u32>,
     /// Depth planes of the occluders drawn since the last [`clear`](Self::clear). Element 0 is
     /// [`DepthPlanes::NONE`].
     depth_planes: Vec<DepthPlanes>,
@@ -71,7 +71,7 @@ impl Tiles {
             columns,
             rows,
             tile_min: alloc::vec![EMPTY_DEPTH; columns * rows + PADDING],
-            planes_id: alloc::vec![0; columns * rows + PADDING],
+            depth_planes_index: alloc::vec![0; columns * rows + PADDING],
             depth_planes: alloc::vec![DepthPlanes::NONE],
             counts: alloc::vec![0; columns * rows],
             layers: alloc::vec![layers; columns * rows],
@@ -85,7 +85,7 @@ impl Tiles {
     pub(crate) fn clear(&mut self) {
         self.tile_min.fill(EMPTY_DEPTH);
         self.counts.fill(0);
-        self.planes_id.fill(0);
+        self.depth_planes_index.fill(0);
         self.depth_planes.truncate(1);
         self.changed.fill(UNCHANGED);
         self.changed_rows = UNCHANGED;
@@ -93,7 +93,7 @@ impl Tiles {
 
     /// Extends the dirty range of tile columns of row `row` of tiles by the half-open range `columns`.
     #[inline(always)]
-    pub(crate) fn note(&mut self, row: usize, columns: [usize; 2]) {
+    pub(crate) fn mark_dirty(&mut self, row: usize, columns: [usize; 2]) {
         self.changed[row] = join(self.changed[row], columns);
         self.changed_rows = join(self.changed_rows, [row, row + 1]);
     }
@@ -104,7 +104,7 @@ impl Tiles {
     fn raise(&mut self, tile: usize, depth_key: f32) {
         self.tile_min[tile] = depth_key;
         let (row, column) = (tile / self.columns, tile % self.columns);
-        self.note(row, [column, column + 1]);
+        self.mark_dirty(row, [column, column + 1]);
     }
 
     /// Appends the depth planes of a shape to `depth_planes`. Returns their index, at least 1 and valid until
@@ -131,13 +131,13 @@ impl Tiles {
         depth_key: f32,
         box_planes: &BoxFacePlanes,
     ) -> u64 {
-        let hides = |planes_id: u32| {
-            planes_id != 0
-                && self.depth_planes.get(planes_id as usize).is_some_and(|planes_id| {
-                    planes_id.hides(sides, depth_key) || planes_id.is_before(sides, box_planes)
+        let hides = |depth_planes_index: u32| {
+            depth_planes_index != 0
+                && self.depth_planes.get(depth_planes_index as usize).is_some_and(|planes| {
+                    planes.hides(sides, depth_key) || planes.is_nearer_than(sides, box_planes)
                 })
         };
-        if self.tile_min[tile] > depth_key || hides(self.planes_id[tile]) {
+        if self.tile_min[tile] > depth_key || hides(self.depth_planes_index[tile]) {
             return 0;
         }
         let layers = &self.layers[tile];
@@ -153,11 +153,11 @@ impl Tiles {
     }
 
     /// Covers the pixels `mask` of the tile with index `tile` (row by row) by an occluder. Its depth keys
-    /// there are at least `depth_key`, and at least the least value of the depth planes at index `planes_id`
-    /// if that is not 0. In each pixel the greatest (nearest) key wins. Does nothing if `depth_key` is NaN or
-    /// not above the tile's `tile_min`.
+    /// there are at least `depth_key`, and at least the least value of the depth planes at index
+    /// `depth_planes_index` if that is not 0. In each pixel the greatest (nearest) key wins. Does nothing if
+    /// `depth_key` is NaN or not above the tile's `tile_min`.
     #[inline(always)]
-    pub(crate) fn cover(&mut self, tile: usize, mask: u64, depth_key: f32, planes_id: u32) {
+    pub(crate) fn cover(&mut self, tile: usize, mask: u64, depth_key: f32, depth_planes_index: u32) {
         let tile_min = self.tile_min[tile];
         // The negated comparison makes a NaN depth key cover no pixel.
         if mask == 0 || !(depth_key > tile_min) {
@@ -165,8 +165,8 @@ impl Tiles {
         }
         let count = usize::from(self.counts[tile]);
         if count == 0 && mask == u64::MAX {
-            if planes_id != 0 {
-                self.planes_id[tile] = planes_id;
+            if depth_planes_index != 0 {
+                self.depth_planes_index[tile] = depth_planes_index;
             }
             return self.raise(tile, depth_key);
         }
@@ -174,7 +174,7 @@ impl Tiles {
         if count == 0 {
             layers.masks[0] = mask;
             layers.depth_key[0] = depth_key;
-            layers.depth_planes[0] = planes_id;
+            layers.depth_planes[0] = depth_planes_index;
             self.counts[tile] = 1;
             return;
         }
@@ -193,7 +193,7 @@ impl Tiles {
         if new & taken == 0 && new | taken != u64::MAX && count < LAYERS {
             layers.masks[count] = new;
             layers.depth_key[count] = depth_key;
-            layers.depth_planes[count] = planes_id;
+            layers.depth_planes[count] = depth_planes_index;
             self.counts[tile] = count as u8 + 1;
             return;
         }
@@ -210,7 +210,7 @@ impl Tiles {
                 kept += 1;
             }
         }
-        all[kept] = (new, depth_key, planes_id);
+        all[kept] = (new, depth_key, depth_planes_index);
         kept += 1;
         if union == u64::MAX {
             raised = f32::INFINITY;
@@ -306,12 +306,12 @@ impl Tiles {
         let tile = row / SIDE * self.columns + column / SIDE;
         let bit = (row % SIDE) * SIDE + column % SIDE;
         let sides = [column, column + 1, row, row + 1].map(|side| side as f64);
-        let of = |planes_id: u32| {
+        let of = |depth_planes_index: u32| {
             self.depth_planes
-                .get(planes_id as usize)
-                .map_or(EMPTY_DEPTH, |planes_id| down(planes_id.least(sides)))
+                .get(depth_planes_index as usize)
+                .map_or(EMPTY_DEPTH, |planes| down(planes.least(sides)))
         };
-        let mut depth_key = self.pixel(column, row).max(of(self.planes_id[tile]));
+        let mut depth_key = self.pixel(column, row).max(of(self.depth_planes_index[tile]));
         let layers = &self.layers[tile];
         for i in 0..usize::from(self.counts[tile]).min(LAYERS) {
             if layers.masks[i] >> bit & 1 != 0 {
@@ -352,8 +352,8 @@ fn merge(layers: &mut [(u64, f32, u32); LAYERS + 1]) -> usize {
         }
     }
     let (_, i, j) = best;
-    let planes_id = if layers[i].2 == layers[j].2 { layers[i].2 } else { 0 };
-    layers[j] = (layers[i].0 | layers[j].0, layers[i].1.min(layers[j].1), planes_id);
+    let depth_planes_index = if layers[i].2 == layers[j].2 { layers[i].2 } else { 0 };
+    layers[j] = (layers[i].0 | layers[j].0, layers[i].1.min(layers[j].1), depth_planes_index);
     layers[i] = layers[LAYERS];
     LAYERS
 }

@@ -121,7 +121,7 @@ impl DepthBoundary {
     /// whose depth keys are at most `depth_key`: whether their bounds are strictly greater. Uncovered pixels
     /// are ignored, so coverage must be tested apart.
     #[inline(always)]
-    pub(crate) fn is_before(
+    pub(crate) fn is_nearer_than(
         &self,
         opacity: &OpacityPyramid,
         tiles: &Tiles,

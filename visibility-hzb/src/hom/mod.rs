@@ -4,8 +4,8 @@ pub(crate) mod depth_estimate;
 mod occluder_database;
 mod occlusion_maps;
 pub(crate) mod opacity_pyramid;
+mod opacity_thresholds;
 mod overlap_test;
-mod thresholds;
 pub(crate) mod tile_range;
 
 pub use depth_estimate::DepthEstimate;

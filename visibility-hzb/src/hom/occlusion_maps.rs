@@ -3,13 +3,13 @@
 //! Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.2).
 //!
 //! Occluders are drawn by the raster of the z-buffer. A box is hidden if its screen rectangle is opaque
-//! (`overlap_test.rs`, over the counts of `opacity_pyramid.rs`, with `thresholds.rs`) and the box lies behind
-//! all occluders that cover pixels of the rectangle (`depth_estimate.rs`).
+//! (`overlap_test.rs`, over the counts of `opacity_pyramid.rs`, with `opacity_thresholds.rs`) and the box
+//! lies behind all occluders that cover pixels of the rectangle (`depth_estimate.rs`).
 
 use super::depth_estimate::{DepthBoundary, DepthEstimate};
 use super::opacity_pyramid::OpacityPyramid;
+use super::opacity_thresholds::{TILE, Thresholds};
 use super::overlap_test;
-use super::thresholds::{self, Thresholds};
 use super::tile_range::TileRange;
 use crate::buffer::tile_layout::Rectangle;
 use crate::buffer_size::SizeError;
@@ -101,7 +101,7 @@ impl Hom {
     /// Coarser texels may have as many uncovered pixels as one of 8 x 8, finer texels none. Replaces the
     /// thresholds of all levels. A threshold below 1 makes the maps approximate. Takes effect at once.
     pub fn with_threshold(mut self, threshold: f32) -> Self {
-        self.opacity.set(Thresholds::from_dial(threshold));
+        self.opacity.set(Thresholds::from_tile_threshold(threshold));
         self
     }
 
@@ -164,7 +164,7 @@ impl Hom {
     /// Returns the number of levels. Level 0 is the pixels, level 1 texels of 2 x 2 pixels, and so on, down
     /// to one texel.
     pub fn levels(&self) -> usize {
-        thresholds::TILE + self.opacity.levels.len()
+        TILE + self.opacity.levels.len()
     }
 
     /// Returns the columns and rows of texels of a level. Level 0 is the pixels. `None` beyond the last
@@ -183,15 +183,15 @@ impl Hom {
 
     /// Queues the box around an occluder, or around a part of an occluder. `bounds` is in the occluder's own
     /// coordinates, `transform` maps to scene coordinates. Processes the queue when it is full.
-    fn note(&mut self, bounds: &Aabb, transform: &Affine3A) {
+    fn queue_box(&mut self, bounds: &Aabb, transform: &Affine3A) {
         if self.queue.push(bounds, transform, true) {
-            self.note_queue();
+            self.process_queue();
         }
     }
 
     /// Projects the queued boxes, lowers `boundary` for those that nearer occluders do not hide, adds their
     /// tiles to `stale`, and empties the queue.
-    fn note_queue(&mut self) {
+    fn process_queue(&mut self) {
         let count = core::mem::take(&mut self.queue.count);
         if count == 0 {
             return;
@@ -248,7 +248,7 @@ impl Hom {
     #[inline(always)]
     fn hides(&self, rectangle: &Rectangle, depth_key: f32) -> bool {
         let plane = self.boundary.estimate == DepthEstimate::Plane;
-        let before = || self.boundary.is_before(&self.opacity, &self.raster.tiles, rectangle, depth_key);
+        let before = || self.boundary.is_nearer_than(&self.opacity, &self.raster.tiles, rectangle, depth_key);
         (!plane || before()) && overlap_test::is_opaque(&self.opacity, rectangle, true) && (plane || before())
     }
 }
@@ -282,16 +282,16 @@ impl OcclusionMap for Hom {
         // One box around the occluder is enough to find the tiles that may change. The boxes around its parts
         // give a tighter bound on its depth.
         if self.boundary.estimate == DepthEstimate::NoBackground || occluder.parts().is_empty() {
-            return self.note(occluder.bounds(), transform);
+            return self.queue_box(occluder.bounds(), transform);
         }
         for part in occluder.parts() {
-            self.note(part.bounds(), transform);
+            self.queue_box(part.bounds(), transform);
         }
     }
 
     fn flush(&mut self) {
         self.raster.flush();
-        self.note_queue();
+        self.process_queue();
         if !self.stale.is_empty() {
             let Self { raster, opacity, boundary, stale, .. } = self;
             raster.simd.update_maps(opacity, boundary, &raster.tiles, stale);

@@ -6,7 +6,7 @@
 //! count. A count over an area is an average without rounding. Pixels of the last tiles that lie outside the
 //! picture count neither as covered nor as part of the area.
 
-use super::thresholds::{TILE, Thresholds};
+use super::opacity_thresholds::{TILE, Thresholds};
 use super::tile_range::TileRange;
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
@@ -164,7 +164,7 @@ impl OpacityPyramid {
     /// pixels of opaque texels that are finer than the tile. Such a texel may have uncovered pixels if the
     /// threshold of its level is below 1. Bit `8 * v + u` stands for the pixel at column `u` and row `v` of
     /// the tile.
-    pub(crate) fn dissolved(&self, x: usize, y: usize) -> u64 {
+    pub(crate) fn opaque_pixels(&self, x: usize, y: usize) -> u64 {
         let covered = self.covered[y * self.levels[0].columns + x];
         let mut out = covered;
         for level in 1..TILE {

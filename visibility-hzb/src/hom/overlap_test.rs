@@ -8,7 +8,7 @@
 //! answer.
 
 use super::opacity_pyramid::OpacityPyramid;
-use super::thresholds::TILE;
+use super::opacity_thresholds::TILE;
 use super::tile_range::TileRange;
 use crate::buffer::tile_layout::{Rectangle, mask};
 
@@ -56,7 +56,7 @@ impl Overlap<'_> {
         if above == 0 {
             let part = mask(self.rectangle, x, y);
             let covered = if self.opacity.thresholds.is_fine() {
-                self.opacity.dissolved(x, y)
+                self.opacity.opaque_pixels(x, y)
             } else {
                 self.opacity.covered[y * level.columns + x]
             };
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
     use crate::buffer::tile_layout::SIDE;
     use crate::buffer::tiles::Tiles;
-    use crate::hom::thresholds::Thresholds;
+    use crate::hom::opacity_thresholds::Thresholds;
     use std::vec::Vec;
     use visibility_testing::Random;
 
@@ -190,27 +190,27 @@ mod tests {
                 })
                 .collect();
             let mut before: Vec<bool> = std::vec![false; rectangles.len()];
-            for dial in [1.0, 0.95, 0.8, 0.5, 0.1] {
-                let mut thresholds = Thresholds::from_dial(dial);
-                if dial < 0.9 {
-                    thresholds.set(1, dial);
-                    thresholds.set(2, dial);
+            for threshold in [1.0, 0.95, 0.8, 0.5, 0.1] {
+                let mut thresholds = Thresholds::from_tile_threshold(threshold);
+                if threshold < 0.9 {
+                    thresholds.set(1, threshold);
+                    thresholds.set(2, threshold);
                 }
                 opacity.set(thresholds);
                 for (rectangle, before) in rectangles.iter().zip(&mut before) {
                     let opaque = is_opaque(&opacity, rectangle, true);
                     assert_eq!(opaque, is_opaque(&opacity, rectangle, false), "{rectangle:?} of {size:?}");
-                    assert!(opaque || !*before, "{rectangle:?} of {size:?}: lost at {dial}");
-                    more += usize::from(opaque && !*before && dial < 1.0);
+                    assert!(opaque || !*before, "{rectangle:?} of {size:?}: lost at {threshold}");
+                    more += usize::from(opaque && !*before && threshold < 1.0);
                     *before = opaque;
                 }
             }
         }
-        assert!(more > 500, "the dial does something: {more}");
+        assert!(more > 500, "the threshold does something: {more}");
     }
 
     #[test]
-    fn fine_texels_with_few_holes_dissolve() {
+    fn fine_texels_with_few_holes_count_as_opaque() {
         let mut tiles = Tiles::new(16, 16);
         // All but one pixel of the first block of 2 x 2, and half of the second.
         tiles.cover(0, 0b01 | 0b11 << SIDE | 0b11 << 2, 1.0, 0);

@@ -48,10 +48,10 @@ pub(crate) struct FacePlaneSetup {
     /// Constant part of the upper bound on the absolute error of the denominator of each face's depth key.
     /// The numerator is the linear function `along`; the denominator is `scale` times the distance between
     /// anchor and face.
-    shift: [f64; LANES],
+    denominator_error: [f64; LANES],
     /// Part of the upper bound on the absolute error of the denominator of a face's depth key (`scale` times
     /// the distance between anchor and face) for each metre of the distance.
-    spread: f64,
+    denominator_error_per_metre: f64,
 }
 
 /// Bounds of one box's depth key by its faces, one lane for each face. In lane `i`, `slope[0][i] x +
@@ -108,7 +108,7 @@ impl FacePlaneSetup {
         let mut determinant = 0.0;
         for i in 0..3 {
             determinant += x.linear[i] * columns[0].0[i];
-            faces.spread += 64.0 * U * x.linear[i].abs() * columns[0].1[i];
+            faces.denominator_error_per_metre += 64.0 * U * x.linear[i].abs() * columns[0].1[i];
         }
         let sign = if determinant < 0.0 { -1.0 } else { 1.0 };
         let reach = [projection.size[0], projection.size[1], 1.0];
@@ -119,12 +119,12 @@ impl FacePlaneSetup {
                 let (value, size) = (columns[i].0[axis], columns[i].1[axis]);
                 faces.along[i][lane] = -SIGNS[lane] * sign * value;
                 faces.error[lane] += 64.0 * U * size * reach[i];
-                faces.shift[lane] += 2.0 * size * (row.constant.abs() + row.error);
+                faces.denominator_error[lane] += 2.0 * size * (row.constant.abs() + row.error);
             }
         }
         // The comparisons are false for NaN, which leaves `scale` at 0.
-        let sum = determinant.abs() + faces.spread + faces.error.iter().sum::<f64>();
-        if determinant.abs() > 0.0 && sum + faces.shift.iter().sum::<f64>() < f64::INFINITY {
+        let sum = determinant.abs() + faces.denominator_error_per_metre + faces.error.iter().sum::<f64>();
+        if determinant.abs() > 0.0 && sum + faces.denominator_error.iter().sum::<f64>() < f64::INFINITY {
             faces.scale = sign * determinant;
         }
         faces
@@ -142,7 +142,7 @@ impl FacePlaneSetup {
         for i in 0..LANES {
             let distance = SIGNS[i] * (f64::from(sides[i]) - self.anchor[i]);
             let size = self.scale * distance.abs();
-            let off = self.shift[i] + self.spread * distance.abs();
+            let off = self.denominator_error[i] + self.denominator_error_per_metre * distance.abs();
             // Written so that a face at a NaN coordinate bounds nothing.
             let known = (size > 2.0 * off) & (size < f64::INFINITY);
             let inside = distance > 0.0;
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_is_before_a_bound_where_it_is_at_all_corners() {
+    fn a_plane_is_nearer_than_a_bound_where_it_is_at_all_corners() {
         let mut box_planes = BoxFacePlanes {
             slope: [[0.0; LANES]; 2],
             constant: [0.5; LANES],

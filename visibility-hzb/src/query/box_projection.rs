@@ -3,11 +3,11 @@
 //!
 //! # The error bound
 //! With `u = 2^-24`, a coordinate less the anchor, `d = (p - high) - low`, is off by `2u |d|` and by part of
-//! the row's own `slop`. A row's value `((a d.x + b d.y) + c d.z) + constant` has its coefficients, products
-//! and up to three sums rounded once each: `5u` more of the magnitudes, `7u` in all. `16u` of them are
-//! allowed, so it does no harm that the bound itself is computed too low by up to `7u`. A quotient `x / w` of
-//! two such values is off by `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else the lane
-//! is left undecided; then the factor 1.25 covers higher orders. Only a quotient `q` inside the picture
+//! the row's own `constant_error`. A row's value `((a d.x + b d.y) + c d.z) + constant` has its coefficients,
+//! products and up to three sums rounded once each: `5u` more of the magnitudes, `7u` in all. `16u` of them
+//! are allowed, so it does no harm that the bound itself is computed too low by up to `7u`. A quotient `x /
+//! w` of two such values is off by `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else the
+//! lane is left undecided; then the factor 1.25 covers higher orders. Only a quotient `q` inside the picture
 //! matters, so `|q|` is at most the size of the picture. A corner outside the picture that is computed to be
 //! outside never moves the clipped rectangle, and a corner outside that is computed to be inside is off by no
 //! more than that error.
@@ -30,7 +30,7 @@ struct ScreenRow32 {
     constant: f32,
     /// Upper bound on the part of the absolute error that does not grow with the point: errors of the
     /// constant and of the anchor, and losses to flushed denormals.
-    slop: f32,
+    constant_error: f32,
 }
 
 impl ScreenRow32 {
@@ -40,7 +40,7 @@ impl ScreenRow32 {
         // The anchor in two parts leaves an error of 2^-48 of it. Subtracting the second part rounds by u of
         // the first difference, which exceeds d by that part at most. That is 2^-47 in all.
         let moved: f64 = (0..3).map(|i| row.linear[i].abs() * anchor[i].abs()).sum();
-        let slop = row.error + moved * 1e-14 + row.constant.abs() * f64::from(MARGIN);
+        let constant_error = row.error + moved * 1e-14 + row.constant.abs() * f64::from(MARGIN);
         const TINY: f64 = f32::MIN_POSITIVE as f64;
         // Losses to flushed denormals, of coordinates relative to the anchor and of products.
         let tiny = TINY * (16.0 + 8.0 * row.linear.iter().map(|a| a.abs()).sum::<f64>());
@@ -48,8 +48,8 @@ impl ScreenRow32 {
         // difference of two coordinates. The largest coefficient of `w` is about 1, so no coefficient is
         // denormal unless axes differ in scale by 2^126.
         let lost: f64 = row.linear.iter().map(|a| a.abs()).filter(|&a| a < TINY).sum();
-        let slop = slop + tiny + lost * 2.0 * f64::from(f32::MAX);
-        Self { linear, constant: row.constant as f32, slop: slop as f32 * 1.001 }
+        let constant_error = constant_error + tiny + lost * 2.0 * f64::from(f32::MAX);
+        Self { linear, constant: row.constant as f32, constant_error: constant_error as f32 * 1.001 }
     }
 }
 
@@ -65,7 +65,7 @@ pub(crate) struct ScreenProjection32 {
     /// beyond the near plane.
     rows: [ScreenRow32; 5],
     /// Rows of `width * w - x` and `height * w - y`: negative to the right of the picture and below it.
-    rest: [ScreenRow32; 2],
+    right_bottom: [ScreenRow32; 2],
     /// Width and height of the picture in pixels.
     picture: [f32; 2],
     /// Whether the view is perspective, so that depth keys are `1 / w`.
@@ -79,7 +79,7 @@ impl ScreenProjection32 {
         let high = anchor.map(|a| a as f32);
         let low = core::array::from_fn(|i| (anchor[i] - f64::from(high[i])) as f32);
         let [x, y, w, n] = projection.rows;
-        let rest = |size: f64, row: ScreenRow| ScreenRow {
+        let beyond = |size: f64, row: ScreenRow| ScreenRow {
             linear: core::array::from_fn(|i| size * w.linear[i] - row.linear[i]),
             constant: size * w.constant - row.constant,
             error: 2.0 * (size * w.error + row.error)
@@ -90,7 +90,7 @@ impl ScreenProjection32 {
             high,
             low,
             rows: [x, y, w, n, projection.near].map(to32),
-            rest: [to32(rest(projection.picture[0], x)), to32(rest(projection.picture[1], y))],
+            right_bottom: [to32(beyond(projection.picture[0], x)), to32(beyond(projection.picture[1], y))],
             picture: projection.picture.map(|side| side as f32),
             perspective: projection.perspective,
         }
@@ -196,7 +196,7 @@ fn corners<const N: usize>(
         }
         let reach = (greatest(x[0].abs(), x[1].abs()) + greatest(y[0].abs(), y[1].abs()))
             + greatest(z[0].abs(), z[1].abs());
-        error[i] = MARGIN * reach + row.slop;
+        error[i] = MARGIN * reach + row.constant_error;
     }
     (out, error)
 }
@@ -208,7 +208,7 @@ fn corners<const N: usize>(
 fn most<const N: usize>(row: &ScreenRow32, low: &[[f32; N]; 3], high: &[[f32; N]; 3], sign: f32) -> [f32; N] {
     let mut out = [0.0; N];
     for i in 0..N {
-        let (mut sum, mut reach) = (sign * row.constant, row.slop);
+        let (mut sum, mut reach) = (sign * row.constant, row.constant_error);
         for axis in 0..3 {
             let (a, b) = (sign * row.linear[axis] * low[axis][i], sign * row.linear[axis] * high[axis][i]);
             sum += greatest(a, b);
@@ -295,8 +295,8 @@ pub(crate) fn project<const N: usize>(
         let tests = [
             most(&projection.rows[0], &low, &high, 1.0),
             most(&projection.rows[1], &low, &high, 1.0),
-            most(&projection.rest[0], &low, &high, 1.0),
-            most(&projection.rest[1], &low, &high, 1.0),
+            most(&projection.right_bottom[0], &low, &high, 1.0),
+            most(&projection.right_bottom[1], &low, &high, 1.0),
             most(&projection.rows[4], &low, &high, 1.0),
         ];
         for test in tests {

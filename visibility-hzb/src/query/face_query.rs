@@ -8,12 +8,12 @@ use crate::rounding::up;
 
 /// Maximum number of tiles that a tested box may meet. Larger boxes are not tested by their faces: most are
 /// nodes of a hierarchy, whose children are tested anyway.
-const MOST: u32 = 64;
+const MAX_FACE_TEST_TILES: u32 = 64;
 
 /// Returns whether the tiles hide a box in every pixel of `rectangle`, the rectangle around the box. `sides`
 /// are the box's least x, y, z and greatest x, y, z in scene coordinates. `nearest` is an upper bound on its
 /// depth keys. The caller guarantees that the whole box is in front of the eye. False for parallel views, and
-/// for boxes that meet more than [`MOST`] tiles.
+/// for boxes that meet more than [`MAX_FACE_TEST_TILES`] tiles.
 #[inline(always)]
 pub(crate) fn faces_hide(
     faces: &FacePlaneSetup,
@@ -25,7 +25,7 @@ pub(crate) fn faces_hide(
     const STEP: u32 = SIDE as u32;
     let ([x0, x1], [y0, y1]) = (rectangle.columns, rectangle.lines);
     let (across, down) = ((x1 - 1) / STEP + 1 - x0 / STEP, (y1 - 1) / STEP + 1 - y0 / STEP);
-    if !(faces.scale > 0.0) || across * down > MOST {
+    if !(faces.scale > 0.0) || across * down > MAX_FACE_TEST_TILES {
         return false;
     }
     let planes = &faces.of_box(sides);

@@ -136,7 +136,7 @@ impl<'a> ContourRaster<'a> {
     /// `plane` returns the coefficients `a`, `b`, `c` of its depth key as a plane `a x + b y + c` in pixel
     /// coordinates, lowered by the error. It is called only where the corners alone are not tight enough.
     #[inline(always)]
-    pub(crate) fn deepen(&mut self, corners: &[ScreenVertex], plane: impl FnOnce() -> [f64; 3]) {
+    pub(crate) fn lower_depth_keys(&mut self, corners: &[ScreenVertex], plane: impl FnOnce() -> [f64; 3]) {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (mut floor, mut ceiling) = (f32::INFINITY, f32::NEG_INFINITY);
         for c in corners {
@@ -156,7 +156,7 @@ impl<'a> ContourRaster<'a> {
         if across[1] - across[0] <= few && down[1] - down[0] <= few {
             for band in down[0]..down[1] {
                 for column in across[0]..across[1] {
-                    self.note(column, band, floor);
+                    self.lower_depth_key(column, band, floor);
                 }
             }
             return;
@@ -175,7 +175,7 @@ impl<'a> ContourRaster<'a> {
             for column in reach[0]..reach[1] {
                 let worst = lower(a * ((column * HALF) as f64 + ahead) + row);
                 // With a NaN plane, the depth key of the farthest corner is used.
-                self.note(column, band, if worst >= floor { worst } else { floor });
+                self.lower_depth_key(column, band, if worst >= floor { worst } else { floor });
             }
         }
     }
@@ -183,7 +183,7 @@ impl<'a> ContourRaster<'a> {
     /// Lowers the least depth key of one quarter of a tile. `column` and `band` are the quarter's column and
     /// row in units of quarters (4 pixels).
     #[inline(always)]
-    fn note(&mut self, column: usize, band: usize, depth_key: f32) {
+    fn lower_depth_key(&mut self, column: usize, band: usize, depth_key: f32) {
         let cell = &mut self.cells[band / 2 * self.columns + column / 2];
         let quarter = &mut cell.least[band % 2 * 2 + column % 2];
         *quarter = if depth_key < *quarter { depth_key } else { *quarter };

@@ -56,17 +56,18 @@ pub(crate) struct MeshScratch {
 }
 
 /// Constant part of the slack, the width in pixels by which contours are widened to allow for rounding.
-const TINY: f64 = 1.0 / 1048576.0;
+const MIN_SLACK_PX: f64 = 1.0 / 1048576.0;
 
 /// Minimum size of drawn triangles in meshes with many open edges: the summed widths and heights, in pixels,
 /// of two sides. Smaller triangles of such meshes are not drawn, since they hide next to nothing.
-const ALONE: f64 = 64.0;
-/// Minimum number of open edges (edges of only one triangle) of a mesh for [`ALONE`] to apply.
-const MANY: usize = 32;
+const MIN_OPEN_TRIANGLE_SIZE_PX: f64 = 64.0;
+/// Minimum number of open edges (edges of only one triangle) of a mesh for [`MIN_OPEN_TRIANGLE_SIZE_PX`] to
+/// apply.
+const MIN_OPEN_EDGES: usize = 32;
 
 /// Relative tolerance for telling that a closed mesh is seen from outside: the sum of the signed areas of its
 /// triangles on the screen is at most this fraction of the sum of their magnitudes.
-const CANCELS: f64 = 1e-6;
+const OUTSIDE_TOLERANCE: f64 = 1e-6;
 
 /// Number of vertices that are processed together.
 const LANES: usize = 8;
@@ -116,7 +117,7 @@ pub(crate) fn draw_mesh(
     if !(vertex_bounds.error <= 0.125) {
         return f32::NEG_INFINITY;
     }
-    let slack = 2.0 * vertex_bounds.error + TINY;
+    let slack = 2.0 * vertex_bounds.error + MIN_SLACK_PX;
     let sides = choose(mesh, corners, screen, uncut.then_some(slack), object, facing, near_limit, drawn);
     if sides == 0 {
         return f32::NEG_INFINITY;
@@ -136,7 +137,7 @@ pub(crate) fn draw_mesh(
             }
             let plane = || plane(t.map(|i| &corners[i as usize]), object, projection, &errors);
             if uncut {
-                contours.deepen(&t.map(|i| screen[i as usize]), plane);
+                contours.lower_depth_keys(&t.map(|i| screen[i as usize]), plane);
                 continue;
             }
             let part = clip_triangle(t.map(|i| &corners[i as usize]), near_limit);
@@ -144,7 +145,7 @@ pub(crate) fn draw_mesh(
             for (out, corner) in points.iter_mut().zip(&part.corners[..part.count]) {
                 *out = on_screen(corner, object, &mut vertex_bounds);
             }
-            contours.deepen(&points[..part.count], plane);
+            contours.lower_depth_keys(&points[..part.count], plane);
             if let Some([a, b]) = part.edge {
                 let [a, b] = [a, b].map(|corner| on_screen(&corner, object, &mut vertex_bounds));
                 contours.contour(&a, &b, side, marked);
@@ -223,7 +224,7 @@ fn project(
         let (mut error, mut most, mut nearest) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             let known = near[i] > near_limit;
-            let (corner, off, high) = seen_at([x[i], y[i], w[i], n[i]], object);
+            let (corner, off, high) = project_corner([x[i], y[i], w[i], n[i]], object);
             (sx[i], sy[i], far[i]) = (corner.x, corner.y, corner.far);
             error[i] = if known { off } else { 0.0 };
             most[i] = if known { high } else { f64::NEG_INFINITY };
@@ -258,7 +259,7 @@ fn greater(a: f64, b: f64) -> f64 {
 /// Returns its screen position, an upper bound on the error of its pixel coordinates in pixels, and an upper
 /// bound on its depth key. The error is infinite for a corner at or behind the eye.
 #[inline(always)]
-fn seen_at([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenVertex, f64, f64) {
+fn project_corner([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenVertex, f64, f64) {
     let [ex, ey, ew, en, _] = object.error;
     // The reciprocal is infinite for corners at or behind the eye, which makes their error infinite.
     let over = 1.0 / if w > 8.0 * ew { w } else { 0.0 };
@@ -279,7 +280,7 @@ fn on_screen(
     object: &ObjectProjection,
     vertex_bounds: &mut VertexBounds,
 ) -> ScreenVertex {
-    let (corner, error, most) = seen_at([x, y, w, n], object);
+    let (corner, error, most) = project_corner([x, y, w, n], object);
     vertex_bounds.error = greater(error, vertex_bounds.error);
     vertex_bounds.greatest = greater(most, vertex_bounds.greatest);
     corner
@@ -309,7 +310,8 @@ fn choose(
         // In a mesh of mostly open edges, such as foliage, triangles stand alone and small ones would hide
         // next to nothing. An edge that joins two triangles counts as a side of both.
         let open = (2 * mesh.edges.len()).saturating_sub(3 * mesh.triangles.len());
-        let smallest = if open >= mesh.triangles.len().max(MANY) { ALONE } else { 0.0 };
+        let smallest =
+            if open >= mesh.triangles.len().max(MIN_OPEN_EDGES) { MIN_OPEN_TRIANGLE_SIZE_PX } else { 0.0 };
         let (mut sum, mut magnitude) = (0.0, 0.0);
         for t in mesh.triangles {
             let [a, b, c] = t.map(|i| &screen[i as usize]);
@@ -325,7 +327,7 @@ fn choose(
         }
         // From outside, a closed mesh shows as much area of backs as of fronts, all of it behind the fronts.
         // So its backs need not be drawn.
-        let outside = open == 0 && sum.abs() <= CANCELS * magnitude;
+        let outside = open == 0 && sum.abs() <= OUTSIDE_TOLERANCE * magnitude;
         return u8::from(fronts) | if backs && !outside { 2 } else { 0 };
     }
     let certain = object.determinant_error();
@@ -382,7 +384,7 @@ mod tests {
             let object =
                 projection.project_object(&Affine3A::IDENTITY, p.to_array().map(|v| f64::from(v.abs())));
             let [x, y, w, n, _] = object.at(p.to_array().map(f64::from));
-            let (vertex, error, most) = seen_at([x, y, w, n], &object);
+            let (vertex, error, most) = project_corner([x, y, w, n], &object);
             if !(error < f64::INFINITY) {
                 continue;
             }

@@ -34,12 +34,12 @@ pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
     if !seen {
         return false;
     }
-    let planes_id = tiles.add_depth_planes(shape);
+    let depth_planes_index = tiles.add_depth_planes(shape);
     let mut row = first_row;
     while row < end_row {
         let bands = bands(shape, row, columns);
         for i in 0..SIDE.min(end_row - row) {
-            fill_row(shape, tiles, row + i, &bands, i, planes_id);
+            fill_row(shape, tiles, row + i, &bands, i, depth_planes_index);
         }
         row += SIDE;
     }
@@ -64,7 +64,7 @@ fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
     let (first, last) = (shape.lines[0] as f32, shape.lines[1] as f32 - 1.0);
     let start = (first_row * SIDE) as f32;
     for i in 0..SIDE {
-        let y = start + EIGHTS[i];
+        let y = start + TILE_ROW_STARTS[i];
         top[i] = if y > first { y } else { first };
         bottom[i] = if y + 7.0 < last { y + 7.0 } else { last };
     }
@@ -105,9 +105,9 @@ fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
 }
 
 /// First pixel row of each of eight rows of tiles, relative to the first of them.
-const EIGHTS: [f32; SIDE] = [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 56.0];
+const TILE_ROW_STARTS: [f32; SIDE] = [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 56.0];
 /// Rows of pixels of a tile, relative to the tile.
-const ONES: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+const PIXEL_ROWS: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Returns the bound `low` rounded up to a whole pixel column, or `limit` rounded up if `low` is greater or
 /// NaN. `limit` must be finite.
@@ -135,7 +135,7 @@ fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
     let mut y = [0.0; SIDE];
     let start = (row * SIDE) as f32;
     for i in 0..SIDE {
-        y[i] = start + ONES[i];
+        y[i] = start + PIXEL_ROWS[i];
     }
     for line in &shape.left[..shape.lefts] {
         for i in 0..SIDE {
@@ -152,16 +152,26 @@ fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
     [low, high]
 }
 
-/// Fills row `row` of tiles. `i` is the index of that row in `bands`, `planes_id` the index of the shape's
-/// depth planes.
+/// Fills row `row` of tiles. `i` is the index of that row in `bands`, `depth_planes_index` the index of the
+/// shape's depth planes.
 #[inline(always)]
-fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i: usize, planes_id: u32) {
+fn fill_row(
+    shape: &ScreenShape,
+    tiles: &mut Tiles,
+    row: usize,
+    bands: &Bands,
+    i: usize,
+    depth_planes_index: u32,
+) {
     let (start, stop) = (bands.met[0][i] as usize, bands.met[1][i] as usize);
     if start >= stop {
         return;
     }
     if bands.covered[0][i] < bands.covered[1][i] {
-        tiles.note(row, [start.max(bands.covered[0][i] as usize), stop.min(bands.covered[1][i] as usize)]);
+        tiles.mark_dirty(
+            row,
+            [start.max(bands.covered[0][i] as usize), stop.min(bands.covered[1][i] as usize)],
+        );
     }
     let covered = [bands.covered[0][i] as f32, bands.covered[1][i] as f32];
     let mut offsets = [0.0; MAX_PLANES];
@@ -173,7 +183,7 @@ fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i
     while column < stop {
         let depth_key = depths(shape, &offsets, column);
         let values = &mut tiles.tile_min[base + column..base + column + WIDTH];
-        let depth_planes = &mut tiles.planes_id[base + column..base + column + WIDTH];
+        let depth_planes = &mut tiles.depth_planes_index[base + column..base + column + WIDTH];
         // Tiles at or beyond `stop` keep their values.
         let (limit, first_column) = (stop as f32, column as f32);
         let mut part = [0u8; WIDTH];
@@ -182,7 +192,7 @@ fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i
             let nearer = (depth_key[i] > values[i]) & (x < limit);
             let inner = nearer & (x >= covered[0]) & (x < covered[1]);
             values[i] = if inner { depth_key[i] } else { values[i] };
-            depth_planes[i] = if inner { planes_id } else { depth_planes[i] };
+            depth_planes[i] = if inner { depth_planes_index } else { depth_planes[i] };
             part[i] = u8::from(nearer & !inner);
         }
         let mut part = bits(&part);
@@ -206,7 +216,7 @@ fn fill_row(shape: &ScreenShape, tiles: &mut Tiles, row: usize, bands: &Bands, i
                 let i = part.trailing_zeros() as usize % WIDTH;
                 part &= part - 1;
                 let mask = u64::from_le_bytes(tiles.spans.masks[i]) & lines;
-                tiles.cover(base + column + i, mask, depth_key[i], planes_id);
+                tiles.cover(base + column + i, mask, depth_key[i], depth_planes_index);
             }
         }
         column += WIDTH;

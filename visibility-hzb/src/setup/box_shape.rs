@@ -78,8 +78,8 @@ const fn has_edge(seen: usize, a: u8, b: u8) -> bool {
 /// Replaces `shape` by the screen shape of a box. `bounds` are in the box's own coordinates, which `object`
 /// projects, and `facing` is the sign of the determinant of triangles that face the eye. `known` gives the
 /// screen bounds if they are known; then the caller guarantees that the whole box is in front of the eye. The
-/// result is [`ShapeResult::TooNear`] if the box may reach the near plane, and [`ShapeResult::Nothing`] if it
-/// is outside the buffer or no face is certainly seen.
+/// result is [`ShapeResult::DrawAsMesh`] if the box may reach the near plane, and [`ShapeResult::Nothing`] if
+/// it is outside the buffer or no face is certainly seen.
 #[inline(always)]
 pub(crate) fn outline_box(
     bounds: &Aabb,
@@ -103,7 +103,7 @@ pub(crate) fn outline_box(
         nearest += if step[4] < 0.0 { step[4] } else { 0.0 };
     }
     if !(nearest > object.error[4]) {
-        return ShapeResult::TooNear;
+        return ShapeResult::DrawAsMesh;
     }
     let mut corners = [[0.0; 8]; 4];
     for i in 0..4 {
@@ -119,7 +119,7 @@ pub(crate) fn outline_box(
     match known {
         Some(extent) => shape.begin_within(extent),
         None => {
-            let Some(extent) = extent(x, y, w, n, object) else { return ShapeResult::TooNear };
+            let Some(extent) = extent(x, y, w, n, object) else { return ShapeResult::DrawAsMesh };
             let Some((columns, lines)) = pixels(&extent, projection) else { return ShapeResult::Nothing };
             shape.begin(columns, lines, extent[4], extent[5]);
         }
@@ -170,7 +170,7 @@ pub(crate) fn outline_box(
         };
         if !shape.add_depth_plane(lower(plane, over, object, projection, certain, products), projection.size)
         {
-            return ShapeResult::TooNear;
+            return ShapeResult::DrawAsMesh;
         }
     }
     let outline = &OUTLINES[seen];
@@ -184,7 +184,7 @@ pub(crate) fn outline_box(
         });
         let line = cross(a, b).map(|v| v * facing);
         if !shape.add_edge([line[0], line[1], line[2] - products], projection.size, coverage) {
-            return ShapeResult::TooNear;
+            return ShapeResult::DrawAsMesh;
         }
     }
     ShapeResult::Ready

@@ -30,9 +30,9 @@ pub(crate) struct ConvexScratch {
 
 /// Replaces `shape` by the screen shape of a mesh. `object` projects the mesh's own coordinates, `facing` is
 /// the sign of the determinant of triangles that face the eye, and `convex` tells that the mesh is known to
-/// be convex. The result is [`ShapeResult::TooNear`] if the mesh has too many edges or planes for a shape, or
-/// is neither known to be convex nor looks convex. It is [`ShapeResult::Nothing`] if the mesh is outside the
-/// buffer, or is convex and shows no triangle.
+/// be convex. The result is [`ShapeResult::DrawAsMesh`] if the mesh has too many edges or planes for a shape,
+/// or is neither known to be convex nor looks convex. It is [`ShapeResult::Nothing`] if the mesh is outside
+/// the buffer, or is convex and shows no triangle.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn convex_shape(
@@ -63,7 +63,7 @@ pub(crate) fn convex_shape(
             Some(limits) => limits,
             None => return ShapeResult::Nothing,
         },
-        None if !convex => return ShapeResult::TooNear,
+        None if !convex => return ShapeResult::DrawAsMesh,
         None => ([0.0, projection.size[0]], [0.0, projection.size[1]]),
     };
     let floor = match (&around, projection.perspective) {
@@ -89,7 +89,7 @@ pub(crate) fn convex_shape(
             break;
         }
     }
-    if convex { ShapeResult::Nothing } else { ShapeResult::TooNear }
+    if convex { ShapeResult::Nothing } else { ShapeResult::DrawAsMesh }
 }
 
 /// Returns whether, as seen from the eye, the drawn triangles fill their outline and bulge towards the eye,
@@ -166,7 +166,8 @@ fn choose(
 }
 
 /// Adds to `shape` the contour edges, the near-plane cuts and the depth planes of the drawn triangles.
-/// Returns [`ShapeResult::Ready`], or [`ShapeResult::TooNear`] if the shape has no capacity for all of them.
+/// Returns [`ShapeResult::Ready`], or [`ShapeResult::DrawAsMesh`] if the shape has no capacity for all of
+/// them.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn outline(
@@ -201,13 +202,13 @@ fn outline(
             _ => true,
         };
         if !room {
-            return ShapeResult::TooNear;
+            return ShapeResult::DrawAsMesh;
         }
     }
     for (t, _) in mesh.triangles.iter().zip(drawn).filter(|(_, drawn)| **drawn) {
         let t = t.map(|i| &corners[i as usize]);
         if !shape.add_depth_plane(plane(t, object, projection, &[certain, products]), projection.size) {
-            return ShapeResult::TooNear;
+            return ShapeResult::DrawAsMesh;
         }
         // The cut at the near plane is an edge of the remaining part of the triangle.
         let first = (0..3).find(|&i| t[i][4] > near_limit && t[(i + 1) % 3][4] <= near_limit);
@@ -216,7 +217,7 @@ fn outline(
             let a = point(&cut_edge(t[i], t[(i + 1) % 3], near_limit));
             let b = point(&cut_edge(t[j], t[(j + 1) % 3], near_limit));
             if !keep(shape, a, b) {
-                return ShapeResult::TooNear;
+                return ShapeResult::DrawAsMesh;
             }
         }
     }

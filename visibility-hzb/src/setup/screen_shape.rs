@@ -94,7 +94,7 @@ pub(crate) struct ScreenExtent {
 }
 
 /// Eight times the unit round-off of `f32`.
-const F32: f64 = 4.0 * f32::EPSILON as f64;
+const EIGHT_U32: f64 = 4.0 * f32::EPSILON as f64;
 
 impl ScreenShape {
     /// A shape that covers no pixel.
@@ -164,8 +164,9 @@ impl ScreenShape {
         }
         let over = -1.0 / a;
         let (s, t) = (b * over, c * over);
-        let slack =
-            F32 * (s.abs() * size[1] + t.abs()) + 2.0 * F32 * (size[0] + 2.0) + f64::from(f32::MIN_POSITIVE);
+        let slack = EIGHT_U32 * (s.abs() * size[1] + t.abs())
+            + 2.0 * EIGHT_U32 * (size[0] + 2.0)
+            + f64::from(f32::MIN_POSITIVE);
         if a > 0.0 {
             if self.lefts == MAX_EDGES {
                 return false;
@@ -216,7 +217,7 @@ fn tile_minimum_plane([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
     if !(most < 0.5 * f64::from(f32::MAX)) {
         return [0.0, 0.0, f32::NEG_INFINITY];
     }
-    let slack = F32 * most + f64::from(f32::MIN_POSITIVE);
+    let slack = EIGHT_U32 * most + f64::from(f32::MIN_POSITIVE);
     [(a * side) as f32, (b * side) as f32, (worst - slack) as f32]
 }
 
@@ -229,5 +230,5 @@ pub(crate) enum ShapeResult {
     Nothing,
     /// No shape is possible: the occluder is too close to the eye, has too many edges or planes, or does not
     /// look convex. It must be drawn as a mesh.
-    TooNear,
+    DrawAsMesh,
 }

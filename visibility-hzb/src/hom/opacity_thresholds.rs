@@ -38,7 +38,7 @@ impl Thresholds {
     /// On all coarser levels an opaque texel may have the same number of uncovered pixels, so that holes do
     /// not add up. The uncovered fraction therefore shrinks to a quarter from level to level. Texels finer
     /// than tiles must be covered entirely.
-    pub(crate) fn from_dial(threshold: f32) -> Self {
+    pub(crate) fn from_tile_threshold(threshold: f32) -> Self {
         let mut new = Self::OPAQUE;
         let mut fractions = to_fraction(threshold);
         for level in TILE..LEVELS {
@@ -127,15 +127,15 @@ mod tests {
         for level in 0..LEVELS {
             let area = 1 << (2 * level);
             assert_eq!(Thresholds::OPAQUE.need(level, area), area);
-            assert_eq!(Thresholds::from_dial(f32::NAN).need(level, area), area);
+            assert_eq!(Thresholds::from_tile_threshold(f32::NAN).need(level, area), area);
             // The greatest number below one leaves nothing out either: it rounds to no fewer pixels than all.
-            assert_eq!(Thresholds::from_dial(1.0f32.next_down()).need(level, area), area);
+            assert_eq!(Thresholds::from_tile_threshold(1.0f32.next_down()).need(level, area), area);
         }
     }
 
     #[test]
-    fn the_dial_leaves_holes_of_one_size_on_all_levels() {
-        let thresholds = Thresholds::from_dial(0.75);
+    fn the_threshold_leaves_holes_of_one_size_on_all_levels() {
+        let thresholds = Thresholds::from_tile_threshold(0.75);
         for level in TILE..LEVELS {
             let area = 1 << (2 * level);
             let holes = area - thresholds.need(level, area);
@@ -143,6 +143,6 @@ mod tests {
         }
         assert_eq!(thresholds.need(2, 16), 16);
         assert!(!thresholds.is_fine() && !thresholds.all_opaque());
-        assert_eq!(Thresholds::from_dial(-3.0).need(TILE, 64), 1);
+        assert_eq!(Thresholds::from_tile_threshold(-3.0).need(TILE, 64), 1);
     }
 }
