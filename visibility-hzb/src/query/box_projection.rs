@@ -2,15 +2,16 @@
 //! outwards, and bounds on its depth keys.
 //!
 //! # The error bound
-//! With `u = 2^-24`, a coordinate less the anchor, `d = (p - high) - low`, is off by `2u |d|` and by part of
-//! the row's own `constant_error`. A row's value `((a d.x + b d.y) + c d.z) + constant` has its coefficients,
-//! products and up to three sums rounded once each: `5u` more of the magnitudes, `7u` in all. `16u` of them
-//! are allowed, so it does no harm that the bound itself is computed too low by up to `7u`. A quotient `x /
-//! w` of two such values is off by `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else the
-//! lane is left undecided; then the factor 1.25 covers higher orders. Only a quotient `q` inside the picture
-//! matters, so `|q|` is at most the size of the picture. A corner outside the picture that is computed to be
-//! outside never moves the clipped rectangle, and a corner outside that is computed to be inside is off by no
-//! more than that error.
+//! With `u = 2^-24`, take a coordinate `p` less the anchor: `d = (p - high) - low`. No `f32` is nearer to the
+//! anchor than `high`. So `low`, the distance between the two, has at most the magnitude of the exact `d`,
+//! and `p - high` at most twice that magnitude. Rounding `low` and the two differences costs at most `4u
+//! |d|`. A row's value `((a d.x + b d.y) + c d.z) + constant` has its coefficients, products and up to three
+//! sums rounded once each: `5u` more of the magnitudes, `9u` in all. `16u` of them are allowed, so it does no
+//! harm that the magnitudes, too, are rounded a few times. A quotient `x / w` of two such values is off by
+//! `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else the lane is left undecided; then
+//! the factor 1.25 covers higher orders. Only a quotient `q` inside the picture matters, so `|q|` is at most
+//! the size of the picture. A corner outside the picture that is computed to be outside never moves the
+//! clipped rectangle, and a corner outside that is computed to be inside is off by no more than that error.
 
 use crate::buffer::tile_layout::Rectangle;
 use crate::lanes::{WIDTH, round_to_i32};
@@ -28,26 +29,23 @@ struct ScreenRow32 {
     linear: [f32; 3],
     /// Value of the linear function at the anchor.
     constant: f32,
-    /// Upper bound on the part of the absolute error that does not grow with the point: errors of the
-    /// constant and of the anchor, and losses to flushed denormals.
+    /// Upper bound on the part of the absolute error that does not grow with the point: the error of the
+    /// constant, and losses to flushed denormals.
     constant_error: f32,
 }
 
 impl ScreenRow32 {
-    /// Rounds `row` to `f32`. `anchor` is the projection's anchor in scene coordinates.
-    fn new(row: &ScreenRow, anchor: [f64; 3]) -> Self {
+    /// Rounds `row` to `f32`.
+    fn new(row: ScreenRow) -> Self {
         let linear = row.linear.map(|a| a as f32);
-        // The anchor in two parts leaves an error of 2^-48 of it. Subtracting the second part rounds by u of
-        // the first difference, which exceeds d by that part at most. That is 2^-47 in all.
-        let moved: f64 = (0..3).map(|i| row.linear[i].abs() * anchor[i].abs()).sum();
-        let constant_error = row.error + moved * 1e-14 + row.constant.abs() * f64::from(MARGIN);
-        const TINY: f64 = f32::MIN_POSITIVE as f64;
+        let constant_error = row.error + row.constant.abs() * f64::from(MARGIN);
+        const MIN_NORMAL: f64 = f32::MIN_POSITIVE as f64;
         // Losses to flushed denormals, of coordinates relative to the anchor and of products.
-        let tiny = TINY * (16.0 + 8.0 * row.linear.iter().map(|a| a.abs()).sum::<f64>());
+        let tiny = MIN_NORMAL * (16.0 + 8.0 * row.linear.iter().map(|a| a.abs()).sum::<f64>());
         // A denormal coefficient may be flushed to zero, a loss of the coefficient times the greatest
         // difference of two coordinates. The largest coefficient of `w` is about 1, so no coefficient is
         // denormal unless axes differ in scale by 2^126.
-        let lost: f64 = row.linear.iter().map(|a| a.abs()).filter(|&a| a < TINY).sum();
+        let lost: f64 = row.linear.iter().map(|a| a.abs()).filter(|&a| a < MIN_NORMAL).sum();
         let constant_error = constant_error + tiny + lost * 2.0 * f64::from(f32::MAX);
         Self { linear, constant: row.constant as f32, constant_error: constant_error as f32 * 1.001 }
     }
@@ -85,12 +83,12 @@ impl ScreenProjection32 {
             error: 2.0 * (size * w.error + row.error)
                 + f64::EPSILON * (size * w.constant.abs() + row.constant.abs()),
         };
-        let to32 = |row: ScreenRow| ScreenRow32::new(&row, anchor);
         Self {
             high,
             low,
-            rows: [x, y, w, n, projection.near].map(to32),
-            right_bottom: [to32(beyond(projection.picture[0], x)), to32(beyond(projection.picture[1], y))],
+            rows: [x, y, w, n, projection.near].map(ScreenRow32::new),
+            right_bottom: [beyond(projection.picture[0], x), beyond(projection.picture[1], y)]
+                .map(ScreenRow32::new),
             picture: projection.picture.map(|side| side as f32),
             perspective: projection.perspective,
         }
@@ -318,6 +316,7 @@ mod tests {
     use super::*;
     use crate::exact_screen::exact_values;
     use crate::random::random;
+    use visibility_core::geometry::DoubleDouble;
     use visibility_core::glam::{Affine3A, DVec3};
     use visibility_core::{Aabb, Pose, View};
 
@@ -330,7 +329,7 @@ mod tests {
         for _ in 0..20_000 {
             let linear = core::array::from_fn(|_| random(-1.0, 1.0) * 10f64.powf(random(-46.0, -36.0)));
             let row = ScreenRow { linear, constant: 0.0, error: 0.0 };
-            let row32 = ScreenRow32::new(&row, [0.0; 3]);
+            let row32 = ScreenRow32::new(row);
             let mut coordinate = || (random(-1.0, 1.0) * 10f64.powf(random(0.0, 30.0))) as f32;
             let p = [0, 1, 2].map(|_| [coordinate()]);
             let exact: f64 = (0..3).map(|i| linear[i] * f64::from(p[i][0])).sum();
@@ -342,6 +341,34 @@ mod tests {
             off += u32::from(wrong > f64::from(MARGIN * values[0][0].abs()));
         }
         assert!(off > 100, "something is lost: {off}");
+    }
+
+    /// Values of rows are within their error bounds close to an anchor far from the origin, which `f32` holds
+    /// in two parts only.
+    #[test]
+    fn rows_are_within_their_error_close_to_a_far_anchor() {
+        let mut random = random(7);
+        for _ in 0..100_000 {
+            let (far, steps) = (10f64.powf(random(0.0, 12.0)), [0.0, 2.0, 1e5][random(0.0, 3.0) as usize]);
+            let anchor = [0; 3].map(|_| far * random(-1.0, 1.0));
+            let row = ScreenRow { linear: [0; 3].map(|_| random(-1.0, 1.0)), constant: 0.0, error: 0.0 };
+            let high = anchor.map(|a| a as f32);
+            let points = high.map(|a| {
+                let step = random(-steps, steps) as i32;
+                f32::from_bits(a.to_bits().wrapping_add_signed(step))
+            });
+            let d = [0, 1, 2].map(|i| {
+                let low = (anchor[i] - f64::from(high[i])) as f32;
+                [(points[i] - high[i]) - low]
+            });
+            let exact = (0..3).fold(DoubleDouble::ZERO, |sum, i| {
+                let d = DoubleDouble::difference(f64::from(points[i]), anchor[i]);
+                sum.plus(d.times(row.linear[i].into()))
+            });
+            let (values, [error]) = corners(&ScreenRow32::new(row), &d, &d);
+            let wrong = exact.plus(f64::from(-values[0][0]).into()).hi.abs();
+            assert!(wrong <= f64::from(error), "{anchor:?} at {points:?}: off by {wrong}, not {error}");
+        }
     }
 
     /// Depth-key bounds hold for boxes far to the side and close to the eye's plane, where most digits of `w`

@@ -365,8 +365,9 @@ mod tests {
     use super::*;
     use crate::exact_screen::exact_values;
     use crate::random::random;
+    use crate::rounding::FloorCeil;
     use visibility_core::glam::{Affine3A, DVec3};
-    use visibility_core::{Pose, View};
+    use visibility_core::{Pose, View, occlusion::Edge};
 
     /// Screen positions and depth keys are within their error bounds for points close to the eye's plane,
     /// where most digits of `w` cancel.
@@ -398,5 +399,101 @@ mod tests {
             }
         }
         assert!(close > 100, "{close} points are close");
+    }
+
+    /// Three open edges of a triangle with the vertices 0, 1 and 2.
+    const TRIANGLE_EDGES: [Edge; 3] = [
+        Edge { vertices: [0, 1], left: 0, right: None },
+        Edge { vertices: [1, 2], left: 0, right: None },
+        Edge { vertices: [2, 0], left: 0, right: None },
+    ];
+
+    /// Coordinates that are off by their whole error bound cover no pixel that the true triangle does not
+    /// cover entirely.
+    #[test]
+    fn coordinates_off_by_their_error_cover_no_bare_pixel() {
+        let (mut random, mut pixels) = (random(11), 0);
+        let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 900.0);
+        let projection = ScreenProjection::new(&view.unwrap(), DVec3::ZERO, [64, 64], [64, 64]);
+        for trial in 0..2_000 {
+            let positions = [0; 3].map(|_| DVec3::new(10.0, random(-6.0, 6.0), random(-6.0, 6.0)).as_vec3());
+            let mesh = OccluderTriangles {
+                positions: &positions,
+                triangles: &[[0, 1, 2]],
+                edges: &TRIANGLE_EDGES,
+                two_sided: true,
+            };
+            let object = projection.project_object(&Affine3A::IDENTITY, [10.0; 3]);
+            let mut off = object;
+            for axis in 0..2 {
+                // 0.05 pixels at a distance of 10 m.
+                off.error[axis] += 0.5;
+                off.constant[axis] += random(-0.5, 0.5);
+            }
+            let mut tiles = Tiles::new(64, 64);
+            let (mut scratch, mut contour_tiles) = (MeshScratch::default(), ContourTiles::new(&tiles));
+            let coverage = Coverage::Conservative;
+            draw_mesh(&mesh, &off, &projection, 1.0, coverage, &mut scratch, &mut contour_tiles, &mut tiles);
+            let [a, b, c] = positions.map(|p| {
+                let [x, y, w, ..] = object.at(p.to_array().map(f64::from));
+                [x / w, y / w]
+            });
+            let side = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| {
+                (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+            };
+            let sign = side(a, b, c).signum();
+            for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
+                if tiles.pixel(x, y) == f32::NEG_INFINITY {
+                    continue;
+                }
+                pixels += 1;
+                for corner in [[x, y], [x + 1, y], [x, y + 1], [x + 1, y + 1]] {
+                    let p = corner.map(|side| side as f64);
+                    let inside = [(a, b), (b, c), (c, a)].iter().all(|&(a, b)| side(a, b, p) * sign >= 0.0);
+                    assert!(inside, "trial {trial}: corner {p:?} of a covered pixel is bare");
+                }
+            }
+        }
+        assert!(pixels > 100_000, "{pixels} pixels are covered");
+    }
+
+    /// A triangle that faces away is never drawn as a front, nor a front as a back, where screen coordinates
+    /// are off by up to half the slack.
+    #[test]
+    fn triangles_off_by_the_slack_keep_their_facing() {
+        let mut random = random(12);
+        let object = ObjectProjection::default();
+        let mesh = OccluderTriangles {
+            positions: &[],
+            triangles: &[[0, 1, 2]],
+            edges: &TRIANGLE_EDGES,
+            two_sided: true,
+        };
+        let (mut drawn, mut certain) = (Vec::new(), 0);
+        for trial in 0..100_000 {
+            let slack = random(0.0, 0.25);
+            let vertex = |x: f64, y: f64| {
+                // Sixteen bits behind the point, so that the doubled area is exact in `f64`.
+                [x, y].map(|v| (v * 65536.0).floor_() / 65536.0)
+            };
+            let (length, height) = (random(0.0, 20.0), random(-1.0, 1.0));
+            let true_vertices = [
+                vertex(random(0.0, 1.0), random(0.0, 1.0)),
+                vertex(length, random(0.0, 1.0)),
+                vertex(random(0.0, 1.0) * length, height),
+            ];
+            let [a, b, c] = true_vertices;
+            let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+            let screen = true_vertices.map(|[x, y]| ScreenVertex {
+                x: x + 0.5 * slack * random(-1.0, 1.0),
+                y: y + 0.5 * slack * random(-1.0, 1.0),
+                far: 0.0,
+            });
+            choose(&mesh, &[], &screen, Some(slack), &object, 1.0, 0.0, &mut drawn);
+            let facing = f64::from(drawn[0]);
+            assert!(facing == 0.0 || facing * area > 0.0, "trial {trial}: {facing} for {area}");
+            certain += u32::from(facing != 0.0);
+        }
+        assert!(certain > 10_000, "{certain} are certain");
     }
 }

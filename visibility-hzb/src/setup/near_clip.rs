@@ -55,3 +55,34 @@ pub(crate) fn clip_triangle(t: [&[f64; 5]; 3], near_limit: f64) -> ClippedTriang
     out.edge = leaves.zip(enters).map(|(a, b)| [a, b]);
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::random;
+    use crate::setup::screen_projection::ScreenProjection;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::glam::{Affine3A, DVec3};
+    use visibility_core::{Pose, View};
+
+    /// The true point of a cut lies beyond the near plane even if the distances of both ends are computed too
+    /// great by their whole error bound.
+    #[test]
+    fn cuts_lie_beyond_the_near_plane() {
+        let mut random = random(4);
+        let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 900.0);
+        let projection = ScreenProjection::new(&view.unwrap(), DVec3::ZERO, [64, 64], [64, 64]);
+        for trial in 0..100_000 {
+            let object = projection.project_object(&Affine3A::IDENTITY, [random(1.0, 100.0); 3]);
+            let (limit, size) = (object.near_limit(), object.size[4]);
+            let near = limit - random(0.0, 1.0).powi(9) * size;
+            let far = limit + random(1e-18, 1.0).powi(9) * size;
+            // The first value of the cut is its fraction of the way from `a` to `b`.
+            let (a, b) = ([0.0, 0.0, 0.0, 0.0, near], [1.0, 0.0, 0.0, 0.0, far]);
+            let [share, ..] = cut_edge(&a, &b, limit);
+            let step = DoubleDouble::difference(far, near).times(share.into());
+            let distance = step.plus(near.into()).plus((-object.error[4]).into()).hi;
+            assert!(distance > 0.0, "trial {trial}: {distance} between {near} and {far}");
+        }
+    }
+}
