@@ -5,7 +5,19 @@ pub(crate) const WIDTH: usize = 16;
 
 /// 1.5 times 2^23. Adding it to an `f32` of magnitude below 2^22 leaves the nearest integer in the low bits
 /// of the sum.
-const WHOLE: f32 = 12_582_912.0;
+pub(crate) const WHOLE: f32 = 12_582_912.0;
+
+/// Returns the lesser of two numbers. `b` if one of them is NaN.
+#[inline(always)]
+pub(crate) fn least<T: PartialOrd>(a: T, b: T) -> T {
+    if a < b { a } else { b }
+}
+
+/// Returns the greater of two numbers. `b` if one of them is NaN.
+#[inline(always)]
+pub(crate) fn greatest<T: PartialOrd>(a: T, b: T) -> T {
+    if a > b { a } else { b }
+}
 
 /// Returns the integer nearest to `x`, ties to even. The magnitude of `x` must be below 2^22; else, and for
 /// NaN, the result is meaningless. Much faster than a cast, which must saturate.

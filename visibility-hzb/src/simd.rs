@@ -31,8 +31,7 @@ use visibility_core::{Aabb, occlusion::Occlusion64, simd::Simd};
 /// that is compiled for the instruction set of the [`Simd`].
 macro_rules! compiled {
     ($(
-        $name:ident / $avx2:ident / $avx512:ident = $body:path,
-        ($($argument:ident: $type:ty),*) -> $result:ty;
+        $name:ident = $body:path, ($($argument:ident: $type:ty),*) -> $result:ty;
     )*) => {
         /// Functions that are compiled for each instruction set. Each method has the contract of the function
         /// of the same name.
@@ -47,72 +46,68 @@ macro_rules! compiled {
             $(
                 #[allow(unsafe_code)]
                 fn $name(self, $($argument: $type),*) -> $result {
+                    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+                    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
+                    #[allow(clippy::too_many_arguments)]
+                    fn avx2($($argument: $type),*) -> $result {
+                        $body($($argument),*)
+                    }
+
+                    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+                    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,bmi1,bmi2,popcnt,lzcnt")]
+                    #[allow(clippy::too_many_arguments)]
+                    fn avx512($($argument: $type),*) -> $result {
+                        $body($($argument),*)
+                    }
+
                     match self.level() {
                         // SAFETY: a `Simd` of this level exists only where the processor was found to have
                         // AVX2.
                         #[cfg(all(target_arch = "x86_64", feature = "std"))]
-                        SimdLevel::Avx2 => unsafe { $avx2($($argument),*) },
+                        SimdLevel::Avx2 => unsafe { avx2($($argument),*) },
                         // SAFETY: a `Simd` of this level exists only where the processor was found to have
                         // AVX-512.
                         #[cfg(all(target_arch = "x86_64", feature = "std"))]
-                        SimdLevel::Avx512 => unsafe { $avx512($($argument),*) },
+                        SimdLevel::Avx512 => unsafe { avx512($($argument),*) },
                         _ => $body($($argument),*),
                     }
                 }
             )*
         }
-        $(
-            #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
-            #[allow(clippy::too_many_arguments)]
-            fn $avx2($($argument: $type),*) -> $result {
-                $body($($argument),*)
-            }
-
-            #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,bmi1,bmi2,popcnt,lzcnt")]
-            #[allow(clippy::too_many_arguments)]
-            fn $avx512($($argument: $type),*) -> $result {
-                $body($($argument),*)
-            }
-        )*
     };
 }
 
 compiled! {
-    box_shape / box_shape_avx2 / box_shape_avx512 = crate::setup::box_shape::box_shape, (
+    box_shape = crate::setup::box_shape::box_shape, (
         bounds: &Aabb, transform: &Affine3A, projection: &ScreenProjection, extent: Option<&ScreenExtent>,
         coverage: Coverage, shape: &mut ScreenShape
     ) -> ShapeResult;
-    convex_shape / convex_shape_avx2 / convex_shape_avx512 = crate::setup::convex_shape::convex_shape, (
+    convex_shape = crate::setup::convex_shape::convex_shape, (
         mesh: &OccluderTriangles, object: &ObjectProjection, projection: &ScreenProjection, facing: f64,
         coverage: Coverage, convex: bool, scratch: &mut ConvexScratch, shape: &mut ScreenShape
     ) -> ShapeResult;
-    draw_mesh / draw_mesh_avx2 / draw_mesh_avx512 = crate::raster::mesh_raster::draw_mesh, (
+    draw_mesh = crate::raster::mesh_raster::draw_mesh, (
         mesh: &OccluderTriangles, object: &ObjectProjection, projection: &ScreenProjection, facing: f64,
         coverage: Coverage, scratch: &mut MeshScratch, contour_tiles: &mut ContourTiles, tiles: &mut Tiles
     ) -> f32;
-    fill_shape / fill_shape_avx2 / fill_shape_avx512 = crate::raster::shape_fill::fill_shape,
+    fill_shape = crate::raster::shape_fill::fill_shape,
         (shape: &ScreenShape, tiles: &mut Tiles) -> bool;
-    project_boxes / project_boxes_avx2 / project_boxes_avx512 = crate::query::box_projection::project_boxes, (
+    project_boxes = crate::query::box_projection::project_boxes, (
         projection: &ScreenProjection32, boxes: &[[f32; WIDTH]; 6], out: &mut ProjectedBoxes<WIDTH>
     ) -> ();
-    boxes_not_hidden / boxes_not_hidden_avx2 / boxes_not_hidden_avx512 =
-        crate::query::occluder_query::boxes_not_hidden, (
+    boxes_not_hidden = crate::query::occluder_query::boxes_not_hidden, (
         pyramid: &Pyramid, tiles: &Tiles, boxes: &ProjectedBoxes<WIDTH>, count: usize
     ) -> u32;
-    may_be_seen / may_be_seen_avx2 / may_be_seen_avx512 = crate::query::occluder_query::may_be_seen,
+    may_be_seen = crate::query::occluder_query::may_be_seen,
         (tiles: &Tiles, boxes: &ProjectedBoxes<WIDTH>, i: usize) -> bool;
-    box_may_be_seen / box_may_be_seen_avx2 / box_may_be_seen_avx512 =
-        crate::query::occluder_query::box_may_be_seen, (
+    box_may_be_seen = crate::query::occluder_query::box_may_be_seen, (
         projection: &ScreenProjection32, tiles: &Tiles, sides: [f32; 6]
     ) -> bool;
-    rectangle_may_be_seen / rectangle_may_be_seen_avx2 / rectangle_may_be_seen_avx512 =
-        crate::query::occluder_query::rectangle_may_be_seen,
+    rectangle_may_be_seen = crate::query::occluder_query::rectangle_may_be_seen,
         (tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool;
-    update_maps / update_maps_avx2 / update_maps_avx512 = crate::hom::depth_estimate::update_maps, (
+    update_maps = crate::hom::depth_estimate::update_maps, (
         opacity: &mut OpacityPyramid, boundary: &mut DepthBoundary, tiles: &Tiles, range: &TileRange
     ) -> ();
-    test_boxes / test_boxes_avx2 / test_boxes_avx512 = crate::query::box_query::test_boxes,
+    test_boxes = crate::query::box_query::test_boxes,
         (query: &BoxQuery, boxes: &Boxes, candidates: u64) -> Occlusion64;
 }

@@ -91,7 +91,7 @@ mod tests {
     fn least_values_are_below_the_planes_by_little() {
         for (a, b) in [(0.01, 0.02), (-0.01, 0.02), (0.01, -0.02), (-0.01, -0.02)] {
             let plane = [a, b, 5.0];
-            let mut shape = ScreenShape::EMPTY;
+            let mut shape = ScreenShape::default();
             assert!(shape.add_depth_plane(plane, [64.0, 64.0]));
             let depth_planes = DepthPlanes::of(&shape);
             for (left, top, size) in [(8.0, 16.0, 8.0), (11.0, 19.0, 1.0), (40.0, 50.0, 3.0), (0.0, 0.0, 1.0)]

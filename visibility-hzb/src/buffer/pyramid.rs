@@ -4,6 +4,7 @@
 
 use super::tile_layout::{LINES, Rectangle, SIDE, mask};
 use super::tiles::{Tiles, UNCHANGED, join};
+use crate::lanes::least;
 use alloc::vec::Vec;
 
 /// One level of the pyramid of least depth keys, half as wide and half as high as the next finer one, rounded
@@ -167,11 +168,6 @@ fn halve(above: &[f32], below: &[f32], [first, end]: [usize; 2], out: &mut [f32]
     if let (true, Some(out), [a], [b]) = (last > end, out.last_mut(), rest_above, rest_below) {
         *out = least(*a, *b);
     }
-}
-
-#[inline(always)]
-fn least(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
 }
 
 /// Returns whether all pixels of a rectangle hold a depth key strictly greater (nearer) than `depth_key`.

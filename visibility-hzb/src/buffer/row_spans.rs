@@ -1,11 +1,7 @@
 //! Pixel masks of tiles, made from the columns at which each row of pixels begins and ends.
 
 use super::tile_layout::SIDE;
-use crate::lanes::WIDTH;
-
-/// 1.5 times 2^23. Adding it to an `f32` of magnitude below 2^22 leaves the nearest integer in the low bits
-/// of the sum.
-const WHOLE: f32 = 12_582_912.0;
+use crate::lanes::{WHOLE, WIDTH, greatest, least};
 
 /// Lane indices 0 to 15 as `f32`.
 pub(crate) const STEPS: [f32; WIDTH] =
@@ -57,10 +53,7 @@ impl RowSpans {
         }
         for i in 0..2 * SIDE {
             let (low, high) = (self.low[i] - left[i], self.high[i] - left[i]);
-            let low = if low > 0.0 { low } else { 0.0 };
-            let high = if high > 0.0 { high } else { 0.0 };
-            let low = if low < 8.0 { low } else { 8.0 };
-            let high = if high < 8.0 { high } else { 8.0 };
+            let (low, high) = (least(greatest(low, 0.0), 8.0), least(greatest(high, 0.0), 8.0));
             let (first, end) = ((low + WHOLE).to_bits() & 15, (high + WHOLE).to_bits() & 15);
             bytes[i] = ((0xff_u32 << first) & !(0xff << end)) as u8;
         }

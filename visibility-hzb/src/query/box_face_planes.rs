@@ -20,6 +20,7 @@
 //! for its own rounding and that of `t`. Half-spaces whose denominator is not twice as large as that error
 //! are left out, which only makes the box larger.
 
+use crate::lanes::least;
 use crate::setup::screen_projection::{ScreenProjection, U};
 
 /// Number of lanes: the six faces of a box and two lanes that bound nothing, since compilers keep eight lanes
@@ -75,12 +76,9 @@ pub(crate) struct BoxFacePlanes {
 fn lowest(values: &[f64; LANES]) -> f64 {
     let mut low = [0.0; LANES / 2];
     for i in 0..LANES / 2 {
-        let (a, b) = (values[i], values[i + LANES / 2]);
-        low[i] = if a < b { a } else { b };
+        low[i] = least(values[i], values[i + LANES / 2]);
     }
-    let a = if low[0] < low[2] { low[0] } else { low[2] };
-    let b = if low[1] < low[3] { low[1] } else { low[3] };
-    if a < b { a } else { b }
+    least(least(low[0], low[2]), least(low[1], low[3]))
 }
 
 /// Returns the cross product `a x b`, and for each component the sum of the magnitudes of its two products.

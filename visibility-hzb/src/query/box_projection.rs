@@ -14,7 +14,7 @@
 //! clipped rectangle, and a corner outside that is computed to be inside is off by no more than that error.
 
 use crate::buffer::tile_layout::Rectangle;
-use crate::lanes::{WIDTH, round_to_i32};
+use crate::lanes::{WIDTH, greatest, least, round_to_i32};
 use crate::setup::screen_projection::{ScreenProjection, ScreenRow};
 use crate::setup::screen_shape::ScreenExtent;
 
@@ -154,18 +154,6 @@ pub(crate) fn project_boxes(
     out: &mut ProjectedBoxes<WIDTH>,
 ) {
     *out = project(projection, boxes);
-}
-
-/// Returns the lesser of two numbers. `b` if one of them is NaN.
-#[inline(always)]
-fn least(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-/// Returns the greater of two numbers. `b` if one of them is NaN.
-#[inline(always)]
-fn greatest(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
 }
 
 /// Returns `v` clamped to the range from 0 to `size`. NaN becomes 0.

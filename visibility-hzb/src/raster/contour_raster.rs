@@ -9,6 +9,7 @@
 
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
+use crate::lanes::{greatest, least};
 use crate::rounding::lower;
 use alloc::vec::Vec;
 
@@ -94,7 +95,7 @@ fn range(low: f64, high: f64, size: f64) -> Option<[usize; 2]> {
     if !(high >= 0.0 && low < size) {
         return None;
     }
-    let (first, last) = (floor(most(low, 0.0)), floor(least(high, size)));
+    let (first, last) = (floor(greatest(low, 0.0)), floor(least(high, size)));
     Some([first.max(0) as usize, (last + 1).min(size as i32) as usize])
 }
 
@@ -141,9 +142,9 @@ impl<'a> ContourRaster<'a> {
         let (mut floor, mut ceiling) = (f32::INFINITY, f32::NEG_INFINITY);
         for c in corners {
             low = [least(c.x, low[0]), least(c.y, low[1])];
-            high = [most(c.x, high[0]), most(c.y, high[1])];
-            floor = if c.far < floor { c.far } else { floor };
-            ceiling = if c.far > ceiling { c.far } else { ceiling };
+            high = [greatest(c.x, high[0]), greatest(c.y, high[1])];
+            floor = least(c.far, floor);
+            ceiling = greatest(c.far, ceiling);
         }
         let (slack, half) = (self.slack, 1.0 / HALF as f64);
         let limits = [self.size[0] * half, self.size[1] * half];
@@ -186,7 +187,7 @@ impl<'a> ContourRaster<'a> {
     fn lower_depth_key(&mut self, column: usize, band: usize, depth_key: f32) {
         let cell = &mut self.cells[band / 2 * self.columns + column / 2];
         let quarter = &mut cell.least[band % 2 * 2 + column % 2];
-        *quarter = if depth_key < *quarter { depth_key } else { *quarter };
+        *quarter = least(depth_key, *quarter);
     }
 
     /// Draws a contour edge from `a` to `b` with multiplicity `times`, negative for the opposite direction.
@@ -205,7 +206,7 @@ impl<'a> ContourRaster<'a> {
         let (first, last) = (least_x - slack, most_x + slack);
         let [width, _] = self.size;
         let to_tile =
-            |x: f64| (floor(least(most(x, 0.0), width)).max(0) as usize / SIDE).min(self.columns - 1);
+            |x: f64| (floor(least(greatest(x, 0.0), width)).max(0) as usize / SIDE).min(self.columns - 1);
         // The first pixel centre to the right may be in the next tile.
         self.touch([to_tile(first), to_tile(last + 1.0)], [lines[0] / SIDE, (lines[1] - 1) / SIDE]);
         // An edge to the right of the buffer changes no winding number.
@@ -243,7 +244,7 @@ impl<'a> ContourRaster<'a> {
             if a.y < centre && centre <= b.y {
                 // The first centre to the right of the edge. A centre on the edge may count either way: its
                 // pixel is near the edge.
-                let column = nearest(least(most(at(centre), 0.0), width)) as usize;
+                let column = nearest(least(greatest(at(centre), 0.0), width)) as usize;
                 if let Some(cell) = self.cells[row..row + self.columns].get_mut(column / SIDE) {
                     let step = &mut cell.steps[column % SIDE][bit];
                     *step = step.wrapping_add(times as u8);
@@ -308,16 +309,6 @@ fn add_bytes(a: u64, b: u64) -> u64 {
     ((a & LOW) + (b & LOW)) ^ ((a ^ b) & !LOW)
 }
 
-#[inline(always)]
-fn least(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn most(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
 /// Sides of a convex polygon of up to four corners on the screen.
 struct Sides {
     /// Sides of the polygon. The first `count` are valid.
@@ -343,9 +334,9 @@ impl Side {
     #[inline(always)]
     fn at(&self, y: f64) -> f64 {
         let x = self.top[0] + (y - self.top[1]) * self.slope;
-        let (low, high) = (least(self.top[0], self.bottom[0]), most(self.top[0], self.bottom[0]));
+        let (low, high) = (least(self.top[0], self.bottom[0]), greatest(self.top[0], self.bottom[0]));
         // NaN becomes the least column.
-        least(most(x, low), high)
+        least(greatest(x, low), high)
     }
 }
 
@@ -377,7 +368,7 @@ impl Sides {
             let p = if top > side.top[1] { side.at(top) } else { side.top[0] };
             let q = if bottom < side.bottom[1] { side.at(bottom) } else { side.bottom[0] };
             left = least(left, least(p, q));
-            right = most(right, most(p, q));
+            right = greatest(right, greatest(p, q));
         }
         [left, right]
     }

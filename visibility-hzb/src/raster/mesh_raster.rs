@@ -32,6 +32,7 @@
 use super::contour_raster::{ContourRaster, ContourTiles, ScreenVertex};
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
+use crate::lanes::{greatest, least};
 use crate::rounding::{lower, up};
 use crate::setup::depth_plane::plane;
 use crate::setup::near_clip::{clip_triangle, cut_edge};
@@ -231,10 +232,9 @@ fn project(
             nearest[i] = near[i];
         }
         for i in 0..LANES {
-            vertex_bounds.error = greater(error[i], vertex_bounds.error);
-            vertex_bounds.greatest = greater(most[i], vertex_bounds.greatest);
-            vertex_bounds.nearest =
-                if nearest[i] < vertex_bounds.nearest { nearest[i] } else { vertex_bounds.nearest };
+            vertex_bounds.error = greatest(error[i], vertex_bounds.error);
+            vertex_bounds.greatest = greatest(most[i], vertex_bounds.greatest);
+            vertex_bounds.nearest = least(nearest[i], vertex_bounds.nearest);
         }
         let (these, others) = corners.split_at_mut(count);
         for (i, corner) in these.iter_mut().enumerate() {
@@ -249,12 +249,6 @@ fn project(
     }
 }
 
-/// Returns the greater of two numbers. `b` if one of them is NaN.
-#[inline(always)]
-fn greater(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
 /// Projects a corner, given by `x` and `y` (pixel coordinates times `w`), `w` and `n` (depth key times `w`).
 /// Returns its screen position, an upper bound on the error of its pixel coordinates in pixels, and an upper
 /// bound on its depth key. The error is infinite for a corner at or behind the eye.
@@ -263,7 +257,7 @@ fn project_corner([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenV
     let [ex, ey, ew, en, _] = object.error;
     // The reciprocal is infinite for corners at or behind the eye, which makes their error infinite.
     let over = 1.0 / if w > 8.0 * ew { w } else { 0.0 };
-    let size = greater(x.abs(), y.abs()) * over;
+    let size = greatest(x.abs(), y.abs()) * over;
     let error = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
     // The error is NaN for a corner in the eye itself.
     let error = if error < f64::INFINITY { error } else { f64::INFINITY };
@@ -281,8 +275,8 @@ fn on_screen(
     vertex_bounds: &mut VertexBounds,
 ) -> ScreenVertex {
     let (corner, error, most) = project_corner([x, y, w, n], object);
-    vertex_bounds.error = greater(error, vertex_bounds.error);
-    vertex_bounds.greatest = greater(most, vertex_bounds.greatest);
+    vertex_bounds.error = greatest(error, vertex_bounds.error);
+    vertex_bounds.greatest = greatest(most, vertex_bounds.greatest);
     corner
 }
 

@@ -256,7 +256,7 @@ mod tests {
         let planes = [[1e39, 0.0, -1e40], [1e38 / 2.0, -1e38 / 2.0, -5.0], [0.0, 0.0, f64::NAN]];
         for plane in planes {
             for order in [[plane, finite], [finite, plane]] {
-                let (mut shape, mut tiles) = (ScreenShape::EMPTY, Tiles::new(64, 64));
+                let (mut shape, mut tiles) = (ScreenShape::default(), Tiles::new(64, 64));
                 shape.begin([0.0, 64.0], [0.0, 64.0], 1.0, 100.0);
                 for plane in order {
                     assert!(shape.add_depth_plane(plane, size));

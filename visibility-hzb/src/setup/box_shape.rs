@@ -6,7 +6,7 @@
 
 use super::depth_plane::lower;
 use super::screen_bounds::{extent, pixels};
-use super::screen_projection::{ObjectProjection, ScreenProjection, project_object};
+use super::screen_projection::{ScreenProjection, project_object};
 use super::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
 use crate::coverage::Coverage;
 use crate::vector::{cross, dot};
@@ -38,58 +38,59 @@ const fn outlines() -> [Outline; 64] {
     let mut all = [Outline { edges: [[0; 2]; 6], count: 0 }; 64];
     let mut seen = 0;
     while seen < 64 {
-        let mut face = 0;
         let opposites = seen & (seen >> 1) & 0b010101 != 0;
-        while face < 6 && !opposites {
-            let mut i = 0;
-            while i < 4 && seen >> face & 1 != 0 {
-                let (a, b) = (FACES[face][i], FACES[face][(i + 1) % 4]);
-                if !has_edge(seen, b, a) {
-                    let outline = &mut all[seen];
-                    outline.edges[outline.count as usize] = [a, b];
-                    outline.count += 1;
-                }
-                i += 1;
+        let mut index = 0;
+        while index < 24 && !opposites {
+            let [a, b] = directed_edge(index);
+            if seen >> (index / 4) & 1 != 0 && !has_edge(seen, [b, a]) {
+                let outline = &mut all[seen];
+                outline.edges[outline.count as usize] = [a, b];
+                outline.count += 1;
             }
-            face += 1;
+            index += 1;
         }
         seen += 1;
     }
     all
 }
 
+/// Returns the corner indices of the start and end of edge `index % 4` of face `index / 4`.
+const fn directed_edge(index: usize) -> [u8; 2] {
+    let face = FACES[index / 4];
+    [face[index % 4], face[(index + 1) % 4]]
+}
+
 /// Returns whether a face in the set `seen` has the directed edge from corner `a` to corner `b`. Bit i of
 /// `seen` stands for face i.
-const fn has_edge(seen: usize, a: u8, b: u8) -> bool {
-    let mut face = 0;
-    while face < 6 {
-        let mut i = 0;
-        while i < 4 && seen >> face & 1 != 0 {
-            if FACES[face][i] == a && FACES[face][(i + 1) % 4] == b {
-                return true;
-            }
-            i += 1;
+const fn has_edge(seen: usize, [a, b]: [u8; 2]) -> bool {
+    let mut index = 0;
+    while index < 24 {
+        let [start, end] = directed_edge(index);
+        if seen >> (index / 4) & 1 != 0 && start == a && end == b {
+            return true;
         }
-        face += 1;
+        index += 1;
     }
     false
 }
 
-/// Replaces `shape` by the screen shape of a box. `bounds` are in the box's own coordinates, which `object`
-/// projects, and `facing` is the sign of the determinant of triangles that face the eye. `known` gives the
-/// screen bounds if they are known; then the caller guarantees that the whole box is in front of the eye. The
-/// result is [`ShapeResult::DrawAsMesh`] if the box may reach the near plane, and [`ShapeResult::Nothing`] if
-/// it is outside the buffer or no face is certainly seen.
+/// Replaces `shape` by the screen shape of a box. `bounds` are in the box's own coordinates, which `transform`
+/// maps to the scene. `known` gives the screen bounds if they are known; then the caller guarantees that the
+/// whole box is in front of the eye. The result is [`ShapeResult::DrawAsMesh`] if the box may reach the near
+/// plane, and [`ShapeResult::Nothing`] if the transform is flat, the box is outside the buffer or no face is
+/// certainly seen.
 #[inline(always)]
-pub(crate) fn outline_box(
+pub(crate) fn box_shape(
     bounds: &Aabb,
-    object: &ObjectProjection,
+    transform: &Affine3A,
     projection: &ScreenProjection,
-    facing: f64,
     known: Option<&ScreenExtent>,
     coverage: Coverage,
     shape: &mut ScreenShape,
 ) -> ShapeResult {
+    let Some((object, facing)) = project_object(projection, bounds, transform) else {
+        return ShapeResult::Nothing;
+    };
     let (min, max) = (bounds.min.to_array().map(f64::from), bounds.max.to_array().map(f64::from));
     let base = object.at(min);
     let mut steps = [[0.0; 5]; 3];
@@ -119,7 +120,7 @@ pub(crate) fn outline_box(
     match known {
         Some(extent) => shape.begin_within(extent),
         None => {
-            let Some(extent) = extent(x, y, w, n, object) else { return ShapeResult::DrawAsMesh };
+            let Some(extent) = extent(x, y, w, n, &object) else { return ShapeResult::DrawAsMesh };
             let Some((columns, lines)) = pixels(&extent, projection) else { return ShapeResult::Nothing };
             shape.begin(columns, lines, extent[4], extent[5]);
         }
@@ -168,7 +169,7 @@ pub(crate) fn outline_box(
             let (p, q) = (cross(third, corner), cross(corner, second));
             core::array::from_fn(|i| (cn * normal[i] + sn * p[i] + tn * q[i]) * over)
         };
-        if !shape.add_depth_plane(lower(plane, over, object, projection, certain, products), projection.size)
+        if !shape.add_depth_plane(lower(plane, over, &object, projection, certain, products), projection.size)
         {
             return ShapeResult::DrawAsMesh;
         }
@@ -188,23 +189,4 @@ pub(crate) fn outline_box(
         }
     }
     ShapeResult::Ready
-}
-
-/// Projects a box and replaces `shape` by its screen shape. `bounds` are in the box's own coordinates, which
-/// `transform` maps to the scene. `extent` gives the screen bounds if they are known; then the caller
-/// guarantees that the whole box is in front of the eye. The result is [`ShapeResult::Nothing`] if the
-/// transform is flat, and else that of [`outline_box`].
-#[inline(always)]
-pub(crate) fn box_shape(
-    bounds: &Aabb,
-    transform: &Affine3A,
-    projection: &ScreenProjection,
-    extent: Option<&ScreenExtent>,
-    coverage: Coverage,
-    shape: &mut ScreenShape,
-) -> ShapeResult {
-    match project_object(projection, bounds, transform) {
-        Some((object, facing)) => outline_box(bounds, &object, projection, facing, extent, coverage, shape),
-        None => ShapeResult::Nothing,
-    }
 }

@@ -44,31 +44,24 @@ static BOX_EDGES: [Edge; 18] = box_edges();
 /// Builds [`BOX_EDGES`].
 const fn box_edges() -> [Edge; 18] {
     let mut edges = [Edge { vertices: [0, 0], left: 0, right: None }; 18];
-    let (mut count, mut triangle) = (0, 0);
-    while triangle < 12 {
-        let mut corner = 0;
-        while corner < 3 {
-            let (a, b) = (BOX_TRIANGLES[triangle][corner], BOX_TRIANGLES[triangle][(corner + 1) % 3]);
-            let mut other = 0;
-            while other < 12 {
-                let mut i = 0;
-                while i < 3 {
-                    // Each edge is stored once, by the first of its two triangles.
-                    if BOX_TRIANGLES[other][i] == b
-                        && BOX_TRIANGLES[other][(i + 1) % 3] == a
-                        && triangle < other
-                    {
-                        edges[count] =
-                            Edge { vertices: [a, b], left: triangle as u32, right: Some(other as u32) };
-                        count += 1;
-                    }
-                    i += 1;
-                }
-                other += 1;
-            }
-            corner += 1;
+    let (mut count, mut pair) = (0, 0);
+    // All pairs of directed sides: side `3 * t + i` runs from corner `i` of triangle `t` to the next.
+    while pair < 36 * 36 {
+        let (first, second) = (pair / 36, pair % 36);
+        let ([a, b], [c, d]) = (side(first), side(second));
+        // Each edge is stored once, by the first of its two triangles.
+        if first < second && a == d && b == c {
+            let right = Some(second as u32 / 3);
+            edges[count] = Edge { vertices: [a, b], left: first as u32 / 3, right };
+            count += 1;
         }
-        triangle += 1;
+        pair += 1;
     }
     edges
+}
+
+/// Returns the corner indices of the start and end of side `index % 3` of triangle `index / 3` of a box.
+const fn side(index: usize) -> [u32; 2] {
+    let triangle = BOX_TRIANGLES[index / 3];
+    [triangle[index % 3], triangle[(index + 1) % 3]]
 }

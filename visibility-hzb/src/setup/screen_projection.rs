@@ -37,8 +37,9 @@ impl From<ClipRow> for ScreenRow {
     }
 }
 
-/// The projection of one frame's view to pixels, with error bounds.
-#[derive(Clone, Debug)]
+/// The projection of one frame's view to pixels, with error bounds. By the default, that before the first
+/// frame, no occluder is drawn.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct ScreenProjection {
     /// Width and height of the buffer in pixels, a multiple of the tile size.
     pub(crate) size: [f64; 2],
@@ -60,23 +61,6 @@ pub(crate) struct ScreenProjection {
 }
 
 impl ScreenProjection {
-    /// Projection before the first frame: no occluder is drawn.
-    pub(crate) const EMPTY: Self = Self {
-        size: [0.0; 2],
-        picture: [0.0; 2],
-        rows: [ScreenRow { linear: [0.0; 3], constant: 0.0, error: 0.0 }; 4],
-        near: ScreenRow { linear: [0.0; 3], constant: 0.0, error: 0.0 },
-        anchor: DVec3::ZERO,
-        facing: 0.0,
-        perspective: true,
-        untransformed: ObjectProjection {
-            linear: [[0.0; 5]; 3],
-            constant: [0.0; 5],
-            size: [0.0; 5],
-            error: [0.0; 5],
-        },
-    };
-
     /// Computes the projection of points in scene coordinates, relative to `origin`. `picture` is the width
     /// and height of the picture in pixels, `size` that of the buffer of whole tiles.
     pub(crate) fn new(view: &View, origin: DVec3, picture: [usize; 2], size: [usize; 2]) -> Self {

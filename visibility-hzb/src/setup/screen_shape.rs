@@ -56,8 +56,8 @@ pub(crate) const MAX_EDGES: usize = 32;
 pub(crate) const MAX_PLANES: usize = 16;
 
 /// An occluder on the screen, ready to be filled into tiles. A pixel is covered if it satisfies all row
-/// bounds and lies within `columns` and `lines`.
-#[derive(Clone, Debug)]
+/// bounds and lies within `columns` and `lines`. The default shape covers no pixel.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct ScreenShape {
     /// Row bounds on the left. The first `lefts` are valid.
     pub(crate) left: [RowBound; MAX_EDGES],
@@ -97,20 +97,6 @@ pub(crate) struct ScreenExtent {
 const EIGHT_U32: f64 = 4.0 * f32::EPSILON as f64;
 
 impl ScreenShape {
-    /// A shape that covers no pixel.
-    pub(crate) const EMPTY: Self = Self {
-        left: [RowBound { slope: 0.0, offset: 0.0 }; MAX_EDGES],
-        right: [RowBound { slope: 0.0, offset: 0.0 }; MAX_EDGES],
-        lefts: 0,
-        rights: 0,
-        planes: [[0.0; 3]; MAX_PLANES],
-        plane_count: 0,
-        floor: 0.0,
-        ceiling: 0.0,
-        columns: [0.0; 2],
-        lines: [0; 2],
-    };
-
     /// Resets the shape to a rectangle of pixels without row bounds or depth planes. `columns` and `lines`
     /// are half-open ranges in pixels. `floor` and `ceiling` are a lower and an upper bound on the depth
     /// keys, and are rounded outwards.
