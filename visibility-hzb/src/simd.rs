@@ -54,7 +54,8 @@ macro_rules! compiled {
                     }
 
                     #[cfg(all(target_arch = "x86_64", feature = "std"))]
-                    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,bmi1,bmi2,popcnt,lzcnt")]
+                    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+                    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
                     #[allow(clippy::too_many_arguments)]
                     fn avx512($($argument: $type),*) -> $result {
                         $body($($argument),*)

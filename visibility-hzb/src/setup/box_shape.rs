@@ -74,11 +74,11 @@ const fn has_edge(seen: usize, [a, b]: [u8; 2]) -> bool {
     false
 }
 
-/// Replaces `shape` by the screen shape of a box. `bounds` are in the box's own coordinates, which `transform`
-/// maps to the scene. `known` gives the screen bounds if they are known; then the caller guarantees that the
-/// whole box is in front of the eye. The result is [`ShapeResult::DrawAsMesh`] if the box may reach the near
-/// plane, and [`ShapeResult::Nothing`] if the transform is flat, the box is outside the buffer or no face is
-/// certainly seen.
+/// Replaces `shape` by the screen shape of a box. `bounds` are in the box's own coordinates, which
+/// `transform` maps to the scene. `known` gives the screen bounds if they are known; then the caller
+/// guarantees that the whole box is in front of the eye. The result is [`ShapeResult::DrawAsMesh`] if the box
+/// may reach the near plane, and [`ShapeResult::Nothing`] if the transform is flat, the box is outside the
+/// buffer or no face is certainly seen.
 #[inline(always)]
 pub(crate) fn box_shape(
     bounds: &Aabb,
