@@ -6,9 +6,9 @@
 
 mod common;
 
-use common::{Face, Occluder, faces, occluder, view};
+use common::{Face, Occluder, covered_pixels, draw, faces, occluder, view};
 use visibility_core::glam::{DVec2, DVec3, DVec4};
-use visibility_core::{OcclusionMap, View, view::Depth};
+use visibility_core::{View, view::Depth};
 use visibility_hzb::Hzb;
 use visibility_testing::Random;
 
@@ -101,46 +101,38 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, what: &str) -> usize {
     let screen: Vec<_> =
         faces(occluders).iter().map(|face| project(view, size, face)).filter(|p| p.len() > 2).collect();
     let mut pixels = 0;
-    for row in 0..size[1] {
-        for column in 0..size[0] {
-            let stored = f64::from(hzb.depth_key(column, row));
-            if stored == f64::NEG_INFINITY {
+    for (column, row, stored) in covered_pixels(hzb) {
+        pixels += 1;
+        let corner = DVec2::new(column as f64, row as f64);
+        let mut left =
+            vec![[(0., 0.), (1., 0.), (1., 1.), (0., 1.)].map(|(x, y)| corner + DVec2::new(x, y)).to_vec()];
+        for triangle in &screen {
+            if left.is_empty() {
+                break;
+            }
+            let low = triangle.iter().fold(DVec3::INFINITY, |m, p| m.min(*p));
+            let high = triangle.iter().fold(DVec3::NEG_INFINITY, |m, p| m.max(*p));
+            if low.x > corner.x + 1.0 || low.y > corner.y + 1.0 || high.x < corner.x || high.y < corner.y {
                 continue;
             }
-            pixels += 1;
-            let corner = DVec2::new(column as f64, row as f64);
-            let mut left = vec![
-                [(0., 0.), (1., 0.), (1., 1.), (0., 1.)].map(|(x, y)| corner + DVec2::new(x, y)).to_vec(),
-            ];
-            for triangle in &screen {
-                if left.is_empty() {
-                    break;
-                }
-                let low = triangle.iter().fold(DVec3::INFINITY, |m, p| m.min(*p));
-                let high = triangle.iter().fold(DVec3::NEG_INFINITY, |m, p| m.max(*p));
-                if low.x > corner.x + 1.0 || low.y > corner.y + 1.0 || high.x < corner.x || high.y < corner.y
-                {
-                    continue;
-                }
-                // Only the part of the triangle that is at least as near as the stored depth key counts.
-                let enough = stored - 1e-7 * stored.abs() - 1e-12;
-                let near = clip(triangle, |p| p.z - enough, |a, b, t| a + (b - a) * t);
-                let flat: Vec<DVec2> = near.iter().map(|p| p.truncate()).collect();
-                if flat.len() < 3 {
-                    continue;
-                }
-                let mut next = Vec::new();
-                for piece in left {
-                    subtract(piece, &flat, &mut next);
-                }
-                left = next;
+            // Only the part of the triangle that is at least as near as the stored depth key counts.
+            let enough = stored - 1e-7 * stored.abs() - 1e-12;
+            let near = clip(triangle, |p| p.z - enough, |a, b, t| a + (b - a) * t);
+            let flat: Vec<DVec2> = near.iter().map(|p| p.truncate()).collect();
+            if flat.len() < 3 {
+                continue;
             }
-            let bare: f64 = left.iter().map(|piece| area(piece)).sum();
-            assert!(
-                bare < 1e-6,
-                "{what}: pixel {column},{row}: {bare} of it is bare or farther than {stored}, {view:?}"
-            );
+            let mut next = Vec::new();
+            for piece in left {
+                subtract(piece, &flat, &mut next);
+            }
+            left = next;
         }
+        let bare: f64 = left.iter().map(|piece| area(piece)).sum();
+        assert!(
+            bare < 1e-6,
+            "{what}: pixel {column},{row}: {bare} of it is bare or farther than {stored}, {view:?}"
+        );
     }
     pixels
 }
@@ -153,12 +145,7 @@ fn nothing_of_a_covered_pixel_is_bare() {
         let size = [[40, 24], [17, 33], [64, 16]][random.below(3)];
         let view = view(&mut random);
         let occluders: Vec<_> = (0..random.below(3) + 1).map(|_| occluder(&mut random)).collect();
-        let mut hzb = Hzb::new(size[0], size[1]).unwrap();
-        hzb.begin(&view, DVec3::ZERO);
-        for o in &occluders {
-            hzb.add(&o.mesh, &o.transform);
-        }
-        hzb.flush();
+        let hzb = draw(Hzb::new(size[0], size[1]).unwrap(), &occluders, &view);
         pixels += check(&occluders, &view, &hzb, &format!("round {round}"));
     }
     println!("{pixels} covered pixels");

@@ -3,8 +3,8 @@
 
 mod common;
 
-use common::{occluder, view};
-use visibility_core::{Aabb, Culler, Object, Scene, VisibleSet, occlusion::Selection};
+use common::{scene, view};
+use visibility_core::{Culler, VisibleSet, occlusion::Selection};
 use visibility_hzb::{DepthEstimate, Hom, HomCuller};
 use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
@@ -15,20 +15,7 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 #[test]
 fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {
     let mut random = Random(5);
-    let mut scene = Scene::new();
-    for _ in 0..200 {
-        let o = occluder(&mut random);
-        let corners = o.mesh.bounds().corners().map(|p| o.transform.transform_point3(p));
-        let bounds = Aabb::from_points(corners);
-        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
-        let mesh = scene.add_mesh(o.mesh);
-        scene.set_mesh(id, mesh, o.transform).unwrap();
-    }
-    scene.insert_batch((0..2000).map(|_| {
-        let middle = random.vec3(-9.0, 9.0);
-        Aabb::new(middle - 0.3, middle + 0.3)
-    }));
-    scene.rebuild();
+    let scene = scene(&mut random, 200);
     let views: Vec<_> = (0..8).map(|_| view(&mut random)).collect();
     for estimate in [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground] {
         for selection in

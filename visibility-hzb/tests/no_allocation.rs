@@ -2,11 +2,10 @@
 
 mod common;
 
-use common::{occluder, view};
+use common::{occluder, scene, view};
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, Object, OcclusionCuller, OcclusionMap, Scene, VisibleSet,
-    occlusion::Occlusion,
+    Aabb, Culler, FrustumCuller, OcclusionCuller, OcclusionMap, VisibleSet, occlusion::Occlusion,
 };
 use visibility_hzb::{Hom, Hzb};
 use visibility_testing::Random;
@@ -49,19 +48,7 @@ fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {
 /// Returns the number of allocations of a culler over `map` in 40 new views, after 8 others that warm it up.
 fn allocations_at_new_views(map: impl OcclusionMap + Clone) -> usize {
     let mut random = Random(6);
-    let mut scene = Scene::new();
-    for _ in 0..300 {
-        let o = occluder(&mut random);
-        let corners = o.mesh.bounds().corners().map(|p| o.transform.transform_point3(p));
-        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(corners)) });
-        let mesh = scene.add_mesh(o.mesh);
-        scene.set_mesh(id, mesh, o.transform).unwrap();
-    }
-    scene.insert_batch((0..2000).map(|_| {
-        let middle = random.vec3(-9.0, 9.0);
-        Aabb::new(middle - 0.3, middle + 0.3)
-    }));
-    scene.rebuild();
+    let scene = scene(&mut random, 300);
     let (mut frustum, mut culler) = (FrustumCuller::new(), OcclusionCuller::new(map));
     let mut set = VisibleSet::new();
     let mut hidden = 0;

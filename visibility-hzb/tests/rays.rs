@@ -3,9 +3,9 @@
 
 mod common;
 
-use common::{Occluder, Ray, faces, occluder, view};
+use common::{Occluder, Ray, covered_pixels, draw, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
-use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
+use visibility_core::{Aabb, OccluderMesh, Pose, View};
 use visibility_hzb::Hzb;
 use visibility_testing::Random;
 
@@ -29,34 +29,28 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
     let size = [hzb.width(), hzb.height()];
     let faces = faces(occluders);
     let [mut samples, mut pixels] = [0; 2];
-    for row in 0..size[1] {
-        for column in 0..size[0] {
-            let stored = f64::from(hzb.depth_key(column, row));
-            if stored == f64::NEG_INFINITY {
-                continue;
-            }
-            pixels += 1;
-            // Pixels whose neighbours hold the same depth key say little, so only one in eight is tested.
-            let lonely = column == 0
-                || row == 0
-                || [(column - 1, row), (column + 1, row), (column, row - 1), (column, row + 1)]
-                    .iter()
-                    .any(|&(c, r)| f64::from(hzb.depth_key(c, r)) != stored);
-            if !lonely && random.below(8) != 0 {
-                continue;
-            }
-            for [x, y] in points(random) {
-                let met = Ray::new(view, size, column as f64 + x, row as f64 + y).nearest(&faces);
-                samples += 1;
-                assert!(
-                    met >= stored - 1e-7 * stored.abs() - 1e-12,
-                    "{what}: pixel {column},{row} at +{x},+{y}: stored {stored}, met {met}, {:?} triangles, \
-                     convex and two-sided {:?}, transforms {:?}, {view:?}",
-                    occluders.iter().map(|o| o.mesh.triangles().len()).collect::<Vec<_>>(),
-                    occluders.iter().map(|o| (o.mesh.is_convex(), o.mesh.is_two_sided())).collect::<Vec<_>>(),
-                    occluders.iter().map(|o| o.transform).collect::<Vec<_>>()
-                );
-            }
+    for (column, row, stored) in covered_pixels(hzb) {
+        pixels += 1;
+        // Pixels whose neighbours hold the same depth key say little, so only one in eight is tested.
+        let lonely = column == 0
+            || row == 0
+            || [(column - 1, row), (column + 1, row), (column, row - 1), (column, row + 1)]
+                .iter()
+                .any(|&(c, r)| f64::from(hzb.depth_key(c, r)) != stored);
+        if !lonely && random.below(8) != 0 {
+            continue;
+        }
+        for [x, y] in points(random) {
+            let met = Ray::new(view, size, column as f64 + x, row as f64 + y).nearest(&faces);
+            samples += 1;
+            assert!(
+                met >= stored - 1e-7 * stored.abs() - 1e-12,
+                "{what}: pixel {column},{row} at +{x},+{y}: stored {stored}, met {met}, {:?} triangles, \
+                 convex and two-sided {:?}, transforms {:?}, {view:?}",
+                occluders.iter().map(|o| o.mesh.triangles().len()).collect::<Vec<_>>(),
+                occluders.iter().map(|o| (o.mesh.is_convex(), o.mesh.is_two_sided())).collect::<Vec<_>>(),
+                occluders.iter().map(|o| o.transform).collect::<Vec<_>>()
+            );
         }
     }
     [samples, pixels]
@@ -144,12 +138,7 @@ fn covered_pixels_are_covered_and_no_farther_than_they_say() {
                     .unwrap();
             }
         }
-        let mut hzb = Hzb::new(size[0], size[1]).unwrap();
-        hzb.begin(&view, DVec3::ZERO);
-        for o in &occluders {
-            hzb.add(&o.mesh, &o.transform);
-        }
-        hzb.flush();
+        let hzb = draw(Hzb::new(size[0], size[1]).unwrap(), &occluders, &view);
         let [s, p] = check(&occluders, &view, &hzb, &mut random, &format!("round {rounds}"));
         samples += s;
         pixels += p;

@@ -6,9 +6,10 @@ pub mod boxes;
 
 use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4, Quat, Vec3, Vec4};
 use visibility_core::{
-    Aabb, OccluderMesh, Pose, View,
+    Aabb, Object, OccluderMesh, OcclusionMap, Pose, Scene, View,
     view::{Depth, Window},
 };
+use visibility_hzb::Hzb;
 use visibility_testing::Random;
 
 /// An occluder mesh and its placement.
@@ -160,6 +161,45 @@ pub fn occluder(random: &mut Random) -> Occluder {
         }
     };
     Occluder { mesh, transform }
+}
+
+/// Returns a scene of `count` random occluders among 2000 small boxes.
+pub fn scene(random: &mut Random, count: usize) -> Scene {
+    let mut scene = Scene::new();
+    for _ in 0..count {
+        let Occluder { mesh, transform } = occluder(random);
+        let corners = mesh.bounds().corners().map(|p| transform.transform_point3(p));
+        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(corners)) });
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, transform).unwrap();
+    }
+    scene.insert_batch((0..2000).map(|_| {
+        let middle = random.vec3(-9.0, 9.0);
+        Aabb::new(middle - 0.3, middle + 0.3)
+    }));
+    scene.rebuild();
+    scene
+}
+
+/// Draws the occluders into `map`, with an extra flush after the second one.
+pub fn draw<M: OcclusionMap>(mut map: M, occluders: &[Occluder], view: &View) -> M {
+    map.begin(view, DVec3::ZERO);
+    for (i, o) in occluders.iter().enumerate() {
+        map.add(&o.mesh, &o.transform);
+        if i == 1 {
+            map.flush();
+        }
+    }
+    map.flush();
+    map
+}
+
+/// Returns the column, row and depth key of each covered pixel, row by row from the top.
+pub fn covered_pixels(hzb: &Hzb) -> impl Iterator<Item = (usize, usize, f64)> {
+    (0..hzb.width() * hzb.height())
+        .map(|i| (i % hzb.width(), i / hzb.width()))
+        .map(|(column, row)| (column, row, f64::from(hzb.depth_key(column, row))))
+        .filter(|&(.., stored)| stored != f64::NEG_INFINITY)
 }
 
 /// Returns a random perspective, off-centre or orthographic view towards the scene's origin, in a random
