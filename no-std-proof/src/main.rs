@@ -9,7 +9,9 @@ extern crate alloc;
 
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};
-use visibility_core::{Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_core::{
+    Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet,
+};
 use visibility_hzb::{Hzb, HzbCuller};
 // Linked, so that these crates are also proven to need no standard library.
 use {visibility_bsp as _, visibility_measure as _, visibility_plp as _, visibility_portals as _};
