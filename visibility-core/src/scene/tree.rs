@@ -47,8 +47,8 @@ pub(crate) struct Tree {
     /// For leaves, the object in each lane. For inner nodes, the child in each lane: `index` is the child's
     /// node number. [`ObjectId::NONE`] in free lanes.
     pub(crate) ids: Vec<[ObjectId; 64]>,
-    /// For leaves, the layer mask of the object in each lane. Free lanes of a new leaf have all bits set, so
-    /// that they do not affect the AND over a leaf; other values in free lanes only cost time.
+    /// For leaves, the layer mask of the object in each lane. Free lanes, and all lanes of
+    /// inner nodes, have all bits set, so that they do not affect the AND over a leaf.
     pub(crate) layers: Vec<[u32; 64]>,
     /// For leaves, a mask of the objects flagged as occluders, bit i for lane i; 0 for inner nodes.
     pub(crate) occluders: Vec<u64>,

@@ -163,7 +163,7 @@ impl Tree {
             let node = nodes[place] as usize;
             let mut dealt = Boxes64::EMPTY;
             let mut dealt_ids = [ObjectId::NONE; 64];
-            let mut dealt_layers = [0; 64];
+            let mut dealt_layers = [u32::MAX; 64];
             let mut dealt_occluders = 0;
             for (lane, &word) in order[start..end].iter().enumerate() {
                 let (from, old) = (number(word) / 64, number(word) % 64);
@@ -187,6 +187,7 @@ impl Tree {
             let node = nodes[place] as usize;
             self.bounds[node] = Boxes64::EMPTY;
             self.ids[node] = [ObjectId::NONE; 64];
+            self.layers[node] = [u32::MAX; 64];
             self.occluders[node] = 0;
             self.occupied[node] = 0;
             self.remove_empty(node as u32);
