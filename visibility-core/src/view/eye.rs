@@ -44,19 +44,21 @@ pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
 }
 
 /// Returns a bound on the error of the eye relative to `origin`, as compared with the eye of the exact matrix
-/// `m`. `local_eye` is the [`eye_of`] the matrix, `view_origin` the point of the world that `m` is relative
-/// to. In metres for a point; for a direction, the length of the difference of unit vectors. Infinite where
-/// rounding leaves the eye undecided. See [`ViewProjection::eye_error`](super::ViewProjection::eye_error).
+/// `m`. `eye_from_view` is [`eye_of`] the matrix, and `view_origin` the point of the world that `m` is
+/// relative to. In metres for a point; for a direction, the length of the difference of unit vectors.
+/// Infinite where rounding leaves the eye undecided. See
+/// [`ViewProjection::eye_error`](super::ViewProjection::eye_error).
 ///
-/// The eye is orthogonal to three rows of the matrix. With the rows scaled by powers of two, each component
-/// is a sum of six products of three numbers. Each product is rounded twice as a product and at most four
-/// times in sums, so `12u` of the sum of the products' magnitudes exceeds the error.
-pub(super) fn eye_error(m: &DMat4, local_eye: Eye, view_origin: DVec3, origin: DVec3) -> f64 {
+/// With `u = 2^-53`, the unit round-off of `f64`: the eye is orthogonal to three rows of the matrix. With the
+/// rows scaled by powers of two, each component is a sum of six products of three numbers. Each product is
+/// rounded twice as a product and at most four times in sums, so `12u` of the sum of the products' magnitudes
+/// exceeds the error.
+pub(super) fn eye_error(m: &DMat4, eye_from_view: Eye, view_origin: DVec3, origin: DVec3) -> f64 {
     let rows = [m.row(0), m.row(1), m.row(3)].map(scaled_by_power_of_two);
     let eye = orthogonal(rows, |a, b| a - b);
     let size = orthogonal(rows.map(DVec4::abs), |a, b| a + b);
     let error = size * (16.0 * U) + DVec4::splat(1e-290);
-    match local_eye {
+    match eye_from_view {
         Eye::Direction(_) => {
             let length = eye.truncate().length();
             let direction = eye.truncate() / length;

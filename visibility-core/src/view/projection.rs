@@ -88,9 +88,9 @@ pub struct ViewProjection {
     rows: [DVec4; 4],
     depth: Depth,
     /// Anchor of the rows, relative to the view's origin: the eye of a perspective view, zero otherwise.
-    local: DVec3,
+    anchor_from_view: DVec3,
     /// Origin of the view, relative to the origin that the caller chose.
-    offset: DVec3,
+    view_from_origin: DVec3,
     eye: Eye,
     eye_error: f64,
 }
@@ -102,22 +102,22 @@ impl ViewProjection {
         // The view's own matrix: with origins subtracted later, a camera far from the caller's origin keeps
         // its precision.
         let matrix = view.clip_from(view.origin());
-        let local_eye = view.eye(view.origin());
-        let offset = view.origin() - origin;
-        let (local, eye) = match local_eye {
-            Eye::Point(at) => (at, Eye::Point(at + offset)),
+        let eye_from_view = view.eye(view.origin());
+        let view_from_origin = view.origin() - origin;
+        let (anchor_from_view, eye) = match eye_from_view {
+            Eye::Point(eye) => (eye, Eye::Point(eye + view_from_origin)),
             direction => (DVec3::ZERO, direction),
         };
         let scale = scale_to_one(matrix.row(3));
         let rows = [0, 1, 2, 3].map(|i| matrix.row(i) * scale);
-        let eye_error = eye_error(&matrix, local_eye, view.origin(), origin);
-        Self { rows, depth: view.depth(), local, offset, eye, eye_error }
+        let eye_error = eye_error(&matrix, eye_from_view, view.origin(), origin);
+        Self { rows, depth: view.depth(), anchor_from_view, view_from_origin, eye, eye_error }
     }
 
     /// Returns the point that [`ClipRow`]s take points relative to: the eye of a perspective view, the view's
     /// own origin otherwise. In metres, relative to the origin passed to [`new`](Self::new).
     pub fn anchor(&self) -> DVec3 {
-        self.local + self.offset
+        self.anchor_from_view + self.view_from_origin
     }
 
     /// Returns the eye, relative to the origin passed to [`new`](Self::new): the point of a perspective view,
@@ -191,11 +191,11 @@ impl ViewProjection {
     }
 
     fn row(&self, row: DVec4) -> ClipRow {
-        let (local, linear) = (self.local, row.truncate());
-        let size = linear.abs().dot(local.abs()) + row.w.abs();
-        let moved = linear.abs().dot(self.anchor().abs() + self.offset.abs());
+        let (anchor, linear) = (self.anchor_from_view, row.truncate());
+        let size = linear.abs().dot(anchor.abs()) + row.w.abs();
+        let moved = linear.abs().dot(self.anchor().abs() + self.view_from_origin.abs());
         let error = 16.0 * U * size + 4.0 * U * moved + f64::MIN_POSITIVE;
-        ClipRow { linear, constant: linear.dot(local) + row.w, error }
+        ClipRow { linear, constant: linear.dot(anchor) + row.w, error }
     }
 }
 
