@@ -97,8 +97,8 @@ impl ConvexVolume {
     pub fn new(simd: Simd, view_planes: &[ViewPlane]) -> Self {
         let mut volume = Self {
             simd,
-            planes: [TestPlane::ALL; MAX_PLANES],
-            flipped: [TestPlane::ALL; MAX_PLANES],
+            planes: [TestPlane::EVERYTHING_INSIDE; MAX_PLANES],
+            flipped: [TestPlane::EVERYTHING_INSIDE; MAX_PLANES],
             all: 0,
         };
         for (i, view_plane) in view_planes.iter().take(MAX_PLANES).enumerate() {

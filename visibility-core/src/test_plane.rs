@@ -45,7 +45,7 @@ const MARGIN: f64 = 4.0 * f32::EPSILON as f64;
 
 impl TestPlane {
     /// A plane that every box is inside of, for unused elements of arrays.
-    pub(crate) const ALL: Self =
+    pub(crate) const EVERYTHING_INSIDE: Self =
         Self { high: [0.0; 3], low: [0.0; 3], offset: f32::INFINITY, greatest: [true; 3] };
 
     pub(crate) fn new(view_plane: &ViewPlane) -> Self {

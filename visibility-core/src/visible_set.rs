@@ -45,7 +45,7 @@ pub struct VisibleSet {
     ordered: bool,
     /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
     /// node in [`keep_in_order`](Self::keep_in_order).
-    listed: Vec<u64>,
+    scratch_masks: Vec<u64>,
     changes: Option<Changes>,
 }
 
@@ -98,7 +98,7 @@ impl VisibleSet {
             layers: u32::MAX,
             order: Vec::new(),
             ordered: false,
-            listed: Vec::new(),
+            scratch_masks: Vec::new(),
             changes: None,
         }
     }
@@ -170,9 +170,9 @@ impl VisibleSet {
         // Two sets that hold everything on their layers unite by their layers alone.
         if !(self.everything && other.everything) {
             if scene.tree().root != NONE {
-                self.add_below(scene, other, scene.tree().root as usize, true, true);
+                self.union_below(scene, other, scene.tree().root as usize, true, true);
             }
-            self.commit();
+            self.use_masks();
         }
         self.layers |= other.layers;
         self.ordered = false;
@@ -181,7 +181,7 @@ impl VisibleSet {
     /// Unites the masks of `node` and all nodes below it with those of `other`. `ours` and `theirs` tell
     /// whether the node's bit is set in its parent's mask in this set and in `other`: where false, that set's
     /// masks below are stale and count as empty.
-    fn add_below(&mut self, scene: &Scene, other: &Self, node: usize, ours: bool, theirs: bool) {
+    fn union_below(&mut self, scene: &Scene, other: &Self, node: usize, ours: bool, theirs: bool) {
         if !theirs && !self.everything {
             return;
         }
@@ -191,7 +191,7 @@ impl VisibleSet {
         if scene.tree().levels[node] > 0 {
             for lane in lanes(ours | theirs) {
                 let [ours, theirs] = [ours, theirs].map(|mask| mask >> lane & 1 != 0);
-                self.add_below(scene, other, scene.tree().child(node, lane), ours, theirs);
+                self.union_below(scene, other, scene.tree().child(node, lane), ours, theirs);
             }
         }
     }
@@ -276,14 +276,14 @@ impl VisibleSet {
         }
     }
 
-    /// Replaces the mask of a node, bit i for lane i, during a walk that ends with [`commit`](Self::commit).
+    /// Replaces the mask of a node, bit i for lane i, during a walk that ends with [`use_masks`](Self::use_masks).
     pub(crate) fn set_mask(&mut self, node: usize, mask: u64) {
         self.words[node] = mask;
     }
 
     /// Ends a walk in which a culler has set the mask of every node that it kept: the set is from now on
     /// defined by its masks.
-    pub(crate) fn commit(&mut self) {
+    pub(crate) fn use_masks(&mut self) {
         self.everything = false;
     }
 
@@ -302,24 +302,24 @@ impl VisibleSet {
     /// Marks an object for removal by [`drop_now`](Self::drop_now). `id` must be in the scene that
     /// [`begin_drops`](Self::begin_drops) was called with.
     pub(crate) fn drop_later(&mut self, id: ObjectId) {
-        self.listed[id.index() / 64] |= 1 << (id.index() % 64);
+        self.scratch_masks[id.index() / 64] |= 1 << (id.index() % 64);
     }
 
     /// Removes the objects marked by [`drop_later`](Self::drop_later) since
     /// [`begin_drops`](Self::begin_drops). Objects that are never culled stay. Returns the number of objects
     /// left in the set.
     pub(crate) fn drop_now(&mut self, scene: &Scene) -> u64 {
-        let dropped = core::mem::take(&mut self.listed);
+        let dropped = core::mem::take(&mut self.scratch_masks);
         let kept = self.retain(scene, |id, _| dropped[id.index() / 64] >> (id.index() % 64) & 1 == 0);
-        self.listed = dropped;
+        self.scratch_masks = dropped;
         kept.visible
     }
 
     /// Clears the marks that [`drop_later`](Self::drop_later) sets, and makes space for one mark per object
     /// of the scene.
     pub(crate) fn begin_drops(&mut self, scene: &Scene) {
-        self.listed.clear();
-        self.listed.resize(scene.index_limit().div_ceil(64), 0);
+        self.scratch_masks.clear();
+        self.scratch_masks.resize(scene.index_limit().div_ceil(64), 0);
     }
 
     /// Keeps the objects in the set for which `keep` returns true, and removes all others: the simplest way
@@ -331,7 +331,7 @@ impl VisibleSet {
         if scene.tree().root != NONE {
             self.retain_below(scene, scene.tree().root as usize, &mut keep, &mut stats);
         }
-        self.commit();
+        self.use_masks();
         stats.visible += self.unculled_count(scene);
         stats
     }
@@ -404,7 +404,7 @@ impl VisibleSet {
         order.extend(self.unculled(scene));
         // Masks of the new set, which starts empty and receives one object after the other.
         let tree = scene.tree();
-        let mut grown = core::mem::take(&mut self.listed);
+        let mut grown = core::mem::take(&mut self.scratch_masks);
         grown.clear();
         grown.resize(tree.node_count(), 0);
         for &id in ids {
@@ -417,14 +417,14 @@ impl VisibleSet {
             } else {
                 !tree.is_unculled_leaf(leaf)
                     && self.holds(scene, leaf, lane)
-                    && add(&mut grown, tree, leaf, lane)
+                    && set_path_bits(&mut grown, tree, leaf, lane)
             };
             if is_new {
                 order.push(id);
             }
         }
         self.everything = false;
-        self.listed = core::mem::replace(&mut self.words, grown);
+        self.scratch_masks = core::mem::replace(&mut self.words, grown);
         self.order = order;
         self.ordered = true;
     }
@@ -433,14 +433,14 @@ impl VisibleSet {
     /// then the objects of `ids` in their order, then all others in the order of the hierarchy. Removes
     /// nothing from the set. Ids that are not in the set are ignored, and of repeated ids the first counts.
     /// Takes time in proportion to the size of the set.
-    pub fn put_first(&mut self, scene: &Scene, ids: &[ObjectId]) {
+    pub fn order_first(&mut self, scene: &Scene, ids: &[ObjectId]) {
         self.prepare(scene);
         self.ordered = false;
-        let mut listed = core::mem::take(&mut self.listed);
-        listed.clear();
-        listed.resize(scene.index_limit().div_ceil(64), 0);
+        let mut taken = core::mem::take(&mut self.scratch_masks);
+        taken.clear();
+        taken.resize(scene.index_limit().div_ceil(64), 0);
         let mut take = |id: &ObjectId| {
-            let (word, bit) = (&mut listed[id.index() / 64], 1 << (id.index() % 64));
+            let (word, bit) = (&mut taken[id.index() / 64], 1 << (id.index() % 64));
             let new = *word & bit == 0;
             *word |= bit;
             new
@@ -451,7 +451,7 @@ impl VisibleSet {
         order.extend(self.unculled(scene).filter(&mut take));
         order.extend(ids.iter().copied().filter(|&id| self.contains(scene, id)).filter(&mut take));
         order.extend(self.iter(scene).filter(&mut take));
-        self.listed = listed;
+        self.scratch_masks = taken;
         self.order = order;
         self.ordered = true;
     }
@@ -528,7 +528,7 @@ impl VisibleSet {
 /// Sets the bit of lane `lane` of leaf `leaf`, and the bits that lead to this leaf in all nodes above.
 /// `masks`, indexed by node, must be consistent: above every non-zero mask all such bits are set. Returns
 /// whether the lane's bit was not set before.
-fn add(masks: &mut [u64], tree: &Tree, leaf: usize, lane: usize) -> bool {
+fn set_path_bits(masks: &mut [u64], tree: &Tree, leaf: usize, lane: usize) -> bool {
     let mut new = None;
     for (node, lane) in tree.path(leaf, lane) {
         let mask = &mut masks[node];

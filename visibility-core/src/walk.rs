@@ -334,7 +334,7 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
     /// the number of objects left in the set, including objects that are never culled.
     pub fn finish(mut self) -> CullStats {
         if H::IS_OF_SCENE {
-            self.visible.commit();
+            self.visible.use_masks();
             self.stats.visible += self.visible.unculled_count(self.scene);
         } else {
             self.stats.visible = self.visible.drop_now(self.scene);

@@ -74,7 +74,7 @@ fn a_point_on_a_plane_is_never_inside() {
         let magnitude = normal.abs().dot(p.abs());
         for ulps in [-2.0, -0.5, 0.0, 0.5, 2.0, 500.0] {
             let plane = Plane::new(normal, ulps * f64::EPSILON * magnitude - normal.dot(p));
-            let inside = view_with(plane).clip_planes_from(DVec3::ZERO).contain(p);
+            let inside = view_with(plane).clip_planes_from(DVec3::ZERO).contains(p);
             let terms = [(normal.x, p.x), (normal.y, p.y), (normal.z, p.z), (plane.offset, 1.0)];
             assert!(sign_of_sum(terms) > 0 || !inside, "{plane:?} {p}");
             assert!(inside || ulps < 500.0, "must decide: {plane:?} {p}");
@@ -90,7 +90,7 @@ fn no_plane_cuts_nothing_and_what_is_not_finite_is_never_inside() {
     assert!(mesh.is_inside(&planes, &Affine3A::IDENTITY));
     assert!(!mesh.is_inside(&planes, &Affine3A::from_translation(Vec3::NAN)));
     assert!(!mesh.is_inside(&planes, &Affine3A::from_translation(Vec3::X * f32::INFINITY)));
-    assert!(!planes.contain(DVec3::NAN));
+    assert!(!planes.contains(DVec3::NAN));
     let none = view.with_clip_planes(&[]).unwrap().clip_planes_from(DVec3::ZERO);
-    assert!(mesh.is_inside(&none, &Affine3A::IDENTITY) && none.contain(DVec3::NAN));
+    assert!(mesh.is_inside(&none, &Affine3A::IDENTITY) && none.contains(DVec3::NAN));
 }

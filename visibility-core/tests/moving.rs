@@ -110,7 +110,7 @@ fn check(motion: Motion, frames: usize) {
     for frame in 1..=frames {
         scene.set_bounds_batch(&world.step()).unwrap();
         let done = scene.maintain(BUDGET);
-        assert!(done.blocks <= BUDGET);
+        assert!(done.budget_used <= BUDGET);
         if frame % 50 == 0 {
             let mut rebuilt = scene.clone();
             rebuilt.rebuild();
@@ -149,7 +149,7 @@ fn culling_stays_cheap_in_swarms() {
 fn maintaining_comes_to_an_end() {
     let mut scene = Scene::new();
     let mut world = World::new(Motion::Bounce, &mut scene);
-    assert_eq!(scene.maintain(usize::MAX).blocks, 0, "nothing has moved");
+    assert_eq!(scene.maintain(usize::MAX).budget_used, 0, "nothing has moved");
     for _ in 0..200 {
         scene.set_bounds_batch(&world.step()).unwrap();
     }
@@ -159,7 +159,7 @@ fn maintaining_comes_to_an_end() {
         calls += 1;
         assert!(calls < 200, "there is an end");
     }
-    assert_eq!(scene.maintain(usize::MAX).blocks, 0);
+    assert_eq!(scene.maintain(usize::MAX).budget_used, 0);
     let tidy = cost(&scene);
     assert!(tidy[0] < 0.8 * loose[0] && tidy[2] == loose[2], "{tidy:?} instead of {loose:?}");
 }

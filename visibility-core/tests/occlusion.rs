@@ -218,7 +218,7 @@ fn occluders_are_taken_in_the_order_of_the_set() {
                 .with_budget(budget);
             let mut visible = VisibleSet::new();
             visible.fill(&scene, &along_x());
-            visible.put_first(&scene, &[sides[first][0]]);
+            visible.order_first(&scene, &[sides[first][0]]);
             culler.cull(&scene, &along_x(), &mut visible);
             let hidden =
                 [sides[first], sides[1 - first]].map(|[_, behind]| !visible.contains(&scene, behind));

@@ -173,7 +173,7 @@ impl Model {
             _ => {
                 let budget = self.rng.below(30);
                 let done = self.scene.maintain(budget);
-                assert!(done.blocks <= budget);
+                assert!(done.budget_used <= budget);
             }
         }
         if self.rng.one_in(200) {

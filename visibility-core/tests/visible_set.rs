@@ -503,7 +503,7 @@ fn some_are_put_first_and_none_is_lost() {
     let always = scene.insert(Aabb::EMPTY);
     let mut visible = VisibleSet::new();
     visible.retain(&scene, |id, _| id != ids[5]);
-    visible.put_first(&scene, &[ids[200], ids[5], ids[3], ids[200]]);
+    visible.order_first(&scene, &[ids[200], ids[5], ids[3], ids[200]]);
     let order: Vec<_> = visible.iter(&scene).collect();
     assert_eq!(order[..3], [always, ids[200], ids[3]]);
     let mut sorted = order.clone();

@@ -122,7 +122,7 @@ impl<S: Deref<Target: Tessellation>> Culler for PlpCuller<S> {
         walk.check_candidates(&frame, false);
         let stats = CullStats { nodes: walk.projected, tests: walk.reached, ..CullStats::default() };
         if self.keep_all {
-            visible.put_first(scene, &walk.order);
+            visible.order_first(scene, &walk.order);
         } else {
             visible.keep_in_order(scene, &walk.order);
         }

@@ -196,8 +196,8 @@ impl Selector {
                     .occluder_polygon(chosen.polygon)
                     .vertices
                     .iter()
-                    .all(|&v| clip_planes.contain(v))
-                    && solids.iter().all(|&solid| corners_of(solid).all(|v| clip_planes.contain(v)));
+                    .all(|&v| clip_planes.contains(v))
+                    && solids.iter().all(|&solid| corners_of(solid).all(|v| clip_planes.contains(v)));
             within
                 && solids.iter().all(|solid| projection.is_outside(solid, clear))
                 && self.is_usable(occluders, chosen.polygon, scene, view)

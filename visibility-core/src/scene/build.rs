@@ -48,9 +48,9 @@ fn sorted(keys: impl ExactSizeIterator<Item = u64>) -> Vec<u64> {
     }
     let mut order = alloc::vec![0; unsorted.len()];
     for key in unsorted {
-        let place = &mut ends[bucket(key)];
-        order[*place as usize] = key;
-        *place += 1;
+        let end = &mut ends[bucket(key)];
+        order[*end as usize] = key;
+        *end += 1;
     }
     let mut start = 0;
     for end in ends {
@@ -94,7 +94,7 @@ impl Tree {
         // number takes the lowest bits of the position; a million objects leave more than 14 bits per axis.
         let bits = usize::BITS - objects.len().leading_zeros();
         let key = |(number, entry): (usize, &Entry)| {
-            curve.place(entry.bounds.center()) >> bits << bits | number as u64
+            curve.code(entry.bounds.center()) >> bits << bits | number as u64
         };
         let order = sorted(objects.iter().enumerate().map(key));
 

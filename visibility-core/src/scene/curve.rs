@@ -37,7 +37,7 @@ impl Curve {
     /// Returns the Morton code of a point: its position on the curve. Bits 1 to 63 interleave the 21-bit cell
     /// coordinates of the point, x in the lowest of each three bits, then y, then z; bit 0 is 0. A point
     /// outside the cube counts as the nearest point of the cube, and a NaN coordinate as the least.
-    pub(crate) fn place(&self, p: Vec3) -> u64 {
+    pub(crate) fn code(&self, p: Vec3) -> u64 {
         let cell = (p.as_dvec3() - self.corner) * self.scale;
         // A cast from float to integer saturates, and turns NaN to zero.
         let axis = |x: f64| spread(u64::from((x as u32).min((1 << 21) - 1)));
@@ -62,10 +62,10 @@ mod tests {
     fn the_curve_visits_octants_in_order() {
         let corners = Aabb::from_arrays([0.0; 3], [2.0; 3]).corners();
         let curve = Curve::through(corners.into_iter(), 8);
-        let place = |x: f32, y: f32, z: f32| curve.place(Vec3::new(x, y, z)) >> 61;
-        assert_eq!([place(0.5, 0.5, 0.5), place(1.5, 0.5, 0.5), place(0.5, 1.5, 0.5)], [0, 1, 2]);
-        assert_eq!([place(1.5, 1.5, 1.5), place(9.0, 9.0, 9.0), place(f32::NAN, 1.5, -3.0)], [7, 7, 2]);
-        let (a, b) = (curve.place(Vec3::splat(1.0)), curve.place(Vec3::splat(1.0 + 2.0 / 2097152.0)));
+        let code = |x: f32, y: f32, z: f32| curve.code(Vec3::new(x, y, z)) >> 61;
+        assert_eq!([code(0.5, 0.5, 0.5), code(1.5, 0.5, 0.5), code(0.5, 1.5, 0.5)], [0, 1, 2]);
+        assert_eq!([code(1.5, 1.5, 1.5), code(9.0, 9.0, 9.0), code(f32::NAN, 1.5, -3.0)], [7, 7, 2]);
+        let (a, b) = (curve.code(Vec3::splat(1.0)), curve.code(Vec3::splat(1.0 + 2.0 / 2097152.0)));
         assert_eq!((a, b - a), (7 << 61, 14), "the finest cell is a step of one on each axis");
     }
 
@@ -73,9 +73,9 @@ mod tests {
     fn points_far_from_the_rest_do_not_blunt_the_curve() {
         let near = (0..1000).map(|i| Vec3::splat(i as f32 * 1e-3));
         let curve = Curve::through(near.chain([Vec3::splat(1e30)]), 1001);
-        assert!(curve.place(Vec3::splat(1e30)) > curve.place(Vec3::splat(0.9)));
+        assert!(curve.code(Vec3::splat(1e30)) > curve.code(Vec3::splat(0.9)));
         let curve =
             Curve::through((0..10000).map(|i| Vec3::splat(if i == 7 { 1e6 } else { i as f32 })), 10000);
-        assert!(curve.place(Vec3::splat(5000.0)) != curve.place(Vec3::splat(5001.0)));
+        assert!(curve.code(Vec3::splat(5000.0)) != curve.code(Vec3::splat(5001.0)));
     }
 }

@@ -5,7 +5,7 @@
 //! neighbours too much, the contents of a few neighbouring nodes are redistributed among them
 //! ([`regroup`](super::tree)). The parents of redistributed nodes are queued in turn.
 
-use super::queue::{OVERLAP, Queue};
+use super::queue::{MIN_OVERLAP, Queue};
 use super::tree::Tree;
 
 /// The work done by a call of [`Scene::maintain`](crate::Scene::maintain).
@@ -15,14 +15,14 @@ use super::tree::Tree;
 /// let mut scene = Scene::new();
 /// let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
 /// scene.set_bounds(id, Aabb::from_arrays([2.0; 3], [3.0; 3]))?;
-/// assert_eq!(scene.maintain(8).blocks, 1);
+/// assert_eq!(scene.maintain(8).budget_used, 1);
 /// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Maintenance {
     /// Part of the budget that was used: 1 for each inspected node, and 3 for each further node whose
     /// contents were redistributed.
-    pub blocks: usize,
+    pub budget_used: usize,
     /// Number of objects that were moved to another leaf.
     pub rehomed: usize,
     /// Number of nodes still queued for inspection.
@@ -31,45 +31,45 @@ pub struct Maintenance {
 
 /// After an unsuccessful redistribution of a node's group, the next attempt waits until the overlap exceeds
 /// this multiple of the overlap at that attempt.
-const BEAR: f32 = 1.5;
+const RETRY_FACTOR: f32 = 1.5;
 /// Factor by which each inspection of a node without redistribution lowers the overlap at which the next
 /// attempt is made, so that attempts are repeated after a while.
-const FORGET: f32 = 0.97;
+const RETRY_DECAY: f32 = 0.97;
 /// Greatest number of occupied lanes, of 64, at which a node is merged with its nearest neighbours if they
 /// have free lanes.
-const SPARSE: u32 = 32;
+const MERGE_BELOW: u32 = 32;
 /// Cost of redistributing the contents of one node, in units of inspecting one node (measured).
-const DEALT: usize = 3;
+const REGROUP_COST: usize = 3;
 
 impl Tree {
     /// Inspects queued nodes until `budget` is used or the queue is empty. Increments `layout` for each
     /// redistribution, which changes slots. See [`Scene::maintain`](crate::Scene::maintain).
     pub(super) fn maintain(&mut self, queue: &mut Queue, budget: usize, layout: &mut u64) -> Maintenance {
         let mut done = Maintenance::default();
-        while done.blocks < budget {
+        while done.budget_used < budget {
             let Some(node) = queue.pop() else { break };
             // The node may have been freed since.
             if self.occupied[node as usize] == 0 || self.is_unculled_leaf(node as usize) {
                 continue;
             }
-            done.blocks += 1;
+            done.budget_used += 1;
             self.tighten(node);
             let mut group = self.neighbours(node);
-            group.truncate(1 + (budget - done.blocks) / DEALT);
-            let sparse = self.occupied[node as usize].count_ones() <= SPARSE;
-            let (overlap, borne) = (group.overlap(), &mut queue.borne[node as usize]);
-            if group.nodes().len() < 2 || !sparse && overlap < *borne {
-                *borne = (*borne * FORGET).max(OVERLAP);
+            group.truncate(1 + (budget - done.budget_used) / REGROUP_COST);
+            let sparse = self.occupied[node as usize].count_ones() <= MERGE_BELOW;
+            let (overlap, overlap_limit) = (group.overlap(), &mut queue.overlap_limits[node as usize]);
+            if group.nodes().len() < 2 || !sparse && overlap < *overlap_limit {
+                *overlap_limit = (*overlap_limit * RETRY_DECAY).max(MIN_OVERLAP);
                 continue;
             }
-            *borne = overlap * BEAR;
-            done.blocks += (group.nodes().len() - 1) * DEALT;
+            *overlap_limit = overlap * RETRY_FACTOR;
+            done.budget_used += (group.nodes().len() - 1) * REGROUP_COST;
             let leaves = self.levels[node as usize] == 0;
             if let Some(moved) = self.regroup(&group, sparse) {
                 *layout += 1;
                 done.rehomed += if leaves { moved } else { 0 };
                 for &node in group.nodes() {
-                    queue.settle(node as usize);
+                    queue.remove_regrouped(node as usize);
                     if let Some(above) = self.parent(node) {
                         queue.push(above.node());
                     }

@@ -248,7 +248,7 @@ impl Scene {
         Payload { id, layers: object.layers, occluder: object.occluder }
     }
 
-    fn place(&mut self, bounds: &Aabb, payload: Payload) {
+    fn insert_into_tree(&mut self, bounds: &Aabb, payload: Payload) {
         let never = self.is_never_culled(payload.id.index());
         if (Object { never_cull: never, ..Object::new(*bounds) }).is_unculled() {
             self.tree.insert_unculled(bounds, payload);
@@ -262,7 +262,7 @@ impl Scene {
     pub fn insert(&mut self, object: impl Into<Object>) -> ObjectId {
         let object = object.into();
         let payload = self.register(&object);
-        self.place(&object.bounds, payload);
+        self.insert_into_tree(&object.bounds, payload);
         self.log.push(payload.id, self.generations.len());
         payload.id
     }
@@ -271,7 +271,7 @@ impl Scene {
     /// objects as existing ones, the hierarchy is [rebuilt](Self::rebuild) with all of them, which costs one
     /// sort of the objects; otherwise they are inserted one by one.
     pub fn insert_batch<O: Into<Object>>(&mut self, objects: impl IntoIterator<Item = O>) -> Vec<ObjectId> {
-        let there = self.len();
+        let count_before = self.len();
         let objects = objects.into_iter();
         let expected = objects.size_hint().0;
         self.generations.reserve(expected);
@@ -289,7 +289,7 @@ impl Scene {
                 entries.push(Entry::new(object.bounds, payload));
             }
         }
-        if entries.len() >= there {
+        if entries.len() >= count_before {
             self.tree.rebuild(entries, &self.generations);
             self.queue.clear();
         } else {
@@ -364,7 +364,7 @@ impl Scene {
         } else if was != is || !self.tree.move_within(slot, bounds) {
             let payload = self.tree.payload(slot);
             self.tree.remove(slot);
-            self.place(bounds, payload);
+            self.insert_into_tree(bounds, payload);
         }
         self.queue.push(slot.node());
     }
@@ -396,10 +396,10 @@ impl Scene {
     /// Sets the bounds of `moved`, whose slots before the call are in `scratch.slots`, in the same order.
     fn move_all(&mut self, moved: &[(ObjectId, Aabb)], scratch: &mut Scratch) {
         let layout = self.layout;
-        if moved.len() >= self.tree.node_count() && moved.len() <= Scratch::MOST {
-            self.tree.move_crowd(moved, scratch, &mut self.queue);
-            for &place in &scratch.left {
-                let (id, bounds) = &moved[place as usize];
+        if moved.len() >= self.tree.node_count() && moved.len() <= Scratch::MAX_BATCH {
+            self.tree.move_batch_by_leaf(moved, scratch, &mut self.queue);
+            for &position in &scratch.leavers {
+                let (id, bounds) = &moved[position as usize];
                 self.move_object(self.tree.slots[id.index()], *id, bounds);
             }
             return;

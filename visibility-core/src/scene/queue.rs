@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 /// Least overlap at which a node's group is redistributed: the sum, over the neighbours, of the fraction of
 /// the node's bounds that each covers. Nodes of a newly built hierarchy come close to this value, since the
 /// bounds of objects overlap too.
-pub(super) const OVERLAP: f32 = 1.0;
+pub(super) const MIN_OVERLAP: f32 = 1.0;
 
 /// Queue of nodes that wait for maintenance, one bit per node. Nodes are served in turn by ascending number,
 /// round and round.
@@ -15,10 +15,10 @@ pub(super) struct Queue {
     /// Number of queued nodes.
     pub(super) waiting: usize,
     /// Number of the node from which the search for the next queued node starts.
-    at: usize,
+    next: usize,
     /// Indexed by node: the overlap below which redistributing the node's group is not attempted, raised
     /// when an attempt did not help.
-    pub(super) borne: Vec<f32>,
+    pub(super) overlap_limits: Vec<f32>,
 }
 
 impl Queue {
@@ -27,7 +27,7 @@ impl Queue {
         let word = node / 64;
         if word >= self.queued.len() {
             self.queued.resize(word + 1, 0);
-            self.borne.resize(word * 64 + 64, OVERLAP);
+            self.overlap_limits.resize(word * 64 + 64, MIN_OVERLAP);
         }
         self.waiting += usize::from(self.queued[word] >> (node % 64) & 1 == 0);
         self.queued[word] |= 1 << (node % 64);
@@ -42,11 +42,11 @@ impl Queue {
     }
 
     /// Removes a node from the queue after its contents were redistributed, and resets its overlap limit to
-    /// [`OVERLAP`].
-    pub(super) fn settle(&mut self, node: usize) {
+    /// [`MIN_OVERLAP`].
+    pub(super) fn remove_regrouped(&mut self, node: usize) {
         self.remove(node);
-        if let Some(borne) = self.borne.get_mut(node) {
-            *borne = OVERLAP;
+        if let Some(overlap_limits) = self.overlap_limits.get_mut(node) {
+            *overlap_limits = MIN_OVERLAP;
         }
     }
 
@@ -55,25 +55,25 @@ impl Queue {
         if self.waiting == 0 {
             return None;
         }
-        let mut word = self.at / 64;
-        let mut rest = self.queued.get(word).map_or(0, |bits| bits & u64::MAX << (self.at % 64));
+        let mut word = self.next / 64;
+        let mut rest = self.queued.get(word).map_or(0, |bits| bits & u64::MAX << (self.next % 64));
         while rest == 0 {
             word = if word + 1 < self.queued.len() { word + 1 } else { 0 };
             rest = self.queued[word];
         }
         let node = word * 64 + rest.trailing_zeros() as usize;
         self.remove(node);
-        self.at = node + 1;
+        self.next = node + 1;
         Some(node as u32)
     }
 
     pub(super) fn memory(&self) -> usize {
-        size_of_val(&self.queued[..]) + size_of_val(&self.borne[..])
+        size_of_val(&self.queued[..]) + size_of_val(&self.overlap_limits[..])
     }
 
     pub(super) fn clear(&mut self) {
-        (self.waiting, self.at) = (0, 0);
+        (self.waiting, self.next) = (0, 0);
         self.queued.fill(0);
-        self.borne.fill(OVERLAP);
+        self.overlap_limits.fill(MIN_OVERLAP);
     }
 }

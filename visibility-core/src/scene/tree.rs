@@ -233,10 +233,10 @@ impl Tree {
         self.clear_lane(slot);
         if self.levels[slot.node()] == UNCULLED {
             // Moves the leaf to the end of `unculled`, where the next insertion finds its free lane.
-            let (place, last) = (self.parents[slot.node()].0 as usize, self.unculled.len() - 1);
-            self.parents[self.unculled[last] as usize] = Slot(place as u32);
+            let (position, last) = (self.parents[slot.node()].0 as usize, self.unculled.len() - 1);
+            self.parents[self.unculled[last] as usize] = Slot(position as u32);
             self.parents[slot.node()] = Slot(last as u32);
-            self.unculled.swap(place, last);
+            self.unculled.swap(position, last);
             if self.occupied[slot.node()] == 0 {
                 self.unculled.pop();
                 self.release(slot.node() as u32);

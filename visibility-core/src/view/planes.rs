@@ -60,7 +60,7 @@ impl ViewPlanes {
     /// Returns whether a point, in metres relative to the origin that the planes were made for, is certainly
     /// strictly inside every plane. False for a point on a plane, where rounding leaves the side undecided,
     /// and for NaN. True without planes.
-    pub fn contain(&self, p: DVec3) -> bool {
+    pub fn contains(&self, p: DVec3) -> bool {
         self.as_slice().iter().all(|ViewPlane { plane, error }| {
             // 6u of the magnitudes for the arithmetic, 16u for the normal's own rounding.
             plane.signed_distance(p) > 4.0 * plane.error_bound(p.abs()) + error

@@ -70,7 +70,7 @@ struct SightPlanes {
     /// Left, right, bottom and top plane of the frustum, with normals that point inwards.
     sides: [ViewPlane; 4],
     /// The planes that view rays may begin on: the near plane, then the clip planes in their order.
-    fronts: SmallVec<[ViewPlane; 11]>,
+    start_planes: SmallVec<[ViewPlane; 11]>,
     /// The eye, relative to the anchor, and the bound on its error in metres; `None` for parallel views.
     eye: Option<(DVec3, f64)>,
 }
@@ -81,18 +81,18 @@ impl SightPlanes {
     fn new(view: &View, anchor: DVec3) -> Option<Self> {
         let planes = view.planes(anchor);
         let mut sides = [None; 4];
-        let mut fronts = SmallVec::new();
+        let mut start_planes = SmallVec::new();
         for (slot, plane) in planes.with_slots() {
             match slot {
                 0..=3 => sides[usize::from(slot)] = Some(*plane),
                 5 => {}
-                _ => fronts.push(*plane),
+                _ => start_planes.push(*plane),
             }
         }
         let [left, right, bottom, top] = sides;
         let sides = [left?, right?, bottom?, top?];
         // Without a front plane, view rays would seem to begin earlier than they do.
-        if fronts.len() != 1 + view.clip_planes().len() {
+        if start_planes.len() != 1 + view.clip_planes().len() {
             return None;
         }
         let projection = ViewProjection::new(view, anchor);
@@ -100,19 +100,19 @@ impl SightPlanes {
             Eye::Point(eye) => Some((eye, projection.eye_error())),
             Eye::Direction(_) => None,
         };
-        Some(Self { sides, fronts, eye })
+        Some(Self { sides, start_planes, eye })
     }
 
     /// Calls `each` with every polygon and its error bound, as [`View::for_each_sight_start`] does. `None` if
     /// the first points of view rays cannot be determined; polygons passed before are then invalid.
     fn for_each_polygon(&self, mut each: impl FnMut(&[DVec3], f64)) -> Option<()> {
         let mut at_eye = self.eye;
-        for place in 0..self.fronts.len() {
-            if !self.is_entered(place)? {
+        for index in 0..self.start_planes.len() {
+            if !self.is_entered(index)? {
                 continue;
             }
             at_eye = None;
-            let (corners, error) = self.polygon(place)?;
+            let (corners, error) = self.polygon(index)?;
             if !corners.is_empty() {
                 each(&corners, error);
             }
@@ -123,15 +123,15 @@ impl SightPlanes {
         Some(())
     }
 
-    /// Returns whether view rays that cross the front plane `fronts[place]` cross it inwards; `None` if
+    /// Returns whether view rays that cross the front plane `start_planes[index]` cross it inwards; `None` if
     /// rounding leaves the answer undecided.
     ///
     /// From an eye, rays cross the plane inwards if the eye is outside of it. In a parallel view, rays are
     /// known to cross the near plane inwards. Parallel rays run along the edge in which two side planes meet,
     /// and the determinants of the two planes with these side planes have the same sign if both are crossed
     /// in the same sense.
-    fn is_entered(&self, place: usize) -> Option<bool> {
-        let front = &self.fronts[place];
+    fn is_entered(&self, index: usize) -> Option<bool> {
+        let front = &self.start_planes[index];
         let [left, _, bottom, _] = &self.sides;
         match self.eye {
             Some((eye, error)) => {
@@ -142,20 +142,20 @@ impl SightPlanes {
             }
             None => {
                 let angle = |front| intersection([front, left, bottom]).map(|at| at.determinant);
-                Some(angle(front)? * angle(&self.fronts[0])? > 0.0)
+                Some(angle(front)? * angle(&self.start_planes[0])? > 0.0)
             }
         }
     }
 
-    /// Returns a convex polygon that contains all points of the front plane `fronts[place]` at which view
+    /// Returns a convex polygon that contains all points of the front plane `start_planes[index]` at which view
     /// rays begin, possibly empty, and the error bound of its corners in metres. `None` unless all four edges
     /// of the view certainly meet the plane in front of the eye.
     ///
     /// A corner is in front of the eye if clip-space `w` is positive there. On the left plane `x = -w`, so
     /// the right plane's `w - x` is `2w` there. The sign of `w` at a corner is therefore that of the distance
     /// from any side plane that does not pass through the corner.
-    fn polygon(&self, place: usize) -> Option<(Corners, f64)> {
-        let front = &self.fronts[place];
+    fn polygon(&self, index: usize) -> Option<(Corners, f64)> {
+        let front = &self.start_planes[index];
         let [left, right, bottom, top] = &self.sides;
         let (mut corners, mut error) = (Corners::new(), 0.0f64);
         for ([a, b], opposite) in [
@@ -174,7 +174,7 @@ impl SightPlanes {
             corners.push(corner.at);
             error = error.max(corner.error);
         }
-        for (_, other) in self.fronts.iter().enumerate().filter(|&(other, _)| other != place) {
+        for (_, other) in self.start_planes.iter().enumerate().filter(|&(other, _)| other != index) {
             // A point of the exact polygon that is inside the exact plane has a point between the corners
             // within `error`, and that point is within `margin + error` of the plane as given here. The
             // rounding of a corner's distance is part of the margin. The position of a crossing on its edge

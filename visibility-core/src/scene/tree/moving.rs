@@ -40,16 +40,16 @@ impl Tree {
     }
 
     /// Moves many objects within their leaves, leaf by leaf, and makes the bounds above as tight as possible.
-    /// `moved` has at most [`Scratch::MOST`] elements, and `scratch.slots` holds the slot of each. Objects
-    /// that must leave their leaf are not moved: their positions in `moved` are written to `scratch.left`, in
+    /// `moved` has at most [`Scratch::MAX_BATCH`] elements, and `scratch.slots` holds the slot of each. Objects
+    /// that must leave their leaf are not moved: their positions in `moved` are written to `scratch.leavers`, in
     /// batch order for each object. Changed leaves are queued for maintenance.
-    pub(in crate::scene) fn move_crowd(
+    pub(in crate::scene) fn move_batch_by_leaf(
         &mut self,
         moved: &[(ObjectId, Aabb)],
         scratch: &mut Scratch,
         queue: &mut Queue,
     ) {
-        let Scratch { slots, sorted, ends, left } = scratch;
+        let Scratch { slots, sorted, ends, leavers } = scratch;
         ends.clear();
         ends.resize(self.node_count(), 0);
         for slot in slots.iter() {
@@ -61,34 +61,34 @@ impl Tree {
         }
         sorted.clear();
         sorted.resize(slots.len(), 0);
-        for (place, slot) in slots.iter().enumerate() {
+        for (position, slot) in slots.iter().enumerate() {
             let end = &mut ends[slot.node()];
-            sorted[*end as usize] = (place << 6 | slot.lane()) as u32;
+            sorted[*end as usize] = (position << 6 | slot.lane()) as u32;
             *end += 1;
         }
 
-        left.clear();
+        leavers.clear();
         let mut start = 0;
         let mut grown = NONE;
         for (leaf, &end) in ends.iter().enumerate() {
-            let these = &sorted[core::mem::replace(&mut start, end as usize)..end as usize];
-            if these.is_empty() {
+            let leaf_batch = &sorted[core::mem::replace(&mut start, end as usize)..end as usize];
+            if leaf_batch.is_empty() {
                 continue;
             }
             if self.is_unculled_leaf(leaf) {
-                left.extend(these.iter().map(|&word| word >> 6));
+                leavers.extend(leaf_batch.iter().map(|&word| word >> 6));
                 continue;
             }
             let above = self.parent(leaf as u32);
             let home = above.map(|above| self.bounds[above.node()].get(above.lane()));
-            let mut gone = 0u64;
-            for &word in these {
-                let (place, lane) = (word >> 6, word & 63);
-                let bounds = &moved[place as usize].1;
-                let leaves = !bounds.is_finite() || home.as_ref().is_some_and(|home| is_far(home, bounds));
-                gone |= u64::from(leaves) << lane;
-                if gone >> lane & 1 != 0 {
-                    left.push(place);
+            let mut leaving = 0u64;
+            for &word in leaf_batch {
+                let (position, lane) = (word >> 6, word & 63);
+                let bounds = &moved[position as usize].1;
+                let leaves_home = !bounds.is_finite() || home.as_ref().is_some_and(|home| is_far(home, bounds));
+                leaving |= u64::from(leaves_home) << lane;
+                if leaving >> lane & 1 != 0 {
+                    leavers.push(position);
                 } else {
                     self.bounds[leaf].set(lane as usize, bounds);
                 }

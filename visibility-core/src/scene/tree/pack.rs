@@ -16,14 +16,14 @@ pub(crate) fn pack(order: &mut [u64], centers: &[Vec3A], pieces: usize, take: &m
     for word in order.iter_mut() {
         *word = u64::from(ascending(centers[number(*word)][axis])) << 32 | number(*word) as u64;
     }
-    let left = pieces / 2;
-    let middle = order.len() * left / pieces;
+    let low_pieces = pieces / 2;
+    let middle = order.len() * low_pieces / pieces;
     if middle < order.len() {
         order.select_nth_unstable(middle);
     }
     let (low, high) = order.split_at_mut(middle);
-    pack(low, centers, left, take);
-    pack(high, centers, pieces - left, take);
+    pack(low, centers, low_pieces, take);
+    pack(high, centers, pieces - low_pieces, take);
 }
 
 /// Returns the index that a word of [`pack`] holds in its lower 32 bits.

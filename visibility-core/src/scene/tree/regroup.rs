@@ -33,7 +33,7 @@ impl Group {
 
     /// Inserts a node into the group by descending nearness. If the group is full, its least near node is
     /// dropped, which may be the new one.
-    fn offer(&mut self, node: u32, nearness: f32) {
+    fn insert_by_nearness(&mut self, node: u32, nearness: f32) {
         let mut at = self.count;
         while at > 0 && self.nearness[at - 1] < nearness {
             at -= 1;
@@ -76,10 +76,10 @@ impl Tree {
             ancestors[height] = at;
         }
         let mut group = Group::EMPTY;
-        group.offer(at, f32::INFINITY);
+        group.insert_by_nearness(at, f32::INFINITY);
         for depth in (0..height).rev() {
             let mut below = Group::EMPTY;
-            below.offer(ancestors[depth], f32::INFINITY);
+            below.insert_by_nearness(ancestors[depth], f32::INFINITY);
             for &node in group.nodes() {
                 let node = node as usize;
                 let nearness = nearness(&self.bounds[node], &home);
@@ -87,7 +87,7 @@ impl Tree {
                     if below.count < GROUP || nearness[lane] > below.nearness[GROUP - 1] {
                         let child = self.child(node, lane) as u32;
                         if child != ancestors[depth] {
-                            below.offer(child, nearness[lane]);
+                            below.insert_by_nearness(child, nearness[lane]);
                         }
                     }
                 }
@@ -99,7 +99,7 @@ impl Tree {
     }
 
     /// Redistributes the contents of a group's nodes if the sum of the sizes of their bounds shrinks below
-    /// [`WORTH`] of the former sum,
+    /// [`MIN_SHRINK`] of the former sum,
     /// or if fewer nodes suffice and that sum does not grow. With `merge`, fewer nodes are enough, whatever
     /// the sizes. Nodes left empty are freed.
     ///
@@ -113,19 +113,19 @@ impl Tree {
         let mut hulls = [Aabb::EMPTY; GROUP];
         let mut count = 0;
         let mut before = 0.0;
-        for (place, &node) in nodes.iter().enumerate() {
+        for (member, &node) in nodes.iter().enumerate() {
             for lane in lanes(self.occupied[node as usize]) {
                 let bounds = self.bounds[node as usize].get(lane);
-                let number = place * 64 + lane;
+                let number = member * 64 + lane;
                 (boxes[number], centers[number]) = (bounds, bounds.center().into());
                 order[count] = number as u64;
                 count += 1;
-                hulls[place] = hulls[place].union(&bounds);
+                hulls[member] = hulls[member].union(&bounds);
             }
-            before += size(&hulls[place]);
+            before += size(&hulls[member]);
         }
         let mut wanted = nodes.len();
-        while wanted > 1 && count <= (wanted - 1) * FILL {
+        while wanted > 1 && count <= (wanted - 1) * MERGE_FILL {
             wanted -= 1;
         }
         let mut pieces = [(0, 0, Aabb::EMPTY); GROUP];
@@ -137,7 +137,7 @@ impl Tree {
             done += 1;
             start += piece.len();
         });
-        let better = after < before * WORTH || wanted < nodes.len() && (merge || after <= before);
+        let better = after < before * MIN_SHRINK || wanted < nodes.len() && (merge || after <= before);
         if !better {
             return None;
         }
@@ -147,44 +147,44 @@ impl Tree {
         let mut ids = [[ObjectId::NONE; 64]; GROUP];
         let mut layers = [[0; 64]; GROUP];
         let mut occluders = [0; GROUP];
-        for (place, &node) in nodes.iter().enumerate() {
-            ids[place] = self.ids[node as usize];
-            layers[place] = self.layers[node as usize];
-            occluders[place] = self.occluders[node as usize];
+        for (member, &node) in nodes.iter().enumerate() {
+            ids[member] = self.ids[node as usize];
+            layers[member] = self.layers[node as usize];
+            occluders[member] = self.occluders[node as usize];
         }
         let mut free = (1u32 << nodes.len()) - 1;
         let mut moved = 0;
         for &(start, end, hull) in &pieces[..wanted] {
             // Each piece goes to the nearest free node of the group, so that bounds above change little.
-            let place = lanes(free.into())
+            let member = lanes(free.into())
                 .min_by(|&a, &b| separation(&hulls[a], &hull).total_cmp(&separation(&hulls[b], &hull)))
                 .unwrap_or(0);
-            free &= !(1 << place);
-            let node = nodes[place] as usize;
-            let mut dealt = Boxes64::EMPTY;
-            let mut dealt_ids = [ObjectId::NONE; 64];
-            let mut dealt_layers = [u32::MAX; 64];
-            let mut dealt_occluders = 0;
+            free &= !(1 << member);
+            let node = nodes[member] as usize;
+            let mut new_boxes = Boxes64::EMPTY;
+            let mut new_ids = [ObjectId::NONE; 64];
+            let mut new_layers = [u32::MAX; 64];
+            let mut new_occluders = 0;
             for (lane, &word) in order[start..end].iter().enumerate() {
                 let (from, old) = (number(word) / 64, number(word) % 64);
-                dealt.set(lane, &boxes[number(word)]);
-                dealt_ids[lane] = ids[from][old];
-                dealt_layers[lane] = layers[from][old];
-                dealt_occluders |= (occluders[from] >> old & 1) << lane;
-                moved += usize::from(from != place);
+                new_boxes.set(lane, &boxes[number(word)]);
+                new_ids[lane] = ids[from][old];
+                new_layers[lane] = layers[from][old];
+                new_occluders |= (occluders[from] >> old & 1) << lane;
+                moved += usize::from(from != member);
             }
             let slots = if level == 0 { &mut self.slots } else { &mut self.parents };
-            for (lane, id) in dealt_ids[..end - start].iter().enumerate() {
+            for (lane, id) in new_ids[..end - start].iter().enumerate() {
                 slots[id.index()] = Slot::new(node as u32, lane);
             }
-            self.bounds[node] = dealt;
-            self.ids[node] = dealt_ids;
-            self.layers[node] = dealt_layers;
-            self.occluders[node] = dealt_occluders;
+            self.bounds[node] = new_boxes;
+            self.ids[node] = new_ids;
+            self.layers[node] = new_layers;
+            self.occluders[node] = new_occluders;
             self.occupied[node] = if end - start == 64 { u64::MAX } else { (1 << (end - start)) - 1 };
         }
-        for place in lanes(free.into()) {
-            let node = nodes[place] as usize;
+        for member in lanes(free.into()) {
+            let node = nodes[member] as usize;
             self.bounds[node] = Boxes64::EMPTY;
             self.ids[node] = [ObjectId::NONE; 64];
             self.layers[node] = [u32::MAX; 64];
@@ -192,8 +192,8 @@ impl Tree {
             self.occupied[node] = 0;
             self.remove_empty(node as u32);
         }
-        for (place, &node) in nodes.iter().enumerate() {
-            if free >> place & 1 == 0 {
+        for (member, &node) in nodes.iter().enumerate() {
+            if free >> member & 1 == 0 {
                 self.tighten(node);
             }
         }
@@ -203,9 +203,9 @@ impl Tree {
 
 /// Greatest average number of items per remaining node, out of 64 lanes, up to which the nodes of a group are
 /// merged.
-const FILL: usize = 60;
+const MERGE_FILL: usize = 60;
 /// Regrouping is carried out if it reduces the sum of the nodes' sizes below this fraction of the former sum.
-const WORTH: f32 = 0.97;
+const MIN_SHRINK: f32 = 0.97;
 
 /// Returns the sum of the half sides of a box, which is proportional to its mean width, and so to the
 /// probability that a random plane crosses the box.

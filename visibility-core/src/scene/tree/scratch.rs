@@ -14,21 +14,21 @@ pub(in crate::scene) struct Scratch {
     /// Indexed by node: the end, exclusive, of the node's range in `sorted`.
     pub(super) ends: Vec<u32>,
     /// Positions in the batch of the objects that must leave their leaf and be moved one by one.
-    pub(in crate::scene) left: Vec<u32>,
+    pub(in crate::scene) leavers: Vec<u32>,
 }
 
 impl Scratch {
     /// Greatest number of objects in a batch: 2^26, since a position in the batch and a lane of 6 bits share
     /// a 32-bit word.
-    pub(in crate::scene) const MOST: usize = 1 << 26;
+    pub(in crate::scene) const MAX_BATCH: usize = 1 << 26;
 
     pub(in crate::scene) const EMPTY: Self =
-        Self { slots: Vec::new(), sorted: Vec::new(), ends: Vec::new(), left: Vec::new() };
+        Self { slots: Vec::new(), sorted: Vec::new(), ends: Vec::new(), leavers: Vec::new() };
 
     pub(in crate::scene) fn memory(&self) -> usize {
         size_of_val(&self.slots[..])
             + size_of_val(&self.sorted[..])
             + size_of_val(&self.ends[..])
-            + size_of_val(&self.left[..])
+            + size_of_val(&self.leavers[..])
     }
 }
