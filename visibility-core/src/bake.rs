@@ -9,7 +9,7 @@
 //!
 //! ```
 //! use visibility_core::bake::{Bake, Baker};
-//! use visibility_core::envelope::{EnvelopeError, Reader, Writer};
+//! use visibility_core::binary_format::{FormatError, Reader, Writer};
 //! /// Counts the divisors of the numbers from 1 on.
 //! struct Divisors(Vec<u32>);
 //! impl Baker for Divisors {
@@ -31,7 +31,7 @@
 //!     }
 //!     fn fingerprint(&self) -> u64 { self.0.len() as u64 }
 //!     fn save(&self, state: &mut Writer) { state.u32s(self.0.iter().copied()) }
-//!     fn load(&mut self, state: &mut Reader<'_>) -> Result<(), EnvelopeError> {
+//!     fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError> {
 //!         self.0 = state.u32s(self.0.len())?;
 //!         Ok(())
 //!     }
@@ -43,13 +43,13 @@
 //! let mut bake = Bake::resume(Divisors(vec![0; 100]), &bake.save())?;
 //! while bake.advance().is_some() {}
 //! assert_eq!(bake.finish()[11], 6);
-//! # Ok::<(), EnvelopeError>(())
+//! # Ok::<(), FormatError>(())
 //! ```
 
-use crate::envelope::{EnvelopeError, Format, Reader, Writer};
+use crate::binary_format::{Format, FormatError, Reader, Writer};
 use alloc::vec::Vec;
 
-/// Envelope format of saved bakes. Versions 1 and 2 held cell-to-cell bakes only and cannot be read.
+/// Format of saved bakes. Versions 1 and 2 held cell-to-cell bakes only and cannot be read.
 const FORMAT: Format = Format { magic: *b"VISIBAKE", version: 3 };
 
 /// Progress of a bake: the number of items done and the cost so far.
@@ -78,7 +78,7 @@ pub trait Baker: Sync {
     /// Greatest number of items in one round; 0 counts as 1. Larger rounds keep more threads busy, but the
     /// items of a round cannot use one another's results.
     const ROUND: usize = 48;
-    /// Kind stored in the [header](crate::envelope) of saved bakes, so that a bake saved by one type of baker
+    /// Kind stored in the [header](crate::binary_format) of saved bakes, so that a bake saved by one type of baker
     /// is refused by another type.
     const KIND: u32 = 0;
 
@@ -107,7 +107,7 @@ pub trait Baker: Sync {
     fn finish(self, waiting: &[u32]) -> Self::Outcome;
 
     /// Returns a hash of everything that determines the outcome: the input and the settings, but not the
-    /// progress. See [`Fingerprint`](crate::envelope::Fingerprint).
+    /// progress. See [`Fingerprint`](crate::binary_format::Fingerprint).
     fn fingerprint(&self) -> u64;
 
     /// Appends the merged results so far to `state`, in the form that [`load`](Self::load) reads.
@@ -117,9 +117,9 @@ pub trait Baker: Sync {
     /// [saved](Self::save).
     ///
     /// # Errors
-    /// [`EnvelopeError`] if the state is inconsistent. The bytes may be forged, so every number must be
+    /// [`FormatError`] if the state is inconsistent. The bytes may be forged, so every number must be
     /// checked before use.
-    fn load(&mut self, state: &mut Reader<'_>) -> Result<(), EnvelopeError>;
+    fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError>;
 }
 
 /// A [`Baker`] in progress: [`advance`](Self::advance) works on one round of items, [`finish`](Self::finish)
@@ -190,7 +190,7 @@ impl<B: Baker> Bake<B> {
         self.baker.finish(&self.waiting)
     }
 
-    /// Returns the state of the bake as bytes in an [envelope](crate::envelope), for
+    /// Returns the state of the bake as bytes in the [binary format](crate::binary_format), for
     /// [`resume`](Self::resume). The bake itself is unchanged.
     pub fn save(&self) -> Vec<u8> {
         let mut state = Writer::new(FORMAT, B::KIND, self.baker.fingerprint());
@@ -207,9 +207,9 @@ impl<B: Baker> Bake<B> {
     /// uninterrupted bake. `baker` must be newly made from the input and settings of the saved bake.
     ///
     /// # Errors
-    /// [`EnvelopeError`] if the bytes are damaged or inconsistent, or belong to another baker, another input
+    /// [`FormatError`] if the bytes are damaged or inconsistent, or belong to another baker, another input
     /// or other settings.
-    pub fn resume(mut baker: B, bytes: &[u8]) -> Result<Self, EnvelopeError> {
+    pub fn resume(mut baker: B, bytes: &[u8]) -> Result<Self, FormatError> {
         let mut state = Reader::new(bytes, FORMAT)?;
         state.expect(B::KIND, baker.fingerprint())?;
         let steps = state.u64()?;
@@ -217,7 +217,7 @@ impl<B: Baker> Bake<B> {
         let waiting = state.u32s(count)?;
         let ascending = waiting.windows(2).all(|pair| pair[0] < pair[1]);
         if !ascending || waiting.last().is_some_and(|&last| last as usize >= baker.item_count()) {
-            return Err(state.wrong("the items that wait are unknown or out of order"));
+            return Err(state.content_error("the items that wait are unknown or out of order"));
         }
         baker.load(&mut state)?;
         state.end()?;

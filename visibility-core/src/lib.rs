@@ -44,11 +44,11 @@ compile_error!("visibility-core needs floating point: enable the feature `std` o
 
 pub mod backface;
 pub mod bake;
+pub mod binary_format;
 pub mod casters;
 pub mod cells;
 mod cull_stats;
 mod culler;
-pub mod envelope;
 mod float;
 pub mod frustum;
 pub mod geometry;

@@ -1,4 +1,4 @@
-//! Binary form of tessellations: arrays as they are in memory, in an [envelope](visibility_core::envelope),
+//! Binary form of tessellations: arrays as they are in memory, in an [envelope](visibility_core::binary_format),
 //! so that loading copies and checks the arrays and computes nothing.
 //!
 //! The kind in the envelope's header is 0 for octrees and 1 for tetrahedra. The fingerprint is a hash of the
@@ -12,7 +12,7 @@ use crate::octree::{Fineness, OctreeTessellation, decode_neighbour, leaf_positio
 
 use alloc::vec::Vec;
 use visibility_core::Scene;
-use visibility_core::envelope::{EnvelopeError, Fingerprint, Format, Reader, Writer};
+use visibility_core::binary_format::{FormatError, Fingerprint, Format, Reader, Writer};
 use visibility_core::glam::DVec3;
 
 /// Magic bytes and version of the binary form; a change of the layout raises the version.
@@ -60,37 +60,37 @@ fn write_content(writer: &mut Writer, content: &Content) {
 
 /// Opens an envelope and checks its header. `Err` if the bytes are damaged, or the format, version, kind or
 /// the scene's fingerprint differs.
-fn open<'a>(bytes: &'a [u8], kind: u32, scene: &Scene) -> Result<Reader<'a>, EnvelopeError> {
+fn open<'a>(bytes: &'a [u8], kind: u32, scene: &Scene) -> Result<Reader<'a>, FormatError> {
     let reader = Reader::new(bytes, FORMAT)?;
     reader.expect(kind, fingerprint(scene))?;
     Ok(reader)
 }
 
 /// Reads an array written by [`write_array`]. `Err` if the bytes end early.
-fn read_array(reader: &mut Reader) -> Result<Vec<u32>, EnvelopeError> {
+fn read_array(reader: &mut Reader) -> Result<Vec<u32>, FormatError> {
     let count = reader.u32()? as usize;
     reader.u32s(count)
 }
 
 /// Reads an array of quadruples. `Err` if the array's length is no multiple of four or the bytes end early.
-fn read_fours(reader: &mut Reader) -> Result<Vec<[u32; 4]>, EnvelopeError> {
+fn read_fours(reader: &mut Reader) -> Result<Vec<[u32; 4]>, FormatError> {
     let words = read_array(reader)?;
     if words.len() % 4 != 0 {
-        return Err(reader.wrong("an array of fours has another length"));
+        return Err(reader.content_error("an array of fours has another length"));
     }
     Ok(words.chunks_exact(4).map(|w| [w[0], w[1], w[2], w[3]]).collect())
 }
 
 /// Reads the grid and fineness written by [`begin`]. `Err` for a grid that is not finite or whose step is not
 /// positive.
-fn read_grid(reader: &mut Reader) -> Result<(Grid, Fineness), EnvelopeError> {
+fn read_grid(reader: &mut Reader) -> Result<(Grid, Fineness), FormatError> {
     let mut numbers = [0.0; 4];
     for number in &mut numbers {
         *number = f64::from_bits(reader.u64()?);
     }
     let [x, y, z, step] = numbers;
     if !numbers.iter().all(|number| number.is_finite()) || step <= 0.0 {
-        return Err(reader.wrong("the grid is not finite"));
+        return Err(reader.content_error("the grid is not finite"));
     }
     let fineness = Fineness { vertices: reader.u32()? as usize, halvings: reader.u32()? };
     Ok((Grid { min: DVec3::new(x, y, z), step }, fineness))
@@ -98,7 +98,7 @@ fn read_grid(reader: &mut Reader) -> Result<(Grid, Fineness), EnvelopeError> {
 
 /// Reads the content of `cells` cells written by [`write_content`], up to the end of the bytes. `Err` if the
 /// arrays contradict each other, `cells` or the scene.
-fn read_content(reader: &mut Reader, scene: &Scene, cells: usize) -> Result<Content, EnvelopeError> {
+fn read_content(reader: &mut Reader, scene: &Scene, cells: usize) -> Result<Content, FormatError> {
     let starts = read_array(reader)?;
     let cover: Vec<[u8; 4]> = read_array(reader)?.into_iter().map(u32::to_le_bytes).collect();
     let halves = read_array(reader)?;
@@ -107,9 +107,9 @@ fn read_content(reader: &mut Reader, scene: &Scene, cells: usize) -> Result<Cont
     let lists = reader.bytes(length)?.to_vec();
     reader.end()?;
     if cover.len() != cells {
-        return Err(reader.wrong("there are more or fewer lists than cells"));
+        return Err(reader.content_error("there are more or fewer lists than cells"));
     }
-    Content::from_arrays(scene, starts, cover, lists, held.collect()).map_err(|problem| reader.wrong(problem))
+    Content::from_arrays(scene, starts, cover, lists, held.collect()).map_err(|problem| reader.content_error(problem))
 }
 
 /// Tests whether an encoded neighbour (see `octree::encode_neighbour`) of leaf `cell` names an existing leaf
@@ -145,9 +145,9 @@ impl OctreeTessellation {
     /// Cost: proportional to the number of bytes and the size of the scene, all of which are checked.
     ///
     /// # Errors
-    /// [`EnvelopeError`] if the bytes are damaged, have another format, version or kind of tessellation, or
+    /// [`FormatError`] if the bytes are damaged, have another format, version or kind of tessellation, or
     /// if the scene differs from the stored scene.
-    pub fn from_bytes(bytes: &[u8], scene: &Scene) -> Result<Self, EnvelopeError> {
+    pub fn from_bytes(bytes: &[u8], scene: &Scene) -> Result<Self, FormatError> {
         let mut reader = open(bytes, 0, scene)?;
         let (grid, fineness) = read_grid(&mut reader)?;
         let (codes, sides) = (read_array(&mut reader)?, read_array(&mut reader)?);
@@ -159,13 +159,13 @@ impl OctreeTessellation {
         let mut leaf_positions = Vec::with_capacity(cells);
         for (&code, &side) in codes.iter().zip(&sides) {
             if !side.is_power_of_two() || side > STEPS || u64::from(code) != next {
-                return Err(reader.wrong("the leaves do not fill the cube"));
+                return Err(reader.content_error("the leaves do not fill the cube"));
             }
             leaf_positions.push(leaf_position(code, side));
             next += u64::from(side).pow(3);
         }
         if sides.len() != cells || next != u64::from(morton([STEPS - 1; 3])) + 1 {
-            return Err(reader.wrong("the leaves do not fill the cube"));
+            return Err(reader.content_error("the leaves do not fill the cube"));
         }
         let fits = are_list_starts(&neighbours.starts, cells, neighbours.items.len())
             && boundary.iter().all(|&cell| (cell as usize) < cells)
@@ -173,7 +173,7 @@ impl OctreeTessellation {
                 neighbours.get(cell).iter().all(|&encoded| touches(&leaf_positions, cell, encoded))
             });
         if !fits {
-            return Err(reader.wrong("the neighbours do not fit the leaves"));
+            return Err(reader.content_error("the neighbours do not fit the leaves"));
         }
         let content = read_content(&mut reader, scene, cells)?;
         Ok(Self { grid, fineness, codes, leaf_positions, neighbours, boundary, content })
@@ -200,16 +200,16 @@ impl DelaunayTessellation {
     /// Cost: proportional to the number of bytes and the size of the scene, all of which are checked.
     ///
     /// # Errors
-    /// [`EnvelopeError`] if the bytes are damaged, have another format, version or kind of tessellation, or
+    /// [`FormatError`] if the bytes are damaged, have another format, version or kind of tessellation, or
     /// if the scene differs from the stored scene.
-    pub fn from_bytes(bytes: &[u8], scene: &Scene) -> Result<Self, EnvelopeError> {
+    pub fn from_bytes(bytes: &[u8], scene: &Scene) -> Result<Self, FormatError> {
         let mut reader = open(bytes, 1, scene)?;
         let (grid, fineness) = read_grid(&mut reader)?;
         let points = read_array(&mut reader)?;
         let (cells, neighbours) = (read_fours(&mut reader)?, read_fours(&mut reader)?);
         let boundary = read_array(&mut reader)?;
         if points.len() % 3 != 0 || points.iter().any(|&x| x > FINE_STEPS as u32) {
-            return Err(reader.wrong("a point lies outside the cube"));
+            return Err(reader.content_error("a point lies outside the cube"));
         }
         let points: Vec<_> =
             points.chunks_exact(3).map(|p| [p[0] as i32, p[1] as i32, p[2] as i32]).collect();
@@ -220,7 +220,7 @@ impl DelaunayTessellation {
             && neighbours.as_flattened().iter().all(|&cell| cell == NONE || (cell as usize) < count)
             && boundary.iter().all(|&cell| (cell as usize) < count);
         if !fits {
-            return Err(reader.wrong("the tetrahedra name points or neighbours that are not there"));
+            return Err(reader.content_error("the tetrahedra name points or neighbours that are not there"));
         }
         let content = read_content(&mut reader, scene, count)?;
         Ok(Self { grid, fineness, points, cells, neighbours, boundary, content })

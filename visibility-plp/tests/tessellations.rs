@@ -5,7 +5,7 @@
 mod common;
 
 use common::{Random, rooms, triangles, views};
-use visibility_core::envelope::EnvelopeError;
+use visibility_core::binary_format::FormatError;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Object, Scene, VisibleSet};
 use visibility_plp::{
@@ -175,7 +175,7 @@ fn changed_objects_are_strays() {
 
 /// Asserts that `load` accepts the bytes and refuses them with any byte changed, cut short, extended, of
 /// another version, or for a changed scene. `load` returns the error, or `None` on success.
-fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<EnvelopeError>) {
+fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<FormatError>) {
     assert_eq!(load(bytes, scene), None);
     for place in 0..bytes.len() {
         let mut wrong = bytes.to_vec();
@@ -187,15 +187,15 @@ fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<Envelop
     }
     let mut longer = bytes.to_vec();
     longer.push(0);
-    assert!(matches!(load(&longer, scene), Some(EnvelopeError::Length { .. })));
+    assert!(matches!(load(&longer, scene), Some(FormatError::Length { .. })));
     let mut newer = bytes.to_vec();
     newer[8] = 9;
-    assert_eq!(load(&newer, scene), Some(EnvelopeError::Version { found: 9, expected: 5 }));
-    assert_eq!(load(b"something else", scene), Some(EnvelopeError::Magic { expected: *b"plpcells" }));
+    assert_eq!(load(&newer, scene), Some(FormatError::Version { found: 9, expected: 5 }));
+    assert_eq!(load(b"something else", scene), Some(FormatError::Magic { expected: *b"plpcells" }));
     let mut other = scene.clone();
     let id = other.ids().next().unwrap();
     other.set_bounds(id, Aabb::from_arrays([0.0; 3], [2.0; 3])).unwrap();
-    assert_eq!(load(bytes, &other), Some(EnvelopeError::Fingerprint));
+    assert_eq!(load(bytes, &other), Some(FormatError::Fingerprint));
     assert!(load(bytes, &scene.clone()).is_none());
 }
 
@@ -212,7 +212,7 @@ fn stored_cells_come_back_or_are_refused() {
     stored(&few, &small, |bytes, scene| DelaunayTessellation::from_bytes(bytes, scene).err());
     assert_eq!(
         OctreeTessellation::from_bytes(&fours, &scene).err(),
-        Some(EnvelopeError::Kind { found: 1, expected: 0 })
+        Some(FormatError::Kind { found: 1, expected: 0 })
     );
     check(&scene, &OctreeTessellation::from_bytes(&bytes, &scene).unwrap());
     check(&scene, &DelaunayTessellation::from_bytes(&fours, &scene).unwrap());
@@ -231,7 +231,7 @@ fn what_has_changed_is_stored_as_strays() {
 
 /// Changes single bytes and corrects the checksum, as no accident would. Bytes that are then accepted may
 /// give wrong answers, but cullers must not panic.
-fn forged<T: Tessellation>(scene: &Scene, bytes: &[u8], load: impl Fn(&[u8]) -> Result<T, EnvelopeError>) {
+fn forged<T: Tessellation>(scene: &Scene, bytes: &[u8], load: impl Fn(&[u8]) -> Result<T, FormatError>) {
     let (mut refused, mut taken) = (0, 0);
     for place in (40..bytes.len()).step_by(23) {
         let mut wrong = bytes.to_vec();

@@ -11,8 +11,8 @@ use crate::portal_chain::CellFlood;
 use crate::portal_flow::{FlowInput, FlowResult, FlowScratch, portal_flow};
 use alloc::vec::Vec;
 use visibility_core::bake::{Baker, fill_rows};
+use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
 use visibility_core::cells::{CellGraph, CellId};
-use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
 
 /// A cell whose row of the matrix contains too many cells, because the bake reached
 /// [`Settings::steps_per_cell`](crate::Settings::steps_per_cell) there.
@@ -243,7 +243,7 @@ impl Baker for CellBaker {
         }
     }
 
-    fn load(&mut self, state: &mut Reader<'_>) -> Result<(), EnvelopeError> {
+    fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError> {
         self.rejected = state.u64()?;
         self.fallbacks = state.u32s(self.fallbacks.len())?;
         self.steps = state.u64s(self.steps.len())?;

@@ -1,7 +1,7 @@
 //! Bakes that are stopped, saved and resumed give the same result as uninterrupted bakes.
 
 use visibility_core::bake::{Bake, Baker};
-use visibility_core::envelope::{EnvelopeError, Format, HEADER, Writer};
+use visibility_core::binary_format::{Format, FormatError, HEADER_LENGTH, Writer};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Scene,
@@ -98,9 +98,9 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
         let saved = bake.save();
         let moved = |id: visibility_core::ObjectId| boxes.get(id.index()).map(|&[min, max]| [min, max + 0.1]);
         let other = ObjectBaker::new(&graph, &matrix, moved, settings).unwrap();
-        assert_eq!(Bake::resume(other, &saved).err(), Some(EnvelopeError::Fingerprint));
+        assert_eq!(Bake::resume(other, &saved).err(), Some(FormatError::Fingerprint));
         let cells = Bake::resume(baker(&graph, settings), &saved);
-        assert_eq!(cells.err(), Some(EnvelopeError::Kind { found: 1, expected: 0 }));
+        assert_eq!(cells.err(), Some(FormatError::Kind { found: 1, expected: 0 }));
     }
 }
 
@@ -113,8 +113,8 @@ fn damaged_and_foreign_bytes_are_refused() {
     let refused =
         |graph: &CellGraph, settings, bytes: &[u8]| Bake::resume(baker(graph, settings), bytes).unwrap_err();
     let other = Settings { steps_per_cell: 9, ..Settings::default() };
-    assert_eq!(refused(&graph, other, &good), EnvelopeError::Fingerprint);
-    assert_eq!(refused(&rooms(1.0), Settings::default(), &good), EnvelopeError::Fingerprint);
+    assert_eq!(refused(&graph, other, &good), FormatError::Fingerprint);
+    assert_eq!(refused(&rooms(1.0), Settings::default(), &good), FormatError::Fingerprint);
     for place in (0..good.len()).step_by(101) {
         let mut bytes = good.clone();
         bytes[place] ^= 0x10;
@@ -130,7 +130,7 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
     let settings = Settings { steps_per_cell: 40, ..Settings::default() };
     let saved = Bake::new(baker(&graph, settings)).save();
     let forged = |change: &dyn Fn(&mut [u8])| {
-        let mut content = saved[HEADER..].to_vec();
+        let mut content = saved[HEADER_LENGTH..].to_vec();
         change(&mut content);
         let format = Format { magic: saved[..8].try_into().unwrap(), version: 3 };
         let fingerprint = u64::from_le_bytes(saved[16..24].try_into().unwrap());

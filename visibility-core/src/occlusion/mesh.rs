@@ -3,6 +3,7 @@
 //! The region that an occluder hides is bounded by its contour, and the contour consists of edges that do not
 //! join two drawn triangles. Edge adjacency is therefore computed once, when the mesh is made.
 
+use crate::binary_format::Fingerprint;
 use crate::geometry::orientation;
 use crate::{Aabb, geometry::Side};
 use alloc::vec::Vec;
@@ -94,7 +95,7 @@ pub struct OccluderMesh {
     /// Projected area of the triangles that face +x, +y, +z, -x, -y, -z, along that axis, in square metres.
     facing: [f32; 6],
     /// Hash of positions and triangles, without `two_sided`.
-    fingerprint: u64,
+    fingerprint: Fingerprint,
 }
 
 impl OccluderMesh {
@@ -146,7 +147,9 @@ impl OccluderMesh {
             }
         }
         let numbers = positions.iter().flat_map(|p| p.to_array().map(f32::to_bits));
-        let fingerprint = numbers.chain(triangles.as_flattened().iter().copied()).fold(FNV.0, fnv);
+        let fingerprint = numbers
+            .chain(triangles.as_flattened().iter().copied())
+            .fold(Fingerprint::new(), Fingerprint::with);
         let solid_triangles = if convex { triangles.len() } else { 0 };
         Some(Self {
             positions,
@@ -256,8 +259,8 @@ impl OccluderMesh {
     }
 
     /// Returns a hash of positions, triangles and two-sidedness, to detect a changed occluder.
-    pub(super) fn fingerprint(&self) -> u64 {
-        fnv(self.fingerprint, self.two_sided.into())
+    pub(super) fn fingerprint(&self) -> Fingerprint {
+        self.fingerprint.with(self.two_sided.into())
     }
 
     /// Returns the approximate projected area of the occluding faces, in square metres, for a distant eye in
@@ -273,14 +276,6 @@ impl OccluderMesh {
         };
         part(0) + part(1) + part(2)
     }
-}
-
-/// Offset basis and prime of the 64-bit FNV-1a hash (Fowler, Noll and Vo).
-const FNV: (u64, u64) = (0xcbf2_9ce4_8422_2325, 0x0000_0100_0000_01b3);
-
-/// Returns the FNV-1a hash `hash` with one more number appended.
-pub(super) fn fnv(hash: u64, number: u32) -> u64 {
-    (hash ^ u64::from(number)).wrapping_mul(FNV.1)
 }
 
 /// Drops unused positions. Returns the used positions in their order, and the triangles reindexed

@@ -5,8 +5,8 @@
 //! occlusion-culling test, and Meissner et al.). Waiting for an answer would stall the card, so answers are
 //! collected when they arrive.
 
-use super::mesh::fnv;
 use super::{OccluderMesh, Occlusion, OcclusionMap};
+use crate::binary_format::Fingerprint;
 use crate::{Aabb, Accuracy, View, geometry::Containment, view::ViewPlane};
 use alloc::vec::Vec;
 use core::cell::RefCell;
@@ -99,7 +99,7 @@ pub struct HardwareQueries<D> {
     view: Option<(View, DVec3)>,
     near: Option<ViewPlane>,
     /// Hashes of the occluders added in the present frame and in the frame before.
-    drawn: [u64; 2],
+    drawn: [Fingerprint; 2],
     /// `test` takes `&self`, but issues queries to the device.
     state: RefCell<State<D>>,
 }
@@ -108,7 +108,7 @@ pub struct HardwareQueries<D> {
 struct State<D> {
     device: D,
     /// Maps each known box, by the bits of its six coordinates, to its slot in `questions`.
-    places: HashMap<[u32; 6], usize>,
+    indices: HashMap<[u32; 6], usize>,
     questions: Vec<Question>,
     free: Vec<usize>,
 }
@@ -120,7 +120,7 @@ struct Question {
     /// Reuse count of this slot in `questions`, the upper half of the query number. Distinguishes the query
     /// from those for earlier boxes in the slot.
     serial: u32,
-    /// Whether this slot of `State::questions` is in use, so that `State::places` maps a box to it.
+    /// Whether this slot of `State::questions` is in use, so that `State::indices` maps a box to it.
     known: bool,
     /// Number of the frame of the newest query.
     asked: u64,
@@ -132,13 +132,14 @@ struct Question {
 
 /// Age of a box's newest query, in frames, beyond which the map forgets the box: its object has moved on, or
 /// the device has lost the query.
-const FORGET: u64 = 64;
+const MAX_IDLE_FRAMES: u64 = 64;
 
 impl<D: QueryDevice> HardwareQueries<D> {
     /// Makes a map over a device without any answers, with a policy for answers that arrive late.
     pub fn new(device: D, late: LateAnswers) -> Self {
-        let state = State { device, places: HashMap::new(), questions: Vec::new(), free: Vec::new() };
-        Self { late, frame: 0, since: 0, view: None, near: None, drawn: [0; 2], state: RefCell::new(state) }
+        let state = State { device, indices: HashMap::new(), questions: Vec::new(), free: Vec::new() };
+        let state = RefCell::new(state);
+        Self { late, frame: 0, since: 0, view: None, near: None, drawn: [Fingerprint::new(); 2], state }
     }
 
     /// Returns the query device that the map asks.
@@ -164,13 +165,13 @@ impl<D: QueryDevice> HardwareQueries<D> {
 }
 
 impl<D: QueryDevice> State<D> {
-    /// Collects the answers that have arrived and forgets boxes without a query for more than [`FORGET`]
+    /// Collects the answers that have arrived and forgets boxes without a query for more than [`MAX_IDLE_FRAMES`]
     /// frames.
     fn listen(&mut self, frame: u64) {
-        let Self { device, places, questions, free } = self;
+        let Self { device, indices, questions, free } = self;
         device.answers(&mut |query, passed| {
-            let (place, serial) = (query as u32 as usize, (query >> 32) as u32);
-            if let Some(question) = questions.get_mut(place)
+            let (index, serial) = (query as u32 as usize, (query >> 32) as u32);
+            if let Some(question) = questions.get_mut(index)
                 && question.under_way
                 && question.serial == serial
             {
@@ -178,11 +179,11 @@ impl<D: QueryDevice> State<D> {
                 question.answer = Some((question.asked, !passed));
             }
         });
-        for (place, question) in questions.iter_mut().enumerate() {
-            if question.known && frame - question.asked > FORGET {
+        for (index, question) in questions.iter_mut().enumerate() {
+            if question.known && frame - question.asked > MAX_IDLE_FRAMES {
                 *question = Question { known: false, under_way: false, answer: None, ..*question };
-                places.remove(&question.bits);
-                free.push(place);
+                indices.remove(&question.bits);
+                free.push(index);
             }
         }
     }
@@ -194,23 +195,23 @@ impl<D: QueryDevice> State<D> {
         let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
         let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
         let bits = [x0, y0, z0, x1, y1, z1];
-        let Self { device, places, questions, free } = self;
-        let place = *places.entry(bits).or_insert_with(|| {
-            let place = free.pop().unwrap_or(questions.len());
-            let serial = questions.get(place).map_or(0, |question| question.serial.wrapping_add(1));
+        let Self { device, indices, questions, free } = self;
+        let index = *indices.entry(bits).or_insert_with(|| {
+            let index = free.pop().unwrap_or(questions.len());
+            let serial = questions.get(index).map_or(0, |question| question.serial.wrapping_add(1));
             let question =
                 Question { bits, serial, known: true, asked: frame, under_way: false, answer: None };
-            match questions.get_mut(place) {
+            match questions.get_mut(index) {
                 Some(old) => *old = question,
                 None => questions.push(question),
             }
-            place
+            index
         });
-        let question = &mut questions[place];
+        let question = &mut questions[index];
         if !question.under_way && question.answer.is_none_or(|(about, _)| about < frame) {
             question.under_way = true;
             question.asked = frame;
-            device.ask(place as u64 | u64::from(question.serial) << 32, bounds);
+            device.ask(index as u64 | u64::from(question.serial) << 32, bounds);
         }
         question.answer
     }
@@ -227,7 +228,7 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
 
     fn begin(&mut self, view: &View, origin: DVec3) {
         self.frame += 1;
-        self.drawn = [0, self.drawn[0]];
+        self.drawn = [Fingerprint::new(), self.drawn[0]];
         if self.view != Some((*view, origin)) {
             self.view = Some((*view, origin));
             self.since = self.frame;
@@ -237,9 +238,9 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
-        let print = occluder.fingerprint();
         let numbers = transform.to_cols_array().map(f32::to_bits).into_iter();
-        self.drawn[0] = numbers.chain([print as u32, (print >> 32) as u32, 1]).fold(self.drawn[0], fnv);
+        let hash = numbers.fold(self.drawn[0], Fingerprint::with);
+        self.drawn[0] = hash.with_u64(occluder.fingerprint().value());
         self.state.get_mut().device.draw(occluder, transform);
     }
 
@@ -253,7 +254,6 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
         if !bounds.is_finite() {
             return Occlusion::Visible;
         }
-        // A box that reaches the near plane is clipped when it is drawn, and what is left of it may lie
         // A box that reaches the near plane is clipped when it is drawn. The remaining part may lie behind
         // walls that the box as a whole is not behind.
         let surely_before = |plane: &ViewPlane| plane.plane.classify_aabb(bounds) == Containment::Inside;

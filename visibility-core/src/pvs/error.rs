@@ -1,7 +1,7 @@
 //! Errors of making and loading a PVS.
 
 use super::ViewcellId;
-use crate::envelope::EnvelopeError;
+use crate::binary_format::FormatError;
 use core::fmt;
 
 /// The reason why a [`Pvs`](super::Pvs) cannot be made or loaded.
@@ -18,7 +18,7 @@ pub enum PvsError {
     /// The numbers of viewcells or targets, or the size of the rows in bytes, exceed 32 bits.
     TooLarge,
     /// The bytes are damaged, or are not those of a stored PVS.
-    Envelope(EnvelopeError),
+    Format(FormatError),
     /// A stored row is inconsistent although the checksum matches: the bytes were forged, or written by
     /// faulty code.
     Row {
@@ -36,7 +36,7 @@ impl fmt::Display for PvsError {
                 write!(f, "target {target} of viewcell {} is unknown or out of order", viewcell.0)
             }
             Self::TooLarge => write!(f, "the set is too large for its form"),
-            Self::Envelope(error) => write!(f, "{error}"),
+            Self::Format(error) => write!(f, "{error}"),
             Self::Row { viewcell, problem } => write!(f, "the row of viewcell {}: {problem}", viewcell.0),
         }
     }
@@ -44,8 +44,8 @@ impl fmt::Display for PvsError {
 
 impl core::error::Error for PvsError {}
 
-impl From<EnvelopeError> for PvsError {
-    fn from(error: EnvelopeError) -> Self {
-        Self::Envelope(error)
+impl From<FormatError> for PvsError {
+    fn from(error: FormatError) -> Self {
+        Self::Format(error)
     }
 }

@@ -3,8 +3,9 @@
 //!
 //! # Format
 //! All numbers are little-endian:
-//! - The header of an [envelope](crate::envelope): `VISI-PVS`, version 1, kind (0: cells, 1: objects). In
-//!   place of a fingerprint, the header holds the number of viewcells and the number of targets (`u32` each).
+//! - The header of the [binary format](crate::binary_format): `VISI-PVS`, version 1, kind (0: cells, 1:
+//!   objects). In place of a fingerprint, the header holds the number of viewcells and the number of targets
+//!   (`u32` each).
 //! - For each viewcell, the offset of its row from the first row, in bytes (`u32`), and once more the end of
 //!   the last row.
 //! - The rows. A plain row is a byte 0 and runs. A differential row is a byte 1, the number of another
@@ -28,7 +29,7 @@ pub use culler::{PvsCuller, ScenePvs};
 pub use error::PvsError;
 pub use viewcells::{Viewcell, ViewcellId, Viewcells};
 
-use crate::envelope::{Format, Writer};
+use crate::binary_format::{Format, Writer};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 use runs::{word, write_runs};

@@ -2,7 +2,7 @@
 
 use super::runs::Runs;
 use super::{FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
-use crate::envelope::{HEADER, Reader};
+use crate::binary_format::{HEADER_LENGTH, Reader};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
@@ -11,13 +11,13 @@ impl Pvs {
     /// to check them. No index is built.
     ///
     /// # Errors
-    /// [`PvsError::Envelope`] if the bytes are damaged, incomplete or of another format, [`PvsError::Row`] if
+    /// [`PvsError::Format`] if the bytes are damaged, incomplete or of another format, [`PvsError::Row`] if
     /// a row is inconsistent.
     pub fn from_bytes(bytes: impl Into<Vec<u8>>) -> Result<Self, PvsError> {
         let bytes = bytes.into();
         let mut reader = Reader::new(&bytes, FORMAT)?;
         if reader.kind() > PvsTargets::Objects as u32 {
-            return Err(reader.wrong("the targets are neither cells nor objects").into());
+            return Err(reader.content_error("the targets are neither cells nor objects").into());
         }
         reader.bytes((reader.fingerprint() as u32 as usize).saturating_add(1).saturating_mul(4))?;
         let pvs = Self { bytes, stamp: Stamp::new() };
@@ -50,8 +50,8 @@ impl Pvs {
         if viewcell.index() >= self.viewcell_count() {
             return None;
         }
-        let rows = HEADER + (self.viewcell_count() + 1) * 4;
-        let [start, end] = [0, 1].map(|i| self.word(HEADER + (viewcell.index() + i) * 4) as usize);
+        let rows = HEADER_LENGTH + (self.viewcell_count() + 1) * 4;
+        let [start, end] = [0, 1].map(|i| self.word(HEADER_LENGTH + (viewcell.index() + i) * 4) as usize);
         self.bytes.get(rows..)?.get(start..end)
     }
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::envelope::HEADER;
+use crate::binary_format::HEADER_LENGTH;
 use alloc::string::ToString;
 use alloc::vec;
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ fn sample() -> Pvs {
 
 /// Returns the bytes with a corrected length and checksum.
 fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
-    let content = bytes.split_off(HEADER);
+    let content = bytes.split_off(HEADER_LENGTH);
     let number = |place: usize| u32::from_le_bytes(bytes[place..place + 4].try_into().unwrap());
     let format = Format { version: number(8), ..FORMAT };
     let counts = u64::from(number(16)) | u64::from(number(20)) << 32;
@@ -26,8 +26,8 @@ fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
 #[test]
 fn rows_next_to_each_other_are_stored_as_differences() {
     let pvs = sample();
-    let rows = HEADER + 5 * 4;
-    let start = pvs.word(HEADER + 3 * 4) as usize;
+    let rows = HEADER_LENGTH + 5 * 4;
+    let start = pvs.word(HEADER_LENGTH + 3 * 4) as usize;
     // A byte 1, viewcell 2, a run of 33 absent numbers and a run of one present number.
     assert_eq!(pvs.bytes[rows + start..], [1, 2, 0, 0, 0, 33, 1]);
     assert!(!pvs.sees(ViewcellId(3), 33) && pvs.sees(ViewcellId(2), 33) && pvs.sees(ViewcellId(3), 36));
@@ -80,7 +80,7 @@ fn every_damaged_byte_is_noticed() {
 #[test]
 fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
     let good = sample().bytes;
-    let rows = HEADER + 5 * 4;
+    let rows = HEADER_LENGTH + 5 * 4;
     let wrong = |place: usize, byte: u8| {
         let mut bytes = good.clone();
         bytes[place] = byte;
@@ -97,7 +97,7 @@ fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
         "the row of viewcell 3: it differs from a row that is itself a difference"
     );
     assert_eq!(wrong(20, 99), "the row of viewcell 2: it names an unknown target");
-    assert_eq!(wrong(HEADER + 7, 0xff), "the row of viewcell 0: it lies outside the rows");
+    assert_eq!(wrong(HEADER_LENGTH + 7, 0xff), "the row of viewcell 0: it lies outside the rows");
 }
 
 #[test]

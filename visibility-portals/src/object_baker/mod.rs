@@ -19,7 +19,7 @@ use crate::directed_portals::DirectedPortals;
 use alloc::vec::Vec;
 use object_chains::{Chains, SeenObjects, Targets};
 use visibility_core::bake::Baker;
-use visibility_core::envelope::{EnvelopeError, Fingerprint, Reader, Writer};
+use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     ObjectId,
@@ -181,7 +181,7 @@ impl Baker for ObjectBaker<'_> {
         }
     }
 
-    fn load(&mut self, state: &mut Reader<'_>) -> Result<(), EnvelopeError> {
+    fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError> {
         for seen in &mut self.done {
             *seen = match state.u32()? {
                 0 => None,
@@ -189,11 +189,11 @@ impl Baker for ObjectBaker<'_> {
                     let (steps, count) = (state.u64()?, state.u32()? as usize);
                     let row = state.u32s(count)?;
                     if row.windows(2).any(|pair| pair[0] >= pair[1]) {
-                        return Err(state.wrong("the objects that a cell sees are out of order"));
+                        return Err(state.content_error("the objects that a cell sees are out of order"));
                     }
                     Some(SeenObjects { row, steps, gave_up: how == 2 })
                 }
-                _ => return Err(state.wrong("a cell is neither done nor waiting")),
+                _ => return Err(state.content_error("a cell is neither done nor waiting")),
             };
         }
         Ok(())

@@ -1,7 +1,7 @@
-//! Envelopes for stored structures: a header of 40 bytes that identifies the content, with a checksum that
-//! detects damage.
+//! The binary format of stored files: a header of 40 bytes with magic, version, length and checksum, then the
+//! content.
 //!
-//! PVS, tessellations and interrupted bakes are stored in envelopes. All numbers are little-endian. Byte
+//! PVS, tessellations and interrupted bakes are stored in this format. All numbers are little-endian. Byte
 //! ranges are half-open:
 //!
 //! | bytes | content |
@@ -18,7 +18,7 @@
 //! must check each number.
 //!
 //! ```
-//! use visibility_core::envelope::{EnvelopeError, Format, Reader, Writer};
+//! use visibility_core::binary_format::{FormatError, Format, Reader, Writer};
 //! const FORMAT: Format = Format { magic: *b"EXAMPLE.", version: 1 };
 //! let mut writer = Writer::new(FORMAT, 0, 77);
 //! writer.u32(2);
@@ -29,20 +29,20 @@
 //! reader.expect(0, 77)?;
 //! let count = reader.u32()? as usize;
 //! assert_eq!(reader.u32s(count)?, [5, 6]);
-//! assert_eq!(reader.expect(0, 78), Err(EnvelopeError::Fingerprint));
-//! # Ok::<(), EnvelopeError>(())
+//! assert_eq!(reader.expect(0, 78), Err(FormatError::Fingerprint));
+//! # Ok::<(), FormatError>(())
 //! ```
 
 use alloc::vec::Vec;
 use core::fmt;
 
-/// Size of an envelope's header, in bytes: the offset of the content.
-pub const HEADER: usize = 40;
+/// Size of the header, in bytes: the offset of the content.
+pub const HEADER_LENGTH: usize = 40;
 
 /// Magic and version, which identify a stored format.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Format {
-    /// The first eight bytes of every envelope of this format.
+    /// The first eight bytes of every file of this format.
     pub magic: [u8; 8],
     /// The only version of the format that can be read.
     pub version: u32,
@@ -51,7 +51,7 @@ pub struct Format {
 /// The reason why stored bytes were refused.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
-pub enum EnvelopeError {
+pub enum FormatError {
     /// The bytes do not begin with the magic of the format, or are fewer than eight.
     Magic {
         /// Magic of the format that the reader was asked for.
@@ -59,14 +59,14 @@ pub enum EnvelopeError {
     },
     /// The header has another version of the format.
     Version {
-        /// Version of the format in the envelope's header.
+        /// Version of the format in the header.
         found: u32,
         /// The only version that can be read.
         expected: u32,
     },
-    /// The header has another kind: the envelope holds another structure of the same format.
+    /// The header has another kind: the file holds another structure of the same format.
     Kind {
-        /// Kind in the envelope's header: which structure of the format the envelope holds.
+        /// Kind in the header: which structure of the format the file holds.
         found: u32,
         /// The kind requested by the caller.
         expected: u32,
@@ -78,7 +78,7 @@ pub enum EnvelopeError {
     Length {
         /// Number of bytes that the reader was given, header included.
         found: u64,
-        /// Length in bytes, header included, according to the header; [`HEADER`] if the bytes are fewer than
+        /// Length in bytes, header included, according to the header; [`HEADER_LENGTH`] if the bytes are fewer than
         /// a header.
         expected: u64,
     },
@@ -87,15 +87,15 @@ pub enum EnvelopeError {
     /// The content is inconsistent although the checksum matches: the bytes were forged, or written by faulty
     /// code.
     Content {
-        /// Offset in bytes from the start of the envelope (header included) up to which the content had been
+        /// Offset in bytes from the start of the file (header included) up to which the content had been
         /// read when the problem was found.
-        place: usize,
+        offset: usize,
         /// Description of the inconsistency, in English.
         problem: &'static str,
     },
 }
 
-impl fmt::Display for EnvelopeError {
+impl fmt::Display for FormatError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Magic { expected } => {
@@ -110,12 +110,12 @@ impl fmt::Display for EnvelopeError {
             Self::Fingerprint => write!(f, "it was made from something else, or from an earlier state of it"),
             Self::Length { found, expected } => write!(f, "{found} bytes, where {expected} are expected"),
             Self::Checksum => write!(f, "the checksum is wrong: the bytes were damaged"),
-            Self::Content { place, problem } => write!(f, "at byte {place}: {problem}"),
+            Self::Content { offset, problem } => write!(f, "at byte {offset}: {problem}"),
         }
     }
 }
 
-impl core::error::Error for EnvelopeError {}
+impl core::error::Error for FormatError {}
 
 /// An FNV-1a hash (Fowler, Noll and Vo) of a sequence of 32-bit numbers, in 64 bits. Identifies the input
 /// that a structure was made from. Not cryptographic.
@@ -147,27 +147,27 @@ impl Fingerprint {
     }
 }
 
-/// Returns the checksum of a whole envelope: the hash of all its bytes except the checksum field, bytes 32 to
-/// 40. Panics if `bytes` is shorter than [`HEADER`].
+/// Returns the checksum of a whole file: the hash of all its bytes except the checksum field, bytes 32 to
+/// 40. Panics if `bytes` is shorter than [`HEADER_LENGTH`].
 fn checksum(bytes: &[u8]) -> u64 {
-    let all = bytes[..32].iter().chain(&bytes[HEADER..]);
+    let all = bytes[..32].iter().chain(&bytes[HEADER_LENGTH..]);
     all.fold(Fingerprint::new(), |hash, &byte| hash.with(byte.into())).value()
 }
 
-/// Writes an envelope to memory, number by number.
+/// Writes a file of this format to memory, number by number.
 #[derive(Clone, Debug)]
 pub struct Writer {
     bytes: Vec<u8>,
 }
 
 impl Writer {
-    /// Starts an envelope with empty content. The format defines the meaning of `kind` and `fingerprint`.
+    /// Starts a file with empty content. The format defines the meaning of `kind` and `fingerprint`.
     pub fn new(format: Format, kind: u32, fingerprint: u64) -> Self {
         let mut writer = Self { bytes: format.magic.to_vec() };
         writer.u32s([format.version, kind]);
         writer.u64(fingerprint);
         // Length and checksum are filled in by `finish`.
-        writer.bytes.resize(HEADER, 0);
+        writer.bytes.resize(HEADER_LENGTH, 0);
         writer
     }
 
@@ -196,22 +196,22 @@ impl Writer {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// Fills in length and checksum and returns the bytes of the envelope.
+    /// Fills in length and checksum and returns the bytes of the file.
     pub fn finish(mut self) -> Vec<u8> {
         let length = self.bytes.len() as u64;
         self.bytes[24..32].copy_from_slice(&length.to_le_bytes());
         let sum = checksum(&self.bytes);
-        self.bytes[32..HEADER].copy_from_slice(&sum.to_le_bytes());
+        self.bytes[32..HEADER_LENGTH].copy_from_slice(&sum.to_le_bytes());
         self.bytes
     }
 }
 
-/// Reads the content of an envelope from its first byte to its last. Allocates no more memory than the bytes
+/// Reads the content of a file from its first byte to its last. Allocates no more memory than the bytes
 /// that are present require, whatever counts the content announces.
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
     all: &'a [u8],
-    place: usize,
+    offset: usize,
     kind: u32,
     fingerprint: u64,
 }
@@ -221,21 +221,21 @@ impl<'a> Reader<'a> {
     /// is linear in the number of bytes. Kind and fingerprint are checked by [`expect`](Self::expect).
     ///
     /// # Errors
-    /// In this order: [`EnvelopeError::Magic`], [`EnvelopeError::Length`] if there are fewer than [`HEADER`]
-    /// bytes, [`EnvelopeError::Version`], [`EnvelopeError::Length`] if the header announces another length,
-    /// [`EnvelopeError::Checksum`].
-    pub fn new(bytes: &'a [u8], format: Format) -> Result<Self, EnvelopeError> {
+    /// In this order: [`FormatError::Magic`], [`FormatError::Length`] if there are fewer than [`HEADER_LENGTH`]
+    /// bytes, [`FormatError::Version`], [`FormatError::Length`] if the header announces another length,
+    /// [`FormatError::Checksum`].
+    pub fn new(bytes: &'a [u8], format: Format) -> Result<Self, FormatError> {
         if !bytes.starts_with(&format.magic) {
-            return Err(EnvelopeError::Magic { expected: format.magic });
+            return Err(FormatError::Magic { expected: format.magic });
         }
-        let length = |expected| EnvelopeError::Length { found: bytes.len() as u64, expected };
-        if bytes.len() < HEADER {
-            return Err(length(HEADER as u64));
+        let length = |expected| FormatError::Length { found: bytes.len() as u64, expected };
+        if bytes.len() < HEADER_LENGTH {
+            return Err(length(HEADER_LENGTH as u64));
         }
-        let mut reader = Self { all: bytes, place: 8, kind: 0, fingerprint: 0 };
+        let mut reader = Self { all: bytes, offset: 8, kind: 0, fingerprint: 0 };
         let version = reader.u32()?;
         if version != format.version {
-            return Err(EnvelopeError::Version { found: version, expected: format.version });
+            return Err(FormatError::Version { found: version, expected: format.version });
         }
         (reader.kind, reader.fingerprint) = (reader.u32()?, reader.u64()?);
         let (expected, sum) = (reader.u64()?, reader.u64()?);
@@ -243,17 +243,17 @@ impl<'a> Reader<'a> {
             return Err(length(expected));
         }
         if checksum(bytes) != sum {
-            return Err(EnvelopeError::Checksum);
+            return Err(FormatError::Checksum);
         }
         Ok(reader)
     }
 
-    /// Returns the kind in the envelope's header, which tells the structures of one format apart.
+    /// Returns the kind in the header, which tells the structures of one format apart.
     pub fn kind(&self) -> u32 {
         self.kind
     }
 
-    /// Returns the fingerprint in the envelope's header, which the writer gave to [`Writer::new`].
+    /// Returns the fingerprint in the header, which the writer gave to [`Writer::new`].
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
     }
@@ -261,48 +261,48 @@ impl<'a> Reader<'a> {
     /// Checks that the header has the given kind and fingerprint.
     ///
     /// # Errors
-    /// [`EnvelopeError::Kind`] if the kind differs, otherwise [`EnvelopeError::Fingerprint`] if the
+    /// [`FormatError::Kind`] if the kind differs, otherwise [`FormatError::Fingerprint`] if the
     /// fingerprint differs.
-    pub fn expect(&self, kind: u32, fingerprint: u64) -> Result<(), EnvelopeError> {
+    pub fn expect(&self, kind: u32, fingerprint: u64) -> Result<(), FormatError> {
         if self.kind != kind {
-            return Err(EnvelopeError::Kind { found: self.kind, expected: kind });
+            return Err(FormatError::Kind { found: self.kind, expected: kind });
         }
         if self.fingerprint != fingerprint {
-            return Err(EnvelopeError::Fingerprint);
+            return Err(FormatError::Fingerprint);
         }
         Ok(())
     }
 
-    /// Returns an [`EnvelopeError::Content`] with the present read position and a description of the problem,
+    /// Returns an [`FormatError::Content`] with the present read position and a description of the problem,
     /// for content that the caller finds inconsistent.
-    pub fn wrong(&self, problem: &'static str) -> EnvelopeError {
-        EnvelopeError::Content { place: self.place, problem }
+    pub fn content_error(&self, problem: &'static str) -> FormatError {
+        FormatError::Content { offset: self.offset, problem }
     }
 
     /// Reads the next `count` bytes of the content.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`] if fewer than `count` bytes are left; then none is read.
-    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], EnvelopeError> {
-        let rest = &self.all[self.place..];
-        let taken = rest.get(..count).ok_or_else(|| self.wrong("more is announced than there is"))?;
-        self.place += count;
+    /// [`FormatError::Content`] if fewer than `count` bytes are left; then none is read.
+    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], FormatError> {
+        let rest = &self.all[self.offset..];
+        let taken = rest.get(..count).ok_or_else(|| self.content_error("more is announced than there is"))?;
+        self.offset += count;
         Ok(taken)
     }
 
     /// Reads the next 32-bit number of the content.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`] if fewer than four bytes are left; then none is read.
-    pub fn u32(&mut self) -> Result<u32, EnvelopeError> {
+    /// [`FormatError::Content`] if fewer than four bytes are left; then none is read.
+    pub fn u32(&mut self) -> Result<u32, FormatError> {
         Ok(self.bytes(4)?.iter().rev().fold(0, |number, &byte| number << 8 | u32::from(byte)))
     }
 
     /// Reads the next 64-bit number of the content.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`] if fewer than eight bytes are left; then the read position is unspecified.
-    pub fn u64(&mut self) -> Result<u64, EnvelopeError> {
+    /// [`FormatError::Content`] if fewer than eight bytes are left; then the read position is unspecified.
+    pub fn u64(&mut self) -> Result<u64, FormatError> {
         let [low, high] = [self.u32()?, self.u32()?];
         Ok(u64::from(low) | u64::from(high) << 32)
     }
@@ -310,8 +310,8 @@ impl<'a> Reader<'a> {
     /// Reads the next `count` 32-bit numbers of the content.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`] if fewer than `count` are left; then none is read.
-    pub fn u32s(&mut self, count: usize) -> Result<Vec<u32>, EnvelopeError> {
+    /// [`FormatError::Content`] if fewer than `count` are left; then none is read.
+    pub fn u32s(&mut self, count: usize) -> Result<Vec<u32>, FormatError> {
         let bytes = self.bytes(count.saturating_mul(4))?;
         Ok(bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
@@ -319,8 +319,8 @@ impl<'a> Reader<'a> {
     /// Reads the next `count` 64-bit numbers of the content.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`] if fewer than `count` are left; then none is read.
-    pub fn u64s(&mut self, count: usize) -> Result<Vec<u64>, EnvelopeError> {
+    /// [`FormatError::Content`] if fewer than `count` are left; then none is read.
+    pub fn u64s(&mut self, count: usize) -> Result<Vec<u64>, FormatError> {
         let bytes = self.bytes(count.saturating_mul(8))?;
         Ok(bytes.chunks_exact(8).map(|b| b.iter().rev().fold(0, |w, &b| w << 8 | u64::from(b))).collect())
     }
@@ -328,10 +328,10 @@ impl<'a> Reader<'a> {
     /// Checks that all of the content was read.
     ///
     /// # Errors
-    /// [`EnvelopeError::Content`] if bytes are left.
-    pub fn end(&self) -> Result<(), EnvelopeError> {
-        if self.place < self.all.len() {
-            Err(self.wrong("the content goes on after its end"))
+    /// [`FormatError::Content`] if bytes are left.
+    pub fn end(&self) -> Result<(), FormatError> {
+        if self.offset < self.all.len() {
+            Err(self.content_error("the content goes on after its end"))
         } else {
             Ok(())
         }
@@ -365,7 +365,7 @@ mod tests {
         let longer = [&good[..], &[0]].concat();
         assert_eq!(
             Reader::new(&longer, FORMAT).unwrap_err(),
-            EnvelopeError::Length { found: longer.len() as u64, expected: good.len() as u64 }
+            FormatError::Length { found: longer.len() as u64, expected: good.len() as u64 }
         );
     }
 
@@ -377,13 +377,13 @@ mod tests {
         assert_eq!(of(FORMAT.magic, 4), "version 3 of the format, where only version 4 is known");
         let mut reader = Reader::new(&good, FORMAT).unwrap();
         assert_eq!(reader.expect(5, 1 << 40), Ok(()));
-        assert_eq!(reader.expect(6, 0), Err(EnvelopeError::Kind { found: 5, expected: 6 }));
-        assert_eq!(reader.expect(5, 0), Err(EnvelopeError::Fingerprint));
+        assert_eq!(reader.expect(6, 0), Err(FormatError::Kind { found: 5, expected: 6 }));
+        assert_eq!(reader.expect(5, 0), Err(FormatError::Fingerprint));
         assert_eq!(reader.bytes(3).unwrap(), b"abc");
         assert_eq!(reader.end().unwrap_err().to_string(), "at byte 43: the content goes on after its end");
         assert_eq!(reader.u64s(2).unwrap(), [u64::MAX, 1 << 33]);
         assert_eq!(reader.end(), Ok(()));
-        let short = EnvelopeError::Content { place: 59, problem: "more is announced than there is" };
+        let short = FormatError::Content { offset: 59, problem: "more is announced than there is" };
         for count in [1, usize::MAX / 4, usize::MAX] {
             assert_eq!(reader.u32s(count), Err(short));
             assert_eq!(reader.u64s(count), Err(short));
