@@ -2,12 +2,12 @@
 //! Throughput is in clusters per second.
 //!
 //! The kernels are not public, so both are measured through their cullers, on a scene whose blocks must all
-//! be tested. The cones are also measured as an array, as [`Cones`] tests them, and as a tree.
+//! be tested. The cones are also measured as an array, as [`Cones`] tests them.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
 use visibility_benches::workload::Random;
-use visibility_core::backface::{BackfaceCuller, ConeTree, Cones, NormalCone};
+use visibility_core::backface::{BackfaceCuller, Cones, NormalCone};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, view::Eye};
 
@@ -51,16 +51,6 @@ fn backface(c: &mut Criterion) {
             b.iter(|| {
                 cones.back_facing(&eyes[next()], &mut masks);
                 black_box(&masks);
-            });
-        });
-
-        let mut alike: Vec<NormalCone> = clusters.iter().map(|(_, cone)| *cone).collect();
-        // Sorting puts similar cones beside each other, as in the clusters of a mesh.
-        alike.sort_by(|a, b| format!("{a:?}").cmp(&format!("{b:?}")));
-        let tree = ConeTree::new(&alike);
-        group.bench_function(BenchmarkId::from_parameter("tree of cones"), |b| {
-            b.iter(|| {
-                black_box(tree.back_facing(&eyes[next()], &mut masks));
             });
         });
 

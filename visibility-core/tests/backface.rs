@@ -2,7 +2,7 @@
 //! faces an eye.
 
 use visibility_core::backface::{
-    BackfaceCuller, ConeTree, Cones, Facing, MeshError, NormalCone, cluster_mesh, facing,
+    BackfaceCuller, ClusterError, Cones, Facing, NormalCone, cluster_mesh, facing,
 };
 use visibility_core::glam::{DAffine3, DMat3, DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Scene, View, VisibleSet, scene::Triangle, simd::Simd, view::Eye};
@@ -248,48 +248,6 @@ fn eyes_that_cross_the_plane_of_a_slope_are_told_apart_in_time() {
 }
 
 #[test]
-fn cones_over_cones_and_of_viewcells_are_right() {
-    let mut rng = Random(3);
-    let (mut over, mut cells) = (0, 0);
-    for _ in 0..400 {
-        let scale = power_of_two(rng.between(-20, 20));
-        let one = patch(&mut rng, scale, DVec3::ZERO);
-        // Cones of strips of the patch, and the cone that contains these.
-        let cones: Vec<NormalCone> = one.chunks(10).map(NormalCone::from_triangles).collect();
-        let all = NormalCone::from_cones(&cones);
-        let twice = NormalCone::from_cones([&all]);
-        let own = eyes(&mut rng, &one, scale, 16);
-        for eye in own.iter().copied().chain(at_the_limit(&mut rng, &twice, scale, DVec3::ZERO)) {
-            for said in [all.facing(&eye), twice.facing(&eye)] {
-                if said != Facing::Undecided {
-                    over += 1;
-                    one.iter().for_each(|triangle| check(said, exact_side(triangle, &eye)));
-                }
-            }
-        }
-        for _ in 0..8 {
-            let (corner, size) = (rng.vector(scale * 4.0), rng.vector(scale).abs());
-            let cell = Aabb::new(corner.as_vec3(), (corner + size).as_vec3());
-            let said = all.facing_from_aabb(&cell);
-            let mut masks = [0];
-            Cones::new([all]).back_facing_from_aabb(&cell, &mut masks);
-            assert_eq!(masks[0] == 1, said == Facing::Back);
-            if said != Facing::Undecided {
-                cells += 1;
-                for _ in 0..8 {
-                    let weight = DVec3::new(rng.unit(), rng.unit(), rng.unit());
-                    let eye =
-                        Eye::Point(cell.min.as_dvec3() + (cell.max - cell.min).as_dvec3() * weight * 0.999);
-                    one.iter().for_each(|triangle| check(said, exact_side(triangle, &eye)));
-                }
-            }
-        }
-    }
-    println!("{over} decisions of cones over cones, {cells} of viewcells");
-    assert!(over > 3000 && cells > 500);
-}
-
-#[test]
 fn transformed_cones_are_right_for_any_transform() {
     let mut rng = Random(4);
     let (mut mirrored, mut decided, mut open) = (0, [0; 3], 0);
@@ -373,42 +331,6 @@ fn every_path_says_the_same_of_a_hundred_thousand_cones() {
 const PINNED: u64 = 0x74f6_5c25_0d1e_5809;
 
 #[test]
-fn a_tree_decides_what_its_cones_do() {
-    let mut rng = Random(6);
-    for count in [0u32, 1, 63, 64, 65, 700, 5000] {
-        // Neighbours in the list face similar directions, as sorted clusters do.
-        let sphere: Vec<NormalCone> = (0..count)
-            .map(|i| {
-                let turn = f64::from(i) / f64::from(count) * core::f64::consts::TAU;
-                let normal = DVec3::new(turn.cos(), turn.sin(), 0.3);
-                let (x, y) = normal.normalize().any_orthonormal_pair();
-                let at = normal * 10.0 + rng.vector(0.5);
-                NormalCone::from_triangles(&[[at, at + x, at + y].map(|p| p.as_vec3())])
-            })
-            .collect();
-        let tree = ConeTree::new(&sphere);
-        assert_eq!(tree.len(), sphere.len());
-        let (mut total, mut culled) = (0, 0);
-        for _ in 0..20 {
-            let eye = Eye::Point(rng.vector(40.0));
-            let words = sphere.len().div_ceil(64);
-            let (mut flat, mut masks) = (vec![0; words], vec![7; words + 2]);
-            Cones::new(sphere.iter().copied()).back_facing(&eye, &mut flat);
-            total += tree.back_facing(&eye, &mut masks);
-            assert_eq!(masks[words..], [0; 2]);
-            assert_eq!(masks[..words], flat);
-            culled += flat.iter().map(|mask| mask.count_ones() as usize).sum::<usize>();
-            tree.back_facing(&eye, &mut masks[..words / 2]);
-        }
-        println!(
-            "{count}: {culled} culled in 20 views, {total} blocks tested of {}",
-            20 * count.div_ceil(64)
-        );
-        assert!(count < 700 || total < 20 * u64::from(count.div_ceil(64)) && culled > 0);
-    }
-}
-
-#[test]
 fn clusters_are_a_permutation_of_the_right_sizes() {
     let mut rng = Random(7);
     for count in [0usize, 1, 63, 64, 128, 129, 191, 192, 193, 1000, 4321] {
@@ -427,7 +349,7 @@ fn clusters_are_a_permutation_of_the_right_sizes() {
         }
         assert_eq!(cluster_mesh(&positions, &indices).unwrap(), clusters, "the same again");
         indices.push([0, count as u32 + 3, 1]);
-        let error = MeshError::VertexOutOfRange { triangle: count, vertex: count as u32 + 3 };
+        let error = ClusterError::VertexOutOfRange { triangle: count, vertex: count as u32 + 3 };
         assert_eq!(cluster_mesh(&positions, &indices), Err(error));
     }
 }
@@ -450,14 +372,11 @@ fn hostile_triangles_neither_panic_nor_lie() {
     for eye in [DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y].map(Eye::Point) {
         check(cone.facing(&eye), exact_side(&thin, &eye));
     }
-    assert!(NormalCone::from_triangles(&[]).is_open() && NormalCone::from_cones(&[]).is_open());
+    assert!(NormalCone::from_triangles(&[]).is_open());
     let cone = NormalCone::from_triangles(&[floor]);
-    assert!(NormalCone::from_cones(&[cone, NormalCone::OPEN]).is_open());
     for broken in [DAffine3::ZERO, DAffine3::from_scale(DVec3::new(1.0, f64::NAN, 1.0))] {
         assert!(cone.transformed(&broken).is_open());
     }
-    assert_eq!(cone.facing_from_aabb(&Aabb::EMPTY), Facing::Undecided);
-    assert_eq!(cone.facing_from_points([]), Facing::Undecided);
     let mut rng = Random(8);
     for _ in 0..20_000 {
         let bits: Vec<Triangle> = (0..rng.below(4))

@@ -27,7 +27,7 @@ pub const MIN_CLUSTER: usize = 64;
 /// let clusters = cluster_mesh(&[Vec3::ZERO, Vec3::X, Vec3::Y], &[[0, 1, 2]])?;
 /// assert_eq!(clusters[0].triangles, [0]);
 /// assert_eq!(clusters[0].bounds.max, Vec3::new(1.0, 1.0, 0.0));
-/// # Ok::<(), visibility_core::backface::MeshError>(())
+/// # Ok::<(), visibility_core::backface::ClusterError>(())
 /// ```
 #[derive(Clone, PartialEq, Debug)]
 pub struct Cluster {
@@ -42,7 +42,7 @@ pub struct Cluster {
 
 /// The reason why a mesh cannot be divided into clusters.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum MeshError {
+pub enum ClusterError {
     /// A triangle has a vertex index that is not below the number of positions.
     VertexOutOfRange {
         /// Index of the first triangle with a vertex index out of range.
@@ -54,7 +54,7 @@ pub enum MeshError {
     TooManyTriangles,
 }
 
-impl fmt::Display for MeshError {
+impl fmt::Display for ClusterError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::VertexOutOfRange { triangle, vertex } => {
@@ -65,7 +65,7 @@ impl fmt::Display for MeshError {
     }
 }
 
-impl core::error::Error for MeshError {}
+impl core::error::Error for ClusterError {}
 
 /// Divides an indexed mesh into clusters of 64 to 128 triangles with similar normals, each with its bounds
 /// and its cone. Every triangle is in exactly one cluster. A mesh of fewer than 64 triangles is one cluster,
@@ -75,8 +75,8 @@ impl core::error::Error for MeshError {}
 /// Cost: some 5 microseconds a triangle.
 ///
 /// # Errors
-/// [`MeshError::VertexOutOfRange`] for the first triangle with a bad vertex index,
-/// [`MeshError::TooManyTriangles`] for 2^32 triangles or more.
+/// [`ClusterError::VertexOutOfRange`] for the first triangle with a bad vertex index,
+/// [`ClusterError::TooManyTriangles`] for 2^32 triangles or more.
 ///
 /// ```
 /// use visibility_core::backface::{cluster_mesh, Facing};
@@ -92,16 +92,16 @@ impl core::error::Error for MeshError {}
 /// assert_eq!(clusters.len(), 2);
 /// let below = Eye::Point(DVec3::new(20.0, 5.0, -0.1));
 /// assert!(clusters.iter().all(|cluster| cluster.cone.facing(&below) == Facing::Back));
-/// # Ok::<(), visibility_core::backface::MeshError>(())
+/// # Ok::<(), visibility_core::backface::ClusterError>(())
 /// ```
-pub fn cluster_mesh(positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Vec<Cluster>, MeshError> {
-    let count = u32::try_from(indices.len()).map_err(|_| MeshError::TooManyTriangles)?;
+pub fn cluster_mesh(positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Vec<Cluster>, ClusterError> {
+    let count = u32::try_from(indices.len()).map_err(|_| ClusterError::TooManyTriangles)?;
     let mut triangles: Vec<Triangle> = Vec::with_capacity(indices.len());
     for (triangle, corners) in indices.iter().enumerate() {
         let mut found = [Vec3::ZERO; 3];
         for (place, &vertex) in found.iter_mut().zip(corners) {
             *place =
-                *positions.get(vertex as usize).ok_or(MeshError::VertexOutOfRange { triangle, vertex })?;
+                *positions.get(vertex as usize).ok_or(ClusterError::VertexOutOfRange { triangle, vertex })?;
         }
         triangles.push(found);
     }

@@ -3,7 +3,7 @@
 use super::facing::Facing;
 use super::fit::{Doubt, Facet, Fit, SLACK, Surface, fit};
 use super::split_eye::{NUMBERS, SplitEye, inside};
-use crate::{Aabb, scene::Triangle, view::Eye};
+use crate::{scene::Triangle, view::Eye};
 use alloc::vec::Vec;
 use glam::{DAffine3, DVec3};
 
@@ -21,7 +21,7 @@ use glam::{DAffine3, DVec3};
 ///
 /// ```
 /// use visibility_core::backface::{Facing, NormalCone};
-/// use visibility_core::{glam::{DVec3, Vec3}, view::Eye, Aabb};
+/// use visibility_core::{glam::{DVec3, Vec3}, view::Eye};
 /// // Two slopes of a roof.
 /// let (a, b, ridge) = (Vec3::new(-1.0, 0.0, 0.0), Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 0.0, 1.0));
 /// let back = Vec3::new(0.0, 5.0, 0.0);
@@ -29,8 +29,6 @@ use glam::{DAffine3, DVec3};
 /// assert_eq!(roof.facing(&Eye::Point(DVec3::new(0.0, 2.0, -9.0))), Facing::Back);
 /// assert_eq!(roof.facing(&Eye::Point(DVec3::new(0.0, 2.0, 9.0))), Facing::Front);
 /// assert_eq!(roof.facing(&Eye::Point(DVec3::new(9.0, 2.0, 0.0))), Facing::Undecided);
-/// let cellar = Aabb::from_arrays([-1.0, 0.0, -9.0], [1.0, 5.0, -8.0]);
-/// assert_eq!(roof.facing_from_aabb(&cellar), Facing::Back);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct NormalCone {
@@ -48,8 +46,8 @@ impl Default for NormalCone {
     }
 }
 
-/// Corners of the regular polygon, 2 % wider, that replaces a cone's ellipse in [`NormalCone::from_cones`]
-/// and [`NormalCone::transformed`].
+/// Corners of the regular polygon, 2 % wider, that replaces a cone's ellipse in
+/// [`NormalCone::transformed`].
 const CORNERS: usize = 16;
 
 impl NormalCone {
@@ -69,21 +67,6 @@ impl NormalCone {
                 Surface::Nothing => {}
                 Surface::Unknown => return Self::OPEN,
             }
-        }
-        Self::new(fit(&facets, Doubt::LEAST))
-    }
-
-    /// Returns a cone over cones, which answers `Back` or `Front` for an eye only if all given cones give
-    /// that answer. The result is open if any given cone is open, or if there are none.
-    ///
-    /// Cost: some 10 microseconds a cone.
-    pub fn from_cones<'a>(cones: impl IntoIterator<Item = &'a Self>) -> Self {
-        let mut facets = Vec::new();
-        for cone in cones {
-            if cone.is_open() {
-                return Self::OPEN;
-            }
-            facets.extend(cone.facets());
         }
         Self::new(fit(&facets, Doubt::LEAST))
     }
@@ -120,13 +103,10 @@ impl NormalCone {
     ///
     /// Cost: some 20 ns. [`Cones`](super::Cones) test 64 cones in that time.
     pub fn facing(&self, eye: &Eye) -> Facing {
-        self.facing_split(&SplitEye::new(eye))
-    }
-
-    fn facing_split(&self, eye: &SplitEye) -> Facing {
-        if self.holds(eye) {
+        let eye = SplitEye::new(eye);
+        if self.holds(&eye) {
             Facing::Back
-        } else if self.flipped().holds(eye) {
+        } else if self.flipped().holds(&eye) {
             Facing::Front
         } else {
             Facing::Undecided
@@ -144,31 +124,6 @@ impl NormalCone {
     fn holds(&self, eye: &SplitEye) -> bool {
         let numbers = self.numbers().map(|number| [number]);
         inside::<1>(numbers.each_ref(), eye)[0] < 0.0
-    }
-
-    /// Returns the side that every eye in a viewcell sees of all triangles, or `Undecided`. The viewcell is
-    /// in the coordinates of the triangles. An improper box is `Undecided`. Cost: up to eight tests of an
-    /// eye.
-    pub fn facing_from_aabb(&self, viewcell: &Aabb) -> Facing {
-        if !viewcell.is_proper() {
-            return Facing::Undecided;
-        }
-        self.facing_from_points(viewcell.corners().map(|corner| corner.as_dvec3()))
-    }
-
-    /// Returns the side that every eye in the convex hull of the points `eyes` sees of all triangles, or
-    /// `Undecided`. The points are in the coordinates of the triangles. A cone is convex, so the hull lies in
-    /// the cone if the points do. `Undecided` without points.
-    pub fn facing_from_points(&self, eyes: impl IntoIterator<Item = DVec3>) -> Facing {
-        let mut all = None;
-        for eye in eyes {
-            let facing = self.facing(&Eye::Point(eye));
-            if facing == Facing::Undecided || all.is_some_and(|all| all != facing) {
-                return Facing::Undecided;
-            }
-            all = Some(facing);
-        }
-        all.unwrap_or(Facing::Undecided)
     }
 
     /// Returns 16 facets that represent this cone in the fit of another cone. An eye behind all 16 planes

@@ -2,18 +2,15 @@
 //! drawn one-sided.
 //!
 //! - [`facing`] decides for one triangle, with a bound on rounding.
-//! - A [`NormalCone`] decides for a cluster of triangles at once: from an eye, along a direction, or from
-//!   every eye of a viewcell. It is conservative: a cluster is back-facing only if all its triangles
-//!   certainly face away.
+//! - A [`NormalCone`] decides for a cluster of triangles at once, from an eye or along a direction. It is
+//!   conservative: a cluster is back-facing only if all its triangles certainly face away.
 //! - [`cluster_mesh`] divides a mesh into clusters of triangles with similar normals.
-//! - [`Cones`] tests many cones 64 at a time, [`ConeTree`] is a hierarchy of cones, and [`BackfaceCuller`] is
-//!   a [`Culler`](crate::Culler).
+//! - [`Cones`] tests many cones 64 at a time, and [`BackfaceCuller`] is a [`Culler`](crate::Culler).
 //!
 //! # Sources
 //! - Shirman and Abi-Ezzi, "The Cone of Normals Technique for Fast Processing of Curved Patches", 1993: a
 //!   cone with an apex behind all planes decides for eyes at any distance.
-//! - Kumar, Manocha, Garrett and Lin, "Hierarchical Back-Face Computation", 1996: a hierarchy of clusters of
-//!   similar normals.
+//! - Kumar, Manocha, Garrett and Lin, "Hierarchical Back-Face Computation", 1996: clusters of similar normals.
 //! - Johannsen and Carter, "Clustered backface culling", 1998: clusters of meshes.
 //!
 //! Cones here are elliptic rather than circular: the normals of pipes, rounded edges and frames lie along
@@ -37,9 +34,9 @@ mod facing;
 mod fit;
 mod split_eye;
 
-pub use cluster::{Cluster, MAX_CLUSTER, MIN_CLUSTER, MeshError, cluster_mesh};
+pub use cluster::{Cluster, ClusterError, MAX_CLUSTER, MIN_CLUSTER, cluster_mesh};
 pub use cone::NormalCone;
-pub use cones::{ConeTree, Cones};
+pub use cones::Cones;
 pub(crate) use cones64::Cones64;
 pub use culler::BackfaceCuller;
 pub use facing::{Facing, facing};
