@@ -1,7 +1,7 @@
 //! Checks that the portals of a graph can bound convex cells.
 
 use super::{CellGraph, CellGraphError, CellId};
-use crate::{geometry::Plane, pvs::Viewcell};
+use crate::pvs::Viewcell;
 use glam::DVec3;
 
 impl CellGraph {
@@ -63,7 +63,7 @@ impl CellGraph {
             for (cell, inwards) in portal.cells.into_iter().zip([-portal.plane.normal, portal.plane.normal]) {
                 let vertices = portal.polygon.vertices();
                 let (mut outside, mut nearest, mut faces_in) = (0.0f64, f64::INFINITY, false);
-                for face in faces(&bodies[cell.index()]) {
+                for face in bodies[cell.index()].faces(DVec3::ZERO) {
                     let heights = || vertices.iter().map(|&v| face.signed_distance(v));
                     let off = heights().fold(0.0, |off: f64, height| off.max(height.abs()));
                     outside = heights().fold(outside, |outside, height| outside.max(-height));
@@ -82,14 +82,4 @@ impl CellGraph {
         }
         Ok(())
     }
-}
-
-/// Returns the planes of the faces of a body in world space, with unit normals pointing inwards: six of its
-/// box, then its own. Planes that cannot be normalized are left out.
-fn faces(body: &Viewcell) -> impl Iterator<Item = Plane> + '_ {
-    let sides = (0..3).flat_map(|axis| {
-        let normal = DVec3::AXES[axis];
-        [Plane::new(normal, -body.min[axis]), Plane::new(-normal, body.max[axis])]
-    });
-    sides.chain(body.planes.iter().filter_map(Plane::normalized))
 }

@@ -1,7 +1,7 @@
 //! Geometric shapes and their three-way tests.
 //!
-//! Bounds ([`Aabb`], [`Sphere`]) are `f32`, in metres relative to the origin of their
-//! [`Scene`](crate::Scene), the form in which engines keep bounds. Planes and polygons are results of
+//! Bounds ([`Aabb`]) are `f32`, in metres relative to the origin of their [`Scene`](crate::Scene), the form in
+//! which engines keep bounds. Planes and polygons are results of
 //! computation (intersections, clips) and are `f64`.
 //!
 //! Every classification returns a [`Containment`]. The answer is `Crossing` whenever rounding or a non-finite
@@ -14,7 +14,6 @@ mod convex_polygon;
 mod double_double;
 mod plane;
 mod side;
-mod sphere;
 
 pub use aabb::Aabb;
 pub(crate) use clip_outward::{Corners, clip_outward};
@@ -22,7 +21,11 @@ pub use convex_polygon::{ConvexPolygon, PolygonError};
 pub use double_double::DoubleDouble;
 pub use plane::Plane;
 pub use side::{PolygonSide, Side, SidePlane, orientation};
-pub use sphere::Sphere;
+
+/// Returns the axis (0 to 2) of the greatest of three extents, the first of equal ones.
+pub(crate) fn longest_axis<T: PartialOrd>([x, y, z]: [T; 3]) -> usize {
+    if x >= y && x >= z { 0 } else { 1 + usize::from(z > y) }
+}
 
 /// Position of a shape with respect to a closed half-space or volume, decided conservatively.
 ///

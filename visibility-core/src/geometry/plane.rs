@@ -1,9 +1,6 @@
-//! Oriented planes, and the three-way classification of points, boxes and spheres against them.
+//! Oriented planes, and the three-way classification of points and boxes against them.
 
-use crate::{
-    Aabb,
-    geometry::{Containment, Sphere},
-};
+use crate::{Aabb, geometry::Containment};
 use glam::DVec3;
 
 /// Unit round-off of `f64`: half the distance from 1 to the next greater number, 2^-53.
@@ -109,20 +106,6 @@ impl Plane {
         self.decide(self.signed_distance(near), self.signed_distance(far), error)
     }
 
-    /// Classifies a sphere against the half-space. A sphere that touches the boundary, and an improper
-    /// sphere, are `Crossing`.
-    pub fn classify_sphere(&self, sphere: &Sphere) -> Containment {
-        if !sphere.is_proper() {
-            return Containment::Crossing;
-        }
-        let center = sphere.center.as_dvec3();
-        let distance = self.signed_distance(center);
-        let reach = self.normal.length() * f64::from(sphere.radius);
-        // The length of the normal is rounded a few times, the sums below once more each.
-        let error = self.error_bound(center.abs()) + 8.0 * U * (reach + distance.abs());
-        self.decide(distance - reach, distance + reach, error)
-    }
-
     /// Classifies a shape whose signed distances span `least` to `greatest`, each computed with an absolute
     /// error of at most `error`. Comparisons with NaN are false, so NaN gives `Crossing`.
     fn decide(&self, least: f64, greatest: f64, error: f64) -> Containment {
@@ -158,9 +141,6 @@ mod tests {
         let nan = Aabb::from_arrays([f32::NAN; 3], [1.0; 3]);
         assert_eq!(plane.classify_aabb(&nan), Containment::Crossing);
         assert_eq!(plane.classify_aabb(&Aabb::EMPTY), Containment::Crossing);
-        assert_eq!(plane.classify_sphere(&Sphere::new(Vec3::ZERO, f32::NAN)), Containment::Crossing);
-        assert_eq!(plane.classify_sphere(&Sphere::new(Vec3::ZERO, 1.0)), Containment::Crossing);
-        assert_eq!(plane.classify_sphere(&Sphere::new(Vec3::ZERO, 0.5)), Containment::Outside);
         let broken = Plane::new(DVec3::NAN, 0.0);
         assert_eq!(broken.classify_aabb(&touching), Containment::Crossing);
     }

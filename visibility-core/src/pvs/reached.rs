@@ -6,7 +6,7 @@
 
 use super::{Viewcell, Viewcells};
 use crate::geometry::{Corners, clip_outward};
-use crate::{geometry::Plane, pvs::ViewcellId};
+use crate::pvs::ViewcellId;
 use alloc::vec::Vec;
 use glam::DVec3;
 use smallvec::SmallVec;
@@ -59,7 +59,7 @@ impl Viewcells {
         // Keeps only the viewcells that the polygon itself reaches into, not just its bounding box.
         reached.retain(|cell| {
             let mut left = Corners::from_slice(corners);
-            for plane in faces(&all[cell.index()], anchor) {
+            for plane in all[cell.index()].faces(anchor) {
                 left = clip_outward(&left, &plane, margin);
             }
             !left.is_empty()
@@ -86,7 +86,7 @@ fn is_covered(
     }
     *pieces -= 1;
     let mut rest: Corners = SmallVec::from_slice(piece);
-    for plane in faces(&all[first.index()], anchor) {
+    for plane in all[first.index()].faces(anchor) {
         let beyond = |at: &DVec3| plane.signed_distance(*at) < -margin;
         if !rest.iter().any(beyond) {
             continue;
@@ -101,16 +101,4 @@ fn is_covered(
         }
     }
     true
-}
-
-/// Returns the planes of a viewcell's faces, relative to `anchor`, with unit normals pointing inwards: six of
-/// its box, then its own. Planes that cannot be normalized are left out, which enlarges the viewcell.
-fn faces(cell: &Viewcell, anchor: DVec3) -> impl Iterator<Item = Plane> + '_ {
-    let (min, max) = (cell.min - anchor, cell.max - anchor);
-    let sides = (0..3).flat_map(move |axis| {
-        let normal = DVec3::AXES[axis];
-        [Plane::new(normal, -min[axis]), Plane::new(-normal, max[axis])]
-    });
-    let planes = cell.planes.iter().filter_map(Plane::normalized);
-    sides.chain(planes.map(move |plane| Plane::new(plane.normal, plane.signed_distance(anchor))))
 }

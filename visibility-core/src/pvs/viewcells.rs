@@ -1,6 +1,7 @@
 //! Viewcells, and a tree to find the viewcells at a point or in a box.
 
-use crate::{cells::CellId, geometry::Plane};
+use crate::cells::CellId;
+use crate::geometry::{Plane, longest_axis};
 use alloc::vec::Vec;
 use glam::DVec3;
 
@@ -49,6 +50,19 @@ impl Viewcell {
     /// distance from the planes is subject to rounding.
     pub fn contains(&self, p: DVec3) -> bool {
         in_box(p, self.min, self.max) && self.planes.iter().all(|plane| plane.signed_distance(p) >= 0.0)
+    }
+
+    /// Returns the planes of the faces, relative to `anchor`, with unit normals pointing inwards: six of the
+    /// box, then those of [`planes`](Self::planes). Planes that cannot be normalized are left out, which
+    /// enlarges the viewcell.
+    pub(crate) fn faces(&self, anchor: DVec3) -> impl Iterator<Item = Plane> + '_ {
+        let (min, max) = (self.min - anchor, self.max - anchor);
+        let sides = (0..3).flat_map(move |axis| {
+            let normal = DVec3::AXES[axis];
+            [Plane::new(normal, -min[axis]), Plane::new(-normal, max[axis])]
+        });
+        let planes = self.planes.iter().filter_map(Plane::normalized);
+        sides.chain(planes.map(move |plane| Plane::new(plane.normal, plane.signed_distance(anchor))))
     }
 }
 
@@ -116,14 +130,7 @@ impl Viewcells {
         let node = self.nodes.len();
         self.nodes.push(Node { min, max, next: 0, start: start as u32, end: end as u32 });
         if end - start > LEAF {
-            let size = max - min;
-            let axis = if size.x >= size.y && size.x >= size.z {
-                0
-            } else if size.y >= size.z {
-                1
-            } else {
-                2
-            };
+            let axis = longest_axis((max - min).to_array());
             let middle = start + (end - start) / 2;
             let key = |i: u32| cells[i as usize].min[axis] * 0.5 + cells[i as usize].max[axis] * 0.5;
             let compare = |a: &u32, b: &u32| key(*a).total_cmp(&key(*b)).then(a.cmp(b));

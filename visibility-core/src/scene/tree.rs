@@ -19,7 +19,7 @@ pub(super) use scratch::Scratch;
 pub(crate) use slot::{NONE, Slot};
 
 use super::boxes64::{Boxes64, lanes};
-use crate::{Aabb, ObjectId};
+use crate::{Aabb, ObjectId, geometry::longest_axis};
 use alloc::vec::Vec;
 
 /// Level of the leaves outside the tree, which hold the objects that are never culled.
@@ -321,12 +321,7 @@ impl Tree {
         let mut order: [usize; 64] = core::array::from_fn(|lane| lane);
         let centers: [_; 64] = core::array::from_fn(|lane| self.bounds[node as usize].get(lane).center());
         let spread = Aabb::from_points(centers);
-        let extent = spread.half_extent();
-        let axis = if extent.x >= extent.y && extent.x >= extent.z {
-            0
-        } else {
-            1 + usize::from(extent.z > extent.y)
-        };
+        let axis = longest_axis(spread.half_extent().to_array());
         order.sort_unstable_by(|&a, &b| centers[a][axis].total_cmp(&centers[b][axis]).then(a.cmp(&b)));
         for (lane, &from) in order[32..].iter().enumerate() {
             let (from, to) = (Slot::new(node, from), Slot::new(other, lane));

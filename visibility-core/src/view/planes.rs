@@ -4,7 +4,10 @@
 use super::limits::{MAX_CLIP_PLANES, MAX_PLANES};
 use super::{View, ViewError};
 use crate::geometry::Plane;
-use glam::{DVec3, DVec4};
+use glam::DVec3;
+
+/// Slot of the near plane in [`ViewPlanes`].
+const NEAR: u8 = 4;
 
 /// One plane of a view, with a bound on its rounding error.
 ///
@@ -160,24 +163,15 @@ impl View {
     /// Returns the near plane for points relative to `origin`, a point of the world. `None` if `f64` cannot
     /// represent the plane.
     pub(crate) fn near_plane(&self, origin: DVec3) -> Option<ViewPlane> {
-        let mut planes = ViewPlanes::NONE;
-        let near = self.depth_rows().0;
-        planes.push(0, Plane::new(near.truncate(), near.w), origin - self.origin);
-        planes.as_slice().first().copied()
-    }
-
-    /// Returns the near plane and, unless depth is infinite, the far plane, as rows for points relative to
-    /// the view's origin. Their dot product with `(x, y, z, 1)` is positive on the side in view.
-    fn depth_rows(&self) -> (DVec4, Option<DVec4>) {
-        self.depth.rows(self.clip_from_local.row(2), self.clip_from_local.row(3))
+        self.planes(origin).with_slots().find(|&(slot, _)| slot == NEAR).map(|(_, &plane)| plane)
     }
 
     /// Returns the planes that bound the view, clip planes included, for points relative to `origin`, a point
     /// of the world.
     pub fn planes(&self, origin: DVec3) -> ViewPlanes {
         let m = &self.clip_from_local;
-        let [x, y, w] = [m.row(0), m.row(1), m.row(3)];
-        let (near, far) = self.depth_rows();
+        let [x, y, z, w] = [0, 1, 2, 3].map(|i| m.row(i));
+        let (near, far) = self.depth.rows(z, w);
         let shift = origin - self.origin;
         let mut planes = ViewPlanes::NONE;
         // An infinite far plane is left out because the convention says so: what rounding leaves of it in the

@@ -85,7 +85,8 @@ impl Tree {
             for &word in leaf_batch {
                 let (position, lane) = (word >> 6, word & 63);
                 let bounds = &moved[position as usize].1;
-                let leaves_home = !bounds.is_finite() || home.as_ref().is_some_and(|home| is_far(home, bounds));
+                let leaves_home =
+                    !bounds.is_finite() || home.as_ref().is_some_and(|home| is_far(home, bounds));
                 leaving |= u64::from(leaves_home) << lane;
                 if leaving >> lane & 1 != 0 {
                     leavers.push(position);

@@ -12,7 +12,7 @@ pub(crate) fn pack(order: &mut [u64], centers: &[Vec3A], pieces: usize, take: &m
         take(order);
         return;
     }
-    let axis = longest_axis(order, centers);
+    let axis = most_spread_axis(order, centers);
     for word in order.iter_mut() {
         *word = u64::from(ascending(centers[number(*word)][axis])) << 32 | number(*word) as u64;
     }
@@ -37,13 +37,12 @@ fn ascending(x: f32) -> u32 {
     bits ^ ((bits as i32 >> 31) as u32 | 1 << 31)
 }
 
-fn longest_axis(order: &[u64], centers: &[Vec3A]) -> usize {
+fn most_spread_axis(order: &[u64], centers: &[Vec3A]) -> usize {
     let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
     for &word in order {
         let center = centers[number(word)];
         (min, max) = (min.min(center), max.max(center));
     }
     // Halved before subtracting, since the full extent may overflow.
-    let extent = max * 0.5 - min * 0.5;
-    if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) }
+    crate::geometry::longest_axis((max * 0.5 - min * 0.5).to_array())
 }
