@@ -135,7 +135,7 @@ fn no_front_is_culled_on_any_scene() {
     for name in ["clinic", "clinic_mep", "denhaag", "car", "alpine1", "oa_dm2"] {
         let judge = Judge::new(name);
         let (mut rng, mut culled) = (Random(1), 0);
-        let mut masks = vec![0; judge.cones.len().div_ceil(64)];
+        let mut masks = vec![0; judge.clusters.len().div_ceil(64)];
         let count = eyes();
         for _ in 0..count {
             judge.check(judge.eye(&mut rng), &mut masks, &mut culled);

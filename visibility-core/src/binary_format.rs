@@ -78,8 +78,8 @@ pub enum FormatError {
     Length {
         /// Number of bytes that the reader was given, header included.
         found: u64,
-        /// Length in bytes, header included, according to the header; [`HEADER_LENGTH`] if the bytes are fewer than
-        /// a header.
+        /// Length in bytes, header included, according to the header; [`HEADER_LENGTH`] if the bytes are
+        /// fewer than a header.
         expected: u64,
     },
     /// The checksum in the header does not match the bytes: they were damaged.
@@ -221,9 +221,9 @@ impl<'a> Reader<'a> {
     /// is linear in the number of bytes. Kind and fingerprint are checked by [`expect`](Self::expect).
     ///
     /// # Errors
-    /// In this order: [`FormatError::Magic`], [`FormatError::Length`] if there are fewer than [`HEADER_LENGTH`]
-    /// bytes, [`FormatError::Version`], [`FormatError::Length`] if the header announces another length,
-    /// [`FormatError::Checksum`].
+    /// In this order: [`FormatError::Magic`], [`FormatError::Length`] if there are fewer than
+    /// [`HEADER_LENGTH`] bytes, [`FormatError::Version`], [`FormatError::Length`] if the header announces
+    /// another length, [`FormatError::Checksum`].
     pub fn new(bytes: &'a [u8], format: Format) -> Result<Self, FormatError> {
         if !bytes.starts_with(&format.magic) {
             return Err(FormatError::Magic { expected: format.magic });
