@@ -78,8 +78,8 @@ pub trait Baker: Sync {
     /// Greatest number of items in one round; 0 counts as 1. Larger rounds keep more threads busy, but the
     /// items of a round cannot use one another's results.
     const ROUND: usize = 48;
-    /// Kind stored in the [header](crate::binary_format) of saved bakes, so that a bake saved by one type of baker
-    /// is refused by another type.
+    /// Kind stored in the [header](crate::binary_format) of saved bakes, so that a bake saved by one type of
+    /// baker is refused by another type.
     const KIND: u32 = 0;
 
     /// Returns the number of items, which are numbered from 0. Must be less than `u32::MAX` and constant for

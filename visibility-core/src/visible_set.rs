@@ -276,7 +276,8 @@ impl VisibleSet {
         }
     }
 
-    /// Replaces the mask of a node, bit i for lane i, during a walk that ends with [`use_masks`](Self::use_masks).
+    /// Replaces the mask of a node, bit i for lane i, during a walk that ends with
+    /// [`use_masks`](Self::use_masks).
     pub(crate) fn set_mask(&mut self, node: usize, mask: u64) {
         self.words[node] = mask;
     }

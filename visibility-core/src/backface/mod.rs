@@ -10,7 +10,8 @@
 //! # Sources
 //! - Shirman and Abi-Ezzi, "The Cone of Normals Technique for Fast Processing of Curved Patches", 1993: a
 //!   cone with an apex behind all planes decides for eyes at any distance.
-//! - Kumar, Manocha, Garrett and Lin, "Hierarchical Back-Face Computation", 1996: clusters of similar normals.
+//! - Kumar, Manocha, Garrett and Lin, "Hierarchical Back-Face Computation", 1996: clusters of similar
+//!   normals.
 //! - Johannsen and Carter, "Clustered backface culling", 1998: clusters of meshes.
 //!
 //! Cones here are elliptic rather than circular: the normals of pipes, rounded edges and frames lie along

@@ -1,8 +1,8 @@
 //! Geometric shapes and their three-way tests.
 //!
-//! Bounds ([`Aabb`]) are `f32`, in metres relative to the origin of their [`Scene`](crate::Scene), the form in
-//! which engines keep bounds. Planes and polygons are results of
-//! computation (intersections, clips) and are `f64`.
+//! Bounds ([`Aabb`]) are `f32`, in metres relative to the origin of their [`Scene`](crate::Scene), the form
+//! in which engines keep bounds. Planes and polygons are results of computation (intersections, clips) and
+//! are `f64`.
 //!
 //! Every classification returns a [`Containment`]. The answer is `Crossing` whenever rounding or a non-finite
 //! number leaves the question open, so that a caller who culls on `Outside` alone never hides a visible

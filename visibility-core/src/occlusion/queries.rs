@@ -165,8 +165,8 @@ impl<D: QueryDevice> HardwareQueries<D> {
 }
 
 impl<D: QueryDevice> State<D> {
-    /// Collects the answers that have arrived and forgets boxes without a query for more than [`MAX_IDLE_FRAMES`]
-    /// frames.
+    /// Collects the answers that have arrived and forgets boxes without a query for more than
+    /// [`MAX_IDLE_FRAMES`] frames.
     fn listen(&mut self, frame: u64) {
         let Self { device, indices, questions, free } = self;
         device.answers(&mut |query, passed| {
