@@ -1,8 +1,9 @@
-//! Binary form of tessellations: arrays as they are in memory, in an [envelope](visibility_core::binary_format),
-//! so that loading copies and checks the arrays and computes nothing.
+//! Binary form of tessellations: arrays as they are in memory, behind the header of the [binary
+//! format](visibility_core::binary_format), so that loading copies and checks the arrays and computes
+//! nothing.
 //!
-//! The kind in the envelope's header is 0 for octrees and 1 for tetrahedra. The fingerprint is a hash of the
-//! scene. The body is arrays of 32-bit numbers, each preceded by its length.
+//! The kind in the header is 0 for octrees and 1 for tetrahedra. The fingerprint is a hash of the scene. The
+//! body is arrays of 32-bit numbers, each preceded by its length.
 
 use crate::content::Content;
 use crate::delaunay::{DelaunayTessellation, FINE_STEPS, NONE};
@@ -12,7 +13,7 @@ use crate::octree::{Fineness, OctreeTessellation, decode_neighbour, leaf_positio
 
 use alloc::vec::Vec;
 use visibility_core::Scene;
-use visibility_core::binary_format::{FormatError, Fingerprint, Format, Reader, Writer};
+use visibility_core::binary_format::{Fingerprint, Format, FormatError, Reader, Writer};
 use visibility_core::glam::DVec3;
 
 /// Magic bytes and version of the binary form; a change of the layout raises the version.
@@ -34,7 +35,7 @@ fn fingerprint(scene: &Scene) -> u64 {
     hash.value()
 }
 
-/// Starts an envelope of a kind (0 octree, 1 tetrahedra) for a scene and writes the grid and fineness.
+/// Starts a file of a kind (0 octree, 1 tetrahedra) for a scene and writes the grid and fineness.
 fn begin(kind: u32, scene: &Scene, grid: &Grid, fineness: Fineness) -> Writer {
     let mut writer = Writer::new(FORMAT, kind, fingerprint(scene));
     writer.u64s([grid.min.x, grid.min.y, grid.min.z, grid.step].map(f64::to_bits));
@@ -58,7 +59,7 @@ fn write_content(writer: &mut Writer, content: &Content) {
     writer.bytes(&content.lists);
 }
 
-/// Opens an envelope and checks its header. `Err` if the bytes are damaged, or the format, version, kind or
+/// Opens a file and checks its header. `Err` if the bytes are damaged, or the format, version, kind or
 /// the scene's fingerprint differs.
 fn open<'a>(bytes: &'a [u8], kind: u32, scene: &Scene) -> Result<Reader<'a>, FormatError> {
     let reader = Reader::new(bytes, FORMAT)?;
@@ -109,7 +110,8 @@ fn read_content(reader: &mut Reader, scene: &Scene, cells: usize) -> Result<Cont
     if cover.len() != cells {
         return Err(reader.content_error("there are more or fewer lists than cells"));
     }
-    Content::from_arrays(scene, starts, cover, lists, held.collect()).map_err(|problem| reader.content_error(problem))
+    Content::from_arrays(scene, starts, cover, lists, held.collect())
+        .map_err(|problem| reader.content_error(problem))
 }
 
 /// Tests whether an encoded neighbour (see `octree::encode_neighbour`) of leaf `cell` names an existing leaf
