@@ -30,12 +30,13 @@ use visibility_core::{
 /// this number, finding out whether it looks convex costs less than drawing the triangles.
 const MAX_OUTLINE_TRIANGLES: usize = 24;
 
-/// Number of triangles of convex parts that cost as much as one triangle of other meshes, since convex parts
-/// are drawn by their outlines. The 12 triangles of a box cost as much as two.
+/// Divisor of the triangles of convex parts in the cost of an occluder: six of them cost as much as one
+/// triangle of other meshes, since convex parts are drawn by their outlines. The 12 triangles of a box cost
+/// as much as two.
 const OUTLINE_COST_DIVISOR: usize = 6;
 
-/// Number of occluders found hidden by tiles but not by the pyramid after which the pyramid is updated
-/// between flushes. From this number on, the update costs less than it saves.
+/// Number of occluders found hidden by the tiles but not by the (older) pyramid after which the pyramid is
+/// updated between flushes. From this number on, the update costs less than it saves.
 const MAX_PYRAMID_MISSES: usize = 32;
 
 /// A hierarchical z-buffer: an [`OcclusionMap`] of tiles of 8 x 8 pixels with a pyramid of least depth keys
@@ -78,7 +79,7 @@ pub struct Hzb {
     projection: ScreenProjection,
     /// Projection of the current view in `f32`, for tested boxes.
     pub(crate) projection32: ScreenProjection32,
-    /// Setup of the current view for bounds by the faces of a tested box.
+    /// Precomputed terms of the current view, by which the faces of a tested box bound its depth keys.
     faces: FacePlaneSetup,
     /// Covered pixels and depth keys of all tiles.
     pub(crate) tiles: Tiles,
@@ -179,9 +180,10 @@ impl Hzb {
     /// `column` and `row`, counted from the upper left. Negative infinity if the pixel is not covered or
     /// outside the buffer.
     ///
-    /// For perspective views the key is `1 / w`: one over the distance along the viewing direction, for a
-    /// clip matrix whose `w` is that distance. A factor of the matrix does not matter, up to the power of two
-    /// nearest to it. For parallel views the key is clip depth, negated unless depth is reversed.
+    /// For perspective views the key is `1 / w`, where `w` is the distance along the viewing direction in the
+    /// unit of the clip matrix, usually metres. A clip matrix scaled by a factor gives the same key, up to
+    /// the power of two nearest to the factor. For parallel views the key is clip depth, negated unless depth
+    /// is reversed.
     pub fn depth_key(&self, column: usize, row: usize) -> f32 {
         if column < self.size[0] && row < self.size[1] {
             self.tiles.pixel_closely(column, row)
@@ -209,7 +211,7 @@ impl Hzb {
         }
     }
 
-    /// Borrows the state that a test of boxes reads.
+    /// Returns references to the parts of the buffer that a test of boxes reads.
     fn query(&self) -> BoxQuery<'_> {
         let (projection, tiles, pyramid, faces) =
             (&self.projection32, &self.tiles, &self.pyramid, &self.faces);
@@ -225,7 +227,8 @@ impl Hzb {
     }
 
     /// Returns whether an occluder may cover pixels that are not covered by nearer occluders yet, judged by
-    /// the axis-aligned box around the occluder. Undecided counts as true.
+    /// the axis-aligned box around the occluder. `transform` maps the occluder's own coordinates to the
+    /// scene. Undecided counts as true.
     fn may_be_around(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
         let around = BoxQueue::around(occluder.bounds(), transform);
         let ([x0, y0, z0], [x1, y1, z1]) = (around.min.to_array(), around.max.to_array());
@@ -270,8 +273,9 @@ impl Hzb {
         }
     }
 
-    /// Draws a box. `extent` gives its screen bounds if they are known, which implies that the whole box is
-    /// in front of the eye. `two_sided` tells whether the inner sides of its faces hide too.
+    /// Draws a box. `bounds` are in the box's own coordinates, which `transform` maps to the scene. `extent`
+    /// gives its screen bounds if they are known, which implies that the whole box is in front of the eye.
+    /// `two_sided` tells whether the inner sides of its faces hide too.
     fn draw_box(
         &mut self,
         bounds: &Aabb,
@@ -333,7 +337,8 @@ impl Hzb {
         }
     }
 
-    /// Fills `shape` into the tiles and raises `nearest` if a tile may have changed.
+    /// Fills `shape` into the tiles, and raises `nearest` to the shape's greatest depth key if a tile may
+    /// have changed.
     fn fill(&mut self) {
         if self.simd.fill_shape(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
             self.nearest = self.shape.ceiling;

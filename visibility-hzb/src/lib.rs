@@ -32,17 +32,17 @@
 //! ```
 //!
 //! # Why nothing visible is hidden
-//! - A pixel counts as covered only if all of its square is, up to the corners, whatever rounding does. It
-//!   holds the farthest depth that the occluder can have there. Boxes and other convex solids are drawn by
-//!   their outlines (proof in `setup/screen_shape.rs`), meshes of any form by the rule in
+//! - A pixel counts as covered only if all of its square is, up to the corners, whatever rounding does. A
+//!   covered pixel holds the farthest depth that the occluder can have in the pixel. Boxes and other convex
+//!   solids are drawn by their outlines (proof in `setup/screen_shape.rs`), meshes of any form by the rule in
 //!   `raster/mesh_raster.rs`. Tests cast rays through the corners of covered pixels.
 //! - A box is hidden only if every pixel that it can meet, rounded outwards, holds something strictly nearer
 //!   than the nearest point of the box, rounded nearer.
 //! - So the size of the buffer changes time and tightness, never correctness. 512 x 288 is a good size for a
 //!   picture of any size; a larger buffer hides more.
 //!
-//! [`Coverage::Sampled`] gives up the first of these, as other cullers do: then the accuracy is
-//! *approximate*.
+//! [`Coverage::Sampled`] gives up the first of these guarantees: a pixel counts as covered if its centre is,
+//! so the accuracy is *approximate*.
 //!
 //! # Cost
 //! - A box or another convex occluder takes some 20 ns if it is out of view or hidden by nearer ones, else

@@ -1,5 +1,5 @@
-//! Vectors of three `f64` as arrays, with functions that are always inlined. glam's functions are not inlined
-//! into functions compiled for wider instruction sets.
+//! Vectors of three `f64` as arrays, with functions that are always inlined. They stand in for glam's, which
+//! are not inlined into functions compiled for wider instruction sets.
 
 /// Homogeneous screen coordinates `x`, `y` (pixel coordinates times `w`) and `w` of a corner, or a difference
 /// or cross product of two such vectors.

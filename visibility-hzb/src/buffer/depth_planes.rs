@@ -9,15 +9,16 @@ use crate::setup::screen_shape::ScreenShape;
 /// nearer) is at least the least value of the planes there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DepthPlanes {
-    /// Coefficients `[a, b, c]` of each plane, as in [`ScreenShape::planes`]: `a * column + b * row + c` is
-    /// the least depth key in the tile at that tile column and row. The first `count` are valid.
+    /// Coefficients `[a, b, c]` of each plane: `a * column + b * row + c` is the least depth key of the
+    /// plane in the tile at tile column `column` and tile row `row` (see [`ScreenShape::planes`]). The
+    /// first `count` planes are valid.
     planes: [[f32; 3]; 3],
     /// Number of valid planes, 0 to 3. With 0 planes the depth key is not bounded.
     count: usize,
 }
 
 impl DepthPlanes {
-    /// No planes: the depth key is not bounded, and nothing is hidden.
+    /// No planes: the depth key is bounded by negative infinity, so these planes hide no box.
     pub(crate) const NONE: Self = Self { planes: [[0.0; 3]; 3], count: 0 };
 
     /// Copies the depth planes of `shape`. Returns no planes if the shape has more than three.
@@ -32,8 +33,8 @@ impl DepthPlanes {
     /// The rectangle is given as left, right, top and bottom in pixels of the buffer. Returns negative
     /// infinity if there are no planes.
     ///
-    /// Computed in `f64`, where rounding is far below the amount by which [`ScreenShape::add_depth_plane`]
-    /// has lowered the planes.
+    /// Computed in `f64`. Its rounding is far below the amount by which [`ScreenShape::add_depth_plane`] has
+    /// lowered the planes.
     #[inline(always)]
     pub(crate) fn least(&self, [left, right, top, bottom]: [f64; 4]) -> f64 {
         const SHARE: f64 = 1.0 / SIDE as f64;
@@ -52,9 +53,10 @@ impl DepthPlanes {
     }
 
     /// Returns whether the occluder is strictly nearer than a box in a rectangle (left, right, top, bottom in
-    /// pixels of the buffer): whether some face of the box bounds the box's depth key by a plane that is
-    /// below all depth planes in the whole rectangle. False if there are no planes. Rounding is far below the
-    /// amounts by which both kinds of planes were moved, as in [`least`](Self::least).
+    /// pixels of the buffer). That is so if the plane of some face of the box (`box_planes`) bounds the box's
+    /// depth key from above, and is below all depth planes of the occluder in the whole rectangle. False if
+    /// the occluder has no depth planes. Rounding is far below the amounts by which the occluder's planes
+    /// were lowered and the box's planes raised.
     #[inline(always)]
     pub(crate) fn is_nearer_than(&self, sides: [f64; 4], box_planes: &BoxFacePlanes) -> bool {
         const SHARE: f64 = 1.0 / SIDE as f64;

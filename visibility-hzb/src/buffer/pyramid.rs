@@ -1,6 +1,7 @@
-//! The pyramid above the tiles: each texel holds the least depth key of the four texels below it, up to a
-//! single texel (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993; Cohen-Or, Chrysanthou,
-//! Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.1).
+//! The pyramid above the tiles: each texel holds the least depth key of 2 x 2 texels of the next finer level.
+//! The coarsest level is a single texel (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993;
+//! Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003,
+//! section 6.1).
 
 use super::tile_layout::{LINES, Rectangle, SIDE, mask};
 use super::tiles::{Tiles, UNCHANGED, join};
@@ -20,8 +21,8 @@ struct Level {
     least: Vec<f32>,
 }
 
-/// Levels of least depth keys above the tiles. A pyramid that is older than the tiles culls less and stays
-/// conservative, since depth keys only grow during a frame.
+/// Levels of least depth keys above the tiles. A pyramid that was not updated since the tiles last changed
+/// culls less and stays conservative, since depth keys only grow during a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pyramid {
     /// Levels above the tiles, finest first, down to one texel.
@@ -201,7 +202,7 @@ fn hidden_tiles(tiles: &Tiles, rectangle: &Rectangle, [x0, x1, y0, y1]: [usize; 
 struct Walk<'a> {
     pyramid: &'a Pyramid,
     tiles: &'a Tiles,
-    /// The tested rectangle, in pixels.
+    /// The tested rectangle, in pixels of the buffer.
     rectangle: &'a Rectangle,
     /// First and last column, first and last row of the tiles that the rectangle meets, all inclusive.
     limits: [usize; 4],

@@ -1,4 +1,4 @@
-//! Pixel masks of tiles, made from the columns at which each row of pixels begins and ends.
+//! Pixel masks of tiles, made from the column range that a shape covers in each row of pixels.
 
 use super::tile_layout::SIDE;
 use crate::lanes::{WHOLE, WIDTH, greatest, least};
@@ -7,8 +7,8 @@ use crate::lanes::{WHOLE, WIDTH, greatest, least};
 pub(crate) const STEPS: [f32; WIDTH] =
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
-/// Spans of a shape in the eight rows of pixels of one row of tiles. Each span is stored twice, so that the
-/// masks of two tiles are made at once, which fills the vector lanes.
+/// Spans (column ranges) that a shape covers in the eight rows of pixels of one row of tiles. Each span is
+/// stored twice, so that the masks of two tiles are made at once, which fills the vector lanes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RowSpans {
     /// Column at which the span of each row of pixels begins, in pixels of the buffer, plus 0.5 for
@@ -42,8 +42,8 @@ impl RowSpans {
     /// Writes the masks of the tiles `first` and `second` tile columns after tile column `column` into
     /// `masks[first]` and `masks[second]`. `first` and `second` may be equal.
     ///
-    /// The spans are rounded to pixels as for tiles that `shape_fill.rs` finds covered entirely, since
-    /// subtracting the tile's first column from a bound within the tile is exact.
+    /// Bounds are rounded to pixels exactly as `shape_fill.rs` rounds them where it looks for tiles that are
+    /// covered entirely: subtracting the tile's first column from a bound within the tile is exact.
     #[inline(always)]
     pub(crate) fn make_masks(&mut self, column: usize, first: usize, second: usize) {
         let start = (column * SIDE) as f32;

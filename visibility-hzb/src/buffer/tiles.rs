@@ -42,9 +42,8 @@ pub(crate) struct Tiles {
     /// Lower bound on the depth keys of all 64 pixels of each tile. [`EMPTY_DEPTH`] if a pixel is not
     /// covered. Followed by [`PADDING`] unused elements.
     pub(crate) tile_min: Vec<f32>,
-    /// Index into `depth_planes` of the planes of an occluder that covers the whole tile, for each tile. 0
-    /// means no such planes. The occluder is not always the nearest one. Followed by [`PADDING`] unused
-    /// elements.
+    /// For each tile, the index into `depth_planes` of the planes of an occluder that covers the whole tile,
+    /// not always the nearest such occluder. 0 if there is none. Followed by [`PADDING`] unused elements.
     pub(crate) depth_planes_index: Vec<u32>,
     /// Depth planes of the occluders drawn since the last [`clear`](Self::clear). Element 0 is
     /// [`DepthPlanes::NONE`].
@@ -58,7 +57,7 @@ pub(crate) struct Tiles {
     pub(crate) changed: Vec<[usize; 2]>,
     /// Half-open range of the rows of tiles that have dirty columns. [`UNCHANGED`] if there are none.
     pub(crate) changed_rows: [usize; 2],
-    /// Scratch for the pixel masks of the row of tiles that is being filled.
+    /// Scratch of `shape_fill.rs`: pixel masks of the row of tiles that is being filled.
     pub(crate) spans: RowSpans,
 }
 

@@ -18,8 +18,8 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::all_above;
 use alloc::vec::Vec;
 
-/// How the depth of occluders is estimated. A box is hidden where covered pixels are certainly nearer by this
-/// estimate.
+/// Estimate of the depth of occluders. A box is hidden only where all covered pixels of its screen rectangle
+/// are certainly nearer than the box by this estimate.
 ///
 /// ```
 /// use visibility_hzb::{DepthEstimate, Hom};
@@ -42,7 +42,7 @@ pub enum DepthEstimate {
 }
 
 /// Lower bounds on the depth keys (greater is nearer) of the occluders drawn in a frame, by one of three
-/// estimates. A box with a lesser depth key lies behind these occluders.
+/// estimates. A box whose greatest depth key is less than the bound lies behind these occluders.
 #[derive(Clone, Debug)]
 pub(crate) struct DepthBoundary {
     /// Estimate that is in use.
@@ -76,7 +76,8 @@ impl DepthBoundary {
     }
 
     /// Changes the estimate and sets all bounds to negative infinity. Until the next [`clear`](Self::clear),
-    /// `Plane` and `Buffer` hide nothing; `NoBackground` hides what the drawn pixels hide.
+    /// the estimates `Plane` and `Buffer` hide no box, and `NoBackground` hides only what the drawn depths of
+    /// single pixels hide.
     pub(crate) fn set(&mut self, estimate: DepthEstimate) {
         self.estimate = estimate;
         self.plane = f32::NEG_INFINITY;
@@ -117,9 +118,9 @@ impl DepthBoundary {
         }
     }
 
-    /// Returns whether the occluders that cover pixels of a rectangle are all certainly nearer than a box
-    /// whose depth keys are at most `depth_key`: whether their bounds are strictly greater. Uncovered pixels
-    /// are ignored, so coverage must be tested apart.
+    /// Returns whether all occluders that cover pixels of a rectangle are certainly nearer than a box whose
+    /// depth keys are at most `depth_key`: whether the occluders' bounds are strictly greater. Uncovered
+    /// pixels are ignored, so the caller must test coverage apart.
     #[inline(always)]
     pub(crate) fn is_nearer_than(
         &self,

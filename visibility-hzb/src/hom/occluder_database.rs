@@ -70,7 +70,7 @@ pub struct OccluderDatabase {
     occluders: Vec<ObjectId>,
     /// Rejected objects that are flagged as occluders and have a mesh, in no particular order.
     others: Vec<ObjectId>,
-    /// Number of objects in `others` that were rejected as too small.
+    /// Number of objects in `others` that were rejected because they are too small.
     small: usize,
     /// Number of objects in `others` that were rejected for too many triangles.
     complex: usize,
@@ -78,11 +78,11 @@ pub struct OccluderDatabase {
     redundant: usize,
 }
 
-/// Side of the grid of test lines through an object: `GRID * GRID` lines along each axis.
+/// Number of rows and of columns of test lines through an object: `GRID * GRID` lines along each axis.
 const GRID: usize = 4;
-/// Limits on the occluders that are examined for backing one object. The search for nearby occluders stops
-/// once it has found the first number. Lines are tested against the largest of the found occluders, at most
-/// the second number.
+/// Limits on the occluders that are examined as backing of one object. Element 0: the search for nearby
+/// occluders stops once it has found that many. Element 1: at most that many of the found occluders, the
+/// largest, are tested against the lines.
 const NEIGHBOURS: [usize; 2] = [1024, 32];
 
 impl OccluderDatabase {
@@ -188,8 +188,8 @@ fn faces(bounds: &Aabb) -> Vec3 {
 /// Returns the fraction, 0 to 1, of an object that larger occluders back: the fraction of lines through the
 /// object that meet a larger occluder, averaged over the three axes with the areas of the object's bounds
 /// across each axis as weights. `rank` gives, by object index, the position of an accepted occluder in
-/// descending order of area, and `u32::MAX` for other objects. NaN if the object's bounds have no area; 0 if
-/// the object is not in the scene.
+/// descending order of area, and `u32::MAX` for all other objects. NaN if the object's bounds have no area; 0
+/// if the object is not in the scene.
 fn backed_share(scene: &Scene, id: ObjectId, rank: &[u32]) -> f32 {
     let Ok(bounds) = scene.bounds(id) else { return 0.0 };
     let near = (bounds.max - bounds.min).max_element() / 8.0;
@@ -238,13 +238,15 @@ fn neighbours(scene: &Scene, id: ObjectId, reach: &Aabb, rank: &[u32]) -> Vec<Ob
     found
 }
 
-/// A test line in scene coordinates along one of the axes, limited to the extent of a box.
+/// A test line parallel to one of the axes, in scene coordinates, limited to the extent of a box on that
+/// axis.
 struct Line<'a> {
     /// Axis indices: the two axes across the line, then the axis along the line.
     axes: [usize; 3],
     /// Coordinates of the line on the two axes across it, in metres.
     at: [f32; 2],
-    /// Box that bounds the line along its axis. Only the box's extent on that axis is used.
+    /// Box, in scene coordinates, that bounds the line along its axis. Only the box's extent on that axis is
+    /// used.
     reach: &'a Aabb,
 }
 

@@ -27,8 +27,8 @@ use visibility_core::{
     simd::Simd,
 };
 
-/// Hierarchical occlusion maps: an [`OcclusionMap`] that tests coverage and depth of a box's screen rectangle
-/// apart.
+/// Hierarchical occlusion maps: an [`OcclusionMap`] that tests the coverage and the depth of a box's screen
+/// rectangle separately.
 ///
 /// With an opacity threshold of 1, the default, a texel is opaque only if all its pixels are covered, and
 /// nothing visible is ever hidden. With a lesser threshold small holes count as covered, and objects that are
@@ -98,8 +98,9 @@ impl Hom {
 
     /// Sets the opacity threshold of texels of 8 x 8 pixels: the fraction of pixels, 0 to 1, that must be
     /// covered for the texel to count as opaque. NaN and numbers above 1 count as 1, negative numbers as 0.
-    /// Coarser texels may have as many uncovered pixels as one of 8 x 8, finer texels none. Replaces the
-    /// thresholds of all levels. A threshold below 1 makes the maps approximate. Takes effect at once.
+    /// An opaque coarser texel may have at most as many uncovered pixels as an opaque texel of 8 x 8, an
+    /// opaque finer texel none. Replaces the thresholds of all levels. A threshold below 1 makes the maps
+    /// approximate. Takes effect at once.
     pub fn with_threshold(mut self, threshold: f32) -> Self {
         self.opacity.set(Thresholds::from_tile_threshold(threshold));
         self
@@ -217,10 +218,10 @@ impl Hom {
         }
     }
 
-    /// Tests the boxes whose bit is set in `lanes`. `seen` holds the projected boxes, `boxes` their least x,
-    /// y, z and greatest x, y, z in scene coordinates. Returns the mask of hidden boxes and the mask of boxes
-    /// that no occluder in the maps can hide any part of, which includes improper (inverted or NaN) boxes. A
-    /// bit in neither mask means undecided.
+    /// Tests the boxes whose bit is set in `lanes`: bit i stands for box i. `seen` holds the projected boxes,
+    /// `boxes` their least x, y, z and greatest x, y, z in scene coordinates. Returns the mask of hidden
+    /// boxes and the mask of visible boxes: those that no occluder in the maps can hide any part of, and
+    /// improper (inverted or NaN) boxes. A bit in neither mask means undecided.
     #[inline(always)]
     fn decide<const N: usize>(
         &self,

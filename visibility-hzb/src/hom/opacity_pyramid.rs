@@ -12,7 +12,7 @@ use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
 use alloc::vec::Vec;
 
-/// Counts of covered pixels on one level: that of tiles, or a coarser one.
+/// Counts of covered pixels on one level of the pyramid: that of tiles (8 x 8 pixels), or a coarser one.
 #[derive(Clone, Debug)]
 pub(crate) struct Level {
     /// Number of texel columns.
@@ -21,9 +21,9 @@ pub(crate) struct Level {
     pub(crate) rows: usize,
     /// Number of covered pixels of each texel, row by row from the top.
     pub(crate) counts: Vec<u32>,
-    /// Minimum number of covered pixels of an opaque texel. Texels of the last column or row have fewer
-    /// pixels, so there are four numbers: for texels in neither the last column nor the last row, in the
-    /// last column, in the last row, in both.
+    /// Minimum number of covered pixels of an opaque texel. Element 0 is for texels in neither the last
+    /// column nor the last row, element 1 for the last column, element 2 for the last row, element 3 for the
+    /// texel in both. Texels of the last column or row have fewer pixels in the picture.
     need: [u32; 4],
 }
 
@@ -195,22 +195,25 @@ fn add_pairs(out: &mut [u32], row: &[u32]) {
     }
 }
 
-/// Returns the mask of the pixels in the upper left texel of a tile, for a level finer than tiles: `2^level`
-/// pixels a side. Bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
+/// Returns the mask of the pixels in the upper left texel of a tile, for a level finer than tiles, whose
+/// texels have `2^level` pixels a side. Bit `8 * y + x` stands for the pixel at column `x` and row `y` of the
+/// tile.
 fn block(level: usize) -> u64 {
     let row = (1u64 << (1 << level)) - 1;
     (0..1 << level).fold(0, |mask, line| mask | row << (line * SIDE))
 }
 
-/// Returns the mask of the pixels that lie in a picture of `width` pixels, for a tile of the last column of
-/// tiles. Bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
+/// Returns the mask of the pixels that lie in the picture, for a tile of the last column of tiles. `width` is
+/// the width of the picture in pixels. Bit `8 * y + x` stands for the pixel at column `x` and row `y` of the
+/// tile.
 fn last_columns(width: usize) -> u64 {
     let wide = (width - 1) % SIDE + 1;
     ((1u64 << wide) - 1) * 0x0101_0101_0101_0101
 }
 
-/// Returns the mask of the pixels that lie in a picture of `height` pixels, for a tile of the last row of
-/// tiles. Bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
+/// Returns the mask of the pixels that lie in the picture, for a tile of the last row of tiles. `height` is
+/// the height of the picture in pixels. Bit `8 * y + x` stands for the pixel at column `x` and row `y` of the
+/// tile.
 fn last_lines(height: usize) -> u64 {
     u64::MAX >> (SIDE * (SIDE - 1 - (height - 1) % SIDE))
 }

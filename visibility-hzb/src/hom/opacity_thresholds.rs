@@ -96,9 +96,10 @@ impl Thresholds {
         ((u64::from(area) * fractions).div_ceil(u64::from(ONE)) as u32).max(1)
     }
 
-    /// Returns whether `part` pixels of a texel with `covered` covered pixels certainly cannot be opaque by
-    /// finer levels. If they were, they would consist of pixels and texels of finer levels, each covered at
-    /// least to the loosest threshold of those levels, and together have at most `covered` covered pixels.
+    /// Returns whether a region of `part` pixels within a texel of `covered` covered pixels certainly is not
+    /// opaque on any finer level. If it were, it would consist of pixels and texels of finer levels, each
+    /// covered at least to the loosest threshold of those levels, which together have at most `covered`
+    /// covered pixels. False means undecided.
     #[inline(always)]
     pub(crate) fn rules_out(&self, level: usize, covered: u32, part: u32) -> bool {
         u64::from(covered) * u64::from(ONE)
@@ -106,8 +107,8 @@ impl Thresholds {
     }
 }
 
-/// Returns a threshold in units of 1 / [`ONE`], rounded up. NaN and thresholds above 1 become [`ONE`],
-/// negative ones 0.
+/// Converts a threshold, as a fraction from 0 to 1, to units of 1 / [`ONE`], rounded up. NaN and thresholds
+/// above 1 become [`ONE`], negative ones 0.
 fn to_fraction(threshold: f32) -> u32 {
     if threshold < 1.0 {
         // Float-to-integer casts saturate, so a negative threshold becomes 0.

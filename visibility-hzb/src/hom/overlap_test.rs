@@ -1,26 +1,26 @@
 //! The overlap test: whether all of a screen rectangle is opaque.
 //!
 //! The test starts on the level where the rectangle meets two or three texels along its longer side, and
-//! descends only below texels that do not decide. An opaque texel settles its part of the rectangle, whatever
-//! is below the texel. If all first texels are opaque, the test ends at once (Zhang's conservative
-//! rejection). If a texel has fewer covered pixels than its part of the rectangle needs, the test ends with
-//! "not opaque" (predictive rejection). No finer texel could make that part opaque, so prediction changes no
-//! answer.
+//! descends only below texels that do not decide. An opaque texel settles its part of the rectangle. If all
+//! texels of the first level are opaque, the test ends at once (Zhang's conservative rejection). If a texel
+//! has fewer covered pixels than its part of the rectangle needs, the test ends with "not opaque" (predictive
+//! rejection). No finer texel could make that part opaque, so prediction changes no answer.
 
 use super::opacity_pyramid::OpacityPyramid;
 use super::opacity_thresholds::TILE;
 use super::tile_range::TileRange;
 use crate::buffer::tile_layout::{Rectangle, mask};
 
-/// Arguments of the recursive descent of [`is_opaque`].
+/// State of the recursive descent of [`is_opaque`].
 pub(crate) struct Overlap<'a> {
-    /// Masks, counts and thresholds that are tested.
+    /// Pyramid of covered pixels, counts and thresholds that is tested.
     opacity: &'a OpacityPyramid,
-    /// The tested rectangle, in pixels.
+    /// The tested rectangle, in pixels of the picture.
     rectangle: &'a Rectangle,
     /// Tiles that the rectangle meets.
     region: TileRange,
-    /// Whether a texel whose part of the rectangle cannot be opaque ends the test.
+    /// Whether to end the test with "not opaque" at a texel that has too few covered pixels for its part of
+    /// the rectangle (predictive rejection). Changes speed, never the answer.
     predictive: bool,
 }
 
@@ -45,8 +45,8 @@ pub(crate) fn is_opaque(opacity: &OpacityPyramid, rectangle: &Rectangle, predict
 }
 
 impl Overlap<'_> {
-    /// Returns whether the part of the rectangle within the texel at column `x` and row `y` of a level is
-    /// opaque. `above` is the number of the level above that of tiles: 0 for tiles.
+    /// Returns whether the part of the rectangle within one texel is opaque. The texel is at column `x` and
+    /// row `y` of the level that is `above` levels above that of tiles (0 for tiles themselves).
     fn texel(&self, above: usize, x: usize, y: usize) -> bool {
         let level = &self.opacity.levels[above];
         let (count, opaque) = level.texel(x, y);

@@ -10,15 +10,17 @@
 //! hides what lies below the floor everywhere.
 //!
 //! # The error bound
-//! A point `q`, relative to the anchor, satisfies `w s = M q + e` with `s = (x, y, 1)`, where `e` is at most
-//! a row's constant and its error. With the adjugate `C` of `M` and its determinant `D`, `w (C s) = D q + C
-//! e`. Entries of `M` are off by `3u` of themselves. So those of `C`, two products each, are off by less than
-//! `16u` of the sum `P` of the magnitudes of these products, and `D` by less than `32u` of the sum of
-//! magnitudes of its six products. On the plane `q = t` the depth key is `(C s) / (D t)`. The numerator is
-//! off by less than `64u` of `P s`, taken at the far corner of the picture, with scaling and evaluation. The
-//! denominator is off by less than `2 P e` plus `64u` of `t` times the six products, where half would do but
-//! for its own rounding and that of `t`. Half-spaces whose denominator is not twice as large as that error
-//! are left out, which only makes the box larger.
+//! Let `M` be the 3 x 3 matrix of the linear parts of the projection's rows `x`, `y` and `w`, and `u` the
+//! unit round-off 2^-53. A point `q`, relative to the anchor (the eye), at pixel coordinates `s = (x, y, 1)`
+//! satisfies `w s = M q + e`, where each component of `e` is at most the row's constant and its error. With
+//! the adjugate `C` of `M` and its determinant `D`, `w (C s) = D q + C e`. Entries of `M` are off by `3u` of
+//! themselves. So those of `C`, two products each, are off by less than `16u` of the sum `P` of the
+//! magnitudes of these products, and `D` by less than `32u` of the sum of magnitudes of its six products. On
+//! the plane of a face, where one coordinate of `q` is a constant `t`, the depth key is that coordinate of `C
+//! s`, divided by `D t`. The numerator is off by less than `64u` of `P s`, taken at the far corner of the
+//! picture, with scaling and evaluation. The denominator is off by less than `2 P e` plus `64u` of `t` times
+//! the six products, where half would do but for its own rounding and that of `t`. Half-spaces whose
+//! denominator is not twice as large as that error are left out, which only makes the box larger.
 
 use crate::lanes::least;
 use crate::setup::screen_projection::{ScreenProjection, U};
@@ -44,7 +46,7 @@ pub(crate) struct FacePlaneSetup {
     /// face.
     error: [f64; LANES],
     /// Magnitude of the determinant of the rows `x`, `y`, `w` of the projection. 0 for parallel views and
-    /// where rounding leaves the determinant undetermined: then no box is hidden by its faces.
+    /// where rounding leaves the sign of the determinant undetermined: then no box is hidden by its faces.
     pub(crate) scale: f64,
     /// Constant part of the upper bound on the absolute error of the denominator of each face's depth key.
     /// The numerator is the linear function `along`; the denominator is `scale` times the distance between
@@ -55,9 +57,9 @@ pub(crate) struct FacePlaneSetup {
     denominator_error_per_metre: f64,
 }
 
-/// Bounds of one box's depth key by its faces, one lane for each face. In lane `i`, `slope[0][i] x +
-/// slope[1][i] y + constant[i]` with pixel coordinates `x` and `y` is an upper bound on the depth key, the
-/// negative of a lower bound, or unused.
+/// Bounds of one box's depth key by its faces, one lane for each face. In lane `i` the linear function
+/// `slope[0][i] x + slope[1][i] y + constant[i]` of pixel coordinates `x` and `y` is an upper bound on the
+/// depth key if `upper[i]` is 0, the negative of a lower bound if `lower[i]` is 0, and else unused.
 pub(crate) struct BoxFacePlanes {
     /// Change of the bound for each pixel to the right and for each pixel downwards.
     slope: [[f64; LANES]; 2],
@@ -71,7 +73,7 @@ pub(crate) struct BoxFacePlanes {
     lower: [f64; LANES],
 }
 
-/// Returns the least of the eight lanes.
+/// Returns the least of the eight values. NaN only if values are NaN.
 #[inline(always)]
 fn lowest(values: &[f64; LANES]) -> f64 {
     let mut low = [0.0; LANES / 2];

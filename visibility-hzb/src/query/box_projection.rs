@@ -2,16 +2,18 @@
 //! outwards, and bounds on its depth keys.
 //!
 //! # The error bound
-//! With `u = 2^-24`, take a coordinate `p` less the anchor: `d = (p - high) - low`. No `f32` is nearer to the
-//! anchor than `high`. So `low`, the distance between the two, has at most the magnitude of the exact `d`,
-//! and `p - high` at most twice that magnitude. Rounding `low` and the two differences costs at most `4u
-//! |d|`. A row's value `((a d.x + b d.y) + c d.z) + constant` has its coefficients, products and up to three
-//! sums rounded once each: `5u` more of the magnitudes, `9u` in all. `16u` of them are allowed, so it does no
-//! harm that the magnitudes, too, are rounded a few times. A quotient `x / w` of two such values is off by
-//! `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else the lane is left undecided; then
-//! the factor 1.25 covers higher orders. Only a quotient `q` inside the picture matters, so `|q|` is at most
-//! the size of the picture. A corner outside the picture that is computed to be outside never moves the
-//! clipped rectangle, and a corner outside that is computed to be inside is off by no more than that error.
+//! With `u = 2^-24`, take a coordinate `p` less the anchor: `d = (p - high) - low`, where `high` is the `f32`
+//! nearest to the anchor's coordinate and `low` the rest. No `f32` is nearer to the anchor than `high`. So
+//! `low` has at most the magnitude of the exact `d`, and `p - high` at most twice that magnitude. Rounding
+//! `low` and the two differences costs at most `4u |d|`. The value of a row with coefficients `a`, `b`, `c`
+//! is `((a d.x + b d.y) + c d.z) + constant`. Its coefficients, products and up to three sums are rounded
+//! once each: `5u` more of the terms' magnitudes, `9u` in all. `16u` of them are allowed, so it does no harm
+//! that the magnitudes, too, are rounded a few times. A quotient `q = x / w` of two such values with absolute
+//! errors `e_x` and `e_w` is off by `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else
+//! the box is left undecided; then the factor 1.25 covers higher orders. Only a quotient `q` inside the
+//! picture matters, so `|q|` is at most the size of the picture. A corner outside the picture that is
+//! computed to be outside never moves the clipped rectangle, and a corner outside that is computed to be
+//! inside is off by no more than that error.
 
 use crate::buffer::tile_layout::Rectangle;
 use crate::lanes::{WIDTH, greatest, least, round_to_i32};
@@ -55,9 +57,9 @@ impl ScreenRow32 {
 /// `f64` form is [`ScreenProjection`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ScreenProjection32 {
-    /// Anchor in scene coordinates, rounded to `f32`.
+    /// Anchor (the eye of a perspective view) in scene coordinates, rounded to `f32`.
     high: [f32; 3],
-    /// Difference between the exact anchor and `high`.
+    /// Difference between the exact anchor and `high`, in metres, rounded to `f32`.
     low: [f32; 3],
     /// Rows of `x` and `y` (pixel coordinates times `w`), `w`, `n` (depth key times `w`) and the distance
     /// beyond the near plane.
@@ -115,7 +117,7 @@ pub(crate) struct ProjectedBoxes<const N: usize> {
 }
 
 impl<const N: usize> ProjectedBoxes<N> {
-    /// Boxes of which nothing is known: neither outside nor inside nor `known`.
+    /// Boxes without known bounds: neither outside nor inside nor `known`.
     pub(crate) const NONE: Self = Self {
         sides: [[0; N]; 4],
         nearest: [0.0; N],
@@ -137,7 +139,7 @@ impl<const N: usize> ProjectedBoxes<N> {
         self.known[i].then_some(ScreenExtent { columns: [left, right], lines: [top, bottom], depth_keys })
     }
 
-    /// Returns the pixels that box `i` can meet. Meaningless unless the box is `known`.
+    /// Returns the pixels of the picture that box `i` can meet. Meaningless unless `known[i]`.
     #[inline(always)]
     pub(crate) fn rectangle(&self, i: usize) -> Rectangle {
         let [left, right, top, bottom] = &self.sides;

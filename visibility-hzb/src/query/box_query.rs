@@ -65,7 +65,8 @@ pub(crate) fn test_box(query: &BoxQuery, sides: [f32; 6]) -> Occlusion64 {
     Occlusion64 { hidden, visible }
 }
 
-/// Returns a mask whose bit i is lane i. `N` must be at most [`WIDTH`].
+/// Packs booleans into a mask: bit i is set if `lanes[i]` is true. `N` must be at most [`WIDTH`]; later
+/// elements are ignored.
 #[inline(always)]
 fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
     let mut bytes = [0; WIDTH];
@@ -75,9 +76,10 @@ fn gather<const N: usize>(lanes: &[bool; N]) -> u64 {
     bits(&bytes).into()
 }
 
-/// Tests the boxes whose bit is set in `lanes`. `boxes` holds their least x, y, z and greatest x, y, z in
-/// scene coordinates. Returns the mask of hidden boxes and the mask of boxes that no occluder in the buffer
-/// can hide any part of. A bit in neither mask means undecided.
+/// Tests the boxes whose bit is set in `lanes` (bit i for box i). `boxes` holds their least x, y, z and
+/// greatest x, y, z in scene coordinates, `projected` their screen bounds. Returns the mask of hidden boxes
+/// and the mask of visible boxes: those that no occluder in the buffer can hide any part of, and improper
+/// (NaN or inverted) ones. A bit in neither mask means undecided.
 #[inline(always)]
 fn decide<const N: usize>(
     query: &BoxQuery,

@@ -1,5 +1,5 @@
-//! Tests whether a box is hidden by means of the planes of its faces: tile by tile, then row by row, then
-//! pixel by pixel.
+//! Tests whether drawn occluders hide a box, by bounds on the box's depth from the planes of its faces: tile
+//! by tile, then row by row, then pixel by pixel.
 
 use super::box_face_planes::{BoxFacePlanes, FacePlaneSetup};
 use crate::buffer::tile_layout::{Rectangle, SIDE, mask};

@@ -7,9 +7,9 @@ use crate::buffer::tile_layout::{Rectangle, SIDE, mask as mask_of};
 use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, any_below};
 
-/// Returns whether box `i` may be in view, wider and higher than a pixel, and not hidden by drawn occluders.
-/// Undecided counts as true. If false, drawing an occluder within the box would cover no pixel, or change
-/// none.
+/// Returns whether box `i` of `seen` may be in view, wider and higher than a pixel, and not hidden by drawn
+/// occluders. Undecided counts as true. If false, an occluder within the box need not be drawn: it would
+/// cover no pixel, or only pixels that hold nearer occluders.
 #[inline(always)]
 pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &ProjectedBoxes<N>, i: usize) -> bool {
     let i = i % N;
@@ -50,8 +50,8 @@ pub(crate) fn box_may_be_seen(projection: &ScreenProjection32, tiles: &Tiles, si
     may_be_seen(tiles, &project(projection, &boxes), 0)
 }
 
-/// Returns whether a point of the given depth key (greater is nearer) could be at least as near as the drawn
-/// occluders in any pixel of a rectangle. Equal depth keys and uncovered pixels count as true.
+/// Returns whether a point of depth key `depth_key` (greater is nearer) could be at least as near as the
+/// drawn occluders in any pixel of a rectangle. Equal depth keys and uncovered pixels count as true.
 #[inline(always)]
 pub(crate) fn rectangle_may_be_seen(tiles: &Tiles, rectangle: &Rectangle, depth_key: f32) -> bool {
     let [x0, x1] = [rectangle.columns[0] as usize / SIDE, (rectangle.columns[1] as usize).div_ceil(SIDE)];

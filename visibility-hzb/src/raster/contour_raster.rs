@@ -3,9 +3,12 @@
 //!
 //! Triangles are not filled. All drawn triangles, turned to run in the same sense on the screen, wind once
 //! round each point that they cover. So the sum of their edges, the contour, winds round a point as often as
-//! triangles cover the point (see [`screen_shape`](crate::setup::screen_shape)). A contour edge that crosses
-//! a row of pixel centres changes the winding number of all pixels to its right. Sums along rows give the
-//! winding number everywhere. Work therefore grows with contours and tiles, not with triangles or pixels.
+//! Triangles are not filled. All drawn triangles, turned to run in the same sense on the screen, wind once
+//! round each point that they cover. The contour is the sum of their directed edges, where opposite edges
+//! cancel. So the contour winds round a point as often as triangles cover the point (see
+//! [`screen_shape`](crate::setup::screen_shape)). A contour edge that crosses a row of pixel centres changes
+//! the winding number of all pixels to its right. Sums along rows give the winding number everywhere. Work
+//! therefore grows with contours and tiles, not with triangles or pixels.
 
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
@@ -13,7 +16,7 @@ use crate::lanes::{greatest, least};
 use crate::rounding::lower;
 use alloc::vec::Vec;
 
-/// A vertex of a drawn triangle on the screen.
+/// A vertex of a drawn triangle on the screen, in pixels.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ScreenVertex {
     /// Column in pixels of the buffer, not rounded to whole pixels.
@@ -24,39 +27,41 @@ pub(crate) struct ScreenVertex {
     pub(crate) far: f32,
 }
 
-/// Contribution of one mesh to one tile: contour pixels, depth keys and changes of the winding number.
+/// Contribution of one mesh to one tile: pixels near its contour, depth keys, and changes of the winding
+/// number of its contour from pixel to pixel.
 #[derive(Clone, Copy, Debug)]
 struct ContourTile {
-    /// Mask of pixels that a contour comes near, which the mesh does not cover: bit `8 * y + x` for the
-    /// pixel at column `x` and row `y` of the tile.
+    /// Mask of the pixels that a contour edge meets or nearly meets. The mesh does not cover these. Bit `8 *
+    /// y + x` stands for the pixel at column `x` and row `y` of the tile.
     contour: u64,
     /// Least depth key of the drawn triangles that may meet each quarter of the tile, in the order of
     /// [`QUARTERS`]. Infinity if no triangle does.
     least: [f32; 4],
-    /// Whether an element of `steps` was changed.
+    /// Whether an element of `steps` is not zero or was changed since the tile was last emptied.
     stepped: bool,
-    /// Changes of the winding number, modulo 256: `steps[x][y]` is the change from the centre of the pixel
-    /// to the left to that of the pixel at column `x` and row `y` of the tile. A winding number of 0
-    /// modulo 256 counts as not covered, which is conservative.
+    /// Changes of the contour's winding number, modulo 256: `steps[x][y]` is the change from the centre of
+    /// the pixel at column `x - 1` to that of the pixel at column `x`, in row `y` of the tile. A winding
+    /// number of 0 modulo 256 counts as not covered, which is conservative.
     steps: [[u8; SIDE]; SIDE],
 }
 
-/// Tile without contribution of the mesh.
+/// Empty [`ContourTile`]: the mesh contributes nothing to the tile.
 const EMPTY: ContourTile =
     ContourTile { contour: 0, least: [f32::INFINITY; 4], stepped: false, steps: [[0; SIDE]; SIDE] };
 
-/// Pixel masks of the quarters of a tile: upper left, upper right, lower left, lower right.
+/// Pixel masks of the quarters (4 x 4 pixels) of a tile: upper left, upper right, lower left, lower right.
+/// Bit `8 * y + x` stands for the pixel at column `x` and row `y`.
 const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf0f0_f0f0_0000_0000];
 
 /// Width and height of a quarter of a tile, in pixels.
 const HALF: usize = SIDE / 2;
 
-/// Relative difference of depth keys among a triangle's corners up to which the whole triangle gets the depth
-/// key of its farthest corner.
+/// Maximum difference of the depth keys of a triangle's corners, as a fraction of the greatest, up to which
+/// the whole triangle gets the depth key of its farthest corner.
 const FLAT: f32 = 0.001;
 
-/// Scratch for the contribution of one mesh: one [`ContourTile`] for each tile of the buffer, row by row. All
-/// are empty between meshes.
+/// Scratch for the contribution of one mesh: one [`ContourTile`] for each tile of the buffer. All are empty
+/// between meshes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContourTiles {
     /// Contribution of the mesh to each tile, row by row from the top.
@@ -79,7 +84,8 @@ pub(crate) struct ContourRaster<'a> {
     columns: usize,
     /// Width and height of the buffer in pixels.
     size: [f64; 2],
-    /// Upper bound on the error of screen coordinates, in pixels. Contours are widened by it.
+    /// Upper bound on the error of screen coordinates, in pixels. Pixels within this distance of a contour
+    /// edge are not covered.
     slack: f64,
     /// First column, last column, first row, last row of the tiles that a contour touched, inclusive. First
     /// exceeds last before the first contour.
@@ -109,8 +115,9 @@ fn nearest(x: f64) -> i32 {
     (x + WHOLE).to_bits() as i32
 }
 
-/// Returns the greatest integer not above `x`, or possibly `x - 1` if `x` is a whole number. Callers widen by
-/// the slack, which exceeds that difference where it matters.
+/// Returns the greatest integer not above `x`, or possibly `x - 1` if `x` is a whole number. Callers have
+/// already widened their ranges by the slack (the bound on the error of screen coordinates), so a range may
+/// begin one unit early.
 #[inline(always)]
 fn floor(x: f64) -> i32 {
     nearest(x - 0.5)
@@ -133,9 +140,10 @@ impl<'a> ContourRaster<'a> {
     }
 
     /// Lowers the least depth key of each quarter (4 x 4 pixels) of a tile that a triangle may meet.
-    /// `corners` are the three corners of the triangle, or the corners of its part beyond the near plane.
-    /// `plane` returns the coefficients `a`, `b`, `c` of its depth key as a plane `a x + b y + c` in pixel
-    /// coordinates, lowered by the error. It is called only where the corners alone are not tight enough.
+    /// `corners` are the three corners of the triangle, or the corners of its part beyond the near plane, on
+    /// the screen. `plane` returns the coefficients `a`, `b`, `c` of the triangle's depth key as a plane `a x
+    /// + b y + c` in pixel coordinates, lowered by its error. `plane` is called only for triangles that meet
+    /// many quarters and whose corners differ in depth.
     #[inline(always)]
     pub(crate) fn lower_depth_keys(&mut self, corners: &[ScreenVertex], plane: impl FnOnce() -> [f64; 3]) {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -192,10 +200,10 @@ impl<'a> ContourRaster<'a> {
 
     /// Draws a contour edge from `a` to `b` with multiplicity `times`, negative for the opposite direction.
     /// The edge changes the winding numbers of the pixels to its right. If `marked`, pixels whose distance
-    /// from the edge is within the slack are not covered.
+    /// from the edge is within `self.slack` (in pixels) are not covered.
     ///
-    /// The edge's column on a row is clamped to the ends of the edge, and otherwise off by at most 11 units
-    /// of round-off of the greatest coordinate. The slack is several times as large.
+    /// The column at which the edge meets a row is clamped to the ends of the edge, and otherwise off by at
+    /// most 11 units of round-off of the greatest coordinate. `self.slack` is several times as large.
     #[inline(always)]
     pub(crate) fn contour(&mut self, a: &ScreenVertex, b: &ScreenVertex, times: i8, marked: bool) {
         let slack = self.slack;
@@ -254,8 +262,8 @@ impl<'a> ContourRaster<'a> {
         }
     }
 
-    /// Adds the pixels that the mesh covers to the tiles, with the least depth key of their quarter, and
-    /// empties the mesh's contributions.
+    /// Covers the mesh's pixels in `tiles`, each at the least depth key of its quarter of a tile, and empties
+    /// the mesh's contributions.
     #[inline(always)]
     pub(crate) fn merge(self, tiles: &mut Tiles) {
         let [x0, x1, y0, y1] = self.used;

@@ -17,11 +17,12 @@
 //! cover the centre ([`ContourRaster`]). Rounding leaves the centre within a fraction of a pixel of a drawn
 //! triangle, and then a point of that triangle is in the pixel.
 //!
-//! # The error bound
-//! Corners beyond the near limit have `x`, `y` and `w` off by at most `e_x`, `e_y` and `e_w`. So a pixel
-//! coordinate `q = x / w` is off by `(e_x + |q| e_w) / w`, two roundings aside. The *slack* is twice the
-//! greatest such bound over the mesh; 32 units of the greatest coordinate are part of it. A point of a
-//! segment is off by no more than the ends of the segment, so contours are widened by the slack, and by
+//! Let `x`, `y` and `w` of a corner beyond the near limit (the distance at which geometry is cut) be off by
+//! at most `e_x`, `e_y` and `e_w`. So a pixel coordinate `q = x / w` is off by `(e_x + |q| e_w) / w`, two
+//! roundings aside. The *slack* is twice the greatest such bound over the mesh; 32 units of round-off of the
+//! greatest coordinate are part of it. A point of a segment is off by no more than the ends of the segment,
+//! so contours are widened by the slack, and by `2^-20` of a pixel. Meshes whose slack exceeds a quarter of a
+//! pixel are not drawn.
 //! `2^-20` of a pixel. Meshes whose slack exceeds a quarter of a pixel are not drawn.
 //!
 //! Twice the area of a triangle on the screen is a product of differences, each off by the slack at most. So
@@ -48,8 +49,8 @@ pub(crate) struct MeshScratch {
     /// Homogeneous screen coordinates of each vertex: `x` and `y` (pixel coordinates times `w`), `w`, `n`
     /// (depth key times `w`), and the distance beyond the near plane.
     corners: Vec<[f64; 5]>,
-    /// Screen position of each vertex. Meaningless for a vertex that is not beyond the near limit (see
-    /// [`ObjectProjection::near_limit`]).
+    /// Screen position of each vertex. Meaningless for a vertex nearer than
+    /// [`ObjectProjection::near_limit`], the distance at which geometry is cut.
     screen: Vec<ScreenVertex>,
     /// Side of each triangle that is drawn: 1 for the front, -1 for the back, 0 if the triangle is not
     /// drawn.
@@ -60,7 +61,8 @@ pub(crate) struct MeshScratch {
 const MIN_SLACK_PX: f64 = 1.0 / 1048576.0;
 
 /// Minimum size of drawn triangles in meshes with many open edges: the summed widths and heights, in pixels,
-/// of two sides. Smaller triangles of such meshes are not drawn, since they hide next to nothing.
+/// of the screen bounds of two of the triangle's sides. Smaller triangles of such meshes are not drawn, since
+/// they hide next to nothing.
 const MIN_OPEN_TRIANGLE_SIZE_PX: f64 = 64.0;
 /// Minimum number of open edges (edges of only one triangle) of a mesh for [`MIN_OPEN_TRIANGLE_SIZE_PX`] to
 /// apply.
@@ -73,28 +75,28 @@ const OUTSIDE_TOLERANCE: f64 = 1e-6;
 /// Number of vertices that are processed together.
 const LANES: usize = 8;
 
-/// Bounds over the vertices of a mesh.
+/// Bounds over the vertices of a mesh and over the points where its edges are cut at the near plane.
 struct VertexBounds {
     /// Upper bound on the error, in pixels, of the screen coordinates of vertices and near-plane cuts that
     /// are drawn.
     error: f64,
     /// Upper bound on the depth keys (greater is nearer) of vertices and near-plane cuts that are drawn.
     greatest: f64,
-    /// Least distance beyond the near plane of all vertices, without unit. Negative if a vertex is nearer
-    /// than the near plane.
+    /// Least distance beyond the near plane over all vertices, in the unit of the near row of the
+    /// projection. Negative if a vertex is nearer than the near plane.
     nearest: f64,
 }
 
 impl VertexBounds {
-    /// Bounds over no vertices, from which vertices extend them.
+    /// Bounds over no vertices: the start value, which each vertex extends.
     const NONE: Self = Self { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
 }
 
 /// Draws a mesh of any form into `tiles`: the pixels that its contour winds round and does not come near, at
-/// the least depth key of its triangles there. `object` projects the mesh's own coordinates, and `facing` is
-/// the sign of the determinant of triangles that face the eye. `scratch` and `contour_tiles` are scratch
-/// memory. Returns an upper bound on the mesh's depth keys, or negative infinity if the mesh is not drawn
-/// because no triangle certainly shows a side or the errors are too large.
+/// the least depth key of its triangles there. `object` projects the mesh's own coordinates. `facing` is the
+/// sign (1 or -1) of the determinant of the corners of triangles that face the eye. `scratch` and
+/// `contour_tiles` are scratch memory. Returns an upper bound on the mesh's depth keys, or negative infinity
+/// if the mesh is not drawn because no triangle certainly shows a side or the errors are too large.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn draw_mesh(
@@ -185,8 +187,8 @@ fn side_bit(side: i8) -> u8 {
 }
 
 /// Computes the homogeneous coordinates and the screen positions of all vertices into `scratch`, and extends
-/// `vertex_bounds` by the vertices. Values of earlier meshes are overwritten. `near_limit` is the distance
-/// beyond the near plane at which geometry is cut.
+/// `vertex_bounds` by the vertices farther beyond the near plane than `near_limit`. Values of earlier meshes
+/// are overwritten.
 #[inline(always)]
 fn project(
     positions: &[Vec3],
@@ -281,10 +283,10 @@ fn on_screen(
 }
 
 /// Decides for each triangle whether it is drawn, and replaces `drawn` by the results: 1 for a triangle that
-/// certainly faces the eye, -1 for one that certainly faces away if the mesh is two-sided, else 0. Triangles
-/// of which no corner is farther beyond the near plane than `near_limit` are not drawn. `slack` is `Some` if
-/// all corners are, and bounds the errors of their screen coordinates in pixels. Returns the mask of the
-/// sides to draw: bit 0 for fronts, bit 1 for backs.
+/// certainly faces the eye, -1 for one that certainly faces away if the mesh is two-sided, else 0. A triangle
+/// is not drawn if none of its corners is farther beyond the near plane than `near_limit`. `slack` is `Some`
+/// if all vertices of the mesh are farther than `near_limit`; it bounds the error of their screen coordinates
+/// in pixels. Returns the mask of the sides to draw: bit 0 for fronts, bit 1 for backs.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn choose(
@@ -337,7 +339,8 @@ fn choose(
     u8::from(fronts) | if backs { 2 } else { 0 }
 }
 
-/// Extends `vertex_bounds` by the points where edges are at a distance of `near_limit` beyond the near plane.
+/// Extends `vertex_bounds` by the points where edges of the mesh cross the distance `near_limit` beyond the
+/// near plane.
 #[inline(always)]
 fn bound_cuts(
     mesh: &OccluderTriangles,

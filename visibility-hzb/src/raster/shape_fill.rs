@@ -55,9 +55,10 @@ struct Bands {
     covered: [[i32; SIDE]; 2],
 }
 
-/// Computes the column ranges of eight rows of tiles from row `first_row` on. `columns` is the number of tile
-/// columns of the buffer. Row bounds are monotonic in the row of pixels, also after rounding, so the first
-/// and the last row of pixels of a tile give the extremes.
+/// Computes the tile column ranges that a shape meets and covers in the eight rows of tiles from tile row
+/// `first_row` on. `columns` is the number of tile columns of the buffer. The bounds of a shape on its
+/// columns are monotonic in the row of pixels, also after rounding, so the first and the last row of pixels
+/// of a tile give the extremes.
 #[inline(always)]
 fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
     let (mut top, mut bottom) = ([0.0; SIDE], [0.0; SIDE]);
@@ -106,18 +107,18 @@ fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
 
 /// First pixel row of each of eight rows of tiles, relative to the first of them.
 const TILE_ROW_STARTS: [f32; SIDE] = [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 56.0];
-/// Rows of pixels of a tile, relative to the tile.
+/// Indices 0 to 7 of the rows of pixels of a tile, as `f32`.
 const PIXEL_ROWS: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// Returns the bound `low` rounded up to a whole pixel column, or `limit` rounded up if `low` is greater or
-/// NaN. `limit` must be finite.
+/// Returns the first pixel column at or to the right of `low`, a bound in pixels: `low` rounded up. `limit`
+/// rounded up if `low` is greater than `limit` or NaN. `limit` must be finite.
 #[inline(always)]
 fn first_pixel(low: f32, limit: f32) -> i32 {
     round_to_i32(if low <= limit { low } else { limit } + 0.5)
 }
 
-/// Returns the bound `high` rounded down to a whole pixel column: the end, exclusive, of the columns before
-/// it. A bound below 0 or NaN gives a negative number.
+/// Returns the end, exclusive, of the whole pixel columns to the left of `high`, a bound in pixels: `high`
+/// rounded down. A negative number if `high` is below 0 or NaN.
 #[inline(always)]
 fn end_pixel(high: f32) -> i32 {
     round_to_i32(if high >= -1.0 { high } else { -1.0 } - 0.5)
@@ -126,8 +127,8 @@ fn end_pixel(high: f32) -> i32 {
 /// Returns the columns, in pixels and not rounded, between which the shape covers each of the eight pixel
 /// rows of row `row` of tiles: element 0 holds the left ends, element 1 the right ends. A left end above the
 /// right end means an empty span. The shape's own row range is not considered.
-///
-/// The limits are whole numbers. A quarter of a pixel keeps them away from where rounding to whole numbers
+/// The rectangle's limits are whole numbers. They are moved outwards by a quarter of a pixel, so that
+/// rounding to whole pixels cannot go either way.
 /// could go either way.
 #[inline(always)]
 fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
@@ -152,8 +153,8 @@ fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
     [low, high]
 }
 
-/// Fills row `row` of tiles. `i` is the index of that row in `bands`, `depth_planes_index` the index of the
-/// shape's depth planes.
+/// Fills row `row` of the buffer's tiles with the shape. `i` is the index of that row in `bands`, 0 to 7.
+/// `depth_planes_index` is the index of the shape's depth planes in the tiles.
 #[inline(always)]
 fn fill_row(
     shape: &ScreenShape,
@@ -223,9 +224,9 @@ fn fill_row(
     }
 }
 
-/// Returns the least depth key (greater is nearer) of a shape in each of [`WIDTH`] tiles from tile column
-/// `column` on: the least of its depth planes, limited to the range from `floor` to `ceiling`. `offsets` are
-/// the values of the planes in tile column 0 of the same row of tiles.
+/// Returns a lower bound on the depth key (greater is nearer) of a shape in each of [`WIDTH`] tiles from tile
+/// column `column` on: the least of its depth planes, limited to the range from `floor` to `ceiling`.
+/// `offsets` are the values of the planes in tile column 0 of the row of tiles.
 #[inline(always)]
 fn depths(shape: &ScreenShape, offsets: &[f32; MAX_PLANES], column: usize) -> [f32; WIDTH] {
     let mut least = [shape.ceiling; WIDTH];

@@ -19,8 +19,8 @@ use visibility_core::glam::Affine3A;
 const FACES: [[u8; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
-/// Outline of a box: its edges between a seen and an unseen face, each in the direction in which the seen
-/// face has it.
+/// Outline of a box: its edges between a seen and an unseen face. Each edge has the direction that it has in
+/// the seen face, counter-clockwise from outside.
 #[derive(Clone, Copy)]
 struct Outline {
     /// Corner indices of the start and end of each edge. The first `count` edges are valid.
@@ -76,9 +76,9 @@ const fn has_edge(seen: usize, [a, b]: [u8; 2]) -> bool {
 
 /// Replaces `shape` by the screen shape of a box. `bounds` are in the box's own coordinates, which
 /// `transform` maps to the scene. `known` gives the screen bounds if they are known; then the caller
-/// guarantees that the whole box is in front of the eye. The result is [`ShapeResult::DrawAsMesh`] if the box
-/// may reach the near plane, and [`ShapeResult::Nothing`] if the transform is flat, the box is outside the
-/// buffer or no face is certainly seen.
+/// guarantees that the whole box is in front of the eye. Returns [`ShapeResult::DrawAsMesh`] if the box may
+/// reach the near plane, and [`ShapeResult::Nothing`] if the transform is flat (its determinant may be 0),
+/// the box is outside the buffer or no face is certainly seen.
 #[inline(always)]
 pub(crate) fn box_shape(
     bounds: &Aabb,

@@ -1,10 +1,10 @@
 //! The screen shape of a convex mesh, or of a mesh that looks convex from the eye: one outline, and one depth
 //! plane for each drawn triangle.
 //!
-//! The shape is sound for any mesh (see [`screen_shape`](super::screen_shape)). Of a mesh that is not convex
-//! it contains only the pixels on the inner side of every contour edge's line, so such meshes are drawn by
-//! `mesh_raster.rs`. Unlike boxes, meshes may cross the near plane: triangles are cut there, and the cuts
-//! bound the shape.
+//! The shape is sound for any mesh (see [`screen_shape`](super::screen_shape)), but covers only the pixels on
+//! the inner side of every contour edge's line. For meshes that are not convex that is too little, so
+//! `mesh_raster.rs` draws them. Unlike boxes, meshes may cross the near plane: triangles are cut there, and
+//! the cuts bound the shape.
 
 use super::depth_plane::plane;
 use super::near_clip::cut_edge;
@@ -28,11 +28,11 @@ pub(crate) struct ConvexScratch {
     drawn: Vec<bool>,
 }
 
-/// Replaces `shape` by the screen shape of a mesh. `object` projects the mesh's own coordinates, `facing` is
-/// the sign of the determinant of triangles that face the eye, and `convex` tells that the mesh is known to
-/// be convex. The result is [`ShapeResult::DrawAsMesh`] if the mesh has too many edges or planes for a shape,
-/// or is neither known to be convex nor looks convex. It is [`ShapeResult::Nothing`] if the mesh is outside
-/// the buffer, or is convex and shows no triangle.
+/// Replaces `shape` by the screen shape of a mesh. `object` projects the mesh's own coordinates. `facing` is
+/// the sign (1 or -1) of the determinant of the corners of triangles that face the eye. `convex` tells that
+/// the mesh is known to be convex. Returns [`ShapeResult::DrawAsMesh`] if the mesh has too many edges or
+/// planes for a shape, or is neither known to be convex nor looks convex. Returns [`ShapeResult::Nothing`] if
+/// the mesh is outside the buffer, or is convex and shows no triangle.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn convex_shape(
@@ -93,14 +93,16 @@ pub(crate) fn convex_shape(
 }
 
 /// Returns whether, as seen from the eye, the drawn triangles fill their outline and bulge towards the eye,
-/// so that outline and depth planes lose nothing. The answer only chooses the cheaper way to draw, so
-/// rounding does no harm.
+/// so that outline and depth planes describe them without loss. `screen` holds the column, row and depth key
+/// of each vertex, `drawn` whether each triangle is drawn. The answer only chooses the cheaper way to draw,
+/// so rounding does no harm.
 #[inline(always)]
 fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], facing: f64) -> bool {
     // Vertices may lie this far beyond an edge's line or before a triangle's plane.
-    /// Tolerance across the outline, in pixels.
+    /// Tolerance across the outline, in pixels: how far a vertex may lie outside the line of a contour edge.
     const PIXELS: f64 = 0.1;
-    /// Tolerance in depth, as a fraction of the depth key.
+    /// Tolerance in depth, as a fraction of the depth key: how far a vertex may lie before a triangle's
+    /// plane.
     const DEPTH: f64 = 1e-3;
     for edge in mesh.edges {
         let left = drawn[edge.left as usize];

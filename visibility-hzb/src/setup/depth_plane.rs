@@ -1,4 +1,5 @@
-//! The depth key of a face as a linear function of pixel coordinates, rounded towards farther.
+//! The depth key of a face as a linear function of pixel coordinates, lowered (moved away from the eye) by
+//! its error.
 
 use super::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::vector::{cross, dot, less, point};
@@ -39,12 +40,13 @@ pub(crate) fn plane(
 }
 
 /// Lowers a depth plane `a x + b y + c` (pixel coordinates) by the bound on its absolute error in the buffer.
-/// `over` is the reciprocal of the determinant by which the plane was divided. `determinant_error` and
-/// `cross_error` bound the absolute errors of that determinant and of cross products.
+/// `over` is the reciprocal of the determinant of three corners by which the plane was divided.
+/// `determinant_error` and `cross_error` bound the absolute errors of that determinant and of cross products
+/// of corners.
 ///
 /// A coefficient is a numerator over the determinant. Over the picture, the error of the numerator is that of
-/// a cross product times `n` (depth key times `w`), and for parallel views that of `n` times a product of two
-/// coordinates. The relative error of the determinant is that of the quotient.
+/// a cross product times `n` (depth key times `w`), and for parallel views also that of `n` times a product
+/// of two coordinates. The relative error of the determinant is part of the relative error of the quotient.
 #[inline(always)]
 pub(crate) fn lower(
     [a, b, c]: [f64; 3],

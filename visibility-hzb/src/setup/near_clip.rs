@@ -1,6 +1,6 @@
-//! Clipping of triangles and edges at the near plane, in homogeneous screen coordinates. Corners are as
-//! [`ObjectProjection::at`](super::screen_projection::ObjectProjection::at) gives them: `x`, `y`, `w`, `n`
-//! and the distance beyond the near plane. All cuts are at a distance of `near_limit`.
+//! Clipping of triangles and edges at the near plane, in homogeneous screen coordinates. Corners have the
+//! five values of [`ObjectProjection::at`](super::screen_projection::ObjectProjection::at): `x`, `y`, `w`,
+//! `n` and the distance beyond the near plane. All cuts are where that distance is `near_limit`.
 
 /// Returns the point of an edge whose distance beyond the near plane is `near_limit`. The ends `a` and `b`,
 /// in homogeneous screen coordinates, lie on different sides of that distance. The point is interpolated from
@@ -24,8 +24,8 @@ pub(crate) struct ClippedTriangle {
     pub(crate) corners: [[f64; 5]; 4],
     /// Number of corners: 3 or 4, or 0 if the whole triangle is nearer than `near_limit`.
     pub(crate) count: usize,
-    /// Start and end of the cut in homogeneous screen coordinates: from the point where the sides of the
-    /// remaining polygon end to the point where they begin. `None` if nothing was cut, or everything.
+    /// Start and end, in homogeneous screen coordinates, of the edge along the cut, in the direction of the
+    /// remaining polygon. `None` if the triangle lies wholly on one side of the cut.
     pub(crate) edge: Option<[[f64; 5]; 2]>,
 }
 

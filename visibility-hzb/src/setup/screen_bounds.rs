@@ -32,12 +32,12 @@ pub(crate) fn extent<const N: usize>(
 }
 
 /// Returns screen bounds from computed extremes, each moved outwards by its error: least and greatest column
-/// in pixels, least and greatest row, least and greatest depth key. `low` and `high` hold the extremes of
-/// column, row and depth key. `None` if `least_w`, the least `w` of the points, is at most 1024 times its own
-/// error bound.
+/// in pixels, least and greatest row, least and greatest depth key. `low` and `high` hold the computed least
+/// and greatest column, row and depth key. `least_w` is the least `w` of the points. `None` if it is at most
+/// 1024 times its own error bound.
 ///
 /// A quotient `q = a / w` is off by `(e_a + |q| e_w) / w` to first order, and by two roundings, with absolute
-/// errors `e_a` and `e_w`. The factor 2 covers the rest, since `w` exceeds `1024 e_w`.
+/// errors `e_a` and `e_w`. The factor 2 covers higher orders, since `w` exceeds `1024 e_w`.
 #[inline(always)]
 fn rounded_outwards(
     low: [f64; 3],

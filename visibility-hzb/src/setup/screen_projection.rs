@@ -37,8 +37,8 @@ impl From<ClipRow> for ScreenRow {
     }
 }
 
-/// The projection of one frame's view to pixels, with error bounds. By the default, that before the first
-/// frame, no occluder is drawn.
+/// The projection of one frame's view to pixels, with error bounds. The default stands for no view yet: its
+/// `facing` is 0, so no occluder is drawn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ScreenProjection {
     /// Width and height of the buffer in pixels, a multiple of the tile size.
@@ -47,12 +47,12 @@ pub(crate) struct ScreenProjection {
     pub(crate) picture: [f64; 2],
     /// Rows of `x` and `y` (pixel coordinates times `w`), `w`, and `n` (depth key times `w`).
     pub(crate) rows: [ScreenRow; 4],
-    /// Row of the distance beyond the near plane: positive beyond it, without unit.
+    /// Row of the distance beyond the near plane: positive beyond the plane, in the unit of clip space.
     pub(crate) near: ScreenRow,
     /// Point in scene coordinates that points are taken relative to: the eye of a perspective view.
     pub(crate) anchor: DVec3,
-    /// Sign of the determinant of three corners (`x`, `y`, `w`) that run counter-clockwise as seen from the
-    /// eye. 0 if rounding leaves the sign open: then nothing is drawn.
+    /// Sign (1 or -1) of the determinant of the `x`, `y`, `w` of three corners that run counter-clockwise as
+    /// seen from the eye. 0 if rounding leaves the sign open: then nothing is drawn.
     pub(crate) facing: f64,
     /// Whether the view is perspective, so that `n` is always 1.
     pub(crate) perspective: bool,
@@ -80,9 +80,9 @@ impl ScreenProjection {
         projection
     }
 
-    /// Returns the rows and error bounds for points in the coordinates of an object, which `transform` maps
-    /// to the scene. `reach` is the greatest magnitude of the points' x, y and z. The error bounds do not
-    /// hold for points beyond `reach`.
+    /// Returns the projection of points in the coordinates of an object, which `transform` maps to the scene,
+    /// with error bounds. `reach` is the greatest magnitude of the points' x, of their y and of their z. The
+    /// error bounds do not hold for points beyond `reach`.
     #[inline(always)]
     pub(crate) fn project_object(&self, transform: &Affine3A, reach: [f64; 3]) -> ObjectProjection {
         if *transform == Affine3A::IDENTITY && self.untransformed.error[0] > 0.0 {
@@ -115,8 +115,8 @@ impl ScreenProjection {
         object
     }
 
-    /// Returns the rows and error bounds for points in scene coordinates, of an object without a transform.
-    /// `reach` is the greatest magnitude of the points' x, y and z.
+    /// Returns the projection, with error bounds, of points of an object without a transform, which are in
+    /// scene coordinates. `reach` is the greatest magnitude of the points' x, of their y and of their z.
     #[inline(always)]
     fn project_untransformed(&self, reach: [f64; 3]) -> ObjectProjection {
         let mut object = self.untransformed;
@@ -172,11 +172,12 @@ impl ObjectProjection {
     /// Returns an upper bound on the absolute error of the determinant of three points (`x`, `y`, `w`), or of
     /// a point and two differences of points.
     ///
-    /// Let `e` be the error bounds and `S` the bounds on magnitudes of the points' values. The determinant is
-    /// a sum of six products of three values each. Replacing one value by its error, in turn, gives at most
-    /// two products for each value and pair of others, so `2 (e_x S_y S_w + ...)` for each of the three
-    /// points. Differences double both. The sums of the determinant round by a few units, which the errors
-    /// (16u at least) exceed. The factor 64 covers all that.
+    /// Let `e` be the error bounds (`error`) and `S` the bounds on magnitudes (`size`) of the points' values,
+    /// and `u` the unit round-off 2^-53. The determinant is a sum of six products of three values each.
+    /// Replacing one value by its error, in turn, gives at most two products for each value and pair of
+    /// others, so `2 (e_x S_y S_w + ...)` for each of the three points. Differences of points have twice the
+    /// error and twice the magnitude. The sums of the determinant round by a few units, which the errors
+    /// (`16u` of `S` at least) exceed. The factor 64 covers all that.
     #[inline(always)]
     pub(crate) fn determinant_error(&self) -> f64 {
         let ([sx, sy, sw, ..], [ex, ey, ew, ..]) = (self.size, self.error);

@@ -50,7 +50,8 @@ impl RowBound {
     }
 }
 
-/// Maximum number of row bounds on the left of a shape, and of row bounds on the right.
+/// Maximum number of row bounds (bounds on the columns in each row of pixels) on the left of a shape, and
+/// maximum number on the right.
 pub(crate) const MAX_EDGES: usize = 32;
 /// Maximum number of depth planes of a shape.
 pub(crate) const MAX_PLANES: usize = 16;
@@ -59,7 +60,7 @@ pub(crate) const MAX_PLANES: usize = 16;
 /// bounds and lies within `columns` and `lines`. The default shape covers no pixel.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ScreenShape {
-    /// Row bounds on the left. The first `lefts` are valid.
+    /// Left bounds on the columns in each row of pixels. The first `lefts` are valid.
     pub(crate) left: [RowBound; MAX_EDGES],
     /// Row bounds on the right. The first `rights` are valid.
     pub(crate) right: [RowBound; MAX_EDGES],
@@ -68,7 +69,8 @@ pub(crate) struct ScreenShape {
     /// Number of row bounds on the right, at most [`MAX_EDGES`].
     pub(crate) rights: usize,
     /// Depth planes `[a, b, c]`: `a * column + b * row + c` is a lower bound on the depth key of the
-    /// occluder's face in the tile at that tile column and row, never NaN. The first `plane_count` are valid.
+    /// occluder's face in the tile at that tile column and row, never NaN. The first `plane_count` are
+    /// valid.
     pub(crate) planes: [[f32; 3]; MAX_PLANES],
     /// Number of depth planes, at most [`MAX_PLANES`].
     pub(crate) plane_count: usize,
