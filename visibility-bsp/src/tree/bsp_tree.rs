@@ -1,6 +1,6 @@
 //! The BSP tree's data structure and its simple queries.
 
-use super::builder::Builder;
+use super::build_scratch::Builder;
 use super::node::{EMPTY, Node, is_leaf};
 use super::store::Store;
 use super::subtree::Subtree;

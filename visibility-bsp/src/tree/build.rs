@@ -2,7 +2,7 @@
 //! their first polygons.
 
 use super::bsp_tree::{BspError, BspTree};
-use super::builder::{Builder, Piece, Source, Task};
+use super::build_scratch::{Builder, Piece, Source, Task};
 use super::node::{EMPTY, NONE, Node, SOLID, bounds_of, is_leaf};
 use super::splitter;
 use super::store::Record;

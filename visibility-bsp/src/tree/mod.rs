@@ -9,7 +9,7 @@
 
 mod bsp_tree;
 mod build;
-mod builder;
+mod build_scratch;
 mod fragments;
 mod locate;
 mod node;

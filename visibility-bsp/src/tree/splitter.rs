@@ -1,7 +1,7 @@
 //! Choice of splitting planes: planes that cut few polygons and leave about equal numbers on both sides,
 //! estimated on a sample.
 
-use super::builder::{Piece, Source};
+use super::build_scratch::{Piece, Source};
 use visibility_core::{
     geometry::{Plane, PolygonSide, SidePlane},
     glam::DVec3,

@@ -27,18 +27,18 @@
 //! All computation is in a fixed order, so that answers are the same on all processors.
 
 mod cluster;
-mod cone;
-mod cones;
+mod cone_array;
 mod cones64;
 mod culler;
 mod facing;
 mod fit;
+mod normal_cone;
 mod split_eye;
 
 pub use cluster::{Cluster, ClusterError, MAX_CLUSTER, MIN_CLUSTER, cluster_mesh};
-pub use cone::NormalCone;
-pub use cones::Cones;
+pub use cone_array::Cones;
 pub(crate) use cones64::Cones64;
 pub use culler::BackfaceCuller;
 pub use facing::{Facing, facing};
+pub use normal_cone::NormalCone;
 pub(crate) use split_eye::{SplitEye, inside};

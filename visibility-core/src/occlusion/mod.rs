@@ -6,8 +6,8 @@
 //! Applications", 2003, sections 5 and 6). Each implements [`OcclusionMap`]. [`OcclusionCuller`] chooses
 //! occluders, walks the hierarchy and removes hidden objects.
 
+mod clip_plane_test;
 mod culler;
-mod inside_planes;
 mod mesh;
 mod mesh_build;
 mod parts;

@@ -5,7 +5,7 @@
 //! in the mirror's cell, within the reflected window through which the mirror is seen. The reflected view
 //! draws to the pixels that the mirror covers on the screen.
 
-use super::mirror::MirrorId;
+use super::hung_mirrors::MirrorId;
 use super::portal_stats::{NotCulled, PortalStats};
 use super::portal_view::PortalView;
 use super::portal_walk::{Narrowing, PortalWalk, SeenMirror};

@@ -10,7 +10,7 @@
 //! one of each, for a pipeline.
 
 mod doors;
-mod mirror;
+mod hung_mirrors;
 mod mirror_reflections;
 mod outline;
 mod portal_culler;
@@ -26,7 +26,7 @@ mod walked_scene;
 mod window_plane;
 
 pub use doors::Passage;
-pub use mirror::MirrorId;
+pub use hung_mirrors::MirrorId;
 pub use mirror_reflections::Reflection;
 pub use portal_culler::PortalCuller;
 pub use portal_eye::PortalEye;

@@ -3,7 +3,7 @@
 
 use super::NONE;
 use super::doors::{Doors, Passage};
-use super::mirror::{Mirror, MirrorId};
+use super::hung_mirrors::{Mirror, MirrorId};
 use super::outline::Outline;
 use super::scene_cells_error::SceneCellsError;
 use alloc::vec::Vec;

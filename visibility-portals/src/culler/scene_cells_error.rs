@@ -1,6 +1,6 @@
 //! Errors of `SceneCells`.
 
-use super::mirror::MirrorId;
+use super::hung_mirrors::MirrorId;
 use core::fmt;
 use visibility_core::cells::{CellId, PortalId};
 
